@@ -1,0 +1,38 @@
+# make demo    build, then compare the shadow methods on the built-in chest phantom
+# make test    every test
+# make lint    formatting and clippy, as CI runs them
+# make bench   the criterion benches
+# make check-tools   what is missing to build and run; installs nothing
+
+CARGO ?= cargo
+TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
+UMBRAVOX := $(TARGET_DIR)/release/umbravox
+DEMO_DIR ?= out/demo
+DEMO_FLAGS ?= phantom:thorax:96 --size 256x256 --repeats 3
+
+.PHONY: demo test lint bench setup check-tools
+
+demo: setup
+	$(CARGO) build --release --locked
+	$(UMBRAVOX) compare $(DEMO_FLAGS) -o $(DEMO_DIR)
+	@echo
+	@echo "table:    $(DEMO_DIR)/compare.md (also .csv, .json, .tex)"
+	@echo "plots:    $(DEMO_DIR)/compare.svg and .png"
+	@echo "pictures: $(DEMO_DIR)/picture_*.png, differences from rays: $(DEMO_DIR)/difference_*.png"
+
+# What passing tests print is shown too: the lines that say what was skipped.
+test: setup
+	$(CARGO) test --locked -- --show-output
+
+lint:
+	$(CARGO) fmt --check
+	$(CARGO) clippy --locked --all-targets -- -D warnings
+
+bench: setup
+	$(CARGO) bench --locked
+
+setup:
+	@scripts/setup.sh
+
+check-tools:
+	@scripts/setup.sh --check && echo "nothing is missing"

@@ -1,0 +1,46 @@
+//! Building and classifying min/max bricks, on the default phantom (256x192x128 `i16`) and on CT_AVM where it is at hand.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::path::PathBuf;
+use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
+use umbravox::volume::{Bricks, VolumeSpec, load};
+
+fn vessels() -> TransferFunction {
+    let point = |value, amount| ControlPoint { value, amount, color: [1.0; 3] };
+    TransferFunction {
+        name: "vessels".into(),
+        units: "HU".into(),
+        reference_length_mm: 1.0,
+        quantity: Quantity::Opacity,
+        points: vec![point(180.0, 0.0), point(300.0, 0.6)],
+    }
+}
+
+fn bricks(criterion: &mut Criterion) {
+    let data = std::env::var_os("UMBRAVOX_DATA")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let scan = data.join("CT_AVM.nii.gz");
+    let mut sources = vec![("thorax", "phantom:thorax".to_string())];
+    if scan.exists() {
+        sources.push(("CT_AVM", scan.display().to_string()));
+    } else {
+        println!("skipped: {} is absent", scan.display());
+    }
+    for (name, source) in sources {
+        let volume = match load(&VolumeSpec::new(source)) {
+            Ok(volume) => volume,
+            Err(error) => panic!("{error}"),
+        };
+        let built = Bricks::build(&volume);
+        let tf = vessels();
+        let mut group = criterion.benchmark_group(format!("bricks/{name}"));
+        group.sample_size(20);
+        group.bench_function("build", |b| b.iter(|| Bricks::build(black_box(&volume))));
+        group.bench_function("classify", |b| b.iter(|| built.classify(black_box(&tf))));
+        group.finish();
+    }
+}
+
+criterion_group!(benches, bricks);
+criterion_main!(benches);

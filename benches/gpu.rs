@@ -1,0 +1,58 @@
+//! The device's hot stages: tables, deep shadow map, frames. On the built-in chest, and on CT_AVM where it is at hand
+//! (`../shared/data` or `UMBRAVOX_DATA`).
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::sync::Arc;
+use umbravox::render::Session;
+use umbravox::scene::Scene;
+use umbravox::shadow;
+use umbravox::transfer::{TransferTables, presets};
+use umbravox::volume::{VolumeSpec, load};
+
+fn stages(criterion: &mut Criterion) {
+    let data = std::env::var_os("UMBRAVOX_DATA")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let scan = data.join("CT_AVM.nii.gz");
+    let mut sources = vec![("thorax", "phantom:thorax:128".to_string())];
+    if scan.exists() {
+        sources.push(("CT_AVM", scan.display().to_string()));
+    } else {
+        println!("skipped: {} is absent", scan.display());
+    }
+    for (name, source) in sources {
+        let volume = Arc::new(load(&VolumeSpec::new(source)).expect("the volume loads"));
+        let tf = presets::resolve("vessels", &volume).expect("a preset").tf;
+        let mut group = criterion.benchmark_group(format!("gpu/{name}"));
+        group.sample_size(10);
+        let session = match Session::open(None, Arc::clone(&volume), &tf) {
+            Ok(session) => session,
+            Err(e) if e.what == "no graphics adapter" => {
+                println!("skipped: no graphics adapter");
+                return;
+            }
+            Err(e) => panic!("{e}"),
+        };
+        let on_device = &session.loaded.on_device;
+        let segment_mm = volume.spacing_mm().iter().map(|s| s * s).sum::<f64>().sqrt();
+        group.bench_function("tables", |b| {
+            b.iter(|| {
+                TransferTables::build(black_box(&tf), on_device.mapping, on_device.texel_range, segment_mm)
+            });
+        });
+        let scene = Scene { width: 256, height: 256, ..Scene::framing(&volume) };
+        let [none, dsm] = ["none", "dsm:map=256"].map(|m| shadow::parse(m).expect("a method"));
+        group.bench_function("build dsm", |b| b.iter(|| session.shadow(dsm.as_ref(), scene.light)));
+        for method in [none, dsm] {
+            let map = session.shadow(method.as_ref(), scene.light).expect("a map");
+            group.bench_function(format!("frame {}", method.name()), |b| {
+                b.iter(|| session.render(&map, &scene))
+            });
+        }
+        group.finish();
+    }
+}
+
+criterion_group!(benches, stages);
+criterion_main!(benches);

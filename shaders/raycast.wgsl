@@ -1,0 +1,304 @@
+// The ray caster: pre-integrated extinction along eye rays, brick skipping, early end, shadows through one lookup.
+
+#import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::transfer::{integral_at, mean_over}
+#ifdef SHADOWS
+#import umbravox::method::transmittance
+#endif
+#ifdef SHADING
+#import umbravox::light::{LightSpace, light_point, light_ray}
+#endif
+
+struct Frame {
+    // Grid-space centre of a plane across the view near the volume (keeps float32 rays exact for far eyes).
+    plane_center: vec3<f32>,
+    plane_distance_mm: f32,
+    // Grid units per mm along the camera's axes.
+    grid_forward: vec3<f32>,
+    step_mm: f32,
+    grid_right: vec3<f32>,
+    ambient: f32,
+    grid_up: vec3<f32>,
+    // First row of this band of the picture.
+    first_row: u32,
+    background: vec3<f32>,
+    rows: u32,
+    // Half extents of the picture at unit distance: (W/H) tan(fov/2), tan(fov/2).
+    half_extent: vec2<f32>,
+    size: vec2<u32>,
+    // World mm per grid unit (columns), for shading.
+    world_x: vec3<f32>,
+    padding_a: f32,
+    world_y: vec3<f32>,
+    padding_b: f32,
+    world_z: vec3<f32>,
+    padding_c: f32,
+}
+
+@group(2) @binding(0) var<uniform> frame: Frame;
+@group(2) @binding(1) var<storage, read_write> picture: array<vec4<f32>>;
+#ifdef RESUMABLE
+// A picture made in several dispatches, since one would loop longer than some adapters allow (software ones end every
+// loop of an invocation after 65,536 turns in all).
+struct Progress {
+    // Pixels that are not finished.
+    unfinished: atomic<u32>,
+    // The sample to go on from, a pixel: -FAR before the first dispatch, FAR when the pixel is finished.
+    resume: array<f32>,
+}
+@group(2) @binding(2) var<storage, read_write> progress: Progress;
+// Shadow lookups a pixel and dispatch.
+const LOOKUPS: u32 = 8u;
+#endif
+#ifdef SHADING
+#ifndef SHADOWS
+@group(1) @binding(0) var<uniform> shading_light: LightSpace;
+#else
+#import umbravox::method::light as shading_light
+#endif
+#endif
+
+// Transmittance below which the eye ray is over.
+const EYE_OVER: f32 = 5e-4;
+// Optical depth between two shadow lookups.
+const LIT_DEPTH: f32 = 0.75;
+const MAX_PARTS: f32 = 16.0;
+const DARKEST: f32 = 1e-6;
+
+#ifdef SHADING
+// Shading factor at a grid-space point; surfaces are lit from both sides, shadows decide which one light reaches.
+fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
+    let gradient_grid = vec3<f32>(
+        value_at(g + vec3<f32>(0.5, 0.0, 0.0)) - value_at(g - vec3<f32>(0.5, 0.0, 0.0)),
+        value_at(g + vec3<f32>(0.0, 0.5, 0.0)) - value_at(g - vec3<f32>(0.0, 0.5, 0.0)),
+        value_at(g + vec3<f32>(0.0, 0.0, 0.5)) - value_at(g - vec3<f32>(0.0, 0.0, 0.5)),
+    );
+    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
+    // Gradients transform with the inverse transpose; its scale does not matter to a direction.
+    let gradient = cross(to_world[1], to_world[2]) * gradient_grid.x
+        + cross(to_world[2], to_world[0]) * gradient_grid.y
+        + cross(to_world[0], to_world[1]) * gradient_grid.z;
+    let size = length(gradient);
+    if !(size > 0.0) { return 1.0; }
+    let n = gradient / size;
+    let l = -normalize(to_world * light_ray(shading_light, light_point(shading_light, g).texel).d);
+    let diffuse = abs(dot(n, l));
+#ifdef BLINN_PHONG
+    let h = normalize(l - normalize(to_world * eye_direction));
+    return diffuse + 0.3 * pow(abs(dot(n, h)), 32.0);
+#else
+    return diffuse;
+#endif
+}
+#endif
+
+#ifdef SHADOWS
+// Mean of the light over a stretch of optical depth, where the light's transmittance goes from a to b as exponentials of
+// the eye's own optical depth do: exact through any layered medium, whatever the step.
+fn mean_light(a: f32, b: f32, depth: f32) -> f32 {
+    let x = depth + log(max(a, DARKEST) / max(b, DARKEST));
+    let weight = select((1.0 - exp(-x)) / x, 1.0 - 0.5 * x, abs(x) < 1e-3);
+    let own = select((1.0 - exp(-depth)) / depth, 1.0 - 0.5 * depth, depth < 1e-3);
+    return a * weight / own;
+}
+#endif
+
+#ifdef SKIP_BRICKS
+fn brick_at(g: vec3<f32>) -> vec3<i32> {
+    return clamp(vec3<i32>(floor(g)), vec3<i32>(0), vec3<i32>(field.size)) >> BRICK_SHIFT;
+}
+#endif
+
+@compute @workgroup_size(8, 8)
+fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= frame.size.x || id.y >= frame.rows { return; }
+    let pixel = vec2<f32>(id.xy + vec2<u32>(0u, frame.first_row));
+    let ndc = (2.0 * (pixel + 0.5) / vec2<f32>(frame.size) - 1.0) * vec2<f32>(1.0, -1.0) * frame.half_extent;
+    let across = ndc.x * frame.grid_right + ndc.y * frame.grid_up;
+    let slant = sqrt(1.0 + dot(ndc, ndc));
+    // Depth along the ray in mm, 0 where it crosses the plane.
+    let o = frame.plane_center + frame.plane_distance_mm * across;
+    let d = (frame.grid_forward + across) / slant;
+    let inv_d = safe_inverse(d);
+    let domain = box_span(o, inv_d, d, vec3<f32>(0.5), vec3<f32>(field.size) + 0.5);
+    let t_in = max(domain.x, -frame.plane_distance_mm * slant);
+    let t_out = domain.y;
+    let index = id.y * frame.size.x + id.x;
+    var color = vec3<f32>(0.0);
+    // Transmittance to the eye.
+    var left = 1.0;
+#ifdef RESUMABLE
+    let resume = progress.resume[index];
+    if resume == FAR { return; }
+    var lookups = 0u;
+    var interrupted = false;
+    if resume != -FAR {
+        color = picture[index].rgb;
+        left = picture[index].a;
+    }
+#endif
+#ifdef SKIP_BRICKS
+    let occupied = box_span(o, inv_d, d, field.active_lo, field.active_hi);
+    let start = max(occupied.x, t_in);
+    let end = min(occupied.y, t_out);
+    let forward = d > vec3<f32>(0.0);
+    let moves = abs(d) >= vec3<f32>(1e-20);
+#else
+    let start = t_in;
+    let end = t_out;
+#endif
+    // Samples sit on the lattice t = k step, whatever is skipped, and on the ends of the domain.
+    let h = frame.step_mm;
+    var k = floor(start / h);
+    var walking = start < end;
+    // The stretch [a, b] between two samples and the values at its ends; `valid`: a has been sampled.
+    var a = t_in;
+    var b = t_in;
+    var value_a = 0.0;
+    var value_b = 0.0;
+    var valid = false;
+#ifdef SKIP_BRICKS
+    // The last sample that was leapt over comes next, since the stretch behind it has extinction.
+    var stepped_back = false;
+    var leapt = false;
+    // The last sample lies in an inactive brick.
+    var leaving = false;
+#endif
+#ifdef SHADOWS
+    // The part of the stretch that is being lit, from u on; the light at `lit_t`.
+    var parts = 0.0;
+    var part = 0.0;
+    var u = 0.0;
+    var value_u = 0.0;
+    var integral_u = vec4<f32>(0.0);
+    var lit = 1.0;
+    var lit_t = -FAR;
+#endif
+#ifdef RESUMABLE
+    if resume != -FAR {
+        k = resume;
+#ifdef SKIP_BRICKS
+        stepped_back = true;
+#endif
+    }
+#endif
+    // An inner loop walks to the next stretch with extinction, the outer one gathers one part of a stretch a turn: what
+    // is expensive stands in the program once, and lanes of a subgroup wait for each other only there.
+    loop {
+        var found = false;
+#ifdef SHADOWS
+        found = part < parts;
+#endif
+#ifdef RESUMABLE
+        if !found && lookups >= LOOKUPS && walking {
+            interrupted = true;
+            break;
+        }
+#endif
+        loop {
+            if found || !walking { break; }
+            let t = clamp(k * h, t_in, t_out);
+            let g = o + t * d;
+#ifdef SKIP_BRICKS
+            let brick = brick_at(g);
+            let distance = brick_distance_at(brick);
+            if distance > 0 && (leaving || !valid) && !stepped_back {
+                // Past the last sample inside the cube of empty bricks. A stretch between two inactive bricks is empty
+                // as well: they touch, and so share a value.
+                let reach = distance - 1;
+                let face = select((brick - reach) * BRICK_CELLS, (brick + reach + 1) * BRICK_CELLS, forward);
+                let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - o) * inv_d, moves);
+                let exit = min(exits.x, min(exits.y, exits.z));
+                walking = exit < end;
+                k = max(floor(exit / h), k) + 1.0;
+                leapt = true;
+                valid = false;
+                continue;
+            }
+            if leapt {
+                leapt = false;
+                stepped_back = true;
+                k -= 1.0;
+                continue;
+            }
+#endif
+            let value = value_at(g);
+            if valid && min(value_b, value) < field.last_value && max(value_b, value) > field.first_value {
+                found = true;
+                a = b;
+                value_a = value_b;
+            }
+            b = t;
+            value_b = value;
+            walking = t < end;
+            k += 1.0;
+#ifdef SKIP_BRICKS
+            // A sample in an inactive brick may still start a stretch into the next, active one.
+            leaving = distance > 0 && !stepped_back;
+            stepped_back = false;
+#endif
+            valid = true;
+        }
+        if !found { break; }
+#ifdef SHADOWS
+        if part >= parts {
+            // Parts so thin that the light hardly changes its law within one; the field stays linear, no new samples.
+            let integral_a = integral_at(value_a);
+            let depth = mean_over(value_a, value_b, integral_a, integral_at(value_b)).w * (b - a);
+            parts = clamp(ceil(depth / LIT_DEPTH), 1.0, MAX_PARTS);
+            part = 0.0;
+            u = a;
+            value_u = value_a;
+            integral_u = integral_a;
+        }
+        let w = (part + 1.0) / parts;
+        let to = select(mix(a, b, w), b, w >= 1.0);
+        // One lookup a turn: where the start of a part has no light yet, that is this turn's.
+        let fresh = lit_t != u;
+#ifdef RESUMABLE
+        lookups += 1u;
+#endif
+        let light_here = transmittance(o + select(to, u, fresh) * d);
+        if fresh {
+            lit = light_here;
+            lit_t = u;
+            continue;
+        }
+        let value_to = mix(value_a, value_b, w);
+        let integral_to = integral_at(value_to);
+        let mean = mean_over(value_u, value_to, integral_u, integral_to);
+        let depth = mean.w * (to - u);
+        var light = mean_light(lit, light_here, max(depth, 1e-12));
+        lit = light_here;
+        lit_t = to;
+#ifdef SHADING
+        light *= shading_factor(o + 0.5 * (u + to) * d, d);
+#endif
+        part += 1.0;
+        u = to;
+        value_u = value_to;
+        integral_u = integral_to;
+#else
+        let mean = mean_over(value_a, value_b, integral_at(value_a), integral_at(value_b));
+        let depth = mean.w * (b - a);
+        var light = 1.0;
+#ifdef SHADING
+        light = shading_factor(o + 0.5 * (a + b) * d, d);
+#endif
+#endif
+        let alpha = 1.0 - exp(-depth);
+        color += left * alpha * mean.rgb / max(mean.w, 1e-30) * (frame.ambient + (1.0 - frame.ambient) * light);
+        left *= 1.0 - alpha;
+        if left < EYE_OVER { break; }
+    }
+#ifdef RESUMABLE
+    if interrupted {
+        picture[index] = vec4<f32>(color, left);
+        progress.resume[index] = k - 1.0;
+        atomicAdd(&progress.unfinished, 1u);
+        return;
+    }
+    progress.resume[index] = FAR;
+#endif
+    picture[index] = vec4<f32>(color + left * frame.background, 1.0 - left);
+}

@@ -1,0 +1,23 @@
+// Sink that hands the visibility function of one ray to the compression, piece by piece.
+#define_import_path umbravox::sink
+
+#import umbravox::deep_nodes::push
+
+// Transmittance 2^-11: the ray is over (a stated term of the bound).
+const OPAQUE_DEPTH: f32 = 7.6246;
+
+struct Sink {
+    optical_depth: f32,
+    // Optical depth whose chord stays within the tolerance at the present transmittance.
+    longest_depth: f32,
+    longest_at_one: f32,
+}
+
+fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
+    if depth <= 0.0 { return false; }
+    (*sink).optical_depth += depth;
+    let half = exp(-0.5 * (*sink).optical_depth);
+    (*sink).longest_depth = (*sink).longest_at_one / half;
+    push(z_from, z_to, half * half);
+    return (*sink).optical_depth > OPAQUE_DEPTH;
+}

@@ -1,0 +1,19 @@
+// `rays`: a shadow ray per sample, marched cell by cell to the light.
+#define_import_path umbravox::method
+
+#import umbravox::field::FAR
+#import umbravox::light::{LightSpace, light_point, light_ray}
+#import umbravox::march::march
+#import umbravox::sink::total_sink
+
+@group(1) @binding(0) var<uniform> light: LightSpace;
+
+// Transmittance from the light to a grid-space point.
+fn transmittance(g: vec3<f32>) -> f32 {
+    let p = light_point(light, g);
+    let d = light_ray(light, p.texel).d;
+    // Walked from the point towards the light: away from where it matters least, towards the end of the ray.
+    var sink = total_sink();
+    march(&sink, g, -d, 0.0, p.z + light.light_distance);
+    return exp(-sink.optical_depth);
+}

@@ -1,0 +1,141 @@
+//! `umbravox compare`: the error-against-time table of several methods.
+
+use super::scene_args::SceneArgs;
+use super::{Loaded, print_result, say};
+use crate::error::{Error, Result};
+use crate::measure::compare::{Compared, Comparison, Effort, Job, compare, progress_steps};
+use crate::measure::heat::{round_max, write_heat_map};
+use crate::measure::plot::write_plots;
+use crate::measure::report::{summary, write_tables};
+use crate::measure::table::{Row, json};
+use crate::output::{check_output_dir, prepare_output_dir, write_picture};
+use crate::render::Session;
+use crate::shadow::parse_list;
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Write the error-against-time table of several shadow methods, with plots and pictures
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The folder for tables, plots and pictures; made when it is missing
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
+    #[arg(long, value_name = "METHODS", default_value = "none;rays;dsm:epsilon=0.06,0.02,0.005")]
+    pub methods: String,
+    /// Timed runs of each method, after warm-up
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub repeats: u32,
+    /// Points that the camera sees, for point_err_*
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    pub points: u32,
+    /// Light rays, for ray_err_max and bound_held
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub rays: u32,
+    /// Depths on each light ray
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(2..=4000))]
+    pub depths: u32,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad input, or a failure of the device or disk.
+pub fn run(args: CompareArgs) -> Result<()> {
+    let methods = parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
+    check_output_dir(&args.output)?;
+    let request = args.scene.into_request()?;
+    let Loaded { volume, tf, scene } = super::load(&request)?;
+    if request.shadow.is_some() {
+        say("note", &"--shadow is not used by compare; --methods is");
+    }
+    let volume = Arc::new(volume);
+    let session = Session::open(request.adapter.as_deref(), Arc::clone(&volume), &tf)?;
+    // Made last: what is refused before leaves no empty folder.
+    prepare_output_dir(&args.output)?;
+    let job = Job {
+        session: &session,
+        volume: &volume,
+        tf: &tf,
+        scene: &scene,
+        scene_name: scene_name(&volume, &tf),
+        effort: Effort {
+            repeats: args.repeats as usize,
+            points: args.points as usize,
+            rays: args.rays as usize,
+            depths: args.depths as usize,
+        },
+    };
+    let bar = progress_bar(progress_steps(methods.len()))?;
+    let result = compare(&job, &methods, &mut |what| {
+        bar.set_message(what.to_owned());
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    let Comparison { compared, notes, failures } = result?;
+    notes.iter().for_each(|note| say("note", note));
+    for (name, e) in &failures {
+        say("warning", &format_args!("{name} failed: {e}"));
+    }
+    if request.explain {
+        for c in &compared {
+            c.left_out.iter().for_each(|o| say("plan", &format_args!("{}: {o}", c.slug)));
+        }
+    }
+    let rows: Vec<Row> = compared.iter().map(|c| c.row.clone()).collect();
+    let tables = write_tables(&rows, &args.output, "compare")?;
+    let plots = write_plots(&rows, &args.output, "compare")?;
+    let pictures = write_pictures(&compared, &args.output)?;
+    if request.json {
+        let json = String::from_utf8(json(&rows)?)
+            .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
+        print_result(&json)?;
+    } else {
+        print_result(&summary(&rows))?;
+    }
+    for (what, paths) in [("tables", tables), ("plots", plots), ("pictures", pictures)] {
+        let names: Vec<_> = paths.iter().map(|p| p.display().to_string()).collect();
+        say(what, &names.join(" "));
+    }
+    Ok(())
+}
+
+/// Writes each row's picture, and where it differs from the picture of `rays`; returns the paths.
+fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for c in compared {
+        let path = folder.join(format!("picture_{}.png", c.slug));
+        write_picture(&path, &c.picture)?;
+        paths.push(path);
+        if let Some(difference) = &c.difference {
+            let path = folder.join(format!("difference_{}.png", c.slug));
+            let label = "|difference| from rays, linear RGBA";
+            write_heat_map(&path, difference, round_max(difference), label)?;
+            paths.push(path);
+        }
+    }
+    Ok(paths)
+}
+
+/// Volume and transfer function in a few words: `CT_AVM, CT bone`.
+fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
+    let source = &volume.provenance.source;
+    let file = source.rsplit(['/', '\\']).next().unwrap_or(source);
+    let stem = file.strip_suffix(".gz").unwrap_or(file);
+    let stem = [".nii", ".hdr", ".img", ".raw"].iter().find_map(|e| stem.strip_suffix(e)).unwrap_or(stem);
+    let volume = stem.strip_prefix("phantom:").unwrap_or(stem);
+    format!("{volume}, {}", tf.name)
+}
+
+/// Shown on stderr where that is a terminal.
+fn progress_bar(steps: usize) -> Result<ProgressBar> {
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}")
+        .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
+    Ok(ProgressBar::new(steps as u64).with_style(style))
+}

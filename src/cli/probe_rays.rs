@@ -1,0 +1,147 @@
+//! `umbravox probe --rays`: exact optical depth and transmittance of segments.
+
+use crate::error::{Error, Result};
+use crate::exact::ExactField;
+use glam::DVec3;
+use std::fmt::Write;
+
+const WHAT: &str = "cannot read rays";
+
+/// Answers the segments in `text`, one `x0 y0 z0 x1 y1 z1` (world mm) a line, with one line
+/// `optical_depth transmittance` each, to 17 significant digits. Blank lines are passed over.
+///
+/// `place` names the file in errors.
+///
+/// # Errors
+/// A line that is not six finite numbers, by its number.
+pub fn probe_rays(field: &ExactField, text: &str, place: &str) -> Result<String> {
+    let segments = parse_segments(text, place)?;
+    let mut answers = String::new();
+    for optical_depth in field.optical_depths(&segments) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(answers, "{optical_depth:.16e} {:.16e}", (-optical_depth).exp());
+    }
+    Ok(answers)
+}
+
+/// The segments of a rays file, world mm.
+///
+/// # Errors
+/// As [`probe_rays`].
+pub fn parse_segments(text: &str, place: &str) -> Result<Vec<(DVec3, DVec3)>> {
+    let ends = |[a, b, c, d, e, f]: [f64; 6]| (DVec3::new(a, b, c), DVec3::new(d, e, f));
+    let hint = "a line is `x0 y0 z0 x1 y1 z1`, world mm";
+    let rows = parse_rows(text, WHAT, place, hint)?;
+    rows.into_iter()
+        .map(|(line, row)| {
+            let (from, to) = ends(row);
+            match (to - from).is_finite() {
+                true => Ok((from, to)),
+                false => {
+                    Err(Error::input(WHAT, format!("{place}: line {line}"), "the ends are too far apart")
+                        .hint(hint))
+                }
+            }
+        })
+        .collect()
+}
+
+/// The points of a points file, `x y z` (world mm) a line; blank lines are passed over.
+///
+/// # Errors
+/// A line that is not three finite numbers, by its number.
+pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
+    let rows = parse_rows(text, "cannot read points", place, "a line is `x y z`, world mm")?;
+    Ok(rows.into_iter().map(|(_, row)| DVec3::from_array(row)).collect())
+}
+
+/// Lines of `N` finite numbers apart by white space, each with its line number; blank lines are passed over.
+fn parse_rows<const N: usize>(
+    text: &str,
+    what: &str,
+    place: &str,
+    hint: &str,
+) -> Result<Vec<(usize, [f64; N])>> {
+    let mut rows = Vec::new();
+    for (line, content) in (1..).zip(text.lines()) {
+        let refuse = |why: String| Error::input(what, format!("{place}: line {line}"), why).hint(hint);
+        let mut numbers = Vec::with_capacity(N);
+        for word in content.split_whitespace() {
+            match word.parse::<f64>() {
+                Ok(number) if number.is_finite() => numbers.push(number),
+                Ok(_) => return Err(refuse(format!("`{word}` is not finite"))),
+                Err(_) => return Err(refuse(format!("`{word}` is not a number"))),
+            }
+        }
+        match <[f64; N]>::try_from(numbers) {
+            Ok(row) => rows.push((line, row)),
+            Err(none) if none.is_empty() => {}
+            Err(other) => return Err(refuse(format!("{} numbers where {N} are wanted", other.len()))),
+        }
+    }
+    Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transfer::{ControlPoint, Quantity, TransferFunction};
+    use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
+    use glam::DAffine3;
+    use ndarray::Array3;
+
+    #[test]
+    fn answers_line_by_line() {
+        let provenance = Provenance {
+            source: "test".into(),
+            format: "phantom".into(),
+            stored_type: "uint8".into(),
+            affine_source: AffineSource::Spacing,
+            frames: 1,
+            frame: 0,
+            non_finite: 0,
+            warnings: Vec::new(),
+        };
+        let voxels = Voxels::U8(Array3::from_elem((4, 4, 4), 7));
+        let volume = Volume::new(voxels, Scaling::IDENTITY, DAffine3::IDENTITY, provenance).unwrap();
+        let tf = TransferFunction {
+            name: "uniform".into(),
+            units: String::new(),
+            reference_length_mm: 1.0,
+            quantity: Quantity::Extinction,
+            points: vec![ControlPoint { value: 0.0, amount: 0.25, color: [1.0; 3] }],
+        };
+        let field = ExactField::new(&volume, &tf);
+        let answers =
+            probe_rays(&field, "-9 1 1 9 1 1\n\n 1 1 1\t1 1 1 \r\n9 9 9 10 10 10", "rays.txt").unwrap();
+        let numbers: Vec<Vec<f64>> =
+            answers.lines().map(|l| l.split(' ').map(|w| w.parse().unwrap()).collect()).collect();
+        assert_eq!(numbers, [[1.0, (-1f64).exp()], [0.0, 1.0], [0.0, 1.0]]);
+        assert!(answers.starts_with("1.0000000000000000e0 3.67879441171442"), "{answers}");
+    }
+
+    #[test]
+    fn points_are_rows_of_three() {
+        let points = parse_points("1 2 3\n\n-4 5e0 .5\n", "points.txt").unwrap();
+        assert_eq!(points, [DVec3::new(1.0, 2.0, 3.0), DVec3::new(-4.0, 5.0, 0.5)]);
+        let error = parse_points("1 2 3\n1 2", "points.txt").unwrap_err();
+        assert!(error.to_string().contains("points.txt: line 2): 2 numbers where 3"), "{error}");
+    }
+
+    #[test]
+    fn refuses_by_line_number() {
+        for (text, why) in [
+            ("0 0 0 1 1 1\n0 0 NaN 1 1 1", "rays.txt: line 2): `NaN` is not finite"),
+            ("\n0 0 -inf 1 1 1", "rays.txt: line 2): `-inf` is not finite"),
+            ("0 0 1e999 1 1 1", "rays.txt: line 1): `1e999` is not finite"),
+            ("0 0 1 1 1", "rays.txt: line 1): 5 numbers"),
+            ("0 0 1 1 1 2 3", "rays.txt: line 1): 7 numbers"),
+            ("0,0,1,1,1,2", "rays.txt: line 1): `0,0,1,1,1,2` is not a number"),
+            ("-1e308 0 0 1e308 0 0", "rays.txt: line 1): the ends are too far apart"),
+        ] {
+            let error = parse_segments(text, "rays.txt").unwrap_err();
+            assert_eq!(error.exit_status(), 2);
+            assert!(error.to_string().contains(why), "{error}");
+        }
+    }
+}

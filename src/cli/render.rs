@@ -1,0 +1,122 @@
+//! `umbravox render`: one picture.
+
+use super::scene_args::SceneArgs;
+use super::{Loaded, print_result};
+use crate::error::{Error, Result};
+use crate::gpu::Clock;
+use crate::output::{PICTURE_EXTENSIONS, check_output, write_picture};
+use crate::render::{Omission, Picture, Session, needs_shadows};
+use crate::scene::Scene;
+use crate::shadow::{Method, NoShadows, ShadowMap};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Draw one picture
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity)
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad input, or a failure of the device or disk.
+pub fn run(args: RenderArgs) -> Result<()> {
+    check_output(&args.output, PICTURE_EXTENSIONS)?;
+    let request = args.scene.into_request()?;
+    let method = request.method()?;
+    let Loaded { volume, tf, scene } = super::load(&request)?;
+    let session = Session::open(request.adapter.as_deref(), Arc::new(volume), &tf)?;
+    let method = needed_method(&session, &scene, method);
+    let shadow = session.shadow(method.as_ref(), scene.light)?;
+    let picture = session.render(&shadow, &scene)?;
+    write_picture(&args.output, &picture.pixels)?;
+    let summary = Summary::of(&args.output, &session, method.as_ref(), &shadow, &picture);
+    if request.explain {
+        summary.explain();
+    }
+    if request.json {
+        let json = serde_json::to_string_pretty(&summary)
+            .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
+        print_result(&format_args!("{json}\n"))?;
+    }
+    Ok(())
+}
+
+/// The method asked for, or none where no light can be kept from a sample: the map is then not even built.
+fn needed_method(session: &Session, scene: &Scene, method: Box<dyn Method>) -> Box<dyn Method> {
+    match needs_shadows(scene, &session.transfer) {
+        Ok(()) => method,
+        Err(_) => Box::new(NoShadows),
+    }
+}
+
+/// What `--json` prints.
+#[derive(Debug, serde::Serialize)]
+struct Summary {
+    output: String,
+    adapter: String,
+    method: &'static str,
+    params: String,
+    table_ms: f64,
+    classify_ms: f64,
+    build_ms: f64,
+    frame_ms: f64,
+    frame_wall_ms: f64,
+    clock: Clock,
+    bytes: u64,
+    nodes_total: Option<u64>,
+    nodes_max: Option<u64>,
+    texels_hit: Option<u64>,
+    pool_growths: u32,
+    bound: Option<f64>,
+    bound_depth_mm: Option<f64>,
+    left_out: Vec<Omission>,
+}
+
+impl Summary {
+    fn of(
+        output: &Path,
+        session: &Session,
+        method: &dyn Method,
+        shadow: &ShadowMap,
+        picture: &Picture,
+    ) -> Self {
+        let (frame_ms, clock) = picture.span.best();
+        Self {
+            output: output.display().to_string(),
+            adapter: session.renderer.gpu().info.name.clone(),
+            method: method.name(),
+            params: method.params(),
+            table_ms: session.transfer.table_ms,
+            classify_ms: session.transfer.classify_ms,
+            build_ms: shadow.report.build_ms(),
+            frame_ms,
+            frame_wall_ms: picture.span.wall_ms,
+            clock,
+            bytes: shadow.report.bytes,
+            nodes_total: shadow.report.nodes_total,
+            nodes_max: shadow.report.nodes_max,
+            texels_hit: shadow.report.texels_hit,
+            pool_growths: shadow.report.pool_growths,
+            bound: shadow.bound.map(|b| b.transmittance),
+            bound_depth_mm: shadow.bound.map(|b| b.depth_mm),
+            left_out: picture.plan.left_out.clone(),
+        }
+    }
+
+    fn explain(&self) {
+        let say = |line: String| super::say("plan", &line);
+        say(format!("adapter {}, times by {}", self.adapter, self.clock));
+        say(format!("tables {:.1} ms, bricks classified in {:.1} ms", self.table_ms, self.classify_ms));
+        let built = format!("{:.1} ms, {:.2} MB", self.build_ms, self.bytes as f64 * 1e-6);
+        say(format!("shadow method {} {}: {built}", self.method, self.params));
+        say(format!("ray cast {:.1} ms", self.frame_ms));
+        self.left_out.iter().for_each(|o| say(o.to_string()));
+    }
+}

@@ -1,0 +1,64 @@
+//! Which parts of a volume have no extinction, so that a ray can leap over them.
+
+use super::law::Laws;
+use crate::volume::{Scaling, Voxel};
+use rayon::prelude::*;
+
+/// Cells along a block's edge, as a power of two.
+const SHIFT: u32 = 3;
+
+/// Block that holds a cell on one axis; cells run from -1 (before the first voxel centre) to `n - 1`.
+#[inline]
+pub(super) fn block_of(cell: i64) -> i64 {
+    (cell + 1) >> SHIFT
+}
+
+/// First and last cell of a block on one axis.
+#[inline]
+pub(super) fn cells_of(block: i64) -> [i64; 2] {
+    [(block << SHIFT) - 1, ((block + 1) << SHIFT) - 2]
+}
+
+/// A flag for every block of cells.
+#[derive(Debug, Clone)]
+pub(super) struct Blocks {
+    counts: [usize; 3],
+    active: Vec<bool>,
+}
+
+impl Blocks {
+    pub fn new<V: Voxel>(voxels: &[V], dims: [usize; 3], scaling: Scaling, laws: &Laws) -> Self {
+        let counts = dims.map(|n| block_of(n as i64 - 1) as usize + 1);
+        // Voxels that a block's cells interpolate: one more than cells, without those beyond the edge.
+        let reach = |axis: usize, block: usize| {
+            let [first, last] = cells_of(block as i64);
+            let end = dims[axis] - 1;
+            (first.max(0) as usize).min(end)..=(last as usize + 1).min(end)
+        };
+        let is_active = |index: usize| {
+            let block = [index % counts[0], index / counts[0] % counts[1], index / (counts[0] * counts[1])];
+            let [x, y, z] = std::array::from_fn(|axis| reach(axis, block[axis]));
+            let first = voxels[*x.start() + dims[0] * (*y.start() + dims[1] * *z.start())];
+            let (mut min, mut max) = (first, first);
+            for k in z {
+                for j in y.clone() {
+                    let row = dims[0] * (j + dims[1] * k);
+                    for &v in &voxels[row + x.start()..=row + x.end()] {
+                        min = if v < min { v } else { min };
+                        max = if v > max { v } else { max };
+                    }
+                }
+            }
+            let (a, b) = (scaling.apply(min.to_f64()), scaling.apply(max.to_f64()));
+            laws.active(a.min(b), a.max(b)).is_some()
+        };
+        let active = (0..counts.iter().product()).into_par_iter().with_min_len(64).map(is_active).collect();
+        Self { counts, active }
+    }
+
+    /// Whether a block may have extinction.
+    #[inline]
+    pub fn is_active(&self, [x, y, z]: [i64; 3]) -> bool {
+        self.active[x as usize + self.counts[0] * (y as usize + self.counts[1] * z as usize)]
+    }
+}

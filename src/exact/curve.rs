@@ -1,0 +1,141 @@
+//! Optical depth as a function of depth along one ray, and its inverse.
+
+use super::law::{Law, Laws};
+use super::walk::Piece;
+
+/// Cumulative optical depth along a ray: smooth pieces, each integrated from its own start, so that the value is
+/// exact at every depth and not only where pieces meet.
+///
+/// Depths are mm from the ray's origin.
+#[derive(Debug, Clone)]
+pub struct OpticalDepthCurve<'a> {
+    laws: &'a Laws,
+    pieces: Vec<Placed>,
+    total: f64,
+    /// Of the ray itself, whose end is no jump.
+    length_mm: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Placed {
+    piece: Piece,
+    /// Optical depth before the piece.
+    before: f64,
+}
+
+/// A place on a curve, found by its optical depth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Found {
+    pub depth_mm: f64,
+    /// The scalar value there.
+    pub value: f64,
+}
+
+impl<'a> OpticalDepthCurve<'a> {
+    pub(super) fn new(laws: &'a Laws, length_mm: f64) -> Self {
+        Self { laws, pieces: Vec::new(), total: 0.0, length_mm }
+    }
+
+    pub(super) fn push(&mut self, piece: Piece) {
+        self.pieces.push(Placed { piece, before: self.total });
+        self.total += self.within(&piece, 1.0);
+    }
+
+    /// Optical depth of the whole ray.
+    pub fn total(&self) -> f64 {
+        self.total
+    }
+
+    /// Optical depth from the ray's origin to `depth_mm`; 0 before it and the total beyond its end.
+    pub fn optical_depth_at(&self, depth_mm: f64) -> f64 {
+        let after = self.pieces.partition_point(|p| p.piece.start_mm < depth_mm);
+        let Some(Placed { piece, before }) = after.checked_sub(1).map(|i| &self.pieces[i]) else {
+            return 0.0;
+        };
+        let x = (depth_mm - piece.start_mm) / (piece.end_mm - piece.start_mm);
+        before + self.within(piece, x.min(1.0))
+    }
+
+    /// Transmittance from the ray's origin to `depth_mm`.
+    pub fn transmittance_at(&self, depth_mm: f64) -> f64 {
+        (-self.optical_depth_at(depth_mm)).exp()
+    }
+
+    /// The smallest depth at which the optical depth reaches `tau`, or `None` where it never does; 0 for
+    /// `tau <= 0`.
+    pub fn depth_of_optical_depth(&self, tau: f64) -> Option<f64> {
+        if tau <= 0.0 {
+            return Some(0.0);
+        }
+        self.find(tau).map(|f| f.depth_mm)
+    }
+
+    /// Where optical depth reaches `tau > 0`; `None` beyond the total.
+    pub(super) fn find(&self, tau: f64) -> Option<Found> {
+        if tau.is_nan() || tau > self.total {
+            return None;
+        }
+        let after = self.pieces.partition_point(|p| p.before < tau);
+        let Placed { piece, before } = &self.pieces[after.checked_sub(1)?];
+        let x = self.invert(piece, tau - before);
+        let depth_mm =
+            if x < 1.0 { piece.start_mm + (piece.end_mm - piece.start_mm) * x } else { piece.end_mm };
+        Some(Found { depth_mm, value: piece.value.at(x) })
+    }
+
+    /// Depths where extinction jumps or bends: where the value passes a point of the transfer function beside
+    /// which there is extinction, and where the ray enters or leaves the domain within extinction. Ascending.
+    pub fn jumps(&self) -> Vec<f64> {
+        let mut jumps = Vec::new();
+        let mut last: Option<&Piece> = None;
+        for Placed { piece, .. } in &self.pieces {
+            match last {
+                Some(p) if p.end_mm < piece.start_mm => jumps.extend([p.end_mm, piece.start_mm]),
+                Some(p) if p.law != piece.law => jumps.push(piece.start_mm),
+                None if piece.start_mm > 0.0 => jumps.push(piece.start_mm),
+                _ => {}
+            }
+            last = Some(piece);
+        }
+        jumps.extend(last.map(|p| p.end_mm).filter(|end| *end < self.length_mm));
+        jumps
+    }
+
+    /// Optical depth from a piece's start to the fraction `x` of it.
+    #[inline]
+    fn within(&self, piece: &Piece, x: f64) -> f64 {
+        self.laws.laws[piece.law].integral(&piece.value, 0.0, x) * (piece.end_mm - piece.start_mm)
+    }
+
+    /// The fraction of a piece at which its optical depth reaches `tau`.
+    fn invert(&self, piece: &Piece, tau: f64) -> f64 {
+        const MOST_STEPS: usize = 100;
+        let length_mm = piece.end_mm - piece.start_mm;
+        let law = &self.laws.laws[piece.law];
+        if let Law::Constant(sigma) = law {
+            return (tau / (sigma * length_mm)).min(1.0);
+        }
+        // Newton's steps kept inside a bracket that only shrinks; the integral rises with x.
+        let (mut low, mut high) = (0.0, 1.0);
+        let mut x = 0.5;
+        for _ in 0..MOST_STEPS {
+            let residual = self.within(piece, x) - tau;
+            if residual < 0.0 {
+                low = x;
+            } else {
+                high = x;
+            }
+            if residual.abs() <= f64::EPSILON * tau {
+                break;
+            }
+            let newton = x - residual / (law.extinction(piece.value.at(x)) * length_mm);
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            let done = (next - x).abs() <= f64::EPSILON;
+            x = next;
+            if done {
+                break;
+            }
+        }
+        x
+    }
+}

@@ -1,0 +1,127 @@
+//! The exact picture, for small sizes: CONTRACT section 1 with an exact shadow ray at every node of an adaptive rule.
+
+use super::ExactField;
+use crate::error::{Error, Result};
+use crate::scene::{Scene, Shading};
+use ndarray::Array3;
+use rayon::prelude::*;
+
+/// Most that a channel's estimated error may be (colours in `[0, 1]`).
+const TOLERANCE: f64 = 5e-5;
+/// Panels at the start, so that a narrow shadow is not passed over, and the most that a pixel may take.
+const FIRST_PANELS: usize = 6;
+const MOST_PANELS: usize = 200;
+
+/// Kronrod's 15 points on `[-1, 1]`: node, its weight, and its weight in the Gauss rule of the 7 odd ones.
+const KRONROD: [(f64, f64, f64); 8] = [
+    (0.991_455_371_120_812_6, 0.022_935_322_010_529_224, 0.0),
+    (0.949_107_912_342_758_5, 0.063_092_092_629_978_56, 0.129_484_966_168_869_7),
+    (0.864_864_423_359_769_1, 0.104_790_010_322_250_19, 0.0),
+    (0.741_531_185_599_394_4, 0.140_653_259_715_525_92, 0.279_705_391_489_276_64),
+    (0.586_087_235_467_691_1, 0.169_004_726_639_267_9, 0.0),
+    (0.405_845_151_377_397_2, 0.190_350_578_064_785_4, 0.381_830_050_505_118_9),
+    (0.207_784_955_007_898_47, 0.204_432_940_075_298_9, 0.0),
+    (0.0, 0.209_482_141_084_727_82, 0.417_959_183_673_469_4),
+];
+
+impl ExactField<'_> {
+    /// The picture of `scene` as `[row, column, channel]`: linear RGB and opacity `1 - T_eye`, to about 1e-4.
+    ///
+    /// Seconds at 48 x 32; meant for small sizes.
+    ///
+    /// # Errors
+    /// A shading other than `none`, which is all that the model defines exactly.
+    pub fn picture(&self, scene: &Scene) -> Result<Array3<f32>> {
+        if scene.shading != Shading::None {
+            return Err(Error::input("cannot make the exact picture", "--shading", "only `none` is exact"));
+        }
+        let (width, height) = (scene.width as usize, scene.height as usize);
+        let pixel = |index: usize| self.pixel(scene, (index % width) as f64, (index / width) as f64);
+        let pixels: Vec<_> = (0..width * height).into_par_iter().map(pixel).collect();
+        Ok(Array3::from_shape_fn((height, width, 4), |(row, column, channel)| {
+            pixels[row * width + column][channel] as f32
+        }))
+    }
+
+    /// Linear RGB and opacity through the centre of one pixel.
+    fn pixel(&self, scene: &Scene, column: f64, row: f64) -> [f64; 4] {
+        let eye = scene.camera.eye;
+        let direction = scene.camera.ray_direction(column, row, scene.width, scene.height);
+        let curve = self.curve_along(eye, direction, f64::INFINITY);
+        let opacity = -(-curve.total()).exp_m1();
+        // With w = 1 - T_eye as the variable, T_eye sigma dt = dw: empty space takes no part and the weight is 1.
+        let light_at = |w: f64| {
+            let tau = (-(-w).ln_1p()).min(curve.total());
+            let Some(found) = curve.find(tau) else { return [0.0; 3] };
+            let x = eye + direction * found.depth_mm;
+            let lit = if scene.ambient < 1.0 {
+                scene.ambient + (1.0 - scene.ambient) * self.transmittance_to_light(x, &scene.light)
+            } else {
+                1.0
+            };
+            self.transfer_function.color(found.value).map(|c| c * lit)
+        };
+        let color = if opacity > 0.0 { integrate(light_at, opacity) } else { [0.0; 3] };
+        let [r, g, b] = std::array::from_fn(|c| color[c] + (1.0 - opacity) * scene.background[c]);
+        [r, g, b, opacity]
+    }
+}
+
+/// A part of the interval with its integral and an estimate of the error.
+struct Panel {
+    from: f64,
+    to: f64,
+    integral: [f64; 3],
+    error: f64,
+}
+
+impl Panel {
+    fn new(f: &impl Fn(f64) -> [f64; 3], from: f64, to: f64) -> Self {
+        let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
+        let (mut kronrod, mut gauss) = ([0.0; 3], [0.0; 3]);
+        let mut add = |value: [f64; 3], k: f64, g: f64| {
+            for c in 0..3 {
+                kronrod[c] += half * k * value[c];
+                gauss[c] += half * g * value[c];
+            }
+        };
+        for (x, k, g) in KRONROD {
+            add(f(middle + half * x), k, g);
+            if x > 0.0 {
+                add(f(middle - half * x), k, g);
+            }
+        }
+        let error = (0..3).map(|c| (kronrod[c] - gauss[c]).abs()).fold(0.0, f64::max);
+        Self { from, to, integral: kronrod, error }
+    }
+}
+
+/// Integral of `f` over `[0, end]`: the worst panel is halved until the errors add up to less than the tolerance.
+fn integrate(f: impl Fn(f64) -> [f64; 3], end: f64) -> [f64; 3] {
+    let at = |i: usize| end * i as f64 / FIRST_PANELS as f64;
+    let mut panels: Vec<_> = (0..FIRST_PANELS).map(|i| Panel::new(&f, at(i), at(i + 1))).collect();
+    while panels.len() < MOST_PANELS && panels.iter().map(|p| p.error).sum::<f64>() > TOLERANCE {
+        let Some(worst) = (0..panels.len()).max_by(|&a, &b| panels[a].error.total_cmp(&panels[b].error))
+        else {
+            break;
+        };
+        let Panel { from, to, .. } = panels[worst];
+        let middle = 0.5 * (from + to);
+        panels[worst] = Panel::new(&f, from, middle);
+        panels.push(Panel::new(&f, middle, to));
+    }
+    std::array::from_fn(|c| panels.iter().map(|p| p.integral[c]).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integrates_smooth_and_broken_functions() {
+        let got = integrate(|x| [x.exp(), (20.0 * x).sin(), f64::from(u8::from(x > 0.3))], 0.9);
+        assert!((got[0] - 0.9f64.exp_m1()).abs() < 1e-12, "{got:?}");
+        assert!((got[1] - (1.0 - 18f64.cos()) / 20.0).abs() < 1e-6, "{got:?}");
+        assert!((got[2] - 0.6).abs() < TOLERANCE, "{got:?}");
+    }
+}

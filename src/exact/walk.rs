@@ -1,0 +1,322 @@
+//! Along a ray cell by cell, each cell's cubic cut where the value passes from one law to the next.
+
+use super::blocks::{Blocks, block_of, cells_of};
+use super::cubic::Cubic;
+use super::law::{Law, Laws};
+use crate::volume::{Scaling, Voxel};
+use glam::DVec3;
+use std::ops::ControlFlow;
+
+/// A ray in index space, clipped to the domain `[-0.5, n - 0.5]^3`; its parameter is the distance in mm.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ray {
+    origin: [f64; 3],
+    /// Index units per mm.
+    direction: [f64; 3],
+    pub enter_mm: f64,
+    pub exit_mm: f64,
+}
+
+impl Ray {
+    /// `None` where the ray misses the domain within `[0, length_mm]`, or its numbers are not finite.
+    pub fn clipped(origin: DVec3, direction: DVec3, length_mm: f64, dims: [usize; 3]) -> Option<Self> {
+        let (origin, direction) = (origin.to_array(), direction.to_array());
+        let (mut enter_mm, mut exit_mm) = (0.0f64, length_mm);
+        for axis in 0..3 {
+            let (p, d) = (origin[axis], direction[axis]);
+            let (low, high) = (-0.5, dims[axis] as f64 - 0.5);
+            if !(p.is_finite() && d.is_finite()) {
+                return None;
+            }
+            if d == 0.0 {
+                if !(low..=high).contains(&p) {
+                    return None;
+                }
+            } else {
+                let (a, b) = ((low - p) / d, (high - p) / d);
+                enter_mm = enter_mm.max(a.min(b));
+                exit_mm = exit_mm.min(a.max(b));
+            }
+        }
+        (exit_mm > enter_mm && exit_mm.is_finite()).then_some(Self { origin, direction, enter_mm, exit_mm })
+    }
+}
+
+/// A stretch of a ray on which extinction is smooth: one cell, one law.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Piece {
+    pub start_mm: f64,
+    pub end_mm: f64,
+    /// Index into [`Laws::laws`]; never a clear one.
+    pub law: usize,
+    /// The value, over `[0, 1]` from start to end.
+    pub value: Cubic,
+}
+
+/// The voxels as a ray sees them.
+#[derive(Clone, Copy)]
+pub(super) struct Grid<'a, V> {
+    pub voxels: &'a [V],
+    pub dims: [usize; 3],
+    pub scaling: Scaling,
+    pub blocks: &'a Blocks,
+}
+
+impl<V: Voxel> Grid<'_, V> {
+    /// Calls `visit` with every piece that has extinction, in order along the ray, until it breaks.
+    #[inline]
+    pub fn walk(&self, laws: &Laws, ray: &Ray, mut visit: impl FnMut(Piece) -> ControlFlow<()>) {
+        let mut cell = CellWalk::new(ray, self.dims);
+        loop {
+            if std::mem::take(&mut cell.entered_block) && !self.blocks.is_active(cell.block) {
+                if !cell.leap(ray) {
+                    return;
+                }
+                continue;
+            }
+            let (start, end) = cell.advance(ray);
+            if end > start {
+                let at = cell.offsets();
+                let corner: [V; 8] =
+                    std::array::from_fn(|c| self.voxels[at[0][c & 1] + at[1][c >> 1 & 1] + at[2][c >> 2]]);
+                let (min, max) = self.range(&corner);
+                if let Some((first, last)) = laws.active(min, max) {
+                    let corner = corner.map(|v| self.scaling.apply(v.to_f64()));
+                    let value = cell.cubic(ray, &corner, start, end);
+                    let flow = if first == last {
+                        visit(Piece { start_mm: start, end_mm: end, law: first, value })
+                    } else {
+                        cut(laws, [first, last], value, [start, end], &mut visit)
+                    };
+                    if flow.is_break() {
+                        return;
+                    }
+                }
+            }
+            if !cell.step(ray) {
+                return;
+            }
+        }
+    }
+
+    /// Smallest and largest scaled value at a cell's corners.
+    #[inline]
+    fn range(&self, corner: &[V; 8]) -> (f64, f64) {
+        let (mut min, mut max) = (corner[0], corner[0]);
+        for &v in &corner[1..] {
+            min = if v < min { v } else { min };
+            max = if v > max { v } else { max };
+        }
+        let (a, b) = (self.scaling.apply(min.to_f64()), self.scaling.apply(max.to_f64()));
+        (a.min(b), a.max(b))
+    }
+}
+
+/// Steps from cell to cell; cell `c` on an axis lies between the voxel centres `c` and `c + 1`, from -1 (before
+/// the first centre) to `n - 1` (beyond the last).
+struct CellWalk {
+    dims: [i64; 3],
+    cell: [i64; 3],
+    /// Distance at which the ray leaves the cell through each axis' face.
+    next_mm: [f64; 3],
+    at_mm: f64,
+    axis: usize,
+    stride: [i64; 3],
+    offset: [[usize; 2]; 3],
+    block: [i64; 3],
+    /// Set when the walk comes into another block.
+    entered_block: bool,
+}
+
+impl CellWalk {
+    fn new(ray: &Ray, dims: [usize; 3]) -> Self {
+        let dims = dims.map(|n| n as i64);
+        let mut walk = Self {
+            dims,
+            cell: [0; 3],
+            next_mm: [f64::INFINITY; 3],
+            at_mm: ray.enter_mm,
+            axis: 0,
+            stride: [1, dims[0], dims[0] * dims[1]],
+            offset: [[0; 2]; 3],
+            block: [0; 3],
+            entered_block: true,
+        };
+        for (axis, n) in dims.into_iter().enumerate() {
+            let p = ray.origin[axis] + ray.direction[axis] * ray.enter_mm;
+            // A ray that falls from a face is in the cell below it.
+            let cell = if ray.direction[axis] < 0.0 { p.ceil() - 1.0 } else { p.floor() };
+            walk.set(axis, (cell as i64).clamp(-1, n - 1), ray);
+        }
+        walk
+    }
+
+    #[inline]
+    fn set(&mut self, axis: usize, cell: i64, ray: &Ray) {
+        let d = ray.direction[axis];
+        self.cell[axis] = cell;
+        let last = self.dims[axis] - 1;
+        self.offset[axis] = [cell, cell + 1].map(|c| (c.clamp(0, last) * self.stride[axis]) as usize);
+        let block = block_of(cell);
+        self.entered_block |= block != self.block[axis];
+        self.block[axis] = block;
+        if d != 0.0 {
+            // Always from the origin: nothing accumulates.
+            self.next_mm[axis] = ((cell + i64::from(d > 0.0)) as f64 - ray.origin[axis]) / d;
+        }
+    }
+
+    /// The stretch of the ray in this cell; empty where it passes through an edge or a corner.
+    #[inline]
+    fn advance(&mut self, ray: &Ray) -> (f64, f64) {
+        let [x, y, z] = self.next_mm;
+        self.axis = if x <= y && x <= z {
+            0
+        } else if y <= z {
+            1
+        } else {
+            2
+        };
+        let start = self.at_mm;
+        self.at_mm = self.next_mm[self.axis].min(ray.exit_mm).max(start);
+        (start, self.at_mm)
+    }
+
+    /// On to the next cell; false at the end of the ray.
+    #[inline]
+    fn step(&mut self, ray: &Ray) -> bool {
+        let axis = self.axis;
+        let cell = self.cell[axis] + if ray.direction[axis] > 0.0 { 1 } else { -1 };
+        if self.next_mm[axis] >= ray.exit_mm || cell < -1 || cell >= self.dims[axis] {
+            return false;
+        }
+        self.set(axis, cell, ray);
+        true
+    }
+
+    /// Out of the block, over all of its cells; false at the end of the ray.
+    fn leap(&mut self, ray: &Ray) -> bool {
+        let (mut exit_mm, mut exit_axis) = (f64::INFINITY, 0);
+        for axis in 0..3 {
+            let [first, last] = cells_of(self.block[axis]);
+            let d = ray.direction[axis];
+            let face = if d > 0.0 { last + 1 } else { first };
+            let t = (face as f64 - ray.origin[axis]) / d;
+            if d != 0.0 && t < exit_mm {
+                (exit_mm, exit_axis) = (t, axis);
+            }
+        }
+        if exit_mm >= ray.exit_mm {
+            return false;
+        }
+        self.at_mm = self.at_mm.max(exit_mm);
+        for axis in 0..3 {
+            let d = ray.direction[axis];
+            if d == 0.0 {
+                continue;
+            }
+            let [first, last] = cells_of(self.block[axis]);
+            let cell = if axis == exit_axis {
+                if d > 0.0 { last + 1 } else { first - 1 }
+            } else {
+                // Never back, and not out of the block through a face that rounding alone has crossed.
+                let [low, high] = if d > 0.0 { [self.cell[axis], last] } else { [first, self.cell[axis]] };
+                ((ray.origin[axis] + d * self.at_mm).floor() as i64).clamp(low, high)
+            };
+            if cell < -1 || cell >= self.dims[axis] {
+                return false;
+            }
+            self.set(axis, cell, ray);
+        }
+        self.entered_block = true;
+        true
+    }
+
+    #[inline]
+    fn offsets(&self) -> [[usize; 2]; 3] {
+        self.offset
+    }
+
+    /// The trilinear value from `start` to `end` as a cubic over `[0, 1]`; `corner[x + 2 y + 4 z]`.
+    ///
+    /// Only differences of corners are scaled, so that a cell of one value gives exactly that value.
+    #[inline]
+    fn cubic(&self, ray: &Ray, corner: &[f64; 8], start: f64, end: f64) -> Cubic {
+        let within = |axis: usize, t: f64| {
+            (ray.origin[axis] + ray.direction[axis] * t - self.cell[axis] as f64).clamp(0.0, 1.0)
+        };
+        let [x, y, z] = std::array::from_fn(|axis| within(axis, start));
+        let [p, q, r] = std::array::from_fn(|axis| within(axis, end));
+        let (p, q, r) = (p - x, q - y, r - z);
+        let [v000, v100, v010, v110, v001, v101, v011, v111] = *corner;
+        let (a, b, c) = (v100 - v000, v010 - v000, v001 - v000);
+        let (ab, ac, bc) = ((v110 - v010) - a, (v101 - v001) - a, (v011 - v001) - b);
+        let abc = ((v111 - v011) - (v101 - v001)) - ab;
+        // The Taylor expansion of the trilinear form about the start, along (p, q, r).
+        let dx = a + ab * y + (ac + abc * y) * z;
+        let dy = b + ab * x + (bc + abc * x) * z;
+        let dz = c + ac * x + (bc + abc * x) * y;
+        Cubic([
+            v000 + (a + ab * y) * x + b * y + (c + ac * x + (bc + abc * x) * y) * z,
+            dx * p + dy * q + dz * r,
+            (ab + abc * z) * (p * q) + (ac + abc * y) * (p * r) + (bc + abc * x) * (q * r),
+            abc * (p * q * r),
+        ])
+    }
+}
+
+/// Cuts a cell's cubic where the value passes from one law to another and visits the pieces with extinction.
+///
+/// `lowest` and `highest` are the intervals of the cell's extreme corners: the value stays within, whatever
+/// rounding says where it leaves a plateau.
+fn cut(
+    laws: &Laws,
+    [lowest, highest]: [usize; 2],
+    value: Cubic,
+    [start_mm, end_mm]: [f64; 2],
+    visit: &mut impl FnMut(Piece) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    let [turn0, turn1] = value.turning_points();
+    let mut emit = |from: f64, to: f64, law: usize| {
+        if to <= from || laws.laws[law] == Law::Clear {
+            return ControlFlow::Continue(());
+        }
+        let at = |x: f64| if x < 1.0 { start_mm + (end_mm - start_mm) * x } else { end_mm };
+        visit(Piece { start_mm: at(from), end_mm: at(to), law, value: value.restrict(from, to) })
+    };
+    let mut piece_from = 0.0;
+    let mut law = None;
+    let mut span_from = 0.0;
+    for span_to in [turn0, turn1, 1.0] {
+        if span_to <= span_from {
+            continue;
+        }
+        let (a, b) = (value.at(span_from), value.at(span_to));
+        let rising = b >= a;
+        // From a value on a cut, the ray goes into the interval above it or the one below.
+        let (first, last) = if rising {
+            (laws.interval(a), laws.interval_below(b))
+        } else {
+            (laws.interval_below(a), laws.interval(b))
+        };
+        let [first, last] = [first, last].map(|law| law.clamp(lowest, highest));
+        let mut now = *law.get_or_insert(first);
+        if now != first {
+            emit(piece_from, span_from, now)?;
+            (piece_from, now) = (span_from, first);
+        }
+        while if rising { now < last } else { now > last } {
+            let crossed = laws.cuts[if rising { now } else { now - 1 }];
+            let root = value.solve(crossed, piece_from.max(span_from), span_to, rising);
+            emit(piece_from, root, now)?;
+            piece_from = root;
+            now = if rising { now + 1 } else { now - 1 };
+        }
+        law = Some(now);
+        span_from = span_to;
+    }
+    match law {
+        Some(law) => emit(piece_from, 1.0, law),
+        None => ControlFlow::Continue(()),
+    }
+}

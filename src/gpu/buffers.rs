@@ -1,0 +1,95 @@
+//! Buffers from plain data, and reading them back.
+
+use super::Gpu;
+use crate::error::{Error, Result};
+use bytemuck::Pod;
+use wgpu::util::DeviceExt;
+
+/// A uniform buffer holding `value`.
+pub fn uniform_buffer<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> wgpu::Buffer {
+    gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents: bytemuck::bytes_of(value),
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+    })
+}
+
+/// A 2-D texture of `texels` (row by row) that shaders load from.
+///
+/// # Errors
+/// A side that the adapter cannot hold.
+pub fn table_texture<T: Pod>(
+    gpu: &Gpu,
+    label: &str,
+    format: wgpu::TextureFormat,
+    [width, height]: [u32; 2],
+    texels: &[T],
+) -> Result<wgpu::TextureView> {
+    gpu.check_texture(label, [width, height])?;
+    let texture = gpu.device.create_texture_with_data(
+        &gpu.queue,
+        &wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        },
+        wgpu::util::TextureDataOrder::LayerMajor,
+        bytemuck::cast_slice(texels),
+    );
+    Ok(texture.create_view(&Default::default()))
+}
+
+/// Storage buffers, refused where the adapter cannot bind them.
+pub struct StorageBuffer;
+
+impl StorageBuffer {
+    /// Holding `data`; an empty slice becomes 16 zero bytes, since nothing empty can be bound.
+    pub fn from_slice<T: Pod>(gpu: &Gpu, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
+        gpu.check_storage(label, size_of_val(data) as u64)?;
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        Ok(gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some(label),
+            contents: if bytes.is_empty() { &[0; 16] } else { bytes },
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+        }))
+    }
+
+    /// Zeroed, of `bytes` (at least 16).
+    pub fn zeroed(gpu: &Gpu, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
+        gpu.check_storage(label, bytes)?;
+        Ok(gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.max(16),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        }))
+    }
+}
+
+/// Copies the first `count` elements of a buffer to the host; waits for the device.
+pub fn read_back<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
+    let bytes = (count * size_of::<T>()) as u64;
+    let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("read back"),
+        size: bytes.max(16),
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
+    gpu.queue.submit([encoder.finish()]);
+    let (send, receive) = std::sync::mpsc::channel();
+    staging.map_async(wgpu::MapMode::Read, .., move |r| {
+        let _ = send.send(r);
+    });
+    gpu.wait()?;
+    let failed = |why: String| Error::runtime("cannot read from the graphics device", &gpu.info.name, why);
+    receive.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+    let view = staging.get_mapped_range(..bytes).map_err(|e| failed(e.to_string()))?;
+    Ok(bytemuck::pod_collect_to_vec(&view))
+}

@@ -1,0 +1,136 @@
+//! Choosing an adapter and opening a device with all the limits that it has.
+
+use crate::error::{Error, Result};
+use std::sync::{Arc, Mutex};
+
+/// An open device. Limits are the adapter's own; features beyond the core are optional.
+#[derive(Debug)]
+pub struct Gpu {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub info: wgpu::AdapterInfo,
+    /// Whether 32-bit float textures can be filtered by the hardware.
+    pub filters_float32: bool,
+    /// Nanoseconds a timestamp tick, where the adapter has timestamps and is no software one.
+    pub timestamp_period_ns: Option<f32>,
+    /// The first error that no call returned (validation, out of memory, device lost).
+    uncaptured: Arc<Mutex<Option<String>>>,
+}
+
+const NO_ADAPTER_HINT: &str = "install a Vulkan driver; without a GPU a software one will do \
+    (Debian/Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1)";
+
+impl Gpu {
+    /// Opens the adapter whose name contains `name` (any case), or the one the system prefers.
+    ///
+    /// # Errors
+    /// No adapter, none of that name, or one without compute, with a hint on how to get a software one.
+    pub fn open(name: Option<&str>) -> Result<Self> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapter = choose(&instance, name)?;
+        let info = adapter.get_info();
+        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::FLOAT32_FILTERABLE;
+        let features = adapter.features() & wanted;
+        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("umbravox"),
+            required_features: features,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        }))
+        .map_err(|e| Error::runtime("cannot open the graphics device", &info.name, e))?;
+        let uncaptured = Arc::new(Mutex::new(None));
+        let sink = Arc::clone(&uncaptured);
+        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
+            tracing::debug!("uncaptured device error: {e}");
+            if let Ok(mut slot) = sink.lock() {
+                slot.get_or_insert_with(|| e.to_string());
+            }
+        }));
+        let timestamp_period_ns = features
+            .contains(wgpu::Features::TIMESTAMP_QUERY)
+            .then(|| queue.get_timestamp_period())
+            // A software adapter's timestamps need not enclose the work (lavapipe has said 0.04 ms of a 75 ms pass), and
+            // its work is the host's own: there the wall clock is the true one.
+            .filter(|p| *p > 0.0 && info.device_type != wgpu::DeviceType::Cpu);
+        tracing::info!("adapter: {} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info);
+        Ok(Self {
+            device,
+            queue,
+            info,
+            filters_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
+            timestamp_period_ns,
+            uncaptured,
+        })
+    }
+
+    /// The first error that no call returned, if there was one since the last time.
+    pub fn take_error(&self) -> Result<()> {
+        let error = self.uncaptured.lock().ok().and_then(|mut e| e.take());
+        error.map_or(Ok(()), |why| Err(Error::runtime("the graphics device failed", &self.info.name, why)))
+    }
+
+    /// Submits and waits until the device has done it all.
+    pub fn submit_and_wait(&self, encoder: wgpu::CommandEncoder) -> Result<()> {
+        self.queue.submit([encoder.finish()]);
+        self.wait()
+    }
+
+    /// Waits until the device has done all that was submitted.
+    pub fn wait(&self) -> Result<()> {
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|e| Error::runtime("the graphics device failed", &self.info.name, e))?;
+        self.take_error()
+    }
+
+    /// Refuses a 2-D texture that the adapter cannot hold.
+    pub fn check_texture(&self, what: &str, sides: [u32; 2]) -> Result<()> {
+        let limit = self.device.limits().max_texture_dimension_2d;
+        if sides.iter().any(|s| *s > limit) {
+            return Err(Error::runtime(
+                format!("cannot allocate {what}"),
+                &self.info.name,
+                format!("{} x {} texels, the adapter's textures end at {limit}", sides[0], sides[1]),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Refuses a buffer that the adapter cannot bind.
+    pub fn check_storage(&self, what: &str, bytes: u64) -> Result<()> {
+        let limits = self.device.limits();
+        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        if bytes > limit {
+            return Err(Error::runtime(
+                format!("cannot allocate {what}"),
+                &self.info.name,
+                format!("{bytes} bytes are more than the {limit} that the adapter can bind"),
+            ));
+        }
+        Ok(())
+    }
+}
+
+fn choose(instance: &wgpu::Instance, name: Option<&str>) -> Result<wgpu::Adapter> {
+    let Some(name) = name else {
+        return pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..Default::default()
+        }))
+        .map_err(|_| {
+            Error::runtime("no graphics adapter", "Vulkan, Metal or DirectX 12", "none was found")
+                .hint(NO_ADAPTER_HINT)
+        });
+    };
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    let names = adapters.iter().map(|a| a.get_info().name).collect::<Vec<_>>();
+    let wanted = name.to_lowercase();
+    adapters.into_iter().find(|a| a.get_info().name.to_lowercase().contains(&wanted)).ok_or_else(|| {
+        let e = Error::input("no such graphics adapter", format!("--adapter {name}"), "no name contains it");
+        e.hint(if names.is_empty() {
+            NO_ADAPTER_HINT.into()
+        } else {
+            format!("there is: {}", names.join(", "))
+        })
+    })
+}

@@ -1,0 +1,11 @@
+//! The device and what every stage needs of it: limits, buffers, shaders, timestamps.
+
+mod buffers;
+mod device;
+mod shaders;
+mod timing;
+
+pub use buffers::{StorageBuffer, read_back, table_texture, uniform_buffer};
+pub use device::Gpu;
+pub use shaders::{ShaderVariant, compose, sources};
+pub use timing::{Clock, PassTimer, Span};

@@ -1,0 +1,106 @@
+//! Milliseconds of a compute pass: by the adapter's timestamps where it has them, by the wall clock otherwise.
+
+use super::{Gpu, read_back};
+use crate::error::Result;
+
+/// Which clock a duration is from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clock {
+    /// Timestamps of the adapter around the passes.
+    GpuTimestamps,
+    /// The host's clock from before the submission until the device is idle.
+    Wall,
+}
+
+impl std::fmt::Display for Clock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::GpuTimestamps => "gpu-timestamps",
+            Self::Wall => "wall",
+        })
+    }
+}
+
+/// A measured duration on both clocks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span {
+    /// By timestamps, where the adapter has them.
+    pub gpu_ms: Option<f64>,
+    pub wall_ms: f64,
+}
+
+impl Span {
+    /// Both spans, one after the other.
+    #[must_use]
+    pub fn plus(self, next: Self) -> Self {
+        let gpu_ms = self.gpu_ms.zip(next.gpu_ms).map(|(a, b)| a + b);
+        Self { gpu_ms, wall_ms: self.wall_ms + next.wall_ms }
+    }
+
+    /// The better clock's milliseconds and its name.
+    pub fn best(&self) -> (f64, Clock) {
+        self.gpu_ms.map_or((self.wall_ms, Clock::Wall), |ms| (ms, Clock::GpuTimestamps))
+    }
+}
+
+/// Times compute work, one submission at a time.
+pub struct PassTimer {
+    queries: Option<(wgpu::QuerySet, wgpu::Buffer)>,
+}
+
+impl PassTimer {
+    pub fn new(gpu: &Gpu) -> Self {
+        let queries = gpu.timestamp_period_ns.map(|_| {
+            let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("timestamps"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2,
+            });
+            let resolved = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("resolved timestamps"),
+                size: 16,
+                usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            });
+            (set, resolved)
+        });
+        Self { queries }
+    }
+
+    /// Runs `record` inside one compute pass, submits it, waits, and says how long it took.
+    pub fn compute(
+        &self,
+        gpu: &Gpu,
+        label: &str,
+        record: impl FnOnce(&mut wgpu::ComputePass<'_>),
+    ) -> Result<Span> {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        {
+            let timestamp_writes = self.queries.as_ref().map(|(set, _)| wgpu::ComputePassTimestampWrites {
+                query_set: set,
+                beginning_of_pass_write_index: Some(0),
+                end_of_pass_write_index: Some(1),
+            });
+            let mut pass = encoder
+                .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes });
+            record(&mut pass);
+        }
+        if let Some((set, resolved)) = &self.queries {
+            encoder.resolve_query_set(set, 0..2, resolved, 0);
+        }
+        let start = std::time::Instant::now();
+        gpu.submit_and_wait(encoder)?;
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        let gpu_ms = match (&self.queries, gpu.timestamp_period_ns) {
+            (Some((_, resolved)), Some(period)) => {
+                let ticks = read_back::<u64>(gpu, resolved, 2)?;
+                let ms = ticks[1].wrapping_sub(ticks[0]) as f64 * f64::from(period) * 1e-6;
+                // Some drivers leave the query unwritten; a span longer than the wait is no measurement.
+                (ms > 0.0 && ms <= wall_ms * 1.5 + 1.0).then_some(ms)
+            }
+            _ => None,
+        };
+        Ok(Span { gpu_ms, wall_ms })
+    }
+}

@@ -1,0 +1,28 @@
+//! Volumetric shadows for CT volumes, each method with its error against an exact answer.
+//!
+//! ```text
+//!  file ──> Volume ──> Bricks (min,max) ─┐                        ┌─> picture
+//!  preset ─> TransferFunction ─> tables ─┼─> Plan ─> ShadowMap ─> RayCast ─┤
+//!  camera, light ────────────────────────┘    (what this scene    └─> error + time ─> tables, plots
+//!                                              needs)       ^
+//!                                      exact (f64, CPU) ────┘ only where errors are asked for
+//! ```
+//!
+//! Lengths are world millimetres, extinction is 1/mm, optical depth its line integral, transmittance
+//! `exp(-optical depth)`.
+
+pub mod cli;
+pub mod color;
+pub mod error;
+pub mod exact;
+pub mod gpu;
+pub mod input;
+pub mod measure;
+pub mod output;
+pub mod render;
+pub mod scene;
+pub mod shadow;
+pub mod transfer;
+pub mod volume;
+
+pub use error::{Error, Result};

@@ -1,0 +1,243 @@
+//! Transmittance errors of a built shadow structure against the exact field: at points that the camera sees, and
+//! along light rays through texel centres.
+
+use super::band::{Band, BandReport, Curve, MeanCurve, test_depths};
+use super::rays::pick_texels;
+use super::stats::ErrorStats;
+use crate::error::Result;
+use crate::exact::{ExactField, OpticalDepthCurve};
+use crate::render::Session;
+use crate::scene::{Light, Scene};
+use crate::shadow::{LightSpace, ShadowMap};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+/// Every run tests the same points.
+const SEED: u64 = 1;
+/// Rays whose exact curves are held at once; each takes tens of kilobytes.
+const RAYS_AT_ONCE: usize = 256;
+/// Texels a side that are tested for meeting anything; on larger maps one stands for a block.
+const MOST_TESTED_TEXELS: u32 = 512;
+/// Share of the map's depth range by which a ray is tested before and behind what it meets.
+const MARGIN: f64 = 0.02;
+
+/// Points that the camera sees with the exact transmittance from the light to each.
+pub struct SeenReference {
+    points_mm: Vec<DVec3>,
+    weights: Vec<f64>,
+    exact: Vec<f64>,
+}
+
+impl SeenReference {
+    /// About `count` points; fewer, or none, where the camera sees little.
+    pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
+        let seen = field.seen_points(scene, count, SEED);
+        let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light);
+        let points_mm: Vec<_> = seen.iter().map(|p| p.position).collect();
+        let exact = points_mm.par_iter().map(to_light).collect();
+        Self { points_mm, weights: seen.iter().map(|p| p.weight).collect(), exact }
+    }
+
+    /// How many points there are.
+    pub fn len(&self) -> usize {
+        self.points_mm.len()
+    }
+
+    /// Whether the camera sees nothing.
+    pub fn is_empty(&self) -> bool {
+        self.points_mm.is_empty()
+    }
+
+    /// `T_method - T_exact` over the points, weighted as the camera sees them; `None` where it sees nothing.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn errors(&self, session: &Session, shadow: &ShadowMap) -> Result<Option<ErrorStats>> {
+        let values = session.query(shadow, &self.points_mm)?;
+        let error = |(value, exact): (&f32, &f64)| f64::from(*value) - exact;
+        ErrorStats::of(values.iter().zip(&self.exact).map(error).zip(self.weights.iter().copied()))
+    }
+}
+
+/// Texels of a map whose light rays are to be tested, spread over what they meet; see [`pick_texels`].
+pub fn texels_to_test(
+    field: &ExactField,
+    light: Light,
+    light_space: &LightSpace,
+    count: usize,
+) -> Vec<[u32; 2]> {
+    let map = light_space.map_size;
+    let block = map.div_ceil(MOST_TESTED_TEXELS).max(1);
+    let blocks = map.div_ceil(block);
+    let met: Vec<bool> = (0..blocks * blocks)
+        .into_par_iter()
+        .map(|i| {
+            let texel = DVec2::new(f64::from(i % blocks), f64::from(i / blocks)) + 0.5;
+            let ray = LightRay::new(light_space, light, texel * f64::from(block) - 0.5);
+            field.meets_extinction(ray.at(ray.start_mm), ray.direction, f64::INFINITY)
+        })
+        .collect();
+    pick_texels(map, count, |column, row| met[(row / block * blocks + column / block) as usize])
+}
+
+/// A tested map: its texels, the rays in each, and the depths on each ray.
+pub struct RayTest<'a> {
+    pub texels: &'a [[u32; 2]],
+    /// Sub-texel rays whose mean a texel stands for: 1, 5 or 9.
+    pub taps: u32,
+    /// Depths a ray.
+    pub depths: usize,
+    /// Depth tolerance that the depths are crowded by where the method promises none, mm.
+    pub default_depth_mm: f64,
+}
+
+impl RayTest<'_> {
+    /// Compares the method with the exact curve of each texel; a miss's `ray` is an index into `texels`.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn run(
+        &self,
+        field: &ExactField,
+        light: Light,
+        session: &Session,
+        shadow: &ShadowMap,
+    ) -> Result<BandReport> {
+        let band = shadow.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
+        let tolerance_mm = band.map_or(self.default_depth_mm, |b| b.depth_mm);
+        let space = &shadow.light_space;
+        let mut report = BandReport::default();
+        for (chunk, texels) in self.texels.chunks(RAYS_AT_ONCE).enumerate() {
+            let rays: Vec<(MeanCurve<ExactRay>, Vec<f64>)> = texels
+                .par_iter()
+                .map(|&[column, row]| {
+                    let center = DVec2::new(f64::from(column), f64::from(row));
+                    let curves: Vec<_> = tap_offsets(self.taps)
+                        .into_iter()
+                        .map(|offset| ExactRay::new(field, LightRay::new(space, light, center + offset)))
+                        .collect();
+                    let range = tested_range(&curves, space.z_range, tolerance_mm);
+                    let mut jumps: Vec<_> = curves.iter().flat_map(ExactRay::jumps).collect();
+                    jumps.sort_by(f64::total_cmp);
+                    let depths = test_depths(range, &jumps, self.depths, tolerance_mm);
+                    (MeanCurve(curves), depths)
+                })
+                .collect();
+            let points_mm: Vec<_> = texels
+                .iter()
+                .zip(&rays)
+                .flat_map(|(&[column, row], (_, depths))| {
+                    let center = DVec2::new(f64::from(column), f64::from(row));
+                    let ray = LightRay::new(space, light, center);
+                    depths.iter().map(move |&z| ray.at(z))
+                })
+                .collect();
+            let values = session.query(shadow, &points_mm)?;
+            let mut rest = &values[..];
+            for (i, (exact, depths)) in rays.iter().enumerate() {
+                let (own, others) = rest.split_at(depths.len());
+                rest = others;
+                let ray = chunk * RAYS_AT_ONCE + i;
+                report = report.merge(BandReport::of_ray(ray, exact, depths, own, band));
+            }
+        }
+        Ok(report)
+    }
+}
+
+/// A light ray: world points by the map's depth.
+#[derive(Clone, Copy)]
+struct LightRay {
+    /// World point of depth 0, mm.
+    origin: DVec3,
+    /// Away from the light.
+    direction: DVec3,
+    /// Depth of the light, or one before anything a light at infinity can meet.
+    start_mm: f64,
+}
+
+impl LightRay {
+    fn new(space: &LightSpace, light: Light, texel: DVec2) -> Self {
+        let (origin, direction) = space.world_ray(texel);
+        let start_mm = match light {
+            Light::Point { position } => (position - origin).dot(direction),
+            // The map's range may be that of active bricks only; the exact ray takes nobody's word for it.
+            Light::Directional { .. } => space.z_range[0] - BEFORE_ANYTHING_MM,
+        };
+        Self { origin, direction, start_mm }
+    }
+
+    fn at(&self, depth_mm: f64) -> DVec3 {
+        self.origin + depth_mm * self.direction
+    }
+}
+
+/// Farther than any volume reaches before the first active brick; f64 has digits to spare for it.
+const BEFORE_ANYTHING_MM: f64 = 1e5;
+
+/// The exact curve of a light ray, by the map's depth.
+struct ExactRay<'a> {
+    curve: OpticalDepthCurve<'a>,
+    start_mm: f64,
+}
+
+impl<'a> ExactRay<'a> {
+    fn new(field: &'a ExactField, ray: LightRay) -> Self {
+        let curve = field.curve_along(ray.at(ray.start_mm), ray.direction, f64::INFINITY);
+        Self { curve, start_mm: ray.start_mm }
+    }
+
+    fn jumps(&self) -> Vec<f64> {
+        self.curve.jumps().into_iter().map(|z| z + self.start_mm).collect()
+    }
+}
+
+impl Curve for ExactRay<'_> {
+    fn transmittance(&self, z: f64) -> f64 {
+        self.curve.transmittance_at(z - self.start_mm)
+    }
+}
+
+/// Depths from a little before the first thing met to a little behind the last, within the map's range; the whole
+/// range where nothing is met.
+fn tested_range(curves: &[ExactRay], [z_min, z_max]: [f64; 2], tolerance_mm: f64) -> [f64; 2] {
+    let start = curves.iter().map(|c| c.start_mm).fold(z_min, f64::max);
+    let margin = MARGIN * (z_max - z_min) + 2.0 * tolerance_mm;
+    let jumps = curves.iter().map(ExactRay::jumps).filter(|j| !j.is_empty());
+    let met = jumps.map(|j| [j[0], j[j.len() - 1]]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+    match met {
+        Some([first, last]) => [(first - margin).max(start), (last + margin).min(z_max)],
+        None => [start, z_max],
+    }
+}
+
+/// Where a pre-filtered map puts the rays of a texel, in texels from its centre: the same places as `tap_offset` of
+/// `shaders/shadow/deep_build.wgsl`.
+fn tap_offsets(taps: u32) -> Vec<DVec2> {
+    let grid = |n: u32, spacing: f64| {
+        let half = 0.5 * f64::from(n - 1);
+        let at = move |i: u32| DVec2::new(f64::from(i % n) - half, f64::from(i / n) - half) * spacing;
+        (0..n * n).map(at).collect::<Vec<_>>()
+    };
+    match taps {
+        9 => grid(3, 1.0 / 3.0),
+        5 => [vec![DVec2::ZERO], grid(2, 0.5)].concat(),
+        _ => vec![DVec2::ZERO],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taps_are_spread_evenly_around_the_centre() {
+        for (taps, reach) in [(1, 0.0), (5, 0.25), (9, 1.0 / 3.0)] {
+            let offsets = tap_offsets(taps);
+            assert_eq!(offsets.len(), taps as usize);
+            assert!(offsets.iter().sum::<DVec2>().length() < 1e-12);
+            let farthest = offsets.iter().map(|o| o.abs().max_element()).fold(0.0, f64::max);
+            assert!((farthest - reach).abs() < 1e-12, "{taps}");
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! False-colour pictures of errors, with a legend.
+
+use super::canvas::{Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, encode_png, text_width};
+use super::report::significant;
+use crate::error::Result;
+use crate::output::write_whole;
+use image::{Rgb, RgbImage, imageops};
+use ndarray::Array2;
+use std::path::Path;
+
+/// Degree-6 fit to matplotlib's `inferno` (Smith and van der Walt 2015, CC0), constant term first, sRGB; the fit is
+/// Matt Zucker's (CC0), nowhere more than 9/255 off. Its lightness rises evenly, so equal steps of error look equal, also in grey print and to
+/// colour-blind readers, and black is no error.
+const INFERNO: [[f64; 3]; 7] = [
+    [0.000_218_940_369_119_226_5, 0.001_651_004_631_001_012, -0.019_480_898_437_091_84],
+    [0.106_513_419_485_611_6, 0.563_956_436_788_409_1, 3.932_712_388_889_277],
+    [11.602_493_082_471_87, -3.972_853_965_665_698, -15.942_394_106_291_4],
+    [-41.703_996_131_394_59, 17.436_398_882_053_13, 44.354_145_198_728_13],
+    [77.162_935_699_427, -33.402_358_942_100_92, -81.807_309_257_389_93],
+    [-71.319_428_244_992_14, 32.626_064_263_977_23, 73.209_519_858_032_02],
+    [25.131_126_224_773_41, -12.242_668_952_385_67, -23.070_325_002_871_72],
+];
+
+/// What is not a number stands out: no error looks like it.
+const NOT_A_NUMBER: Rgb<u8> = Rgb([0, 255, 0]);
+
+/// The scale's colour for a share of its length; beyond its ends that of the end.
+pub fn inferno(share: f64) -> Rgb<u8> {
+    let t = share.clamp(0.0, 1.0);
+    let channel = |c: usize| INFERNO.iter().rev().fold(0.0, |sum, term| sum * t + term[c]);
+    Rgb([0, 1, 2].map(|c| (channel(c).clamp(0.0, 1.0) * 255.0).round() as u8))
+}
+
+/// A `height x width` picture of `values` from 0 (black) to `max` (pale yellow); larger ones are shown as `max`,
+/// NaN in green. Where `max` is not positive, every positive value is shown as the largest.
+pub fn false_colour(values: &Array2<f32>, max: f32) -> RgbImage {
+    let (height, width) = values.dim();
+    RgbImage::from_fn(width as u32, height as u32, |column, row| {
+        let value = values[[row as usize, column as usize]];
+        if value.is_nan() {
+            NOT_A_NUMBER
+        } else if value <= 0.0 {
+            inferno(0.0)
+        } else {
+            // A `max` of 0 makes this infinite, which is the end of the scale.
+            inferno(f64::from(value) / f64::from(max.max(0.0)))
+        }
+    })
+}
+
+/// A `max` for [`false_colour`] that reads well in a legend: the largest finite value, up to 1, 2 or 5 times a
+/// power of ten; 1 where there is none above 0.
+pub fn round_max(values: &Array2<f32>) -> f32 {
+    let largest = values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
+    if largest <= 0.0 {
+        return 1.0;
+    }
+    let largest = f64::from(largest);
+    let decade = 10_f64.powf(largest.log10().floor());
+    let step = [1.0, 2.0, 5.0].into_iter().find(|m| m * decade >= largest * (1.0 - 1e-6)).unwrap_or(10.0);
+    (step * decade) as f32
+}
+
+const LEGEND_HEIGHT_PX: u32 = 98;
+const LEGEND_MIN_WIDTH_PX: u32 = 420;
+const TEXT: f64 = 11.5;
+
+/// The picture with a legend below it: the scale from 0 to `max` with numbers, and `label` saying what it shows.
+/// A picture narrower than the legend is centred over it.
+///
+/// # Errors
+/// The drawing backend's own.
+pub fn with_legend(picture: &RgbImage, max: f32, label: &str) -> Result<RgbImage> {
+    let width_px = picture.width().max(LEGEND_MIN_WIDTH_PX);
+    let points = |px: u32| f64::from(px) / f64::from(PIXELS_PER_POINT);
+    let (width, height) = (points(width_px), points(LEGEND_HEIGHT_PX));
+    let mut legend = Drawing::new(width, height);
+    let (left, right) = (24.0, width - 24.0);
+    let (top, bottom) = (6.0, 17.0);
+    const STEPS: u32 = 256;
+    for i in 0..STEPS {
+        let at = |i: u32| left + (right - left) * f64::from(i) / f64::from(STEPS);
+        let corners = [(at(i), top), (at(i + 1), top), (at(i + 1), bottom), (at(i), bottom)];
+        let Rgb(color) = inferno((f64::from(i) + 0.5) / f64::from(STEPS));
+        legend.polygon(corners.map(|(x, y)| Point(x, y)).into(), color);
+    }
+    const TICKS: u32 = 4;
+    for i in 0..=TICKS {
+        let share = f64::from(i) / f64::from(TICKS);
+        let x = left + (right - left) * share;
+        legend.line(&[Point(x, bottom), Point(x, bottom + 3.0)], 0.8, INK);
+        let number = trimmed(&significant(f64::from(max) * share, 3));
+        let text = if i == TICKS { format!("≥ {number}") } else { number };
+        // The last number may reach to the border but not over it.
+        let x = x.min(width - 0.5 * text_width(&text, TEXT) - 2.0);
+        legend.text(Point(x, bottom + 10.0), Anchor::Middle, TEXT, INK, text);
+    }
+    legend.text(Point(0.5 * width, height - 9.0), Anchor::Middle, TEXT, BLACK, label.into());
+
+    let mut page =
+        RgbImage::from_pixel(width_px, picture.height() + LEGEND_HEIGHT_PX, Rgb(super::canvas::WHITE));
+    imageops::replace(&mut page, picture, i64::from((width_px - picture.width()) / 2), 0);
+    imageops::replace(&mut page, &legend.bitmap()?, 0, i64::from(picture.height()));
+    Ok(page)
+}
+
+/// A number without zeros at the end of its decimals.
+fn trimmed(number: &str) -> String {
+    let (mantissa, exponent) = number.find('e').map_or((number, ""), |at| number.split_at(at));
+    let short =
+        if mantissa.contains('.') { mantissa.trim_end_matches('0').trim_end_matches('.') } else { mantissa };
+    format!("{short}{exponent}")
+}
+
+/// Writes `values` in false colour with a legend as a PNG file, whole or not at all.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_heat_map(path: &Path, values: &Array2<f32>, max: f32, label: &str) -> Result<()> {
+    let png = encode_png(&with_legend(&false_colour(values, max), max, label)?)?;
+    write_whole(path, |file| file.write_all(&png))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_is_matplotlibs_inferno_and_its_lightness_rises() {
+        // Values of matplotlib 3.11's table at 0, 64, 128, 192 and 255.
+        let table = [[0, 0, 4], [87, 16, 110], [188, 55, 84], [249, 142, 9], [252, 255, 164]];
+        for (i, expected) in [0.0, 64.0, 128.0, 192.0, 255.0].into_iter().zip(table) {
+            let Rgb(color) = inferno(i / 255.0);
+            let off = color.iter().zip(expected).map(|(&a, b): (_, i32)| (i32::from(a) - b).abs()).max();
+            assert!(off <= Some(9), "{i}: {color:?}");
+        }
+        let luminance = |Rgb([r, g, b]): Rgb<u8>| {
+            let linear = |c: u8| (f64::from(c) / 255.0).powf(2.2);
+            0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b)
+        };
+        let rising: Vec<f64> = (0..=20).map(|i| luminance(inferno(f64::from(i) / 20.0))).collect();
+        assert!(rising.is_sorted(), "{rising:?}");
+    }
+
+    #[test]
+    fn values_become_colours_in_place() {
+        let values = ndarray::arr2(&[[0.0, 0.05, 0.1], [7.0, f32::NAN, -1.0]]);
+        let picture = false_colour(&values, 0.1);
+        assert_eq!(picture.dimensions(), (3, 2));
+        assert_eq!(*picture.get_pixel(0, 0), inferno(0.0));
+        assert_eq!(*picture.get_pixel(1, 0), inferno(0.5));
+        assert_eq!(*picture.get_pixel(2, 0), inferno(1.0));
+        assert_eq!(*picture.get_pixel(0, 1), inferno(1.0));
+        assert_eq!(*picture.get_pixel(1, 1), NOT_A_NUMBER);
+        assert_eq!(*picture.get_pixel(2, 1), inferno(0.0));
+        // A scale of no length: what is wrong at all is as wrong as can be.
+        let flat = false_colour(&values, 0.0);
+        assert_eq!((*flat.get_pixel(0, 0), *flat.get_pixel(1, 0)), (inferno(0.0), inferno(1.0)));
+    }
+
+    #[test]
+    fn scales_end_at_round_numbers() {
+        let of = |v: f32| round_max(&ndarray::arr2(&[[0.0, v], [f32::NAN, f32::INFINITY]]));
+        for (largest, expected) in
+            [(0.043, 0.05), (0.05, 0.05), (0.11, 0.2), (0.9, 1.0), (1e-6, 1e-6), (0.0, 1.0)]
+        {
+            assert!((of(largest) / expected - 1.0).abs() < 1e-6, "{largest}: {}", of(largest));
+        }
+    }
+
+    #[test]
+    fn a_legend_is_added_below_and_the_picture_is_untouched() {
+        let values = Array2::from_shape_fn((30, 500), |(_, column)| column as f32 / 499.0);
+        let picture = false_colour(&values, 1.0);
+        let page = with_legend(&picture, 1.0, "|T_method − T_exact|").unwrap();
+        assert_eq!(page.dimensions(), (500, 30 + LEGEND_HEIGHT_PX));
+        assert_eq!(imageops::crop_imm(&page, 0, 0, 500, 30).to_image(), picture);
+        let legend = imageops::crop_imm(&page, 0, 30, 500, LEGEND_HEIGHT_PX).to_image();
+        let has = |color: Rgb<u8>| legend.pixels().any(|p| *p == color);
+        assert!(has(inferno(0.5 / 256.0)) && has(inferno(255.5 / 256.0)), "both ends of the scale");
+        assert!(has(Rgb(BLACK)), "letters");
+        // A narrow picture is centred.
+        let narrow = false_colour(&Array2::from_elem((10, 20), 1.0), 1.0);
+        let page = with_legend(&narrow, 1.0, "").unwrap();
+        assert_eq!(page.width(), LEGEND_MIN_WIDTH_PX);
+        assert_eq!(*page.get_pixel(LEGEND_MIN_WIDTH_PX / 2, 5), inferno(1.0));
+        assert_eq!(*page.get_pixel(5, 5), Rgb([255, 255, 255]));
+    }
+
+    #[test]
+    fn numbers_are_trimmed() {
+        let shown = ["0.0500", "0.0375", "10.0", "100", "1.00e-6", "0"].map(trimmed);
+        assert_eq!(shown, ["0.05", "0.0375", "10", "100", "1e-6", "0"]);
+    }
+
+    #[test]
+    fn the_file_is_a_png_that_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("error.png");
+        write_heat_map(&path, &Array2::from_elem((64, 64), 0.5), 1.0, "error").unwrap();
+        let size = image::open(&path).unwrap().to_rgb8().dimensions();
+        assert_eq!(size, (LEGEND_MIN_WIDTH_PX, 64 + LEGEND_HEIGHT_PX));
+        assert!(write_heat_map(&folder.path().join("no/such.png"), &Array2::zeros((1, 1)), 1.0, "").is_err());
+    }
+}

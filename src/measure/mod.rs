@@ -1,0 +1,30 @@
+//! How wrong a shadow method is and how long it takes.
+//!
+//! Errors are of transmittance from the light, `T_method - T_exact`, and taken in two places that answer two
+//! questions. Along **light rays** through texel centres ([`rays`] picks the texels, [`band::test_depths`] the
+//! depths) they say whether a method keeps its promise: [`band`] compares it with the exact curve, widened by
+//! the promised tolerance in value and in depth, and `ray_err_max` is the plain largest difference. At **points
+//! that the camera sees**, weighted as it sees them, they say what a user notices ([`stats::ErrorStats`]). The
+//! **picture** itself is compared with a reference picture in linear RGBA ([`stats::image_error`]), and
+//! [`heat`] shows where errors are.
+//!
+//! Times are medians of repeats after a warm-up, with smallest and largest beside them, the methods taking
+//! turns ([`timing::interleave`]); `build_ms` makes the shadow structure, `frame_ms` one picture with it made,
+//! and the column `clock` says whose clock it was.
+//!
+//! [`table`] holds one [`Row`](table::Row) a method and setting and writes it as CSV and JSON (every column, at
+//! full precision), [`report`] as Markdown and LaTeX for reading, and [`plot`] draws error against time. None of
+//! these knows of a GPU; measuring itself is tested with planted errors and planted times. [`errors`] asks a built
+//! method and the exact field the same questions, and [`compare`] makes the whole table.
+
+pub mod band;
+mod canvas;
+pub mod compare;
+pub mod errors;
+pub mod heat;
+pub mod plot;
+pub mod rays;
+pub mod report;
+pub mod stats;
+pub mod table;
+pub mod timing;

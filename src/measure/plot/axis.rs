@@ -1,0 +1,135 @@
+//! Logarithmic axes with ticks that read well whatever the span.
+
+/// A logarithmic axis from `low` at place `from` to `high` at place `to`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LogAxis {
+    low: f64,
+    high: f64,
+    from: f64,
+    to: f64,
+    notation: Notation,
+}
+
+/// How an axis writes its numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Notation {
+    /// In full where no number is long, as powers otherwise.
+    Plain,
+    /// As powers of ten.
+    Powers,
+}
+
+/// A mark on an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tick {
+    pub value: f64,
+    /// Text, and a power to raise behind it; none for a minor tick.
+    pub label: Option<(String, Option<i32>)>,
+}
+
+impl LogAxis {
+    /// Holds all `values` (positive) with some air, and at least a factor of 8.
+    pub fn around(values: impl Iterator<Item = f64>, from: f64, to: f64, notation: Notation) -> Self {
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v.log10()), h.max(v.log10())));
+        // Nothing to show on this axis: any decade will do.
+        let (low, high) = if low <= high { (low, high) } else { (-1.0, 0.0) };
+        let air = (0.07 * (high - low)).max(0.5 * (8_f64.log10() - (high - low)));
+        Self { low: low - air, high: high + air, from, to, notation }
+    }
+
+    /// Where a positive value lies.
+    pub fn place(&self, value: f64) -> f64 {
+        self.from + (self.to - self.from) * (value.log10() - self.low) / (self.high - self.low)
+    }
+
+    /// Ticks at the powers of ten (of 100, ... on very long axes); on short axes 2 and 5 are labelled too, in
+    /// between are minor ones.
+    pub fn ticks(&self) -> Vec<Tick> {
+        let span = self.high - self.low;
+        let labelled: &[i32] = match span {
+            s if s < 1.0 => &[1, 2, 3, 5, 7],
+            s if s < 2.2 => &[1, 2, 5],
+            _ => &[1],
+        };
+        let stride = (span / 7.0).ceil().max(1.0) as i32;
+        let mut ticks: Vec<(i32, i32)> = Vec::new();
+        for exponent in self.low.floor() as i32..=self.high.ceil() as i32 {
+            ticks.extend((1..10).map(|mantissa| (mantissa, exponent)));
+        }
+        ticks.retain(|&(m, e)| {
+            let at = f64::from(m).log10() + f64::from(e);
+            (self.low..=self.high).contains(&at)
+        });
+        let has_label = |m: i32, e: i32| labelled.contains(&m) && e % stride == 0;
+        // One way of writing on an axis, not a mixture.
+        let plain = self.notation == Notation::Plain
+            && ticks.iter().filter(|(m, e)| has_label(*m, *e)).all(|(_, e)| (-2..=4).contains(e));
+        ticks
+            .into_iter()
+            .map(|(m, e)| Tick {
+                value: f64::from(m) * 10_f64.powi(e),
+                label: has_label(m, e).then(|| match (plain, m) {
+                    (true, _) => {
+                        (format!("{:.*}", (-e).max(0) as usize, f64::from(m) * 10_f64.powi(e)), None)
+                    }
+                    (false, 1) => ("10".into(), Some(e)),
+                    (false, _) => (format!("{m} × 10"), Some(e)),
+                }),
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Notation::{Plain, Powers};
+    use super::*;
+
+    fn labels(values: &[f64], notation: Notation) -> Vec<String> {
+        let axis = LogAxis::around(values.iter().copied(), 0.0, 1.0, notation);
+        axis.ticks()
+            .into_iter()
+            .filter_map(|t| t.label)
+            .map(|(base, power)| power.map_or(base.clone(), |p| format!("{base}^{p}")))
+            .collect()
+    }
+
+    #[test]
+    fn values_lie_inside_in_order_and_decades_are_even() {
+        let axis = LogAxis::around([1e-4, 3.0, 0.02].into_iter(), 100.0, 500.0, Plain);
+        let places = [1e-4, 0.02, 3.0].map(|v| axis.place(v));
+        assert!(places.is_sorted() && places[0] > 110.0 && places[2] < 490.0, "{places:?}");
+        let decade = axis.place(10.0) - axis.place(1.0);
+        assert!((axis.place(0.01) - axis.place(0.001) - decade).abs() < 1e-9);
+        // Upwards on a page is towards smaller numbers.
+        let up = LogAxis::around([1.0, 10.0].into_iter(), 500.0, 100.0, Plain);
+        assert!(up.place(10.0) < up.place(1.0));
+    }
+
+    #[test]
+    fn ticks_suit_the_span() {
+        assert_eq!(labels(&[80.0, 1500.0], Plain), ["100", "200", "500", "1000"]);
+        assert_eq!(labels(&[0.3, 20_000.0], Plain), ["1", "10", "100", "1000", "10000"]);
+        assert_eq!(labels(&[1e-5, 0.5], Plain), ["10^-5", "10^-4", "10^-3", "10^-2", "10^-1", "10^0"]);
+        assert_eq!(
+            labels(&[0.0012, 0.0012], Plain),
+            ["5 × 10^-4", "7 × 10^-4", "10^-3", "2 × 10^-3", "3 × 10^-3"]
+        );
+        assert_eq!(labels(&[0.03, 0.8], Powers), ["5 × 10^-2", "10^-1", "2 × 10^-1", "5 × 10^-1", "10^0"]);
+        assert_eq!(
+            labels(&[1e-12, 1.0], Plain),
+            ["10^-12", "10^-10", "10^-8", "10^-6", "10^-4", "10^-2", "10^0"]
+        );
+    }
+
+    #[test]
+    fn any_values_give_a_usable_axis() {
+        for values in [&[][..], &[5.0], &[1e-300, 1e300], &[4.0, 4.000_000_1]] {
+            let axis = LogAxis::around(values.iter().copied(), 0.0, 1.0, Plain);
+            let named = axis.ticks().into_iter().filter(|t| t.label.is_some()).count();
+            assert!((1..=9).contains(&named), "{values:?}: {named}");
+            assert!(values.iter().all(|v| (0.0..=1.0).contains(&axis.place(*v))), "{values:?}");
+        }
+    }
+}

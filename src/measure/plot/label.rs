@@ -1,0 +1,215 @@
+//! What is written beside the points, and where.
+
+use crate::measure::canvas::{Point, Rect};
+use crate::measure::table::Row;
+
+/// A row's setting in as few words as tell it from the other rows of its method: the parameters that differ among
+/// them (numbers as `key=value`, words as they are), or the method's name where none does.
+pub fn of_rows(rows: &[Row]) -> Vec<String> {
+    let settings: Vec<Vec<(&str, String)>> = rows
+        .iter()
+        .map(|row| {
+            let mut pairs: Vec<_> = row
+                .params
+                .split_whitespace()
+                .map(|p| p.split_once('=').unwrap_or(("", p)))
+                .map(|(k, v)| (k, v.to_string()))
+                .collect();
+            if let Some(map) = row.map.filter(|_| pairs.iter().all(|(k, _)| *k != "map")) {
+                pairs.push(("map", map.to_string()));
+            }
+            pairs
+        })
+        .collect();
+    let differs = |method: &str, pair: &(&str, String)| {
+        rows.iter().zip(&settings).any(|(r, s)| r.method == method && !s.contains(pair))
+    };
+    rows.iter()
+        .zip(&settings)
+        .map(|(row, setting)| {
+            let words: Vec<String> = setting
+                .iter()
+                .filter(|pair| differs(&row.method, pair))
+                .map(|(k, v)| if v.parse::<f64>().is_ok() { format!("{k}={v}") } else { v.clone() })
+                .collect();
+            if words.is_empty() { row.method.clone() } else { words.join(" ") }
+        })
+        .collect()
+}
+
+/// A label to be placed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wanted {
+    pub point: Point,
+    pub width: f64,
+    pub height: f64,
+    /// Whether it may stand so far off that a line has to lead to it.
+    pub far: bool,
+}
+
+/// Where a label goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placed {
+    pub rect: Rect,
+    /// A line from the point to the label where they are apart.
+    pub leader: Option<[Point; 2]>,
+}
+
+/// Distances between a marker's rim and its label that are tried.
+const DISTANCES: [f64; 6] = [2.0, 5.0, 10.0, 18.0, 30.0, 45.0];
+/// Directions that are tried, anticlockwise from the right.
+const DIRECTIONS: usize = 16;
+/// From this distance on a line leads from the point to the label.
+const LEADER_FROM: f64 = 10.0;
+/// Sweeps in which each label may move to a better place, the others staying.
+const SWEEPS: usize = 4;
+/// A label that covers more than this share of itself is not worth printing.
+const MOST_COVERED: f64 = 0.08;
+
+/// Finds places for labels inside `bounds`, clear of each other and of all markers (of `radius`), and of
+/// `obstacles` where there is room. Earlier labels matter more: a later one that can only be put over others, or
+/// over a marker, is left out.
+pub fn place(labels: &[Wanted], radius: f64, obstacles: &[Rect], bounds: Rect) -> Vec<Option<Placed>> {
+    let markers: Vec<Rect> = labels.iter().map(|l| Rect::around(l.point, radius, radius)).collect();
+    let mut placed: Vec<Option<Placed>> = vec![None; labels.len()];
+    let covered = |rect: &Rect, placed: &[Option<Placed>], own: usize| -> f64 {
+        let others = placed.iter().enumerate().filter(|(j, _)| *j != own).filter_map(|(_, p)| *p);
+        let labels = others.map(|p| p.rect.overlap(rect));
+        labels.chain(markers.iter().map(|m| m.overlap(rect))).sum()
+    };
+    let crossed = |rect: &Rect| obstacles.iter().map(|o| o.overlap(rect)).sum::<f64>();
+    let settle = |placed: &mut Vec<Option<Placed>>, dropped: &[bool]| {
+        for _ in 0..SWEEPS {
+            for (i, &label) in labels.iter().enumerate().filter(|(i, _)| !dropped[*i]) {
+                placed[i] = candidates(label, radius)
+                    .filter(|(_, c)| bounds.holds(&c.rect) && (label.far || c.leader.is_none()))
+                    .map(|(cost, c)| {
+                        let over = covered(&c.rect, placed, i) + crossed(&c.rect);
+                        (cost + 3.0 * over + crossings(&c, i, &markers, placed), c)
+                    })
+                    .min_by(|a, b| a.0.total_cmp(&b.0))
+                    .map(|(_, c)| c);
+            }
+        }
+    };
+    let mut dropped = vec![false; labels.len()];
+    // Whatever covers something goes, the last first; the others then have more room.
+    loop {
+        settle(&mut placed, &dropped);
+        let covers = |i: usize| {
+            placed[i].is_some_and(|p: Placed| covered(&p.rect, &placed, i) > MOST_COVERED * p.rect.area())
+        };
+        let Some(last) = (0..labels.len()).rev().find(|&i| covers(i)) else { return placed };
+        dropped[last] = true;
+        placed[last] = None;
+    }
+}
+
+/// Places around a point with what they cost by themselves: near is better, right and above a little too.
+fn candidates(label: Wanted, radius: f64) -> impl Iterator<Item = (f64, Placed)> {
+    let Wanted { point, width, height, .. } = label;
+    (0..DISTANCES.len() * DIRECTIONS).map(move |c| {
+        let (distance, direction) = (DISTANCES[c / DIRECTIONS], c % DIRECTIONS);
+        let angle = std::f64::consts::TAU * direction as f64 / DIRECTIONS as f64;
+        let (dx, dy) = (angle.cos(), -angle.sin());
+        let reach = radius + distance;
+        let rim = Point(point.0 + reach * dx, point.1 + reach * dy);
+        // The label's side or corner that faces the point is where the rim is.
+        let center = Point(rim.0 + 0.5 * width * (2.0 * dx).clamp(-1.0, 1.0), rim.1 + 0.5 * height * dy);
+        let rect = Rect::around(center, 0.5 * width, 0.5 * height);
+        let leader =
+            (distance >= LEADER_FROM).then_some([Point(point.0 + radius * dx, point.1 + radius * dy), rim]);
+        let cost = 4.0 * distance + 6.0 * (1.0 - dx) + 2.0 * (1.0 + dy);
+        (cost, Placed { rect, leader })
+    })
+}
+
+/// What it costs that a leader runs through markers or other labels.
+fn crossings(candidate: &Placed, own: usize, markers: &[Rect], placed: &[Option<Placed>]) -> f64 {
+    let Some([from, to]) = candidate.leader else { return 0.0 };
+    let labels = placed.iter().map(|p| p.map(|p| p.rect));
+    let all = markers.iter().copied().map(Some).enumerate().chain(labels.enumerate());
+    let hits = all.filter(|(j, r)| {
+        *j != own
+            && r.is_some_and(|r| {
+                (0..=8).any(|i| {
+                    let t = f64::from(i) / 8.0;
+                    r.contains(Point(from.0 + t * (to.0 - from.0), from.1 + t * (to.1 - from.1)))
+                })
+            })
+    });
+    60.0 * hits.count() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(method: &str, params: &str, map: u32) -> Row {
+        Row { method: method.into(), params: params.into(), map: Some(map), ..Row::default() }
+    }
+
+    #[test]
+    fn labels_say_only_what_differs_within_a_method() {
+        let rows = [
+            row("rays", "", 512),
+            row("dsm", "epsilon=0.06 prefilter=1", 512),
+            row("dsm", "epsilon=0.02 prefilter=1", 512),
+            row("osm", "layers=8 slicing=uniform", 256),
+            row("osm", "layers=8 slicing=density", 512),
+        ];
+        let expected = ["rays", "epsilon=0.06", "epsilon=0.02", "uniform map=256", "density map=512"];
+        assert_eq!(of_rows(&rows), expected);
+    }
+
+    const BOUNDS: Rect = Rect { left: 0.0, top: 0.0, right: 500.0, bottom: 400.0 };
+
+    fn wanted(x: f64, y: f64, width: f64) -> Wanted {
+        Wanted { point: Point(x, y), width, height: 12.0, far: true }
+    }
+
+    fn overlaps(placed: &[Option<Placed>]) -> f64 {
+        let rects: Vec<Rect> = placed.iter().flatten().map(|p| p.rect).collect();
+        let pairs = rects.iter().enumerate().flat_map(|(i, a)| rects[..i].iter().map(move |b| a.overlap(b)));
+        pairs.sum()
+    }
+
+    #[test]
+    fn labels_keep_clear_of_each_other_and_of_markers() {
+        // A crowd in a corner, near two borders.
+        let labels: Vec<_> = (0..12)
+            .map(|i| (470.0 - 9.0 * f64::from(i % 4), 380.0 - 16.0 * f64::from(i / 4)))
+            .map(|(x, y)| wanted(x, y, 70.0))
+            .collect();
+        let placed = place(&labels, 7.0, &[], BOUNDS);
+        assert!(placed.iter().flatten().count() >= 6, "most find a place");
+        assert!(placed.iter().flatten().all(|p| BOUNDS.holds(&p.rect)));
+        assert!(overlaps(&placed) < 12.0 * MOST_COVERED * 70.0 * 12.0);
+        let markers = labels.iter().map(|l| Rect::around(l.point, 7.0, 7.0));
+        let covered: f64 =
+            markers.flat_map(|m| placed.iter().flatten().map(move |p| p.rect.overlap(&m))).sum();
+        assert!(covered < 12.0 * MOST_COVERED * 70.0 * 12.0);
+    }
+
+    #[test]
+    fn a_lone_label_sits_right_beside_its_point() {
+        let placed = place(&[wanted(100.0, 100.0, 60.0)], 7.0, &[], BOUNDS)[0].unwrap();
+        assert_eq!(placed.leader, None);
+        assert!(placed.rect.left >= 107.0 && placed.rect.left < 112.0, "{placed:?}");
+        // An obstacle there, and it goes elsewhere.
+        let wall = Rect { left: 108.0, top: 80.0, right: 300.0, bottom: 120.0 };
+        let placed = place(&[wanted(100.0, 100.0, 60.0)], 7.0, &[wall], BOUNDS)[0].unwrap();
+        assert_eq!(placed.rect.overlap(&wall), 0.0);
+        // Where the border is in the way it goes to the other side.
+        let placed = place(&[wanted(480.0, 100.0, 60.0)], 7.0, &[], BOUNDS)[0].unwrap();
+        assert!(placed.rect.right <= 480.0 + 40.0 && BOUNDS.holds(&placed.rect));
+    }
+
+    #[test]
+    fn what_cannot_be_placed_is_left_out_and_the_first_stays() {
+        let same = wanted(50.0, 10.0, 90.0);
+        let tiny = Rect { left: 0.0, top: 0.0, right: 160.0, bottom: 20.0 };
+        let placed = place(&[same; 5], 2.0, &[], tiny);
+        assert!(placed[0].is_some() && placed.iter().flatten().count() < 5);
+    }
+}

@@ -1,0 +1,114 @@
+//! A method's colour and marker, the same in every figure.
+
+use crate::measure::canvas::{Drawing, Point, Rgb, WHITE};
+use crate::measure::table::Row;
+
+/// Radius of a marker in points.
+pub const MARKER: f64 = 5.5;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Marker {
+    Circle,
+    Square,
+    Diamond,
+    Up,
+    Down,
+    Cross,
+    Plus,
+    Star,
+}
+
+/// Colours are of the Okabe-Ito palette (Okabe and Ito 2008), whose yellow is too pale on white.
+pub const STYLES: [(&str, Rgb, Marker); 6] = [
+    ("none", [0, 0, 0], Marker::Cross),
+    ("rays", [204, 121, 167], Marker::Star),
+    ("dsm", [0, 114, 178], Marker::Circle),
+    ("osm", [230, 159, 0], Marker::Square),
+    ("dom", [0, 158, 115], Marker::Up),
+    ("bom", [213, 94, 0], Marker::Diamond),
+];
+/// For methods that have no style of their own.
+const OTHERS: [(Rgb, Marker); 2] = [([86, 180, 233], Marker::Down), ([110, 110, 110], Marker::Plus)];
+
+/// A method's colour and marker.
+pub struct Family {
+    pub name: String,
+    pub color: Rgb,
+    pub marker: Marker,
+}
+
+/// The methods in the order of [`STYLES`], others after them as they come.
+pub fn families(rows: &[Row]) -> Vec<Family> {
+    let mut families: Vec<Family> = STYLES
+        .iter()
+        .filter(|(name, ..)| rows.iter().any(|r| r.method == *name))
+        .map(|&(name, color, marker)| Family { name: name.into(), color, marker })
+        .collect();
+    let known = families.len();
+    for row in rows {
+        if families.iter().all(|f| f.name != row.method) {
+            let (color, marker) = OTHERS[(families.len() - known) % OTHERS.len()];
+            families.push(Family { name: row.method.clone(), color, marker });
+        }
+    }
+    families
+}
+
+/// A filled marker with a white rim, or strokes on a white ground.
+pub fn marker(drawing: &mut Drawing, at: Point, marker: Marker, color: Rgb) {
+    let r = MARKER;
+    let corners = |r: f64| -> Vec<Point> {
+        let around = |n: usize, turn: f64, radii: [f64; 2]| {
+            (0..n)
+                .map(|i| {
+                    let angle = turn + std::f64::consts::TAU * i as f64 / n as f64;
+                    let radius = radii[i % 2];
+                    Point(at.0 + radius * angle.sin(), at.1 - radius * angle.cos())
+                })
+                .collect()
+        };
+        let (half, third) = (std::f64::consts::FRAC_PI_4, std::f64::consts::PI);
+        match marker {
+            Marker::Square => around(4, half, [1.25 * r; 2]),
+            Marker::Diamond => around(4, 0.0, [1.35 * r; 2]),
+            Marker::Up => around(3, 0.0, [1.3 * r; 2]),
+            Marker::Down => around(3, third, [1.3 * r; 2]),
+            Marker::Star => around(10, 0.0, [1.5 * r, 0.62 * r]),
+            Marker::Circle => around(40, 0.0, [r; 2]),
+            Marker::Cross | Marker::Plus => Vec::new(),
+        }
+    };
+    let strokes: &[[f64; 2]] = match marker {
+        Marker::Cross => &[[0.8, 0.8], [0.8, -0.8]],
+        Marker::Plus => &[[1.1, 0.0], [0.0, 1.1]],
+        _ => {
+            drawing.polygon(corners(r + 1.4), WHITE);
+            drawing.polygon(corners(r), color);
+            return;
+        }
+    };
+    for (width, color) in [(5.0, WHITE), (2.6, color)] {
+        for [dx, dy] in strokes.iter().map(|s| s.map(|d| d * r)) {
+            drawing.line(&[Point(at.0 - dx, at.1 - dy), Point(at.0 + dx, at.1 + dy)], width, color);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn methods_keep_their_style_whatever_else_is_drawn() {
+        let row = |method: &str| Row { method: method.into(), ..Row::default() };
+        let named = |rows: &[Row]| {
+            families(rows).into_iter().map(|f| (f.name, f.color, f.marker)).collect::<Vec<_>>()
+        };
+        let all = named(&[row("bom"), row("mine"), row("dsm"), row("none"), row("dsm")]);
+        assert_eq!(all.iter().map(|f| f.0.as_str()).collect::<Vec<_>>(), ["none", "dsm", "bom", "mine"]);
+        assert_eq!(named(&[row("dsm")])[0], all[1]);
+        for (i, a) in all.iter().enumerate() {
+            assert!(all[..i].iter().all(|b| a.1 != b.1 && a.2 != b.2), "{a:?} looks like another");
+        }
+    }
+}

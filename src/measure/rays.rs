@@ -1,0 +1,168 @@
+//! Which light rays to test: texels of a shadow map, spread over what they meet.
+
+/// The largest share of the rays that goes to the edges of what the map meets.
+const EDGE_SHARE: f64 = 0.25;
+
+/// A well-mixed function of its argument (the finaliser of `splitmix64`): the one source of "chance" in
+/// measuring, so that every run tests the same places.
+pub(super) fn mix(seed: u64) -> u64 {
+    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Picks `count` distinct texels `[column, row]` of a `map x map` grid whose light rays are to be tested, always
+/// the same ones for the same arguments.
+///
+/// `meets(column, row)` says whether a texel's ray meets anything. Up to a quarter of the rays goes to texels on
+/// the edge of what is met (on either side of it: neighbours differ, or the map ends), where lookups and fits go
+/// wrong first; the others to texels inside it; and what these cannot fill to texels that meet nothing. Each of
+/// the three is covered evenly: texels are lined up along a Morton curve, which keeps neighbours together, and
+/// one is taken from each of equal stretches. They come back in that order, so neighbours in the list are
+/// neighbours in the map. Fewer than `count` come back only if the map has no more.
+pub fn pick_texels(map: u32, count: usize, meets: impl Fn(u32, u32) -> bool) -> Vec<[u32; 2]> {
+    let side = map as usize;
+    let met: Vec<bool> = (0..side * side).map(|i| meets((i % side) as u32, (i / side) as u32)).collect();
+    let class = |[column, row]: [u32; 2]| {
+        let (c, r) = (column as usize, row as usize);
+        let here = met[r * side + c];
+        let differs = |dc: usize, dr: usize| {
+            // Neighbour index plus one, so that 0 is the one before the first; outside nothing is met.
+            let (nc, nr) = ((c + dc).wrapping_sub(1), (r + dr).wrapping_sub(1));
+            (nc < side && nr < side && met[nr * side + nc]) != here
+        };
+        if differs(0, 1) || differs(2, 1) || differs(1, 0) || differs(1, 2) {
+            Class::Edge
+        } else if here {
+            Class::Inside
+        } else {
+            Class::Empty
+        }
+    };
+    let (mut edge, mut inside, mut empty) = (Vec::new(), Vec::new(), Vec::new());
+    for code in 0..u64::from(map.next_power_of_two()).pow(2) {
+        let texel = [even_bits(code), even_bits(code >> 1)];
+        if texel[0] < map && texel[1] < map {
+            match class(texel) {
+                Class::Edge => edge.push(code),
+                Class::Inside => inside.push(code),
+                Class::Empty => empty.push(code),
+            }
+        }
+    }
+
+    let edge_quota = (EDGE_SHARE * count as f64).round() as usize;
+    let from_inside = inside.len().min(count - edge_quota.min(edge.len()).min(count));
+    let from_edge = edge.len().min(count - from_inside);
+    let from_empty = empty.len().min(count - from_inside - from_edge);
+    let mut codes = spread(&inside, from_inside);
+    codes.extend(spread(&edge, from_edge));
+    codes.extend(spread(&empty, from_empty));
+    codes.sort_unstable();
+    codes.into_iter().map(|code| [even_bits(code), even_bits(code >> 1)]).collect()
+}
+
+enum Class {
+    Edge,
+    Inside,
+    Empty,
+}
+
+/// One of each of `count` equal stretches of `line`, which has at least `count` entries.
+fn spread(line: &[u64], count: usize) -> Vec<u64> {
+    (0..count)
+        .map(|i| {
+            let (start, end) = (i * line.len() / count, (i + 1) * line.len() / count);
+            line[start + (mix(i as u64) % (end - start) as u64) as usize]
+        })
+        .collect()
+}
+
+/// Bits 0, 2, 4, ... of a Morton code, packed: one coordinate.
+fn even_bits(code: u64) -> u32 {
+    let mut x = code & 0x5555_5555_5555_5555;
+    for (shift, mask) in [
+        (1, 0x3333_3333_3333_3333),
+        (2, 0x0f0f_0f0f_0f0f_0f0f),
+        (4, 0x00ff_00ff_00ff_00ff),
+        (8, 0x0000_ffff_0000_ffff),
+        (16, 0x0000_0000_ffff_ffff),
+    ] {
+        x = (x | (x >> shift)) & mask;
+    }
+    x as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    fn disc(c: u32, r: u32) -> bool {
+        let (x, y) = (f64::from(c) - 50.0, f64::from(r) - 40.0);
+        x.hypot(y) < 30.0
+    }
+
+    fn is_edge(c: u32, r: u32) -> bool {
+        let met = |c: i64, r: i64| c >= 0 && r >= 0 && disc(c as u32, r as u32);
+        let (x, y) = (i64::from(c), i64::from(r));
+        [(1, 0), (-1, 0), (0, 1), (0, -1)].iter().any(|(a, b)| met(x + a, y + b) != met(x, y))
+    }
+
+    #[test]
+    fn morton_codes_visit_every_texel_once() {
+        let visited: HashSet<_> = (0..256_u64).map(|m| [even_bits(m), even_bits(m >> 1)]).collect();
+        assert_eq!(visited.len(), 256);
+        assert!(visited.iter().all(|t| t[0] < 16 && t[1] < 16));
+        assert_eq!([even_bits(0b10_0111), even_bits(0b10_0111 >> 1)], [0b011, 0b101]);
+    }
+
+    #[test]
+    fn texels_are_distinct_deterministic_and_prefer_what_is_met() {
+        let picked = pick_texels(100, 600, disc);
+        assert_eq!(picked.len(), 600);
+        assert_eq!(picked.iter().collect::<HashSet<_>>().len(), 600);
+        assert_eq!(picked, pick_texels(100, 600, disc));
+        let edges = picked.iter().filter(|t| is_edge(t[0], t[1])).count();
+        assert_eq!(edges, 150, "a quarter at the edge");
+        assert!(picked.iter().all(|t| disc(t[0], t[1]) || is_edge(t[0], t[1])));
+        assert!(picked.iter().any(|t| !disc(t[0], t[1])), "the outer side of the edge too");
+    }
+
+    #[test]
+    fn texels_are_spread_over_what_is_met() {
+        // Each quarter of the disc gets about a quarter.
+        let picked = pick_texels(100, 600, disc);
+        for quadrant in 0..4 {
+            let n =
+                picked.iter().filter(|t| (t[0] >= 50, t[1] >= 40) == (quadrant & 1 == 1, quadrant & 2 == 2));
+            assert!((130..=170).contains(&n.count()), "quadrant {quadrant}");
+        }
+        // On a full grid, one from each block of 4 x 4.
+        let inside = |c: u32, r: u32| (1..65).contains(&c) && (1..65).contains(&r);
+        let picked = pick_texels(66, 256, inside);
+        let widest = (1..65)
+            .flat_map(|c| (1..65).map(move |r| (c, r)))
+            .map(|(c, r)| picked.iter().map(|t| t[0].abs_diff(c).max(t[1].abs_diff(r))).min().unwrap())
+            .max()
+            .unwrap();
+        assert!(widest <= 8, "a hole of {widest} texels");
+    }
+
+    #[test]
+    fn what_is_short_is_filled_from_the_rest() {
+        let lone = |c: u32, r: u32| (c, r) == (3, 5);
+        let picked = pick_texels(10, 20, lone);
+        assert_eq!(picked.len(), 20);
+        assert!(picked.contains(&[3, 5]));
+        assert_eq!(picked.iter().collect::<HashSet<_>>().len(), 20);
+        // More than there are; nothing met; everything met; no map at all.
+        assert_eq!(pick_texels(10, 500, disc).len(), 100);
+        assert_eq!(pick_texels(10, 30, |_, _| false).len(), 30);
+        assert_eq!(pick_texels(10, 30, |_, _| true).len(), 30);
+        assert_eq!(pick_texels(10, 1, |_, _| true).len(), 1);
+        assert!(pick_texels(0, 5, |_, _| true).is_empty());
+        assert!(pick_texels(5, 0, |_, _| true).is_empty());
+    }
+}

@@ -1,0 +1,352 @@
+//! The table for reading: Markdown and LaTeX, units in the headings, three significant digits.
+
+use super::table::{Row, csv, json};
+use crate::error::Result;
+use crate::output::write_whole;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// A column of the readable tables.
+struct Shown {
+    heading: &'static str,
+    unit: &'static str,
+    /// Numbers are aligned to the right.
+    number: bool,
+    /// LaTeX tables must fit a page, so they show fewer columns.
+    on_paper: bool,
+    value: fn(&Row) -> String,
+}
+
+const fn text(heading: &'static str, value: fn(&Row) -> String) -> Shown {
+    Shown { heading, unit: "", number: false, on_paper: true, value }
+}
+
+const fn number(heading: &'static str, unit: &'static str, value: fn(&Row) -> String) -> Shown {
+    Shown { heading, unit, number: true, on_paper: true, value }
+}
+
+const fn wide(heading: &'static str, unit: &'static str, value: fn(&Row) -> String) -> Shown {
+    Shown { heading, unit, number: true, on_paper: false, value }
+}
+
+const SHOWN: &[Shown] = &[
+    text("scene", |r| r.scene.clone()),
+    text("adapter", |r| r.adapter.clone()),
+    text("picture", |r| format!("{} x {}", r.width, r.height)),
+    text("clock", |r| r.clock.map_or(String::new(), |c| c.name().to_string())),
+    text("method", |r| r.method.clone()),
+    text("params", |r| r.params.clone()),
+    number("map", "texels", |r| r.map.map_or(String::new(), |n| n.to_string())),
+    number("build", "ms", |r| real(r.build_ms)),
+    number("frame", "ms", |r| real(r.frame_ms)),
+    wide("fps static", "1/s", |r| real(r.fps_static)),
+    number("fps moving", "1/s", |r| real(r.fps_moving)),
+    number("memory", "MiB", |r| real(r.bytes.map(|b| b as f64 / f64::from(1 << 20)))),
+    wide("nodes", "", |r| r.nodes_total.map_or(String::new(), |n| n.to_string())),
+    wide("nodes max", "", |r| r.nodes_max.map_or(String::new(), |n| n.to_string())),
+    number("ray err max", "", |r| real(r.ray_err_max)),
+    wide("point err max", "", |r| real(r.point_err_max)),
+    number("point err rms", "", |r| real(r.point_err_rms)),
+    number("point err p99", "", |r| real(r.point_err_p99)),
+    wide("image rmse", "", |r| real(r.image_rmse)),
+    number("PSNR", "dB", |r| real(r.image_psnr)),
+    number("bound", "", |r| real(r.bound)),
+    wide("bound depth", "mm", |r| real(r.bound_depth_mm)),
+    text("bound held", |r| flag(r.bound_held)),
+    text("Pareto", |r| flag(r.pareto)),
+];
+
+/// Columns that go into the caption when every row has the same in them.
+const CAPTION_COLUMNS: usize = 4;
+
+/// The main columns of the rows as an aligned Markdown table with a caption.
+pub fn summary(rows: &[Row]) -> String {
+    markdown_table(rows, |s| s.on_paper)
+}
+
+/// The rows as an aligned Markdown table with a caption, and what was left out below it.
+pub fn markdown(rows: &[Row]) -> String {
+    let mut out = markdown_table(rows, |_| true);
+    out += "\nErrors are of transmittance (0 to 1): `ray err` along light rays, `point err` at the points the \
+        camera sees. Times are medians. Every column is in the CSV file beside this one.\n";
+    let mut left_out = rows.iter().filter(|r| !r.left_out.is_empty()).peekable();
+    if left_out.peek().is_some() {
+        out += "\nLeft out, because the scene does not need it:\n\n";
+        for row in left_out {
+            out += &format!("- {}: {}\n", escape_markdown(&name(row)), escape_markdown(&row.left_out));
+        }
+    }
+    out
+}
+
+fn markdown_table(rows: &[Row], wanted: impl Fn(&Shown) -> bool) -> String {
+    let (caption, shown) = layout(rows, wanted);
+    let mut out = format!("{}\n\n", escape_markdown(&caption));
+    let mut lines = vec![shown.iter().map(|s| escape_markdown(&heading(s))).collect::<Vec<_>>()];
+    lines.extend(rows.iter().map(|r| shown.iter().map(|s| escape_markdown(&(s.value)(r))).collect()));
+    let width = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0).max(3);
+    let widths: Vec<usize> = (0..shown.len()).map(width).collect();
+    for (i, line) in lines.iter().enumerate() {
+        out.push('|');
+        for ((cell, s), &width) in line.iter().zip(&shown).zip(&widths) {
+            // Writing to a String cannot fail.
+            let _ =
+                if s.number { write!(out, " {cell:>width$} |") } else { write!(out, " {cell:<width$} |") };
+        }
+        out.push('\n');
+        if i == 0 {
+            out.push('|');
+            for (s, width) in shown.iter().zip(&widths) {
+                let dashes = "-".repeat(*width);
+                out += &if s.number { format!(" {}: |", &dashes[1..]) } else { format!(" {dashes} |") };
+            }
+            out.push('\n');
+        }
+    }
+    out
+}
+
+/// The rows as a LaTeX `tabular` (package `booktabs`) to be put into a `table` with `\input`; a rule between
+/// methods. What all rows share is a comment above it.
+pub fn latex(rows: &[Row]) -> String {
+    let (caption, shown) = layout(rows, |s| s.on_paper);
+    let mut out = format!("% Needs \\usepackage{{booktabs}}.\n% {}\n", one_line(&caption));
+    let alignment: String = shown.iter().map(|s| if s.number { 'r' } else { 'l' }).collect();
+    out += &format!("\\begin{{tabular}}{{@{{}}{alignment}@{{}}}}\n\\toprule\n");
+    let line = |cells: Vec<String>| cells.join(" & ") + " \\\\\n";
+    out += &line(shown.iter().map(|s| escape_latex(s.heading)).collect());
+    let unit = |s: &&Shown| if s.unit.is_empty() { String::new() } else { format!("[{}]", s.unit) };
+    // The first column never has a unit, so no `[` follows `\\` to be read as its argument.
+    out += &line(shown.iter().map(unit).collect());
+    let mut method = None;
+    for row in rows {
+        if method != Some(&row.method) {
+            out += "\\midrule\n";
+            method = Some(&row.method);
+        }
+        let cell = |s: &&Shown| {
+            let value = (s.value)(row);
+            if s.number { latex_number(&value) } else { escape_latex(&value) }
+        };
+        out += &line(shown.iter().map(cell).collect());
+    }
+    out + "\\bottomrule\n\\end{tabular}\n"
+}
+
+/// Writes `compare.csv`, `compare.json`, `compare.md` and `compare.tex` (for `stem` `compare`) into a folder that
+/// exists, each whole or not at all, and returns their paths.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_tables(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
+    let files = [
+        ("csv", csv(rows)?),
+        ("json", json(rows)?),
+        ("md", markdown(rows).into_bytes()),
+        ("tex", latex(rows).into_bytes()),
+    ];
+    files
+        .into_iter()
+        .map(|(extension, bytes)| {
+            let path = folder.join(format!("{stem}.{extension}"));
+            write_whole(&path, |file| file.write_all(&bytes))?;
+            Ok(path)
+        })
+        .collect()
+}
+
+/// The caption of what all rows share, and the other columns that any row has a value in.
+fn layout(rows: &[Row], wanted: impl Fn(&Shown) -> bool) -> (String, Vec<&'static Shown>) {
+    let (mut caption, mut shown) = (Vec::new(), Vec::new());
+    for (i, s) in SHOWN.iter().enumerate().filter(|(_, s)| wanted(s)) {
+        let mut values = rows.iter().map(s.value);
+        let first = values.next().unwrap_or_default();
+        if i < CAPTION_COLUMNS && values.all(|v| v == first) {
+            if !first.is_empty() {
+                caption.push(format!("{}: {first}", s.heading));
+            }
+        } else if rows.iter().any(|r| !(s.value)(r).is_empty()) {
+            shown.push(s);
+        }
+    }
+    (caption.join(" · "), shown)
+}
+
+fn heading(s: &Shown) -> String {
+    if s.unit.is_empty() { s.heading.to_string() } else { format!("{} [{}]", s.heading, s.unit) }
+}
+
+/// Method and parameters, as one would ask for them.
+fn name(row: &Row) -> String {
+    if row.params.is_empty() { row.method.clone() } else { format!("{} {}", row.method, row.params) }
+}
+
+fn flag(value: Option<bool>) -> String {
+    value.map_or("", |yes| if yes { "yes" } else { "no" }).to_string()
+}
+
+fn real(value: Option<f64>) -> String {
+    value.map_or(String::new(), |x| significant(x, 3))
+}
+
+/// `x` to so many significant digits: plain from 0.001 to 100 000, otherwise as `1.23e-5`.
+pub(super) fn significant(x: f64, digits: usize) -> String {
+    if x == 0.0 {
+        return "0".into();
+    }
+    if !x.is_finite() {
+        return x.to_string();
+    }
+    // Rounding first puts 9.996 among the numbers with two digits before the point.
+    let rounded = format!("{x:.*e}", digits.saturating_sub(1));
+    let exponent: i32 = rounded.rsplit('e').next().and_then(|e| e.parse().ok()).unwrap_or(0);
+    if !(-3..5).contains(&exponent) {
+        return rounded;
+    }
+    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+    format!("{x:.decimals$}")
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn escape_markdown(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in one_line(text).chars() {
+        if matches!(c, '\\' | '|' | '<' | '*' | '`' | '[') {
+            out.push('\\');
+        }
+        out.push(c);
+    }
+    // Brackets are units here; without a following parenthesis or colon they are plain text.
+    out.replace("\\[", "[")
+}
+
+fn escape_latex(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in one_line(text).chars() {
+        match c {
+            '\\' => out += "\\textbackslash{}",
+            '~' => out += "\\textasciitilde{}",
+            '^' => out += "\\textasciicircum{}",
+            '<' => out += "\\textless{}",
+            '>' => out += "\\textgreater{}",
+            '|' => out += "\\textbar{}",
+            '{' | '}' | '$' | '&' | '#' | '_' | '%' => out.extend(['\\', c]),
+            _ => out.push(c),
+        }
+    }
+    out
+}
+
+/// A number made by [`significant`], in mathematics.
+fn latex_number(text: &str) -> String {
+    if text.is_empty() {
+        return String::new();
+    }
+    match text.split_once('e') {
+        Some((mantissa, exponent)) => format!("${mantissa}\\times10^{{{exponent}}}$"),
+        None => format!("${}$", text.replace("inf", "\\infty")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::tests::sample_rows;
+    use super::*;
+
+    #[test]
+    fn significant_digits() {
+        for (x, expected) in [
+            (0.0, "0"),
+            (12.345, "12.3"),
+            (9.996, "10.0"),
+            (99_940.0, "99940"),
+            (99_960.0, "1.00e5"),
+            (123_456.0, "1.23e5"),
+            (0.001_234_5, "0.00123"),
+            (0.000_999_6, "0.00100"),
+            (0.000_123_45, "1.23e-4"),
+            (-0.5, "-0.500"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(significant(x, 3), expected, "{x}");
+        }
+    }
+
+    #[test]
+    fn markdown_is_an_aligned_table() {
+        let text = markdown(&sample_rows());
+        assert!(text.starts_with(
+            "scene: CT_AVM vessels · adapter: llvmpipe (LLVM 19.1, 256 bits) · picture: 512 x 512 · clock: wall\n"
+        ));
+        let table: Vec<&str> = text.lines().filter(|l| l.starts_with('|')).collect();
+        assert_eq!(table.len(), 2 + 5);
+        let length = table[0].chars().count();
+        let bars = |line: &str| line.matches('|').count();
+        assert!(table.iter().all(|l| l.chars().count() == length && bars(l) == bars(table[0])), "{text}");
+        assert!(table[0].contains("build [ms]") && !table[0].contains("scene"), "{text}");
+        assert!(!table[0].contains("image rmse"), "no row has it");
+        assert!(table[1].contains("-: |"));
+        assert!(table[4].contains("| epsilon=0.06 prefilter=1 ") && table[4].contains(" 3.20 |"), "{text}");
+        assert!(text.contains("12 bricks \\| 3 MiB"), "a bar must not make a column");
+    }
+
+    #[test]
+    fn what_differs_between_rows_is_a_column() {
+        let mut rows = sample_rows();
+        rows[1].scene = "engine step".into();
+        let text = markdown(&rows);
+        assert!(!text.lines().next().unwrap().contains("scene"));
+        assert!(text.contains("| scene ") && text.contains("| engine step "));
+    }
+
+    #[test]
+    fn latex_is_escaped_and_every_line_has_all_columns() {
+        let mut rows = sample_rows();
+        rows[2].params = "a_b=50% {x} & ~#$^\\".into();
+        rows[2].point_err_p99 = Some(1.234e-5);
+        let text = latex(&rows);
+        assert!(text.contains(
+            "a\\_b=50\\% \\{x\\} \\& \\textasciitilde{}\\#\\$\\textasciicircum{}\\textbackslash{}"
+        ));
+        assert!(text.contains("$1.23\\times10^{-5}$") && text.contains("$\\infty$"));
+        assert_eq!(text.matches("\\midrule").count(), 4, "one before each method");
+        let begin = text.lines().find(|l| l.starts_with("\\begin")).unwrap();
+        let columns = begin.split("@{}").nth(1).unwrap().len();
+        let lines: Vec<&str> = text.lines().filter(|l| l.ends_with("\\\\")).collect();
+        assert_eq!(lines.len(), 2 + 5);
+        for line in lines {
+            assert_eq!(line.replace("\\&", "").matches('&').count(), columns - 1, "{line}");
+        }
+        // A comment that broke over a line would be typeset.
+        rows.iter_mut().for_each(|r| r.scene = "two\nlines".into());
+        assert!(latex(&rows).contains("% scene: two lines"));
+    }
+
+    #[test]
+    fn no_rows_still_make_tables() {
+        assert!(markdown(&[]).contains('|'));
+        assert!(latex(&[]).contains("\\bottomrule"));
+    }
+
+    #[test]
+    fn files_appear_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = write_tables(&sample_rows(), folder.path(), "compare").unwrap();
+        let names = || {
+            let mut names: Vec<_> =
+                std::fs::read_dir(folder.path()).unwrap().map(|f| f.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        assert_eq!(names(), ["compare.csv", "compare.json", "compare.md", "compare.tex"]);
+        assert!(paths.iter().all(|p| std::fs::metadata(p).unwrap().len() > 100));
+        // A folder in the way: an error, and nothing left behind.
+        std::fs::create_dir(folder.path().join("other.csv")).unwrap();
+        let error = write_tables(&sample_rows(), folder.path(), "other").unwrap_err();
+        assert_eq!(error.exit_status(), 1);
+        assert_eq!(names().len(), 5);
+    }
+}

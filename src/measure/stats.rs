@@ -1,0 +1,281 @@
+//! Medians of timings, statistics of transmittance errors and differences between pictures.
+
+use crate::error::{Error, Result};
+use ndarray::{Array2, ArrayView3, Axis};
+use serde::Serialize;
+
+/// Median and extremes of repeated readings, in the readings' unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Spread {
+    pub median: f64,
+    pub min: f64,
+    pub max: f64,
+}
+
+impl Spread {
+    /// A spread with no width: a figure known without repeating it.
+    pub const fn exactly(value: f64) -> Self {
+        Self { median: value, min: value, max: value }
+    }
+
+    /// Median (the mean of the middle two of an even number), smallest and largest; `None` without readings.
+    pub fn of(readings: &[f64]) -> Option<Self> {
+        let mut sorted = readings.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let (min, max) = (*sorted.first()?, *sorted.last()?);
+        let half = sorted.len() / 2;
+        let median =
+            if sorted.len() % 2 == 1 { sorted[half] } else { 0.5 * (sorted[half - 1] + sorted[half]) };
+        Some(Self { median, min, max })
+    }
+}
+
+/// Slack on a rank, relative to the total weight: more than summation rounding, far less than any one point.
+const RANK_SLACK: f64 = 1e-12;
+
+/// Nearest-rank weighted percentile: the smallest value such that it and all smaller values together carry at
+/// least `fraction` of the total weight. No interpolation, so the answer is always one of the values.
+///
+/// With unit weights, `fraction = 0.99` and 100 values it is the 99th smallest; with 50 values the 50th.
+/// Entries of weight 0 count for nothing; `None` where no entry has weight.
+pub fn weighted_percentile(value_and_weight: &[(f64, f64)], fraction: f64) -> Option<f64> {
+    let mut sorted: Vec<_> = value_and_weight.iter().copied().filter(|&(_, w)| w > 0.0).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = sorted.iter().map(|&(_, w)| w).sum();
+    let rank = (fraction - RANK_SLACK) * total;
+    let mut carried = 0.0;
+    for &(value, weight) in &sorted {
+        carried += weight;
+        if carried >= rank {
+            return Some(value);
+        }
+    }
+    sorted.last().map(|&(value, _)| value)
+}
+
+/// Weighted statistics of signed errors `T_method - T_exact`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ErrorStats {
+    /// Points with weight.
+    pub count: usize,
+    /// Points with weight whose error is not finite; each counts as an infinite one, so that it cannot hide.
+    pub non_finite: usize,
+    /// Largest `|error|` over the points with weight.
+    pub max_abs: f64,
+    /// `sqrt(sum w e^2 / sum w)`.
+    pub rms: f64,
+    /// 99th percentile of `|error|`, as [`weighted_percentile`] defines it.
+    pub p99_abs: f64,
+    /// `sum w e / sum w`: negative where the method is too dark.
+    pub mean: f64,
+}
+
+impl ErrorStats {
+    /// Statistics of `(error, weight)` pairs; `None` where no point has weight.
+    ///
+    /// # Errors
+    /// A weight that is negative or not finite.
+    pub fn of(error_and_weight: impl IntoIterator<Item = (f64, f64)>) -> Result<Option<Self>> {
+        let (mut total, mut sum, mut sum_of_squares) = (0.0, 0.0, 0.0);
+        let mut non_finite = 0;
+        let mut sized = Vec::new();
+        for (index, (error, weight)) in error_and_weight.into_iter().enumerate() {
+            if !weight.is_finite() || weight < 0.0 {
+                return Err(Error::runtime(
+                    "cannot weigh errors",
+                    format!("point {index}"),
+                    format!("its weight is {weight}"),
+                ));
+            }
+            if weight == 0.0 {
+                continue;
+            }
+            let error = if error.is_finite() {
+                error
+            } else {
+                non_finite += 1;
+                f64::INFINITY
+            };
+            total += weight;
+            sum += weight * error;
+            sum_of_squares += weight * error * error;
+            sized.push((error.abs(), weight));
+        }
+        let Some(p99_abs) = weighted_percentile(&sized, 0.99) else { return Ok(None) };
+        Ok(Some(Self {
+            count: sized.len(),
+            non_finite,
+            max_abs: sized.iter().fold(0.0, |m, &(e, _)| m.max(e)),
+            rms: (sum_of_squares / total).sqrt(),
+            p99_abs,
+            mean: sum / total,
+        }))
+    }
+}
+
+/// Difference between two pictures, linear RGBA.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ImageError {
+    /// Root of the mean squared difference over all pixels and channels.
+    pub rmse: f64,
+    /// `-20 log10(rmse)`: the peak is 1, whatever the pictures hold; infinite for identical pictures. dB.
+    pub psnr_db: f64,
+    /// Largest difference of any channel.
+    pub max_abs: f64,
+}
+
+/// Compares two `height x width x 4` linear pictures; a difference that is not finite counts as infinite.
+///
+/// # Errors
+/// Pictures of different sizes, or empty ones.
+pub fn image_error(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<ImageError> {
+    same_size(&picture, &reference)?;
+    let (mut sum_of_squares, mut max_abs) = (0.0, 0.0_f64);
+    ndarray::Zip::from(&picture).and(&reference).for_each(|&a, &b| {
+        let e = difference(a, b);
+        sum_of_squares += e * e;
+        max_abs = max_abs.max(e);
+    });
+    let rmse = (sum_of_squares / picture.len() as f64).sqrt();
+    Ok(ImageError { rmse, psnr_db: -20.0 * rmse.log10(), max_abs })
+}
+
+/// Largest channel difference of each pixel, `height x width`, for [`false_colour`](super::heat::false_colour).
+///
+/// # Errors
+/// Pictures of different sizes, or empty ones.
+pub fn image_difference(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<Array2<f32>> {
+    same_size(&picture, &reference)?;
+    let mut largest = Array2::zeros((picture.dim().0, picture.dim().1));
+    ndarray::Zip::from(&mut largest).and(picture.lanes(Axis(2))).and(reference.lanes(Axis(2))).for_each(
+        |out, a, b| {
+            *out = a.iter().zip(b).map(|(&a, &b)| difference(a, b)).fold(0.0, f64::max) as f32;
+        },
+    );
+    Ok(largest)
+}
+
+/// `|a - b|`, infinite where it is not a number.
+fn difference(a: f32, b: f32) -> f64 {
+    let e = (f64::from(a) - f64::from(b)).abs();
+    if e.is_finite() { e } else { f64::INFINITY }
+}
+
+fn same_size(picture: &ArrayView3<f32>, reference: &ArrayView3<f32>) -> Result<()> {
+    let (a, b) = (picture.dim(), reference.dim());
+    if a == b && !picture.is_empty() {
+        return Ok(());
+    }
+    Err(Error::runtime(
+        "cannot compare pictures",
+        "image error",
+        format!("they are {}x{}x{} and {}x{}x{}", a.1, a.0, a.2, b.1, b.0, b.2),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array3;
+
+    #[test]
+    fn median_of_odd_even_and_no_readings() {
+        assert_eq!(Spread::of(&[5.0, 1.0, 3.0]), Some(Spread { median: 3.0, min: 1.0, max: 5.0 }));
+        assert_eq!(Spread::of(&[4.0, 1.0, 2.0, 10.0]), Some(Spread { median: 3.0, min: 1.0, max: 10.0 }));
+        assert_eq!(Spread::of(&[]), None);
+    }
+
+    #[test]
+    fn percentile_is_the_nearest_rank() {
+        let unit = |n: usize| (1..=n).rev().map(|v| (v as f64, 1.0)).collect::<Vec<_>>();
+        for (n, fraction, expected) in [
+            (100, 0.99, 99.0),
+            (100, 0.07, 7.0), // 0.07 * 100 rounds up to 7.000000000000001
+            (50, 0.99, 50.0),
+            (200, 0.99, 198.0),
+            (201, 0.99, 199.0),
+            (4, 0.5, 2.0),
+            (4, 0.51, 3.0),
+            (7, 0.0, 1.0),
+            (7, 1.0, 7.0),
+        ] {
+            assert_eq!(weighted_percentile(&unit(n), fraction), Some(expected), "{fraction} of {n}");
+        }
+        assert_eq!(weighted_percentile(&[], 0.5), None);
+        assert_eq!(weighted_percentile(&[(1.0, 0.0)], 0.5), None);
+    }
+
+    #[test]
+    fn percentile_follows_the_weights() {
+        // Shares 0.2, 0.3, 0.5: the value carries its share up to and including its own rank.
+        let values = [(30.0, 5.0), (10.0, 2.0), (20.0, 3.0), (99.0, 0.0)];
+        for (fraction, expected) in [(0.2, 10.0), (0.21, 20.0), (0.5, 20.0), (0.51, 30.0), (1.0, 30.0)] {
+            assert_eq!(weighted_percentile(&values, fraction), Some(expected), "{fraction}");
+        }
+    }
+
+    #[test]
+    fn a_weight_is_as_good_as_repeating_a_point() {
+        let errors = [0.5, -0.25, 0.125, 1.0];
+        let weights = [3, 1, 2, 4];
+        let weighted = ErrorStats::of(errors.iter().zip(weights).map(|(&e, w)| (e, f64::from(w))));
+        let repeated = ErrorStats::of(
+            errors.iter().zip(weights).flat_map(|(&e, w)| std::iter::repeat_n((e, 1.0), w as usize)),
+        );
+        let (a, b) = (weighted.unwrap().unwrap(), repeated.unwrap().unwrap());
+        assert_eq!((a.max_abs, a.rms, a.p99_abs, a.mean), (b.max_abs, b.rms, b.p99_abs, b.mean));
+        assert_eq!((a.count, b.count), (4, 10));
+    }
+
+    #[test]
+    fn a_planted_error_comes_out() {
+        // 98 points are exact, one is 0.3 too dark, one 0.1 too bright.
+        let mut errors = vec![(0.0, 1.0); 98];
+        errors.extend([(-0.3, 1.0), (0.1, 1.0)]);
+        let s = ErrorStats::of(errors).unwrap().unwrap();
+        assert_eq!((s.count, s.non_finite, s.max_abs, s.p99_abs), (100, 0, 0.3, 0.1));
+        assert!((s.rms - (0.1_f64 / 100.0).sqrt()).abs() < 1e-15);
+        assert!((s.mean + 0.002).abs() < 1e-15);
+    }
+
+    #[test]
+    fn an_error_that_is_no_number_cannot_hide() {
+        let s = ErrorStats::of([(0.0, 1.0), (f64::NAN, 1e-6), (f64::NAN, 0.0)]).unwrap().unwrap();
+        assert_eq!((s.count, s.non_finite, s.max_abs, s.rms), (2, 1, f64::INFINITY, f64::INFINITY));
+        assert_eq!(s.p99_abs, 0.0);
+    }
+
+    #[test]
+    fn weights_that_make_no_sense_are_refused() {
+        assert!(ErrorStats::of([(0.0, -1.0)]).is_err());
+        assert!(ErrorStats::of([(0.0, f64::NAN)]).is_err());
+        assert_eq!(ErrorStats::of([(1.0, 0.0)]).unwrap(), None);
+    }
+
+    #[test]
+    fn image_error_by_hand() {
+        let black = Array3::<f32>::zeros((2, 5, 4));
+        let mut one_off = black.clone();
+        one_off[[1, 3, 2]] = 0.5;
+        let e = image_error(one_off.view(), black.view()).unwrap();
+        // 0.25 over 40 values.
+        assert!((e.rmse - 0.00625_f64.sqrt()).abs() < 1e-15);
+        assert!((e.psnr_db - 22.041_199_826_559_25).abs() < 1e-9);
+        assert_eq!(e.max_abs, 0.5);
+        let difference = image_difference(one_off.view(), black.view()).unwrap();
+        assert_eq!((difference[[1, 3]], difference.sum()), (0.5, 0.5));
+        let tenth = Array3::<f32>::from_elem((2, 5, 4), 0.1);
+        assert!((image_error(tenth.view(), black.view()).unwrap().psnr_db - 20.0).abs() < 1e-6);
+        assert_eq!(image_error(black.view(), black.view()).unwrap().psnr_db, f64::INFINITY);
+    }
+
+    #[test]
+    fn pictures_that_cannot_be_compared() {
+        let a = Array3::<f32>::zeros((2, 5, 4));
+        assert!(image_error(a.view(), Array3::zeros((5, 2, 4)).view()).is_err());
+        let mut nan = a.clone();
+        nan[[0, 0, 0]] = f32::NAN;
+        assert_eq!(image_error(nan.view(), a.view()).unwrap().rmse, f64::INFINITY);
+        assert_eq!(image_difference(nan.view(), a.view()).unwrap()[[0, 0]], f32::INFINITY);
+    }
+}

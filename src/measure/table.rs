@@ -1,0 +1,379 @@
+//! The rows that `compare` writes, their Pareto front, and the two lossless writers: CSV and JSON.
+
+use super::band::{Band, BandReport};
+use super::stats::{ErrorStats, ImageError};
+use super::timing::{ClockSource, Timing};
+use crate::error::{Error, Result};
+use serde::Serialize;
+use std::fmt;
+
+/// One value of a row, as written.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cell {
+    /// Not measured, or nothing to say.
+    Empty,
+    Text(String),
+    Integer(u64),
+    Real(f64),
+    /// `yes` or `no`.
+    Flag(bool),
+}
+
+/// As written in CSV: reals in the fewest digits that read back as the same number.
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Empty => Ok(()),
+            Self::Text(text) => f.write_str(text),
+            Self::Integer(n) => write!(f, "{n}"),
+            Self::Real(x) => write!(f, "{x:?}"),
+            Self::Flag(yes) => f.write_str(if *yes { "yes" } else { "no" }),
+        }
+    }
+}
+
+macro_rules! cell_from {
+    ($($t:ty => $cell:expr),*) => { $(impl From<$t> for Cell { fn from(v: $t) -> Self { $cell(v) } })* };
+}
+cell_from!(
+    String => Cell::Text, u64 => Cell::Integer, f64 => Cell::Real, bool => Cell::Flag,
+    u32 => |n| Cell::Integer(u64::from(n)),
+    ClockSource => |c: ClockSource| Cell::Text(c.name().to_string())
+);
+
+impl<T: Into<Cell>> From<Option<T>> for Cell {
+    fn from(value: Option<T>) -> Self {
+        value.map_or(Cell::Empty, Into::into)
+    }
+}
+
+/// One list gives the fields, the columns and their order.
+macro_rules! columns {
+    ($($(#[$doc:meta])* $name:ident: $t:ty,)*) => {
+        /// One method and setting. The fields are the columns, in the order in which every writer puts them:
+        /// those of CONTRACT section 4, with `build_ms_min` and `build_ms_max` right after `build_ms`,
+        /// `frame_ms_min` and `frame_ms_max` right after `frame_ms`, and `clock` after these.
+        #[derive(Debug, Clone, PartialEq, Default, Serialize)]
+        pub struct Row {
+            $($(#[$doc])* pub $name: $t,)*
+        }
+
+        /// Column names, in order.
+        pub const COLUMNS: &[&str] = &[$(stringify!($name)),*];
+
+        impl Row {
+            /// The row's values, one a column of [`COLUMNS`].
+            pub fn cells(&self) -> Vec<Cell> {
+                vec![$(self.$name.clone().into()),*]
+            }
+        }
+    };
+}
+
+columns! {
+    /// Volume and transfer function.
+    scene: String,
+    /// Name of the adapter that the times are from.
+    adapter: String,
+    method: String,
+    /// `key=value` texts separated by spaces; [`params_text`] makes it.
+    params: String,
+    /// Texels a side of the shadow map.
+    map: Option<u32>,
+    /// Picture size in pixels.
+    width: u32,
+    height: u32,
+    /// Median time to make the shadow structure.
+    build_ms: Option<f64>,
+    build_ms_min: Option<f64>,
+    build_ms_max: Option<f64>,
+    /// Median time of one picture with the structure made.
+    frame_ms: Option<f64>,
+    frame_ms_min: Option<f64>,
+    frame_ms_max: Option<f64>,
+    /// Whose clock the times are from.
+    clock: Option<ClockSource>,
+    /// `1000 / frame_ms`: the light stands still.
+    fps_static: Option<f64>,
+    /// `1000 / (build_ms + frame_ms)`: the light moves.
+    fps_moving: Option<f64>,
+    /// Memory of the shadow structure.
+    bytes: Option<u64>,
+    /// Nodes in all, and in the fullest texel, where the method has nodes.
+    nodes_total: Option<u64>,
+    nodes_max: Option<u64>,
+    /// Largest `|T_method - T_exact|` along light rays.
+    ray_err_max: Option<f64>,
+    /// `|T_method - T_exact|` at points that the camera sees, weighted as it sees them.
+    point_err_max: Option<f64>,
+    point_err_rms: Option<f64>,
+    point_err_p99: Option<f64>,
+    /// Against the reference picture, linear RGBA.
+    image_rmse: Option<f64>,
+    /// Peak 1, in dB; infinite for identical pictures.
+    image_psnr: Option<f64>,
+    /// What the method promises on light rays: tolerance in transmittance, and in depth (mm).
+    bound: Option<f64>,
+    bound_depth_mm: Option<f64>,
+    /// Whether it held at every depth tested; empty where nothing is promised.
+    bound_held: Option<bool>,
+    /// Whether no other row is at once faster and closer, see [`mark_pareto`].
+    pareto: Option<bool>,
+    /// What the plan left out, and what that saved.
+    left_out: String,
+}
+
+impl Row {
+    /// Fills the times and the frame rates that follow from them.
+    pub fn set_timing(&mut self, timing: &Timing, clock: ClockSource) {
+        let (build, frame) = (timing.build_ms, timing.frame_ms);
+        [self.build_ms, self.build_ms_min, self.build_ms_max] =
+            [build.median, build.min, build.max].map(Some);
+        [self.frame_ms, self.frame_ms_min, self.frame_ms_max] =
+            [frame.median, frame.min, frame.max].map(Some);
+        self.clock = Some(clock);
+        self.fps_static = Some(1000.0 / frame.median);
+        self.fps_moving = Some(1000.0 / (build.median + frame.median));
+    }
+
+    /// Fills `point_err_*`.
+    pub fn set_point_errors(&mut self, stats: &ErrorStats) {
+        [self.point_err_max, self.point_err_rms, self.point_err_p99] =
+            [stats.max_abs, stats.rms, stats.p99_abs].map(Some);
+    }
+
+    /// Fills `image_*`.
+    pub fn set_image_error(&mut self, error: &ImageError) {
+        [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
+    }
+
+    /// Fills `ray_err_max`, `bound`, `bound_depth_mm` and `bound_held`.
+    pub fn set_ray_errors(&mut self, report: &BandReport, promise: Option<Band>) {
+        self.ray_err_max = report.ray_err_max();
+        self.bound = promise.map(|p| p.bound);
+        self.bound_depth_mm = promise.map(|p| p.depth_mm);
+        self.bound_held = report.held();
+    }
+
+    /// Median time with the light moving, `build_ms + frame_ms`; a missing `build_ms` counts as 0.
+    pub fn moving_ms(&self) -> Option<f64> {
+        self.frame_ms.map(|frame| self.build_ms.unwrap_or(0.0) + frame)
+    }
+}
+
+/// `key=value` texts separated by spaces.
+pub fn params_text<K: fmt::Display, V: fmt::Display>(params: impl IntoIterator<Item = (K, V)>) -> String {
+    params.into_iter().map(|(k, v)| format!("{k}={v}")).collect::<Vec<_>>().join(" ")
+}
+
+/// Fills `pareto`: a row is on the front unless another of the same scene, adapter and picture size is at once
+/// faster (greater `fps_moving`) and closer (smaller `point_err_rms`).
+///
+/// Both are strict: of two equally fast rows, or two equally close ones, neither puts the other off the front.
+/// Rows that lack either figure (or hold NaN) get no answer and put nobody off.
+pub fn mark_pareto(rows: &mut [Row]) {
+    let place = |row: &Row| (row.scene.clone(), row.adapter.clone(), row.width, row.height);
+    let points: Vec<_> = rows
+        .iter()
+        .map(|row| {
+            let (fps, error) = (row.fps_moving?, row.point_err_rms?);
+            (!fps.is_nan() && !error.is_nan()).then(|| (place(row), fps, error))
+        })
+        .collect();
+    for (row, point) in rows.iter_mut().zip(&points) {
+        row.pareto = point.as_ref().map(|(here, fps, error)| {
+            !points.iter().flatten().any(|(there, other_fps, other_error)| {
+                here == there && other_fps > fps && other_error < error
+            })
+        });
+    }
+}
+
+/// All columns of all rows as CSV with a header line: empty cells are empty, flags `yes` or `no`, reals in the
+/// fewest digits that read back as the same number (`inf` for an infinite one).
+///
+/// # Errors
+/// The writer's own, which memory does not give.
+pub fn csv(rows: &[Row]) -> Result<Vec<u8>> {
+    let failed = |e: &dyn fmt::Display| Error::runtime("cannot write table", "CSV", e);
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(COLUMNS).map_err(|e| failed(&e))?;
+    for row in rows {
+        writer.write_record(row.cells().iter().map(Cell::to_string)).map_err(|e| failed(&e))?;
+    }
+    writer.into_inner().map_err(|e| failed(&e))
+}
+
+/// The same rows as a JSON array of objects, keys in column order: empty cells are `null`, flags `true` or
+/// `false`. JSON has no infinity, so the PSNR of identical pictures is `null` beside an `image_rmse` of 0.
+///
+/// # Errors
+/// The writer's own, which memory does not give.
+pub fn json(rows: &[Row]) -> Result<Vec<u8>> {
+    let mut text =
+        serde_json::to_vec_pretty(rows).map_err(|e| Error::runtime("cannot write table", "JSON", e))?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::measure::stats::Spread;
+
+    /// Rows as `compare` would make them, every kind of cell among them.
+    pub(in crate::measure) fn sample_rows() -> Vec<Row> {
+        let row = |method: &str, params: &str, build: f64, frame: f64, error: f64| {
+            let mut row = Row {
+                scene: "CT_AVM vessels".into(),
+                adapter: "llvmpipe (LLVM 19.1, 256 bits)".into(),
+                method: method.into(),
+                params: params.into(),
+                width: 512,
+                height: 512,
+                ..Row::default()
+            };
+            let spread = |ms: f64| Spread { median: ms, min: 0.9 * ms, max: 1.25 * ms };
+            let timing = Timing { build_ms: spread(build), frame_ms: spread(frame), repeats: 5 };
+            row.set_timing(&timing, ClockSource::Wall);
+            row.point_err_rms = Some(error);
+            row
+        };
+        let mut rows = vec![
+            row("none", "", 0.0, 80.0, 0.5),
+            row("rays", "", 0.0, 1500.0, 0.0),
+            row("dsm", "epsilon=0.06 prefilter=1", 60.0, 85.0, 0.01),
+            row("dsm", "epsilon=0.005 prefilter=1", 70.0, 90.0, 0.001),
+            row("osm", "layers=8 slicing=uniform", 70.0, 90.0, 0.05),
+        ];
+        rows[1].image_psnr = Some(f64::INFINITY);
+        rows[2].set_ray_errors(
+            &BandReport::of_ray(0, &|_: f64| 1.0, &[0.0], &[0.95], Some(Band { bound: 0.06, depth_mm: 0.1 })),
+            Some(Band { bound: 0.06, depth_mm: 0.1 }),
+        );
+        rows[2].map = Some(512);
+        rows[2].bytes = Some(3_355_443);
+        rows[2].nodes_total = Some(1_234_567);
+        rows[2].left_out = "gradients, \"shading none\"; 12 bricks | 3 MiB".into();
+        mark_pareto(&mut rows);
+        rows
+    }
+
+    #[test]
+    fn columns_are_those_of_the_contract_with_min_max_and_clock_beside() {
+        let contract = "scene, adapter, method, params, map, width, height, build_ms, frame_ms, fps_static, \
+            fps_moving, bytes, nodes_total, nodes_max, ray_err_max, point_err_max, point_err_rms, point_err_p99, \
+            image_rmse, image_psnr, bound, bound_depth_mm, bound_held, pareto, left_out";
+        let beside = ["build_ms_min", "build_ms_max", "frame_ms_min", "frame_ms_max", "clock"];
+        let without: Vec<&str> = COLUMNS.iter().copied().filter(|c| !beside.contains(c)).collect();
+        assert_eq!(without, contract.split(", ").collect::<Vec<_>>());
+        assert_eq!(COLUMNS.len(), without.len() + beside.len());
+        assert_eq!(
+            COLUMNS[7..14],
+            ["build_ms", "build_ms_min", "build_ms_max", "frame_ms", "frame_ms_min", "frame_ms_max", "clock"]
+        );
+    }
+
+    #[test]
+    fn rates_follow_from_the_times() {
+        let rows = sample_rows();
+        assert_eq!((rows[2].fps_static, rows[2].fps_moving), (Some(1000.0 / 85.0), Some(1000.0 / 145.0)));
+        assert_eq!((rows[2].frame_ms_min, rows[2].frame_ms_max), (Some(76.5), Some(106.25)));
+        assert_eq!(rows[2].moving_ms(), Some(145.0));
+    }
+
+    #[test]
+    fn pareto_front_by_hand() {
+        // Faster and closer rows: none (80 ms) is fastest, rays closest, dsm 145 and 160 ms between them;
+        // osm is as fast as the second dsm and worse than the first.
+        let marks: Vec<_> = sample_rows().iter().map(|r| r.pareto).collect();
+        assert_eq!(marks, [true, true, true, true, false].map(Some));
+    }
+
+    #[test]
+    fn pareto_ties_gaps_and_other_scenes() {
+        let row = |scene: &str, fps, error| Row {
+            scene: scene.into(),
+            fps_moving: fps,
+            point_err_rms: error,
+            ..Row::default()
+        };
+        let mut rows = [
+            row("a", Some(10.0), Some(0.1)),
+            row("a", Some(10.0), Some(0.2)), // as fast, worse: not beaten
+            row("a", Some(5.0), Some(0.1)),  // as close, slower: not beaten
+            row("a", Some(5.0), Some(0.2)),  // beaten by the first
+            row("a", Some(10.0), Some(0.1)), // the same as the first
+            row("a", None, Some(0.0)),
+            row("a", Some(99.0), None),
+            row("a", Some(99.0), Some(f64::NAN)),
+            row("b", Some(1.0), Some(0.9)), // another scene
+        ];
+        mark_pareto(&mut rows);
+        let marks: Vec<_> = rows.iter().map(|r| r.pareto).collect();
+        let (yes, no) = (Some(true), Some(false));
+        assert_eq!(marks, [yes, yes, yes, no, yes, None, None, None, yes]);
+    }
+
+    #[test]
+    fn csv_reads_back_to_the_same_values() {
+        let mut rows = sample_rows();
+        rows[0].point_err_max = Some(0.1 + 0.2);
+        rows[0].point_err_p99 = Some(5e-324);
+        rows[0].image_rmse = Some(1.0 / 3.0);
+        let written = csv(&rows).unwrap();
+        let mut reader = csv::Reader::from_reader(written.as_slice());
+        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), COLUMNS);
+        let records: Vec<_> = reader.records().map(|r| r.unwrap()).collect();
+        assert_eq!(records.len(), rows.len());
+        for (record, row) in records.iter().zip(&rows) {
+            for ((text, cell), column) in record.iter().zip(row.cells()).zip(COLUMNS) {
+                let same = match cell {
+                    Cell::Empty => text.is_empty(),
+                    Cell::Text(t) => text == t,
+                    Cell::Integer(n) => text.parse() == Ok(n),
+                    Cell::Real(x) => text.parse::<f64>().is_ok_and(|y| y.to_bits() == x.to_bits()),
+                    Cell::Flag(yes) => text == if yes { "yes" } else { "no" },
+                };
+                assert!(same, "{column}: {text}");
+            }
+        }
+        let column = |name: &str| COLUMNS.iter().position(|c| *c == name).unwrap();
+        let held: Vec<&str> = records.iter().map(|r| &r[column("bound_held")]).collect();
+        assert_eq!(held, ["", "", "yes", "", ""]);
+        assert_eq!(&records[1][column("image_psnr")], "inf");
+        assert_eq!(&records[2][column("left_out")], rows[2].left_out);
+    }
+
+    #[test]
+    fn json_holds_the_same_rows_in_the_same_order() {
+        let rows = sample_rows();
+        let text = String::from_utf8(json(&rows).unwrap()).unwrap();
+        let parsed: Vec<serde_json::Map<String, serde_json::Value>> = serde_json::from_str(&text).unwrap();
+        for (object, row) in parsed.iter().zip(&rows) {
+            assert_eq!(object.len(), COLUMNS.len());
+            for (cell, column) in row.cells().into_iter().zip(COLUMNS) {
+                let value = &object[*column];
+                match cell {
+                    Cell::Empty => assert!(value.is_null(), "{column}"),
+                    Cell::Text(t) => assert_eq!(value, &t),
+                    Cell::Integer(n) => assert_eq!(value, &n),
+                    Cell::Real(x) if x.is_infinite() => assert!(value.is_null(), "{column}"),
+                    Cell::Real(x) => assert_eq!(value, &x),
+                    Cell::Flag(yes) => assert_eq!(value, &yes),
+                }
+            }
+        }
+        let places: Vec<_> = COLUMNS.iter().map(|c| text.find(&format!("\"{c}\":")).unwrap()).collect();
+        assert!(places.is_sorted());
+    }
+
+    #[test]
+    fn params() {
+        assert_eq!(
+            params_text([("epsilon", "0.02"), ("filter", "bilinear")]),
+            "epsilon=0.02 filter=bilinear"
+        );
+        assert_eq!(params_text(Vec::<(&str, f64)>::new()), "");
+    }
+}

@@ -1,0 +1,55 @@
+//! A volume and a transfer function made ready on a device: what every drawing command works with.
+
+use super::{DeviceTransfer, LoadedVolume, Picture, Renderer};
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::scene::{Light, Scene};
+use crate::shadow::{Method, ShadowMap};
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// One volume and one transfer function on one device.
+pub struct Session {
+    pub renderer: Renderer,
+    pub loaded: LoadedVolume,
+    pub transfer: DeviceTransfer,
+}
+
+impl Session {
+    /// Opens the adapter (`--adapter`), uploads the volume and makes the tables.
+    ///
+    /// # Errors
+    /// No adapter, or a volume that it cannot hold.
+    pub fn open(adapter: Option<&str>, volume: Arc<Volume>, tf: &TransferFunction) -> Result<Self> {
+        let renderer = Renderer::new(Gpu::open(adapter)?);
+        let loaded = renderer.load(volume)?;
+        let transfer = renderer.transfer(&loaded, tf)?;
+        Ok(Self { renderer, loaded, transfer })
+    }
+
+    /// Builds a shadow structure; see [`Renderer::shadow`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn shadow(&self, method: &dyn Method, light: Light) -> Result<ShadowMap> {
+        self.renderer.shadow(&self.loaded, &self.transfer, method, light)
+    }
+
+    /// Renders a picture; see [`Renderer::render`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn render(&self, shadow: &ShadowMap, scene: &Scene) -> Result<Picture> {
+        self.renderer.render(&self.loaded, &self.transfer, shadow, scene)
+    }
+
+    /// Transmittance from the light to world points (mm); see [`Renderer::query`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn query(&self, shadow: &ShadowMap, points_mm: &[DVec3]) -> Result<Vec<f32>> {
+        self.renderer.query(&self.loaded, &self.transfer, shadow, points_mm)
+    }
+}

@@ -1,0 +1,141 @@
+//! Camera, light and picture settings: plain data.
+
+use crate::volume::Volume;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// A pinhole camera; world millimetres, vertical field of view in degrees.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    pub eye: DVec3,
+    pub target: DVec3,
+    pub up: DVec3,
+    pub fov_deg: f64,
+}
+
+/// The camera's orthonormal frame: `forward`, `right = forward x up`, `up = right x forward`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraFrame {
+    pub forward: DVec3,
+    pub right: DVec3,
+    pub up: DVec3,
+}
+
+impl Camera {
+    /// Vertical field of view where none is given.
+    pub const DEFAULT_FOV_DEG: f64 = 40.0;
+
+    /// Frames the volume's bounding sphere from the front, a little from the side and above (RAS+: +y is anterior).
+    pub fn framing(volume: &Volume, up: DVec3, fov_deg: f64) -> Self {
+        let corners = volume.corners_mm();
+        let center = corners.iter().sum::<DVec3>() / 8.0;
+        let radius = corners.iter().map(|c| c.distance(center)).fold(0.0, f64::max);
+        let distance = radius / (0.5 * fov_deg.to_radians()).sin();
+        let mut away = DVec3::new(0.5, 0.8, 0.35).normalize();
+        if away.cross(up).length() < 1e-3 * up.length() {
+            away = DVec3::Y;
+        }
+        Self { eye: center + away * distance, target: center, up, fov_deg }
+    }
+
+    /// The orthonormal frame of CONTRACT section 1.
+    pub fn frame(&self) -> CameraFrame {
+        let forward = (self.target - self.eye).normalize();
+        let right = forward.cross(self.up).normalize();
+        CameraFrame { forward, right, up: right.cross(forward) }
+    }
+
+    /// Unit direction through the centre of pixel (column `i`, row `j` from the top) of a `width x height` picture.
+    pub fn ray_direction(&self, i: f64, j: f64, width: u32, height: u32) -> DVec3 {
+        let f = self.frame();
+        let (w, h) = (f64::from(width), f64::from(height));
+        let tan = (0.5 * self.fov_deg.to_radians()).tan();
+        let x = (2.0 * (i + 0.5) / w - 1.0) * (w / h) * tan;
+        let y = (1.0 - 2.0 * (j + 0.5) / h) * tan;
+        (f.forward + x * f.right + y * f.up).normalize()
+    }
+}
+
+/// The one light; world millimetres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Light {
+    /// At infinity; `toward` points towards the light (need not be normalised).
+    Directional { toward: DVec3 },
+    /// At a point.
+    Point { position: DVec3 },
+}
+
+impl Light {
+    /// Unit direction from `x` towards the light and the distance to it (infinite for a directional one), mm.
+    pub fn from_point(&self, x: DVec3) -> (DVec3, f64) {
+        match *self {
+            Self::Directional { toward } => (toward.normalize(), f64::INFINITY),
+            Self::Point { position } => {
+                let d = position - x;
+                let length = d.length();
+                (if length > 0.0 { d / length } else { DVec3::Z }, length)
+            }
+        }
+    }
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self::Directional { toward: DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2) }
+    }
+}
+
+/// The shading factor `f` of CONTRACT section 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shading {
+    #[default]
+    None,
+    Lambert,
+    BlinnPhong,
+}
+
+/// How empty space is passed over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Skip {
+    /// Leap over bricks without extinction.
+    #[default]
+    Bricks,
+    /// Sample everywhere.
+    None,
+}
+
+/// Everything about a picture but the volume, the transfer function and the shadow method.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    pub camera: Camera,
+    pub light: Light,
+    /// Share of the light that shadows do not touch, in `[0, 1]`.
+    pub ambient: f64,
+    pub shading: Shading,
+    /// Linear RGB.
+    pub background: [f64; 3],
+    /// Eye-ray step in units of the smallest voxel spacing.
+    pub step: f64,
+    pub skip: Skip,
+    pub width: u32,
+    pub height: u32,
+}
+
+impl Scene {
+    /// The defaults of CONTRACT section 3, framing `volume`.
+    pub fn framing(volume: &Volume) -> Self {
+        Self {
+            camera: Camera::framing(volume, DVec3::Z, Camera::DEFAULT_FOV_DEG),
+            light: Light::default(),
+            ambient: 0.1,
+            shading: Shading::None,
+            background: [0.0; 3],
+            step: 0.5,
+            skip: Skip::Bricks,
+            width: 512,
+            height: 512,
+        }
+    }
+}

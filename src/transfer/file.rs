@@ -1,0 +1,248 @@
+//! The transfer-function file of CONTRACT section 2.
+
+use super::{ControlPoint, Quantity, TransferFunction};
+use crate::color;
+use crate::error::{Error, Result};
+use crate::input::read_text;
+use crate::output::write_whole;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Beyond this a value, an extinction or its product with a length no longer fits 32-bit floats.
+const MAX_MAGNITUDE: f64 = 1e30;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    name: String,
+    #[serde(default)]
+    units: String,
+    #[serde(default = "one_mm")]
+    reference_length_mm: f64,
+    points: Vec<Point>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Point {
+    value: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    opacity: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    extinction: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    color: Option<String>,
+}
+
+fn one_mm() -> f64 {
+    1.0
+}
+
+impl TransferFunction {
+    /// Reads a transfer-function file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not JSON, has unknown keys or breaks a rule of the format; the error says which.
+    pub fn read(path: &Path) -> Result<Self> {
+        const WHAT: &str = "cannot read transfer function";
+        let mut tf = Self::from_json(&read_text(path, WHAT)?)
+            .map_err(|why| Error::input(WHAT, path.display(), why))?;
+        if tf.name.is_empty() {
+            tf.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        }
+        Ok(tf)
+    }
+
+    /// Writes a transfer-function file, whole or not at all. Colours are rounded to 8 bits a channel.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        write_whole(path, |file| writeln!(file, "{}", self.to_json()))
+    }
+
+    /// The text of the file.
+    pub fn to_json(&self) -> String {
+        let points = self.points.iter().map(|p| Point {
+            value: p.value,
+            opacity: (self.quantity == Quantity::Opacity).then_some(p.amount),
+            extinction: (self.quantity == Quantity::Extinction).then_some(p.amount),
+            color: Some(color::to_hex(p.color)),
+        });
+        let file = File {
+            name: self.name.clone(),
+            units: self.units.clone(),
+            reference_length_mm: self.reference_length_mm,
+            points: points.collect(),
+        };
+        serde_json::to_string_pretty(&file).expect("numbers and strings always serialise")
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// Why it is not a transfer function, in one line.
+    pub fn from_json(text: &str) -> Result<Self, String> {
+        let file: File = serde_json::from_str(text).map_err(|e| e.to_string())?;
+        let length = file.reference_length_mm;
+        if !(length > 0.0 && length <= MAX_MAGNITUDE) {
+            return Err(format!("`reference_length_mm` must be greater than 0, not {length}"));
+        }
+        let quantity = match file.points.first() {
+            None => return Err("`points` is empty; at least one is needed".into()),
+            Some(p) if p.extinction.is_some() => Quantity::Extinction,
+            Some(_) => Quantity::Opacity,
+        };
+        let mut points: Vec<ControlPoint> = Vec::with_capacity(file.points.len());
+        for (i, p) in file.points.iter().enumerate() {
+            let point = control_point(p, quantity).map_err(|why| format!("`points[{i}]`: {why}"))?;
+            let before = points.last().map(|b| b.value);
+            if before.is_some_and(|b| b > point.value) {
+                return Err(format!(
+                    "`points[{i}]`: value {} is less than the one before; points go by non-decreasing value",
+                    point.value
+                ));
+            }
+            if i >= 2 && points[i - 2].value == point.value {
+                return Err(format!(
+                    "`points[{i}]`: value {} occurs more than twice; a jump is two points of one value",
+                    point.value
+                ));
+            }
+            points.push(point);
+        }
+        let tf = Self { name: file.name, units: file.units, reference_length_mm: length, quantity, points };
+        let largest = tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
+        if largest > MAX_MAGNITUDE {
+            return Err(format!("an extinction of {largest:.3e} per mm is too large for 32-bit arithmetic"));
+        }
+        Ok(tf)
+    }
+}
+
+fn control_point(p: &Point, quantity: Quantity) -> Result<ControlPoint, String> {
+    if p.value.abs() > MAX_MAGNITUDE {
+        return Err(format!("`value` {:e} is too large for 32-bit arithmetic", p.value));
+    }
+    let amount = match (p.opacity, p.extinction, quantity) {
+        (Some(_), Some(_), _) => return Err("gives both `opacity` and `extinction`; one is wanted".into()),
+        (None, None, _) => return Err("gives neither `opacity` nor `extinction`".into()),
+        (Some(_), None, Quantity::Extinction) => {
+            return Err("gives `opacity` where the points before give `extinction`; one kind a file".into());
+        }
+        (None, Some(_), Quantity::Opacity) => {
+            return Err("gives `extinction` where the points before give `opacity`; one kind a file".into());
+        }
+        (Some(opacity), None, Quantity::Opacity) if !(0.0..=1.0).contains(&opacity) => {
+            return Err(format!("`opacity` must be in [0, 1], not {opacity}"));
+        }
+        (None, Some(extinction), Quantity::Extinction) if extinction < 0.0 => {
+            return Err(format!("`extinction` must not be negative, as {extinction} is"));
+        }
+        (Some(amount), None, _) | (None, Some(amount), _) => amount,
+    };
+    let color = p.color.as_deref().map_or(Ok([1.0; 3]), color::parse_hex)?;
+    Ok(ControlPoint { value: p.value, amount, color })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transfer::MAX_OPACITY;
+
+    fn refusal(json: &str) -> String {
+        TransferFunction::from_json(json).expect_err(json)
+    }
+
+    #[test]
+    fn reads_what_the_contract_shows() {
+        let tf = TransferFunction::from_json(
+            r##"{"name": "CT bone", "units": "HU", "reference_length_mm": 2.0,
+                "points": [{"value": 150, "opacity": 0.0, "color": "#d0b090"},
+                           {"value": 600, "opacity": 0.6}]}"##,
+        )
+        .unwrap();
+        assert_eq!((tf.name.as_str(), tf.units.as_str(), tf.quantity), ("CT bone", "HU", Quantity::Opacity));
+        assert_eq!(tf.points[1].color, [1.0; 3], "white where no colour is given");
+        assert!((tf.extinction(600.0) - -(0.4_f64.ln()) / 2.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn writing_and_reading_give_the_same() {
+        for json in [
+            r##"{"name":"a","units":"HU","reference_length_mm":0.1,"points":[
+                {"value":-0.1,"opacity":0.3,"color":"#010203"},{"value":7,"opacity":1}, {"value":7,"opacity":0.25}]}"##,
+            r##"{"name":"b","units":"1/mm","points":[{"value":0,"extinction":1e-7,"color":"#fedcba"}]}"##,
+        ] {
+            let tf = TransferFunction::from_json(json).unwrap();
+            assert_eq!(TransferFunction::from_json(&tf.to_json()).unwrap(), tf);
+        }
+    }
+
+    #[test]
+    fn each_broken_rule_is_named() {
+        for (json, expected) in [
+            (r#"{"points": []}"#, "`points` is empty"),
+            (r#"{"name": "x"}"#, "missing field `points`"),
+            (r#"{"points": [{"value": 1, "opacity": 0.5, "alpha": 1}]}"#, "unknown field `alpha`"),
+            (r#"{"points": [{"value": 1, "opacity": 0.5}], "colour": 1}"#, "unknown field `colour`"),
+            (r#"{"points": [{"opacity": 0.5}]}"#, "missing field `value`"),
+            (r#"{"points": [{"value": 1}]}"#, "`points[0]`: gives neither"),
+            (r#"{"points": [{"value": 1, "opacity": 0.1, "extinction": 1}]}"#, "`points[0]`: gives both"),
+            (
+                r#"{"points": [{"value": 1, "opacity": 0.1}, {"value": 2, "extinction": 1}]}"#,
+                "`points[1]`: gives `extinction`",
+            ),
+            (
+                r#"{"points": [{"value": 1, "extinction": 0.1}, {"value": 2, "opacity": 1}]}"#,
+                "`points[1]`: gives `opacity`",
+            ),
+            (r#"{"points": [{"value": 1, "opacity": 1.5}]}"#, "must be in [0, 1], not 1.5"),
+            (r#"{"points": [{"value": 1, "opacity": -0.1}]}"#, "must be in [0, 1], not -0.1"),
+            (r#"{"points": [{"value": 1, "extinction": -2}]}"#, "must not be negative"),
+            (
+                r#"{"points": [{"value": 2, "opacity": 0}, {"value": 1, "opacity": 0}]}"#,
+                "`points[1]`: value 1 is less",
+            ),
+            (
+                r#"{"points": [{"value": 1, "opacity": 0}, {"value": 1, "opacity": 1}, {"value": 1, "opacity": 0}]}"#,
+                "more than twice",
+            ),
+            (
+                r#"{"reference_length_mm": 0, "points": [{"value": 1, "opacity": 0}]}"#,
+                "`reference_length_mm` must be greater",
+            ),
+            (
+                r#"{"reference_length_mm": -1, "points": [{"value": 1, "opacity": 0}]}"#,
+                "`reference_length_mm` must be greater",
+            ),
+            (
+                r#"{"reference_length_mm": 1e-40, "points": [{"value": 1, "opacity": 1}]}"#,
+                "too large for 32-bit",
+            ),
+            (
+                r##"{"points": [{"value": 1, "opacity": 0, "color": "red"}]}"##,
+                "`points[0]`: `red` is not a colour",
+            ),
+            (r#"{"points": [{"value": 1e999, "opacity": 0}]}"#, "out of range"),
+            (r#"{"points": [{"value": 1e200, "opacity": 0}]}"#, "too large"),
+            (r#"{"points": [{"value": NaN, "opacity": 0}]}"#, "expected value"),
+            (r#"{"points": [{"value": "1", "opacity": 0}]}"#, "invalid type: string"),
+            (r#"{"points": [{"value": 1, "value": 2, "opacity": 0}]}"#, "duplicate field `value`"),
+            (r#"{"points": [{"value": 1, "opacity": 0}]} x"#, "trailing characters"),
+            ("", "EOF"),
+            ("[]", "invalid"),
+        ] {
+            let why = refusal(json);
+            assert!(why.contains(expected) && !why.contains('\n'), "{json}\n gave: {why}");
+        }
+    }
+
+    #[test]
+    fn full_opacity_has_the_largest_extinction() {
+        let tf = TransferFunction::from_json(r#"{"points": [{"value": 0, "opacity": 1}]}"#).unwrap();
+        assert_eq!(tf.extinction(5.0), -(-MAX_OPACITY).ln_1p());
+        assert!((tf.extinction(5.0) - 24.0 * std::f64::consts::LN_2).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,187 @@
+//! Transfer functions: extinction (1/mm) and colour (linear RGB) as functions of the scalar value.
+
+mod file;
+pub mod presets;
+mod tables;
+
+pub use tables::{MAX_INTERVALS, PAIR_BINS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
+
+/// Which quantity a file gives, and so which one is interpolated linearly between points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Opacity in `[0, 1]` per reference length.
+    Opacity,
+    /// Extinction in 1/mm.
+    Extinction,
+}
+
+/// The largest opacity that is told from 1; beyond it extinction would be infinite.
+pub const MAX_OPACITY: f64 = 1.0 - 1.0 / 16_777_216.0;
+
+/// One control point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ControlPoint {
+    /// Scalar value, in the volume's scaled units (HU for CT).
+    pub value: f64,
+    /// Opacity or extinction, as [`TransferFunction::quantity`] says.
+    pub amount: f64,
+    /// Linear RGB.
+    pub color: [f64; 3],
+}
+
+/// A piecewise-linear transfer function with jumps (two points of one value: the earlier holds below the value,
+/// the later from it on), constant beyond the first and the last point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TransferFunction {
+    pub name: String,
+    /// Unit of `value`, e.g. `HU`.
+    pub units: String,
+    /// Length that an opacity refers to, mm.
+    pub reference_length_mm: f64,
+    pub quantity: Quantity,
+    /// By non-decreasing value, at least one, at most two of one value.
+    pub points: Vec<ControlPoint>,
+}
+
+impl TransferFunction {
+    /// Extinction in 1/mm at a value.
+    pub fn extinction(&self, value: f64) -> f64 {
+        self.extinction_of_amount(self.interpolate(value, |p| p.amount))
+    }
+
+    /// Extinction in 1/mm of a given opacity or extinction:
+    /// `-ln(1 - min(opacity, 1 - 2^-24)) / reference_length_mm`.
+    pub fn extinction_of_amount(&self, amount: f64) -> f64 {
+        match self.quantity {
+            Quantity::Opacity => -(-amount.min(MAX_OPACITY)).ln_1p() / self.reference_length_mm,
+            Quantity::Extinction => amount,
+        }
+    }
+
+    /// Linear RGB at a value.
+    pub fn color(&self, value: f64) -> [f64; 3] {
+        std::array::from_fn(|c| self.interpolate(value, |p| p.color[c]))
+    }
+
+    /// Largest extinction over the values `[min, max]`, 1/mm. Exact, except that both sides of a jump at `min` count:
+    /// a value interpolated with rounding may fall just short of it.
+    pub fn max_extinction(&self, min: f64, max: f64) -> f64 {
+        let inside = self.points.iter().filter(|p| p.value >= min && p.value <= max).map(|p| p.amount);
+        let ends = [min, max].map(|v| self.interpolate(v, |p| p.amount));
+        self.extinction_of_amount(inside.chain(ends).fold(0.0, f64::max))
+    }
+
+    /// The same function of a value that has been mapped by an increasing `map`, e.g. to other units.
+    #[must_use]
+    pub fn scale_values(&self, map: impl Fn(f64) -> f64) -> Self {
+        let points = self.points.iter().map(|p| ControlPoint { value: map(p.value), ..*p }).collect();
+        Self { points, ..self.clone() }
+    }
+
+    fn interpolate(&self, value: f64, get: impl Fn(&ControlPoint) -> f64) -> f64 {
+        let after = self.points.partition_point(|p| p.value <= value);
+        match (after.checked_sub(1).map(|i| &self.points[i]), self.points.get(after)) {
+            (Some(a), Some(b)) => {
+                let w = (value - a.value) / (b.value - a.value);
+                get(a) + (get(b) - get(a)) * w
+            }
+            (Some(only), None) | (None, Some(only)) => get(only),
+            (None, None) => 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tf(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {
+        let color = |v: f64| [v / 100.0, 0.5, 0.0];
+        let points =
+            points.iter().map(|&(value, amount)| ControlPoint { value, amount, color: color(value) });
+        TransferFunction {
+            name: "test".into(),
+            units: "HU".into(),
+            reference_length_mm: 2.0,
+            quantity,
+            points: points.collect(),
+        }
+    }
+
+    #[test]
+    fn constant_beyond_the_ends_and_linear_between() {
+        let tf = tf(Quantity::Extinction, &[(10.0, 1.0), (20.0, 3.0), (40.0, 0.5)]);
+        for (value, expected) in
+            [(-1e9, 1.0), (10.0, 1.0), (15.0, 2.0), (20.0, 3.0), (30.0, 1.75), (40.0, 0.5), (f64::MAX, 0.5)]
+        {
+            assert_eq!(tf.extinction(value), expected, "at {value}");
+        }
+        assert_eq!(tf.color(20.0), [0.2, 0.5, 0.0]);
+        assert_eq!(tf.color(1e9), [0.4, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn the_later_point_of_a_jump_holds_from_it_on() {
+        let tf = tf(Quantity::Extinction, &[(0.0, 0.0), (10.0, 1.0), (10.0, 5.0), (20.0, 5.0), (20.0, 2.0)]);
+        assert!((tf.extinction(10.0_f64.next_down()) - 1.0).abs() < 1e-12);
+        assert_eq!(tf.extinction(10.0), 5.0);
+        assert_eq!(tf.extinction(20.0_f64.next_down()), 5.0);
+        assert_eq!(tf.extinction(20.0), 2.0, "a jump at the last value");
+    }
+
+    #[test]
+    fn opacity_is_what_is_interpolated() {
+        let tf = tf(Quantity::Opacity, &[(0.0, 0.0), (1.0, 0.8)]);
+        assert!((tf.extinction(0.5) - -(0.6_f64.ln()) / 2.0).abs() < 1e-15);
+        assert_eq!(tf.extinction(0.0), 0.0);
+    }
+
+    #[test]
+    fn full_opacity_stays_finite() {
+        let tf = tf(Quantity::Opacity, &[(0.0, 1.0)]);
+        assert!((tf.extinction(0.0) - 12.0 * std::f64::consts::LN_2).abs() < 1e-12, "2^-24 left after 2 mm");
+    }
+
+    #[test]
+    fn largest_extinction_of_a_range() {
+        let tf = tf(Quantity::Extinction, &[(0.0, 0.0), (10.0, 4.0), (20.0, 0.0), (30.0, 0.0), (30.0, 9.0)]);
+        for (min, max, expected) in [
+            (-5.0, 0.0, 0.0),
+            (-5.0, 5.0, 2.0),
+            (5.0, 15.0, 4.0),
+            (12.5, 17.5, 3.0),
+            (10.0, 10.0, 4.0),
+            (20.0, 29.9, 0.0),
+            (20.0, 30.0, 9.0),
+            (40.0, 50.0, 9.0),
+        ] {
+            assert_eq!(tf.max_extinction(min, max), expected, "[{min}, {max}]");
+        }
+        let falling = self::tf(Quantity::Extinction, &[(5.0, 7.0), (5.0, 0.0)]);
+        assert_eq!(falling.max_extinction(5.0, 9.0), 7.0, "both sides of a jump at the lower end");
+        assert_eq!(falling.max_extinction(6.0, 9.0), 0.0);
+    }
+
+    #[test]
+    fn no_value_of_a_range_exceeds_its_largest_extinction() {
+        let tf = tf(Quantity::Opacity, &[(-3.0, 0.2), (1.0, 0.9), (1.0, 0.0), (4.0, 0.4), (9.0, 0.0)]);
+        for a in -20..40 {
+            for b in a..40 {
+                let (min, max) = (f64::from(a) * 0.3, f64::from(b) * 0.3);
+                let bound = tf.max_extinction(min, max);
+                for k in 0..=50 {
+                    let value = (min + (max - min) * f64::from(k) / 50.0).min(max);
+                    assert!(tf.extinction(value) <= bound, "{value} in [{min}, {max}]");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mapped_values_keep_amounts_and_jumps() {
+        let tf =
+            tf(Quantity::Extinction, &[(0.0, 1.0), (10.0, 2.0), (10.0, 3.0)]).scale_values(|v| v * 0.1 - 1.0);
+        assert_eq!(tf.points.iter().map(|p| p.value).collect::<Vec<_>>(), [-1.0, 0.0, 0.0]);
+        assert_eq!((tf.extinction(-0.5), tf.extinction(0.0)), (1.5, 3.0));
+    }
+}

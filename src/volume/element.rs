@@ -1,0 +1,210 @@
+//! Element types of voxels in a file, and reading them in bounded pieces.
+
+use super::Voxels;
+use ndarray::Array3;
+use std::fmt;
+use std::io::{self, Read};
+
+/// Element type of the voxels in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Element {
+    U8,
+    I8,
+    U16,
+    I16,
+    U32,
+    I32,
+    U64,
+    I64,
+    F32,
+    F64,
+}
+
+/// Order of the bytes of an element in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ByteOrder {
+    #[default]
+    Little,
+    Big,
+}
+
+/// Short and long name and size in bytes of each [`Element`].
+const ELEMENTS: [(Element, &str, &str, usize); 10] = [
+    (Element::U8, "u8", "uint8", 1),
+    (Element::I8, "i8", "int8", 1),
+    (Element::U16, "u16", "uint16", 2),
+    (Element::I16, "i16", "int16", 2),
+    (Element::U32, "u32", "uint32", 4),
+    (Element::I32, "i32", "int32", 4),
+    (Element::U64, "u64", "uint64", 8),
+    (Element::I64, "i64", "int64", 8),
+    (Element::F32, "f32", "float32", 4),
+    (Element::F64, "f64", "float64", 8),
+];
+
+impl Element {
+    /// From the short (`u8`) or the long name (`uint8`).
+    pub fn from_name(name: &str) -> Option<Self> {
+        ELEMENTS.iter().find(|(_, short, long, _)| name == *short || name == *long).map(|e| e.0)
+    }
+
+    /// The long name, e.g. `uint8`.
+    pub fn name(self) -> &'static str {
+        ELEMENTS[self as usize].2
+    }
+
+    /// Size of one element.
+    pub fn bytes(self) -> usize {
+        ELEMENTS[self as usize].3
+    }
+
+    /// The name shown to people: `uint8`, `int16 big-endian`.
+    pub fn describe(self, order: ByteOrder) -> String {
+        let suffix = if order == ByteOrder::Big && self.bytes() > 1 { " big-endian" } else { "" };
+        format!("{}{suffix}", self.name())
+    }
+}
+
+/// Bytes that `dims` voxels take in a file; `None` where the product overflows.
+pub fn data_bytes(dims: [usize; 3], element: Element) -> Option<u64> {
+    dims.iter().try_fold(element.bytes() as u64, |bytes, &n| bytes.checked_mul(n as u64))
+}
+
+/// Why voxels could not be read.
+#[derive(Debug)]
+pub enum ReadFailure {
+    /// The data end after this many bytes.
+    Short {
+        got: u64,
+    },
+    /// The host has no memory for what did arrive.
+    Memory,
+    Io(io::Error),
+}
+
+impl fmt::Display for ReadFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Short { got } => write!(f, "the voxels end after {got} bytes"),
+            Self::Memory => write!(f, "not enough memory for the voxels"),
+            Self::Io(e) => write!(f, "{e}"),
+        }
+    }
+}
+
+/// Bytes converted at a time; a multiple of every element size.
+const CHUNK_BYTES: usize = 1 << 20;
+
+/// Reads `dims` voxels (`i` fastest) in pieces, so that memory grows with what has arrived (to at most twice that)
+/// and never with what a header claims.
+///
+/// # Errors
+/// The data end early, cannot be read, or do not fit into memory.
+pub fn read_voxels(
+    input: &mut impl Read,
+    dims: [usize; 3],
+    element: Element,
+    order: ByteOrder,
+) -> Result<Voxels, ReadFailure> {
+    macro_rules! read {
+        ($stored:ty => $variant:ident($kept:ty)) => {{
+            let convert = |bytes: [u8; size_of::<$stored>()]| match order {
+                ByteOrder::Little => <$stored>::from_le_bytes(bytes) as $kept,
+                ByteOrder::Big => <$stored>::from_be_bytes(bytes) as $kept,
+            };
+            read_array(input, dims, convert).map(Voxels::$variant)
+        }};
+    }
+    match element {
+        Element::U8 => read!(u8 => U8(u8)),
+        Element::I8 => read!(i8 => I16(i16)),
+        Element::U16 => read!(u16 => U16(u16)),
+        Element::I16 => read!(i16 => I16(i16)),
+        Element::U32 => read!(u32 => F64(f64)),
+        Element::I32 => read!(i32 => F64(f64)),
+        Element::U64 => read!(u64 => F64(f64)),
+        Element::I64 => read!(i64 => F64(f64)),
+        Element::F32 => read!(f32 => F32(f32)),
+        Element::F64 => read!(f64 => F64(f64)),
+    }
+}
+
+fn read_array<T, const N: usize>(
+    input: &mut impl Read,
+    dims: [usize; 3],
+    convert: impl Fn([u8; N]) -> T,
+) -> Result<Array3<T>, ReadFailure> {
+    let count = dims.iter().try_fold(1usize, |count, &n| count.checked_mul(n)).ok_or(ReadFailure::Memory)?;
+    let mut values = Vec::new();
+    let mut chunk = vec![0u8; CHUNK_BYTES.min(count.saturating_mul(N))];
+    while values.len() < count {
+        let wanted = (count - values.len()).min(chunk.len() / N);
+        let got = read_full(input, &mut chunk[..wanted * N]).map_err(ReadFailure::Io)?;
+        if got < wanted * N {
+            return Err(ReadFailure::Short { got: (values.len() * N + got) as u64 });
+        }
+        if values.capacity() - values.len() < wanted {
+            let room = (2 * values.len()).max(wanted + values.len()).min(count);
+            values.try_reserve_exact(room - values.len()).map_err(|_| ReadFailure::Memory)?;
+        }
+        values.extend(chunk[..wanted * N].as_chunks::<N>().0.iter().map(|&bytes| convert(bytes)));
+    }
+    Array3::from_shape_vec((dims[2], dims[1], dims[0]), values).map_err(|_| ReadFailure::Memory)
+}
+
+/// Fills `buffer` as far as the input goes; returns the number of bytes read.
+pub(super) fn read_full(input: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
+    let mut filled = 0;
+    while filled < buffer.len() {
+        match input.read(&mut buffer[filled..]) {
+            Ok(0) => break,
+            Ok(n) => filled += n,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            // A compressed stream cut short is a short file like any other.
+            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => break,
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(filled)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_in_the_order_of_the_enum() {
+        for (i, (element, short, long, bytes)) in ELEMENTS.into_iter().enumerate() {
+            assert_eq!(element as usize, i);
+            assert_eq!(Element::from_name(short), Some(element));
+            assert_eq!(Element::from_name(long), Some(element));
+            assert_eq!(8 * bytes, short[1..].parse::<usize>().unwrap());
+        }
+        assert_eq!(Element::from_name("rgb24"), None);
+    }
+
+    #[test]
+    fn a_claim_that_the_data_cannot_hold_allocates_only_what_arrived() {
+        let mut input = io::repeat(7).take(3 * CHUNK_BYTES as u64 + 5);
+        let claimed = [32767; 3];
+        match read_voxels(&mut input, claimed, Element::F64, ByteOrder::Little) {
+            Err(ReadFailure::Short { got }) => assert_eq!(got, 3 * CHUNK_BYTES as u64 + 5),
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(data_bytes([usize::MAX, 2, 1], Element::U8), None);
+    }
+
+    #[test]
+    fn chunks_join_without_a_seam() {
+        let dims = [1023, 513, 3];
+        let values: Vec<u16> = (0..1023 * 513 * 3u32).map(|i| (i % 65521) as u16).collect();
+        for order in [ByteOrder::Little, ByteOrder::Big] {
+            let bytes: Vec<u8> = values
+                .iter()
+                .flat_map(|v| if order == ByteOrder::Big { v.to_be_bytes() } else { v.to_le_bytes() })
+                .collect();
+            let voxels = read_voxels(&mut &bytes[..], dims, Element::U16, order).unwrap();
+            assert_eq!(voxels, Voxels::U16(Array3::from_shape_vec((3, 513, 1023), values.clone()).unwrap()));
+        }
+    }
+}

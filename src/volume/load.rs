@@ -1,0 +1,67 @@
+//! From what the command line says to a volume.
+
+use super::{Phantom, RawLayout, Volume, nifti, raw};
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// Which volume, and what its file does not say itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VolumeSpec {
+    /// A path, or `phantom:NAME[:SIZE]` for a built-in volume.
+    pub source: String,
+    /// Layout of a raw file (`--raw`); absent, a file name may say it.
+    pub raw: Option<RawLayout>,
+    /// Voxel size of a raw file (`--spacing`), mm.
+    pub spacing_mm: Option<[f64; 3]>,
+    /// Bytes before the voxels of a raw file (`--offset`).
+    pub offset_bytes: Option<u64>,
+    /// Frame of a 4-D file (`--frame`), counted from 0; absent, the first.
+    pub frame: Option<usize>,
+}
+
+impl VolumeSpec {
+    /// A path or `phantom:NAME[:SIZE]`, everything else as the file says.
+    pub fn new(source: impl Into<String>) -> Self {
+        Self { source: source.into(), raw: None, spacing_mm: None, offset_bytes: None, frame: None }
+    }
+}
+
+impl Default for VolumeSpec {
+    /// The default phantom.
+    fn default() -> Self {
+        Self::new(format!("phantom:{}", Phantom::default()))
+    }
+}
+
+/// Loads a volume.
+///
+/// # Errors
+/// The volume cannot be read, or a flag does not apply to its kind.
+pub fn load(spec: &VolumeSpec) -> Result<Volume> {
+    let path = Path::new(&spec.source);
+    let phantom = spec.source.strip_prefix("phantom:");
+    // Someone who gives --raw means it, whatever the file's name says.
+    let layout = spec.raw.or_else(|| phantom.is_none().then(|| RawLayout::from_file_name(path)).flatten());
+    let refuse_flag = |flag: &str, given: bool, kind: &str| match given {
+        true => Err(Error::input("cannot use flag", flag, format!("{} is {kind}", spec.source))),
+        false => Ok(()),
+    };
+    if phantom.is_some() || layout.is_none() {
+        let kind = if phantom.is_some() { "a built-in volume" } else { "not known to be a raw file (--raw)" };
+        refuse_flag("--raw", spec.raw.is_some(), kind)?;
+        refuse_flag("--spacing", spec.spacing_mm.is_some(), kind)?;
+        refuse_flag("--offset", spec.offset_bytes.is_some(), kind)?;
+    }
+    match (phantom, layout) {
+        (Some(name), _) => {
+            refuse_flag("--frame", spec.frame.is_some_and(|f| f > 0), "a built-in volume of one frame")?;
+            let (phantom, size) = Phantom::parse(name)?;
+            phantom.build(size)
+        }
+        (None, Some(layout)) => {
+            refuse_flag("--frame", spec.frame.is_some_and(|f| f > 0), "a raw file of one frame")?;
+            raw::read(path, layout, spec.spacing_mm, spec.offset_bytes.unwrap_or(0))
+        }
+        (None, None) => nifti::read(path, spec.frame.unwrap_or(0)),
+    }
+}

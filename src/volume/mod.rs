@@ -1,0 +1,269 @@
+//! A scalar field on a regular grid with an affine to world millimetres (RAS+).
+//!
+//! Voxel centres sit at integer index coordinates `(i, j, k)`; in between the field is trilinear, clamped at the
+//! edge; the domain is `[-0.5, n - 0.5]^3` in index space and there is nothing (zero extinction) outside.
+
+mod bricks;
+mod element;
+mod load;
+pub mod nifti;
+mod nifti_header;
+mod nifti_write;
+mod phantom;
+pub mod raw;
+mod thorax;
+mod thorax_anatomy;
+
+pub use bricks::{ActiveBricks, BRICK_CELLS, Bricks, extinction_intervals};
+pub use element::{ByteOrder, Element};
+pub use load::{VolumeSpec, load};
+pub use nifti_write::{NIFTI_EXTENSIONS, write_nifti};
+pub use phantom::Phantom;
+pub use raw::RawLayout;
+
+use crate::error::{Error, Result};
+use glam::{DAffine3, DVec3};
+use ndarray::Array3;
+use rayon::prelude::*;
+
+/// Stored voxel values before scaling, in memory order `[[k, j, i]]` (`i` runs fastest), always contiguous.
+///
+/// Other file types are widened to the next of these that holds them exactly (`i8` to `i16`; 32- and 64-bit
+/// integers to `f64`).
+#[derive(Debug, Clone, PartialEq)]
+pub enum Voxels {
+    U8(Array3<u8>),
+    I16(Array3<i16>),
+    U16(Array3<u16>),
+    F32(Array3<f32>),
+    F64(Array3<f64>),
+}
+
+/// Runs `$body` with `$array` bound to the typed array inside a [`Voxels`].
+#[macro_export]
+macro_rules! with_voxels {
+    ($voxels:expr, $array:ident => $body:expr) => {
+        match $voxels {
+            $crate::volume::Voxels::U8($array) => $body,
+            $crate::volume::Voxels::I16($array) => $body,
+            $crate::volume::Voxels::U16($array) => $body,
+            $crate::volume::Voxels::F32($array) => $body,
+            $crate::volume::Voxels::F64($array) => $body,
+        }
+    };
+}
+
+/// A stored voxel type; converts to `f64` without loss.
+pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
+    fn to_f64(self) -> f64;
+}
+
+macro_rules! voxel {
+    ($($t:ty),*) => { $(impl Voxel for $t { #[inline(always)] fn to_f64(self) -> f64 { f64::from(self) } })* };
+}
+voxel!(u8, i16, u16, f32, f64);
+
+/// `value = stored * slope + intercept`, in `f64`.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Scaling {
+    pub slope: f64,
+    pub intercept: f64,
+}
+
+impl Scaling {
+    pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
+
+    /// The scaled value of a stored one.
+    #[inline]
+    pub fn apply(&self, stored: f64) -> f64 {
+        stored * self.slope + self.intercept
+    }
+
+    /// The stored value that scales to `value`.
+    pub fn invert(&self, value: f64) -> f64 {
+        (value - self.intercept) / self.slope
+    }
+}
+
+/// Which part of a file gave the affine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AffineSource {
+    Sform,
+    Qform,
+    /// Voxel sizes only (also raw files and phantoms).
+    Spacing,
+}
+
+/// What a file said about itself, for `info`.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Provenance {
+    /// Path or `phantom:NAME:SIZE`.
+    pub source: String,
+    /// `nifti1`, `nifti2`, `raw`, `phantom`, ...
+    pub format: String,
+    /// Element type in the file, e.g. `uint8`, `int16 big-endian`.
+    pub stored_type: String,
+    pub affine_source: AffineSource,
+    /// Frames in a 4-D file (1 otherwise) and the one read.
+    pub frames: usize,
+    pub frame: usize,
+    /// Non-finite voxels, replaced by the smallest finite value.
+    pub non_finite: usize,
+    /// One line each; shown by `info` and on stderr.
+    pub warnings: Vec<String>,
+}
+
+/// A volume: stored values, their scaling and the affine to world millimetres (RAS+).
+#[derive(Debug, Clone)]
+pub struct Volume {
+    voxels: Voxels,
+    scaling: Scaling,
+    world_from_index: DAffine3,
+    index_from_world: DAffine3,
+    stored_range: [f64; 2],
+    pub provenance: Provenance,
+}
+
+impl Volume {
+    /// Puts a volume together; `world_from_index` maps index coordinates to world mm.
+    ///
+    /// # Errors
+    /// A dimension of 0, an affine that is singular or not finite, a slope of 0, values that overflow once scaled, or
+    /// not one finite value.
+    pub fn new(
+        mut voxels: Voxels,
+        scaling: Scaling,
+        world_from_index: DAffine3,
+        mut provenance: Provenance,
+    ) -> Result<Self> {
+        let refuse = |why: &str| Error::input("cannot use volume", &provenance.source, why);
+        if with_voxels!(&voxels, a => a.is_empty()) {
+            return Err(refuse("a dimension is 0"));
+        }
+        if with_voxels!(&voxels, a => !a.is_standard_layout()) {
+            return Err(refuse("its voxels are not contiguous with x fastest"));
+        }
+        if !(scaling.slope.is_finite() && scaling.intercept.is_finite()) || scaling.slope == 0.0 {
+            return Err(refuse("the value scaling is not finite or its slope is 0"));
+        }
+        let index_from_world = world_from_index.inverse();
+        if !(world_from_index.is_finite() && index_from_world.is_finite())
+            || world_from_index.matrix3.determinant() == 0.0
+        {
+            return Err(refuse("the affine is singular or not finite"));
+        }
+        let stored_range = finite_range(&voxels).ok_or_else(|| refuse("no voxel has a finite value"))?;
+        if !stored_range.iter().all(|&s| scaling.apply(s).is_finite()) {
+            return Err(refuse("its values overflow once scaled"));
+        }
+        let smallest = stored_range[usize::from(scaling.slope < 0.0)];
+        let non_finite = replace_non_finite(&mut voxels, smallest);
+        if non_finite > 0 {
+            provenance.non_finite += non_finite;
+            provenance
+                .warnings
+                .push(format!("{non_finite} voxels were not finite and became the smallest finite value"));
+        }
+        Ok(Self { voxels, scaling, world_from_index, index_from_world, stored_range, provenance })
+    }
+
+    /// Grid size `[nx, ny, nz]` along index axes `i, j, k`.
+    pub fn dims(&self) -> [usize; 3] {
+        let s = with_voxels!(&self.voxels, a => a.dim());
+        [s.2, s.1, s.0]
+    }
+
+    pub fn voxels(&self) -> &Voxels {
+        &self.voxels
+    }
+
+    pub fn scaling(&self) -> Scaling {
+        self.scaling
+    }
+
+    /// World mm (RAS+) from index coordinates.
+    pub fn world_from_index(&self) -> DAffine3 {
+        self.world_from_index
+    }
+
+    /// Index coordinates from world mm (RAS+).
+    pub fn index_from_world(&self) -> DAffine3 {
+        self.index_from_world
+    }
+
+    /// Distance between neighbouring voxel centres along each index axis, mm.
+    pub fn spacing_mm(&self) -> [f64; 3] {
+        let m = self.world_from_index.matrix3;
+        [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()]
+    }
+
+    /// The smallest of the three spacings, mm: the unit of `--step`.
+    pub fn min_spacing_mm(&self) -> f64 {
+        self.spacing_mm().into_iter().fold(f64::INFINITY, f64::min)
+    }
+
+    /// Smallest and largest stored (unscaled) value.
+    pub fn stored_range(&self) -> [f64; 2] {
+        self.stored_range
+    }
+
+    /// Smallest and largest scaled value.
+    pub fn value_range(&self) -> [f64; 2] {
+        let [a, b] = self.stored_range.map(|s| self.scaling.apply(s));
+        [a.min(b), a.max(b)]
+    }
+
+    /// Scaled value of one voxel.
+    pub fn value(&self, i: usize, j: usize, k: usize) -> f64 {
+        self.scaling.apply(with_voxels!(&self.voxels, a => a[[k, j, i]].to_f64()))
+    }
+
+    /// The eight corners of the domain `[-0.5, n - 0.5]^3`, world mm.
+    pub fn corners_mm(&self) -> [DVec3; 8] {
+        let n = self.dims().map(|n| n as f64 - 0.5);
+        std::array::from_fn(|c| {
+            let pick = |axis: usize| if c >> axis & 1 == 0 { -0.5 } else { n[axis] };
+            self.world_from_index.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
+        })
+    }
+
+    /// Bytes that the stored voxels take on the host.
+    pub fn bytes(&self) -> u64 {
+        with_voxels!(&self.voxels, a => size_of_val(a.as_slice().unwrap_or_default()) as u64)
+    }
+}
+
+/// Smallest and largest finite stored value; `None` where there is none.
+fn finite_range(voxels: &Voxels) -> Option<[f64; 2]> {
+    fn range<T: Voxel>(values: &[T]) -> [f64; 2] {
+        let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        let empty = [f64::INFINITY, f64::NEG_INFINITY];
+        values
+            .par_chunks(1 << 16)
+            .map(|chunk| {
+                let finite = chunk.iter().map(|v| v.to_f64()).filter(|v| v.is_finite());
+                finite.fold(empty, |[lo, hi], v| [if v < lo { v } else { lo }, if v > hi { v } else { hi }])
+            })
+            .reduce(|| empty, join)
+    }
+    let [lo, hi] = with_voxels!(voxels, a => range(a.as_slice()?));
+    (lo <= hi).then_some([lo, hi])
+}
+
+/// Replaces non-finite voxels by a stored value; returns their number.
+fn replace_non_finite(voxels: &mut Voxels, stored: f64) -> usize {
+    let mut replaced = 0;
+    match voxels {
+        Voxels::F32(a) => a.iter_mut().filter(|v| !v.is_finite()).for_each(|v| {
+            *v = stored as f32;
+            replaced += 1;
+        }),
+        Voxels::F64(a) => a.iter_mut().filter(|v| !v.is_finite()).for_each(|v| {
+            *v = stored;
+            replaced += 1;
+        }),
+        Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => {}
+    }
+    replaced
+}

@@ -1,0 +1,332 @@
+//! NIfTI-1 and NIfTI-2 headers brought to one form, and the affine that they give.
+
+use super::element::{ByteOrder, Element};
+use super::{AffineSource, Scaling};
+use glam::{DAffine3, DMat3, DVec3};
+use nifti::NiftiHeader;
+
+/// Size in bytes of a NIfTI-1 and of a NIfTI-2 header.
+pub const HEADER_BYTES: [usize; 2] = [348, 540];
+/// Where the voxels of a single file begin at the earliest: the header and four bytes that announce extensions.
+const EXTENDER_BYTES: u64 = 4;
+
+/// What both versions of the format say, wide enough for either.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Header {
+    /// 1 or 2.
+    pub version: u8,
+    pub byte_order: ByteOrder,
+    /// Voxels are in a second file (`.img`).
+    pub paired: bool,
+    pub dim: [i64; 8],
+    pub datatype: i16,
+    pub bitpix: i16,
+    pub pixdim: [f64; 8],
+    pub vox_offset: f64,
+    pub scl_slope: f64,
+    pub scl_inter: f64,
+    pub xyzt_units: i32,
+    pub qform_code: i32,
+    pub sform_code: i32,
+    pub quatern: [f64; 3],
+    pub qoffset: [f64; 3],
+    pub srow: [[f64; 4]; 3],
+}
+
+/// Version and byte order, told from the first four bytes of a file: the header's own size.
+pub fn recognise(start: [u8; 4]) -> Option<(u8, ByteOrder)> {
+    [(1, HEADER_BYTES[0]), (2, HEADER_BYTES[1])].into_iter().find_map(|(version, bytes)| {
+        if u32::from_le_bytes(start) as usize == bytes {
+            Some((version, ByteOrder::Little))
+        } else if u32::from_be_bytes(start) as usize == bytes {
+            Some((version, ByteOrder::Big))
+        } else {
+            None
+        }
+    })
+}
+
+impl Header {
+    /// From a whole header as [`recognise`] saw it.
+    ///
+    /// # Errors
+    /// The magic is missing or the header contradicts itself; the reason in words.
+    pub fn parse(bytes: &[u8], version: u8, order: ByteOrder) -> Result<Self, String> {
+        match version {
+            1 => Self::parse_1(bytes, order),
+            _ => Self::parse_2(bytes, order),
+        }
+    }
+
+    fn parse_1(bytes: &[u8], byte_order: ByteOrder) -> Result<Self, String> {
+        let h = NiftiHeader::from_reader(bytes)
+            .map_err(|_| "its header has no NIfTI magic (an Analyze 7.5 header?)".to_string())?;
+        // The crate tells the byte order from `dim[0]`; both signs must agree.
+        if h.sizeof_hdr as usize != HEADER_BYTES[0] {
+            return Err("its number of dimensions is not in 1..=7".into());
+        }
+        Ok(Self {
+            version: 1,
+            byte_order,
+            paired: h.magic == *nifti::header::MAGIC_CODE_NI1,
+            // The crate reads the signed sizes as unsigned ones.
+            dim: h.dim.map(|n| i64::from(n as i16)),
+            datatype: h.datatype,
+            bitpix: h.bitpix,
+            pixdim: h.pixdim.map(f64::from),
+            vox_offset: f64::from(h.vox_offset),
+            scl_slope: f64::from(h.scl_slope),
+            scl_inter: f64::from(h.scl_inter),
+            xyzt_units: i32::from(h.xyzt_units),
+            qform_code: i32::from(h.qform_code),
+            sform_code: i32::from(h.sform_code),
+            quatern: [h.quatern_b, h.quatern_c, h.quatern_d].map(f64::from),
+            qoffset: [h.quatern_x, h.quatern_y, h.quatern_z].map(f64::from),
+            srow: [h.srow_x, h.srow_y, h.srow_z].map(|row| row.map(f64::from)),
+        })
+    }
+
+    /// The crate knows NIfTI-1 only; NIfTI-2 is the same fields at other places.
+    fn parse_2(bytes: &[u8], byte_order: ByteOrder) -> Result<Self, String> {
+        let fields = Fields { bytes, byte_order };
+        let paired = match bytes.get(4..12) {
+            Some(b"n+2\0\r\n\x1a\n") => false,
+            Some(b"ni2\0\r\n\x1a\n") => true,
+            _ => return Err("its header has no NIfTI-2 magic, or line ends were converted in it".into()),
+        };
+        Ok(Self {
+            version: 2,
+            byte_order,
+            paired,
+            dim: fields.array::<8, 8>(16).map(i64::from_le_bytes),
+            datatype: i16::from_le_bytes(fields.one(12)),
+            bitpix: i16::from_le_bytes(fields.one(14)),
+            pixdim: fields.array(104).map(f64::from_le_bytes),
+            vox_offset: i64::from_le_bytes(fields.one(168)) as f64,
+            scl_slope: f64::from_le_bytes(fields.one(176)),
+            scl_inter: f64::from_le_bytes(fields.one(184)),
+            xyzt_units: i32::from_le_bytes(fields.one(500)),
+            qform_code: i32::from_le_bytes(fields.one(344)),
+            sform_code: i32::from_le_bytes(fields.one(348)),
+            quatern: fields.array(352).map(f64::from_le_bytes),
+            qoffset: fields.array(376).map(f64::from_le_bytes),
+            srow: [400, 432, 464].map(|at| fields.array(at).map(f64::from_le_bytes)),
+        })
+    }
+
+    /// Grid size and number of frames (the product of every dimension beyond the third).
+    ///
+    /// # Errors
+    /// A dimension below 1 or a product that overflows.
+    pub fn grid(&self) -> Result<([usize; 3], usize), String> {
+        let count = self.dim[0];
+        if !(1..=7).contains(&count) {
+            return Err(format!("its number of dimensions is {count}, not in 1..=7"));
+        }
+        let mut dims = [1usize; 7];
+        for (axis, size) in dims.iter_mut().enumerate().take(count as usize) {
+            let n = self.dim[axis + 1];
+            *size = usize::try_from(n)
+                .ok()
+                .filter(|&n| n > 0)
+                .ok_or_else(|| format!("dimension {} is {n}", axis + 1))?;
+        }
+        let frames = dims[3..]
+            .iter()
+            .try_fold(1usize, |frames, &n| frames.checked_mul(n))
+            .ok_or("its number of frames cannot be counted")?;
+        Ok(([dims[0], dims[1], dims[2]], frames))
+    }
+
+    /// The element type.
+    ///
+    /// # Errors
+    /// Colours, complex numbers and types that no other format of this program knows.
+    pub fn element(&self) -> Result<Element, String> {
+        Ok(match self.datatype {
+            2 => Element::U8,
+            4 => Element::I16,
+            8 => Element::I32,
+            16 => Element::F32,
+            64 => Element::F64,
+            256 => Element::I8,
+            512 => Element::U16,
+            768 => Element::U32,
+            1024 => Element::I64,
+            1280 => Element::U64,
+            other => {
+                let name = match other {
+                    1 => "single bits",
+                    32 | 1792 | 2048 => "complex numbers",
+                    128 | 2304 => "RGB colours",
+                    1536 => "128-bit floats",
+                    _ => "of an unknown type",
+                };
+                return Err(format!("its voxels are {name} (datatype {other}); scalars are needed"));
+            }
+        })
+    }
+
+    /// The value scaling; a slope that is 0 or not finite means none.
+    ///
+    /// # Errors
+    /// A slope with an intercept that is not finite.
+    pub fn scaling(&self) -> Result<Scaling, String> {
+        if self.scl_slope == 0.0 || !self.scl_slope.is_finite() {
+            return Ok(Scaling::IDENTITY);
+        }
+        if !self.scl_inter.is_finite() {
+            return Err(format!("its scl_slope is {} but its scl_inter {}", self.scl_slope, self.scl_inter));
+        }
+        Ok(Scaling { slope: self.scl_slope, intercept: self.scl_inter })
+    }
+
+    /// Byte at which the voxels begin in the file that holds them.
+    ///
+    /// # Errors
+    /// An offset that is negative, not a number, or inside the header of a single file.
+    pub fn data_offset(&self) -> Result<u64, String> {
+        let offset = self.vox_offset;
+        if !(0.0..9.0e18).contains(&offset) {
+            return Err(format!("its vox_offset is {offset}"));
+        }
+        let first = HEADER_BYTES[usize::from(self.version) - 1] as u64 + EXTENDER_BYTES;
+        match offset as u64 {
+            0 if !self.paired => Ok(first),
+            offset if !self.paired && offset < first => {
+                Err(format!("its vox_offset {offset} lies inside the header"))
+            }
+            offset => Ok(offset),
+        }
+    }
+
+    /// World mm (RAS+) from index coordinates: sform if its code is above 0, else qform if its code is above 0, else
+    /// voxel sizes. A form that is not finite or singular is passed over with a warning.
+    pub fn affine(&self, warnings: &mut Vec<String>) -> (DAffine3, AffineSource) {
+        let usable =
+            |a: &DAffine3| a.is_finite() && a.inverse().is_finite() && a.matrix3.determinant() != 0.0;
+        if self.sform_code > 0 {
+            let affine = self.sform();
+            if usable(&affine) {
+                return (affine, AffineSource::Sform);
+            }
+            warnings.push("the sform is singular or not finite and was passed over".into());
+        }
+        if self.qform_code > 0 {
+            let affine = self.qform(warnings);
+            if usable(&affine) {
+                return (affine, AffineSource::Qform);
+            }
+            warnings.push("the qform is not finite and was passed over".into());
+        }
+        let affine = self.voxel_size_affine(warnings);
+        warnings.push(
+            "no usable sform or qform: voxel sizes only, centred, x running to the left (the Analyze convention)"
+                .into(),
+        );
+        (affine, AffineSource::Spacing)
+    }
+
+    fn sform(&self) -> DAffine3 {
+        let column = |c: usize| DVec3::from_array(self.srow.map(|row| row[c]));
+        DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3))
+    }
+
+    fn qform(&self, warnings: &mut Vec<String>) -> DAffine3 {
+        let [mut b, mut c, mut d] = self.quatern;
+        let w_squared = 1.0 - (b * b + c * c + d * d);
+        // Three f32 roundings of 1: closer to a half turn than the header can say.
+        let resolution = 3.0 * f64::from(f32::EPSILON);
+        let w = if w_squared.abs() < resolution {
+            0.0
+        } else if w_squared < 0.0 {
+            warnings
+                .push(format!("the qform's quaternion is too long by {:.3e} and was normalised", -w_squared));
+            let length = (1.0 - w_squared).sqrt();
+            [b, c, d] = [b / length, c / length, d / length];
+            0.0
+        } else {
+            w_squared.sqrt()
+        };
+        let norm = w * w + b * b + c * c + d * d;
+        let s = 2.0 / norm;
+        let rotation = DMat3::from_cols(
+            DVec3::new(1.0 - s * (c * c + d * d), s * (b * c + w * d), s * (b * d - w * c)),
+            DVec3::new(s * (b * c - w * d), 1.0 - s * (b * b + d * d), s * (c * d + w * b)),
+            DVec3::new(s * (b * d + w * c), s * (c * d - w * b), 1.0 - s * (b * b + c * c)),
+        );
+        let mut size = self.voxel_sizes_mm(warnings);
+        if self.pixdim[0] == -1.0 {
+            size.z = -size.z;
+        }
+        DAffine3::from_mat3_translation(
+            rotation * DMat3::from_diagonal(size),
+            DVec3::from_array(self.qoffset),
+        )
+    }
+
+    fn voxel_size_affine(&self, warnings: &mut Vec<String>) -> DAffine3 {
+        let mut size = self.voxel_sizes_mm(warnings);
+        // Axes that the file does not have count 1 mm.
+        for axis in 0..3 {
+            if self.dim[0] <= axis as i64 {
+                size[axis] = 1.0;
+            }
+        }
+        size.x = -size.x;
+        let centre = DVec3::from_array(std::array::from_fn(|axis| {
+            let has_axis = self.dim[0] > axis as i64;
+            if has_axis { (self.dim[axis + 1] as f64 - 1.0) / 2.0 } else { 0.0 }
+        }));
+        DAffine3::from_mat3_translation(DMat3::from_diagonal(size), -(size * centre))
+    }
+
+    /// `pixdim[1..=3]` made positive; 0 or not finite counts 1 mm.
+    fn voxel_sizes_mm(&self, warnings: &mut Vec<String>) -> DVec3 {
+        let mut warn = |text: String| {
+            if !warnings.contains(&text) {
+                warnings.push(text);
+            }
+        };
+        DVec3::from_array(std::array::from_fn(|axis| match self.pixdim[axis + 1] {
+            size if size == 0.0 || !size.is_finite() => {
+                // A 2-D file need not say how thick its one slice is.
+                if self.dim[0] > axis as i64 {
+                    warn(format!("voxel size {} along axis {} was taken as 1 mm", size, axis + 1));
+                }
+                1.0
+            }
+            size => {
+                if size < 0.0 {
+                    warn(format!("voxel size {} along axis {} was made positive", size, axis + 1));
+                }
+                size.abs()
+            }
+        }))
+    }
+}
+
+/// Fields of a NIfTI-2 header by their place, handed out in little-endian order.
+struct Fields<'a> {
+    bytes: &'a [u8],
+    byte_order: ByteOrder,
+}
+
+impl Fields<'_> {
+    /// A field of `N` bytes; zeros beyond the header's end.
+    fn one<const N: usize>(&self, at: usize) -> [u8; N] {
+        let mut field = [0; N];
+        if let Some(bytes) = self.bytes.get(at..at + N) {
+            field.copy_from_slice(bytes);
+        }
+        if self.byte_order == ByteOrder::Big {
+            field.reverse();
+        }
+        field
+    }
+
+    /// `M` neighbouring fields of `N` bytes.
+    fn array<const N: usize, const M: usize>(&self, at: usize) -> [[u8; N]; M] {
+        std::array::from_fn(|i| self.one(at + i * N))
+    }
+}

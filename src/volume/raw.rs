@@ -1,0 +1,172 @@
+//! Raw files: voxels and nothing else; the layout comes from `--raw` or from the file's name.
+
+use super::element::{ByteOrder, Element, data_bytes, read_voxels};
+use super::{AffineSource, Provenance, Scaling, Volume};
+use crate::error::{Error, Result};
+use glam::{DAffine3, DVec3};
+use std::fs::File;
+use std::io::{Seek, SeekFrom};
+use std::path::Path;
+use std::str::FromStr;
+
+/// Grid and element type of a raw file, `DIMXxDIMYxDIMZ:TYPE[:be]`; x runs fastest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RawLayout {
+    pub dims: [usize; 3],
+    pub element: Element,
+    pub byte_order: ByteOrder,
+}
+
+const LAYOUT_HINT: &str =
+    "DIMXxDIMYxDIMZ:u8|i8|u16|i16|u32|i32|f32|f64[:be], for instance 256x256x128:u8 or 512x512x300:i16:be";
+
+impl FromStr for RawLayout {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let refuse = |why: String| Error::input("cannot read raw layout", text, why).hint(LAYOUT_HINT);
+        let mut parts = text.split(':');
+        let dims = parts.next().unwrap_or_default();
+        let dims = parse_dims(dims).ok_or_else(|| refuse(format!("`{dims}` is not three sizes above 0")))?;
+        let element = parts.next().ok_or_else(|| refuse("the element type is missing".into()))?;
+        let element = Element::from_name(element)
+            .ok_or_else(|| refuse(format!("`{element}` is not an element type")))?;
+        let byte_order = match (parts.next(), parts.next()) {
+            (None, _) | (Some("le"), None) => ByteOrder::Little,
+            (Some("be"), None) => ByteOrder::Big,
+            (Some(other), _) => return Err(refuse(format!("`{other}` is not `be`"))),
+        };
+        Ok(Self { dims, element, byte_order })
+    }
+}
+
+impl RawLayout {
+    /// From a file name such as `foot_256x256x256_uint8.raw` (also `_be`, and the short type names); `None` where the
+    /// name does not say it.
+    pub fn from_file_name(path: &Path) -> Option<Self> {
+        if !path.extension()?.eq_ignore_ascii_case("raw") {
+            return None;
+        }
+        let stem = path.file_stem()?.to_str()?.to_ascii_lowercase();
+        let parts: Vec<&str> = stem.split(['_', '-', '.']).collect();
+        parts.windows(2).enumerate().find_map(|(at, pair)| {
+            let dims = parse_dims(pair[0])?;
+            let element = Element::from_name(pair[1])?;
+            let big = parts.get(at + 2) == Some(&"be");
+            Some(Self { dims, element, byte_order: if big { ByteOrder::Big } else { ByteOrder::Little } })
+        })
+    }
+}
+
+fn parse_dims(text: &str) -> Option<[usize; 3]> {
+    let sizes: Vec<usize> = text.split('x').map(|n| n.parse().ok()).collect::<Option<_>>()?;
+    <[usize; 3]>::try_from(sizes).ok().filter(|dims| dims.iter().all(|&n| n > 0))
+}
+
+/// Reads a raw file; voxel (0, 0, 0) sits at the world's origin and the axes are the world's.
+///
+/// `spacing_mm` is the voxel size (1 mm where absent), `offset_bytes` what precedes the voxels.
+///
+/// # Errors
+/// The file cannot be read, its size is not exactly the offset and the voxels, or a spacing is not above 0.
+pub fn read(
+    path: &Path,
+    layout: RawLayout,
+    spacing_mm: Option<[f64; 3]>,
+    offset_bytes: u64,
+) -> Result<Volume> {
+    let source = path.display().to_string();
+    let refuse = |why: String| Error::input("cannot read raw volume", &source, why);
+    let mut warnings = Vec::new();
+    let spacing_mm = spacing_mm.unwrap_or_else(|| {
+        warnings.push("no --spacing given: voxels taken as 1 mm".to_string());
+        [1.0; 3]
+    });
+    if !spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
+        return Err(Error::input(
+            "cannot use spacing",
+            "--spacing",
+            format!("{spacing_mm:?} mm is not three lengths above 0"),
+        ));
+    }
+    let mut file = File::open(path).map_err(|e| refuse(e.to_string()))?;
+    let metadata = file.metadata().map_err(|e| refuse(e.to_string()))?;
+    if metadata.is_dir() {
+        return Err(refuse("it is a folder".into()));
+    }
+    let [nx, ny, nz] = layout.dims;
+    let wanted = data_bytes(layout.dims, layout.element).and_then(|bytes| bytes.checked_add(offset_bytes));
+    if wanted != Some(metadata.len()) {
+        let wanted = wanted.map_or("more bytes than can be counted".into(), |n| format!("{n} bytes"));
+        let what = layout.element.describe(layout.byte_order);
+        return Err(refuse(format!(
+            "{nx}x{ny}x{nz} {what} after {offset_bytes} bytes is {wanted}, the file has {} bytes",
+            metadata.len()
+        ))
+        .hint("--raw DIMXxDIMYxDIMZ:TYPE and --offset BYTES must account for the whole file"));
+    }
+    file.seek(SeekFrom::Start(offset_bytes)).map_err(|e| refuse(e.to_string()))?;
+    let voxels = read_voxels(&mut file, layout.dims, layout.element, layout.byte_order)
+        .map_err(|e| refuse(e.to_string()))?;
+    let provenance = Provenance {
+        source: source.clone(),
+        format: "raw".into(),
+        stored_type: layout.element.describe(layout.byte_order),
+        affine_source: AffineSource::Spacing,
+        frames: 1,
+        frame: 0,
+        non_finite: 0,
+        warnings,
+    };
+    Volume::new(voxels, Scaling::IDENTITY, DAffine3::from_scale(DVec3::from_array(spacing_mm)), provenance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout(dims: [usize; 3], element: Element, byte_order: ByteOrder) -> RawLayout {
+        RawLayout { dims, element, byte_order }
+    }
+
+    #[test]
+    fn layouts() {
+        let parse = |s: &str| s.parse::<RawLayout>();
+        assert_eq!(parse("3x4x5:u8").unwrap(), layout([3, 4, 5], Element::U8, ByteOrder::Little));
+        assert_eq!(parse("3x4x5:i16:be").unwrap(), layout([3, 4, 5], Element::I16, ByteOrder::Big));
+        for bad in [
+            "",
+            "3x4:u8",
+            "3x4x5",
+            "3x4x5:",
+            "3x4x5:rgb",
+            "0x4x5:u8",
+            "-3x4x5:u8",
+            "3x4x5x6:u8",
+            "3x4x5:u8:pdp",
+            "3x4x5:u8:be:x",
+            "99999999999999999999x1x1:u8",
+        ] {
+            let error = parse(bad).unwrap_err();
+            assert_eq!(error.exit_status(), 2, "{bad}");
+            assert!(error.hint.is_some());
+        }
+    }
+
+    #[test]
+    fn names_that_say_it() {
+        let named = |s: &str| RawLayout::from_file_name(Path::new(s));
+        let foot = layout([256, 256, 256], Element::U8, ByteOrder::Little);
+        assert_eq!(named("a/foot_256x256x256_uint8.raw"), Some(foot));
+        assert_eq!(named("foot_256x256x256_u8.RAW"), Some(foot));
+        assert_eq!(
+            named("csafe_heptane_302x302x302_int16_be.raw"),
+            Some(layout([302, 302, 302], Element::I16, ByteOrder::Big))
+        );
+        for bad in
+            ["foot.raw", "foot_256x256_uint8.raw", "foot_256x256x256.raw", "foot_256x256x256_uint8.nii"]
+        {
+            assert_eq!(named(bad), None, "{bad}");
+        }
+    }
+}

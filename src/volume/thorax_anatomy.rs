@@ -1,0 +1,411 @@
+//! The painted parts of [`super::thorax`]: heart, vessels, airways and bones as tubes and ellipsoids.
+
+use super::thorax::{CAVITY_HALF, CAVITY_Y, HEART, cavity_scale, lungs, uniform};
+use glam::{Mat3, Vec3, vec3};
+
+/// A solid of one HU value.
+pub struct Shape {
+    pub hu: f32,
+    /// Bounding box, mm.
+    pub low: Vec3,
+    pub high: Vec3,
+    kind: Kind,
+}
+
+enum Kind {
+    /// A round cone between two points; `flatten` above 1 makes its cross-section taller than wide.
+    Tube { a: Vec3, along: Vec3, radii: [f32; 2], flatten: f32 },
+    /// `local` takes positions relative to the centre to a unit ball of size `half` (its smallest half axis).
+    Ellipsoid { center: Vec3, local: Mat3, half: f32 },
+}
+
+impl Shape {
+    /// Signed distance, below 0 inside; to first order.
+    pub fn distance(&self, p: Vec3) -> f32 {
+        match &self.kind {
+            Kind::Tube { a, along, radii, flatten } => {
+                let mut q = p - a;
+                q.z /= flatten;
+                let t = (q.dot(*along) / along.length_squared().max(1e-6)).clamp(0.0, 1.0);
+                (q - t * along).length() - (radii[0] + (radii[1] - radii[0]) * t)
+            }
+            Kind::Ellipsoid { center, local, half } => {
+                let q = *local * (p - center);
+                let length = q.length();
+                // The gradient's length turns the ratio into a distance.
+                let gradient = (local.transpose() * q).length() / length.max(1e-3);
+                (length - 1.0) / gradient.max(1e-3 / half)
+            }
+        }
+    }
+}
+
+/// Shapes in the order in which they are painted.
+#[derive(Default)]
+struct Painter {
+    shapes: Vec<Shape>,
+}
+
+impl Painter {
+    fn tube(&mut self, hu: f32, a: Vec3, b: Vec3, radii: [f32; 2]) {
+        self.flat_tube(hu, a, b, radii, 1.0);
+    }
+
+    fn flat_tube(&mut self, hu: f32, a: Vec3, b: Vec3, radii: [f32; 2], flatten: f32) {
+        let mut along = b - a;
+        along.z /= flatten;
+        let reach = vec3(1.0, 1.0, flatten) * radii[0].max(radii[1]);
+        let (low, high) = (a.min(b) - reach, a.max(b) + reach);
+        self.shapes.push(Shape { hu, low, high, kind: Kind::Tube { a, along, radii, flatten } });
+    }
+
+    /// Tubes through points, the radius running from the first to the second of `radii`.
+    fn path(&mut self, hu: f32, points: &[Vec3], radii: [f32; 2]) {
+        let last = (points.len() - 1).max(1) as f32;
+        let radius = |i: usize| radii[0] + (radii[1] - radii[0]) * i as f32 / last;
+        for (i, ends) in points.windows(2).enumerate() {
+            self.tube(hu, ends[0], ends[1], [radius(i), radius(i + 1)]);
+        }
+    }
+
+    /// An ellipsoid whose first half axis points along `axis`.
+    fn ellipsoid(&mut self, hu: f32, center: Vec3, axis: Vec3, half: Vec3) {
+        let x = axis.normalize();
+        let y = x.any_orthonormal_vector();
+        let axes = Mat3::from_cols(x, y, x.cross(y));
+        let local = Mat3::from_diagonal(half.recip()) * axes.transpose();
+        let reach = Vec3::splat(half.max_element());
+        let kind = Kind::Ellipsoid { center, local, half: half.min_element() };
+        self.shapes.push(Shape { hu, low: center - reach, high: center + reach, kind });
+    }
+
+    /// A bone: cortex outside, marrow `cortex_mm` further in.
+    fn bone(&mut self, a: Vec3, b: Vec3, radius: f32, cortex_mm: f32, flatten: f32) {
+        self.flat_tube(680.0, a, b, [radius; 2], flatten);
+        self.flat_tube(260.0, a, b, [radius - cortex_mm; 2], flatten);
+    }
+}
+
+/// Points of a smooth curve (Catmull-Rom) through the given ones.
+fn smooth(points: &[Vec3]) -> Vec<Vec3> {
+    const STEPS: usize = 6;
+    let at = |i: isize| points[i.clamp(0, points.len() as isize - 1) as usize];
+    let mut curve = Vec::with_capacity(points.len() * STEPS);
+    for i in 0..points.len() as isize - 1 {
+        let [p, a, b, q] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+        for step in 0..STEPS {
+            let t = step as f32 / STEPS as f32;
+            let (m, n) = (0.5 * (b - p), 0.5 * (q - a));
+            let (t2, t3) = (t * t, t * t * t);
+            curve.push(
+                a * (2.0 * t3 - 3.0 * t2 + 1.0)
+                    + m * (t3 - 2.0 * t2 + t)
+                    + b * (3.0 * t2 - 2.0 * t3)
+                    + n * (t3 - t2),
+            );
+        }
+    }
+    curve.extend(points.last());
+    curve
+}
+
+/// Everything painted, in order.
+pub fn shapes() -> Vec<Shape> {
+    let mut painter = Painter::default();
+    abdomen(&mut painter);
+    lung_vessels(&mut painter);
+    heart(&mut painter);
+    great_vessels(&mut painter);
+    airways(&mut painter);
+    spine(&mut painter);
+    ribs(&mut painter);
+    sternum_and_shoulders(&mut painter);
+    painter.shapes
+}
+
+fn abdomen(painter: &mut Painter) {
+    painter.ellipsoid(118.0, vec3(-88.0, -28.0, -98.0), vec3(-0.3, 0.3, 0.9), vec3(44.0, 24.0, 30.0));
+    painter.ellipsoid(45.0, vec3(-52.0, 30.0, -100.0), vec3(-0.4, 0.2, 1.0), vec3(46.0, 34.0, 34.0));
+    painter.ellipsoid(-960.0, vec3(-54.0, 46.0, -88.0), vec3(-0.4, 0.1, 1.0), vec3(26.0, 17.0, 20.0));
+}
+
+fn heart(painter: &mut Painter) {
+    let apex = vec3(-0.62, 0.52, -0.58).normalize();
+    painter.ellipsoid(115.0, HEART, apex, vec3(58.0, 43.0, 43.0));
+    // Left and right ventricle, left and right atrium.
+    painter.ellipsoid(350.0, HEART + vec3(-14.0, -8.0, -4.0), apex, vec3(38.0, 19.0, 19.0));
+    painter.ellipsoid(300.0, HEART + vec3(8.0, 20.0, -6.0), apex, vec3(36.0, 15.0, 18.0));
+    painter.ellipsoid(360.0, HEART + vec3(14.0, -32.0, 22.0), vec3(1.0, 0.1, 0.1), vec3(26.0, 17.0, 19.0));
+    painter.ellipsoid(270.0, HEART + vec3(42.0, -4.0, 6.0), vec3(0.1, 0.2, 1.0), vec3(25.0, 18.0, 18.0));
+    // Coronary arteries run on the surface: a point of the ellipsoid's frame pushed out to it.
+    let side = apex.cross(Vec3::Z).normalize();
+    let front = side.cross(apex);
+    let on_surface = |along: f32, turn: f32| {
+        let ring = (1.0 - along * along).max(0.0).sqrt() * 44.0;
+        HEART + apex * (58.5 * along) + (front * turn.cos() + side * turn.sin()) * ring
+    };
+    for (turn, sweep) in [(0.35, 0.25), (-0.9, -0.8), (1.6, 1.1), (2.7, -0.5)] {
+        let points: Vec<Vec3> = (0..=24)
+            .map(|i| {
+                let t = i as f32 / 24.0;
+                on_surface(-0.55 + 1.35 * t, turn + sweep * t + 0.08 * (9.0 * t).sin())
+            })
+            .collect();
+        painter.path(370.0, &points, [2.3, 1.1]);
+    }
+}
+
+fn great_vessels(painter: &mut Painter) {
+    let aorta = smooth(&[
+        vec3(-8.0, 14.0, -8.0),
+        vec3(8.0, 24.0, 22.0),
+        vec3(14.0, 20.0, 50.0),
+        vec3(2.0, 2.0, 72.0),
+        vec3(-16.0, -20.0, 68.0),
+        vec3(-24.0, -36.0, 48.0),
+        vec3(-24.0, -38.0, 0.0),
+        vec3(-18.0, -34.0, -60.0),
+        vec3(-8.0, -28.0, -140.0),
+    ]);
+    painter.path(360.0, &aorta, [15.0, 10.5]);
+    for (from, to, radius) in [
+        (vec3(10.0, 8.0, 70.0), vec3(22.0, 4.0, 140.0), 6.0),
+        (vec3(-4.0, -4.0, 74.0), vec3(-16.0, 0.0, 140.0), 4.2),
+        (vec3(-13.0, -16.0, 70.0), vec3(-34.0, -8.0, 140.0), 5.0),
+    ] {
+        painter.path(
+            355.0,
+            &smooth(&[from, 0.5 * (from + to) + vec3(0.0, 3.0, 0.0), to]),
+            [radius, 0.8 * radius],
+        );
+    }
+    // Superior and inferior vena cava, pulmonary trunk and its two branches.
+    painter.path(
+        420.0,
+        &smooth(&[vec3(30.0, 12.0, 140.0), vec3(28.0, 10.0, 60.0), vec3(24.0, 14.0, -18.0)]),
+        [9.5, 10.0],
+    );
+    painter.path(170.0, &[vec3(24.0, 8.0, -40.0), vec3(20.0, -14.0, -140.0)], [11.0, 12.0]);
+    painter.path(
+        340.0,
+        &smooth(&[vec3(-14.0, 46.0, -14.0), vec3(-18.0, 38.0, 14.0), vec3(-16.0, 16.0, 32.0)]),
+        [13.0, 13.0],
+    );
+    painter.path(
+        340.0,
+        &smooth(&[vec3(-16.0, 16.0, 32.0), vec3(-30.0, 0.0, 32.0), hilum(-1.0)]),
+        [11.0, 8.0],
+    );
+    painter.path(340.0, &smooth(&[vec3(-16.0, 16.0, 32.0), vec3(10.0, 2.0, 28.0), hilum(1.0)]), [11.0, 8.0]);
+    // Oesophagus.
+    painter.path(
+        35.0,
+        &smooth(&[vec3(-4.0, -28.0, 140.0), vec3(2.0, -32.0, 30.0), vec3(-12.0, -18.0, -140.0)]),
+        [7.0, 7.0],
+    );
+}
+
+/// Where vessels and airways enter a lung; `side` is 1 on the right (+x), -1 on the left.
+fn hilum(side: f32) -> Vec3 {
+    vec3(side * 40.0, -8.0, 22.0)
+}
+
+fn airways(painter: &mut Painter) {
+    let carina = vec3(2.0, -14.0, 46.0);
+    let trachea = [vec3(0.0, -6.0, 140.0), vec3(1.0, -10.0, 90.0), carina];
+    let mut tubes = vec![(smooth(&trachea), [9.0, 8.5])];
+    for side in [-1.0, 1.0] {
+        let root = hilum(side) + vec3(0.0, -6.0, 2.0);
+        tubes.push((vec![carina, root], [7.0, 5.5]));
+        for (to, radius) in [
+            (vec3(side * 62.0, 0.0, 58.0), 3.4),
+            (vec3(side * 66.0, 26.0, 8.0), 3.0),
+            (vec3(side * 62.0, -30.0, -10.0), 3.8),
+        ] {
+            tubes.push((
+                smooth(&[root, 0.6 * root + 0.4 * to + vec3(0.0, 0.0, -2.0), to]),
+                [radius + 1.2, radius - 0.8],
+            ));
+        }
+    }
+    // All walls before all lumens, so that branches open into each other.
+    for (points, radii) in &tubes {
+        painter.path(20.0, points, radii.map(|r| r + 1.4));
+    }
+    for (points, radii) in &tubes {
+        painter.path(-985.0, points, *radii);
+    }
+}
+
+/// Arteries and veins of both lungs: each branch forks in two, thinner by Murray's law (2^(-1/3)).
+fn lung_vessels(painter: &mut Painter) {
+    struct Branch {
+        from: Vec3,
+        direction: Vec3,
+        radius: f32,
+        length: f32,
+        seed: u64,
+    }
+    for (tree, start) in [Vec3::ZERO, vec3(0.0, 8.0, -22.0)].into_iter().enumerate() {
+        for side in [-1.0f32, 1.0] {
+            let root = hilum(side) + start;
+            let mut open: Vec<Branch> = (0..7)
+                .map(|i| {
+                    let seed = (tree as u64) << 60 | u64::from(side > 0.0) << 59 | (i + 1) << 50;
+                    let turn = std::f32::consts::TAU * (i as f32 + 0.5 * uniform(seed)) / 7.0;
+                    let direction = vec3(side * 0.75, turn.cos(), 1.15 * turn.sin()).normalize();
+                    Branch { from: root, direction, radius: 4.4, length: 27.0, seed }
+                })
+                .collect();
+            while let Some(branch) = open.pop() {
+                let Some(end) = reach(branch.from, branch.direction, branch.length) else { continue };
+                let thinner = branch.radius * 0.5f32.powf(1.0 / 3.0);
+                // Contrast fades to tissue in the smallest ones.
+                let hu = 60.0 + 60.0 * branch.radius.min(4.0);
+                let radii = [branch.radius, 0.5 * (branch.radius + thinner)];
+                painter.tube(hu, branch.from, end, radii);
+                if thinner < 0.55 {
+                    continue;
+                }
+                let plane = branch.direction.any_orthonormal_vector();
+                let spin = std::f32::consts::TAU * uniform(branch.seed ^ 0x51);
+                let across = plane * spin.cos() + branch.direction.cross(plane) * spin.sin();
+                for (child, sign) in [1.0f32, -1.0].into_iter().enumerate() {
+                    let seed =
+                        branch.seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1 + child as u64);
+                    let spread = sign * (0.45 + 0.35 * uniform(seed ^ 0xa7));
+                    open.push(Branch {
+                        from: end,
+                        direction: (branch.direction + across * spread).normalize(),
+                        radius: thinner * (0.92 + 0.12 * uniform(seed ^ 0x3c)),
+                        length: branch.length * (0.72 + 0.25 * uniform(seed ^ 0x99)),
+                        seed,
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// The end of a branch, shortened until it lies in the lung; `None` where little is left of it.
+fn reach(from: Vec3, direction: Vec3, length: f32) -> Option<Vec3> {
+    [1.0, 0.7, 0.45]
+        .into_iter()
+        .map(|share| from + direction * (share * length))
+        .find(|&end| lungs(end) < -3.0)
+}
+
+/// Front of the spinal canal's centre line: the thoracic kyphosis.
+fn spine_y(z: f32) -> f32 {
+    -46.0 - 6.0 * (1.0 - (z / 128.0).powi(2))
+}
+
+fn spine(painter: &mut Painter) {
+    const PITCH_MM: f32 = 24.0;
+    // Discs first, then the vertebrae over their rims, then the canal.
+    for half in -13..=13 {
+        let z = 0.5 * half as f32 * PITCH_MM;
+        let center = vec3(0.0, spine_y(z), z);
+        let (x, y) = (vec3(5.5, 0.0, 0.0), vec3(0.0, 12.0, 0.0));
+        if half % 2 != 0 {
+            painter.flat_tube(85.0, center - x, center + x, [11.5; 2], 0.62);
+            continue;
+        }
+        // A drum: stacked layers, a little wider at the end plates.
+        for (hu, inset) in [(620.0, 0.0), (230.0, 1.9)] {
+            for layer in -3i32..=3 {
+                let at = center + vec3(0.0, 0.0, layer as f32 * (2.55 - 0.2 * inset));
+                let radius = 11.0 + 0.12 * (layer * layer) as f32 - inset;
+                painter.flat_tube(hu, at - x, at + x, [radius; 2], 0.22);
+            }
+        }
+        let arch = center - 2.1 * y;
+        for side in [-1.0, 1.0] {
+            let pedicle = center + vec3(side * 11.0, -9.0, 3.0);
+            let joint = arch + vec3(side * 12.5, 0.0, 1.0);
+            painter.bone(pedicle, joint, 4.2, 1.6, 1.3);
+            painter.bone(joint, arch + vec3(0.0, -9.0, -2.0), 4.0, 1.6, 1.6);
+            painter.bone(joint, joint + vec3(side * 22.0, -7.0, 3.0), 4.0, 1.5, 1.0);
+        }
+        painter.bone(arch + vec3(0.0, -9.0, -2.0), arch + vec3(0.0, -22.0, -16.0), 3.4, 1.5, 1.5);
+    }
+    let canal: Vec<Vec3> =
+        (-15..=15).map(|i| vec3(0.0, spine_y(9.0 * i as f32) - 20.5, 9.0 * i as f32)).collect();
+    painter.path(15.0, &canal, [7.5; 2]);
+    painter.path(45.0, &canal, [4.6; 2]);
+}
+
+fn ribs(painter: &mut Painter) {
+    for number in 1..=11u16 {
+        let n = f32::from(number);
+        let head_z = 112.0 - 21.0 * (n - 1.0);
+        let drop_mm = 26.0 + 5.0 * n.min(6.0);
+        // Angle from straight back to where the bone ends; the lower ribs are shorter.
+        let end = (152.0 - 9.0 * (n - 6.0).max(0.0)).to_radians();
+        for side in [-1.0, 1.0] {
+            let point = |t: f32| {
+                let angle = 0.2 + (end - 0.2) * t;
+                let z = head_z + 4.0 - drop_mm * t.powf(1.15);
+                let half = (CAVITY_HALF + 5.0) * cavity_scale(z).max(0.36);
+                let bend = |v: f32| v.abs().powf(0.8) * v.signum();
+                vec3(side * half.x * bend(angle.sin()), CAVITY_Y - half.y * bend(angle.cos()), z)
+            };
+            let mut points: Vec<Vec3> = (0..=28).map(|i| point(i as f32 / 28.0)).collect();
+            points.insert(0, vec3(side * 15.0, spine_y(head_z) - 6.0, head_z + 2.0));
+            for ends in points.windows(2) {
+                painter.flat_tube(700.0, ends[0], ends[1], [3.7; 2], 1.7);
+            }
+            for ends in points.windows(2) {
+                painter.flat_tube(280.0, ends[0], ends[1], [2.1; 2], 1.7);
+            }
+            if number <= 8 {
+                let from = point(1.0);
+                let z = (from.z + 9.0 + 4.0 * (n - 4.0).max(0.0)).max(-40.0);
+                let to = vec3(side * 14.0, sternum_y(z), z);
+                let middle = 0.5 * (from + to) + vec3(0.0, 4.0, -6.0);
+                painter.path(135.0, &smooth(&[from, middle, to]), [5.2, 5.0]);
+            }
+        }
+    }
+}
+
+/// The sternum lies on the front of the cage.
+fn sternum_y(z: f32) -> f32 {
+    CAVITY_Y + (CAVITY_HALF.y + 5.0) * cavity_scale(z)
+}
+
+fn sternum_and_shoulders(painter: &mut Painter) {
+    for (hu, inset) in [(620.0, 0.0), (240.0, 1.6)] {
+        for layer in 0..=26 {
+            let z = -46.0 + 5.0 * layer as f32;
+            // Narrow body below, broad manubrium above.
+            let half_width = if z > 50.0 { 12.0 + 0.35 * (z - 50.0) } else { 11.0 + 2.0 * (0.12 * z).sin() };
+            let x = vec3(half_width, 0.0, 0.0);
+            let center = vec3(0.0, sternum_y(z), z);
+            painter.tube(hu, center - x, center + x, [5.2 - inset; 2]);
+        }
+    }
+    for side in [-1.0, 1.0] {
+        let clavicle = smooth(&[
+            vec3(side * 20.0, sternum_y(84.0) + 2.0, 92.0),
+            vec3(side * 55.0, sternum_y(84.0) + 8.0, 100.0),
+            vec3(side * 88.0, 40.0, 108.0),
+            vec3(side * 118.0, 12.0, 116.0),
+        ]);
+        for ends in clavicle.windows(2) {
+            painter.bone(ends[0], ends[1], 5.8, 2.0, 1.0);
+        }
+        // Scapula: a thin blade along the back of the cage, and its spine.
+        let blade = [vec3(72.0, -84.0, 92.0), vec3(120.0, -62.0, 96.0), vec3(86.0, -88.0, 4.0)]
+            .map(|p| p * vec3(side, 1.0, 1.0));
+        for step in 0..=22 {
+            let t = step as f32 / 22.0;
+            painter.bone(blade[0].lerp(blade[2], t), blade[1].lerp(blade[2], t), 3.0, 1.5, 1.0);
+        }
+        let spine = [vec3(74.0, -88.0, 78.0), vec3(104.0, -84.0, 92.0), vec3(132.0, -58.0, 106.0)];
+        for ends in spine.windows(2) {
+            let mirror = vec3(side, 1.0, 1.0);
+            painter.bone(ends[0] * mirror, ends[1] * mirror, 4.6, 1.7, 1.0);
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Running the built program.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Runs `umbravox ARGS` in a folder.
+pub fn umbravox(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_umbravox"))
+        .args(args)
+        .current_dir(folder)
+        .output()
+        .expect("the program starts")
+}
+
+/// Runs a command line that must be refused, in a folder that must stay as it is; gives the `error:` line.
+pub fn refused(folder: &Path, args: &[&str]) -> String {
+    let before = names(folder);
+    let output = umbravox(folder, args);
+    let stderr = String::from_utf8(output.stderr).expect("stderr is UTF-8");
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {stderr}");
+    assert!(output.stdout.is_empty(), "{args:?} printed a result");
+    assert_eq!(names(folder), before, "{args:?} left files behind");
+    let errors: Vec<&str> = stderr.lines().filter(|l| l.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{args:?}: {stderr}");
+    for line in stderr.lines() {
+        let known = ["error: ", "hint: ", "note: ", "warning: "].iter().any(|k| line.starts_with(k));
+        assert!(known, "{args:?} printed a stray line: {line}");
+    }
+    errors[0].into()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("the folder can be read");
+    let mut names: Vec<String> =
+        entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}

@@ -1,0 +1,40 @@
+//! Pictures against the exact picture, in float64 with an exact shadow ray at every sample.
+
+use super::*;
+
+fn check(volume: &Arc<Volume>, tf: &TransferFunction, what: &str) {
+    let Some(setup) = Setup::open(volume, tf) else { return };
+    let field = setup.exact();
+    for (place, light) in [lights(volume)[0], lights(volume)[2]] {
+        let scene = Scene { light, ..setup.scene(24, 16) };
+        let exact = field.picture(&scene).unwrap();
+        for (method, allowed) in
+            [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]
+        {
+            let rms = rms_difference(&setup.picture(method, &scene), &exact);
+            println!("{what}, {place}, {method}: rms {rms:.5}");
+            assert!(rms <= allowed, "{what}, {place}, {method}: rms {rms}");
+        }
+    }
+}
+
+#[test]
+fn phantoms() {
+    for (name, range) in [("sphere", [0.0, 1000.0]), ("step", [0.0, 1000.0]), ("thorax:64", [-900.0, 1200.0])]
+    {
+        let [ramp, jumps, _] = transfer_functions(range);
+        check(&phantom(name), &ramp, &format!("{name}, ramp"));
+        check(&phantom(name), &jumps, &format!("{name}, jumps"));
+    }
+}
+
+#[test]
+fn scans() {
+    for (name, range) in [("CT_AVM", [0.0, 900.0]), ("CT_pitch", [-500.0, 1100.0]), ("engine", [60.0, 250.0])]
+    {
+        if let Some(volume) = scan(name) {
+            let [ramp, ..] = transfer_functions(range);
+            check(&volume, &ramp, name);
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! The device's path from end to end: against the exact reference, invariances, extreme volumes.
+//!
+//! All tests share one device; where there is no adapter each says `skipped: no graphics adapter`.
+
+mod bound;
+mod degenerate;
+mod exact_pictures;
+mod invariance;
+mod pool;
+mod tolerance;
+
+use glam::{DAffine3, DVec3};
+use ndarray::Array3;
+use std::path::PathBuf;
+use std::sync::{Arc, LazyLock};
+use umbravox::exact::ExactField;
+use umbravox::gpu::Gpu;
+use umbravox::render::{DeviceTransfer, LoadedVolume, Renderer};
+use umbravox::scene::{Light, Scene};
+use umbravox::shadow::{self, ShadowMap};
+use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
+use umbravox::volume::{AffineSource, Provenance, Scaling, Volume, VolumeSpec, Voxels, load};
+
+/// Opened once: compiling pipelines takes longer than most tests.
+static RENDERER: LazyLock<Option<Renderer>> = LazyLock::new(|| match Gpu::open(None) {
+    Ok(gpu) => Some(Renderer::new(gpu)),
+    Err(e) if e.what == "no graphics adapter" => None,
+    Err(e) => panic!("{e}"),
+});
+
+/// A volume and a transfer function on the shared device.
+struct Setup {
+    renderer: &'static Renderer,
+    loaded: LoadedVolume,
+    transfer: DeviceTransfer,
+    tf: TransferFunction,
+}
+
+impl Setup {
+    /// `None`, visibly, where there is no adapter.
+    fn open(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<Self> {
+        let Some(renderer) = RENDERER.as_ref() else {
+            println!("skipped: no graphics adapter");
+            return None;
+        };
+        let loaded = renderer.load(Arc::clone(volume)).unwrap();
+        let transfer = renderer.transfer(&loaded, tf).unwrap();
+        Some(Self { renderer, loaded, transfer, tf: tf.clone() })
+    }
+
+    fn volume(&self) -> &Volume {
+        &self.loaded.volume
+    }
+
+    fn exact(&self) -> ExactField<'_> {
+        ExactField::new(self.volume(), &self.tf)
+    }
+
+    fn shadow(&self, method: &str, light: Light) -> ShadowMap {
+        let method = shadow::parse(method).unwrap();
+        self.renderer.shadow(&self.loaded, &self.transfer, method.as_ref(), light).unwrap()
+    }
+
+    fn picture_of(&self, map: &ShadowMap, scene: &Scene) -> Array3<f32> {
+        self.renderer.render(&self.loaded, &self.transfer, map, scene).unwrap().pixels
+    }
+
+    fn picture(&self, method: &str, scene: &Scene) -> Array3<f32> {
+        self.picture_of(&self.shadow(method, scene.light), scene)
+    }
+
+    fn query(&self, map: &ShadowMap, points_mm: &[DVec3]) -> Vec<f32> {
+        self.renderer.query(&self.loaded, &self.transfer, map, points_mm).unwrap()
+    }
+
+    /// A picture of `width x height` that frames the volume, lit from the side over a background.
+    fn scene(&self, width: u32, height: u32) -> Scene {
+        let background = [0.1, 0.25, 0.4];
+        Scene { width, height, background, ambient: 0.15, ..Scene::framing(self.volume()) }
+    }
+}
+
+fn phantom(name: &str) -> Arc<Volume> {
+    Arc::new(load(&VolumeSpec::new(format!("phantom:{name}"))).unwrap())
+}
+
+/// A real scan, or `None` and a visible line.
+fn scan(name: &str) -> Option<Arc<Volume>> {
+    let folder = std::env::var_os("UMBRAVOX_DATA")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
+    let path = folder.join(format!("{name}.nii.gz"));
+    if !path.exists() {
+        println!("skipped: {} is not there", path.display());
+        return None;
+    }
+    Some(Arc::new(load(&VolumeSpec::new(path.to_string_lossy())).unwrap()))
+}
+
+fn volume_of(voxels: Voxels, world_from_index: DAffine3) -> Volume {
+    let provenance = Provenance {
+        source: "test".into(),
+        format: "phantom".into(),
+        stored_type: "test".into(),
+        affine_source: AffineSource::Spacing,
+        frames: 1,
+        frame: 0,
+        non_finite: 0,
+        warnings: Vec::new(),
+    };
+    Volume::new(voxels, Scaling::IDENTITY, world_from_index, provenance).unwrap()
+}
+
+/// A phantom's voxels under another affine.
+fn under(affine: DAffine3, name: &str) -> Arc<Volume> {
+    Arc::new(volume_of(phantom(name).voxels().clone(), affine))
+}
+
+fn transfer(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {
+    // Colours that differ in every channel, so that no channel is checked by another.
+    let last = points.len().max(2) as f64 - 1.0;
+    let color = |i: usize| {
+        let w = i as f64 / last;
+        [1.0 - 0.7 * w, 0.3 + 0.5 * w, 0.9 - 0.9 * (w - 0.5).abs()]
+    };
+    let points = points.iter().enumerate().map(|(i, &(value, amount))| ControlPoint {
+        value,
+        amount,
+        color: color(i),
+    });
+    TransferFunction {
+        name: "test".into(),
+        units: String::new(),
+        reference_length_mm: 1.0,
+        quantity,
+        points: points.collect(),
+    }
+}
+
+fn extinction(points: &[(f64, f64)]) -> TransferFunction {
+    transfer(Quantity::Extinction, points)
+}
+
+fn opacity(points: &[(f64, f64)]) -> TransferFunction {
+    transfer(Quantity::Opacity, points)
+}
+
+/// A ramp, two jumps, and a comb of narrow peaks over the values `[low, high]`.
+fn transfer_functions([low, high]: [f64; 2]) -> [TransferFunction; 3] {
+    let at = |w: f64| low + (high - low) * w;
+    let peaks = (0..6)
+        .map(|k| 0.13 + 0.14 * f64::from(k))
+        .flat_map(|w| [(at(w), 0.0), (at(w + 0.01), 0.5), (at(w + 0.02), 0.0)])
+        .collect::<Vec<_>>();
+    [
+        opacity(&[(at(0.3), 0.0), (at(0.9), 0.35)]),
+        extinction(&[(at(0.35), 0.0), (at(0.35), 0.03), (at(0.62), 0.06), (at(0.62), 0.4)]),
+        extinction(&peaks),
+    ]
+}
+
+/// Directional; point outside; point just outside (perspective or octahedral); point inside.
+fn lights(volume: &Volume) -> [(&'static str, Light); 4] {
+    let corners = volume.corners_mm();
+    let center = corners.iter().sum::<DVec3>() / 8.0;
+    let radius = corners.iter().map(|c| c.distance(center)).fold(0.0, f64::max);
+    let toward = DVec3::new(0.4, -0.5, 0.75);
+    let point = |distance: f64| Light::Point { position: center + toward.normalize() * distance * radius };
+    [
+        ("directional", Light::Directional { toward }),
+        ("point outside", point(3.0)),
+        ("point near", point(0.9)),
+        ("point inside", point(0.23)),
+    ]
+}
+
+/// Largest difference of two pictures.
+#[track_caller]
+fn largest_difference(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
+    assert_eq!(a.dim(), b.dim());
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| f64::from((a - b).abs()))
+        .fold(0.0, |most, d| if d <= most { most } else { d })
+}
+
+fn rms_difference(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
+    assert_eq!(a.dim(), b.dim());
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+    (sum / a.len() as f64).sqrt()
+}

@@ -1,0 +1,31 @@
+//! A pool that runs out is grown and the build repeated: never cut short in silence.
+
+use super::*;
+
+#[test]
+fn a_pool_that_runs_out_grows() {
+    // Layers across the light: hundreds of nodes a texel.
+    let peaks = extinction(&[(300.0, 0.0), (500.0, 0.04), (700.0, 0.0), (1000.0, 0.0)]);
+    let Some(setup) = Setup::open(&phantom("comb:96"), &peaks) else { return };
+    let light = Light::Directional { toward: DVec3::new(0.05, 0.02, 1.0) };
+    let map = setup.shadow("dsm:epsilon=0.0005,map=64", light);
+    assert!(map.report.pool_growths > 0, "{:?}", map.report);
+    assert!(map.report.nodes_max.unwrap() > 64, "{:?}", map.report);
+    assert!(map.report.bytes > 64 * 64 * 32 * 5 / 4, "{:?}", map.report);
+    let field = setup.exact();
+    let points: Vec<DVec3> = (0..400)
+        .map(|i| {
+            let t = f64::from(i) / 400.0;
+            DVec3::new(10.0 * (t * 40.0).sin(), 12.0 * (t * 23.0).cos(), 60.0 * t - 30.0)
+        })
+        .collect();
+    // The layers do not change across the light, so texels of any size hold every point's answer.
+    let bound = map.bound.unwrap();
+    for (x, got) in points.iter().zip(setup.query(&map, &points)) {
+        let toward = DVec3::new(0.05, 0.02, 1.0).normalize();
+        let exact = |by: f64| field.transmittance_to_light(*x - toward * by, &light);
+        let (low, high) =
+            (exact(bound.depth_mm) - bound.transmittance, exact(-bound.depth_mm) + bound.transmittance);
+        assert!((low..=high).contains(&f64::from(got)), "{x}: {got} not in {low}..{high}");
+    }
+}

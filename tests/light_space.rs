@@ -1,0 +1,128 @@
+//! Light space in float64: rays and points are each other's inverse, tiles cover what they must.
+
+use glam::{DVec2, DVec3};
+use umbravox::scene::Light;
+use umbravox::shadow::{LightSpace, Projection, TILE};
+use umbravox::transfer::presets;
+use umbravox::volume::{ActiveBricks, BRICK_CELLS, Bricks, Volume, VolumeSpec, load};
+
+fn chest() -> (Volume, ActiveBricks) {
+    let volume = load(&VolumeSpec::new("phantom:thorax:70")).unwrap();
+    let tf = presets::resolve("bone", &volume).unwrap().tf;
+    let active = Bricks::build(&volume).classify(&tf);
+    (volume, active)
+}
+
+fn lights(volume: &Volume) -> [(Projection, Light); 5] {
+    let corners = volume.corners_mm();
+    let center = corners.iter().sum::<DVec3>() / 8.0;
+    let radius = corners[0].distance(center);
+    let at =
+        |distance: f64| Light::Point { position: center + DVec3::new(0.6, -0.64, 0.48) * distance * radius };
+    [
+        (Projection::Orthographic, Light::Directional { toward: DVec3::new(0.3, 2.0, -0.9) }),
+        (Projection::Orthographic, Light::Directional { toward: -DVec3::Z }),
+        (Projection::Perspective, at(30.0)),
+        (Projection::Perspective, at(2.5)),
+        (Projection::Octahedral, at(0.2)),
+    ]
+}
+
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+#[test]
+fn rays_and_points_are_inverse() {
+    let (volume, active) = chest();
+    let mut random = Random(1);
+    for (projection, light) in lights(&volume) {
+        let space = LightSpace::fit(&volume, &active, light, 300);
+        assert_eq!(space.projection, projection);
+        let [near, far] = space.z_range;
+        assert!(near < far);
+        for _ in 0..2000 {
+            let texel = DVec2::new(random.unit(), random.unit()) * 299.0;
+            let z = near + (far - near) * (0.01 + 0.99 * random.unit());
+            let (origin, direction) = space.world_ray(texel);
+            assert!((direction.length() - 1.0).abs() < 1e-12);
+            let (found, depth) = space.light_point(origin + z * direction);
+            assert!(
+                found.distance(texel) < 1e-6 && (depth - z).abs() < 1e-6,
+                "{projection:?}: {texel} {found}, {z} {depth}"
+            );
+            // Away from the light, and through it.
+            match light {
+                Light::Directional { toward } => assert!(direction.dot(toward.normalize()) < -1.0 + 1e-12),
+                Light::Point { position } => {
+                    let to_light = position - origin;
+                    assert!((to_light - to_light.dot(direction) * direction).length() < 1e-6);
+                    assert!((origin + z * direction - position).dot(direction) > 0.0);
+                }
+            }
+        }
+    }
+}
+
+/// Random points of active bricks fall into a tile that is kept, within the range of depths, whatever the map's size.
+#[test]
+fn tiles_cover_every_active_brick() {
+    let (volume, active) = chest();
+    let dims = volume.dims();
+    let mut random = Random(2);
+    let [nx, ny, _] = active.counts;
+    let bricks: Vec<[usize; 3]> = (0..active.distance.len())
+        .filter(|&i| active.distance[i] == 0)
+        .map(|i| [i % nx, i / nx % ny, i / (nx * ny)])
+        .collect();
+    assert!(bricks.len() > 50 && bricks.len() < active.distance.len());
+    for (projection, light) in lights(&volume) {
+        for map in [1, 16, 17, 100, 512] {
+            let space = LightSpace::fit(&volume, &active, light, map);
+            let tiles = space.occupied_tiles(&volume, &active);
+            let across = space.tiles_across();
+            assert_eq!((across, tiles.len() as u32), (map.div_ceil(TILE), across * across));
+            for _ in 0..4000 {
+                let brick = bricks[(random.unit() * bricks.len() as f64) as usize];
+                let index = DVec3::from_array(std::array::from_fn(|a| {
+                    let cell = (brick[a] * BRICK_CELLS) as f64 + random.unit() * BRICK_CELLS as f64;
+                    (cell - 1.0).clamp(-0.5, dims[a] as f64 - 0.5)
+                }));
+                let (texel, z) = space.light_point(volume.world_from_index().transform_point3(index));
+                let half = DVec2::splat(0.5 + 1e-9);
+                assert!(
+                    texel.cmpge(-half).all() && texel.cmple(DVec2::splat(f64::from(map)) - half + 2e-9).all(),
+                    "{texel}"
+                );
+                // Every texel that a bilinear lookup there reads.
+                for corner in [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE] {
+                    let t = (texel.floor() + corner).clamp(DVec2::ZERO, DVec2::splat(f64::from(map - 1)));
+                    let [x, y] = [t.x as u32 / TILE, t.y as u32 / TILE];
+                    let [z_min, z_max] = space.z_range;
+                    assert!(
+                        tiles[(y * across + x) as usize] && z_min <= z && z <= z_max,
+                        "{projection:?}, map {map}: {index} at texel {texel}, depth {z} of {z_min}..{z_max}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn tiles_without_bricks_are_left_out() {
+    let (volume, active) = chest();
+    let light = Light::Directional { toward: DVec3::new(1.0, 1.0, 1.0) };
+    let tiles = LightSpace::fit(&volume, &active, light, 512).occupied_tiles(&volume, &active);
+    let empty = tiles.iter().filter(|t| !**t).count();
+    assert!(
+        empty > tiles.len() / 20,
+        "a box seen along its diagonal leaves corners: {empty} of {}",
+        tiles.len()
+    );
+}
