@@ -60,9 +60,15 @@ const LOOKUPS: u32 = 8u;
 
 // Transmittance below which the eye ray is over.
 const EYE_OVER: f32 = 5e-4;
-// Optical depth between two shadow lookups.
+// Optical depth of the parts of a stretch that is thicker than `THICKEST_PART`.
 const LIT_DEPTH: f32 = 0.75;
+const THICKEST_PART: f32 = 1.0;
 const MAX_PARTS: f32 = 16.0;
+// A run of parts shares its lookups until it has so many parts or such optical depth.
+const RUN_PARTS: u32 = 4u;
+const FULL_RUN: f32 = 0.25;
+// Optical depth of a run whose start may be lit as its end is.
+const FAINT_RUN: f32 = 0.05;
 const DARKEST: f32 = 1e-6;
 
 #ifdef SHADING
@@ -151,10 +157,8 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     let h = frame.step_mm;
     var k = floor(start / h);
     var walking = start < end;
-    // The stretch [a, b] between two samples and the values at its ends; `valid`: a has been sampled.
-    var a = t_in;
+    // The last sample and its value; `valid`: there is one.
     var b = t_in;
-    var value_a = 0.0;
     var value_b = 0.0;
     var valid = false;
 #ifdef SKIP_BRICKS
@@ -164,13 +168,24 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     // The last sample lies in an inactive brick.
     var leaving = false;
 #endif
-#ifdef SHADOWS
-    // The part of the stretch that is being lit, from u on; the light at `lit_t`.
-    var parts = 0.0;
-    var part = 0.0;
+    // The part of the stretch that is not gathered yet starts at u.
     var u = 0.0;
     var value_u = 0.0;
-    var integral_u = vec4<f32>(0.0);
+    var found = false;
+#ifdef SHADOWS
+    // Length of a stretch's parts where it is too thick to be lit as a whole.
+    var part_mm = FAR;
+    // The run of gathered parts that waits for its light: its ends, optical depth and colour.
+    var run = 0u;
+    var run_start = 0.0;
+    var run_end = 0.0;
+    var run_depth = 0.0;
+    var run_color = vec3<f32>(0.0);
+#ifdef SHADING
+    var run_shaded = vec3<f32>(0.0);
+#endif
+    var closing = false;
+    // The light at `lit_t`.
     var lit = 1.0;
     var lit_t = -FAR;
 #endif
@@ -182,19 +197,123 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
     }
 #endif
-    // An inner loop walks to the next stretch with extinction, the outer one gathers one part of a stretch a turn: what
-    // is expensive stands in the program once, and lanes of a subgroup wait for each other only there.
+    // An inner loop walks to the next stretch with extinction, the one around it gathers one part of a stretch a turn, and
+    // the outer one looks the light up once for a run of parts: what is expensive stands in the program once, and lanes
+    // of a subgroup wait for each other only there.
     loop {
-        var found = false;
-#ifdef SHADOWS
-        found = part < parts;
-#endif
 #ifdef RESUMABLE
-        if !found && lookups >= LOOKUPS && walking {
+        if !found && run == 0u && lookups >= LOOKUPS && walking {
             interrupted = true;
             break;
         }
 #endif
+#ifdef SHADOWS
+        loop {
+            if closing { break; }
+            loop {
+                if found || !walking { break; }
+                let t = clamp(k * h, t_in, t_out);
+                let g = o + t * d;
+#ifdef SKIP_BRICKS
+                let brick = brick_at(g);
+                let distance = brick_distance_at(brick);
+                if distance > 0 && (leaving || !valid) && !stepped_back {
+                    // Past the last sample inside the cube of empty bricks. A stretch between two inactive bricks is empty
+                    // as well: they touch, and so share a value.
+                    let reach = distance - 1;
+                    let face = select((brick - reach) * BRICK_CELLS, (brick + reach + 1) * BRICK_CELLS, forward);
+                    let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - o) * inv_d, moves);
+                    let exit = min(exits.x, min(exits.y, exits.z));
+                    // Rounding may put the last face before the end for ever; the sample itself has passed it.
+                    walking = max(exit, t) < end;
+                    k = max(floor(exit / h), k) + 1.0;
+                    leapt = true;
+                    valid = false;
+                    continue;
+                }
+                if leapt {
+                    leapt = false;
+                    stepped_back = true;
+                    k -= 1.0;
+                    continue;
+                }
+#endif
+                let value = value_at(g);
+                if valid && min(value_b, value) < field.last_value && max(value_b, value) > field.first_value {
+                    found = true;
+                    u = b;
+                    value_u = value_b;
+                }
+                b = t;
+                value_b = value;
+                walking = t < end;
+                k += 1.0;
+#ifdef SKIP_BRICKS
+                // A sample in an inactive brick may still start a stretch into the next, active one.
+                leaving = distance > 0 && !stepped_back;
+                stepped_back = false;
+#endif
+                valid = true;
+            }
+            // A run ends where the extinction does, and at the end of the ray.
+            closing = run > 0u && (!found || u != run_end);
+            if closing || !found { break; }
+            let to = select(u + part_mm, b, u + 1.5 * part_mm > b);
+            let value_to = mix(value_u, value_b, select((to - u) / (b - u), 1.0, to == b));
+            let mean = mean_over(value_u, value_to, integral_at(value_u), integral_at(value_to));
+            let depth = mean.w * (to - u);
+            if depth > THICKEST_PART && part_mm == FAR {
+                part_mm = (to - u) / clamp(ceil(depth / LIT_DEPTH), 1.0, MAX_PARTS);
+                continue;
+            }
+            let begin = u;
+            u = to;
+            found = to < b;
+            part_mm = select(FAR, part_mm, found);
+            value_u = value_to;
+            let alpha = 1.0 - exp(-depth);
+            let emitted = left * alpha * mean.rgb / max(mean.w, 1e-30);
+            left *= 1.0 - alpha;
+            run_color += emitted;
+#ifdef SHADING
+            run_shaded += emitted * shading_factor(o + 0.5 * (begin + to) * d, d);
+#endif
+            // Whether a part without extinction is come upon depends on what is skipped: a run must not.
+            if depth > 0.0 {
+                run_start = select(run_start, begin, run == 0u);
+                run_end = to;
+                run_depth += depth;
+                run += 1u;
+            }
+            closing = run >= RUN_PARTS || run_depth >= FULL_RUN || left < EYE_OVER;
+        }
+        if !closing { break; }
+        // One lookup a turn: where the start of a run has no light yet, that is this turn's.
+        let fresh = lit_t != run_start && run_depth > FAINT_RUN;
+#ifdef RESUMABLE
+        lookups += 1u;
+#endif
+        let light_here = transmittance(o + select(run_end, run_start, fresh) * d);
+        if fresh {
+            lit = light_here;
+            lit_t = run_start;
+            continue;
+        }
+        lit = select(light_here, lit, lit_t == run_start);
+        let light = (1.0 - frame.ambient) * mean_light(lit, light_here, max(run_depth, 1e-12));
+#ifdef SHADING
+        color += frame.ambient * run_color + light * run_shaded;
+        run_shaded = vec3<f32>(0.0);
+#else
+        color += (frame.ambient + light) * run_color;
+#endif
+        run_color = vec3<f32>(0.0);
+        run_depth = 0.0;
+        run = 0u;
+        closing = false;
+        lit = light_here;
+        lit_t = run_end;
+#else
         loop {
             if found || !walking { break; }
             let t = clamp(k * h, t_in, t_out);
@@ -209,7 +328,8 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
                 let face = select((brick - reach) * BRICK_CELLS, (brick + reach + 1) * BRICK_CELLS, forward);
                 let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - o) * inv_d, moves);
                 let exit = min(exits.x, min(exits.y, exits.z));
-                walking = exit < end;
+                // Rounding may put the last face before the end for ever; the sample itself has passed it.
+                walking = max(exit, t) < end;
                 k = max(floor(exit / h), k) + 1.0;
                 leapt = true;
                 valid = false;
@@ -225,8 +345,8 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
             let value = value_at(g);
             if valid && min(value_b, value) < field.last_value && max(value_b, value) > field.first_value {
                 found = true;
-                a = b;
-                value_a = value_b;
+                u = b;
+                value_u = value_b;
             }
             b = t;
             value_b = value;
@@ -240,55 +360,17 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
             valid = true;
         }
         if !found { break; }
-#ifdef SHADOWS
-        if part >= parts {
-            // Parts so thin that the light hardly changes its law within one; the field stays linear, no new samples.
-            let integral_a = integral_at(value_a);
-            let depth = mean_over(value_a, value_b, integral_a, integral_at(value_b)).w * (b - a);
-            parts = clamp(ceil(depth / LIT_DEPTH), 1.0, MAX_PARTS);
-            part = 0.0;
-            u = a;
-            value_u = value_a;
-            integral_u = integral_a;
-        }
-        let w = (part + 1.0) / parts;
-        let to = select(mix(a, b, w), b, w >= 1.0);
-        // One lookup a turn: where the start of a part has no light yet, that is this turn's.
-        let fresh = lit_t != u;
-#ifdef RESUMABLE
-        lookups += 1u;
-#endif
-        let light_here = transmittance(o + select(to, u, fresh) * d);
-        if fresh {
-            lit = light_here;
-            lit_t = u;
-            continue;
-        }
-        let value_to = mix(value_a, value_b, w);
-        let integral_to = integral_at(value_to);
-        let mean = mean_over(value_u, value_to, integral_u, integral_to);
-        let depth = mean.w * (to - u);
-        var light = mean_light(lit, light_here, max(depth, 1e-12));
-        lit = light_here;
-        lit_t = to;
-#ifdef SHADING
-        light *= shading_factor(o + 0.5 * (u + to) * d, d);
-#endif
-        part += 1.0;
-        u = to;
-        value_u = value_to;
-        integral_u = integral_to;
-#else
-        let mean = mean_over(value_a, value_b, integral_at(value_a), integral_at(value_b));
-        let depth = mean.w * (b - a);
+        found = false;
+        let mean = mean_over(value_u, value_b, integral_at(value_u), integral_at(value_b));
+        let depth = mean.w * (b - u);
+        let alpha = 1.0 - exp(-depth);
         var light = 1.0;
 #ifdef SHADING
-        light = shading_factor(o + 0.5 * (a + b) * d, d);
+        light = shading_factor(o + 0.5 * (u + b) * d, d);
 #endif
-#endif
-        let alpha = 1.0 - exp(-depth);
         color += left * alpha * mean.rgb / max(mean.w, 1e-30) * (frame.ambient + (1.0 - frame.ambient) * light);
         left *= 1.0 - alpha;
+#endif
         if left < EYE_OVER { break; }
     }
 #ifdef RESUMABLE
