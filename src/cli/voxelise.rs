@@ -25,11 +25,15 @@ pub struct VoxeliseArgs {
     #[command(flatten)]
     pub flags: StrandFlags,
     /// Light beams on which the volume is compared with the strands, 0 to 100000
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(0..=MAX_BEAMS as i64))]
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = beams())]
     pub rays: u32,
     /// Print the report as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+fn beams() -> clap::builder::RangedU64ValueParser<u32> {
+    clap::builder::RangedU64ValueParser::new().range(0..=MAX_BEAMS as u64)
 }
 
 /// What `voxelise` reports; the keys of `--json`.

@@ -1,14 +1,15 @@
 //! How far the voxelised field's shadows are from the strands' own.
 //!
-//! Model. A light beam is a square bundle of parallel rays, as wide as a voxel, from a place among the strands towards the
-//! light. A ray crosses a segment when it passes its axis at no more than half the diameter, between the segment's ends;
-//! every crossing lets through the segment's transparency, and the beam's true transmittance is the mean over its rays of
-//! the products. It is compared with `exp(-optical depth)` of the volume along the beam's middle, by [`crate::exact`].
+//! Model. A light beam is a square bundle of parallel rays, as wide as a voxel, from a place among the strands
+//! towards the light. A ray crosses a segment when it passes its axis at no more than half the diameter, between the
+//! segment's ends; every crossing lets through the segment's transparency, and the beam's true transmittance is the
+//! mean over its rays of the products. It is compared with `exp(-optical depth)` of the volume along the beam's
+//! middle, by [`crate::exact`].
 //!
-//! What the difference means: it is the error of the volume as a stand-in for strands, before any shadow method adds its
-//! own. It holds the blur of a voxel, the overlap of strands that lie in bundles (a medium assumes that they are
-//! scattered), and the foreshortening of segments that point at the light: extinction counts `d L` from whichever side,
-//! a light sees `d L sin(angle)`.
+//! What the difference means: it is the error of the volume as a stand-in for strands, before any shadow method adds
+//! its own. It holds the blur of a voxel, the overlap of strands that lie in bundles (a medium assumes that they are
+//! scattered), and the foreshortening of segments that point at the light: extinction counts `d L` from whichever
+//! side, a light sees `d L sin(angle)`.
 
 use super::random::Chance;
 use super::{StrandVolume, Strands};
@@ -58,8 +59,8 @@ struct Beam {
     middle_mm: DVec3,
 }
 
-/// Compares the volume with the strands that it was made from, along `count` beams towards a directional light, the same
-/// ones on every run. `None` where there is nothing to compare: no segments or no beams.
+/// Compares the volume with the strands that it was made from, along `count` beams towards a directional light, the
+/// same ones on every run. `None` where there is nothing to compare: no segments or no beams.
 pub fn against_cylinders(
     strands: &Strands,
     made: &StrandVolume,
@@ -124,8 +125,8 @@ pub fn against_cylinders(
 
 /// Optical depth of every ray of every beam, in multiples of [`UNIT`].
 ///
-/// The rays are all parallel, so that crossings are a matter of the plane across them: segments are ribbons there, and an
-/// R*-tree of the beams says which ones a ribbon may touch.
+/// The rays are all parallel, so that crossings are a matter of the plane across them: segments are ribbons there,
+/// and an R*-tree of the beams says which ones a ribbon may touch.
 fn optical_depths(
     strands: &Strands,
     beams: &[Beam],

@@ -13,7 +13,8 @@ pub const RESOLUTIONS: RangeInclusive<usize> = 4..=1024;
 /// Empty voxels on either side of the strands.
 const MARGIN: f64 = 1.0;
 
-/// No voxel is smaller than this share of the largest coordinate (or of 1 mm): 32-bit floats tell no smaller ones apart.
+/// No voxel is smaller than this share of the largest coordinate (or of 1 mm): 32-bit floats tell no smaller ones
+/// apart.
 const MIN_SPACING: f64 = 1e-6;
 
 /// Cubic voxels along the world's axes.

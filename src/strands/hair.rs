@@ -1,9 +1,9 @@
 //! The `.hair` format of Cem Yuksel, read and written whole.
 //!
-//! 128 bytes of header, little-endian: `HAIR`; number of strands, number of points (u32); flags (u32: 1 segments,
-//! 2 points, 4 thickness, 8 transparency, 16 colours); default segments (u32), thickness, transparency (f32), colour
-//! (3 f32); 88 bytes of information. Then the arrays that the flags name, in that order: u16 a strand for segments, f32 a
-//! point for the others (three for points and colours), and nothing after them.
+//! 128 bytes of header, little-endian: `HAIR`; number of strands, number of points (u32); flags (u32: 1 segments, 2
+//! points, 4 thickness, 8 transparency, 16 colours); default segments (u32), thickness, transparency (f32), colour
+//! (3 f32); 88 bytes of information. Then the arrays that the flags name, in that order: u16 a strand for segments,
+//! f32 a point for the others (three for points and colours), and nothing after them.
 //!
 //! Source: <http://www.cemyuksel.com/research/hairmodels/>, "HAIR file format".
 
@@ -99,8 +99,8 @@ impl Header {
 /// Reads a `.hair` file. Nothing is allocated before the file has been seen to be as long as its header says.
 ///
 /// # Errors
-/// The file cannot be read, is cut short or longer than its header says, or holds numbers that mean nothing; the error
-/// names the byte.
+/// The file cannot be read, is cut short or longer than its header says, or holds numbers that mean
+/// nothing; the error names the byte.
 pub fn read_hair(path: &Path) -> Result<Strands> {
     let at = |byte: u64, why: String| Error::input(WHAT, format!("{}: byte {byte}", path.display()), why);
     let refuse = |e: io::Error| Error::input(WHAT, path.display(), e);

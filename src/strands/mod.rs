@@ -1,9 +1,9 @@
 //! Strands: polylines with a thickness (hair, fur), and the extinction volume that stands for them.
 //!
 //! World coordinates are the file's own, taken as mm; thickness is the diameter in mm. Along a segment of length `L`
-//! diameter `d` and transparency `t` are the means of those at its two ends, and it counts `(1 - t) d L` mm^2: the area
-//! that it hides when it is seen from the side. [`voxelise`] spreads that area over the voxels that it crosses; divided by
-//! the voxel's volume it is an extinction in 1/mm.
+//! diameter `d` and transparency `t` are the means of those at its two ends, and it counts `(1 - t) d L` mm^2: the
+//! area that it hides when it is seen from the side. [`voxelise`] spreads that area over the voxels that it crosses;
+//! divided by the voxel's volume it is an extinction in 1/mm.
 //!
 //! ```text
 //!  .hair file ─┐
@@ -192,7 +192,8 @@ impl Strands {
         [first, first + 1].map(|p| f64::from(self.arrays.points[p][2]))
     }
 
-    /// Smallest and largest corner of the box around all strands as thick as they are, world mm; `None` without points.
+    /// Smallest and largest corner of the box around all strands as thick as they are, world mm; `None` without
+    /// points.
     pub fn bounds_mm(&self) -> Option<[DVec3; 2]> {
         let thickness = &self.arrays.thickness_mm;
         let grow = |[low, high]: [DVec3; 2], (i, p): (usize, &[f32; 3])| {

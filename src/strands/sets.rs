@@ -1,8 +1,8 @@
 //! Built-in strand sets: the same strands for the same name and number of segments, on every run.
 //!
-//! Hair grows from the upper part of a ball of 80 mm, leaves it upright and falls; fur covers a ball of 60 mm. All of a
-//! set's strands together hide the same area however many segments they have (each strand stands for a lock of hair),
-//! as long as that makes none thicker than 1 mm: pictures look alike from thousands of segments to millions.
+//! Hair grows from the upper part of a ball of 80 mm, leaves it upright and falls; fur covers a ball of 60 mm. All
+//! of a set's strands together hide the same area however many segments they have (each strand stands for a lock of
+//! hair), as long as that makes none thicker than 1 mm: pictures look alike from thousands of segments to millions.
 
 use super::random::Chance;
 use super::{Attribute, StrandArrays, Strands};

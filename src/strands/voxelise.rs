@@ -1,17 +1,18 @@
 //! From strands to extinction: every segment's area is spread over the voxels that it crosses.
 //!
-//! A segment of length `L`, diameter `d` and transparency `t` adds `(1 - t) d L_inside / voxel volume` to each voxel,
-//! mm^2 / mm^3 = 1/mm. [`Kernel`] says what `L_inside` is. Either way the sum of extinction times voxel volume is the sum
-//! of `(1 - t) d L` inside the grid; the field is trilinear between voxel centres, so its integral is that sum too.
+//! A segment of length `L`, diameter `d` and transparency `t` adds `(1 - t) d L_inside / voxel volume` to each
+//! voxel, mm^2 / mm^3 = 1/mm. [`Kernel`] says what `L_inside` is. Either way the sum of extinction times voxel
+//! volume is the sum of `(1 - t) d L` inside the grid; the field is trilinear between voxel centres, so its integral
+//! is that sum too.
 //!
-//! The default is the box: over the built-in sets with 10^5 and 10^6 segments at 64 and 256 voxels, its transmittance was the
-//! closer to the strands' in 14 of 16 cases (rms, [`super::cylinders`]), by 0 to 3 %, and it takes half the time. The tent
-//! blurs by a third more in variance, but a strand's extinction does not jump where it passes from voxel to voxel, so that
-//! near ones are drawn without beads.
+//! The default is the box: over the built-in sets with 10^5 and 10^6 segments at 64 and 256 voxels, its
+//! transmittance was the closer to the strands' in 14 of 16 cases (rms, [`super::cylinders`]), by 0 to 3 %, and it
+//! takes half the time. The tent blurs by a third more in variance, but a strand's extinction does not jump where it
+//! passes from voxel to voxel, so that near ones are drawn without beads.
 //!
-//! Threads share the grid by slabs of planes whose thickness depends on the grid alone. A slab belongs to one thread, which
-//! takes the segments in the file's order and sums in 64-bit floats: every voxel sees the same additions in the same order,
-//! and the result is the same bit by bit whatever the number of threads.
+//! Threads share the grid by slabs of planes whose thickness depends on the grid alone. A slab belongs to one
+//! thread, which takes the segments in the file's order and sums in 64-bit floats: every voxel sees the same
+//! additions in the same order, and the result is the same bit by bit whatever the number of threads.
 
 use super::walk::{Cells, Line};
 use super::{StrandGrid, Strands};
@@ -202,8 +203,8 @@ impl<'a> Slab<'a> {
         });
     }
 
-    /// Shares an area evenly along a piece within one cell. Along it the weights are cubics of `t`, which two Gauss points
-    /// integrate exactly; the eight weights are 1 together at each of them.
+    /// Shares an area evenly along a piece within one cell. Along it the weights are cubics of `t`, which two Gauss
+    /// points integrate exactly; the eight weights are 1 together at each of them.
     #[inline]
     fn spread(&mut self, line: &Line, cell: [i64; 3], t0: f64, t1: f64, area: f64) {
         const GAUSS: f64 = 0.577_350_269_189_625_8;

@@ -12,8 +12,8 @@ pub(super) struct Line {
 /// A box of cells, and how much of its outermost ones counts.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cells {
-    /// First and last cell of the whole grid along each axis, the first no lower than -1: a line that lies in the outermost
-    /// faces is put into these.
+    /// First and last cell of the whole grid along each axis, the first no lower than -1: a line that lies in the
+    /// outermost faces is put into these.
     pub whole: [[i64; 2]; 3],
     /// First and last cell of the box.
     pub part: [[i64; 2]; 3],
@@ -34,7 +34,8 @@ impl Line {
         Self { from, step, per_step: step.map(|d| 1.0 / d) }
     }
 
-    /// Where the line passes a face; the only expression for it, so that neighbouring cells and boxes meet without a gap.
+    /// Where the line passes a face; the only expression for it, so that neighbouring cells and boxes meet without a
+    /// gap.
     #[inline]
     fn at_face(&self, axis: usize, face: f64) -> f64 {
         (face - self.from[axis]) * self.per_step[axis]

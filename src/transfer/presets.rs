@@ -13,7 +13,7 @@ pub enum Scale {
     Hounsfield,
     /// Fractions of the value range: 0 and 1 are laid over the smallest and largest value of every volume.
     Fraction,
-    /// Values that are extinction in 1/mm themselves, as those of voxelised strands: the ramp goes on to the largest one.
+    /// Values that are extinction in 1/mm themselves, as those of voxelised strands: the ramp goes on to the largest.
     Extinction,
 }
 
@@ -161,8 +161,8 @@ pub fn of_strands(volume: &Volume) -> bool {
     volume.provenance.format == STRANDS_FORMAT
 }
 
-/// The preset where none is asked for: `hair` for strands, `ct` for a volume in HU with air in it, `bone` for one in HU without (its
-/// background, often 0, would be opaque as soft tissue), `engine` otherwise.
+/// The preset where none is asked for: `hair` for strands, `ct` for a volume in HU with air in it, `bone` for one in HU
+/// without (its background, often 0, would be opaque as soft tissue), `engine` otherwise.
 pub fn default_name(volume: &Volume) -> &'static str {
     if of_strands(volume) {
         return "hair";

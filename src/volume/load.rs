@@ -8,7 +8,8 @@ use std::path::Path;
 /// Which volume, and what its file does not say itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeSpec {
-    /// A path, or `phantom:NAME[:SIZE]` for a built-in volume; a `.hair` path and `phantom:hair-NAME[:SEGMENTS]` are strands.
+    /// A path, or `phantom:NAME[:SIZE]` for a built-in volume; a `.hair` path and `phantom:hair-NAME[:SEGMENTS]` are
+    /// strands.
     pub source: String,
     /// Layout of a raw file (`--raw`); absent, a file name may say it.
     pub raw: Option<RawLayout>,
