@@ -5,10 +5,10 @@
 //! volume is the sum of `(1 - t) d L` inside the grid; the field is trilinear between voxel centres, so its integral
 //! is that sum too.
 //!
-//! The default is the box: over the built-in sets with 10^5 and 10^6 segments at 64 and 256 voxels, its
-//! transmittance was the closer to the strands' in 14 of 16 cases (rms, [`super::cylinders`]), by 0 to 3 %, and it
-//! takes half the time. The tent blurs by a third more in variance, but a strand's extinction does not jump where it
-//! passes from voxel to voxel, so that near ones are drawn without beads.
+//! The default is the box: over the built-in sets with 10^5 and 10^6 segments at 64 and 256 voxels, its transmittance
+//! was the closer to the strands' in 14 of 16 cases (rms, [`super::cylinders`]), by 0 to 3 %, and it takes 0.6 of the
+//! time. The tent blurs by a third more in variance, but a strand's extinction does not jump where it passes from voxel
+//! to voxel, so that near ones are drawn without beads.
 //!
 //! Threads share the grid by slabs of planes whose thickness depends on the grid alone. A slab belongs to one
 //! thread, which takes the segments in the file's order and sums in 64-bit floats: every voxel sees the same
