@@ -3,8 +3,8 @@
 //! ```text
 //!  file ──> Volume ──> Bricks (min,max) ─┐                        ┌─> picture
 //!  preset ─> TransferFunction ─> tables ─┼─> Plan ─> ShadowMap ─> RayCast ─┤
-//!  camera, light ────────────────────────┘    (what this scene    └─> error + time ─> tables, plots
-//!                                              needs)       ^
+//!  strands ─> voxelise ─> Volume         │    (what this scene    └─> error + time ─> tables, plots
+//!  camera, light ────────────────────────┘     needs)       ^
 //!                                      exact (f64, CPU) ────┘ only where errors are asked for
 //! ```
 //!
@@ -22,6 +22,7 @@ pub mod output;
 pub mod render;
 pub mod scene;
 pub mod shadow;
+pub mod strands;
 pub mod transfer;
 pub mod volume;
 

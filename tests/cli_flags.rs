@@ -4,7 +4,7 @@ mod cli;
 
 use cli::{refused, umbravox};
 
-const COMMANDS: [&str; 5] = ["info", "render", "probe", "compare", "phantom"];
+const COMMANDS: [&str; 6] = ["info", "render", "probe", "compare", "voxelise", "phantom"];
 
 fn stdout(args: &[&str]) -> String {
     let output = umbravox(std::env::temp_dir().as_path(), args);
@@ -59,6 +59,9 @@ fn help_of_the_drawing_commands_shows_every_flag_and_its_default() {
             "--spacing",
             "--offset",
             "--frame",
+            "--resolution",
+            "--kernel",
+            "--thickness",
         ] {
             assert!(help.contains(flag), "{command}: no {flag}");
         }
@@ -74,6 +77,9 @@ fn help_of_phantom_names_them_with_their_sizes() {
     for phantom in umbravox::volume::Phantom::ALL {
         assert!(help.contains(&format!("  {} ", phantom.name())) && help.contains(phantom.description()));
         assert!(help.contains(&format!("[default size: {}]", phantom.default_size())));
+    }
+    for set in umbravox::strands::StrandSet::ALL {
+        assert!(help.contains(&format!("  {} ", set.name())) && help.contains(set.description()));
     }
 }
 

@@ -10,6 +10,7 @@ fn the_preset_table_is_the_programs() {
         let units = match preset.scale {
             Scale::Hounsfield => "HU",
             Scale::Fraction => "fraction",
+            Scale::Extinction => "1/mm",
         };
         let row = format!("| `{}` | {units} | {} |", preset.name, preset.about);
         assert!(README.contains(&row), "missing: {row}");

@@ -10,6 +10,7 @@ pub mod render;
 pub mod scene_args;
 mod scene_file;
 pub mod values;
+pub mod voxelise;
 
 use crate::error::{Error, Result};
 use crate::scene::Scene;
@@ -42,6 +43,7 @@ enum Command {
     Render(render::RenderArgs),
     Probe(probe::ProbeArgs),
     Compare(compare::CompareArgs),
+    Voxelise(voxelise::VoxeliseArgs),
     Phantom(phantom::PhantomArgs),
 }
 
@@ -76,6 +78,7 @@ fn run(command: Command) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),
     }
 }
@@ -167,10 +170,10 @@ fn log_to_stderr(verbose: u8) {
 fn tf_help() -> String {
     let mut help = String::from(
         "Transfer function: a preset, or the path of a .json file\n\
-         [default: ct for a volume in HU with air, bone in HU without, engine otherwise]\n\n\
+         [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]\n\n\
          A file is used as it is. A preset in HU is used as it is on a volume in HU (one whose values span more than \
          300 within -32768 to 32767); on any other, -1000 to 800 HU are laid over the value range. A preset in \
-         fractions is laid over the value range of every volume.\n\nPresets:",
+         fractions is laid over the value range of every volume. `hair` takes values as extinction in 1/mm.\n\nPresets:",
     );
     for preset in PRESETS {
         help += &format!("\n  {:<12} {}", preset.name, preset.about);

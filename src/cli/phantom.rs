@@ -1,18 +1,19 @@
-//! `umbravox phantom`: a built-in volume as a file.
+//! `umbravox phantom`: a built-in volume or strand set as a file.
 
 use crate::error::Result;
 use crate::output::check_output;
+use crate::strands::{HAIR_EXTENSIONS, StrandSet, write_hair};
 use crate::volume::{NIFTI_EXTENSIONS, Phantom, write_nifti};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Write a built-in volume to a file
+/// Write a built-in volume or strand set to a file
 #[derive(Debug, Args)]
 pub struct PhantomArgs {
-    /// Which one, and its size in voxels along the longest side
+    /// Which one, and its size in voxels along the longest side; of strands, the number of segments
     #[arg(value_name = "NAME[:SIZE]", long_help = names_help())]
     pub name: String,
-    /// The file: .nii or .nii.gz
+    /// The file: .nii or .nii.gz; of strands, .hair
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -23,14 +24,25 @@ fn names_help() -> String {
         let (name, size) = (phantom.name(), phantom.default_size());
         help += &format!("\n  {name:<8} {} [default size: {size}]", phantom.description());
     }
+    help += "\n\nStrands, and their number of segments:\n";
+    for set in StrandSet::ALL {
+        let (name, segments) = (set.name(), StrandSet::DEFAULT_SEGMENTS);
+        help += &format!("\n  {name:<14} {} [default segments: {segments}]", set.description());
+    }
     help
 }
 
 /// Builds `NAME[:SIZE]` and writes it.
 ///
 /// # Errors
-/// No such phantom, or the file cannot be written.
+/// No such phantom or strand set, or the file cannot be written.
 pub fn run(name: &str, output: &Path) -> Result<()> {
+    if name.starts_with("hair-") {
+        let (set, segments) = StrandSet::parse(name)?;
+        check_output(output, HAIR_EXTENSIONS)
+            .map_err(|e| e.hint("voxelise writes strands as a volume, .nii or .nii.gz"))?;
+        return write_hair(&set.build(segments)?, output);
+    }
     let (phantom, size) = Phantom::parse(name)?;
     check_output(output, NIFTI_EXTENSIONS)?;
     write_nifti(&phantom.build(size)?, output)

@@ -5,6 +5,7 @@ use super::values::{self, Size};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Scene, Shading, Skip};
 use crate::shadow::{self, Method};
+use crate::strands::StrandFlags;
 use crate::volume::{RawLayout, Volume, VolumeSpec};
 use clap::Args;
 use glam::DVec3;
@@ -35,6 +36,8 @@ pub struct VolumeFlags {
     /// Which volume of a 4-D file, from 0 [default: 0]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
     pub frame: Option<usize>,
+    #[command(flatten)]
+    pub strands: StrandFlags,
 }
 
 impl VolumeFlags {
@@ -46,6 +49,7 @@ impl VolumeFlags {
             spacing_mm: self.spacing,
             offset_bytes: self.offset,
             frame: self.frame,
+            strands: self.strands,
         }
     }
 }
@@ -53,13 +57,13 @@ impl VolumeFlags {
 /// The shared flags as written; absent ones are `None`, so that a scene file can fill them in.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct SceneArgs {
-    /// A volume file (NIfTI, raw) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
+    /// A volume file (NIfTI, raw), strands (.hair) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
     #[arg(value_name = "VOLUME")]
     pub volume: Option<String>,
     #[command(flatten)]
     pub volume_flags: VolumeFlags,
 
-    /// Transfer function: a preset or a .json file [default: ct for a volume in HU with air, bone in HU without, engine otherwise]
+    /// Transfer function: a preset or a .json file [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]
     #[arg(long, value_name = "FILE|PRESET", help_heading = "Scene", long_help = super::tf_help())]
     pub tf: Option<String>,
     /// Shadow method and its settings, METHOD[:key=value,...] [default: dsm]
@@ -156,6 +160,7 @@ impl SceneArgs {
                 spacing: self.volume_flags.spacing.or(file.volume_flags.spacing),
                 offset: self.volume_flags.offset.or(file.volume_flags.offset),
                 frame: self.volume_flags.frame.or(file.volume_flags.frame),
+                strands: self.volume_flags.strands.or(file.volume_flags.strands),
             },
             tf: self.tf.or(file.tf),
             shadow: self.shadow.or(file.shadow),
@@ -271,7 +276,7 @@ mod tests {
 
     /// Every flag, once as a key and once as a flag of another value.
     const KEYS: &str = "volume = 'a.raw'\nraw = '2x2x2:u8'\nspacing = [1, 2, 3.5]\noffset = 1\nframe = 1\n\
-        tf = 'bone'\nshadow = 'none'\nsize = '8x9'\neye = [1, 2, 3]\ntarget = '4,5,6'\nup = [0, 1, 0]\n\
+        resolution = 64\nkernel = 'tent'\nthickness = 0.5\ntf = 'bone'\nshadow = 'none'\nsize = '8x9'\neye = [1, 2, 3]\ntarget = '4,5,6'\nup = [0, 1, 0]\n\
         fov = 50\nlight = 'point:1,2,3'\nambient = 0.5\nshading = 'lambert'\nbackground = '#ffffff'\n\
         step = 0.25\nskip = 'none'\nexplain = true\njson = true\nadapter = 'one'";
     const AS_KEYS: &[&str] = &[
@@ -280,6 +285,9 @@ mod tests {
         "--spacing=1,2,3.5",
         "--offset=1",
         "--frame=1",
+        "--resolution=64",
+        "--kernel=tent",
+        "--thickness=0.5",
         "--tf=bone",
         "--shadow=none",
         "--size=8x9",
@@ -303,6 +311,9 @@ mod tests {
         "--spacing=1,1,1",
         "--offset=2",
         "--frame=2",
+        "--resolution=65",
+        "--kernel=box",
+        "--thickness=2",
         "--tf=skin",
         "--shadow=rays",
         "--size=7x7",

@@ -2,6 +2,7 @@
 
 use super::TransferFunction;
 use crate::error::{Error, Result};
+use crate::strands::STRANDS_FORMAT;
 use crate::volume::Volume;
 use std::path::Path;
 
@@ -12,6 +13,8 @@ pub enum Scale {
     Hounsfield,
     /// Fractions of the value range: 0 and 1 are laid over the smallest and largest value of every volume.
     Fraction,
+    /// Values that are extinction in 1/mm themselves, as those of voxelised strands: the ramp goes on to the largest.
+    Extinction,
 }
 
 /// A built-in transfer function.
@@ -63,6 +66,7 @@ pub const PRESETS: &[Preset] = &[
     preset!("engine", Fraction, "casting translucent, dense inserts opaque; the default otherwise"),
     preset!("uniform", Fraction, "the same extinction everywhere, 0.25 per cm"),
     preset!("isosurface", Fraction, "opaque from half the value range on: a jump"),
+    preset!("hair", Extinction, "values are extinction, brown; the default for strands"),
 ];
 
 impl Preset {
@@ -118,6 +122,16 @@ impl Found {
         let tf = preset.transfer_function();
         let (from, meaning) = match preset.scale {
             Scale::Hounsfield if in_hounsfield(volume) => return ResolvedTransferFunction { tf, note: None },
+            Scale::Extinction => {
+                let largest = volume.value_range()[1];
+                // Nothing to stretch to where there is no extinction at all.
+                let stretch = if largest > 0.0 { largest } else { 1.0 };
+                let mut tf = tf.scale_values(|v| v * stretch);
+                tf.points.iter_mut().for_each(|p| p.amount *= stretch);
+                let note = (!of_strands(volume))
+                    .then(|| format!("preset `{}`: values are taken as extinction in 1/mm", preset.name));
+                return ResolvedTransferFunction { tf, note };
+            }
             Scale::Hounsfield => (HU_WINDOW, "the volume is not in HU, so -1000 to 800 HU"),
             Scale::Fraction => ([0.0, 1.0], "0 to 1"),
         };
@@ -142,9 +156,17 @@ pub fn resolve(name_or_path: &str, volume: &Volume) -> Result<ResolvedTransferFu
     find(name_or_path).map(|found| found.suit(volume))
 }
 
-/// The preset where none is asked for: `ct` for a volume in HU with air in it, `bone` for one in HU without (its
-/// background, often 0, would be opaque as soft tissue), `engine` otherwise.
+/// Whether a volume was made from strands, so that its values are extinction in 1/mm.
+pub fn of_strands(volume: &Volume) -> bool {
+    volume.provenance.format == STRANDS_FORMAT
+}
+
+/// The preset where none is asked for: `hair` for strands, `ct` for a volume in HU with air in it, `bone` for one in HU
+/// without (its background, often 0, would be opaque as soft tissue), `engine` otherwise.
 pub fn default_name(volume: &Volume) -> &'static str {
+    if of_strands(volume) {
+        return "hair";
+    }
     match (in_hounsfield(volume), volume.value_range()[0] < AIR_BELOW_HU) {
         (true, true) => "ct",
         (true, false) => "bone",
@@ -186,7 +208,11 @@ mod tests {
         for preset in PRESETS {
             let tf = preset.transfer_function();
             assert!(tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY) > 0.0, "{}", preset.name);
-            let units = if preset.scale == Scale::Hounsfield { "HU" } else { "fraction" };
+            let units = match preset.scale {
+                Scale::Hounsfield => "HU",
+                Scale::Fraction => "fraction",
+                Scale::Extinction => "1/mm",
+            };
             assert_eq!(tf.units, units, "{}", preset.name);
         }
     }
@@ -230,6 +256,23 @@ mod tests {
         let constant = resolve("isosurface", &volume(7.0, 7.0)).unwrap().tf;
         assert!(constant.points.iter().all(|p| p.value.is_finite()));
         assert_eq!(resolve("uniform", &volume(0.0, 9.0)).unwrap().note, None);
+    }
+
+    #[test]
+    fn extinction_is_the_value_itself() {
+        for hi in [1e-12, 0.37, 4000.0] {
+            let mut strands = volume(0.0, hi);
+            let tf = resolve("hair", &strands).unwrap();
+            assert!(tf.note.is_some(), "nothing says that the values are extinction");
+            for w in [0.0, 0.1, 0.5, 1.0] {
+                assert!((tf.tf.extinction(w * hi) - w * hi).abs() <= 1e-15 * hi, "{hi} {w}");
+            }
+            strands.provenance.format = STRANDS_FORMAT.into();
+            assert_eq!(default_name(&strands), "hair");
+            assert_eq!(resolve("hair", &strands).unwrap().note, None);
+        }
+        let empty = resolve("hair", &volume(0.0, 0.0)).unwrap().tf;
+        assert_eq!((empty.extinction(0.0), empty.points.len()), (0.0, 2));
     }
 
     #[test]

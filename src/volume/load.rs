@@ -2,12 +2,14 @@
 
 use super::{Phantom, RawLayout, Volume, nifti, raw};
 use crate::error::{Error, Result};
+use crate::strands::{self, StrandFlags, is_strand_source};
 use std::path::Path;
 
 /// Which volume, and what its file does not say itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeSpec {
-    /// A path, or `phantom:NAME[:SIZE]` for a built-in volume.
+    /// A path, or `phantom:NAME[:SIZE]` for a built-in volume; a `.hair` path and `phantom:hair-NAME[:SEGMENTS]` are
+    /// strands.
     pub source: String,
     /// Layout of a raw file (`--raw`); absent, a file name may say it.
     pub raw: Option<RawLayout>,
@@ -17,12 +19,21 @@ pub struct VolumeSpec {
     pub offset_bytes: Option<u64>,
     /// Frame of a 4-D file (`--frame`), counted from 0; absent, the first.
     pub frame: Option<usize>,
+    /// How strands become voxels (`--resolution`, `--kernel`, `--thickness`).
+    pub strands: StrandFlags,
 }
 
 impl VolumeSpec {
     /// A path or `phantom:NAME[:SIZE]`, everything else as the file says.
     pub fn new(source: impl Into<String>) -> Self {
-        Self { source: source.into(), raw: None, spacing_mm: None, offset_bytes: None, frame: None }
+        Self {
+            source: source.into(),
+            raw: None,
+            spacing_mm: None,
+            offset_bytes: None,
+            frame: None,
+            strands: StrandFlags::default(),
+        }
     }
 }
 
@@ -46,11 +57,27 @@ pub fn load(spec: &VolumeSpec) -> Result<Volume> {
         true => Err(Error::input("cannot use flag", flag, format!("{} is {kind}", spec.source))),
         false => Ok(()),
     };
+    let of_strands = layout.is_none() && is_strand_source(&spec.source);
+    if !of_strands {
+        let StrandFlags { resolution, kernel, thickness } = spec.strands;
+        refuse_flag("--resolution", resolution.is_some(), "not of strands")?;
+        refuse_flag("--kernel", kernel.is_some(), "not of strands")?;
+        refuse_flag("--thickness", thickness.is_some(), "not of strands")?;
+    }
     if phantom.is_some() || layout.is_none() {
-        let kind = if phantom.is_some() { "a built-in volume" } else { "not known to be a raw file (--raw)" };
+        let kind = match (of_strands, phantom.is_some()) {
+            (true, _) => "of strands",
+            (false, true) => "a built-in volume",
+            (false, false) => "not known to be a raw file (--raw)",
+        };
         refuse_flag("--raw", spec.raw.is_some(), kind)?;
         refuse_flag("--spacing", spec.spacing_mm.is_some(), kind)?;
         refuse_flag("--offset", spec.offset_bytes.is_some(), kind)?;
+    }
+    if of_strands {
+        refuse_flag("--frame", spec.frame.is_some_and(|f| f > 0), "of strands, one frame")?;
+        let strands = strands::load_strands(&spec.source, spec.strands.thickness)?;
+        return strands::load_volume(&strands, &spec.strands).map(|made| made.volume);
     }
     match (phantom, layout) {
         (Some(name), _) => {

@@ -16,6 +16,7 @@
 
 use super::{AffineSource, Provenance, Scaling, Volume, Voxels, thorax};
 use crate::error::{Error, Result};
+use crate::strands::StrandSet;
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -84,13 +85,13 @@ impl Phantom {
     pub fn parse(text: &str) -> Result<(Self, usize)> {
         let (name, size) = text.split_once(':').map_or((text, None), |(name, size)| (name, Some(size)));
         let phantom = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
+            let names = Self::ALL.map(Self::name).into_iter().chain(StrandSet::ALL.map(StrandSet::name));
             Error::input(
                 "cannot build phantom",
                 format!("phantom:{text}"),
                 format!("no phantom is named `{name}`"),
             )
-            .hint(format!("there are {names}"))
+            .hint(format!("there are {}", names.collect::<Vec<_>>().join(", ")))
         })?;
         let size = match size {
             None => phantom.default_size(),

@@ -7,6 +7,7 @@ mod degenerate;
 mod exact_pictures;
 mod invariance;
 mod pool;
+mod strands;
 mod tolerance;
 
 use glam::{DAffine3, DVec3};

@@ -1,0 +1,143 @@
+//! `umbravox voxelise`: strands as an extinction volume, and what that costs in truth.
+
+use super::{print_result, say};
+use crate::error::{Error, Result};
+use crate::output::check_output;
+use crate::scene::Light;
+use crate::strands::cylinders::{AgainstCylinders, MAX_BEAMS, against_cylinders};
+use crate::strands::{Conservation, Kernel, StrandFlags, StrandVolume, Strands, is_strand_source};
+use crate::strands::{load_strands, load_volume};
+use crate::volume::{NIFTI_EXTENSIONS, write_nifti};
+use clap::Args;
+use glam::DVec3;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Turn strands into an extinction volume, with a report
+#[derive(Debug, Args)]
+pub struct VoxeliseArgs {
+    /// A .hair file or a built-in strand set, hair-NAME[:SEGMENTS]
+    #[arg(value_name = "STRANDS")]
+    pub strands: String,
+    /// The volume: .nii or .nii.gz [default: only the report]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub flags: StrandFlags,
+    /// Light beams on which the volume is compared with the strands, 0 to 100000
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = beams())]
+    pub rays: u32,
+    /// Print the report as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn beams() -> clap::builder::RangedU64ValueParser<u32> {
+    clap::builder::RangedU64ValueParser::new().range(0..=MAX_BEAMS as u64)
+}
+
+/// What `voxelise` reports; the keys of `--json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    pub source: String,
+    pub strands: u32,
+    pub segments: usize,
+    pub kernel: Kernel,
+    pub dims: [usize; 3],
+    pub spacing_mm: f64,
+    /// Largest extinction, 1/mm.
+    pub extinction_max: f64,
+    #[serde(flatten)]
+    pub conservation: Conservation,
+    pub voxelise_ms: f64,
+    pub segments_per_s: f64,
+    /// Direction towards the light of the comparison.
+    pub light: [f64; 3],
+    /// `null` where no beams were asked for or there is nothing to compare.
+    pub against_cylinders: Option<AgainstCylinders>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad input, or the disk is full.
+pub fn run(args: &VoxeliseArgs) -> Result<()> {
+    if let Some(output) = &args.output {
+        check_output(output, NIFTI_EXTENSIONS)?;
+    }
+    let source = if args.strands.starts_with("hair-") && !args.strands.ends_with(".hair") {
+        format!("phantom:{}", args.strands)
+    } else {
+        args.strands.clone()
+    };
+    if !is_strand_source(&source) {
+        return Err(Error::input("cannot read strands", &source, "it is no strand file or set")
+            .hint("a path that ends in .hair, or hair-NAME[:SEGMENTS]"));
+    }
+    let strands = load_strands(&source, args.flags.thickness)?;
+    let made = load_volume(&strands, &args.flags)?;
+    made.volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
+    if let Some(output) = &args.output {
+        write_nifti(&made.volume, output)?;
+    }
+    let report = Report::of(&strands, &made, args.rays as usize);
+    if args.json {
+        let json = serde_json::to_string_pretty(&report)
+            .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
+        print_result(&(json + "\n"))
+    } else {
+        print_result(&report.to_text())
+    }
+}
+
+impl Report {
+    /// Measures what there is to say; `beams` light beams towards the default light.
+    pub fn of(strands: &Strands, made: &StrandVolume, beams: usize) -> Self {
+        let (toward, _) = Light::default().from_point(DVec3::ZERO);
+        Self {
+            source: strands.source().into(),
+            strands: strands.arrays().strands,
+            segments: strands.segment_count(),
+            kernel: made.kernel,
+            dims: made.grid.dims,
+            spacing_mm: made.grid.spacing_mm,
+            extinction_max: made.volume.value_range()[1],
+            conservation: made.conservation,
+            voxelise_ms: made.voxelise_ms,
+            segments_per_s: strands.segment_count() as f64 / (made.voxelise_ms * 1e-3),
+            light: toward.to_array(),
+            against_cylinders: against_cylinders(strands, made, toward, beams),
+        }
+    }
+
+    /// The same for people, one aligned line a fact.
+    pub fn to_text(&self) -> String {
+        let mut lines = Vec::new();
+        let mut line = |name: &str, value: String| lines.push(format!("{name:<14} {value}\n"));
+        let Conservation { area_mm2, area_inside_mm2, on_grid_mm2, relative_error } = self.conservation;
+        let [nx, ny, nz] = self.dims;
+        line("source", self.source.clone());
+        line("strands", format!("{}, {} segments", self.strands, self.segments));
+        line("grid", format!("{nx} x {ny} x {nz} voxels of {:.6} mm", self.spacing_mm));
+        let kernel = match self.kernel {
+            Kernel::Box => "box",
+            Kernel::Tent => "tent",
+        };
+        line("kernel", kernel.into());
+        line("time", format!("{:.1} ms, {:.3e} segments/s", self.voxelise_ms, self.segments_per_s));
+        line("area", format!("{area_mm2:.9e} mm^2: sum of (1 - transparency) diameter length"));
+        line("inside", format!("{area_inside_mm2:.9e} mm^2"));
+        line("on the grid", format!("{on_grid_mm2:.9e} mm^2: sum of extinction times voxel volume"));
+        line("conservation", format!("{relative_error:.2e} relative error"));
+        line("extinction", format!("at most {:.6} per mm", self.extinction_max));
+        if let Some(a) = &self.against_cylinders {
+            let [x, y, z] = self.light;
+            let light = format!("dir:{x:.4},{y:.4},{z:.4}");
+            line("cylinders", format!("{} beams of {} rays towards {light}", a.beams, a.rays_per_beam));
+            line("", format!("mean transmittance of the strands {:.4}", a.true_mean));
+            let difference = format!("mean {:+.4}, rms {:.4}, max {:.4}", a.mean, a.rms, a.max);
+            line("", format!("voxelised - strands: {difference} (sampling {:.4})", a.sampling_rms));
+        }
+        lines.concat()
+    }
+}

@@ -1,0 +1,45 @@
+//! The one source of chance of strands: numbers that depend on nothing but their seed.
+
+use glam::DVec3;
+use std::f64::consts::TAU;
+
+/// A stream of numbers (`splitmix64`), the same on every machine.
+#[derive(Debug, Clone)]
+pub(super) struct Chance(u64);
+
+impl Chance {
+    /// The stream of one thing (`index`) of a kind (`seed`).
+    pub fn new(seed: u64, index: u64) -> Self {
+        let mut mixed = Self(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ index);
+        Self(mixed.next() ^ index.rotate_left(32))
+    }
+
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In `[0, 1)`.
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// In `[low, high)`.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// One of `0..count`.
+    pub fn below(&mut self, count: usize) -> usize {
+        ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
+    }
+
+    /// A unit vector, all directions with `z >= lowest_z` alike.
+    pub fn direction(&mut self, lowest_z: f64) -> DVec3 {
+        let (z, angle) = (self.between(lowest_z, 1.0), TAU * self.unit());
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        DVec3::new(r * angle.cos(), r * angle.sin(), z)
+    }
+}

@@ -1,0 +1,268 @@
+//! Built-in strand sets: the same strands for the same name and number of segments, on every run.
+//!
+//! Hair grows from the upper part of a ball of 80 mm, leaves it upright and falls; fur covers a ball of 60 mm. All
+//! of a set's strands together hide the same area however many segments they have (each strand stands for a lock of
+//! hair), as long as that makes none thicker than 1 mm: pictures look alike from thousands of segments to millions.
+
+use super::random::Chance;
+use super::{Attribute, StrandArrays, Strands};
+use crate::error::{Error, Result};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use std::fmt;
+
+/// A built-in strand set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StrandSet {
+    Straight,
+    Curly,
+    Clustered,
+    Fur,
+}
+
+/// Radius of the ball under the hair, mm.
+const HEAD_MM: f64 = 80.0;
+/// Radius of the ball under the fur, mm.
+const FUR_BALL_MM: f64 = 60.0;
+/// Strands that share a lock in `hair-clustered`.
+const LOCK: usize = 24;
+/// No strand is thicker, mm.
+const MAX_THICKNESS_MM: f64 = 1.0;
+
+impl StrandSet {
+    pub const ALL: [Self; 4] = [Self::Straight, Self::Curly, Self::Clustered, Self::Fur];
+
+    /// Segments where no number is given.
+    pub const DEFAULT_SEGMENTS: usize = 100_000;
+
+    /// Segments at the most.
+    pub const MAX_SEGMENTS: usize = 1 << 25;
+
+    /// The name, as in `phantom:NAME`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Straight => "hair-straight",
+            Self::Curly => "hair-curly",
+            Self::Clustered => "hair-clustered",
+            Self::Fur => "hair-fur",
+        }
+    }
+
+    /// What it is, in a few words.
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::Straight => "straight hair that falls from a ball",
+            Self::Curly => "curls",
+            Self::Clustered => "hair in locks that narrow to the tips, a little translucent",
+            Self::Fur => "short combed fur on a ball, thinner to the tips",
+        }
+    }
+
+    /// From `NAME[:SEGMENTS]`.
+    ///
+    /// # Errors
+    /// The name is unknown, or the number of segments is not in `1..=33554432`.
+    pub fn parse(text: &str) -> Result<(Self, usize)> {
+        let refuse = |why: String| Error::input("cannot build strands", format!("phantom:{text}"), why);
+        let (name, count) = text.split_once(':').map_or((text, None), |(name, count)| (name, Some(count)));
+        let set = Self::ALL.into_iter().find(|s| s.name() == name).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            refuse(format!("no strand set is named `{name}`")).hint(format!("there are {names}"))
+        })?;
+        let Some(count) = count else { return Ok((set, Self::DEFAULT_SEGMENTS)) };
+        let most = Self::MAX_SEGMENTS;
+        match count.parse() {
+            Ok(n) if (1..=most).contains(&n) => Ok((set, n)),
+            _ => Err(refuse(format!("segments `{count}` is not a whole number in 1..={most}"))),
+        }
+    }
+
+    /// Segments of every strand; the last strand takes what is left.
+    fn segments_per_strand(self) -> usize {
+        match self {
+            Self::Straight => 48,
+            Self::Curly => 128,
+            Self::Clustered => 64,
+            Self::Fur => 12,
+        }
+    }
+
+    /// What all strands together hide from the side, mm^2.
+    fn area_mm2(self) -> f64 {
+        match self {
+            Self::Straight | Self::Curly => 250_000.0,
+            Self::Clustered => 300_000.0,
+            Self::Fur => 120_000.0,
+        }
+    }
+
+    /// Diameter at the fraction `u` of a strand, as a share of that at its root.
+    fn taper(self, u: f64) -> f64 {
+        match self {
+            Self::Straight | Self::Curly => 1.0,
+            Self::Clustered => 1.0 - 0.5 * u,
+            Self::Fur => 1.0 - 0.85 * u,
+        }
+    }
+
+    /// Builds it with exactly `segments` segments.
+    ///
+    /// # Errors
+    /// `segments` is not in `1..=33554432`.
+    pub fn build(self, segments: usize) -> Result<Strands> {
+        let source = format!("phantom:{self}:{segments}");
+        let refuse = |why: String| Error::input("cannot build strands", &source, why);
+        if !(1..=Self::MAX_SEGMENTS).contains(&segments) {
+            return Err(refuse(format!("{segments} segments is not in 1..={}", Self::MAX_SEGMENTS)));
+        }
+        let each = self.segments_per_strand().min(segments);
+        let strands = segments.div_ceil(each);
+        let last = segments - (strands - 1) * each;
+        let count = |s: usize| if s + 1 == strands { last } else { each };
+        let lines: Vec<Vec<DVec3>> = (0..strands)
+            .into_par_iter()
+            .map(|s| self.strand(s, strands, Steps { each, count: count(s) }))
+            .collect();
+        let share = |line: &[DVec3], i: usize| i as f64 / (line.len() - 1) as f64;
+        // Diameters of 1 at the roots would hide this much.
+        let area_of = |line: &Vec<DVec3>| {
+            let pieces = line.windows(2).enumerate().map(|(i, ends)| {
+                let middle = 0.5 * (self.taper(share(line, i)) + self.taper(share(line, i + 1)));
+                middle * ends[0].distance(ends[1])
+            });
+            pieces.sum::<f64>()
+        };
+        let area: f64 = lines.par_iter().map(area_of).collect::<Vec<f64>>().iter().sum();
+        let root = (self.area_mm2() / area).min(MAX_THICKNESS_MM);
+        let tapers = self.taper(1.0) != 1.0;
+        let thickness = tapers.then(|| {
+            let shares = lines.iter().flat_map(|line| (0..line.len()).map(|i| share(line, i)));
+            shares.map(|u| (root * self.taper(u)) as f32).collect()
+        });
+        let mut info = [0; 88];
+        let text = format!("umbravox {self}:{segments}");
+        info[..text.len()].copy_from_slice(text.as_bytes());
+        let arrays = StrandArrays {
+            strands: strands as u32,
+            segments: Attribute {
+                default: each as u32,
+                values: (last != each).then(|| (0..strands).map(|s| count(s) as u16).collect()),
+            },
+            points: lines.iter().flatten().map(|p| p.as_vec3().to_array()).collect(),
+            thickness_mm: Attribute { default: root as f32, values: thickness },
+            transparency: Attribute::constant(if self == Self::Clustered { 0.2 } else { 0.0 }),
+            color: Attribute::constant(if self == Self::Fur {
+                [0.55, 0.42, 0.30]
+            } else {
+                [0.35, 0.20, 0.10]
+            }),
+            info,
+        };
+        Strands::new(&source, arrays).map_err(|flaw| refuse(flaw.why))
+    }
+
+    /// The points of strand `index` of `strands`, mm.
+    fn strand(self, index: usize, strands: usize, steps: Steps) -> Vec<DVec3> {
+        let mut chance = Chance::new(self as u64 + 1, index as u64);
+        match self {
+            Self::Straight => {
+                let root = chance.direction(0.0);
+                Fall::new(root, &mut chance).points(chance.between(170.0, 210.0), steps, |_, _| DVec3::ZERO)
+            }
+            Self::Curly => {
+                let root = chance.direction(0.0);
+                let fall = Fall::new(root, &mut chance);
+                let (phase, pitch_mm) = (TAU * chance.unit(), chance.between(16.0, 24.0));
+                let radius_mm = chance.between(4.0, 7.0);
+                fall.points(chance.between(150.0, 200.0), steps, |s, [across, up]| {
+                    let angle = phase + TAU * s / pitch_mm;
+                    radius_mm * (1.0 - (-s / 25.0).exp()) * (across * angle.cos() + up * angle.sin())
+                })
+            }
+            Self::Clustered => {
+                let locks = strands.div_ceil(LOCK);
+                let mut lock = Chance::new(100, (index % locks) as u64);
+                let center = lock.direction(0.0);
+                let fall = Fall::new(center, &mut lock);
+                let (length_mm, phase) = (lock.between(160.0, 220.0), TAU * lock.unit());
+                let scatter = 9.0 * chance.direction(-1.0) * chance.unit().cbrt();
+                let wave = chance.between(2.5, 4.0);
+                fall.points(length_mm * chance.between(0.9, 1.0), steps, |s, [across, up]| {
+                    let narrow = 1.0 - 0.85 * (s / length_mm).min(1.0);
+                    let angle = phase + TAU * s / 60.0;
+                    scatter * narrow
+                        + wave * (1.0 - (-s / 40.0).exp()) * (across * angle.cos() + up * angle.sin())
+                })
+            }
+            Self::Fur => fur(&mut chance, steps),
+        }
+    }
+}
+
+/// Segments of a whole strand, and of this one, which may be cut short.
+#[derive(Debug, Clone, Copy)]
+struct Steps {
+    each: usize,
+    count: usize,
+}
+
+/// How one strand leaves the ball and falls.
+struct Fall {
+    root: DVec3,
+    /// Unit vector across the plane in which it bends.
+    across: DVec3,
+    /// Length over which it bends, mm.
+    bend_mm: f64,
+    sway: DVec3,
+}
+
+impl Fall {
+    fn new(root: DVec3, chance: &mut Chance) -> Self {
+        let across = root.cross(DVec3::Z).try_normalize().unwrap_or(DVec3::X);
+        Self { root, across, bend_mm: chance.between(25.0, 45.0), sway: 0.12 * chance.direction(-1.0) }
+    }
+
+    /// Points at equal steps along it, each moved by `offset(mm from the root, [across, normal])`.
+    fn points(&self, length_mm: f64, steps: Steps, offset: impl Fn(f64, [DVec3; 2]) -> DVec3) -> Vec<DVec3> {
+        let step = length_mm / steps.each as f64;
+        let mut at = self.root * HEAD_MM;
+        (0..=steps.count)
+            .map(|i| {
+                let s = i as f64 * step;
+                let fallen = 1.0 - (-s / self.bend_mm).exp();
+                let along = (self.root * (1.0 - fallen) - DVec3::Z * fallen + self.sway).normalize();
+                let place = at + offset(s, [self.across, along.cross(self.across)]);
+                at += along * step;
+                // It lies on the ball and does not pass through it.
+                if at.length() < HEAD_MM {
+                    at = at.normalize_or(self.root) * HEAD_MM;
+                }
+                place
+            })
+            .collect()
+    }
+}
+
+/// A hair of fur: upright at the root, bent towards where it is combed.
+fn fur(chance: &mut Chance, steps: Steps) -> Vec<DVec3> {
+    let root = chance.direction(-1.0);
+    let comb = DVec3::new(0.35, 0.2, -1.0) + 0.35 * chance.direction(-1.0);
+    let lean = comb - comb.dot(root) * root;
+    let length_mm = chance.between(18.0, 26.0);
+    let step = length_mm / steps.each as f64;
+    let mut at = root * FUR_BALL_MM;
+    let mut points = Vec::with_capacity(steps.count + 1);
+    for i in 0..=steps.count {
+        points.push(at);
+        let u = i as f64 / steps.each as f64;
+        at += (root * (1.0 - 0.6 * u) + lean * (0.35 + u)).normalize() * step;
+    }
+    points
+}
+
+impl fmt::Display for StrandSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

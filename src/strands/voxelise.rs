@@ -1,0 +1,241 @@
+//! From strands to extinction: every segment's area is spread over the voxels that it crosses.
+//!
+//! A segment of length `L`, diameter `d` and transparency `t` adds `(1 - t) d L_inside / voxel volume` to each
+//! voxel, mm^2 / mm^3 = 1/mm. [`Kernel`] says what `L_inside` is. Either way the sum of extinction times voxel
+//! volume is the sum of `(1 - t) d L` inside the grid; the field is trilinear between voxel centres, so its integral
+//! is that sum too.
+//!
+//! The default is the box: over the built-in sets with 10^5 and 10^6 segments at 64 and 256 voxels, its transmittance
+//! was the closer to the strands' in 14 of 16 cases (rms, [`super::cylinders`]), by 0 to 3 %, and it takes 0.6 of the
+//! time. The tent blurs by a third more in variance, but a strand's extinction does not jump where it passes from voxel
+//! to voxel, so that near ones are drawn without beads.
+//!
+//! Threads share the grid by slabs of planes whose thickness depends on the grid alone. A slab belongs to one
+//! thread, which takes the segments in the file's order and sums in 64-bit floats: every voxel sees the same
+//! additions in the same order, and the result is the same bit by bit whatever the number of threads.
+
+use super::walk::{Cells, Line};
+use super::{StrandGrid, Strands};
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+
+/// How a segment's length is shared among voxels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Kernel {
+    /// All of the length within a voxel's faces goes to that voxel; pieces are clipped exactly
+    #[default]
+    Box,
+    /// Every point is shared by the eight voxel centres around it, by the weights of trilinear interpolation
+    Tent,
+}
+
+/// What came in and what lies on the grid, mm^2.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Conservation {
+    /// Sum of `(1 - transparency) diameter length` over all segments.
+    pub area_mm2: f64,
+    /// Of it, what lies within the grid's domain.
+    pub area_inside_mm2: f64,
+    /// Sum of extinction times voxel volume.
+    pub on_grid_mm2: f64,
+    /// `|on_grid - inside| / inside`; 0 where there is nothing.
+    pub relative_error: f64,
+}
+
+/// Voxels that a thread works on at a time: 4 MiB of sums.
+const SLAB_VOXELS: usize = 1 << 19;
+
+/// Segments whose z range is looked at together.
+const CHUNK: usize = 16;
+
+/// Segments summed at a time; fixed, so that sums do not depend on the number of threads.
+const SUM_CHUNK: usize = 1 << 14;
+
+/// Extinction in 1/mm of strands on a grid, x fastest.
+///
+/// # Errors
+/// The host has no memory for the grid.
+pub fn voxelise(strands: &Strands, grid: &StrandGrid, kernel: Kernel) -> Result<Vec<f32>> {
+    let [nx, ny, nz] = grid.dims;
+    Vec::<f32>::new().try_reserve_exact(grid.voxels()).map_err(|_| {
+        Error::runtime("cannot voxelise", strands.source(), format!("no memory for {nx}x{ny}x{nz} voxels"))
+            .hint("a smaller --resolution needs less")
+    })?;
+    // Zeroed by the system page by page, so that each thread meets its own.
+    let mut values = vec![0.0f32; grid.voxels()];
+    let planes = (SLAB_VOXELS / (nx * ny)).clamp(1, nz);
+    let per_mm = 1.0 / grid.spacing_mm;
+    let per_mm3 = 1.0 / grid.voxel_mm3();
+    let reach = chunk_reach(strands, grid);
+    values.par_chunks_mut(planes * nx * ny).enumerate().for_each_init(Vec::new, |sums, (slab, out)| {
+        let first = slab * planes;
+        let mut target = Slab::new(grid, kernel, first, first + out.len() / (nx * ny), sums);
+        let [low, high] = target.z_range();
+        for (chunk, [chunk_low, chunk_high]) in reach.iter().enumerate() {
+            if *chunk_low > high || *chunk_high < low {
+                continue;
+            }
+            for index in chunk * CHUNK..((chunk + 1) * CHUNK).min(strands.segment_count()) {
+                let [a, b] = strands.segment_z(index).map(|z| (z - grid.origin_mm.z) * per_mm);
+                if a.min(b) <= high && a.max(b) >= low {
+                    target.add(strands, grid, index);
+                }
+            }
+        }
+        out.iter_mut().zip(&*sums).for_each(|(value, sum)| *value = (sum * per_mm3) as f32);
+    });
+    Ok(values)
+}
+
+impl Conservation {
+    /// What strands and the values voxelised from them add up to.
+    pub fn of(strands: &Strands, grid: &StrandGrid, values: &[f32]) -> Self {
+        let cells = Kernel::Box.cells(grid, 0, grid.dims[2]);
+        let count = strands.segment_count();
+        let sums: Vec<[f64; 2]> = (0..count.div_ceil(SUM_CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let (mut all, mut inside) = (0.0, 0.0);
+                for index in chunk * SUM_CHUNK..((chunk + 1) * SUM_CHUNK).min(count) {
+                    let segment = strands.segment(index);
+                    let area = segment.area_mm2();
+                    all += area;
+                    let [t0, t1] = cells.clip(&Kernel::Box.line(grid, segment.ends)).unwrap_or_default();
+                    inside += area * (t1 - t0);
+                }
+                [all, inside]
+            })
+            .collect();
+        let area_mm2 = sums.iter().map(|s| s[0]).sum();
+        let area_inside_mm2: f64 = sums.iter().map(|s| s[1]).sum();
+        let planes = values.par_chunks(SUM_CHUNK).map(|c| c.iter().map(|&v| f64::from(v)).sum::<f64>());
+        let on_grid_mm2 = planes.collect::<Vec<f64>>().iter().sum::<f64>() * grid.voxel_mm3();
+        let off = (on_grid_mm2 - area_inside_mm2).abs();
+        let relative_error = if off == 0.0 { 0.0 } else { off / area_inside_mm2 };
+        Self { area_mm2, area_inside_mm2, on_grid_mm2, relative_error }
+    }
+}
+
+impl Kernel {
+    /// Half a cell: voxels as cells lie between faces, the tent's cells between voxel centres.
+    fn shift(self) -> f64 {
+        match self {
+            Self::Box => 0.5,
+            Self::Tent => 0.0,
+        }
+    }
+
+    /// A segment in the coordinates of [`Self::cells`].
+    #[inline]
+    fn line(self, grid: &StrandGrid, ends: [glam::DVec3; 2]) -> Line {
+        let [a, b] = ends.map(|p| (grid.index_from_world(p) + self.shift()).to_array());
+        Line::new(a, b)
+    }
+
+    /// The cells from which the planes `first..end` get anything.
+    fn cells(self, grid: &StrandGrid, first: usize, end: usize) -> Cells {
+        let n = grid.dims.map(|n| n as i64);
+        let below = i64::from(self == Self::Tent);
+        let whole = n.map(|n| [-below, n - 1]);
+        let mut part = whole;
+        part[2] = [first as i64 - below, end as i64 - 1];
+        let domain = n.map(|n| [-0.5, n as f64 - 0.5].map(|x| x + self.shift()));
+        Cells { whole, part, domain }
+    }
+}
+
+/// The range of z of each chunk of segments, index coordinates.
+fn chunk_reach(strands: &Strands, grid: &StrandGrid) -> Vec<[f64; 2]> {
+    let count = strands.segment_count();
+    let per_mm = 1.0 / grid.spacing_mm;
+    let reach = |chunk: usize| {
+        (chunk * CHUNK..((chunk + 1) * CHUNK).min(count)).flat_map(|i| strands.segment_z(i)).fold(
+            [f64::INFINITY, f64::NEG_INFINITY],
+            |[low, high], z| {
+                let z = (z - grid.origin_mm.z) * per_mm;
+                [low.min(z), high.max(z)]
+            },
+        )
+    };
+    (0..count.div_ceil(CHUNK)).into_par_iter().map(reach).collect()
+}
+
+/// Some planes of the grid, and what has been added to them, mm^2.
+struct Slab<'a> {
+    kernel: Kernel,
+    cells: Cells,
+    dims: [usize; 3],
+    /// Planes `[first, end)`.
+    first: usize,
+    end: usize,
+    sums: &'a mut Vec<f64>,
+}
+
+impl<'a> Slab<'a> {
+    fn new(grid: &StrandGrid, kernel: Kernel, first: usize, end: usize, sums: &'a mut Vec<f64>) -> Self {
+        sums.clear();
+        sums.resize((end - first) * grid.dims[0] * grid.dims[1], 0.0);
+        Self { kernel, cells: kernel.cells(grid, first, end), dims: grid.dims, first, end, sums }
+    }
+
+    /// What reaches these planes, index coordinates.
+    fn z_range(&self) -> [f64; 2] {
+        let [first, last] = self.cells.part[2];
+        [first as f64 - self.kernel.shift(), (last + 1) as f64 - self.kernel.shift()]
+    }
+
+    #[inline]
+    fn add(&mut self, strands: &Strands, grid: &StrandGrid, index: usize) {
+        let segment = strands.segment(index);
+        let area = segment.area_mm2();
+        if area == 0.0 {
+            return;
+        }
+        let line = self.kernel.line(grid, segment.ends);
+        let (cells, kernel) = (self.cells, self.kernel);
+        cells.walk(&line, |cell, t0, t1| match kernel {
+            Kernel::Box => {
+                let [i, j, k] = cell.map(|c| c as usize);
+                self.sums[((k - self.first) * self.dims[1] + j) * self.dims[0] + i] += area * (t1 - t0);
+            }
+            Kernel::Tent => self.spread(&line, cell, t0, t1, area * (t1 - t0)),
+        });
+    }
+
+    /// Shares an area evenly along a piece within one cell. Along it the weights are cubics of `t`, which two Gauss
+    /// points integrate exactly; the eight weights are 1 together at each of them.
+    #[inline]
+    fn spread(&mut self, line: &Line, cell: [i64; 3], t0: f64, t1: f64, area: f64) {
+        const GAUSS: f64 = 0.577_350_269_189_625_8;
+        let (middle, half) = (0.5 * (t0 + t1), 0.5 * (t1 - t0));
+        let [nx, ny, nz] = self.dims;
+        // Weights of the corners `x + 2 y` in the plane below and above.
+        let mut planes = [[0.0; 4]; 2];
+        for t in [middle - GAUSS * half, middle + GAUSS * half] {
+            let within =
+                |axis: usize| (line.from[axis] + line.step[axis] * t - cell[axis] as f64).clamp(0.0, 1.0);
+            let (u, v, w) = (within(0), within(1), within(2));
+            let flat = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+            for (weight, f) in planes[0].iter_mut().zip(flat) {
+                *weight += f * (1.0 - w);
+            }
+            for (weight, f) in planes[1].iter_mut().zip(flat) {
+                *weight += f * w;
+            }
+        }
+        // Beyond the outermost centres the field is clamped, and so both neighbours are the same voxel.
+        let pair = |c: i64, n: usize| [c.max(0) as usize, ((c + 1) as usize).min(n - 1)];
+        let ([x0, x1], [y0, y1], z) = (pair(cell[0], nx), pair(cell[1], ny), pair(cell[2], nz));
+        for (k, weights) in z.into_iter().zip(planes) {
+            if (self.first..self.end).contains(&k) {
+                let rows = [y0, y1].map(|j| ((k - self.first) * ny + j) * nx);
+                for (at, weight) in
+                    [rows[0] + x0, rows[0] + x1, rows[1] + x0, rows[1] + x1].into_iter().zip(weights)
+                {
+                    self.sums[at] += 0.5 * area * weight;
+                }
+            }
+        }
+    }
+}

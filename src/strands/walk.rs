@@ -1,0 +1,118 @@
+//! Straight lines cut at the faces of unit cells.
+
+/// A line `from + step t`, `t` in `[0, 1]`, in coordinates where cell `c` spans `[c, c + 1]`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    pub from: [f64; 3],
+    pub step: [f64; 3],
+    /// `1 / step`; infinite along an axis that the line does not follow.
+    per_step: [f64; 3],
+}
+
+/// A box of cells, and how much of its outermost ones counts.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cells {
+    /// First and last cell of the whole grid along each axis, the first no lower than -1: a line that lies in the
+    /// outermost faces is put into these.
+    pub whole: [[i64; 2]; 3],
+    /// First and last cell of the box.
+    pub part: [[i64; 2]; 3],
+    /// Where the grid's domain ends.
+    pub domain: [[f64; 2]; 3],
+}
+
+/// The largest whole number that is not above `x`, for `x >= -1`; a conversion alone rounds towards 0.
+#[inline]
+fn floor(x: f64) -> i64 {
+    (x + 1.0) as i64 - 1
+}
+
+impl Line {
+    #[inline]
+    pub fn new(from: [f64; 3], to: [f64; 3]) -> Self {
+        let step: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
+        Self { from, step, per_step: step.map(|d| 1.0 / d) }
+    }
+
+    /// Where the line passes a face; the only expression for it, so that neighbouring cells and boxes meet without a
+    /// gap.
+    #[inline]
+    fn at_face(&self, axis: usize, face: f64) -> f64 {
+        (face - self.from[axis]) * self.per_step[axis]
+    }
+}
+
+impl Cells {
+    /// The stretch of `t` within the box; `None` where there is none.
+    #[inline]
+    pub fn clip(&self, line: &Line) -> Option<[f64; 2]> {
+        let (mut enter, mut exit) = (0.0f64, 1.0f64);
+        for axis in 0..3 {
+            let [first, last] = self.part[axis];
+            let [low, high] = self.domain[axis];
+            if line.per_step[axis].is_finite() {
+                let a = line.at_face(axis, low.max(first as f64));
+                let b = line.at_face(axis, high.min((last + 1) as f64));
+                enter = enter.max(a.min(b));
+                exit = exit.min(a.max(b));
+            } else {
+                let p = line.from[axis];
+                if p < low || p > high {
+                    return None;
+                }
+                let [start, end] = self.whole[axis];
+                if !(first..=last).contains(&floor(p).clamp(start, end)) {
+                    return None;
+                }
+            }
+        }
+        (exit > enter).then_some([enter, exit])
+    }
+
+    /// Calls `visit(cell, t0, t1)` for every cell of the box that the line passes through, in order.
+    #[inline]
+    pub fn walk(&self, line: &Line, mut visit: impl FnMut([i64; 3], f64, f64)) {
+        let Some([mut at, end]) = self.clip(line) else { return };
+        let mut cell = [0; 3];
+        let mut next = [f64::INFINITY; 3];
+        let mut stride = [0; 3];
+        for axis in 0..3 {
+            let d = line.step[axis];
+            let q = line.from[axis] + d * at;
+            let below = floor(q);
+            // A line that falls from a face is in the cell below it.
+            let c = if d < 0.0 && below as f64 == q { below - 1 } else { below };
+            let [first, last] = self.part[axis];
+            cell[axis] = c.clamp(first, last);
+            if line.per_step[axis].is_finite() {
+                stride[axis] = if d > 0.0 { 1 } else { -1 };
+                next[axis] = line.at_face(axis, (cell[axis] + i64::from(d > 0.0)) as f64);
+            }
+        }
+        loop {
+            let [x, y, z] = next;
+            let axis = if x <= y && x <= z {
+                0
+            } else if y <= z {
+                1
+            } else {
+                2
+            };
+            let to = next[axis].min(end);
+            if to > at {
+                visit(cell, at, to);
+                at = to;
+            }
+            if next[axis] >= end {
+                return;
+            }
+            cell[axis] += stride[axis];
+            let [first, last] = self.part[axis];
+            if cell[axis] < first || cell[axis] > last {
+                return;
+            }
+            // Always from the line's start: nothing accumulates.
+            next[axis] = line.at_face(axis, (cell[axis] + i64::from(stride[axis] > 0)) as f64);
+        }
+    }
+}

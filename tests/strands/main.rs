@@ -1,0 +1,37 @@
+//! Strands: the file format, the built-in sets, voxelising against closed forms and brute force, the cylinders.
+
+mod cylinders;
+mod hair;
+mod sets;
+mod voxelise;
+
+use umbravox::strands::{Attribute, StrandArrays, Strands};
+
+/// Strands of one thickness and transparency through these points.
+fn strands(lines: &[Vec<[f32; 3]>], thickness_mm: f32, transparency: f32) -> Strands {
+    Strands::new("test", arrays(lines, thickness_mm, transparency)).unwrap()
+}
+
+fn arrays(lines: &[Vec<[f32; 3]>], thickness_mm: f32, transparency: f32) -> StrandArrays {
+    StrandArrays {
+        strands: lines.len() as u32,
+        segments: Attribute {
+            default: 0,
+            values: Some(lines.iter().map(|l| u16::try_from(l.len() - 1).unwrap()).collect()),
+        },
+        points: lines.concat(),
+        thickness_mm: Attribute::constant(thickness_mm),
+        transparency: Attribute::constant(transparency),
+        color: Attribute::constant([1.0; 3]),
+        info: [0; 88],
+    }
+}
+
+/// Numbers in `[0, 1)`, the same on every run.
+fn chance() -> impl FnMut() -> f64 {
+    let mut state = 7u64;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
