@@ -236,7 +236,7 @@ fn stored_bits() {
 /// Leaves in a box: a share of the voxels, by a hash, is matter.
 fn leaves(share: f64) -> Arc<Volume> {
     let hash = |i: usize, j: usize, k: usize| {
-        let mut h = (i * 73_856_093 ^ j * 19_349_663 ^ k * 83_492_791) as u32;
+        let mut h = ((i * 73_856_093) ^ (j * 19_349_663) ^ (k * 83_492_791)) as u32;
         for _ in 0..3 {
             h = (h ^ h >> 15).wrapping_mul(0x2c1b_3c6d);
         }
