@@ -12,8 +12,8 @@ use wgpu::naga;
 
 const COMMON: [&str; 3] = ["common/field.wgsl", "common/transfer.wgsl", "common/light.wgsl"];
 
-/// Modules and definitions of every lookup: `rays`, `dsm` by both filters, and the layered maps by filter, packing and
-/// split.
+/// Modules and definitions of every lookup: `rays`, `dsm` by both filters, and the layered maps by filter, packing
+/// and split.
 fn lookups() -> Vec<(&'static [&'static str], &'static [&'static str])> {
     const DEEP: &[&str] = &["shadow/deep_layout.wgsl", "shadow/deep.wgsl"];
     const OSM: &[&str] = &["shadow/layers_layout.wgsl", "shadow/layers_read.wgsl", "shadow/opacity.wgsl"];

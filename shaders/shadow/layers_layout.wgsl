@@ -1,9 +1,9 @@
 // Where a layered map keeps what: its records, and the planes between its layers.
 //
-// A texel's record is a run of bits: start and end depth (as far as the method has them) and the row of its own split, then
-// one slot a layer with the optical depth down to the layer's far plane. Records of a tile lie side by side; tiles
-// without active bricks have none. A layered map's planes lie at shares of its texel's extent: 0 at the start, 1 at the
-// end.
+// A texel's record is a run of bits: start and end depth (as far as the method has them) and the row of its own
+// split, then one slot a layer with the optical depth down to the layer's far plane. Records of a tile lie side by
+// side; tiles without active bricks have none. A layered map's planes lie at shares of its texel's extent: 0 at the
+// start, 1 at the end.
 #define_import_path umbravox::layers
 
 #import umbravox::light::{LightSpace, OCTAHEDRAL, TILE}
@@ -14,8 +14,9 @@ const RECORD_TEXTURE_WIDTH: u32 = 8192u;
 // Stretches of a tabulated split.
 const SPLIT_BINS: u32 = 1024u;
 
-// First the layout table: a texel a tile, the first of its 256 records or NO_TILE. From row `split_row` on, two rows a
-// tabulated split: the layer coordinate at the edges of SPLIT_BINS bins, and the place of every plane (float bits).
+// First the layout table: a texel a tile, the first of its 256 records or NO_TILE. From row `split_row` on, two
+// rows a tabulated split: the layer coordinate at the edges of SPLIT_BINS bins, and the place of every plane (float
+// bits).
 @group(1) @binding(1) var tables: texture_2d<u32>;
 
 // The record of a texel, NO_TILE where it has none.

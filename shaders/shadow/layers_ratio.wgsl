@@ -1,5 +1,5 @@
-// How much new each layer of a bounding opacity map would show, for eleven ratios of the hybrid split: from a coarse map
-// with many layers, which stands for the exact curves.
+// How much new each layer of a bounding opacity map would show, for eleven ratios of the hybrid split: from a
+// coarse map with many layers, which stands for the exact curves.
 //
 // An image of the thesis is the opacity 1 - T of every texel at one plane.
 
@@ -28,8 +28,9 @@ struct Stage {
 
 @group(2) @binding(1) var<storage, read_write> stage: Stage;
 
-// The ratio of a region: the one whose greatest step of opacity between neighbouring planes is least. Within a layer the
-// exact curve and the stored one both lie between the layer's ends, so this step is the most that they can differ by.
+// The ratio of a region: the one whose greatest step of opacity between neighbouring planes is least. Within a
+// layer the exact curve and the stored one both lie between the layer's ends, so this step is the most that they
+// can differ by.
 @compute @workgroup_size(8, 8)
 fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= vec2<u32>(light.map_size)) { return; }
@@ -63,8 +64,8 @@ fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     stage.rows[id.y * light.map_size + id.x] = best;
 }
 #else
-// Sums over the texels of the images k and k + 1 of a ratio: image k, its square, the product of both, and the absolute
-// difference of both in 8 bits.
+// Sums over the texels of the images k and k + 1 of a ratio: image k, its square, the product of both, and the
+// absolute difference of both in 8 bits.
 @group(2) @binding(1) var<storage, read_write> sums: array<vec4<f32>>;
 
 const THREADS: u32 = 256u;

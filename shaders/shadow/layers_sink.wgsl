@@ -54,8 +54,8 @@ struct Writer {
 var<private> writer: Writer;
 
 fn start_writer(record: u32, row: u32) {
-    writer = Writer(false, record, row, false, false, light.depth_start_mm, light.reach_mm, 0.0, 1u, 0.0, light.first_slot,
-        vec4<u32>(0u));
+    writer = Writer(false, record, row, false, false, light.depth_start_mm, light.reach_mm, 0.0, 1u, 0.0,
+        light.first_slot, vec4<u32>(0u));
     writer.plane_z = writer.start + writer.extent_mm * plane_at(light, row, 1u);
 }
 
@@ -95,8 +95,8 @@ fn store_block(last: bool) {
 }
 
 #ifdef STARTS
-// Steps of a stored depth, rounded away from the light: in front of what starts there all light arrives, and nothing lies
-// behind what ends there.
+// Steps of a stored depth, rounded away from the light: in front of what starts there all light arrives, and
+// nothing lies behind what ends there.
 fn depth_steps(z: f32) -> f32 {
     let last = exp2(f32(light.header_bits)) - 2.0;
     return clamp(ceil((z - light.depth_start_mm) * light.depth_steps_per_mm), 0.0, last);

@@ -7,7 +7,8 @@
 
 @group(1) @binding(0) var<uniform> light: LightSpace;
 
-// Weight of one of the filter's columns or rows, `side` of them, where the point lies `w` past the middle one's centre.
+// Weight of one of the filter's columns or rows, `side` of them, where the point lies `w` past the middle one's
+// centre.
 fn tap_weight(i: u32, side: u32, w: f32) -> f32 {
 #ifdef FILTER_BILINEAR
     // A mean of side - 1 texels, at each of the two nearest places.

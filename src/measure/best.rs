@@ -1,7 +1,8 @@
 //! Two questions to a table: which method is best at equal bytes, and which at equal time?
 //!
-//! The budgets are those of the `dsm` rows, since they are the ones that follow an error bound. Within a budget the row with
-//! the smallest `point_err_rms` is best, whatever its method; of equally close ones the one that needs less.
+//! The budgets are those of the `dsm` rows, since they are the ones that follow an error bound. Within a budget the
+//! row with the smallest `point_err_rms` is best, whatever its method; of equally close ones the one that needs
+//! less.
 
 use super::table::Row;
 
@@ -38,7 +39,8 @@ pub struct Best<'a> {
     pub error: f64,
 }
 
-/// For each `dsm` row that has an error, the best row of the same scene, adapter and picture size with no greater need.
+/// For each `dsm` row that has an error, the best row of the same scene, adapter and picture size with no greater
+/// need.
 pub fn best_within(rows: &[Row], held: Held) -> Vec<Best<'_>> {
     let place = |row: &Row| (row.scene.clone(), row.adapter.clone(), row.width, row.height);
     let entry = |row: &Row| Some((held.need(row)?, row.point_err_rms.filter(|e| !e.is_nan())?));
@@ -98,7 +100,8 @@ mod tests {
     #[test]
     fn planted_rows_come_out() {
         let rows = planted();
-        // At 100 bytes osm and dom are equally close and dom is smaller; `rays` stores nothing and does not take part.
+        // At 100 bytes osm and dom are equally close and dom is smaller; `rays` stores nothing and does not take
+        // part.
         assert_eq!(
             named(&best_within(&rows, Held::Bytes)),
             [

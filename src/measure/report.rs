@@ -60,7 +60,8 @@ const SHOWN: &[Shown] = &[
 /// Columns that go into the caption when every row has the same in them.
 const CAPTION_COLUMNS: usize = 4;
 
-/// The main columns of the rows as an aligned Markdown table with a caption, and what is best at equal bytes and time.
+/// The main columns of the rows as an aligned Markdown table with a caption, and what is best at equal bytes and at
+/// equal time.
 pub fn summary(rows: &[Row]) -> String {
     markdown_table(rows, |s| s.on_paper) + &answers(rows)
 }
@@ -342,7 +343,8 @@ mod tests {
         for text in [summary(&rows), markdown(&rows)] {
             // 3,355,443 bytes and 4 MiB; 145, 160 and 110 ms.
             for line in [
-                "- the 3.20 MiB of dsm epsilon=0.06 prefilter=1 map=512: osm layers=8 slicing=uniform map=256, 0.00400",
+                "- the 3.20 MiB of dsm epsilon=0.06 prefilter=1 map=512: \
+                    osm layers=8 slicing=uniform map=256, 0.00400",
                 "- the 4.00 MiB of dsm epsilon=0.005 prefilter=1: dsm epsilon=0.005 prefilter=1, 0.00100",
                 "- the 145 ms of dsm epsilon=0.06 prefilter=1 map=512: osm layers=8 slicing=uniform map=256, 0.00400",
                 "- the 160 ms of dsm epsilon=0.005 prefilter=1: dsm epsilon=0.005 prefilter=1, 0.00100",

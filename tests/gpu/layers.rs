@@ -38,7 +38,8 @@ fn slices_lie_where_they_are_said_to() {
         |slicing: &str| ray_err_max(&setup, &format!("osm:layers=4,slicing={slicing},bits=32,map=32"), ABOVE);
     let [uniform, density, gamma] = ["uniform", "density", "gamma"].map(error);
     println!("slab, 4 layers: uniform {uniform:.4}, density {density:.4}, gamma {gamma:.4}");
-    // The slab is uniform inside, so equal shares of its mass start and end with it; close planes in front catch its start.
+    // The slab is uniform inside, so equal shares of its mass start and end with it; close planes in front catch
+    // its start.
     assert!(density < gamma && gamma < uniform, "{uniform} {density} {gamma}");
 }
 
@@ -110,7 +111,8 @@ fn transmittance_is_one_up_to_the_start_on_every_tested_ray() {
             }
             assert!(points.len() > 100, "{place}");
             let worst = setup.query(&map, &points).into_iter().fold(1.0, f32::min);
-            // Texel coordinates of points on a texel's own ray are off by float32 rounding, and neighbours weigh in so much.
+            // Texel coordinates of points on a texel's own ray are off by float32 rounding, and neighbours weigh in
+            // so much.
             assert!(worst >= 1.0 - 1e-4, "{place}, {method}: {worst}");
             let nearest = setup.shadow(&format!("{method},filter=nearest"), light);
             let all_lit = setup.query(&nearest, &points).into_iter().all(|t| t == 1.0);
@@ -162,7 +164,7 @@ fn what_lies_behind_the_last_layer() {
 }
 
 #[test]
-fn bounding_layers_end_where_matter_does() {
+fn the_last_layer_holds_the_full_depth() {
     let tf = extinction(&[(200.0, 0.0), (1000.0, 0.08)]);
     for name in ["sphere", "shell", "slab"] {
         let Some(setup) = Setup::open(&phantom(name), &tf) else { return };
@@ -172,8 +174,10 @@ fn bounding_layers_end_where_matter_does() {
                 "bom:layers=3,split=linear",
                 "bom:layers=7,split=log",
                 "bom:layers=15,depth_bits=8",
+                "bom:layers=1,split=auto",
                 "bom:layers=7,split=auto",
                 "bom:layers=7,split=texel",
+                "osm:layers=1,slicing=density",
             ] {
                 let map = setup.shadow(&format!("{method},map=64,bits=32"), light);
                 let space = &map.light_space;
@@ -206,8 +210,8 @@ fn opaque_matter_fills_the_layers_behind_it() {
     }
 }
 
-/// Every method along light rays of every projection: no rise, nothing out of range; and fewer bits take fewer bytes and
-/// change the answer by no more than they must.
+/// Every method along light rays of every projection: no rise, nothing out of range; and fewer bits take fewer
+/// bytes and change the answer by no more than they must.
 #[test]
 fn stored_bits() {
     let [tf, ..] = transfer_functions([-900.0, 1200.0]);
@@ -246,8 +250,8 @@ fn leaves(share: f64) -> Arc<Volume> {
     Arc::new(volume_of(Voxels::I16(Array3::from_shape_fn((48, 48, 48), value)), DAffine3::IDENTITY))
 }
 
-/// Appendix 11 of the thesis in shape: the more layers the more linear, the denser the leaves the more logarithmic, and
-/// (Table 5.2.3.1) the more layers the more alike are neighbours.
+/// Appendix 11 of the thesis in shape: the more layers the more linear, the denser the leaves the more logarithmic,
+/// and (Table 5.2.3.1) the more layers the more alike are neighbours.
 #[test]
 fn the_chosen_ratio_follows_layers_and_density() {
     let choices = |volume: &Arc<Volume>, tf: &TransferFunction, what: &str, light: Light| {

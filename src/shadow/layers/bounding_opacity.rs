@@ -1,20 +1,21 @@
 //! `bom`: bounding opacity maps.
 //!
-//! The thesis *Bounding Opacity Maps* (2011), chapter 5, an extension of Yuksel and Keyser 2008. Symbols: `z_0` and `z_1`
-//! the depths at which matter begins and ends in a texel, `K` layers from `z_0 + d_(k-1)` to `z_0 + d_k`, `z_0 + d_K = z_1`.
+//! The thesis *Bounding Opacity Maps* (2011), chapter 5, an extension of Yuksel and Keyser 2008. Symbols: `z_0` and
+//! `z_1` the depths at which matter begins and ends in a texel, `K` layers from `z_0 + d_(k-1)` to `z_0 + d_k`,
+//! `z_0 + d_K = z_1`.
 //!
 //! Deviations from the thesis, and why:
-//! * Two marches in one pass instead of three passes: one from behind that stops at the first matter, which is `z_1`, and
-//!   one from the light, which meets `z_0` before the layers.
+//! * Two marches in one pass instead of three passes: one from behind that stops at the first matter, which is
+//!   `z_1`, and one from the light, which meets `z_0` before the layers.
 //! * A lookup is linear between the two planes around it; the thesis reads one layer.
 //! * The lookup texture of the hybrid split (5.2.2, 5.2.3, sections 7 and 9 of its appendix) has 1024 bins of float32
 //!   instead of 256 of 8 bits, and a second row with the planes themselves, which the build cuts at.
-//! * `split=auto` chooses as 5.2.3 does, from eleven ratios over whole images, but on the device and from a coarse map.
-//!   Images are opacities `1 - T`, not rounded to 8 bits: rounded images of few levels look unlike each other
+//! * `split=auto` chooses as 5.2.3 does, from eleven ratios over whole images, but on the device and from a coarse
+//!   map. Images are opacities `1 - T`, not rounded to 8 bits: rounded images of few levels look unlike each other
 //!   (`measure=difference` does round). Two images without contrast count as fully correlated.
 //! * `split=texel` is chapter 7's splitting texture, a ratio for every region of 4 x 4 texels. The sum of absolute
-//!   differences that it proposes telescopes on a single ray, whose opacity never falls; what is chosen is the ratio whose
-//!   greatest step between neighbouring planes is least, which bounds the error.
+//!   differences that it proposes telescopes on a single ray, whose opacity never falls; what is chosen is the
+//!   ratio whose greatest step between neighbouring planes is least, which bounds the error.
 //! * Depths are rounded away from the light; `filter=bilinear` as in `dom`, ends like starts.
 
 use super::super::spec::Setting;

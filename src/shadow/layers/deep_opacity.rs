@@ -6,11 +6,11 @@
 //! Deviations from the paper, and why:
 //! * One pass instead of two: the march meets `z_0` before anything that lies behind it. It is the start of the first
 //!   exact piece with extinction, not the depth of a drawn line.
-//! * "Linearly increasing layer sizes" are read as `d_k - d_(k-1)` proportional to `k`, so `d_k = d_K k (k + 1) / (K (K + 1))`.
-//!   The paper states no `d_K`; `spread` is its share of the map's depth range, all of it by default.
-//! * Behind the last layer, the paper's three ways (section 3): `beyond=extend` counts what lies there in the last layer,
-//!   so that it shadows itself; `ignore` leaves it out, so that it casts no shadow; `cover` makes the layers so large that
-//!   the last one ends behind the volume, whatever `spread` says.
+//! * "Linearly increasing layer sizes" are read as `d_k - d_(k-1)` proportional to `k`, so `d_k = d_K k (k + 1) /
+//!   (K (K + 1))`. The paper states no `d_K`; `spread` is its share of the map's depth range, all of it by default.
+//! * Behind the last layer, the paper's three ways (section 3): `beyond=extend` counts what lies there in the last
+//!   layer, so that it shadows itself; `ignore` leaves it out, so that it casts no shadow; `cover` makes the layers
+//!   so large that the last one ends behind the volume, whatever `spread` says.
 //! * The start is stored in a channel with the layers, in as many bits as asked for (`depth_bits`), and rounded away
 //!   from the light, so that whatever lies in front of matter is fully lit.
 //! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, where the four

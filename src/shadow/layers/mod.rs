@@ -1,13 +1,13 @@
 //! Layered maps: `osm`, `dom` and `bom`.
 //!
-//! All three keep the optical depth at planes across each texel's light ray, and read it linearly between them; they
-//! differ in where the planes lie. They share one build (`shaders/shadow/layers_build.wgsl`, a thread a texel, which cuts
-//! the march's exact pieces at the planes), one packing ([`record::Record`]) and one way of splitting a depth
-//! ([`split::Split`]).
+//! All three keep the optical depth at planes across each texel's light ray, and read it linearly between them;
+//! they differ in where the planes lie. They share one build (`shaders/shadow/layers_build.wgsl`, a thread a texel,
+//! which cuts the march's exact pieces at the planes), one packing ([`record::Record`]) and one way of splitting a
+//! depth ([`split::Split`]).
 //!
-//! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along the light
-//! ray, and what filters average, as theirs do. A texel's layers lie side by side, since a lookup reads two neighbouring
-//! ones; tiles without active bricks have no records.
+//! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along
+//! the light ray, and what filters average, as theirs do. A texel's layers lie side by side, since a lookup reads
+//! two neighbouring ones; tiles without active bricks have no records.
 
 mod bounding_opacity;
 mod deep_opacity;

@@ -1,14 +1,15 @@
 //! `osm`: opacity shadow maps.
 //!
-//! Kim and Neumann 2001, *Opacity Shadow Maps*. Symbols: `D_i` (`1 <= i <= N`) the depth of the i-th map, `D_0` the least
-//! depth of the volume, `Ω` the opacity thickness stored at a texel of a map, `κ` the scale of stored opacities with
-//! `exp(-κ) = 2^-d` for `d` bits. `T = exp(-κ Ω)`, `Ω` linear between `D_(i-1)` and `D_i`.
+//! Kim and Neumann 2001, *Opacity Shadow Maps*. Symbols: `D_i` (`1 <= i <= N`) the depth of the i-th map, `D_0` the
+//! least depth of the volume, `Ω` the opacity thickness stored at a texel of a map, `κ` the scale of stored
+//! opacities with `exp(-κ) = 2^-d` for `d` bits. `T = exp(-κ Ω)`, `Ω` linear between `D_(i-1)` and `D_i`.
 //!
 //! Deviations from the paper, and why:
-//! * A map's planes are spheres around a point light: depth is distance along the light ray, as for every method here.
+//! * A map's planes are spheres around a point light: depth is distance along the light ray, as for every method
+//!   here.
 //! * All maps are made in one pass by marching each texel's ray, not by drawing primitives once a map.
-//! * `slicing=density` is the paper's 1-D BSP carried to its end: planes at equal shares of the optical mass by depth,
-//!   weighed over 128 x 128 rays in 1024 bins. `slicing=gamma` puts plane `i` at the share `(i / N)^2.2`.
+//! * `slicing=density` is the paper's 1-D BSP carried to its end: planes at equal shares of the optical mass by
+//!   depth, weighed over 128 x 128 rays in 1024 bins. `slicing=gamma` puts plane `i` at the share `(i / N)^2.2`.
 //! * Maps are stored together, since a ray caster asks for depths in any order; the paper keeps two at a time.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 

@@ -1,8 +1,8 @@
 //! Choosing the ratio of the hybrid split (the thesis on bounding opacity maps, 5.2.3, 5.2.4 and 7).
 //!
-//! The thesis renders the map with each of eleven ratios, reads the images back and compares neighbouring ones. Here a
-//! coarse map with many layers is made once and stands for the exact curves; the sums over its texels are taken on the
-//! device, and only they are read (16 bytes a layer and ratio).
+//! The thesis renders the map with each of eleven ratios, reads the images back and compares neighbouring ones.
+//! Here a coarse map with many layers is made once and stands for the exact curves; the sums over its texels are
+//! taken on the device, and only they are read (16 bytes a layer and ratio).
 
 use super::record::Record;
 use super::split::{Split, SplitTable};
@@ -26,9 +26,9 @@ pub const REGION_TEXELS: u32 = 4;
 pub enum Measure {
     /// Least correlation between neighbouring layers (Equation 5.2.3.1), the mean over all pairs.
     Correlation,
-    /// Greatest sum of absolute differences between neighbouring layers. Opacity never falls from one plane to the next,
-    /// so that this sum telescopes: what is chosen is the ratio with least in the first layer. On 8-bit images, as
-    /// there, ratios that leave it equally empty tie, and the most linear of them is taken.
+    /// Greatest sum of absolute differences between neighbouring layers. Opacity never falls from one plane to the
+    /// next, so that this sum telescopes: what is chosen is the ratio with least in the first layer. On 8-bit
+    /// images, as there, ratios that leave it equally empty tie, and the most linear of them is taken.
     Difference,
 }
 
@@ -126,8 +126,8 @@ pub fn choose(
     Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, time(&curves.0, span)))
 }
 
-/// A buffer for the build in which the device has put the ratio of every region, with its host milliseconds and device
-/// time.
+/// A buffer for the build in which the device has put the ratio of every region, with its host milliseconds and
+/// device time.
 pub fn choose_by_region(
     context: &BuildContext<'_>,
     layers: u32,
@@ -142,8 +142,9 @@ pub fn choose_by_region(
     Ok((stage, time(&curves.0, span)))
 }
 
-/// The best ratio's row, and the mean correlation of neighbouring layers there. `sums` holds, a ratio and layer, the sums
-/// over `texels` texels of `I_k`, `I_k^2`, `I_k I_(k+1)` and `|I_(k+1) - I_k|`; of equal ratios the most linear is best.
+/// The best ratio's row, and the mean correlation of neighbouring layers there. `sums` holds, a ratio and layer,
+/// the sums over `texels` texels of `I_k`, `I_k^2`, `I_k I_(k+1)` and `|I_(k+1) - I_k|`; of equal ratios the most
+/// linear is best.
 fn best(sums: &[[f32; 4]], layers: usize, texels: f64, measure: Measure) -> (u32, f64) {
     let mut best = (0, 1.0, f64::INFINITY);
     for (row, sums) in (0..).zip(sums.chunks(layers)) {

@@ -29,8 +29,8 @@ impl Record {
         ((self.first_slot() + self.layers) * self.bits).div_ceil(32)
     }
 
-    /// Words of a texel of the texture: the most of 4, 2 and 1 that a record fills without a rest, but enough for what
-    /// comes before the layers, which is read as one.
+    /// Words of a texel of the texture: the most of 4, 2 and 1 that a record fills without a rest, but enough for
+    /// what comes before the layers, which is read as one.
     pub fn block_words(self) -> u32 {
         let header = (self.first_slot() * self.bits).div_ceil(32).next_power_of_two();
         let fits = |words: &u32| self.words().is_multiple_of(*words);
@@ -46,8 +46,8 @@ impl Record {
         4 * u64::from(self.block_words()) * u64::from(self.blocks())
     }
 
-    /// Words of unsigned integers: WebGPU's storage textures have no 8-bit or 16-bit single channels, and no adapter has
-    /// to filter or blend these.
+    /// Words of unsigned integers: WebGPU's storage textures have no 8-bit or 16-bit single channels, and no
+    /// adapter has to filter or blend these.
     pub fn format(self) -> wgpu::TextureFormat {
         match self.block_words() {
             1 => wgpu::TextureFormat::R32Uint,

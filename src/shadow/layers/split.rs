@@ -34,7 +34,8 @@ impl SplitTable {
         Self((0..=SPLIT_BINS).map(|i| share_of_layers(i as f64 / SPLIT_BINS as f64)).collect())
     }
 
-    /// Equal shares of a mass that is given by depth: planes are close where there is much. Evenly spaced without mass.
+    /// Equal shares of a mass that is given by depth: planes are close where there is much. Evenly spaced without
+    /// mass.
     pub fn of_mass(mass: &[u32]) -> Self {
         let total: f64 = mass.iter().map(|m| f64::from(*m)).sum();
         if total == 0.0 || mass.len() != SPLIT_BINS {
