@@ -43,6 +43,43 @@ fn slices_lie_where_they_are_said_to() {
     assert!(density < gamma && gamma < uniform, "{uniform} {density} {gamma}");
 }
 
+/// The 3x3 kernel averages optical depths of texels, as the paper's sample function does, by either filter.
+#[test]
+fn a_kernel_averages_nine_texels() {
+    let Some(setup) = Setup::open(&phantom("shell:32"), &ramp(0.05)) else { return };
+    let light = lights(setup.volume())[0].1;
+    let build = |rest: &str| setup.shadow(&format!("osm:layers=16,map=48,bits=32{rest}"), light);
+    let depths = |map: &ShadowMap, texels: &[glam::DVec2]| -> Vec<f64> {
+        let z = map.light_space.z_range[0] + 30.0;
+        let at = |t: &glam::DVec2| {
+            let (origin, direction) = map.light_space.world_ray(*t);
+            origin + z * direction
+        };
+        let points: Vec<DVec3> = texels.iter().map(at).collect();
+        setup.query(map, &points).iter().map(|t| -f64::from(*t).ln()).collect()
+    };
+    let texel = |c: i32, r: i32| glam::DVec2::new(f64::from(c), f64::from(r));
+    let plain = build(",filter=nearest");
+    let mean = |c: i32, r: i32| {
+        let around: Vec<_> = (0..9).map(|i| texel(c + i % 3 - 1, r + i / 3 - 1)).collect();
+        depths(&plain, &around).iter().sum::<f64>() / 9.0
+    };
+    let (nearest, bilinear) = (build(",kernel=3,filter=nearest"), build(",kernel=3"));
+    let mut largest = 0.0_f64;
+    for (c, r) in [(10, 20), (24, 24), (30, 12), (17, 33), (1, 24)] {
+        let expected = mean(c, r);
+        for map in [&nearest, &bilinear] {
+            let got = depths(map, &[texel(c, r)])[0];
+            assert!((got - expected).abs() < 2e-4, "({c}, {r}): {got} {expected}");
+        }
+        let half_way = depths(&bilinear, &[texel(c, r) + glam::DVec2::new(0.5, 0.0)])[0];
+        let both = 0.5 * (expected + mean(c + 1, r));
+        assert!((half_way - both).abs() < 2e-4, "({c}.5, {r}): {half_way} {both}");
+        largest = largest.max((expected - depths(&plain, &[texel(c, r)])[0]).abs());
+    }
+    assert!(largest > 1e-3, "the kernel changes something");
+}
+
 /// Depths from the light along `toward` where a ray through the sphere's middle region starts, and points around it.
 fn lit_side(setup: &Setup, light: Light, offsets_mm: &[f64]) -> Vec<(DVec3, f64)> {
     let field = setup.exact();

@@ -120,11 +120,11 @@ mod tests {
         assert_eq!(record(512, 32, 0, 16).bytes(), 2048);
         assert_eq!(record(1, 8, 0, 16).bytes(), 4);
         let with_depths = record(7, 16, 1, 32);
-        assert_eq!((with_depths.first_slot(), with_depths.bytes()), (2, 32));
+        assert_eq!((with_depths.first_slot(), with_depths.bytes()), (2, 20));
         let own = Record { own_split: true, ..record(31, 16, 2, 16) };
-        assert_eq!((own.first_slot(), own.block_words(), own.blocks(), own.bytes()), (3, 1, 17, 68));
+        assert_eq!((own.first_slot(), own.block_words(), own.blocks(), own.bytes()), (3, 2, 9, 72));
         assert_eq!(own.texture_size(0), [8192, 1]);
-        assert_eq!(own.texture_size(512 * 512), [8192, 544]);
+        assert_eq!(own.texture_size(512 * 512), [8192, 288]);
         // What comes before the layers is one block, even where that wastes some.
         let exact = Record { own_split: true, ..record(2, 8, 2, 32) };
         assert_eq!((exact.first_slot(), exact.block_words(), exact.bytes()), (9, 4, 16));
