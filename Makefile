@@ -8,7 +8,7 @@ CARGO ?= cargo
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 UMBRAVOX := $(TARGET_DIR)/release/umbravox
 DEMO_DIR ?= out/demo
-DEMO_FLAGS ?= phantom:thorax:96 --size 256x256 --repeats 3
+DEMO_FLAGS ?= phantom:thorax:64 --size 192x192 --repeats 2
 
 .PHONY: demo test lint bench setup check-tools
 

@@ -12,14 +12,39 @@ use wgpu::naga;
 
 const COMMON: [&str; 3] = ["common/field.wgsl", "common/transfer.wgsl", "common/light.wgsl"];
 
-/// Modules and definitions of every lookup: `rays`, and `dsm` by both filters.
-fn lookups() -> [(&'static [&'static str], &'static [&'static str]); 3] {
+/// Modules and definitions of every lookup: `rays`, `dsm` by both filters, and the layered maps by filter, packing
+/// and split.
+fn lookups() -> Vec<(&'static [&'static str], &'static [&'static str])> {
     const DEEP: &[&str] = &["shadow/deep_layout.wgsl", "shadow/deep.wgsl"];
-    [
+    const OSM: &[&str] = &["shadow/layers_layout.wgsl", "shadow/layers_read.wgsl", "shadow/opacity.wgsl"];
+    const DOM: &[&str] =
+        &["shadow/layers_layout.wgsl", "shadow/layers_read.wgsl", "shadow/deep_opacity.wgsl"];
+    vec![
         (&["shadow/total.wgsl", "common/march.wgsl", "shadow/rays.wgsl"], &[]),
         (DEEP, &[]),
         (DEEP, &["FILTER_BILINEAR"]),
+        (OSM, &[]),
+        (OSM, &["FILTER_BILINEAR", "BITS_8"]),
+        (OSM, &["FILTER_BILINEAR", "BITS_16", "SPLIT_TABLE"]),
+        (DOM, &["SPLIT_GROWING", "BITS_8"]),
+        (DOM, &["SPLIT_GROWING", "FILTER_BILINEAR", "BITS_16"]),
+        (DOM, &["ENDS"]),
+        (DOM, &["ENDS", "SPLIT_TABLE", "SPLIT_ROWS", "FILTER_BILINEAR"]),
     ]
+}
+
+/// Definitions of the build of every layered map.
+fn layered_builds() -> Vec<Vec<&'static str>> {
+    let packings = [&["BITS_8", "WORDS_1"][..], &["BITS_8", "WORDS_2"], &["BITS_8"], &["BITS_16"], &[]];
+    let places = [
+        &[][..],
+        &["SPLIT_TABLE"],
+        &["STARTS", "SPLIT_GROWING"],
+        &["STARTS", "ENDS"],
+        &["STARTS", "ENDS", "SPLIT_TABLE"],
+        &["STARTS", "ENDS", "SPLIT_TABLE", "SPLIT_ROWS"],
+    ];
+    packings.iter().flat_map(|p| places.map(|s| [p, s].concat())).collect()
 }
 
 fn variant(entry: &'static str, modules: &[&[&'static str]], defs: &[&[&'static str]]) -> ShaderVariant {
@@ -52,6 +77,18 @@ fn variants() -> Vec<ShaderVariant> {
         list.push(build(&["shadow/total.wgsl", "common/march.wgsl"], &["MARCH_CELLS", "PREFILTER"]));
         list.push(build(&["shadow/total.wgsl"], &[]));
         list.push(build(&["shadow/total.wgsl"], &["PREFILTER"]));
+        for defs in layered_builds() {
+            let modules = ["shadow/layers_layout.wgsl", "shadow/layers_sink.wgsl", "common/march.wgsl"];
+            list.push(variant("shadow/layers_build.wgsl", &[&COMMON, &modules], &[&defs, adapter]));
+        }
+        let modules = ["shadow/mass_sink.wgsl", "common/march.wgsl"];
+        list.push(variant("shadow/layers_mass.wgsl", &[&COMMON, &modules], &[adapter]));
+    }
+    for def in [&[][..], &["PER_REGION"]] {
+        let modules = ["common/field.wgsl", "common/light.wgsl"];
+        let layers = ["shadow/layers_layout.wgsl", "shadow/layers_read.wgsl"];
+        let defs = [&["ENDS", "SPLIT_TABLE", "BITS_16"], def];
+        list.push(variant("shadow/layers_ratio.wgsl", &[&modules, &layers], &defs));
     }
     list
 }
@@ -62,7 +99,8 @@ fn every_variant_composes_and_validates() {
         let module = compose(&variant).unwrap_or_else(|e| panic!("{variant:?}: {e}"));
         let mut validator = naga::valid::Validator::new(
             naga::valid::ValidationFlags::all(),
-            naga::valid::Capabilities::empty(),
+            // Half floats packed in words, which every adapter but OpenGL's older ones has.
+            naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32,
         );
         if let Err(e) = validator.validate(&module) {
             panic!("{variant:?}: {}", e.emit_to_string(""));
@@ -129,7 +167,9 @@ fn uniforms_have_one_layout() {
         (size, members),
         fields!(LightUniform: grid_per_a, light_distance, grid_per_b, projection, grid_per_h, map_size, grid_origin,
             tiles_across, texel_scale, texel_offset, epsilon, chord_tolerance, step_mm, tile_rows, pool_rows, taps,
-            depth_offset_mm, depth_start_mm, depth_steps_per_mm, same_surface_steps)
+            depth_offset_mm, depth_start_mm, depth_steps_per_mm, same_surface_steps, layers, first_slot, record_blocks,
+            block_mask, block_slot_shift, header_bits, planes_passed, split_row, split_choice, split_exponent, reach_mm,
+            depth_range_mm, kappa, longest_depth, same_surface_mm, kernel, filter_side)
     );
 }
 
@@ -197,7 +237,9 @@ fn shared_constants_are_equal() {
     assert_eq!(across[1] >> 16, number("MORE_NODES") as u32);
     assert_eq!(number("MAX_INTERVALS"), MAX_INTERVALS);
     // One value wherever it stands.
-    for name in ["NO_ROW", "NO_TILE", "OPAQUE_DEPTH", "DEPTH_STEPS", "NODE_TEXTURE_WIDTH"] {
+    for name in
+        ["NO_ROW", "NO_TILE", "OPAQUE_DEPTH", "DEPTH_STEPS", "NODE_TEXTURE_WIDTH", "RECORD_TEXTURE_WIDTH"]
+    {
         constant(name);
     }
 }

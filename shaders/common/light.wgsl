@@ -46,8 +46,32 @@ struct LightSpace {
     depth_steps_per_mm: f32,
     // Neighbouring texels whose first depths differ by less see the same surface.
     same_surface_steps: f32,
-    padding_b: u32,
-    padding_c: u32,
+    // Layered maps (shadow/layers_layout.wgsl). Layers a texel; the first slot of a record that holds one.
+    layers: u32,
+    first_slot: u32,
+    // Blocks a record, words a block less one, and the bits of a slot index that lie inside a block.
+    record_blocks: u32,
+    block_mask: u32,
+    block_slot_shift: u32,
+    // Bits of a stored depth; 32 is a float.
+    header_bits: u32,
+    // Planes that get the optical depth where they lie; those behind get all of it.
+    planes_passed: u32,
+    // First row of the tabulated splits, the split of the whole map, and the exponent of an untabulated one.
+    split_row: u32,
+    split_choice: u32,
+    split_exponent: f32,
+    // Depth that the layers span where a texel has no end of its own, and that of the map, mm.
+    reach_mm: f32,
+    depth_range_mm: f32,
+    // Optical depth of the greatest 8-bit value.
+    kappa: f32,
+    longest_depth: f32,
+    same_surface_mm: f32,
+    // Texels a side that are averaged, and that a lookup reads.
+    kernel: u32,
+    filter_side: u32,
+    padding_d: u32,
 }
 
 struct LightPoint {

@@ -18,6 +18,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Every family, each with at least three settings.
+const DEFAULT_METHODS: &str = "none;rays;dsm:epsilon=0.06,0.02,0.005;osm:layers=8,32,128;dom:layers=3,7,15;\
+    bom:layers=3,7,15";
+
 /// Write the error-against-time table of several shadow methods, with plots and pictures
 #[derive(Debug, Args)]
 pub struct CompareArgs {
@@ -27,7 +31,7 @@ pub struct CompareArgs {
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
-    #[arg(long, value_name = "METHODS", default_value = "none;rays;dsm:epsilon=0.06,0.02,0.005")]
+    #[arg(long, value_name = "METHODS", default_value = DEFAULT_METHODS)]
     pub methods: String,
     /// Timed runs of each method, after warm-up
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]

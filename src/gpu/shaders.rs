@@ -25,6 +25,15 @@ pub const fn sources() -> &'static [(&'static str, &'static str)] {
         shader!("shadow/deep_sink.wgsl"),
         shader!("shadow/deep.wgsl"),
         shader!("shadow/deep_build.wgsl"),
+        shader!("shadow/layers_layout.wgsl"),
+        shader!("shadow/layers_read.wgsl"),
+        shader!("shadow/layers_sink.wgsl"),
+        shader!("shadow/layers_build.wgsl"),
+        shader!("shadow/mass_sink.wgsl"),
+        shader!("shadow/layers_mass.wgsl"),
+        shader!("shadow/opacity.wgsl"),
+        shader!("shadow/deep_opacity.wgsl"),
+        shader!("shadow/layers_ratio.wgsl"),
         shader!("raycast.wgsl"),
         shader!("query.wgsl"),
     ]
@@ -56,7 +65,9 @@ pub fn compose(variant: &ShaderVariant) -> Result<wgpu::naga::Module> {
             .ok_or_else(|| fail(path, "no such file".into()))
     };
     let defs = || variant.defs.iter().map(|d| (d.to_string(), ShaderDefValue::Bool(true))).collect();
-    let mut composer = Composer::default();
+    // Half floats packed in words: a part of WebGPU, which only OpenGL's older adapters lack.
+    let capabilities = wgpu::naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+    let mut composer = Composer::default().with_capabilities(capabilities);
     for path in &variant.modules {
         composer
             .add_composable_module(ComposableModuleDescriptor {

@@ -13,11 +13,12 @@
 //! and the column `clock` says whose clock it was.
 //!
 //! [`table`] holds one [`Row`](table::Row) a method and setting and writes it as CSV and JSON (every column, at
-//! full precision), [`report`] as Markdown and LaTeX for reading, and [`plot`] draws error against time. None of
+//! full precision), [`report`] as Markdown and LaTeX for reading, with what is [`best`] at equal bytes and time, and [`plot`] draws error against time. None of
 //! these knows of a GPU; measuring itself is tested with planted errors and planted times. [`errors`] asks a built
 //! method and the exact field the same questions, and [`compare`] makes the whole table.
 
 pub mod band;
+pub mod best;
 mod canvas;
 pub mod compare;
 pub mod errors;

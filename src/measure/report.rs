@@ -1,5 +1,6 @@
 //! The table for reading: Markdown and LaTeX, units in the headings, three significant digits.
 
+use super::best::{BUDGET_METHOD, Best, Held, best_within};
 use super::table::{Row, csv, json};
 use crate::error::Result;
 use crate::output::write_whole;
@@ -59,9 +60,36 @@ const SHOWN: &[Shown] = &[
 /// Columns that go into the caption when every row has the same in them.
 const CAPTION_COLUMNS: usize = 4;
 
-/// The main columns of the rows as an aligned Markdown table with a caption.
+/// The main columns of the rows as an aligned Markdown table with a caption, and what is best at equal bytes and at
+/// equal time.
 pub fn summary(rows: &[Row]) -> String {
-    markdown_table(rows, |s| s.on_paper)
+    markdown_table(rows, |s| s.on_paper) + &answers(rows)
+}
+
+/// Which row is best within the bytes, and within the time, of each `dsm` row; nothing where there is no such row.
+fn answers(rows: &[Row]) -> String {
+    let megabytes = |bytes: f64| format!("{} MiB", significant(bytes / f64::from(1 << 20), 3));
+    let milliseconds = |ms: f64| format!("{} ms", significant(ms, 3));
+    let question = |held: Held, what: &str, budget: &dyn Fn(f64) -> String| {
+        let best = best_within(rows, held);
+        if best.is_empty() {
+            return String::new();
+        }
+        let mut out = format!("\nBest at equal {what}: the smallest point err rms with no more than\n\n");
+        for Best { budget_of, budget: amount, best, error } in best {
+            let text = format!(
+                "the {} of {}: {}, {}",
+                budget(amount),
+                full_name(budget_of, rows),
+                full_name(best, rows),
+                significant(error, 3)
+            );
+            out += &format!("- {}\n", escape_markdown(&text));
+        }
+        out
+    };
+    question(Held::Bytes, &format!("bytes as {BUDGET_METHOD}, of what stores a map"), &megabytes)
+        + &question(Held::Time, &format!("time as {BUDGET_METHOD}, build and frame"), &milliseconds)
 }
 
 /// The rows as an aligned Markdown table with a caption, and what was left out below it.
@@ -69,6 +97,7 @@ pub fn markdown(rows: &[Row]) -> String {
     let mut out = markdown_table(rows, |_| true);
     out += "\nErrors are of transmittance (0 to 1): `ray err` along light rays, `point err` at the points the \
         camera sees. Times are medians. Every column is in the CSV file beside this one.\n";
+    out += &answers(rows);
     let mut left_out = rows.iter().filter(|r| !r.left_out.is_empty()).peekable();
     if left_out.peek().is_some() {
         out += "\nLeft out, because the scene does not need it:\n\n";
@@ -181,6 +210,16 @@ fn name(row: &Row) -> String {
     if row.params.is_empty() { row.method.clone() } else { format!("{} {}", row.method, row.params) }
 }
 
+/// The same with the map's size, where that differs between rows.
+fn full_name(row: &Row, rows: &[Row]) -> String {
+    let mut sizes = rows.iter().filter_map(|r| r.map);
+    let first = sizes.next();
+    match row.map {
+        Some(map) if sizes.any(|m| Some(m) != first) => format!("{} map={map}", name(row)),
+        _ => name(row),
+    }
+}
+
 fn flag(value: Option<bool>) -> String {
     value.map_or("", |yes| if yes { "yes" } else { "no" }).to_string()
 }
@@ -291,6 +330,30 @@ mod tests {
         assert!(table[1].contains("-: |"));
         assert!(table[4].contains("| epsilon=0.06 prefilter=1 ") && table[4].contains(" 3.20 |"), "{text}");
         assert!(text.contains("12 bricks \\| 3 MiB"), "a bar must not make a column");
+    }
+
+    #[test]
+    fn the_summary_says_what_is_best_at_equal_bytes_and_time() {
+        let mut rows = sample_rows();
+        rows[3].bytes = Some(4 << 20);
+        rows[4].bytes = Some(3 << 20);
+        rows[4].map = Some(256);
+        rows[4].point_err_rms = Some(0.004);
+        rows[4].build_ms = Some(20.0);
+        for text in [summary(&rows), markdown(&rows)] {
+            // 3,355,443 bytes and 4 MiB; 145, 160 and 110 ms.
+            for line in [
+                "- the 3.20 MiB of dsm epsilon=0.06 prefilter=1 map=512: \
+                    osm layers=8 slicing=uniform map=256, 0.00400",
+                "- the 4.00 MiB of dsm epsilon=0.005 prefilter=1: dsm epsilon=0.005 prefilter=1, 0.00100",
+                "- the 145 ms of dsm epsilon=0.06 prefilter=1 map=512: osm layers=8 slicing=uniform map=256, 0.00400",
+                "- the 160 ms of dsm epsilon=0.005 prefilter=1: dsm epsilon=0.005 prefilter=1, 0.00100",
+            ] {
+                assert!(text.lines().any(|l| l == line), "{line}\n{text}");
+            }
+        }
+        rows.retain(|r| r.method != "dsm");
+        assert!(!summary(&rows).contains("Best"));
     }
 
     #[test]

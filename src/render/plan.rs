@@ -56,10 +56,12 @@ impl Plan {
         }
         let report = &shadow.report;
         if shadows && report.tiles_left_out > 0 {
-            let texels = u64::from(report.tiles_left_out) * 256;
-            let saved = Some(format!("{:.2} MB", texels as f64 * 32e-6));
+            let saved = Some(format!("{:.2} MB", report.bytes_left_out as f64 * 1e-6));
             let what = format!("{} of {} shadow tiles", report.tiles_left_out, report.tiles);
             omit(what, "no active brick under them", saved);
+        }
+        for (what, why) in report.passes_left_out.iter().filter(|_| shadows) {
+            omit((*what).into(), why, None);
         }
         let bricks = loaded.bricks.len();
         let inactive = bricks - transfer.active.active;

@@ -28,7 +28,7 @@ use bytemuck::{Pod, Zeroable};
 use std::time::Instant;
 
 /// What the compression's polyline may stray from the curve between its points.
-const CHORD_TOLERANCE: f64 = 0.002;
+pub(super) const CHORD_TOLERANCE: f64 = 0.002;
 /// Transmittance at which a ray is taken to be over (2^-11, `OPAQUE_DEPTH` in the shaders).
 const OVER: f64 = 1.0 / 2048.0;
 /// Rounding to 16 bits, once at a line's start and once at its end.
@@ -38,17 +38,17 @@ const ARITHMETIC: f64 = 0.001;
 /// Share of a voxel by which float32 may misplace a surface along the ray.
 pub(super) const POSITION_TOLERANCE: f64 = 0.02;
 /// Slope against the light up to which neighbouring texels are taken to see one surface.
-const STEEPEST_SURFACE: f64 = 4.0;
+pub(super) const STEEPEST_SURFACE: f64 = 4.0;
 /// Depth steps of the map's range.
 const DEPTH_STEPS: f64 = 65534.0;
 /// Words and bytes of a row: seven nodes and a link.
 const ROW_BYTES: u64 = 32;
 /// Texels across the texture of nodes.
 const NODE_TEXTURE_WIDTH: u32 = 4096;
-const TILE_ROWS: u32 = TILE * TILE;
+pub(super) const TILE_ROWS: u32 = TILE * TILE;
 /// First row of a tile that is left out.
 const NO_TILE: u32 = u32::MAX;
-const MAX_MAP: u32 = 8192;
+pub(super) const MAX_MAP: u32 = 8192;
 
 /// How the four texels around a point are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -248,7 +248,7 @@ fn node_texture(gpu: &Gpu, rows: u32) -> Result<wgpu::TextureView> {
 }
 
 /// The layout table (first row of each tile, or none), and the tiles that have rows.
-fn layout(occupied: &[bool]) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn layout(occupied: &[bool]) -> (Vec<u32>, Vec<u32>) {
     let mut list = Vec::new();
     let entry = |(tile, occupied): (usize, &bool)| {
         if !occupied {
@@ -360,7 +360,10 @@ impl Method for DeepShadowMap {
                 texels_hit: Some(u64::from(counters.texels_hit)),
                 tiles: entries.len() as u32,
                 tiles_left_out: (entries.len() - list.len()) as u32,
+                bytes_left_out: (entries.len() - list.len()) as u64 * u64::from(TILE_ROWS) * ROW_BYTES,
                 pool_growths,
+                passes_left_out: &[],
+                split_choice: None,
             },
             bound: self.bound(volume, &light_space),
             light_space,

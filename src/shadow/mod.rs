@@ -5,11 +5,16 @@
 //! [`METHODS`].
 
 mod deep;
+mod layers;
 mod light_space;
 mod plain;
 pub mod spec;
 
 pub use deep::{Counters, DeepShadowMap, Filter, Precompress};
+pub use layers::{
+    Beyond, BoundingOpacityMap, BoundingSplit, DeepOpacityMap, Measure, OpacityShadowMap, Slicing,
+    SplitChoice,
+};
 pub use light_space::{LightSpace, LightUniform, Projection, TILE};
 pub use plain::{NoShadows, ShadowRays};
 
@@ -60,8 +65,14 @@ pub struct BuildReport {
     /// Tiles of the map, and those left out since no active brick lies under them.
     pub tiles: u32,
     pub tiles_left_out: u32,
+    /// What these would have taken.
+    pub bytes_left_out: u64,
     /// Times the build was repeated because the pool had run out.
     pub pool_growths: u32,
+    /// Passes that nothing would have read, each with the reason.
+    pub passes_left_out: &'static [(&'static str, &'static str)],
+    /// The ratio that was chosen for the split of layers, where one was.
+    pub split_choice: Option<SplitChoice>,
 }
 
 impl BuildReport {
@@ -120,7 +131,8 @@ pub struct Entry {
 }
 
 /// Every method, in the order of tables and menus.
-pub const METHODS: &[&Entry] = &[&plain::NONE, &plain::RAYS, &deep::ENTRY];
+pub const METHODS: &[&Entry] =
+    &[&plain::NONE, &plain::RAYS, &deep::ENTRY, &layers::OSM, &layers::DOM, &layers::BOM];
 
 /// Parses `METHOD[:key=value,...]`.
 ///

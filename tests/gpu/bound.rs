@@ -47,7 +47,7 @@ fn tap_offsets(taps: u32) -> Vec<DVec2> {
 const CANDIDATES: u32 = 16;
 
 /// Queries a method along light rays; the band report and what holds of any transmittance.
-fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (BandReport, Sanity) {
+pub(super) fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (BandReport, Sanity) {
     let map = setup.shadow(method, light);
     let offsets = tap_offsets(shadow::parse(method).unwrap().taps());
     let field = setup.exact();
@@ -67,7 +67,7 @@ fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (BandReport, S
     let rays: Vec<_> = rays.collect();
     let points: Vec<DVec3> = rays.iter().flat_map(|r| r.2.iter().copied()).collect();
     let values = setup.query(&map, &points);
-    let rise = if method == "rays" { tolerance::RAYS_RISE } else { tolerance::DSM_RISE };
+    let rise = if method == "rays" { tolerance::RAYS_RISE } else { tolerance::MAP_RISE };
     let (mut report, mut sanity) = (BandReport::default(), Sanity::default());
     let mut rest = &values[..];
     for (ray, (curve, depths, points)) in rays.iter().enumerate() {

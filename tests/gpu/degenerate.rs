@@ -3,7 +3,7 @@
 use super::*;
 use umbravox::scene::{Camera, Skip};
 
-const METHODS: [&str; 9] = [
+const METHODS: [&str; 15] = [
     "none",
     "rays",
     "dsm:map=32",
@@ -13,6 +13,12 @@ const METHODS: [&str; 9] = [
     "dsm:map=17,prefilter=9,filter=nearest",
     "dsm:map=32,precompress=off",
     "dsm:map=16,precompress=off,prefilter=9,offset=2",
+    "osm:map=32,layers=9,slicing=density,kernel=3,bits=8",
+    "osm:map=17,layers=33,slicing=gamma,filter=nearest,bits=32",
+    "dom:map=32,layers=3,depth_bits=8,bits=8",
+    "dom:map=17,layers=1,spread=0.01,beyond=ignore,depth_bits=32,filter=nearest",
+    "bom:map=17,layers=7,split=auto,measure=difference,depth_bits=32,bits=32",
+    "bom:map=32,layers=5,split=texel,depth_bits=8,bits=8",
 ];
 
 /// Every method, light and way of skipping gives sane pictures and answers.

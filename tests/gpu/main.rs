@@ -6,6 +6,7 @@ mod bound;
 mod degenerate;
 mod exact_pictures;
 mod invariance;
+mod layers;
 mod pool;
 mod strands;
 mod tolerance;

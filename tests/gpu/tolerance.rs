@@ -6,17 +6,24 @@ pub const SKIPPING: f64 = 1e-5;
 
 /// rms over RGBA of a picture by `rays` against the exact one: eye steps of half a voxel. What the project promises.
 pub const RAYS_PICTURE_RMS: f64 = 0.005;
-/// The same by `dsm:epsilon=0.005`: map texels as large as voxels blur the edges of shadows. What the project promises.
+/// The same by `dsm:epsilon=0.005`: map texels as large as voxels blur the edges of shadows. What the project
+/// promises.
 pub const DSM_PICTURE_RMS: f64 = 0.015;
 
-/// A deep shadow map never rises, but float32 texel coordinates of points of one ray differ by up to 1e-5 of a texel and so
-/// weigh in neighbours.
-pub const DSM_RISE: f64 = 1e-4;
-/// Shadow rays that start at different depths sum different pieces; each may be off by what the method promises (1e-3).
+/// A map's transmittance never rises, but float32 texel coordinates of points of one ray differ by up to 1e-5 of a
+/// texel and so weigh in neighbours.
+pub const MAP_RISE: f64 = 1e-4;
+/// Shadow rays that start at different depths sum different pieces; each may be off by what the method promises
+/// (1e-3).
 pub const RAYS_RISE: f64 = 2e-3;
 /// Transmittance is a mean of stored values or the exponential of a sum of terms >= 0: float32 rounding of 1 alone.
 pub const RANGE: f64 = 1e-6;
 
-/// Rows of a world turned by 90 degrees are other float32 numbers: what rounding of positions (1e-5 voxels) makes of a
-/// picture through a function of slope 1 per voxel.
+/// Rows of a world turned by 90 degrees are other float32 numbers: what rounding of positions (1e-5 voxels) makes
+/// of a picture through a function of slope 1 per voxel.
 pub const TURNED: f64 = 1e-3;
+
+/// Layers at every sample converge to the exact curve. What the project promises.
+pub const LAYERS_EVERYWHERE: f64 = 0.01;
+/// Optical depth of a point behind everything. What the project promises.
+pub const FULL_DEPTH: f64 = 1e-3;
