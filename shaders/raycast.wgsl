@@ -84,17 +84,18 @@ fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
     let gradient = cross(to_world[1], to_world[2]) * gradient_grid.x
         + cross(to_world[2], to_world[0]) * gradient_grid.y
         + cross(to_world[0], to_world[1]) * gradient_grid.z;
+    // No early return where there is no gradient: a software adapter (llvmpipe of Mesa 22.3) crashes on it.
     let size = length(gradient);
-    if !(size > 0.0) { return 1.0; }
-    let n = gradient / size;
+    let n = gradient / max(size, 1e-30);
     let l = -normalize(to_world * light_ray(shading_light, light_point(shading_light, g).texel).d);
     let diffuse = abs(dot(n, l));
 #ifdef BLINN_PHONG
     let h = normalize(l - normalize(to_world * eye_direction));
-    return diffuse + 0.3 * pow(abs(dot(n, h)), 32.0);
+    let factor = diffuse + 0.3 * pow(abs(dot(n, h)), 32.0);
 #else
-    return diffuse;
+    let factor = diffuse;
 #endif
+    return select(1.0, factor, size > 0.0);
 }
 #endif
 

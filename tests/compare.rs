@@ -92,6 +92,7 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
     let dsm = ["dsm-map-64-epsilon-0.02", "dsm-map-64-epsilon-0.02-prefilter-5", "dsm-map-64-epsilon-0.06"];
     let mut files: Vec<String> =
         ["csv", "json", "md", "png", "svg", "tex"].map(|e| format!("compare.{e}")).into();
+    files.push("pictures.md".into());
     files.extend(["none", "rays"].iter().chain(&dsm).map(|slug| format!("picture_{slug}.png")));
     files.extend(["none"].iter().chain(&dsm).map(|slug| format!("difference_{slug}.png")));
     files.sort();

@@ -78,7 +78,7 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let step = clamp((p.z + light.depth_offset_mm - light.depth_start_mm) * light.depth_steps_per_mm, 0.0, 65534.5);
     // Nothing with extinction lies between the light and what its map does not cover.
     let last = f32(light.map_size) - 0.5;
-    if any(p.texel < vec2<f32>(-0.5)) || any(p.texel > vec2<f32>(last)) { return 1.0; }
+    if !(all(p.texel >= vec2<f32>(-0.5)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
 #ifdef FILTER_BILINEAR
     let base = vec2<i32>(floor(p.texel));
     let w = p.texel - vec2<f32>(base);

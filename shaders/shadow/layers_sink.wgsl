@@ -117,7 +117,8 @@ fn begin_layers(z: f32) {
     writer.start = select(light.depth_start_mm + steps / light.depth_steps_per_mm, z, exact);
     put_header_depth(0u, z, steps);
 #ifdef ENDS
-    let end_steps = max(depth_steps(writer.end), steps + 1.0);
+    // One step at least, and none past what the field holds.
+    let end_steps = min(max(depth_steps(writer.end), steps + 1.0), exp2(f32(light.header_bits)) - 2.0);
     let end = select(light.depth_start_mm + end_steps / light.depth_steps_per_mm, writer.end, exact);
     writer.extent_mm = max(end - writer.start, 1e-9);
     put_header_depth(light.header_bits, writer.end, end_steps);

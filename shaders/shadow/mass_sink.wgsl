@@ -5,8 +5,8 @@
 
 const MASS_BINS: u32 = 1024u;
 // A step of the fixed point, and the most that a ray may give to a bin: 2^32 is out of reach of 2^14 rays.
-const MASS_STEPS: f32 = 1024.0;
-const MOST_MASS: f32 = 250.0;
+const MASS_STEPS: f32 = 32768.0;
+const MOST_MASS: f32 = 7.9;
 
 @group(1) @binding(0) var<uniform> light: LightSpace;
 @group(2) @binding(1) var<storage, read_write> mass: array<atomic<u32>, 1024>;
@@ -19,7 +19,8 @@ struct Sink {
 }
 
 fn store_bin(bin: u32, depth: f32) {
-    if depth > 0.0 { atomicAdd(&mass[bin], u32(round(min(depth, MOST_MASS) * MASS_STEPS))); }
+    // Rounded up: the planes begin at the first bin with mass, and thin matter in front of it would cast no shadow.
+    if depth > 0.0 { atomicAdd(&mass[bin], u32(ceil(min(depth, MOST_MASS) * MASS_STEPS))); }
 }
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {

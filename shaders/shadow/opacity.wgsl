@@ -27,7 +27,7 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let last = f32(light.map_size) - 1.0 + margin;
     // Nor in front of its range, where a point light's own place has no texel.
     if p.z <= light.depth_start_mm { return 1.0; }
-    if any(p.texel < vec2<f32>(-margin)) || any(p.texel > vec2<f32>(last)) { return 1.0; }
+    if !(all(p.texel >= vec2<f32>(-margin)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
     // The planes are the same for every texel.
     let place = place_of(light, 0u, light.depth_start_mm, light.depth_start_mm + light.reach_mm, p.z);
 #ifdef FILTER_BILINEAR

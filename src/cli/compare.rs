@@ -8,7 +8,7 @@ use crate::measure::heat::{round_max, write_heat_map};
 use crate::measure::plot::write_plots;
 use crate::measure::report::{summary, write_tables};
 use crate::measure::table::{Row, json};
-use crate::output::{check_output_dir, prepare_output_dir, write_picture};
+use crate::output::{check_output_dir, prepare_output_dir, write_picture, write_whole};
 use crate::render::Session;
 use crate::shadow::parse_list;
 use crate::transfer::TransferFunction;
@@ -110,13 +110,21 @@ pub fn run(args: CompareArgs) -> Result<()> {
     Ok(())
 }
 
-/// Writes each row's picture, and where it differs from the picture of `rays`; returns the paths.
+/// Writes each row's picture, where it differs from the picture of `rays`, and `pictures.md`, which shows the two side by
+/// side; returns the paths.
 fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut paths = Vec::new();
+    let mut paths = vec![folder.join("pictures.md")];
+    let mut sheet = String::from("| method | picture | difference from `rays` |\n| --- | --- | --- |\n");
     for c in compared {
-        let path = folder.join(format!("picture_{}.png", c.slug));
+        let name = format!("picture_{}.png", c.slug);
+        sheet += &format!("| {} {} | ![{name}]({name}) |", c.row.method, c.row.params);
+        let path = folder.join(name);
         write_picture(&path, &c.picture)?;
         paths.push(path);
+        sheet += &match &c.difference {
+            Some(_) => format!(" ![difference](difference_{}.png) |\n", c.slug),
+            None => " |\n".into(),
+        };
         if let Some(difference) = &c.difference {
             let path = folder.join(format!("difference_{}.png", c.slug));
             let label = "|difference| from rays, linear RGBA";
@@ -124,6 +132,7 @@ fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBuf>> 
             paths.push(path);
         }
     }
+    write_whole(&paths[0], |file| file.write_all(sheet.as_bytes()))?;
     Ok(paths)
 }
 

@@ -39,8 +39,10 @@ fn names_help() -> String {
 pub fn run(name: &str, output: &Path) -> Result<()> {
     if name.starts_with("hair-") {
         let (set, segments) = StrandSet::parse(name)?;
-        check_output(output, HAIR_EXTENSIONS)
-            .map_err(|e| e.hint("voxelise writes strands as a volume, .nii or .nii.gz"))?;
+        check_output(output, HAIR_EXTENSIONS).map_err(|e| {
+            let as_volume = check_output(output, NIFTI_EXTENSIONS).is_ok();
+            if as_volume { e.hint("voxelise writes strands as a volume") } else { e }
+        })?;
         return write_hair(&set.build(segments)?, output);
     }
     let (phantom, size) = Phantom::parse(name)?;

@@ -65,7 +65,7 @@ pub fn run(args: &VoxeliseArgs) -> Result<()> {
     if let Some(output) = &args.output {
         check_output(output, NIFTI_EXTENSIONS)?;
     }
-    let source = if args.strands.starts_with("hair-") && !args.strands.ends_with(".hair") {
+    let source = if args.strands.starts_with("hair-") && !is_strand_source(&args.strands) {
         format!("phantom:{}", args.strands)
     } else {
         args.strands.clone()

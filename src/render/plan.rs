@@ -50,8 +50,8 @@ impl Plan {
         let needed = needs_shadows(scene, transfer);
         let shadows = shadow.lookup.is_some() && needed.is_ok();
         match (&shadow.lookup, needed) {
-            (None, _) => omit("shadow pass".into(), "method none", None),
             (_, Err(why)) => omit("shadow pass".into(), why, None),
+            (None, Ok(())) => omit("shadow pass".into(), "method none", None),
             _ => {}
         }
         let report = &shadow.report;

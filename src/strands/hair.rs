@@ -104,12 +104,12 @@ impl Header {
 pub fn read_hair(path: &Path) -> Result<Strands> {
     let at = |byte: u64, why: String| Error::input(WHAT, format!("{}: byte {byte}", path.display()), why);
     let refuse = |e: io::Error| Error::input(WHAT, path.display(), e);
-    let file = File::open(path).map_err(refuse)?;
-    let metadata = file.metadata().map_err(refuse)?;
-    if !metadata.is_file() {
+    // Asked before it is opened: a pipe would wait for a writer for ever.
+    if !std::fs::metadata(path).map_err(refuse)?.is_file() {
         return Err(Error::input(WHAT, path.display(), "it is not a regular file"));
     }
-    let length = metadata.len();
+    let file = File::open(path).map_err(refuse)?;
+    let length = file.metadata().map_err(refuse)?.len();
     let mut input = BufReader::new(file);
     if length < HEADER_BYTES {
         return Err(at(length, format!("the file ends within the header of {HEADER_BYTES} bytes")));

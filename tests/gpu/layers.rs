@@ -43,6 +43,22 @@ fn slices_lie_where_they_are_said_to() {
     assert!(density < gamma && gamma < uniform, "{uniform} {density} {gamma}");
 }
 
+/// Fog too thin to be a step of a coarse weighing still dims what lies behind it.
+#[test]
+fn slices_by_density_begin_at_the_thinnest_matter() {
+    let value = |(k, _, _)| if k < 115 { 1.0 } else { 100.0 };
+    let volume = volume_of(Voxels::F32(Array3::from_shape_fn((128, 8, 8), value)), DAffine3::IDENTITY);
+    let fog = extinction(&[(0.0, 0.0), (1.0, 0.0037), (100.0, 0.5)]);
+    let Some(setup) = Setup::open(&Arc::new(volume), &fog) else { return };
+    let below = Light::Directional { toward: DVec3::NEG_Z };
+    let error = |layers: u32| {
+        ray_err_max(&setup, &format!("osm:layers={layers},slicing=density,bits=32,map=32"), below)
+    };
+    let errors = [8, 32, 128].map(error);
+    println!("fog before a wall, 8, 32, 128 layers by density: {errors:.4?}");
+    assert!(errors[0] < 0.25 && errors[2] < 0.02 && errors.windows(2).all(|w| w[1] < w[0]), "{errors:?}");
+}
+
 /// The 3x3 kernel averages optical depths of texels, as the paper's sample function does, by either filter.
 #[test]
 fn a_kernel_averages_nine_texels() {
@@ -115,7 +131,7 @@ fn deep_opacity_begins_where_matter_does() {
             let lit = setup.query(&map, &points).iter().filter(|t| **t == 1.0).count();
             // Between texels a curved surface lies a hair off the plane through its neighbours.
             let least = if method.contains("nearest") { points.len() } else { 2 * points.len() / 3 };
-            assert!(lit >= least.min(points.len() * 2 / 3), "{place}, {method}: {lit} of {}", points.len());
+            assert!(lit >= least, "{place}, {method}: {lit} of {}", points.len());
         }
     }
 }
@@ -260,7 +276,9 @@ fn stored_bits() {
                 let (report, sanity) = along_light_rays(&setup, &method, light);
                 let bad = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
                 assert_eq!(bad, 0, "{place}, {method}: {sanity:?}");
-                (report.ray_err_max().unwrap(), setup.shadow(&method, light).report.bytes)
+                // Larger, since textures have whole lines.
+                let bytes = setup.shadow(&method.replace("map=48", "map=256"), light).report.bytes;
+                (report.ray_err_max().unwrap(), bytes)
             };
             let [(coarse, bytes_8), (half, bytes_16), (single, bytes_32)] = [8, 16, 32].map(of);
             assert!(bytes_8 < bytes_16 && bytes_16 < bytes_32, "{bytes_8} {bytes_16} {bytes_32}");

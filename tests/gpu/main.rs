@@ -8,6 +8,7 @@ mod exact_pictures;
 mod invariance;
 mod layers;
 mod pool;
+mod shading;
 mod strands;
 mod tolerance;
 

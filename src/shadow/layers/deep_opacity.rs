@@ -82,7 +82,7 @@ pub(in super::super) static ENTRY: Entry = Entry {
             name: "beyond",
             values: "extend|ignore|cover",
             default: "extend",
-            help: "what lies behind the last layer: in it, nowhere, or nothing since the layers grow",
+            help: "what lies behind the last layer where spread < 1: in it, nowhere, or nothing since the layers grow",
         },
         keys::DEPTH_BITS,
         keys::BITS,
@@ -123,10 +123,12 @@ impl Method for DeepOpacityMap {
     fn params(&self) -> String {
         let standard = Self::default();
         let beyond = BEYONDS.iter().find(|(_, b)| *b == self.beyond).map_or("", |(name, _)| name);
+        // The layers of `cover` reach behind everything, whatever `spread` says.
+        let spread_matters = self.beyond != Beyond::Cover;
         keys::params(
             self.layers,
             &[
-                ("spread", self.spread.to_string(), self.spread != standard.spread),
+                ("spread", self.spread.to_string(), spread_matters && self.spread != standard.spread),
                 ("beyond", beyond.into(), self.beyond != standard.beyond),
                 ("depth_bits", self.depth_bits.to_string(), self.depth_bits != standard.depth_bits),
                 ("bits", self.bits.to_string(), self.bits != standard.bits),
@@ -190,6 +192,7 @@ mod tests {
             shown("dom:spread=0.25,depth_bits=8,bits=32,filter=nearest,map=64"),
             ["layers=15 spread=0.25 depth_bits=8 bits=32 filter=nearest"]
         );
+        assert_eq!(shown("dom:spread=0.25,beyond=cover"), ["layers=15 beyond=cover"]);
         assert_eq!(parse_list("dom:map=64").unwrap()[0].map_size(), Some(64));
     }
 

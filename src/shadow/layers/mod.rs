@@ -117,7 +117,8 @@ impl Recipe {
         let (size, texels) = self.tables(&entries, across);
         let tables = table_texture(gpu, "layered map tables", wgpu::TextureFormat::R32Uint, size, &texels)?;
         let uniform = uniform_buffer(gpu, "light space", &self.uniform(&light_space));
-        let records = record_texture(gpu, self.record, list.len() as u64 * u64::from(TILE_ROWS))?;
+        let record_count = list.len() as u64 * u64::from(TILE_ROWS);
+        let records = record_texture(gpu, self.record, record_count)?;
         let tile_list = StorageBuffer::from_slice(gpu, "layered map tiles", &list)?;
         let own_stage = StorageBuffer::zeroed(gpu, "layered map stage", 16)?;
         let stage = stage.unwrap_or(&own_stage);
@@ -148,7 +149,8 @@ impl Recipe {
         let report = BuildReport {
             host_ms,
             device: Some(device),
-            bytes: list.len() as u64 * tile_bytes + size_of_val(&texels[..]) as u64,
+            // Whole lines of the texture, as they are allocated.
+            bytes: self.record.texture_bytes(record_count) + size_of_val(&texels[..]) as u64,
             texels_hit: Some(texels_hit),
             tiles: entries.len() as u32,
             tiles_left_out: left_out as u32,

@@ -9,7 +9,8 @@
 //!   here.
 //! * All maps are made in one pass by marching each texel's ray, not by drawing primitives once a map.
 //! * `slicing=density` is the paper's 1-D BSP carried to its end: planes at equal shares of the optical mass by
-//!   depth, weighed over 128 x 128 rays in 1024 bins. `slicing=gamma` puts plane `i` at the share `(i / N)^2.2`.
+//!   depth, weighed over 128 x 128 rays in 1024 bins, from the first bin in which one of them meets any: what is in
+//!   front of it and narrower than their spacing casts no shadow there. `slicing=gamma` puts plane `i` at the share `(i / N)^2.2`.
 //! * Maps are stored together, since a ray caster asks for depths in any order; the paper keeps two at a time.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 

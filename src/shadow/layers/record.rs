@@ -63,6 +63,12 @@ impl Record {
         [RECORD_TEXTURE_WIDTH, u32::try_from(lines).unwrap_or(u32::MAX)]
     }
 
+    /// Bytes of that texture.
+    pub fn texture_bytes(self, records: u64) -> u64 {
+        let [width, height] = self.texture_size(records);
+        u64::from(width) * u64::from(height) * 4 * u64::from(self.block_words())
+    }
+
     /// Definitions for shaders that write, and for those that read.
     pub fn write_defs(self) -> Vec<&'static str> {
         let mut defs = self.read_defs();

@@ -1,0 +1,35 @@
+//! Shading factors against closed forms: at the point of a ball that faces the eye, the normal is the eye's direction.
+
+use super::*;
+use umbravox::scene::{Shading, Skip};
+
+#[test]
+fn a_ball_is_shaded_by_its_normal() {
+    // Opaque from the surface on, so that one normal makes the pixel.
+    let Some(setup) = Setup::open(&phantom("sphere:48"), &extinction(&[(500.0, 0.0), (500.0, 60.0)])) else {
+        return;
+    };
+    for (toward_eye, skip) in [(0.0, Skip::Bricks), (0.5, Skip::None), (0.9, Skip::Bricks)] {
+        let base = Scene { ambient: 0.0, background: [0.0; 3], skip, ..setup.scene(31, 31) };
+        let eye = (base.camera.eye - base.camera.target).normalize();
+        let toward =
+            toward_eye * eye + (1.0 - toward_eye * toward_eye as f64).sqrt() * eye.any_orthonormal_vector();
+        let light = Light::Directional { toward };
+        let halfway = toward.normalize() + eye;
+        let diffuse = toward.normalize().dot(eye).abs();
+        let gloss = 0.3 * halfway.normalize().dot(eye).abs().powi(32);
+        // Shadows darken alike with and without shading.
+        for method in ["none", "dsm:map=64", "rays"] {
+            let red = |shading| setup.picture(method, &Scene { light, shading, ..base.clone() })[[15, 15, 0]];
+            let [plain, lambert, blinn_phong] =
+                [Shading::None, Shading::Lambert, Shading::BlinnPhong].map(red);
+            for (got, factor) in [(lambert, diffuse), (blinn_phong, diffuse + gloss)] {
+                let expected = f64::from(plain) * factor;
+                assert!(
+                    (f64::from(got) - expected).abs() < 0.02,
+                    "{toward_eye}, {method}: {got}, not {expected}"
+                );
+            }
+        }
+    }
+}
