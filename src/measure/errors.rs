@@ -114,11 +114,11 @@ impl RayTest<'_> {
         shadow: &ShadowMap,
     ) -> Result<BandReport> {
         let mut report = BandReport::default();
-        self.visit(field, light, session, shadow, |own, _| report = report.merge(own))?;
+        self.visit(field, light, session, shadow, |own, _, _| report = report.merge(own))?;
         Ok(report)
     }
 
-    /// As [`Self::run`], but hands each ray's report and values, in order of depth, to `visit`.
+    /// As [`Self::run`], but hands each ray's report, depths (mm, ascending) and values to `visit`.
     ///
     /// # Errors
     /// A lost device.
@@ -128,7 +128,7 @@ impl RayTest<'_> {
         light: Light,
         session: &Session,
         shadow: &ShadowMap,
-        mut visit: impl FnMut(BandReport, &[f32]),
+        mut visit: impl FnMut(BandReport, &[f64], &[f32]),
     ) -> Result<()> {
         let band = shadow.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
         let tolerance_mm = band.map_or(self.default_depth_mm, |b| b.depth_mm);
@@ -164,7 +164,7 @@ impl RayTest<'_> {
                 let (own, others) = rest.split_at(depths.len());
                 rest = others;
                 let ray = chunk * RAYS_AT_ONCE + i;
-                visit(BandReport::of_ray(ray, exact, depths, own, band), own);
+                visit(BandReport::of_ray(ray, exact, depths, own, band), depths, own);
             }
         }
         Ok(())

@@ -129,6 +129,24 @@ impl Findings {
     }
 }
 
+/// What is wrong with the values of one ray on their own. A rise is from the smallest value that lies at least `apart_mm`
+/// nearer to the light. Tolerances are of the range and of rises.
+pub fn sanity(depths_mm: &[f64], values: &[f32], [range, rise]: [f64; 2], apart_mm: f64) -> Sanity {
+    let mut found = Sanity { monotone_violations: 0, largest_rise: 0.0, ..Sanity::of_ray(values, range) };
+    let finite = || depths_mm.iter().zip(values).filter(|(_, v)| v.is_finite());
+    let mut before = finite().peekable();
+    let mut smallest = f64::INFINITY;
+    for (z, &value) in finite() {
+        while let Some((_, &v)) = before.next_if(|(nearer, _)| **nearer <= z - apart_mm) {
+            smallest = smallest.min(f64::from(v));
+        }
+        let here = f64::from(value) - smallest;
+        found.largest_rise = found.largest_rise.max(here);
+        found.monotone_violations += usize::from(here > rise);
+    }
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -138,7 +156,8 @@ mod tests {
     /// Findings of one ray with the exact curve `exp(-z)` at depths 0, 1, 2, 3.
     fn of(values: [f32; 4], promise: Option<Band>) -> Findings {
         let band = BandReport::of_ray(0, &|z: f64| (-z).exp(), &[0.0, 1.0, 2.0, 3.0], &values, promise);
-        Findings { band, promise, rays: Sanity::of_ray(&values, 1e-4), ..Findings::default() }
+        let rays = sanity(&[0.0, 1.0, 2.0, 3.0], &values, [1e-6, 1e-4], 0.1);
+        Findings { band, promise, rays, ..Findings::default() }
     }
 
     const EXACT: [f32; 4] = [1.0, 0.367_88, 0.135_34, 0.049_79];
@@ -170,6 +189,20 @@ mod tests {
             assert_eq!(found.status(), status, "{values:?}");
             assert!(found.complaints().iter().any(|c| c.contains(said)), "{:?}", found.complaints());
         }
+    }
+
+    #[test]
+    fn rises_count_between_depths_that_are_apart() {
+        let rises = |depths: &[f64], values: &[f32]| {
+            let found = sanity(depths, values, [1e-6, 1e-3], 0.1);
+            (found.monotone_violations, (1e6 * found.largest_rise).round())
+        };
+        assert_eq!(rises(&[0.0, 0.01, 1.0], &[0.5, 0.6, 0.5]), (0, 0.0), "nearer than 0.1");
+        assert_eq!(rises(&[0.0, 0.2, 1.0], &[0.5, 0.6, 0.5]), (1, 100_000.0));
+        // A slow creep, each step of which is small or near: the values at 0.1 and 0.12 have 0.5 before them.
+        assert_eq!(rises(&[0.0, 0.06, 0.1, 0.12], &[0.5, 0.5005, 0.5008, 0.5015]).0, 1);
+        assert_eq!(rises(&[0.0, 1.0, 2.0], &[0.5, f32::NAN, 0.7]), (1, 200_000.0));
+        assert_eq!(rises(&[0.0, 1.0, 2.0], &[0.5, f32::NEG_INFINITY, 0.5]).0, 0);
     }
 
     #[test]

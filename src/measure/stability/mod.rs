@@ -2,8 +2,8 @@
 //!
 //! A case ([`cases`]) is a small volume, a transfer function, some lights and settings that are put over those of the
 //! methods. For every method it is built, asked along light rays through texel centres, and drawn as a small picture;
-//! [`judge`] says what is wrong: values that are not finite, or outside `[0, 1]`, transmittance that rises with depth,
-//! a promise that is not kept. Methods that promise nothing are judged on the first three, and their error is
+//! [`judge`] says what is wrong: values that are not finite, or outside `[0, 1]`, transmittance that rises with depth
+//! (between depths that float32 can tell apart), a promise that is not kept. Methods that promise nothing are judged on the first three, and their error is
 //! reported. Time and bytes are set beside those of the same method on the ordinary case.
 
 mod cases;
@@ -49,6 +49,10 @@ const MAP_RISE: f64 = 1e-4;
 const RAYS_RISE: f64 = 2e-3;
 /// Transmittance is a mean of stored values or the exponential of a sum of terms >= 0: rounding of 1 alone.
 const RANGE: f64 = 1e-6;
+
+/// Share of the volume's diagonal by which depths must be apart to be told apart: float32 coordinates and their sums are
+/// off by a few 1e-7 of it, and where extinction is 1e4 per mm and more, that is a rise of transmittance.
+const DEPTHS_APART: f64 = 1e-6;
 
 /// Told what is done next.
 pub type Progress<'a> = dyn FnMut(&str) + 'a;
@@ -254,10 +258,11 @@ impl Lit<'_> {
         };
         let rise = if shadow.lookup.as_ref().is_some_and(|l| l.marches) { RAYS_RISE } else { MAP_RISE };
         let (mut band, mut rays) = (BandReport::default(), Sanity::default());
-        test.visit(self.field, self.light, self.session, shadow, |own, values| {
+        let [near, far] = [self.case.volume.corners_mm()[0], self.case.volume.corners_mm()[7]];
+        let apart_mm = DEPTHS_APART * near.distance(far);
+        test.visit(self.field, self.light, self.session, shadow, |own, depths, values| {
             band = band.merge(own);
-            let found = Sanity::of_ray(values, rise);
-            rays = rays.merge(Sanity { out_of_range: Sanity::of_ray(values, RANGE).out_of_range, ..found });
+            rays = rays.merge(judge::sanity(depths, values, [RANGE, rise], apart_mm));
         })?;
         let promise = shadow.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
         Ok(Findings { band, promise, rays, ..Findings::default() })
