@@ -204,17 +204,17 @@ fn measure(renderer: Renderer, case: &Case, methods: &[Box<dyn Method>]) -> (Ren
     };
     let session = Session { renderer, loaded, transfer };
     let field = ExactField::new(&case.volume, &case.tf);
-    let measured = |method: &Box<dyn Method>| {
+    let measured = |method: &dyn Method| {
         let (mut findings, mut cost) = (Vec::new(), Cost::default());
         for &(name, light) in &case.lights {
             let lit = Lit { case, session: &session, field: &field, light };
-            let (found, took) = lit.measure(method.as_ref())?;
+            let (found, took) = lit.measure(method)?;
             findings.push((name, found));
             cost = cost.larger(took);
         }
         Ok((findings, cost))
     };
-    let outcomes = methods.iter().map(measured).collect();
+    let outcomes = methods.iter().map(|m| measured(m.as_ref())).collect();
     (session.renderer, outcomes)
 }
 
