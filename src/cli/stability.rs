@@ -2,8 +2,10 @@
 
 use super::{print_result, say};
 use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::measure::stability::{Case, Row, Status, all, counted, csv, json, markdown, run as run_cases};
 use crate::output::{check_output_dir, prepare_output_dir, write_whole};
+use crate::render::Renderer;
 use crate::shadow::{parse_list, spec};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -47,13 +49,15 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}")
         .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
     let bar = ProgressBar::new(cases.len() as u64 + 1).with_style(style);
-    let rows = run_cases(args.adapter.as_deref(), &methods, &cases, &mut |what| {
+    let renderer = Renderer::new(Gpu::open(args.adapter.as_deref())?);
+    // Made last: what is refused before leaves no empty folder.
+    prepare_output_dir(&args.output)?;
+    let rows = run_cases(renderer, &methods, &cases, &mut |what| {
         bar.set_message(what.to_owned());
         bar.inc(1);
     });
     bar.finish_and_clear();
     let rows = rows?;
-    prepare_output_dir(&args.output)?;
     let summary = markdown(&rows);
     let path = args.output.join("stability.csv");
     for (path, bytes) in

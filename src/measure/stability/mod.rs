@@ -20,7 +20,6 @@ use super::errors::{RayTest, meets_extinction};
 use super::rays::pick_texels;
 use crate::error::Result;
 use crate::exact::ExactField;
-use crate::gpu::Gpu;
 use crate::render::{Renderer, Session};
 use crate::scene::{Light, Scene};
 use crate::shadow::spec::Setting;
@@ -101,9 +100,9 @@ impl Cost {
 /// row; the others go on.
 ///
 /// # Errors
-/// No adapter, or settings that are refused.
+/// Settings that are refused.
 pub fn run(
-    adapter: Option<&str>,
+    renderer: Renderer,
     methods: &[Setting],
     cases: &[&Case],
     progress: &mut Progress,
@@ -111,7 +110,7 @@ pub fn run(
     let ordinary = &all()?[0];
     let plain = methods.iter().map(|m| shadow::parse(&text_of(m))).collect::<Result<Vec<_>>>()?;
     progress("what is ordinary");
-    let (mut renderer, outcomes) = measure(Renderer::new(Gpu::open(adapter)?), ordinary, &plain);
+    let (mut renderer, outcomes) = measure(renderer, ordinary, &plain);
     // A method that fails on the ordinary case has nothing to be compared with.
     let costs: Vec<_> = outcomes.into_iter().map(|o| o.ok().map(|(_, cost)| cost)).collect();
     let mut rows = Vec::new();
