@@ -9,6 +9,7 @@ pub mod probe_rays;
 pub mod render;
 pub mod scene_args;
 mod scene_file;
+pub mod stability;
 pub mod values;
 pub mod voxelise;
 
@@ -43,6 +44,7 @@ enum Command {
     Render(render::RenderArgs),
     Probe(probe::ProbeArgs),
     Compare(compare::CompareArgs),
+    Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
     Phantom(phantom::PhantomArgs),
 }
@@ -78,6 +80,7 @@ fn run(command: Command) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),
     }

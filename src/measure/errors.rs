@@ -73,11 +73,21 @@ pub fn texels_to_test(
         .into_par_iter()
         .map(|i| {
             let texel = DVec2::new(f64::from(i % blocks), f64::from(i / blocks)) + 0.5;
-            let ray = LightRay::new(light_space, light, texel * f64::from(block) - 0.5);
-            field.meets_extinction(ray.at(ray.start_mm), ray.direction, f64::INFINITY)
+            meets_extinction(field, light, light_space, texel * f64::from(block) - 0.5)
         })
         .collect();
     pick_texels(map, count, |column, row| met[(row / block * blocks + column / block) as usize])
+}
+
+/// Whether the light ray through texel coordinates meets any extinction.
+pub(super) fn meets_extinction(
+    field: &ExactField,
+    light: Light,
+    light_space: &LightSpace,
+    texel: DVec2,
+) -> bool {
+    let ray = LightRay::new(light_space, light, texel);
+    field.meets_extinction(ray.at(ray.start_mm), ray.direction, f64::INFINITY)
 }
 
 /// A tested map: its texels, the rays in each, and the depths on each ray.
@@ -103,10 +113,26 @@ impl RayTest<'_> {
         session: &Session,
         shadow: &ShadowMap,
     ) -> Result<BandReport> {
+        let mut report = BandReport::default();
+        self.visit(field, light, session, shadow, |own, _, _| report = report.merge(own))?;
+        Ok(report)
+    }
+
+    /// As [`Self::run`], but hands each ray's report, depths (mm, ascending) and values to `visit`.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn visit(
+        &self,
+        field: &ExactField,
+        light: Light,
+        session: &Session,
+        shadow: &ShadowMap,
+        mut visit: impl FnMut(BandReport, &[f64], &[f32]),
+    ) -> Result<()> {
         let band = shadow.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
         let tolerance_mm = band.map_or(self.default_depth_mm, |b| b.depth_mm);
         let space = &shadow.light_space;
-        let mut report = BandReport::default();
         for (chunk, texels) in self.texels.chunks(RAYS_AT_ONCE).enumerate() {
             let rays: Vec<(MeanCurve<ExactRay>, Vec<f64>)> = texels
                 .par_iter()
@@ -138,10 +164,10 @@ impl RayTest<'_> {
                 let (own, others) = rest.split_at(depths.len());
                 rest = others;
                 let ray = chunk * RAYS_AT_ONCE + i;
-                report = report.merge(BandReport::of_ray(ray, exact, depths, own, band));
+                visit(BandReport::of_ray(ray, exact, depths, own, band), depths, own);
             }
         }
-        Ok(report)
+        Ok(())
     }
 }
 

@@ -13,9 +13,10 @@
 //! and the column `clock` says whose clock it was.
 //!
 //! [`table`] holds one [`Row`](table::Row) a method and setting and writes it as CSV and JSON (every column, at
-//! full precision), [`report`] as Markdown and LaTeX for reading, with what is [`best`] at equal bytes and time, and [`plot`] draws error against time. None of
-//! these knows of a GPU; measuring itself is tested with planted errors and planted times. [`errors`] asks a built
-//! method and the exact field the same questions, and [`compare`] makes the whole table.
+//! full precision), [`report`] as Markdown and LaTeX for reading, with what is [`best`] at equal bytes and time, and
+//! [`plot`] draws error against time. None of these knows of a GPU; measuring itself is tested with planted errors and
+//! planted times. [`errors`] asks a built method and the exact field the same questions, [`compare`] makes the whole
+//! table, and [`stability`] takes every method through stiff and extreme cases.
 
 pub mod band;
 pub mod best;
@@ -26,6 +27,7 @@ pub mod heat;
 pub mod plot;
 pub mod rays;
 pub mod report;
+pub mod stability;
 pub mod stats;
 pub mod table;
 pub mod timing;

@@ -1,0 +1,118 @@
+//! `umbravox stability`: the stiff and extreme cases, every method.
+
+use super::{print_result, say};
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::measure::stability::{Case, Row, Status, all, counted, csv, json, markdown, run as run_cases};
+use crate::output::{check_output_dir, prepare_output_dir, write_whole};
+use crate::render::Renderer;
+use crate::shadow::{parse_list, spec};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+
+/// One row of each family.
+const DEFAULT_METHODS: &str = "none;rays;dsm:map=64;osm:layers=32,map=64;dom:map=64;bom:map=64";
+
+/// Take every shadow method through stiff and extreme cases; exit status 1 where one is not well
+#[derive(Debug, Args)]
+pub struct StabilityArgs {
+    /// The folder for stability.csv and stability.md; made when it is missing
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
+    #[arg(long, value_name = "METHODS", default_value = DEFAULT_METHODS)]
+    pub methods: String,
+    /// Cases, apart by commas [default: all]
+    #[arg(long = "case", value_name = "NAME", value_delimiter = ',')]
+    pub cases: Vec<String>,
+    /// Use the graphics adapter whose name contains NAME [default: the fastest]
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+    /// The rows as JSON on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad input, a failure of the disk, or (after everything is written) a case that is not well.
+pub fn run(args: &StabilityArgs) -> Result<()> {
+    // Refused before anything is done, as are unknown cases and a folder that is a file.
+    parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
+    let specs = spec::parse_list(&args.methods)?;
+    let methods = specs.iter().map(spec::Spec::expand).collect::<Result<Vec<_>>>()?.concat();
+    let every = all()?;
+    let cases = pick(&every, &args.cases)?;
+    check_output_dir(&args.output)?;
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}")
+        .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
+    let bar = ProgressBar::new(cases.len() as u64 + 1).with_style(style);
+    let renderer = Renderer::new(Gpu::open(args.adapter.as_deref())?);
+    // Made last: what is refused before leaves no empty folder.
+    prepare_output_dir(&args.output)?;
+    let rows = run_cases(renderer, &methods, &cases, &mut |what| {
+        bar.set_message(what.to_owned());
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    let rows = rows?;
+    let summary = markdown(&rows);
+    let path = args.output.join("stability.csv");
+    for (path, bytes) in
+        [(&path, csv(&rows)?), (&args.output.join("stability.md"), summary.clone().into_bytes())]
+    {
+        write_whole(path, |file| file.write_all(&bytes))?;
+        say("table", &path.display());
+    }
+    if args.json {
+        print_result(&json(&rows)?)?;
+    } else {
+        print_result(&summary)?;
+    }
+    verdict(&rows, &path.display())
+}
+
+/// The named cases in the order of the list, or all of them.
+fn pick<'a>(every: &'a [Case], names: &[String]) -> Result<Vec<&'a Case>> {
+    if let Some(unknown) = names.iter().find(|n| !every.iter().any(|c| c.name == **n)) {
+        let known: Vec<_> = every.iter().map(|c| c.name.as_str()).collect();
+        let why = format!("there is: {}", known.join(", "));
+        return Err(Error::input("unknown case", format!("--case {unknown}"), why));
+    }
+    Ok(every.iter().filter(|c| names.is_empty() || names.contains(&c.name)).collect())
+}
+
+/// An error where a row is not well.
+fn verdict(rows: &[Row], place: &dyn std::fmt::Display) -> Result<()> {
+    if rows.iter().all(|r| r.status == Status::Ok) {
+        return Ok(());
+    }
+    Err(Error::runtime("not every case went well", place, counted(rows)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_row_that_is_not_well_makes_the_verdict() {
+        let row = |status| Row::new("comb", "dsm", String::new(), status);
+        assert!(verdict(&[row(Status::Ok), row(Status::Ok)], &"x").is_ok());
+        for status in Status::ALL.into_iter().filter(|s| *s != Status::Ok) {
+            let error = verdict(&[row(Status::Ok), row(status)], &"x").unwrap_err();
+            assert_eq!(error.exit_status(), 1);
+            assert!(error.why.contains(status.name()), "{error}");
+        }
+    }
+
+    #[test]
+    fn cases_are_picked_by_name() {
+        let every = all().unwrap();
+        assert_eq!(pick(&every, &[]).unwrap().len(), every.len());
+        let picked = pick(&every, &["nan".into(), "comb".into()]).unwrap();
+        assert_eq!(picked.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["comb", "nan"]);
+        assert_eq!(pick(&every, &["combs".into()]).err().unwrap().exit_status(), 2);
+    }
+}
