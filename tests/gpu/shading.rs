@@ -9,11 +9,10 @@ fn a_ball_is_shaded_by_its_normal() {
     let Some(setup) = Setup::open(&phantom("sphere:48"), &extinction(&[(500.0, 0.0), (500.0, 60.0)])) else {
         return;
     };
-    for (toward_eye, skip) in [(0.0, Skip::Bricks), (0.5, Skip::None), (0.9, Skip::Bricks)] {
+    for (toward_eye, skip) in [(0.0_f64, Skip::Bricks), (0.5, Skip::None), (0.9, Skip::Bricks)] {
         let base = Scene { ambient: 0.0, background: [0.0; 3], skip, ..setup.scene(31, 31) };
         let eye = (base.camera.eye - base.camera.target).normalize();
-        let toward =
-            toward_eye * eye + (1.0 - toward_eye * toward_eye as f64).sqrt() * eye.any_orthonormal_vector();
+        let toward = toward_eye * eye + (1.0 - toward_eye * toward_eye).sqrt() * eye.any_orthonormal_vector();
         let light = Light::Directional { toward };
         let halfway = toward.normalize() + eye;
         let diffuse = toward.normalize().dot(eye).abs();
