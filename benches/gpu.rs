@@ -5,7 +5,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::path::PathBuf;
 use std::sync::Arc;
-use umbravox::render::Session;
+use umbravox::render::{Forced, Session};
 use umbravox::scene::Scene;
 use umbravox::shadow;
 use umbravox::transfer::{TransferTables, presets};
@@ -26,7 +26,7 @@ fn stages(criterion: &mut Criterion) {
         let tf = presets::resolve("vessels", &volume).expect("a preset").tf;
         let mut group = criterion.benchmark_group(format!("gpu/{name}"));
         group.sample_size(10);
-        let session = match Session::open(None, Arc::clone(&volume), &tf) {
+        let session = match Session::open(None, Arc::clone(&volume), &tf, Forced::NOTHING) {
             Ok(session) => session,
             Err(e) if e.what == "no graphics adapter" => {
                 println!("skipped: no graphics adapter");

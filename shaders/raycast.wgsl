@@ -28,7 +28,8 @@ struct Frame {
     size: vec2<u32>,
     // World mm per grid unit (columns), for shading.
     world_x: vec3<f32>,
-    padding_a: f32,
+    // 1 where the shading counts, 0 where it is only computed (forced).
+    shading_weight: f32,
     world_y: vec3<f32>,
     padding_b: f32,
     world_z: vec3<f32>,
@@ -95,7 +96,7 @@ fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
 #else
     let factor = diffuse;
 #endif
-    return select(1.0, factor, size > 0.0);
+    return select(1.0, mix(1.0, factor, frame.shading_weight), size > 0.0);
 }
 #endif
 

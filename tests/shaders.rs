@@ -5,7 +5,7 @@ use umbravox::gpu::{ShaderVariant, compose, sources};
 use umbravox::render::{FieldUniform, FrameUniform, IntervalTable};
 use umbravox::shadow::{Counters, LightUniform, TILE};
 use umbravox::transfer::{
-    ControlPoint, MAX_INTERVALS, Quantity, TexelMapping, TransferFunction, TransferTables,
+    ControlPoint, MAX_INTERVALS, PairTable, Quantity, TexelMapping, TransferFunction, TransferTables,
 };
 use umbravox::volume::BRICK_CELLS;
 use wgpu::naga;
@@ -209,7 +209,7 @@ fn number(name: &str) -> usize {
     parsed.unwrap_or_else(|_| panic!("{name} = {text}"))
 }
 
-fn tables(points: &[(f64, f64)]) -> TransferTables {
+fn tables(points: &[(f64, f64)]) -> (TransferTables, PairTable) {
     let point = |&(value, amount): &(f64, f64)| ControlPoint { value, amount, color: [1.0; 3] };
     let tf = TransferFunction {
         name: "test".into(),
@@ -218,22 +218,23 @@ fn tables(points: &[(f64, f64)]) -> TransferTables {
         quantity: Quantity::Extinction,
         points: points.iter().map(point).collect(),
     };
-    TransferTables::build(&tf, TexelMapping { scale: 1.0, offset: 0.0 }, [0.0, 100.0], 1.0)
+    let mapping = TexelMapping { scale: 1.0, offset: 0.0 };
+    (TransferTables::build(&tf, mapping, [0.0, 100.0]), PairTable::build(&tf, mapping, 1.0))
 }
 
 #[test]
 fn shared_constants_are_equal() {
     assert_eq!(number("TILE"), TILE as usize);
     assert_eq!(number("BRICK_CELLS"), BRICK_CELLS);
-    let one_node = tables(&[(0.0, 0.0), (50.0, 0.0), (50.0, 1.0), (100.0, 1.0)]);
+    let (one_node, pairs) = tables(&[(0.0, 0.0), (50.0, 0.0), (50.0, 1.0), (100.0, 1.0)]);
     assert_eq!(number("VALUE_BINS"), one_node.interval_of_bin.len());
     assert_eq!(number("TABLE_BINS") + 1, one_node.integrals.len());
-    assert_eq!(number("PAIR_BINS").pow(2), one_node.pair_nodes.len());
+    assert_eq!(number("PAIR_BINS").pow(2), pairs.nodes.len());
     let no_node = number("NO_NODE") as u32;
-    let across = one_node.pair_nodes[number("PAIR_BINS") - 1];
+    let across = pairs.nodes[number("PAIR_BINS") - 1];
     assert_eq!(across[1], no_node << 16 | no_node, "the last two of an entry with few nodes");
     let comb: Vec<_> = (0..40).map(|k| (f64::from(k) * 2.5, f64::from(k % 2))).collect();
-    let across = tables(&comb).pair_nodes[number("PAIR_BINS") - 1];
+    let across = tables(&comb).1.nodes[number("PAIR_BINS") - 1];
     assert_eq!(across[1] >> 16, number("MORE_NODES") as u32);
     assert_eq!(number("MAX_INTERVALS"), MAX_INTERVALS);
     // One value wherever it stands.

@@ -1,6 +1,6 @@
 //! The tables made from a transfer function: integrals, interval look-up, pre-compressed nodes.
 
-use umbravox::transfer::{ControlPoint, Quantity, TexelMapping, TransferFunction, TransferTables};
+use umbravox::transfer::{ControlPoint, PairTable, Quantity, TexelMapping, TransferFunction, TransferTables};
 
 /// Texels 0 to 1000 hold the values -200 to 300.
 const MAPPING: TexelMapping = TexelMapping { scale: 0.5, offset: -200.0 };
@@ -34,7 +34,7 @@ fn functions() -> [TransferFunction; 4] {
 }
 
 fn tables(tf: &TransferFunction) -> TransferTables {
-    TransferTables::build(tf, MAPPING, TEXELS, 2.0)
+    TransferTables::build(tf, MAPPING, TEXELS)
 }
 
 #[test]
@@ -108,7 +108,8 @@ fn pair_nodes_hold_the_breakpoints_between_two_values() {
     // The breakpoint of a constant bends nothing, and so is no node.
     for tf in functions().into_iter().filter(|tf| tf.points.len() > 1) {
         let tables = tables(&tf);
-        let side = tables.pair_nodes.len().isqrt();
+        let pairs = PairTable::build(&tf, MAPPING, 2.0);
+        let side = pairs.nodes.len().isqrt();
         let per_value = tables.bins_per_value * side as f32 / tables.interval_of_bin.len() as f32;
         let bin = |t: f32| ((t - tables.bin_origin) * per_value).clamp(0.0, side as f32 - 1.0) as usize;
         let mut seed = 1u64;
@@ -118,7 +119,7 @@ fn pair_nodes_hold_the_breakpoints_between_two_values() {
         };
         for _ in 0..20_000 {
             let (a, b) = (random(), random());
-            let [low, high] = tables.pair_nodes[bin(a) * side + bin(b)];
+            let [low, high] = pairs.nodes[bin(a) * side + bin(b)];
             let packed = [low & 0xffff, low >> 16, high & 0xffff, high >> 16];
             let (from, to) = (a.min(b), a.max(b));
             let mut wanted: Vec<u32> = (1..tables.intervals.len() as u32)

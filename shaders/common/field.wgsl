@@ -30,9 +30,10 @@ struct Field {
     table_per_value: f32,
     // 1 / reference length (1/mm) where opacity is given, 0 where extinction is.
     inv_reference_length: f32,
-    padding_a: f32,
-    padding_b: f32,
-    padding_c: f32,
+    // Linear RGB of everything with extinction, where that is one colour (ONE_COLOR).
+    color_r: f32,
+    color_g: f32,
+    color_b: f32,
 }
 
 @group(0) @binding(0) var<uniform> field: Field;

@@ -22,7 +22,8 @@ struct IntervalTable {
 
 // Small tables are uniforms and large ones textures: on software adapters storage buffers are read lane by lane.
 @group(0) @binding(4) var<uniform> interval_table: IntervalTable;
-// Integrals over the value up to each bin edge: extinction times colour (rgb), extinction (w).
+// Integrals over the value up to each bin edge: extinction times colour (rgb), extinction (w); with ONE_COLOR extinction
+// alone.
 @group(0) @binding(5) var integrals: texture_2d<f32>;
 // Pre-compressed visibility: up to four interval starts at which it bends between two values, four u16 in a pair.
 @group(0) @binding(6) var pair_nodes: texture_2d<u32>;
@@ -56,12 +57,31 @@ fn extinction_at(value: f32) -> f32 {
     return extinction_in(interval_at(value), value);
 }
 
+#ifdef ONE_COLOR
+// Extinction alone: its colour is one.
+fn integral_edge(i: u32) -> f32 {
+    return textureLoad(integrals, vec2<u32>(i, 0u), 0).x;
+}
+
+fn colored(mean: f32) -> vec4<f32> {
+    return vec4<f32>(field.color_r, field.color_g, field.color_b, 1.0) * max(mean, 0.0);
+}
+#else
 fn integral_edge(i: u32) -> vec4<f32> {
     return textureLoad(integrals, vec2<u32>(i, 0u), 0);
 }
 
+fn colored(mean: vec4<f32>) -> vec4<f32> {
+    return max(mean, vec4<f32>(0.0));
+}
+#endif
+
 // The integrals at a value, linear between bin edges.
+#ifdef ONE_COLOR
+fn integral_at(value: f32) -> f32 {
+#else
 fn integral_at(value: f32) -> vec4<f32> {
+#endif
     let x = clamp((value - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
     let i = min(u32(x), TABLE_BINS - 1u);
     // Written so that it is exact where the integrals are equal: no extinction must stay none.
@@ -70,14 +90,18 @@ fn integral_at(value: f32) -> vec4<f32> {
 }
 
 // Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) over a stretch on which the value goes linearly from a to b.
+#ifdef ONE_COLOR
+fn mean_over(a: f32, b: f32, integral_a: f32, integral_b: f32) -> vec4<f32> {
+#else
 fn mean_over(a: f32, b: f32, integral_a: vec4<f32>, integral_b: vec4<f32>) -> vec4<f32> {
+#endif
     // Below half a bin the difference of integrals is mostly rounding: the bin's own slope stands in.
     if abs(b - a) * field.table_per_value < 0.5 {
         let x = clamp((0.5 * (a + b) - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
         let i = min(u32(x), TABLE_BINS - 1u);
-        return max((integral_edge(i + 1u) - integral_edge(i)) * field.table_per_value, vec4<f32>(0.0));
+        return colored((integral_edge(i + 1u) - integral_edge(i)) * field.table_per_value);
     }
-    return max((integral_b - integral_a) / (b - a), vec4<f32>(0.0));
+    return colored((integral_b - integral_a) / (b - a));
 }
 
 fn pair_bin(value: f32) -> u32 {

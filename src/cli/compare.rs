@@ -60,7 +60,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         say("note", &"--shadow is not used by compare; --methods is");
     }
     let volume = Arc::new(volume);
-    let session = Session::open(request.adapter.as_deref(), Arc::clone(&volume), &tf)?;
+    let session = Session::open(request.adapter.as_deref(), Arc::clone(&volume), &tf, request.forced)?;
     // Made last: what is refused before leaves no empty folder.
     prepare_output_dir(&args.output)?;
     let job = Job {

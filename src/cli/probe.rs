@@ -56,7 +56,7 @@ pub fn run(args: ProbeArgs) -> Result<()> {
             let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light);
             points.par_iter().map(to_light).collect::<Vec<_>>()
         };
-        let session = Session::open(request.adapter.as_deref(), Arc::new(volume), &tf)?;
+        let session = Session::open(request.adapter.as_deref(), Arc::new(volume), &tf, request.forced)?;
         let shadow = session.shadow(method.as_ref(), scene.light)?;
         let found = session.query(&shadow, &points)?;
         let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));

@@ -5,7 +5,7 @@ use super::{Loaded, print_result};
 use crate::error::{Error, Result};
 use crate::gpu::Clock;
 use crate::output::{PICTURE_EXTENSIONS, check_output, write_picture};
-use crate::render::{Omission, Picture, Session, needs_shadows};
+use crate::render::{Omission, Picture, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use clap::Args;
@@ -31,7 +31,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let request = args.scene.into_request()?;
     let method = request.method()?;
     let Loaded { volume, tf, scene } = super::load(&request)?;
-    let session = Session::open(request.adapter.as_deref(), Arc::new(volume), &tf)?;
+    let session = Session::open(request.adapter.as_deref(), Arc::new(volume), &tf, request.forced)?;
     let method = needed_method(&session, &scene, method);
     let shadow = session.shadow(method.as_ref(), scene.light)?;
     let picture = session.render(&shadow, &scene)?;
@@ -50,7 +50,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
 
 /// The method asked for, or none where no light can be kept from a sample: the map is then not even built.
 fn needed_method(session: &Session, scene: &Scene, method: Box<dyn Method>) -> Box<dyn Method> {
-    match needs_shadows(scene, &session.transfer) {
+    match session.needs_shadows(scene) {
         Ok(()) => method,
         Err(_) => Box::new(NoShadows),
     }
@@ -64,6 +64,7 @@ struct Summary {
     method: &'static str,
     params: String,
     table_ms: f64,
+    march_table_ms: Option<f64>,
     classify_ms: f64,
     build_ms: f64,
     frame_ms: f64,
@@ -94,6 +95,7 @@ impl Summary {
             method: method.name(),
             params: method.params(),
             table_ms: session.transfer.table_ms,
+            march_table_ms: session.transfer.march_table().map(|t| t.table_ms),
             classify_ms: session.transfer.classify_ms,
             build_ms: shadow.report.build_ms(),
             frame_ms,
@@ -113,7 +115,9 @@ impl Summary {
     fn explain(&self) {
         let say = |line: String| super::say("plan", &line);
         say(format!("adapter {}, times by {}", self.adapter, self.clock));
-        say(format!("tables {:.1} ms, bricks classified in {:.1} ms", self.table_ms, self.classify_ms));
+        let march_table = self.march_table_ms.map(|ms| format!(", pre-compressed table {ms:.1} ms"));
+        let tables = format!("tables {:.1} ms{}", self.table_ms, march_table.unwrap_or_default());
+        say(format!("{tables}, bricks classified in {:.1} ms", self.classify_ms));
         let built = format!("{:.1} ms, {:.2} MB", self.build_ms, self.bytes as f64 * 1e-6);
         say(format!("shadow method {} {}: {built}", self.method, self.params));
         say(format!("ray cast {:.1} ms", self.frame_ms));

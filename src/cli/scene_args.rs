@@ -3,6 +3,7 @@
 use super::scene_file;
 use super::values::{self, Size};
 use crate::error::{Error, Result};
+use crate::render::Forced;
 use crate::scene::{Camera, Light, Scene, Shading, Skip};
 use crate::shadow::{self, Method};
 use crate::strands::StrandFlags;
@@ -106,6 +107,10 @@ pub struct SceneArgs {
     #[arg(long, value_name = "FILE.toml", help_heading = "Scene")]
     pub scene: Option<PathBuf>,
 
+    /// Do work that the scene does not need: names apart by commas, as --explain puts them in brackets, or all
+    #[arg(long, value_name = "NAMES", value_parser = values::forced, help_heading = "Scene")]
+    pub force: Option<Forced>,
+
     /// Say what runs, what is left out and why
     #[arg(long)]
     pub explain: bool,
@@ -145,6 +150,7 @@ impl SceneArgs {
             background: args.background,
             step: args.step,
             skip: args.skip,
+            forced: args.force.unwrap_or_default(),
             explain: args.explain,
             json: args.json,
             adapter: args.adapter,
@@ -175,6 +181,7 @@ impl SceneArgs {
             background: self.background.or(file.background),
             step: self.step.or(file.step),
             skip: self.skip.or(file.skip),
+            force: self.force.or(file.force),
             scene: self.scene.or(file.scene),
             explain: self.explain || file.explain,
             json: self.json || file.json,
@@ -200,6 +207,7 @@ pub struct SceneRequest {
     pub background: Option<[f64; 3]>,
     pub step: Option<f64>,
     pub skip: Option<Skip>,
+    pub forced: Forced,
     pub explain: bool,
     pub json: bool,
     pub adapter: Option<String>,
@@ -278,7 +286,7 @@ mod tests {
     const KEYS: &str = "volume = 'a.raw'\nraw = '2x2x2:u8'\nspacing = [1, 2, 3.5]\noffset = 1\nframe = 1\n\
         resolution = 64\nkernel = 'tent'\nthickness = 0.5\ntf = 'bone'\nshadow = 'none'\nsize = '8x9'\neye = [1, 2, 3]\ntarget = '4,5,6'\nup = [0, 1, 0]\n\
         fov = 50\nlight = 'point:1,2,3'\nambient = 0.5\nshading = 'lambert'\nbackground = '#ffffff'\n\
-        step = 0.25\nskip = 'none'\nexplain = true\njson = true\nadapter = 'one'";
+        step = 0.25\nskip = 'none'\nforce = 'tiles,bricks'\nexplain = true\njson = true\nadapter = 'one'";
     const AS_KEYS: &[&str] = &[
         "a.raw",
         "--raw=2x2x2:u8",
@@ -301,6 +309,7 @@ mod tests {
         "--background=#ffffff",
         "--step=0.25",
         "--skip=none",
+        "--force=tiles,bricks",
         "--explain",
         "--json",
         "--adapter=one",
@@ -327,6 +336,7 @@ mod tests {
         "--background=#777777",
         "--step=0.7",
         "--skip=bricks",
+        "--force=gradients",
         "--explain",
         "--json",
         "--adapter=seven",

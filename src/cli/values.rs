@@ -1,6 +1,8 @@
 //! Values of flags: text to typed, or why not, in one line.
 
 use crate::color;
+use crate::error::Error;
+use crate::render::Forced;
 use crate::scene::Light;
 use crate::volume::RawLayout;
 use glam::DVec3;
@@ -28,6 +30,11 @@ pub fn size(text: &str) -> Result<Size, String> {
         Some((Some(width), Some(height))) => Ok(Size { width, height }),
         _ => Err(format!("expected WxH, each a whole number from 1 to {MAX_PICTURE_SIDE}")),
     }
+}
+
+/// Names of [`Forced`] work.
+pub fn forced(text: &str) -> Result<Forced, String> {
+    text.parse().map_err(|e: Error| format!("{} {}: {}", e.what, e.place, e.why))
 }
 
 fn number(text: &str) -> Result<f64, String> {

@@ -29,6 +29,8 @@ pub const fn sources() -> &'static [(&'static str, &'static str)] {
         shader!("shadow/layers_read.wgsl"),
         shader!("shadow/layers_sink.wgsl"),
         shader!("shadow/layers_build.wgsl"),
+        shader!("shadow/start_sink.wgsl"),
+        shader!("shadow/layers_start.wgsl"),
         shader!("shadow/mass_sink.wgsl"),
         shader!("shadow/layers_mass.wgsl"),
         shader!("shadow/opacity.wgsl"),

@@ -8,7 +8,7 @@ use super::timing::{ClockSource, StageTimes, TimedRun, Timing, interleave};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::gpu::Clock;
-use crate::render::{Omission, Session, needs_shadows};
+use crate::render::{Omission, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use crate::transfer::TransferFunction;
@@ -223,13 +223,16 @@ impl<'a> Errors<'a> {
     ) -> Result<Prepared<'m>> {
         let (job, name) = (self.job, name_of(method));
         progress(&format!("{name}: building and drawing"));
-        let needed = needs_shadows(job.scene, &job.session.transfer);
+        let needed = job.session.needs_shadows(job.scene);
         let shadow = build(job, method)?;
         let picture = job.session.render(&shadow, job.scene)?;
         let report = &shadow.report;
         let mut left_out = picture.plan.left_out;
         if let (Err(why), Some(_)) = (needed, method.map_size()) {
-            left_out.insert(0, Omission { what: "shadow map".into(), why: why.into(), saved: None });
+            left_out.insert(
+                0,
+                Omission { what: "shadow map".into(), why: why.into(), saved: None, optional: None },
+            );
         }
         let mut row = Row {
             scene: job.scene_name.clone(),
@@ -296,7 +299,7 @@ impl<'a> Errors<'a> {
 
 /// Builds a method's structure, or that of `none` where no light can be kept from a sample.
 fn build(job: &Job, method: &dyn Method) -> Result<ShadowMap> {
-    let needed = needs_shadows(job.scene, &job.session.transfer).is_ok();
+    let needed = job.session.needs_shadows(job.scene).is_ok();
     job.session.shadow(if needed { method } else { &NoShadows }, job.scene.light)
 }
 

@@ -1,12 +1,15 @@
 //! A transfer function on the device, for one volume: tables, active bricks and their distances.
 
-use super::device_volume::DeviceVolume;
 use super::layouts::Layouts;
+use super::{Forced, LoadedVolume, Optional};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, table_texture, uniform_buffer};
-use crate::transfer::{MAX_INTERVALS, PAIR_BINS, TransferFunction, TransferTables, VALUE_BINS};
-use crate::volume::{ActiveBricks, BRICK_CELLS, Bricks, Volume};
+use crate::transfer::{
+    MAX_INTERVALS, PAIR_BINS, PairTable, TexelMapping, TransferFunction, TransferTables, VALUE_BINS,
+};
+use crate::volume::{ActiveBricks, BRICK_CELLS};
 use bytemuck::{Pod, Zeroable};
+use std::sync::OnceLock;
 use std::time::Instant;
 
 /// `Field` of `shaders/common/field.wgsl`.
@@ -26,7 +29,7 @@ pub struct FieldUniform {
     pub table_origin: f32,
     pub table_per_value: f32,
     pub inv_reference_length: f32,
-    pub padding: [f32; 3],
+    pub color: [f32; 3],
 }
 
 /// `IntervalTable` of `shaders/common/transfer.wgsl`.
@@ -53,104 +56,267 @@ fn interval_table(tables: &TransferTables) -> Result<Box<IntervalTable>> {
 
 /// What a transfer function edit makes anew; the volume stays where it is.
 pub struct DeviceTransfer {
-    pub(crate) bind_group: wgpu::BindGroup,
     pub active: ActiveBricks,
     /// Milliseconds on the host to make the tables and to classify the bricks.
     pub table_ms: f64,
     pub classify_ms: f64,
+    /// Bytes of tables (without the pre-compressed one, see [`MarchTable`]) and of the bricks' distances.
     pub bytes: u64,
-    /// The light march needs the integrals over the value besides the pre-compressed table.
-    pub many_breakpoints: bool,
     /// No value of the volume has extinction.
     pub empty: bool,
+    /// Everything with extinction has one colour, and the integrals hold none.
+    pub one_color: bool,
+    /// What is forced back on in everything that is made from this.
+    pub forced: Forced,
+    uniform: FieldUniform,
+    bindings: Bindings,
+    /// Group 0 without a pre-compressed table.
+    plain_group: wgpu::BindGroup,
+    march: OnceLock<MarchTable>,
+    /// What the intervals are of, and the pre-compressed table is made of when it is first needed.
+    tf: TransferFunction,
+    mapping: TexelMapping,
+    segment_mm: f64,
+}
+
+/// The pre-compressed table on the device.
+pub struct MarchTable {
+    /// Group 0 with the table.
+    group: wgpu::BindGroup,
+    view: wgpu::TextureView,
+    /// The light march must search for breakpoints besides those that the table holds.
+    pub many_breakpoints: bool,
+    /// Milliseconds on the host to make it.
+    pub table_ms: f64,
+    pub bytes: u64,
+}
+
+/// What group 0 binds besides the pre-compressed table.
+#[derive(Clone)]
+struct Bindings {
+    field: wgpu::Buffer,
+    volume: wgpu::TextureView,
+    sampler: wgpu::Sampler,
+    distances: wgpu::TextureView,
+    intervals: wgpu::Buffer,
+    integrals: wgpu::TextureView,
+}
+
+impl Bindings {
+    fn group(&self, gpu: &Gpu, layouts: &Layouts, pair_nodes: &wgpu::TextureView) -> wgpu::BindGroup {
+        let texture = wgpu::BindingResource::TextureView;
+        let resources = [
+            self.field.as_entire_binding(),
+            texture(&self.volume),
+            wgpu::BindingResource::Sampler(&self.sampler),
+            texture(&self.distances),
+            self.intervals.as_entire_binding(),
+            texture(&self.integrals),
+            texture(pair_nodes),
+        ];
+        let entries: Vec<_> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("field"),
+            layout: &layouts.field,
+            entries: &entries,
+        })
+    }
 }
 
 impl DeviceTransfer {
     /// Tables and brick classes of `tf` on `volume`.
-    pub fn new(
+    pub(super) fn new(
         gpu: &Gpu,
         layouts: &Layouts,
-        volume: &Volume,
-        on_device: &DeviceVolume,
-        bricks: &Bricks,
+        loaded: &LoadedVolume,
         tf: &TransferFunction,
+        forced: Forced,
     ) -> Result<Self> {
+        let LoadedVolume { volume, bricks, on_device } = loaded;
         let start = Instant::now();
-        // The longest stretch inside a cell is its diagonal.
-        let segment_mm = volume.spacing_mm().iter().map(|s| s * s).sum::<f64>().sqrt();
-        let tables = TransferTables::build(tf, on_device.mapping, on_device.texel_range, segment_mm);
+        let tables = TransferTables::build(tf, on_device.mapping, on_device.texel_range);
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
         // Integrals are linear inside a table's bin, and so a bin at the edge of a peak has some extinction all over.
         let bin = on_device.mapping.scale / f64::from(tables.table_per_value);
         let active = bricks.classify_blurred(tf, bin);
         let classify_ms = start.elapsed().as_secs_f64() * 1e3;
-
-        let (active_lo, active_hi) = grid_box(&active, on_device.dims);
-        let uniform = FieldUniform {
-            size: on_device.dims.map(|n| n as u32),
-            min_spacing_mm: volume.min_spacing_mm() as f32,
-            inv_size: on_device.dims.map(|n| 1.0 / n as f32),
-            intervals: tables.intervals.len() as u32,
-            active_lo,
-            first_value: tables.first_value,
-            active_hi,
-            last_value: tables.last_value,
-            bin_origin: tables.bin_origin,
-            bins_per_value: tables.bins_per_value,
-            table_origin: tables.table_origin,
-            table_per_value: tables.table_per_value,
-            inv_reference_length: tables.inv_reference_length,
-            padding: [0.0; 3],
+        let uniform = field_uniform(loaded, &tables, tf, &active, forced);
+        let bindings = Bindings {
+            field: uniform_buffer(gpu, "field", &uniform),
+            volume: on_device.view.clone(),
+            sampler: layouts.linear_clamp.clone(),
+            distances: distance_texture(gpu, &active, forced),
+            intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(&tables)?),
+            integrals: integral_texture(gpu, &tables, one_color(tf, forced).is_some())?,
         };
-        let distances = distance_texture(gpu, &active);
-        let field = uniform_buffer(gpu, "field", &uniform);
-        let intervals = uniform_buffer(gpu, "transfer intervals", &*interval_table(&tables)?);
-        let (edges, pairs) = (tables.integrals.len() as u32, PAIR_BINS as u32);
-        let float = wgpu::TextureFormat::Rgba32Float;
-        let integrals = table_texture(gpu, "transfer integrals", float, [edges, 1], &tables.integrals)?;
-        let words = wgpu::TextureFormat::Rg32Uint;
-        let pair_nodes =
-            table_texture(gpu, "pre-compressed table", words, [pairs, pairs], &tables.pair_nodes)?;
-        let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("field"),
-            layout: &layouts.field,
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: field.as_entire_binding() },
-                wgpu::BindGroupEntry {
-                    binding: 1,
-                    resource: wgpu::BindingResource::TextureView(&on_device.view),
-                },
-                wgpu::BindGroupEntry {
-                    binding: 2,
-                    resource: wgpu::BindingResource::Sampler(&layouts.linear_clamp),
-                },
-                wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::TextureView(&distances) },
-                wgpu::BindGroupEntry { binding: 4, resource: intervals.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 5, resource: wgpu::BindingResource::TextureView(&integrals) },
-                wgpu::BindGroupEntry {
-                    binding: 6,
-                    resource: wgpu::BindingResource::TextureView(&pair_nodes),
-                },
-            ],
-        });
-        Ok(Self {
-            bind_group,
+        // The longest stretch inside a cell is its diagonal.
+        let segment_mm = volume.spacing_mm().iter().map(|s| s * s).sum::<f64>().sqrt();
+        Self {
             empty: active.active == 0,
-            many_breakpoints: tables.many_breakpoints,
-            bytes: tables.bytes() + active.distance.len() as u64,
+            bytes: 0,
             active,
             table_ms,
             classify_ms,
-        })
+            one_color: false,
+            forced,
+            plain_group: bindings.group(gpu, layouts, &no_pairs(gpu)?),
+            uniform,
+            bindings,
+            march: OnceLock::new(),
+            tf: tf.clone(),
+            mapping: on_device.mapping,
+            segment_mm,
+        }
+        .with_colors(&tables, tf)
+        .forced_tables(gpu, layouts)
+    }
+
+    /// The same with other colours, for a function whose extinction is the same at all values that occur: integrals are
+    /// made anew; intervals, bricks and the pre-compressed table stay.
+    pub(super) fn recolored(
+        &self,
+        gpu: &Gpu,
+        layouts: &Layouts,
+        loaded: &LoadedVolume,
+        tf: &TransferFunction,
+    ) -> Result<Self> {
+        let start = Instant::now();
+        let tables = TransferTables::build(tf, self.mapping, loaded.on_device.texel_range);
+        let table_ms = start.elapsed().as_secs_f64() * 1e3;
+        let one = one_color(tf, self.forced);
+        let uniform = FieldUniform { color: one.unwrap_or_default().map(|c| c as f32), ..self.uniform };
+        let bindings = Bindings {
+            field: uniform_buffer(gpu, "field", &uniform),
+            integrals: integral_texture(gpu, &tables, one.is_some())?,
+            ..self.bindings.clone()
+        };
+        let march = OnceLock::new();
+        if let Some(table) = self.march.get() {
+            let group = bindings.group(gpu, layouts, &table.view);
+            let _ = march.set(MarchTable { group, view: table.view.clone(), table_ms: 0.0, ..*table });
+        }
+        let recolored = Self {
+            active: self.active.clone(),
+            table_ms,
+            classify_ms: 0.0,
+            plain_group: bindings.group(gpu, layouts, &no_pairs(gpu)?),
+            uniform,
+            bindings,
+            march,
+            tf: self.tf.clone(),
+            ..*self
+        };
+        Ok(recolored.with_colors(&tables, tf))
+    }
+
+    fn with_colors(self, tables: &TransferTables, tf: &TransferFunction) -> Self {
+        let one_color = one_color(tf, self.forced).is_some();
+        let bytes = tables.bytes(one_color) + self.active.distance.len() as u64;
+        Self { one_color, bytes, ..self }
+    }
+
+    fn forced_tables(self, gpu: &Gpu, layouts: &Layouts) -> Result<Self> {
+        if self.forced.has(Optional::MarchTable) {
+            self.make_march_table(gpu, layouts)?;
+        }
+        Ok(self)
+    }
+
+    /// Width of a bin of the integrals in the volume's values.
+    pub fn value_bin(&self) -> f64 {
+        self.mapping.scale / f64::from(self.uniform.table_per_value)
+    }
+
+    /// The pre-compressed table, where something has needed it.
+    pub fn march_table(&self) -> Option<&MarchTable> {
+        self.march.get()
+    }
+
+    /// The pre-compressed table, made when it is first asked for.
+    pub(super) fn make_march_table(&self, gpu: &Gpu, layouts: &Layouts) -> Result<&MarchTable> {
+        if let Some(made) = self.march.get() {
+            return Ok(made);
+        }
+        let start = Instant::now();
+        let pairs = PairTable::build(&self.tf, self.mapping, self.segment_mm);
+        let table_ms = start.elapsed().as_secs_f64() * 1e3;
+        let side = PAIR_BINS as u32;
+        let format = wgpu::TextureFormat::Rg32Uint;
+        let view = table_texture(gpu, "pre-compressed table", format, [side, side], &pairs.nodes)?;
+        Ok(self.march.get_or_init(|| MarchTable {
+            group: self.bindings.group(gpu, layouts, &view),
+            many_breakpoints: pairs.many_breakpoints,
+            bytes: pairs.bytes(),
+            table_ms,
+            view,
+        }))
+    }
+
+    /// Group 0.
+    pub(crate) fn bind_group(&self) -> &wgpu::BindGroup {
+        self.march.get().map_or(&self.plain_group, |table| &table.group)
+    }
+
+    /// Definitions that a pipeline with `common/march.wgsl` needs.
+    pub(crate) fn march_defs(&self) -> Option<&'static str> {
+        let needed = self.march.get().is_some_and(|table| table.many_breakpoints);
+        (needed || self.forced.has(Optional::BreakpointSearch)).then_some("MANY_BREAKPOINTS")
     }
 }
 
-impl DeviceTransfer {
-    /// Definitions that `common/march.wgsl` needs for this transfer function.
-    pub fn march_defs(&self) -> Option<&'static str> {
-        self.many_breakpoints.then_some("MANY_BREAKPOINTS")
+/// The linear RGB colour of everything with extinction, where there is just one.
+fn one_color(tf: &TransferFunction, forced: Forced) -> Option<[f64; 3]> {
+    tf.one_color().filter(|_| !forced.has(Optional::Colors))
+}
+
+/// Stands for the pre-compressed table in pipelines that do not read it.
+fn no_pairs(gpu: &Gpu) -> Result<wgpu::TextureView> {
+    table_texture(gpu, "no pre-compressed table", wgpu::TextureFormat::Rg32Uint, [1, 1], &[[0u32; 2]])
+}
+
+fn field_uniform(
+    loaded: &LoadedVolume,
+    tables: &TransferTables,
+    tf: &TransferFunction,
+    active: &ActiveBricks,
+    forced: Forced,
+) -> FieldUniform {
+    let dims = loaded.on_device.dims;
+    let (active_lo, active_hi) = if forced.has(Optional::Bricks) {
+        ([0.5; 3], dims.map(|n| n as f32 + 0.5))
+    } else {
+        grid_box(active, dims)
+    };
+    FieldUniform {
+        size: dims.map(|n| n as u32),
+        min_spacing_mm: loaded.volume.min_spacing_mm() as f32,
+        inv_size: dims.map(|n| 1.0 / n as f32),
+        intervals: tables.intervals.len() as u32,
+        active_lo,
+        first_value: tables.first_value,
+        active_hi,
+        last_value: tables.last_value,
+        bin_origin: tables.bin_origin,
+        bins_per_value: tables.bins_per_value,
+        table_origin: tables.table_origin,
+        table_per_value: tables.table_per_value,
+        inv_reference_length: tables.inv_reference_length,
+        color: one_color(tf, forced).unwrap_or_default().map(|c| c as f32),
     }
+}
+
+/// The integrals over the value; of extinction alone where there is one colour.
+fn integral_texture(gpu: &Gpu, tables: &TransferTables, one_color: bool) -> Result<wgpu::TextureView> {
+    let size = [tables.integrals.len() as u32, 1];
+    if one_color {
+        let extinction: Vec<f32> = tables.integrals.iter().map(|i| i[3]).collect();
+        return table_texture(gpu, "extinction integrals", wgpu::TextureFormat::R32Float, size, &extinction);
+    }
+    table_texture(gpu, "transfer integrals", wgpu::TextureFormat::Rgba32Float, size, &tables.integrals)
 }
 
 /// Grid-space box (index + 1) of the active bricks, clipped to the domain; empty at the origin where there is none.
@@ -161,8 +327,9 @@ fn grid_box(active: &ActiveBricks, dims: [usize; 3]) -> ([f32; 3], [f32; 3]) {
     (low, high)
 }
 
-fn distance_texture(gpu: &Gpu, active: &ActiveBricks) -> wgpu::TextureView {
+fn distance_texture(gpu: &Gpu, active: &ActiveBricks, forced: Forced) -> wgpu::TextureView {
     use wgpu::util::DeviceExt;
+    let none_empty = forced.has(Optional::Bricks).then(|| vec![0; active.distance.len()]);
     let [width, height, depth_or_array_layers] = active.counts.map(|n| n as u32);
     gpu.device
         .create_texture_with_data(
@@ -178,7 +345,7 @@ fn distance_texture(gpu: &Gpu, active: &ActiveBricks) -> wgpu::TextureView {
                 view_formats: &[],
             },
             wgpu::util::TextureDataOrder::LayerMajor,
-            &active.distance,
+            none_empty.as_ref().unwrap_or(&active.distance),
         )
         .create_view(&Default::default())
 }

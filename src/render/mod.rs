@@ -3,13 +3,17 @@
 
 mod device_transfer;
 mod device_volume;
+mod forced;
 mod layouts;
+mod live;
 mod plan;
 mod session;
 
-pub use device_transfer::{DeviceTransfer, FieldUniform, IntervalTable};
+pub use device_transfer::{DeviceTransfer, FieldUniform, IntervalTable, MarchTable};
 pub use device_volume::{DeviceVolume, TexelFormat};
+pub use forced::{Forced, Optional};
 pub use layouts::Layouts;
+pub use live::{Change, INVALIDATES, Live, Made, Ready, Stage, Update, Wanted};
 pub use plan::{Omission, Plan, needs_shadows};
 pub use session::Session;
 
@@ -42,7 +46,7 @@ pub struct FrameUniform {
     pub half_extent: [f32; 2],
     pub size: [u32; 2],
     pub world_x: [f32; 3],
-    pub padding_a: f32,
+    pub shading_weight: f32,
     pub world_y: [f32; 3],
     pub padding_b: f32,
     pub world_z: [f32; 3],
@@ -105,8 +109,34 @@ impl Renderer {
     ///
     /// # Errors
     /// A device out of memory.
-    pub fn transfer(&self, loaded: &LoadedVolume, tf: &TransferFunction) -> Result<DeviceTransfer> {
-        DeviceTransfer::new(&self.gpu, &self.layouts, &loaded.volume, &loaded.on_device, &loaded.bricks, tf)
+    pub fn transfer(
+        &self,
+        loaded: &LoadedVolume,
+        tf: &TransferFunction,
+        forced: Forced,
+    ) -> Result<DeviceTransfer> {
+        DeviceTransfer::new(&self.gpu, &self.layouts, loaded, tf, forced)
+    }
+
+    /// The same tables with the colours of `tf`, whose extinction must be theirs at all values that occur.
+    ///
+    /// # Errors
+    /// A device out of memory.
+    pub fn recolor(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        tf: &TransferFunction,
+    ) -> Result<DeviceTransfer> {
+        transfer.recolored(&self.gpu, &self.layouts, loaded, tf)
+    }
+
+    /// The pre-compressed table of a transfer function, for pipelines that march cell by cell; made when first asked for.
+    ///
+    /// # Errors
+    /// A device out of memory.
+    pub(crate) fn march_table<'t>(&self, transfer: &'t DeviceTransfer) -> Result<&'t MarchTable> {
+        transfer.make_march_table(&self.gpu, &self.layouts)
     }
 
     /// Builds a shadow structure.
@@ -168,7 +198,7 @@ impl Renderer {
             loop {
                 let took = self.timer.compute(&self.gpu, "ray cast", |pass| {
                     pass.set_pipeline(&pipeline);
-                    pass.set_bind_group(0, &transfer.bind_group, &[]);
+                    pass.set_bind_group(0, transfer.bind_group(), &[]);
                     pass.set_bind_group(1, &shadow.bind_group, &[]);
                     pass.set_bind_group(2, &group, &[]);
                     pass.dispatch_workgroups(width.div_ceil(8), rows.div_ceil(8), 1);
@@ -205,7 +235,9 @@ impl Renderer {
         let mut modules = COMMON.to_vec();
         modules.extend(lookup.modules);
         let mut defs = lookup.defs.clone();
-        defs.extend(transfer.march_defs());
+        if lookup.marches {
+            defs.extend(transfer.march_defs());
+        }
         let variant = ShaderVariant { entry: "query.wgsl", modules, defs };
         let pipeline = self.pipeline(&variant, &self.layouts.query)?;
         let grid_from_world = grid_from_world(&loaded.volume);
@@ -237,7 +269,7 @@ impl Renderer {
             let across = groups.clamp(1, 1024);
             self.timer.compute(&self.gpu, "query", |pass| {
                 pass.set_pipeline(&pipeline);
-                pass.set_bind_group(0, &transfer.bind_group, &[]);
+                pass.set_bind_group(0, transfer.bind_group(), &[]);
                 pass.set_bind_group(1, &shadow.bind_group, &[]);
                 pass.set_bind_group(2, &group, &[]);
                 pass.dispatch_workgroups(across, groups.div_ceil(across), 1);
@@ -342,6 +374,7 @@ fn frame_uniform(volume: &Volume, scene: &Scene, first_row: u32, rows: u32) -> F
         half_extent: [(aspect * tan) as f32, tan as f32],
         size: [scene.width, scene.height],
         world_x: f32s(world_from_grid.x_axis),
+        shading_weight: if scene.shading == Shading::None { 0.0 } else { 1.0 },
         world_y: f32s(world_from_grid.y_axis),
         world_z: f32s(world_from_grid.z_axis),
         ..Zeroable::zeroed()

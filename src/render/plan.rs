@@ -1,9 +1,13 @@
 //! What a scene needs, and what is left out: every decision is a line of `--explain`.
 
-use super::{COMMON, DeviceTransfer, LoadedVolume, shading_defs};
+use super::{COMMON, DeviceTransfer, LoadedVolume, Optional, shading_defs};
 use crate::gpu::ShaderVariant;
 use crate::scene::{Scene, Shading, Skip};
 use crate::shadow::ShadowMap;
+use crate::transfer::{PAIR_BINS, TABLE_BINS};
+use crate::volume::Volume;
+use glam::DVec3;
+use std::fmt;
 
 /// Something that a scene did not need.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -12,10 +16,12 @@ pub struct Omission {
     pub why: String,
     /// Bytes or work saved, where known.
     pub saved: Option<String>,
+    /// Its name for `--force`, where it can be forced.
+    pub optional: Option<Optional>,
 }
 
-impl std::fmt::Display for Omission {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Display for Omission {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "left out: {} ({})", self.what, self.why)?;
         self.saved.as_ref().map_or(Ok(()), |s| write!(f, ", {s}"))
     }
@@ -26,55 +32,112 @@ impl std::fmt::Display for Omission {
 pub struct Plan {
     pub shadows: bool,
     pub skip_bricks: bool,
+    /// The shading that is computed: the scene's, or a forced one that does not count.
     pub shading: Shading,
     pub left_out: Vec<Omission>,
 }
 
-/// Whether any light can be kept from a sample: the one decision that is made before a shadow map is built.
-pub fn needs_shadows(scene: &Scene, transfer: &DeviceTransfer) -> Result<(), &'static str> {
+/// Whether any light can be kept from a sample that is seen: the one decision that is made before a shadow map is built.
+/// The error is the reason why not.
+pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) -> Result<(), &'static str> {
+    if transfer.forced.has(Optional::Shadows) {
+        return Ok(());
+    }
+    let Some(seen) = transfer.active.index_box(volume.dims()) else {
+        return Err("no value has extinction");
+    };
     if scene.ambient >= 1.0 {
         Err("ambient 1")
-    } else if transfer.empty {
-        Err("no value has extinction")
+    } else if !in_view(scene, volume, seen) {
+        Err("nothing is in view")
     } else {
         Ok(())
     }
 }
 
+/// Whether a box of index coordinates may show in the picture: not where all of its corners lie beyond one side of the
+/// view.
+fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
+    let frame = scene.camera.frame();
+    let tan = (0.5 * scene.camera.fov_deg.to_radians()).tan();
+    let aspect = f64::from(scene.width) / f64::from(scene.height);
+    let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| {
+        let pick = |bit: u32, lo: f64, hi: f64| if i >> bit & 1 == 0 { lo } else { hi };
+        let index = DVec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z));
+        let d = volume.world_from_index().transform_point3(index) - scene.camera.eye;
+        [d.dot(frame.right), d.dot(frame.up), d.dot(frame.forward)]
+    });
+    // Rounding on the device may put a ray a little beside where it is meant to be.
+    let (right, up) = (1.001 * tan * aspect, 1.001 * tan);
+    let beyond: [&dyn Fn(&[f64; 3]) -> bool; 5] = [
+        &|[_, _, z]| *z < 0.0,
+        &|[x, _, z]| *x > right * z,
+        &|[x, _, z]| *x < -right * z,
+        &|[_, y, z]| *y > up * z,
+        &|[_, y, z]| *y < -up * z,
+    ];
+    !beyond.iter().any(|side| corners.iter().all(side))
+}
+
 impl Plan {
     pub fn of(scene: &Scene, loaded: &LoadedVolume, transfer: &DeviceTransfer, shadow: &ShadowMap) -> Self {
+        let forced = transfer.forced;
         let mut left_out = Vec::new();
-        let mut omit = |what: String, why: &str, saved: Option<String>| {
-            left_out.push(Omission { what, why: why.into(), saved });
+        let mut omit = |what: String, why: &str, saved: Option<String>, optional: Option<Optional>| {
+            left_out.push(Omission { what, why: why.into(), saved, optional });
         };
-        let needed = needs_shadows(scene, transfer);
+        if transfer.one_color {
+            let saved = Some(megabytes(12 * (TABLE_BINS as u64 + 1)));
+            omit("colour in the tables".into(), "all has one colour", saved, Some(Optional::Colors));
+        }
+        match transfer.march_table() {
+            None => {
+                let saved = Some(megabytes(8 * (PAIR_BINS as u64).pow(2)));
+                let why = "no light ray is marched cell by cell";
+                omit("pre-compressed table".into(), why, saved, Some(Optional::MarchTable));
+            }
+            Some(table) if !table.many_breakpoints && !forced.has(Optional::BreakpointSearch) => {
+                let why = "the pre-compressed table holds all";
+                omit("search for breakpoints".into(), why, None, Some(Optional::BreakpointSearch));
+            }
+            Some(_) => {}
+        }
+        let bricks = loaded.bricks.len();
+        let inactive = bricks - transfer.active.active;
+        let skip_bricks = scene.skip == Skip::Bricks && !forced.has(Optional::Bricks);
+        if skip_bricks && inactive > 0 {
+            let share = 100.0 * inactive as f64 / bricks as f64;
+            let what = format!("{inactive} of {bricks} bricks");
+            let saved = Some(format!("{share:.1} % of the volume"));
+            omit(what, "no extinction in them", saved, Some(Optional::Bricks));
+        }
+        let needed = needs_shadows(scene, &loaded.volume, transfer);
         let shadows = shadow.lookup.is_some() && needed.is_ok();
         match (&shadow.lookup, needed) {
-            (_, Err(why)) => omit("shadow pass".into(), why, None),
-            (None, Ok(())) => omit("shadow pass".into(), "method none", None),
+            (_, Err(why)) => omit("shadow pass".into(), why, None, Some(Optional::Shadows)),
+            (None, Ok(())) => omit("shadow pass".into(), "method none", None, None),
             _ => {}
         }
         let report = &shadow.report;
         if shadows && report.tiles_left_out > 0 {
-            let saved = Some(format!("{:.2} MB", report.bytes_left_out as f64 * 1e-6));
             let what = format!("{} of {} shadow tiles", report.tiles_left_out, report.tiles);
-            omit(what, "no active brick under them", saved);
+            let saved = Some(megabytes(report.bytes_left_out));
+            omit(what, "no active brick under them", saved, Some(Optional::Tiles));
         }
-        for (what, why) in report.passes_left_out.iter().filter(|_| shadows) {
-            omit((*what).into(), why, None);
+        for pass in report.passes_left_out.iter().filter(|_| shadows) {
+            if !pass.optional.is_some_and(|o| forced.has(o)) {
+                omit(pass.what.into(), pass.why, None, pass.optional);
+            }
         }
-        let bricks = loaded.bricks.len();
-        let inactive = bricks - transfer.active.active;
-        let skip_bricks = scene.skip == Skip::Bricks;
-        if skip_bricks && inactive > 0 {
-            let share = 100.0 * inactive as f64 / bricks as f64;
-            let what = format!("{inactive} of {bricks} bricks");
-            omit(what, "no extinction in them", Some(format!("{share:.1} % of the volume")));
+        let shading = match scene.shading {
+            Shading::None if forced.has(Optional::Gradients) => Shading::Lambert,
+            shading => shading,
+        };
+        if shading == Shading::None {
+            let saved = Some("6 samples a lit sample".into());
+            omit("gradients".into(), "shading none", saved, Some(Optional::Gradients));
         }
-        if scene.shading == Shading::None {
-            omit("gradients".into(), "shading none", Some("6 samples a lit sample".into()));
-        }
-        Self { shadows, skip_bricks, shading: scene.shading, left_out }
+        Self { shadows, skip_bricks, shading, left_out }
     }
 
     /// Whether the picture is made in several dispatches.
@@ -89,15 +152,22 @@ impl Plan {
         if self.skip_bricks {
             defs.push("SKIP_BRICKS");
         }
+        if transfer.one_color {
+            defs.push("ONE_COLOR");
+        }
         if let Some(lookup) = shadow.lookup.as_ref().filter(|_| self.shadows) {
             modules.extend(lookup.modules);
             defs.extend(&lookup.defs);
-            defs.extend(transfer.march_defs());
             defs.push("SHADOWS");
             if lookup.marches {
+                defs.extend(transfer.march_defs());
                 defs.push("RESUMABLE");
             }
         }
         ShaderVariant { entry: "raycast.wgsl", modules, defs }
     }
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.2} MB", bytes as f64 * 1e-6)
 }

@@ -1,6 +1,6 @@
 //! A volume and a transfer function made ready on a device: what every drawing command works with.
 
-use super::{DeviceTransfer, LoadedVolume, Picture, Renderer};
+use super::{DeviceTransfer, Forced, LoadedVolume, Picture, Renderer, needs_shadows};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::{Light, Scene};
@@ -18,15 +18,29 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens the adapter (`--adapter`), uploads the volume and makes the tables.
+    /// Opens the adapter (`--adapter`), uploads the volume and makes the tables; `forced` is what is done although the
+    /// scene does not need it (`--force`).
     ///
     /// # Errors
     /// No adapter, or a volume that it cannot hold.
-    pub fn open(adapter: Option<&str>, volume: Arc<Volume>, tf: &TransferFunction) -> Result<Self> {
+    pub fn open(
+        adapter: Option<&str>,
+        volume: Arc<Volume>,
+        tf: &TransferFunction,
+        forced: Forced,
+    ) -> Result<Self> {
         let renderer = Renderer::new(Gpu::open(adapter)?);
         let loaded = renderer.load(volume)?;
-        let transfer = renderer.transfer(&loaded, tf)?;
+        let transfer = renderer.transfer(&loaded, tf, forced)?;
         Ok(Self { renderer, loaded, transfer })
+    }
+
+    /// Whether a scene needs a shadow structure, or why not.
+    ///
+    /// # Errors
+    /// The reason why not.
+    pub fn needs_shadows(&self, scene: &Scene) -> std::result::Result<(), &'static str> {
+        needs_shadows(scene, &self.loaded.volume, &self.transfer)
     }
 
     /// Builds a shadow structure; see [`Renderer::shadow`].

@@ -22,7 +22,6 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderVariant, Span, StorageBuffer, read_back, table_texture, uniform_buffer};
-use crate::render::DeviceTransfer;
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use std::time::Instant;
@@ -197,7 +196,7 @@ impl DeepShadowMap {
         })
     }
 
-    fn variant(&self, transfer: &DeviceTransfer) -> ShaderVariant {
+    fn variant(&self, context: &BuildContext<'_>) -> Result<ShaderVariant> {
         let mut modules = vec!["common/field.wgsl", "common/transfer.wgsl", "common/light.wgsl"];
         let mut defs = Vec::new();
         modules.extend(["shadow/deep_layout.wgsl", "shadow/deep_nodes.wgsl"]);
@@ -209,13 +208,13 @@ impl DeepShadowMap {
         }
         if self.precompress == Precompress::Table {
             defs.push("MARCH_CELLS");
-            defs.extend(transfer.march_defs());
+            defs.extend(context.march_defs()?);
             modules.push("common/march.wgsl");
         }
         if self.prefilter > 1 {
             defs.push("PREFILTER");
         }
-        ShaderVariant { entry: "shadow/deep_build.wgsl", modules, defs }
+        Ok(ShaderVariant { entry: "shadow/deep_build.wgsl", modules, defs })
     }
 }
 
@@ -296,7 +295,7 @@ impl Method for DeepShadowMap {
         let start = Instant::now();
         let active = &context.transfer.active;
         let light_space = LightSpace::fit(volume, active, context.light, self.map);
-        let (entries, list) = layout(&light_space.occupied_tiles(volume, active));
+        let (entries, list) = layout(&context.built_tiles(&light_space));
         let [z_min, z_max] = light_space.z_range;
         let spacing = volume.min_spacing_mm();
         let mut uniform = LightUniform {
@@ -321,7 +320,7 @@ impl Method for DeepShadowMap {
         // A quarter more rows than texels does for most scenes; the counter says what this one needs.
         let mut pool_rows = uniform.tile_rows + uniform.tile_rows / 4;
         let mut pool_growths = 0;
-        let pipeline = renderer.pipeline(&self.variant(context.transfer), &renderer.layouts().build)?;
+        let pipeline = renderer.pipeline(&self.variant(context)?, &renderer.layouts().build)?;
         let (nodes, device, counters) = loop {
             // Whole lines of the texture; a map without tiles keeps one.
             pool_rows = pool_rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
@@ -398,7 +397,7 @@ fn run_build(
     let across = tile_count.clamp(1, 256);
     let span = renderer.timer().compute(gpu, "deep shadow map build", |pass| {
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &context.transfer.bind_group, &[]);
+        pass.set_bind_group(0, context.transfer.bind_group(), &[]);
         pass.set_bind_group(1, &shadow, &[]);
         pass.set_bind_group(2, &build, &[]);
         if tile_count > 0 {

@@ -20,7 +20,7 @@ pub use plain::{NoShadows, ShadowRays};
 
 use crate::error::{Error, Result};
 use crate::gpu::Span;
-use crate::render::{DeviceTransfer, Renderer};
+use crate::render::{DeviceTransfer, Optional, Renderer};
 use crate::scene::Light;
 use crate::volume::Volume;
 use spec::Setting;
@@ -50,6 +50,32 @@ pub struct BuildContext<'a> {
     pub light: Light,
 }
 
+impl BuildContext<'_> {
+    /// Whether each tile of the map is built: those with active bricks, or all where that is forced.
+    fn built_tiles(&self, light_space: &LightSpace) -> Vec<bool> {
+        let mut tiles = light_space.occupied_tiles(self.volume, &self.transfer.active);
+        if self.transfer.forced.has(Optional::Tiles) {
+            tiles.fill(true);
+        }
+        tiles
+    }
+
+    /// Definitions of a pipeline with `common/march.wgsl`, whose table is made now where it has not been.
+    fn march_defs(&self) -> Result<Option<&'static str>> {
+        self.renderer.march_table(self.transfer)?;
+        Ok(self.transfer.march_defs())
+    }
+}
+
+/// A pass of a published method that nothing would have read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassLeftOut {
+    pub what: &'static str,
+    pub why: &'static str,
+    /// Its name for `--force`, where it can be forced.
+    pub optional: Option<Optional>,
+}
+
 /// What building cost and made.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BuildReport {
@@ -69,8 +95,8 @@ pub struct BuildReport {
     pub bytes_left_out: u64,
     /// Times the build was repeated because the pool had run out.
     pub pool_growths: u32,
-    /// Passes that nothing would have read, each with the reason.
-    pub passes_left_out: &'static [(&'static str, &'static str)],
+    /// Passes that nothing would have read.
+    pub passes_left_out: &'static [PassLeftOut],
     /// The ratio that was chosen for the split of layers, where one was.
     pub split_choice: Option<SplitChoice>,
 }

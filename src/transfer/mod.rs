@@ -1,10 +1,14 @@
 //! Transfer functions: extinction (1/mm) and colour (linear RGB) as functions of the scalar value.
 
+mod change;
 mod file;
+mod pairs;
 pub mod presets;
 mod tables;
 
-pub use tables::{MAX_INTERVALS, PAIR_BINS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
+pub use change::TransferChange;
+pub use pairs::{PAIR_BINS, PairTable};
+pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
 
 /// Which quantity a file gives, and so which one is interpolated linearly between points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,6 +73,16 @@ impl TransferFunction {
         let inside = self.points.iter().filter(|p| p.value >= min && p.value <= max).map(|p| p.amount);
         let ends = [min, max].map(|v| self.interpolate(v, |p| p.amount));
         self.extinction_of_amount(inside.chain(ends).fold(0.0, f64::max))
+    }
+
+    /// The linear RGB colour of all that has extinction, where there is just one. Conservative: a point counts where it or
+    /// a neighbour has extinction.
+    pub fn one_color(&self) -> Option<[f64; 3]> {
+        let positive = |i: usize| self.points.get(i).is_some_and(|p| p.amount > 0.0);
+        let counts = |i: usize| positive(i) || positive(i + 1) || (i > 0 && positive(i - 1));
+        let mut colors = (0..self.points.len()).filter(|i| counts(*i)).map(|i| self.points[i].color);
+        let first = colors.next().or_else(|| self.points.first().map(|p| p.color))?;
+        colors.all(|c| c == first).then_some(first)
     }
 
     /// The same function of a value that has been mapped by an increasing `map`, e.g. to other units.
@@ -175,6 +189,17 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn one_color_of_what_has_extinction() {
+        let mut tf =
+            tf(Quantity::Extinction, &[(0.0, 0.0), (10.0, 0.0), (20.0, 1.0), (30.0, 0.0), (40.0, 0.0)]);
+        assert_eq!(tf.one_color(), None);
+        (1..4).for_each(|i| tf.points[i].color = [0.1, 0.2, 0.3]);
+        assert_eq!(tf.one_color(), Some([0.1, 0.2, 0.3]), "the outer points have none");
+        tf.points[0].amount = 0.5;
+        assert_eq!(tf.one_color(), None);
     }
 
     #[test]

@@ -3,9 +3,6 @@
 //! * `intervals`: the function itself, piecewise linear, for exact evaluation.
 //! * `integrals`: extinction, and extinction times colour, integrated over the value (pre-integration, Engel et al. 2001
 //!   as cited by Hadwiger et al. 2006, 3.2): differences of these never miss a peak between two samples.
-//! * `pair_nodes`: the pre-compressed visibility table (Hadwiger et al. 2006, 3.2). Deviation: a node is kept as the
-//!   *value* at which visibility bends, not as a depth, so that the march can place it exactly between any two samples of
-//!   the pair's bins; the table's resolution decides which nodes there are, never where they lie.
 
 use super::{Quantity, TransferFunction};
 use rayon::prelude::*;
@@ -16,16 +13,8 @@ pub const VALUE_BINS: usize = 1024;
 pub const TABLE_BINS: usize = 4096;
 /// Intervals that the device holds; a transfer function may have two points fewer.
 pub const MAX_INTERVALS: usize = 1024;
-/// Bins a side of the pre-compressed table.
-pub const PAIR_BINS: usize = 256;
-/// "No node" in `pair_nodes`.
-pub const NO_NODE: u16 = 0xffff;
-/// "More nodes than fit" in the last place of an entry.
-pub const MORE_NODES: u16 = 0xfffe;
 /// Stands for infinity on the device, which has none.
-const FAR: f64 = 1e30;
-/// A breakpoint that bends the optical depth of a whole segment by less than this is left out of the table.
-const BEND_TOLERANCE: f64 = 1e-5;
+pub(super) const FAR: f64 = 1e30;
 
 /// How texel values relate to the volume's scaled values: `value = texel * scale + offset`, `scale > 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,10 +42,6 @@ pub struct TransferTables {
     pub interval_of_bin: Vec<u32>,
     /// `[extinction * rgb, extinction]` integrated from the lowest texel value to each of `TABLE_BINS + 1` bin edges.
     pub integrals: Vec<[f32; 4]>,
-    /// `PAIR_BINS^2` entries of four interval indices (u16, first in the low half of the first word).
-    pub pair_nodes: Vec<[u32; 2]>,
-    /// Some pair has more breakpoints than an entry holds: the march then integrates over the value there.
-    pub many_breakpoints: bool,
     /// Texel values `<= first_value` and `>= last_value` have no extinction.
     pub first_value: f32,
     pub last_value: f32,
@@ -68,25 +53,30 @@ pub struct TransferTables {
     pub inv_reference_length: f32,
 }
 
-struct Interval {
-    start: f64,
-    end: f64,
-    amount: f64,
-    slope: f64,
+pub(super) struct Interval {
+    pub start: f64,
+    pub end: f64,
+    pub amount: f64,
+    pub slope: f64,
+}
+
+/// Where the bins of values start, and how wide all of them are together: from the first breakpoint to the last.
+pub(super) fn binned_range(breaks: &[f64]) -> (f64, f64) {
+    let (first, last) = (breaks.first().copied().unwrap_or(0.0), breaks.last().copied().unwrap_or(0.0));
+    (first, if last > first { (last - first) * (1.0 + 1e-6) } else { 1.0 })
+}
+
+/// The texel values at which one interval ends and the next starts.
+pub(super) fn breaks(intervals: &[Interval]) -> Vec<f64> {
+    intervals.iter().skip(1).map(|i| i.start).collect()
 }
 
 impl TransferTables {
-    /// Tables for texel values in `texel_range`; `segment_mm` is the longest stretch of ray inside one cell.
-    pub fn build(
-        tf: &TransferFunction,
-        mapping: TexelMapping,
-        texel_range: [f64; 2],
-        segment_mm: f64,
-    ) -> Self {
+    /// Tables for texel values in `texel_range`.
+    pub fn build(tf: &TransferFunction, mapping: TexelMapping, texel_range: [f64; 2]) -> Self {
         let intervals = intervals(tf, mapping);
-        let breaks = intervals.iter().skip(1).map(|i| i.start).collect::<Vec<_>>();
-        let (first, last) = (breaks.first().copied().unwrap_or(0.0), breaks.last().copied().unwrap_or(0.0));
-        let width = if last > first { (last - first) * (1.0 + 1e-6) } else { 1.0 };
+        let breaks = breaks(&intervals);
+        let (first, width) = binned_range(&breaks);
         let bin = width / VALUE_BINS as f64;
         let interval_of_bin = (0..VALUE_BINS)
             .map(|b| {
@@ -97,15 +87,10 @@ impl TransferTables {
             .collect();
         let [lo, hi] = texel_range;
         let table_width = if hi > lo { hi - lo } else { 1.0 };
-        let extinction = |texel: f64| tf.extinction(mapping.value_from_texel(texel));
         let (first_value, last_value) = extinct_range(tf, mapping);
-        let bends = bends(tf, &intervals);
-        let pair_nodes = pair_nodes(&extinction, &breaks, &bends, first, width, segment_mm);
         Self {
             interval_of_bin,
             integrals: integrals(tf, mapping, &breaks, lo, table_width),
-            many_breakpoints: pair_nodes.par_iter().any(|n| n[1] >> 16 == u32::from(MORE_NODES)),
-            pair_nodes,
             first_value,
             last_value,
             bin_origin: first as f32,
@@ -123,16 +108,14 @@ impl TransferTables {
         }
     }
 
-    /// Bytes on the device.
-    pub fn bytes(&self) -> u64 {
-        (size_of_val(&self.intervals[..])
-            + size_of_val(&self.interval_of_bin[..])
-            + size_of_val(&self.integrals[..])
-            + size_of_val(&self.pair_nodes[..])) as u64
+    /// Bytes on the device, where integrals are kept without colour for functions of one colour.
+    pub fn bytes(&self, one_color: bool) -> u64 {
+        let integrals = size_of_val(&self.integrals[..]) / if one_color { 4 } else { 1 };
+        (size_of_val(&self.intervals[..]) + size_of_val(&self.interval_of_bin[..]) + integrals) as u64
     }
 }
 
-fn intervals(tf: &TransferFunction, mapping: TexelMapping) -> Vec<Interval> {
+pub(super) fn intervals(tf: &TransferFunction, mapping: TexelMapping) -> Vec<Interval> {
     let texel = |i: usize| mapping.texel_from_value(tf.points[i].value);
     let amount = |i: usize| tf.points[i].amount;
     let n = tf.points.len();
@@ -176,25 +159,6 @@ fn extinct_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
     (first, last)
 }
 
-/// How much extinction bends at each breakpoint: the jump, and the change of slope, 1/mm and 1/mm per texel value.
-fn bends(tf: &TransferFunction, intervals: &[Interval]) -> Vec<(f64, f64)> {
-    intervals
-        .windows(2)
-        .map(|w| {
-            let sigma = |i: &Interval, at: f64| {
-                tf.extinction_of_amount((i.amount + i.slope * (at - i.start)).max(0.0))
-            };
-            let at = w[1].start;
-            let before = if w[0].slope == 0.0 { sigma(&w[0], w[0].start) } else { sigma(&w[0], at) };
-            let slope = |i: &Interval| {
-                let span = i.end - i.start;
-                if i.slope == 0.0 || span <= 0.0 { 0.0 } else { (sigma(i, i.end) - sigma(i, i.start)) / span }
-            };
-            ((sigma(&w[1], at) - before).abs(), (slope(&w[1]) - slope(&w[0])).abs())
-        })
-        .collect()
-}
-
 fn integrals(
     tf: &TransferFunction,
     mapping: TexelMapping,
@@ -236,64 +200,4 @@ fn integrals(
         list.push(total.map(|t| t as f32));
     }
     list
-}
-
-fn pair_nodes(
-    extinction: &(impl Fn(f64) -> f64 + Sync),
-    breaks: &[f64],
-    bends: &[(f64, f64)],
-    origin: f64,
-    width: f64,
-    segment_mm: f64,
-) -> Vec<[u32; 2]> {
-    let bin = width / PAIR_BINS as f64;
-    let entry = |from: usize, to: usize| {
-        let (low_bin, high_bin) = (from.min(to), from.max(to));
-        // The widest pair of values that falls into these bins; the outermost bins reach to infinity.
-        let low = if low_bin == 0 { -FAR } else { origin + (low_bin as f64 - 1e-3) * bin };
-        let high =
-            if high_bin + 1 == PAIR_BINS { FAR } else { origin + (high_bin as f64 + 1.0 + 1e-3) * bin };
-        let inside = breaks.partition_point(|s| *s < low)..breaks.partition_point(|s| *s <= high);
-        let span = (high.min(origin + width) - low.max(origin)).max(bin);
-        // Optical depth by which a segment of the pair would be wrong without the node.
-        let mut nodes = inside
-            .map(|i| (i, (bends[i].0 + bends[i].1 * span / 8.0) * segment_mm))
-            .filter(|(_, bend)| *bend > BEND_TOLERANCE)
-            .collect::<Vec<_>>();
-        let mut more = from == to && nodes.len() > 1;
-        if more {
-            // Both directions share the bin, and so no order would be right.
-            nodes.clear();
-        }
-        if nodes.len() > 4 {
-            more = true;
-            // What bends most as seen from the start of the segment: the light that is left weighs it.
-            let start = if from < to { low.max(origin) } else { high.min(origin + width) };
-            let per_value = segment_mm / span;
-            let left = |i: usize| {
-                let mid = 0.5 * (start + breaks[i]);
-                (-extinction(mid) * (breaks[i] - start).abs() * per_value).exp()
-            };
-            nodes.sort_by(|a, b| (b.1 * left(b.0)).total_cmp(&(a.1 * left(a.0))));
-            nodes.truncate(3);
-        }
-        nodes.sort_by_key(|n| n.0);
-        if from > to {
-            nodes.reverse();
-        }
-        let mut packed = [NO_NODE; 4];
-        for (slot, (i, _)) in packed.iter_mut().zip(&nodes) {
-            // Breakpoint i is where interval i + 1 starts.
-            *slot = (i + 1).min(usize::from(MORE_NODES) - 1) as u16;
-        }
-        if more {
-            packed[3] = MORE_NODES;
-        }
-        [0, 2].map(|k| u32::from(packed[k]) | u32::from(packed[k + 1]) << 16)
-    };
-    (0..PAIR_BINS * PAIR_BINS)
-        .into_par_iter()
-        .with_min_len(PAIR_BINS)
-        .map(|p| entry(p / PAIR_BINS, p % PAIR_BINS))
-        .collect()
 }

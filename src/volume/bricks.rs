@@ -64,6 +64,11 @@ impl Bricks {
         self.min.is_empty()
     }
 
+    /// Whether some brick's values reach into `[low, high]`.
+    pub fn have_values(&self, low: f64, high: f64) -> bool {
+        self.min.iter().zip(&self.max).any(|(&min, &max)| min <= high && max >= low)
+    }
+
     /// Finds the bricks with extinction anywhere in their range.
     pub fn classify(&self, tf: &TransferFunction) -> ActiveBricks {
         self.classify_blurred(tf, 0.0)

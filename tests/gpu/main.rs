@@ -5,8 +5,10 @@
 mod bound;
 mod degenerate;
 mod exact_pictures;
+mod forced;
 mod invariance;
 mod layers;
+mod live;
 mod pool;
 mod shading;
 mod strands;
@@ -18,15 +20,15 @@ use std::path::PathBuf;
 use std::sync::{Arc, LazyLock};
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
-use umbravox::render::{DeviceTransfer, LoadedVolume, Renderer};
+use umbravox::render::{DeviceTransfer, Forced, LoadedVolume, Renderer};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{self, ShadowMap};
 use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
 use umbravox::volume::{AffineSource, Provenance, Scaling, Volume, VolumeSpec, Voxels, load};
 
 /// Opened once: compiling pipelines takes longer than most tests.
-static RENDERER: LazyLock<Option<Renderer>> = LazyLock::new(|| match Gpu::open(None) {
-    Ok(gpu) => Some(Renderer::new(gpu)),
+static RENDERER: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| match Gpu::open(None) {
+    Ok(gpu) => Some(Arc::new(Renderer::new(gpu))),
     Err(e) if e.what == "no graphics adapter" => None,
     Err(e) => panic!("{e}"),
 });
@@ -42,12 +44,17 @@ struct Setup {
 impl Setup {
     /// `None`, visibly, where there is no adapter.
     fn open(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<Self> {
+        Self::forced(volume, tf, Forced::NOTHING)
+    }
+
+    /// The same with work forced back on.
+    fn forced(volume: &Arc<Volume>, tf: &TransferFunction, forced: Forced) -> Option<Self> {
         let Some(renderer) = RENDERER.as_ref() else {
             println!("skipped: no graphics adapter");
             return None;
         };
         let loaded = renderer.load(Arc::clone(volume)).unwrap();
-        let transfer = renderer.transfer(&loaded, tf).unwrap();
+        let transfer = renderer.transfer(&loaded, tf, forced).unwrap();
         Some(Self { renderer, loaded, transfer, tf: tf.clone() })
     }
 

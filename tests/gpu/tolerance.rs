@@ -27,3 +27,6 @@ pub const TURNED: f64 = 1e-3;
 pub const LAYERS_EVERYWHERE: f64 = 0.01;
 /// Optical depth of a point behind everything. What the project promises.
 pub const FULL_DEPTH: f64 = 1e-3;
+
+/// Work that is forced back on changes rounding alone.
+pub const FORCED: f64 = 1e-5;

@@ -20,7 +20,7 @@ use super::errors::{RayTest, meets_extinction};
 use super::rays::pick_texels;
 use crate::error::Result;
 use crate::exact::ExactField;
-use crate::render::{Renderer, Session};
+use crate::render::{Forced, Renderer, Session};
 use crate::scene::{Light, Scene};
 use crate::shadow::spec::Setting;
 use crate::shadow::{self, LightSpace, METHODS, Method, ShadowMap};
@@ -194,7 +194,7 @@ type Outcome = Result<(Vec<(&'static str, Findings)>, Cost)>;
 /// Every method on a case. Hands the renderer back: compiling its pipelines takes longer than most cases.
 fn measure(renderer: Renderer, case: &Case, methods: &[Box<dyn Method>]) -> (Renderer, Vec<Outcome>) {
     let ready = renderer.load(Arc::clone(&case.volume)).and_then(|loaded| {
-        let transfer = renderer.transfer(&loaded, &case.tf)?;
+        let transfer = renderer.transfer(&loaded, &case.tf, Forced::NOTHING)?;
         Ok((loaded, transfer))
     });
     let (loaded, transfer) = match ready {

@@ -24,7 +24,7 @@ use super::keys::{self, Given};
 use super::ratio::{Measure, SplitChoice, all_splits, choose, choose_by_region, hybrid};
 use super::record::Record;
 use super::split::Split;
-use super::{Recipe, deep_opacity};
+use super::{NO_DEPTH_PASS, PassLeftOut, Recipe, deep_opacity};
 use crate::error::{Error, Result};
 use std::time::Instant;
 
@@ -178,16 +178,19 @@ impl Method for BoundingOpacityMap {
         let light_space = LightSpace::fit(context.volume, &context.transfer.active, context.light, self.map);
         let mut host_ms = start.elapsed().as_secs_f64() * 1e3;
         let (mut split_choice, mut regions, mut search) = (None, None, None);
-        let mut passes_left_out: &[_] =
-            &[("start depth pass", "the march meets the start before the layers")];
+        let mut passes_left_out: &[_] = &[NO_DEPTH_PASS];
         let split = match self.split {
             BoundingSplit::Linear => Split::Power(1.0),
             BoundingSplit::Log => Split::Tables(vec![hybrid(1.0)]),
             BoundingSplit::Hybrid(ratio) => Split::Tables(vec![hybrid(ratio)]),
             BoundingSplit::Auto(_) | BoundingSplit::Texel if self.layers == 1 => {
                 passes_left_out = &[
-                    ("start depth pass", "the march meets the start before the layers"),
-                    ("search for the ratio", "a single layer is not split"),
+                    NO_DEPTH_PASS,
+                    PassLeftOut {
+                        what: "search for the ratio",
+                        why: "a single layer is not split",
+                        optional: None,
+                    },
                 ];
                 Split::Power(1.0)
             }

@@ -31,12 +31,20 @@ pub use opacity::{OpacityShadowMap, Slicing};
 pub use ratio::{Measure, SplitChoice};
 
 use super::deep::{CHORD_TOLERANCE, STEEPEST_SURFACE, TILE_ROWS, layout};
-use super::{BuildContext, BuildReport, Filter, LightSpace, LightUniform, Lookup, ShadowMap};
+use super::{BuildContext, BuildReport, Filter, LightSpace, LightUniform, Lookup, PassLeftOut, ShadowMap};
 use crate::error::Result;
 use crate::gpu::{Gpu, ShaderVariant, Span, StorageBuffer, read_back, table_texture, uniform_buffer};
+use crate::render::Optional;
 use record::Record;
 use split::{SPLIT_BINS, Split};
 use std::time::Instant;
+
+/// The pass of which DOM and BOM have no need here.
+const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
+    what: "depth pass",
+    why: "the march meets the start before the layers",
+    optional: Some(Optional::DepthPass),
+};
 
 /// What one layered map is to be.
 struct Recipe {
@@ -118,7 +126,7 @@ impl Recipe {
         let gpu = context.renderer.gpu();
         let start = Instant::now();
         let across = light_space.tiles_across();
-        let (entries, list) = layout(&light_space.occupied_tiles(context.volume, &context.transfer.active));
+        let (entries, list) = layout(&context.built_tiles(&light_space));
         let (size, texels) = self.tables(&entries, across);
         let tables = table_texture(gpu, "layered map tables", wgpu::TextureFormat::R32Uint, size, &texels)?;
         let uniform = uniform_buffer(gpu, "light space", &self.uniform(&light_space));
@@ -143,11 +151,14 @@ impl Recipe {
             "shadow/layers_build.wgsl",
             &["shadow/layers_layout.wgsl", "shadow/layers_sink.wgsl"],
             defs,
-        );
+        )?;
         // Two dimensions, since one holds no more than 65,535 workgroups.
         let groups_across = (list.len() as u32).clamp(1, 256);
         let groups = [groups_across, (list.len() as u32).div_ceil(groups_across)];
-        let device = pass.run(context, "layered map build", &variant, &uniform, groups)?;
+        let mut device = pass.run(context, "layered map build", &variant, &uniform, groups)?;
+        if self.record.depths > 0 && context.transfer.forced.has(Optional::DepthPass) {
+            device = depth_pass(context, &pass, record_count, &uniform, groups)?.plus(device);
+        }
         let texels_hit = u64::from(read_back::<u32>(gpu, stage, 1)?[0]);
         let left_out = (entries.len() - list.len()) as u64;
         let tile_bytes = u64::from(TILE_ROWS) * self.record.bytes();
@@ -225,7 +236,7 @@ impl Pass<'_> {
         });
         renderer.timer().compute(gpu, label, |pass| {
             pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &context.transfer.bind_group, &[]);
+            pass.set_bind_group(0, context.transfer.bind_group(), &[]);
             pass.set_bind_group(1, &shadow, &[]);
             pass.set_bind_group(2, &group, &[]);
             if down > 0 {
@@ -233,6 +244,27 @@ impl Pass<'_> {
             }
         })
     }
+}
+
+/// The papers' depth pass, which nothing here reads, in the bindings of the build that follows.
+fn depth_pass(
+    context: &BuildContext<'_>,
+    build: &Pass<'_>,
+    texels: u64,
+    uniform: &wgpu::Buffer,
+    groups: [u32; 2],
+) -> Result<Span> {
+    let starts = StorageBuffer::zeroed(context.renderer.gpu(), "starts", 4 * texels)?;
+    let sink = &["shadow/start_sink.wgsl"];
+    let variant = march_variant(context, "shadow/layers_start.wgsl", sink, Vec::new())?;
+    let second = &super::plain::unused_texture(context.renderer.gpu())?;
+    Pass { store: None, stage: &starts, second, ..*build }.run(
+        context,
+        "depth pass",
+        &variant,
+        uniform,
+        groups,
+    )
 }
 
 /// Group 2 of a pass over a layered map; wgpu keeps equal layouts once.
@@ -265,10 +297,10 @@ fn march_variant(
     entry: &'static str,
     modules: &[&'static str],
     mut defs: Vec<&'static str>,
-) -> ShaderVariant {
-    defs.extend(context.transfer.march_defs());
+) -> Result<ShaderVariant> {
+    defs.extend(context.march_defs()?);
     let common = ["common/field.wgsl", "common/transfer.wgsl", "common/light.wgsl"];
-    ShaderVariant { entry, modules: [&common, modules, &["common/march.wgsl"]].concat(), defs }
+    Ok(ShaderVariant { entry, modules: [&common, modules, &["common/march.wgsl"]].concat(), defs })
 }
 
 /// The texture of so many records. wgpu clears what is never written, and cleared records let all light through.

@@ -19,7 +19,7 @@ use super::super::{BuildContext, Entry, Filter, Key, LightSpace, Method, ShadowM
 use super::keys::{self, Given};
 use super::record::Record;
 use super::split::{SPLIT_BINS, Split, SplitTable};
-use super::{Pass, Recipe, march_variant};
+use super::{Pass, PassLeftOut, Recipe, march_variant};
 use crate::error::Result;
 use crate::gpu::{Span, StorageBuffer, read_back, uniform_buffer};
 use std::time::Instant;
@@ -134,7 +134,7 @@ fn weigh(context: &BuildContext<'_>, light_space: &LightSpace, recipe: &Recipe) 
     let unused = super::super::plain::unused_texture(gpu)?;
     let list = StorageBuffer::zeroed(gpu, "unused", 16)?;
     let pass = Pass { store: None, first: &unused, second: &unused, stage: &mass, list: &list };
-    let variant = march_variant(context, "shadow/layers_mass.wgsl", &["shadow/mass_sink.wgsl"], Vec::new());
+    let variant = march_variant(context, "shadow/layers_mass.wgsl", &["shadow/mass_sink.wgsl"], Vec::new())?;
     let span = pass.run(context, "optical mass", &variant, &uniform, [MASS_GROUPS; 2])?;
     Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
 }
@@ -191,7 +191,11 @@ impl Method for OpacityShadowMap {
             (device, _) => device,
         };
         if self.slicing == Slicing::Density && weighing.is_none() {
-            built.report.passes_left_out = &[("weighing the volume", "a single plane lies at its far side")];
+            built.report.passes_left_out = &[PassLeftOut {
+                what: "weighing the volume",
+                why: "a single plane lies at its far side",
+                optional: None,
+            }];
         }
         Ok(built.behind(context, LOOKUP, recipe.read_defs()))
     }

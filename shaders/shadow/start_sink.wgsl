@@ -1,0 +1,12 @@
+// Sink that ends a ray where it first meets extinction.
+#define_import_path umbravox::sink
+
+struct Sink {
+    start_mm: f32,
+    longest_depth: f32,
+}
+
+fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
+    (*sink).start_mm = z_from;
+    return depth > 0.0;
+}
