@@ -61,6 +61,7 @@ fn variants() -> Vec<ShaderVariant> {
         for skip in [&[][..], &["SKIP_BRICKS"]] {
             for shading in [&[][..], &["SHADING"], &["SHADING", "BLINN_PHONG"]] {
                 list.push(variant("raycast.wgsl", &[&COMMON], &[shading, skip, adapter]));
+                list.push(variant("raycast.wgsl", &[&COMMON], &[shading, skip, &["ONE_COLOR"], adapter]));
                 for (modules, defs) in lookups() {
                     for whole in [&["SHADOWS"][..], &["SHADOWS", "RESUMABLE"]] {
                         let defs = [shading, skip, defs, whole, adapter];
@@ -83,6 +84,8 @@ fn variants() -> Vec<ShaderVariant> {
         }
         let modules = ["shadow/mass_sink.wgsl", "common/march.wgsl"];
         list.push(variant("shadow/layers_mass.wgsl", &[&COMMON, &modules], &[adapter]));
+        let modules = ["shadow/start_sink.wgsl", "common/march.wgsl"];
+        list.push(variant("shadow/layers_start.wgsl", &[&COMMON, &modules], &[adapter]));
     }
     for def in [&[][..], &["PER_REGION"]] {
         let modules = ["common/field.wgsl", "common/light.wgsl"];
@@ -149,12 +152,12 @@ fn uniforms_have_one_layout() {
     assert_eq!(
         layout(&picture, "Field"),
         fields!(FieldUniform: size, min_spacing_mm, inv_size, intervals, active_lo, first_value, active_hi, last_value,
-            bin_origin, bins_per_value, table_origin, table_per_value, inv_reference_length)
+            bin_origin, bins_per_value, table_origin, table_per_value, inv_reference_length, color_r, color_g, color_b)
     );
     assert_eq!(
         layout(&picture, "Frame"),
         fields!(FrameUniform: plane_center, plane_distance_mm, grid_forward, step_mm, grid_right, ambient, grid_up,
-            first_row, background, rows, half_extent, size, world_x, world_y, world_z)
+            first_row, background, rows, half_extent, size, world_x, shading_weight, world_y, world_z)
     );
     // The rows of the affine are an array in Rust and three vectors in WGSL.
     let (size, mut members) = layout(&picture, "LightSpace");

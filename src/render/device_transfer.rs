@@ -29,7 +29,9 @@ pub struct FieldUniform {
     pub table_origin: f32,
     pub table_per_value: f32,
     pub inv_reference_length: f32,
-    pub color: [f32; 3],
+    pub color_r: f32,
+    pub color_g: f32,
+    pub color_b: f32,
 }
 
 /// `IntervalTable` of `shaders/common/transfer.wgsl`.
@@ -188,7 +190,8 @@ impl DeviceTransfer {
         let tables = TransferTables::build(tf, self.mapping, loaded.on_device.texel_range);
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
         let one = one_color(tf, self.forced);
-        let uniform = FieldUniform { color: one.unwrap_or_default().map(|c| c as f32), ..self.uniform };
+        let [color_r, color_g, color_b] = one.unwrap_or_default().map(|c| c as f32);
+        let uniform = FieldUniform { color_r, color_g, color_b, ..self.uniform };
         let bindings = Bindings {
             field: uniform_buffer(gpu, "field", &uniform),
             integrals: integral_texture(gpu, &tables, one.is_some())?,
@@ -291,6 +294,7 @@ fn field_uniform(
     } else {
         grid_box(active, dims)
     };
+    let [color_r, color_g, color_b] = one_color(tf, forced).unwrap_or_default().map(|c| c as f32);
     FieldUniform {
         size: dims.map(|n| n as u32),
         min_spacing_mm: loaded.volume.min_spacing_mm() as f32,
@@ -305,7 +309,9 @@ fn field_uniform(
         table_origin: tables.table_origin,
         table_per_value: tables.table_per_value,
         inv_reference_length: tables.inv_reference_length,
-        color: one_color(tf, forced).unwrap_or_default().map(|c| c as f32),
+        color_r,
+        color_g,
+        color_b,
     }
 }
 
