@@ -6,7 +6,7 @@ use crate::scene::{Scene, Shading, Skip};
 use crate::shadow::ShadowMap;
 
 /// Something that a scene did not need.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Omission {
     pub what: String,
     pub why: String,
