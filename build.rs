@@ -1,6 +1,7 @@
-//! Says in the program which revision it was built from: `UMBRAVOX_REVISION` is the commit, with `+changes` where
-//! what is built differs from it, or `unknown` outside a git checkout.
+//! Says in the program which revision it was built from: `UMBRAVOX_REVISION` is the commit, with `+changes` and a number
+//! that stands for them where what is built differs from it, or `unknown` outside a git checkout.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::process::Command;
 
@@ -28,7 +29,12 @@ fn revision() -> Option<String> {
     git(&["ls-files", "--error-unmatch", "Cargo.toml"])?;
     let commit = git(&["rev-parse", "--short=12", "HEAD"])?;
     let changes = git(&[&["status", "--porcelain", "--"], &SOURCES[..]].concat())?;
-    Some(if changes.is_empty() { commit } else { format!("{commit}+changes") })
+    if changes.is_empty() {
+        return Some(commit);
+    }
+    let mut hasher = DefaultHasher::new();
+    (changes, git(&[&["diff", "HEAD", "--"], &SOURCES[..]].concat())?).hash(&mut hasher);
+    Some(format!("{commit}+changes.{:08x}", hasher.finish() as u32))
 }
 
 /// What git prints, where it is installed and content.

@@ -159,17 +159,17 @@ pub fn write_tables(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathB
         .collect()
 }
 
-/// The caption of what all rows share, and the other columns that any row has a value in.
+/// The caption of what all rows share, a failed one with nothing there aside, and the other columns that any row has a
+/// value in.
 fn layout(rows: &[Row], wanted: impl Fn(&Shown) -> bool) -> (String, Vec<&'static Shown>) {
     let (mut caption, mut shown) = (Vec::new(), Vec::new());
     for (i, s) in SHOWN.iter().enumerate().filter(|(_, s)| wanted(s)) {
-        let mut values = rows.iter().map(s.value);
-        let first = values.next().unwrap_or_default();
-        if i < CAPTION_COLUMNS && values.all(|v| v == first) {
-            if !first.is_empty() {
-                caption.push(format!("{}: {first}", s.heading));
-            }
-        } else if rows.iter().any(|r| !(s.value)(r).is_empty()) {
+        let mut values = rows.iter().map(s.value).filter(|v| !v.is_empty());
+        let Some(first) = values.next() else { continue };
+        let whole = rows.iter().all(|r| r.has_failed() || !(s.value)(r).is_empty());
+        if i < CAPTION_COLUMNS && whole && values.all(|v| v == first) {
+            caption.push(format!("{}: {first}", s.heading));
+        } else {
             shown.push(s);
         }
     }
