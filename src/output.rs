@@ -56,6 +56,19 @@ pub fn write_picture(path: &Path, picture: &Array3<f32>) -> Result<()> {
     write_whole(path, |file| file.write_all(&bytes))
 }
 
+/// Reads a picture that [`write_picture`] has written as `.exr`, bit by bit the same.
+///
+/// # Errors
+/// The file cannot be read, or is no such picture.
+pub fn read_exr(path: &Path) -> Result<Array3<f32>> {
+    let fail = |why: String| Error::input("cannot read picture", path.display(), why);
+    let mut reader = image::ImageReader::open(path).map_err(|e| fail(e.to_string()))?;
+    reader.set_format(image::ImageFormat::OpenExr);
+    let picture = reader.decode().map_err(|e| fail(e.to_string()))?.into_rgba32f();
+    let shape = (picture.height() as usize, picture.width() as usize, 4);
+    Array3::from_shape_vec(shape, picture.into_raw()).map_err(|e| fail(e.to_string()))
+}
+
 /// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.
 ///
 /// # Errors

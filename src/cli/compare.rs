@@ -1,15 +1,19 @@
-//! `umbravox compare`: the error-against-time table of several methods.
+//! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
 
-use super::scene_args::SceneArgs;
+use super::scene_args::{SceneArgs, SceneRequest};
 use super::{Loaded, print_result, say};
 use crate::error::{Error, Result};
-use crate::measure::compare::{Compared, Comparison, Effort, Job, compare, progress_steps};
+use crate::gpu::Gpu;
+use crate::measure::compare::{Compared, Comparison, Effort, Job, compare, file_name_part, steps};
+use crate::measure::facts::Facts;
 use crate::measure::heat::{round_max, write_heat_map};
+use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::plot::write_plots;
+use crate::measure::progress::{Progress, spoken};
 use crate::measure::report::{summary, write_tables};
 use crate::measure::table::{Row, json};
-use crate::output::{check_output_dir, prepare_output_dir, write_picture, write_whole};
-use crate::render::Session;
+use crate::output::{check_output_dir, prepare_output_dir, write_whole};
+use crate::render::{Forced, Renderer, Session};
 use crate::shadow::parse_list;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -30,6 +34,10 @@ pub struct CompareArgs {
     /// The folder for tables, plots and pictures; made when it is missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
+    /// Go on with what an interrupted run of the same program, scenes and settings has measured into DIR; without it
+    /// the table is started anew
+    #[arg(long)]
+    pub resume: bool,
     /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value = DEFAULT_METHODS)]
     pub methods: String,
@@ -50,77 +58,184 @@ pub struct CompareArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// Bad input, or a failure of the device or disk.
+/// Bad input, a failure of the device or disk, or (after everything is written) a row that failed.
 pub fn run(args: CompareArgs) -> Result<()> {
     let methods = parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
     check_output_dir(&args.output)?;
-    let request = args.scene.into_request()?;
-    let Loaded { volume, tf, scene } = super::load(&request)?;
-    if request.shadow.is_some() {
+    let effort = Effort {
+        repeats: args.repeats as usize,
+        points: args.points as usize,
+        rays: args.rays as usize,
+        depths: args.depths as usize,
+    };
+    let paths = args.scene.scene.clone();
+    let requests = args.scene.into_requests()?;
+    let adapter = one_adapter(&requests)?;
+    if requests.iter().any(|r| r.shadow.is_some()) {
         say("note", &"--shadow is not used by compare; --methods is");
     }
-    let volume = Arc::new(volume);
-    let session = Session::open(request.adapter.as_deref(), Arc::clone(&volume), &tf, request.forced)?;
+    // Every scene is read before anything is done: a mistake in the last is not found hours later. One is held at a time.
+    let (mut first, mut names) = (None, Vec::new());
+    for (i, request) in requests.iter().enumerate() {
+        let loaded = super::load(request)?;
+        names.push(unused_name(paths.get(i).map_or_else(|| scene_name(&loaded), |path| stem(path)), &names));
+        if i == 0 {
+            first = Some(loaded);
+        }
+    }
+    let mut renderer = Renderer::new(Gpu::open(adapter.as_deref())?);
     // Made last: what is refused before leaves no empty folder.
     prepare_output_dir(&args.output)?;
-    let job = Job {
-        session: &session,
-        volume: &volume,
-        tf: &tf,
-        scene: &scene,
-        scene_name: scene_name(&volume, &tf),
-        effort: Effort {
-            repeats: args.repeats as usize,
-            points: args.points as usize,
-            rays: args.rays as usize,
-            depths: args.depths as usize,
-        },
-    };
-    let bar = progress_bar(progress_steps(methods.len()))?;
-    let result = compare(&job, &methods, &mut |what| {
-        bar.set_message(what.to_owned());
-        bar.inc(1);
+    let mut journal = Journal::open(&args.output, args.resume)?;
+    if args.resume {
+        say("note", &format_args!("{} holds {} rows", args.output.join(JOURNAL).display(), journal.len()));
+    }
+
+    let bar = progress_bar()?;
+    let mut progress = Progress::new(|status| {
+        bar.set_length(status.total as u64);
+        bar.set_position(status.done as u64);
+        let left = status.left_s.map_or(String::new(), |s| format!(", about {} left", spoken(s)));
+        bar.set_message(format!("{}{left}", status.what));
     });
+    let several = requests.len() > 1;
+    for (step, times) in requests.iter().flat_map(|_| steps(&methods, &effort)) {
+        progress.expect(step, times);
+    }
+    let mut all = Comparison::default();
+    for (request, name) in requests.iter().zip(&names) {
+        let Loaded { volume, tf, scene } = match first.take() {
+            Some(loaded) => loaded,
+            None => super::read(request)?.0,
+        };
+        let volume = Arc::new(volume);
+        match session(renderer, Arc::clone(&volume), &tf, request.forced) {
+            Ok(session) => {
+                let job = Job {
+                    session: &session,
+                    volume: &volume,
+                    tf: &tf,
+                    scene: &scene,
+                    scene_name: name.clone(),
+                    file_prefix: if several { format!("{}_", file_name_part(name)) } else { String::new() },
+                    effort,
+                };
+                all.append(compare(&job, &methods, &mut journal, &mut progress)?);
+                renderer = session.renderer;
+            }
+            Err(failed) => {
+                let (back, error) = *failed;
+                if !several {
+                    return Err(error);
+                }
+                renderer = back;
+                steps(&methods, &effort).iter().for_each(|(step, times)| progress.spare(step, *times));
+                let facts = Facts::of(renderer.gpu());
+                all.append(Comparison::failed(&facts, name, [scene.width, scene.height], &methods, &error));
+            }
+        }
+    }
+    drop(progress);
     bar.finish_and_clear();
-    let Comparison { compared, notes, failures } = result?;
-    notes.iter().for_each(|note| say("note", note));
-    for (name, e) in &failures {
+
+    all.notes.iter().for_each(|note| say("note", note));
+    for (name, e) in &all.failures {
         say("warning", &format_args!("{name} failed: {e}"));
     }
-    if request.explain {
-        for c in &compared {
+    if requests.iter().any(|r| r.explain) {
+        for c in &all.compared {
             c.left_out.iter().for_each(|o| say("plan", &format_args!("{}: {o}", c.slug)));
         }
     }
-    let rows: Vec<Row> = compared.iter().map(|c| c.row.clone()).collect();
+    let rows = all.rows();
     let tables = write_tables(&rows, &args.output, "compare")?;
-    let plots = write_plots(&rows, &args.output, "compare")?;
-    let pictures = write_pictures(&compared, &args.output)?;
-    if request.json {
+    let plots = write_scene_plots(&rows, &names, &args.output)?;
+    let pictures = write_pictures(&all.compared, &args.output)?;
+    if requests.iter().any(|r| r.json) {
         let json = String::from_utf8(json(&rows)?)
             .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
         print_result(&json)?;
     } else {
         print_result(&summary(&rows))?;
     }
-    for (what, paths) in [("tables", tables), ("plots", plots), ("pictures", pictures)] {
+    for (what, paths) in [("tables", &tables), ("plots", &plots), ("pictures", &pictures)] {
         let names: Vec<_> = paths.iter().map(|p| p.display().to_string()).collect();
         say(what, &names.join(" "));
     }
-    Ok(())
+    verdict(&rows, &args.output)
 }
 
-/// Writes each row's picture, where it differs from the picture of `rays`, and `pictures.md`, which shows the two side by
-/// side; returns the paths.
+/// The one adapter that all scenes are drawn on: times of several make no table.
+fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
+    let mut named = requests.iter().map(|r| &r.adapter);
+    let first = named.next().cloned().flatten();
+    if named.any(|a| *a != first) {
+        let why = "scene files name different ones, and a table is of one";
+        return Err(Error::input("cannot choose graphics adapter", "--scene", why)
+            .hint("--adapter wins over all of them"));
+    }
+    Ok(first)
+}
+
+/// A volume and a transfer function on the device; the renderer comes back where that cannot hold them.
+fn session(
+    renderer: Renderer,
+    volume: Arc<Volume>,
+    tf: &TransferFunction,
+    forced: Forced,
+) -> std::result::Result<Session, Box<(Renderer, Error)>> {
+    let ready = renderer.load(volume).and_then(|loaded| {
+        let transfer = renderer.transfer(&loaded, tf, forced)?;
+        Ok((loaded, transfer))
+    });
+    match ready {
+        Ok((loaded, transfer)) => Ok(Session { renderer, loaded, transfer }),
+        Err(e) => Err(Box::new((renderer, e))),
+    }
+}
+
+/// An error where a row failed: the first one's reason stands for all.
+fn verdict(rows: &[Row], folder: &Path) -> Result<()> {
+    let mut failed = rows.iter().filter(|r| r.has_failed()).peekable();
+    let Some(first) = failed.peek() else { return Ok(()) };
+    let why = format!("{} {}: {}", first.method, first.params, first.note);
+    let count = failed.count();
+    let what = format!("{count} of {} rows failed", rows.len());
+    Err(Error::runtime(what, folder.join("compare.csv").display(), why))
+}
+
+/// Error against time, one drawing a scene; returns the paths.
+fn write_scene_plots(rows: &[Row], scenes: &[String], folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for scene in scenes {
+        let of_scene: Vec<Row> = rows.iter().filter(|r| r.scene == *scene).cloned().collect();
+        let stem = match scenes.len() {
+            1 => "compare".into(),
+            _ => format!("compare_{}", file_name_part(scene)),
+        };
+        paths.extend(write_plots(&of_scene, folder, &stem)?);
+    }
+    Ok(paths)
+}
+
+/// Writes where each row's picture differs from that of `rays`, and `pictures.md`, which shows the two side by side;
+/// returns the paths, with those of the pictures, which the journal has written.
 fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = vec![folder.join("pictures.md")];
-    let mut sheet = String::from("| method | picture | difference from `rays` |\n| --- | --- | --- |\n");
-    for c in compared {
+    let mut sheet = String::new();
+    let mut scene = None;
+    for c in compared.iter().filter(|c| c.picture.is_some()) {
+        if scene != Some(&c.row.scene) {
+            let space = if scene.is_some() { "\n" } else { "" };
+            scene = Some(&c.row.scene);
+            sheet += &format!(
+                "{space}## {}\n\n| method | picture | difference from `rays` |\n| --- | --- | --- |\n",
+                c.row.scene
+            );
+        }
         let name = format!("picture_{}.png", c.slug);
         sheet += &format!("| {} {} | ![{name}]({name}) |", c.row.method, c.row.params);
-        let path = folder.join(name);
-        write_picture(&path, &c.picture)?;
-        paths.push(path);
+        paths.push(folder.join(name));
         sheet += &match &c.difference {
             Some(_) => format!(" ![difference](difference_{}.png) |\n", c.slug),
             None => " |\n".into(),
@@ -136,19 +251,57 @@ fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBuf>> 
     Ok(paths)
 }
 
+/// A scene file's name without its ending.
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// The name, with a number where a scene has it already; also where the two would give files of one name.
+fn unused_name(name: String, used: &[String]) -> String {
+    let taken = |name: &str| used.iter().any(|u| file_name_part(u) == file_name_part(name));
+    let numbered = (2..).map(|n| format!("{name}-{n}"));
+    std::iter::once(name.clone()).chain(numbered).find(|n| !taken(n)).unwrap_or(name)
+}
+
 /// Volume and transfer function in a few words: `CT_AVM, CT bone`.
-fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
-    let source = &volume.provenance.source;
+fn scene_name(loaded: &Loaded) -> String {
+    let source = &loaded.volume.provenance.source;
     let file = source.rsplit(['/', '\\']).next().unwrap_or(source);
     let stem = file.strip_suffix(".gz").unwrap_or(file);
     let stem = [".nii", ".hdr", ".img", ".raw"].iter().find_map(|e| stem.strip_suffix(e)).unwrap_or(stem);
     let volume = stem.strip_prefix("phantom:").unwrap_or(stem);
-    format!("{volume}, {}", tf.name)
+    format!("{volume}, {}", loaded.tf.name)
 }
 
 /// Shown on stderr where that is a terminal.
-fn progress_bar(steps: usize) -> Result<ProgressBar> {
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}")
+fn progress_bar() -> Result<ProgressBar> {
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {wide_msg}")
         .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
-    Ok(ProgressBar::new(steps as u64).with_style(style))
+    Ok(ProgressBar::new(0).with_style(style))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_of_one_name_are_told_apart() {
+        let mut names: Vec<String> = Vec::new();
+        for path in
+            ["a/chest.toml", "b/chest.toml", "chest-2.toml", "c/chest.toml", "head 1.toml", "head_1.toml"]
+        {
+            names.push(unused_name(stem(Path::new(path)), &names));
+        }
+        assert_eq!(names, ["chest", "chest-2", "chest-2-2", "chest-3", "head 1", "head_1-2"]);
+    }
+
+    #[test]
+    fn one_failed_row_makes_the_verdict() {
+        let mut rows = vec![Row::default(), Row { method: "dsm".into(), ..Row::default() }];
+        assert!(verdict(&rows, Path::new("out")).is_ok());
+        rows[1].set_failed(&"planted");
+        let e = verdict(&rows, Path::new("out")).unwrap_err();
+        assert_eq!(e.exit_status(), 1);
+        assert!(e.what == "1 of 2 rows failed" && e.why == "dsm : planted", "{e}");
+    }
 }

@@ -124,18 +124,31 @@ pub struct Loaded {
 /// # Errors
 /// Whatever of it cannot be read or does not go together.
 pub fn load(request: &SceneRequest) -> Result<Loaded> {
+    let (loaded, remarks) = read(request)?;
+    remarks.iter().for_each(|(kind, remark)| say(kind, remark));
+    Ok(loaded)
+}
+
+/// What is said of an input, and as what: `note` or `warning`.
+type Remark = (&'static str, String);
+
+/// As [`load`], but hands over what there is to say.
+///
+/// # Errors
+/// As there.
+pub fn read(request: &SceneRequest) -> Result<(Loaded, Vec<Remark>)> {
     let found = request.tf.as_deref().map(presets::find).transpose()?;
-    let volume = load_volume(&request.volume)?;
+    let volume = volume::load(&request.volume)?;
+    let mut remarks: Vec<Remark> =
+        volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
     let found = match found {
         Some(found) => found,
         None => presets::find(presets::default_name(&volume))?,
     };
     let presets::ResolvedTransferFunction { tf, note } = found.suit(&volume);
-    if let Some(note) = note {
-        say("note", &note);
-    }
+    remarks.extend(note.map(|note| ("note", note)));
     let scene = request.resolve(&volume)?;
-    Ok(Loaded { volume, tf, scene })
+    Ok((Loaded { volume, tf, scene }, remarks))
 }
 
 /// Reads a volume and says its warnings on stderr.

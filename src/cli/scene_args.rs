@@ -103,9 +103,10 @@ pub struct SceneArgs {
     /// How empty space is passed over [default: bricks]
     #[arg(long, value_enum, value_name = "HOW", help_heading = "Scene")]
     pub skip: Option<Skip>,
-    /// A TOML file with any of these flags as keys, and `volume`; flags win
+    /// A TOML file with any of these flags as keys, and `volume`; flags win. `compare` takes several, each with its own
+    /// --scene
     #[arg(long, value_name = "FILE.toml", help_heading = "Scene")]
-    pub scene: Option<PathBuf>,
+    pub scene: Vec<PathBuf>,
 
     /// Do work that the scene does not need: names apart by commas, as --explain puts them in brackets, or all
     #[arg(long, value_name = "NAMES", value_parser = values::forced, help_heading = "Scene")]
@@ -126,35 +127,48 @@ impl SceneArgs {
     /// What was asked for: the flags over the scene file over the defaults.
     ///
     /// # Errors
-    /// The scene file cannot be read, or flags that do not go together.
+    /// The scene file cannot be read, there is more than one, or flags that do not go together.
     pub fn into_request(self) -> Result<SceneRequest> {
-        let args = match &self.scene {
-            Some(path) => {
-                let file = scene_file::read(path)?;
-                self.over(file)
-            }
-            None => self,
-        };
-        Ok(SceneRequest {
-            volume: args.volume_flags.spec(args.volume.as_deref().unwrap_or(DEFAULT_VOLUME)),
-            tf: args.tf,
-            shadow: args.shadow,
-            size: args.size.unwrap_or(Size { width: 512, height: 512 }),
-            eye: args.eye,
-            target: args.target,
-            up: args.up.unwrap_or(DVec3::Z),
-            fov_deg: args.fov.unwrap_or(Camera::DEFAULT_FOV_DEG),
-            light: args.light,
-            ambient: args.ambient,
-            shading: args.shading,
-            background: args.background,
-            step: args.step,
-            skip: args.skip,
-            forced: args.force.unwrap_or_default(),
-            explain: args.explain,
-            json: args.json,
-            adapter: args.adapter,
-        })
+        if self.scene.len() > 1 {
+            return Err(Error::input("bad command line", "--scene", "only `compare` takes more than one"));
+        }
+        self.into_requests()?.pop().ok_or_else(|| Error::input("bad command line", "--scene", "no scene"))
+    }
+
+    /// A request for each scene file, in their order; one where there is none.
+    ///
+    /// # Errors
+    /// As [`Self::into_request`], but for there being several.
+    pub fn into_requests(mut self) -> Result<Vec<SceneRequest>> {
+        let paths = std::mem::take(&mut self.scene);
+        if paths.is_empty() {
+            return Ok(vec![self.request()]);
+        }
+        paths.into_iter().map(|path| Ok(self.clone().over(scene_file::read(&path)?).request())).collect()
+    }
+
+    /// The flags over the defaults.
+    fn request(self) -> SceneRequest {
+        SceneRequest {
+            volume: self.volume_flags.spec(self.volume.as_deref().unwrap_or(DEFAULT_VOLUME)),
+            tf: self.tf,
+            shadow: self.shadow,
+            size: self.size.unwrap_or(Size { width: 512, height: 512 }),
+            eye: self.eye,
+            target: self.target,
+            up: self.up.unwrap_or(DVec3::Z),
+            fov_deg: self.fov.unwrap_or(Camera::DEFAULT_FOV_DEG),
+            light: self.light,
+            ambient: self.ambient,
+            shading: self.shading,
+            background: self.background,
+            step: self.step,
+            skip: self.skip,
+            forced: self.force.unwrap_or_default(),
+            explain: self.explain,
+            json: self.json,
+            adapter: self.adapter,
+        }
     }
 
     /// These flags where given, `file`'s otherwise.
@@ -182,7 +196,7 @@ impl SceneArgs {
             step: self.step.or(file.step),
             skip: self.skip.or(file.skip),
             force: self.force.or(file.force),
-            scene: self.scene.or(file.scene),
+            scene: self.scene,
             explain: self.explain || file.explain,
             json: self.json || file.json,
             adapter: self.adapter.or(file.adapter),

@@ -23,7 +23,7 @@ impl std::fmt::Display for Clock {
 }
 
 /// A measured duration on both clocks.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Span {
     /// By timestamps, where the adapter has them.
     pub gpu_ms: Option<f64>,

@@ -5,8 +5,8 @@
 //! depths) they say whether a method keeps its promise: [`band`] compares it with the exact curve, widened by
 //! the promised tolerance in value and in depth, and `ray_err_max` is the plain largest difference. At **points
 //! that the camera sees**, weighted as it sees them, they say what a user notices ([`stats::ErrorStats`]). The
-//! **picture** itself is compared with a reference picture in linear RGBA ([`stats::image_error`]), and
-//! [`heat`] shows where errors are.
+//! **picture** itself is compared with the exact one in linear RGBA ([`stats::image_error`]) and as a viewer sees
+//! it ([`similarity::ssim`]), and [`heat`] shows where errors are.
 //!
 //! Times are medians of repeats after a warm-up, with smallest and largest beside them, the methods taking
 //! turns ([`timing::interleave`]); `build_ms` makes the shadow structure, `frame_ms` one picture with it made,
@@ -16,17 +16,24 @@
 //! full precision), [`report`] as Markdown and LaTeX for reading, with what is [`best`] at equal bytes and time, and
 //! [`plot`] draws error against time. None of these knows of a GPU; measuring itself is tested with planted errors and
 //! planted times. [`errors`] asks a built method and the exact field the same questions, [`compare`] makes the whole
-//! table, and [`stability`] takes every method through stiff and extreme cases.
+//! table, [`journal`] keeps what is measured on disk as soon as it is, and [`stability`] takes every method through
+//! stiff and extreme cases.
 
 pub mod band;
 pub mod best;
 mod canvas;
+mod cell;
 pub mod compare;
 pub mod errors;
+pub mod facts;
 pub mod heat;
+pub mod journal;
 pub mod plot;
+mod prepare;
+pub mod progress;
 pub mod rays;
 pub mod report;
+pub mod similarity;
 pub mod stability;
 pub mod stats;
 pub mod table;

@@ -1,69 +1,34 @@
 //! The table for reading: Markdown and LaTeX, units in the headings, three significant digits.
 
+mod columns;
+
 use super::best::{BUDGET_METHOD, Best, Held, best_within};
 use super::table::{Row, csv, json};
 use crate::error::Result;
 use crate::output::write_whole;
+use columns::{CAPTION_COLUMNS, SHOWN, Shown};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-
-/// A column of the readable tables.
-struct Shown {
-    heading: &'static str,
-    unit: &'static str,
-    /// Numbers are aligned to the right.
-    number: bool,
-    /// LaTeX tables must fit a page, so they show fewer columns.
-    on_paper: bool,
-    value: fn(&Row) -> String,
-}
-
-const fn text(heading: &'static str, value: fn(&Row) -> String) -> Shown {
-    Shown { heading, unit: "", number: false, on_paper: true, value }
-}
-
-const fn number(heading: &'static str, unit: &'static str, value: fn(&Row) -> String) -> Shown {
-    Shown { heading, unit, number: true, on_paper: true, value }
-}
-
-const fn wide(heading: &'static str, unit: &'static str, value: fn(&Row) -> String) -> Shown {
-    Shown { heading, unit, number: true, on_paper: false, value }
-}
-
-const SHOWN: &[Shown] = &[
-    text("scene", |r| r.scene.clone()),
-    text("adapter", |r| r.adapter.clone()),
-    text("picture", |r| format!("{} x {}", r.width, r.height)),
-    text("clock", |r| r.clock.map_or(String::new(), |c| c.name().to_string())),
-    text("method", |r| r.method.clone()),
-    text("params", |r| r.params.clone()),
-    number("map", "texels", |r| r.map.map_or(String::new(), |n| n.to_string())),
-    number("build", "ms", |r| real(r.build_ms)),
-    number("frame", "ms", |r| real(r.frame_ms)),
-    wide("fps static", "1/s", |r| real(r.fps_static)),
-    number("fps moving", "1/s", |r| real(r.fps_moving)),
-    number("memory", "MiB", |r| real(r.bytes.map(|b| b as f64 / f64::from(1 << 20)))),
-    wide("nodes", "", |r| r.nodes_total.map_or(String::new(), |n| n.to_string())),
-    wide("nodes max", "", |r| r.nodes_max.map_or(String::new(), |n| n.to_string())),
-    number("ray err max", "", |r| real(r.ray_err_max)),
-    wide("point err max", "", |r| real(r.point_err_max)),
-    number("point err rms", "", |r| real(r.point_err_rms)),
-    number("point err p99", "", |r| real(r.point_err_p99)),
-    wide("image rmse", "", |r| real(r.image_rmse)),
-    number("PSNR", "dB", |r| real(r.image_psnr)),
-    number("bound", "", |r| real(r.bound)),
-    wide("bound depth", "mm", |r| real(r.bound_depth_mm)),
-    text("bound held", |r| flag(r.bound_held)),
-    text("Pareto", |r| flag(r.pareto)),
-];
-
-/// Columns that go into the caption when every row has the same in them.
-const CAPTION_COLUMNS: usize = 4;
 
 /// The main columns of the rows as an aligned Markdown table with a caption, and what is best at equal bytes and at
 /// equal time.
 pub fn summary(rows: &[Row]) -> String {
-    markdown_table(rows, |s| s.on_paper) + &answers(rows)
+    markdown_table(rows, |s| s.on_paper) + &remarks(rows) + &answers(rows)
+}
+
+/// The notes of single rows.
+fn remarks(rows: &[Row]) -> String {
+    let mut out = String::new();
+    for row in rows.iter().filter(|r| !r.note.is_empty()) {
+        let start = if out.is_empty() { "\n" } else { "" };
+        let failed = if row.has_failed() { " failed" } else { "" };
+        out += &format!(
+            "{start}- {}{failed}: {}\n",
+            escape_markdown(&full_name(row, rows)),
+            escape_markdown(&row.note)
+        );
+    }
+    out
 }
 
 /// Which row is best within the bytes, and within the time, of each `dsm` row; nothing where there is no such row.
@@ -92,17 +57,27 @@ fn answers(rows: &[Row]) -> String {
         + &question(Held::Time, &format!("time as {BUDGET_METHOD}, build and frame"), &milliseconds)
 }
 
-/// The rows as an aligned Markdown table with a caption, and what was left out below it.
+/// The rows as an aligned Markdown table with a caption, with what there is to say about single rows and what was left
+/// out below it.
 pub fn markdown(rows: &[Row]) -> String {
     let mut out = markdown_table(rows, |_| true);
     out += "\nErrors are of transmittance (0 to 1): `ray err` along light rays, `point err` at the points the \
-        camera sees. Times are medians. Every column is in the CSV file beside this one.\n";
+        camera sees; the picture's are against the exact picture, RMSE and PSNR in linear RGBA, SSIM in sRGB. Times \
+        are medians. Every column is in the CSV file beside this one.\n";
+    if let Some(error) = rows.iter().filter_map(|r| r.image_exact_err).reduce(f64::max) {
+        out += &format!(
+            "The exact picture itself changes by at most {} in a channel when its integration is made finer.\n",
+            significant(error, 2)
+        );
+    }
+    out += &remarks(rows);
     out += &answers(rows);
     let mut left_out = rows.iter().filter(|r| !r.left_out.is_empty()).peekable();
     if left_out.peek().is_some() {
         out += "\nLeft out, because the scene does not need it:\n\n";
         for row in left_out {
-            out += &format!("- {}: {}\n", escape_markdown(&name(row)), escape_markdown(&row.left_out));
+            let name = escape_markdown(&full_name(row, rows));
+            out += &format!("- {name}: {}\n", escape_markdown(&row.left_out));
         }
     }
     out
@@ -184,17 +159,17 @@ pub fn write_tables(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathB
         .collect()
 }
 
-/// The caption of what all rows share, and the other columns that any row has a value in.
+/// The caption of what all rows share, a failed one with nothing there aside, and the other columns that any row has a
+/// value in.
 fn layout(rows: &[Row], wanted: impl Fn(&Shown) -> bool) -> (String, Vec<&'static Shown>) {
     let (mut caption, mut shown) = (Vec::new(), Vec::new());
     for (i, s) in SHOWN.iter().enumerate().filter(|(_, s)| wanted(s)) {
-        let mut values = rows.iter().map(s.value);
-        let first = values.next().unwrap_or_default();
-        if i < CAPTION_COLUMNS && values.all(|v| v == first) {
-            if !first.is_empty() {
-                caption.push(format!("{}: {first}", s.heading));
-            }
-        } else if rows.iter().any(|r| !(s.value)(r).is_empty()) {
+        let mut values = rows.iter().map(s.value).filter(|v| !v.is_empty());
+        let Some(first) = values.next() else { continue };
+        let whole = rows.iter().all(|r| r.has_failed() || !(s.value)(r).is_empty());
+        if i < CAPTION_COLUMNS && whole && values.all(|v| v == first) {
+            caption.push(format!("{}: {first}", s.heading));
+        } else {
             shown.push(s);
         }
     }
@@ -210,22 +185,16 @@ fn name(row: &Row) -> String {
     if row.params.is_empty() { row.method.clone() } else { format!("{} {}", row.method, row.params) }
 }
 
-/// The same with the map's size, where that differs between rows.
+/// The same with the scene and the map's size, where these differ between rows.
 fn full_name(row: &Row, rows: &[Row]) -> String {
+    let scene =
+        if rows.iter().any(|r| r.scene != row.scene) { format!("{}: ", row.scene) } else { String::new() };
     let mut sizes = rows.iter().filter_map(|r| r.map);
     let first = sizes.next();
     match row.map {
-        Some(map) if sizes.any(|m| Some(m) != first) => format!("{} map={map}", name(row)),
-        _ => name(row),
+        Some(map) if sizes.any(|m| Some(m) != first) => format!("{scene}{} map={map}", name(row)),
+        _ => scene + &name(row),
     }
-}
-
-fn flag(value: Option<bool>) -> String {
-    value.map_or("", |yes| if yes { "yes" } else { "no" }).to_string()
-}
-
-fn real(value: Option<f64>) -> String {
-    value.map_or(String::new(), |x| significant(x, 3))
 }
 
 /// `x` to so many significant digits: plain from 0.001 to 100 000, otherwise as `1.23e-5`.

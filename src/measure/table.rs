@@ -1,58 +1,21 @@
 //! The rows that `compare` writes, their Pareto front, and the two lossless writers: CSV and JSON.
 
 use super::band::{Band, BandReport};
+pub use super::cell::Cell;
+use super::cell::FromText;
 use super::stats::{ErrorStats, ImageError};
 use super::timing::{ClockSource, Timing};
 use crate::error::{Error, Result};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt;
-
-/// One value of a row, as written.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
-    /// Not measured, or nothing to say.
-    Empty,
-    Text(String),
-    Integer(u64),
-    Real(f64),
-    /// `yes` or `no`.
-    Flag(bool),
-}
-
-/// As written in CSV: reals in the fewest digits that read back as the same number.
-impl fmt::Display for Cell {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::Empty => Ok(()),
-            Self::Text(text) => f.write_str(text),
-            Self::Integer(n) => write!(f, "{n}"),
-            Self::Real(x) => write!(f, "{x:?}"),
-            Self::Flag(yes) => f.write_str(if *yes { "yes" } else { "no" }),
-        }
-    }
-}
-
-macro_rules! cell_from {
-    ($($t:ty => $cell:expr),*) => { $(impl From<$t> for Cell { fn from(v: $t) -> Self { $cell(v) } })* };
-}
-cell_from!(
-    String => Cell::Text, u64 => Cell::Integer, f64 => Cell::Real, bool => Cell::Flag,
-    u32 => |n| Cell::Integer(u64::from(n)),
-    ClockSource => |c: ClockSource| Cell::Text(c.name().to_string())
-);
-
-impl<T: Into<Cell>> From<Option<T>> for Cell {
-    fn from(value: Option<T>) -> Self {
-        value.map_or(Cell::Empty, Into::into)
-    }
-}
 
 /// One list gives the fields, the columns and their order.
 macro_rules! columns {
     ($($(#[$doc:meta])* $name:ident: $t:ty,)*) => {
         /// One method and setting. The fields are the columns, in the order in which every writer puts them:
-        /// those of CONTRACT section 4, with `build_ms_min` and `build_ms_max` right after `build_ms`,
-        /// `frame_ms_min` and `frame_ms_max` right after `frame_ms`, and `clock` after these.
+        /// those of CONTRACT section 4 in its order, each with what belongs to it right after it, and last on what and
+        /// by what the row was measured.
         #[derive(Debug, Clone, PartialEq, Default, Serialize)]
         pub struct Row {
             $($(#[$doc])* pub $name: $t,)*
@@ -65,6 +28,15 @@ macro_rules! columns {
             /// The row's values, one a column of [`COLUMNS`].
             pub fn cells(&self) -> Vec<Cell> {
                 vec![$(self.$name.clone().into()),*]
+            }
+
+            /// The row whose cells, written as text, are these by their columns; a missing one is empty.
+            ///
+            /// # Errors
+            /// The first column whose text is no value of it.
+            pub fn from_texts(texts: &BTreeMap<String, String>) -> Result<Self, &'static str> {
+                let text = |column: &str| texts.get(column).map_or("", String::as_str);
+                Ok(Self { $($name: FromText::from_text(text(stringify!($name))).ok_or(stringify!($name))?,)* })
             }
         }
     };
@@ -91,8 +63,19 @@ columns! {
     frame_ms: Option<f64>,
     frame_ms_min: Option<f64>,
     frame_ms_max: Option<f64>,
-    /// Whose clock the times are from.
+    /// Whose clock these times are from.
     clock: Option<ClockSource>,
+    /// The device's part of `build_ms`, and `frame_ms`, by the GPU's timestamps; empty where the adapter has none.
+    build_gpu_ms: Option<f64>,
+    /// By the host's clock: from asking for the structure to having it, and from submitting a picture's work to its end.
+    build_wall_ms: Option<f64>,
+    frame_gpu_ms: Option<f64>,
+    frame_wall_ms: Option<f64>,
+    /// Median host times of what a transfer-function edit makes anew: classes of bricks, tables.
+    bricks_ms: Option<f64>,
+    tables_ms: Option<f64>,
+    /// Timed rounds that the medians are of.
+    repeats: Option<u32>,
     /// `1000 / frame_ms`: the light stands still.
     fps_static: Option<f64>,
     /// `1000 / (build_ms + frame_ms)`: the light moves.
@@ -108,10 +91,16 @@ columns! {
     point_err_max: Option<f64>,
     point_err_rms: Option<f64>,
     point_err_p99: Option<f64>,
-    /// Against the reference picture, linear RGBA.
+    /// Weighted mean of `T_method - T_exact`: negative where the method is too dark.
+    point_err_mean_signed: Option<f64>,
+    /// Against the exact picture, linear RGBA.
     image_rmse: Option<f64>,
     /// Peak 1, in dB; infinite for identical pictures.
     image_psnr: Option<f64>,
+    /// Mean structural similarity of the sRGB-encoded pictures, 1 for identical ones.
+    image_ssim: Option<f64>,
+    /// How far the exact picture itself may be off: the largest change of a channel, linear, when it is made finer.
+    image_exact_err: Option<f64>,
     /// What the method promises on light rays: tolerance in transmittance, and in depth (mm).
     bound: Option<f64>,
     bound_depth_mm: Option<f64>,
@@ -121,17 +110,37 @@ columns! {
     pareto: Option<bool>,
     /// What the plan left out, and what that saved.
     left_out: String,
+    /// The adapter's driver with its version.
+    driver: String,
+    /// Threads of the host's parallel work.
+    threads: Option<u32>,
+    /// `release` or `debug`.
+    profile: String,
+    /// Of this program, and the commit that it was built from.
+    version: String,
+    revision: String,
+    /// `ok` or `failed`.
+    status: String,
+    /// Why it failed, or what else a reader of the row should know.
+    note: String,
 }
+
+/// The column `status`.
+pub const OK: &str = "ok";
+pub const FAILED: &str = "failed";
 
 impl Row {
     /// Fills the times and the frame rates that follow from them.
-    pub fn set_timing(&mut self, timing: &Timing, clock: ClockSource) {
+    pub fn set_timing(&mut self, timing: &Timing) {
         let (build, frame) = (timing.build_ms, timing.frame_ms);
         [self.build_ms, self.build_ms_min, self.build_ms_max] =
             [build.median, build.min, build.max].map(Some);
         [self.frame_ms, self.frame_ms_min, self.frame_ms_max] =
             [frame.median, frame.min, frame.max].map(Some);
-        self.clock = Some(clock);
+        self.clock = Some(timing.clock);
+        [self.build_gpu_ms, self.frame_gpu_ms] = [timing.build_gpu_ms, timing.frame_gpu_ms];
+        [self.build_wall_ms, self.frame_wall_ms] = [timing.build_wall_ms, timing.frame_wall_ms].map(Some);
+        self.repeats = u32::try_from(timing.repeats).ok();
         self.fps_static = Some(1000.0 / frame.median);
         self.fps_moving = Some(1000.0 / (build.median + frame.median));
     }
@@ -140,11 +149,36 @@ impl Row {
     pub fn set_point_errors(&mut self, stats: &ErrorStats) {
         [self.point_err_max, self.point_err_rms, self.point_err_p99] =
             [stats.max_abs, stats.rms, stats.p99_abs].map(Some);
+        self.point_err_mean_signed = Some(stats.mean);
     }
 
-    /// Fills `image_*`.
+    /// Fills `image_rmse` and `image_psnr`.
     pub fn set_image_error(&mut self, error: &ImageError) {
         [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
+    }
+
+    /// Says that the row failed, and why; what was measured before stays.
+    pub fn set_failed(&mut self, why: &dyn fmt::Display) {
+        self.status = FAILED.into();
+        self.add_note(why);
+    }
+
+    /// Adds to `note`.
+    pub fn add_note(&mut self, note: &dyn fmt::Display) {
+        let before = if self.note.is_empty() { String::new() } else { format!("{}; ", self.note) };
+        self.note = format!("{before}{note}");
+    }
+
+    /// Whether the row is not what was asked for.
+    pub fn has_failed(&self) -> bool {
+        self.status == FAILED
+    }
+
+    /// The cells that are not empty, as text, by their columns; [`Self::from_texts`] reads them back.
+    pub fn texts(&self) -> BTreeMap<String, String> {
+        let texts =
+            COLUMNS.iter().zip(self.cells()).map(|(column, cell)| (column.to_string(), cell.to_string()));
+        texts.filter(|(_, text)| !text.is_empty()).collect()
     }
 
     /// Fills `ray_err_max`, `bound`, `bound_depth_mm` and `bound_held`.
@@ -234,8 +268,17 @@ pub(super) mod tests {
                 ..Row::default()
             };
             let spread = |ms: f64| Spread { median: ms, min: 0.9 * ms, max: 1.25 * ms };
-            let timing = Timing { build_ms: spread(build), frame_ms: spread(frame), repeats: 5 };
-            row.set_timing(&timing, ClockSource::Wall);
+            let timing = Timing {
+                build_ms: spread(build),
+                frame_ms: spread(frame),
+                clock: ClockSource::Wall,
+                build_gpu_ms: None,
+                build_wall_ms: build,
+                frame_gpu_ms: None,
+                frame_wall_ms: frame,
+                repeats: 5,
+            };
+            row.set_timing(&timing);
             row.point_err_rms = Some(error);
             row
         };
@@ -260,18 +303,33 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn columns_are_those_of_the_contract_with_min_max_and_clock_beside() {
+    fn columns_are_those_of_the_contract_in_its_order() {
         let contract = "scene, adapter, method, params, map, width, height, build_ms, frame_ms, fps_static, \
             fps_moving, bytes, nodes_total, nodes_max, ray_err_max, point_err_max, point_err_rms, point_err_p99, \
             image_rmse, image_psnr, bound, bound_depth_mm, bound_held, pareto, left_out";
-        let beside = ["build_ms_min", "build_ms_max", "frame_ms_min", "frame_ms_max", "clock"];
-        let without: Vec<&str> = COLUMNS.iter().copied().filter(|c| !beside.contains(c)).collect();
-        assert_eq!(without, contract.split(", ").collect::<Vec<_>>());
-        assert_eq!(COLUMNS.len(), without.len() + beside.len());
+        let contract: Vec<&str> = contract.split(", ").collect();
+        let without: Vec<&str> = COLUMNS.iter().copied().filter(|c| contract.contains(c)).collect();
+        assert_eq!(without, contract);
+        let distinct: std::collections::HashSet<_> = COLUMNS.iter().collect();
+        assert_eq!(distinct.len(), COLUMNS.len());
         assert_eq!(
             COLUMNS[7..14],
             ["build_ms", "build_ms_min", "build_ms_max", "frame_ms", "frame_ms_min", "frame_ms_max", "clock"]
         );
+    }
+
+    #[test]
+    fn rows_read_back_from_their_texts() {
+        let mut rows = sample_rows();
+        rows[0].point_err_max = Some(0.1 + 0.2);
+        rows[0].point_err_p99 = Some(f64::NEG_INFINITY);
+        rows[2].set_failed(&"lost, \"planted\"");
+        for row in &rows {
+            assert_eq!(Row::from_texts(&row.texts()).unwrap(), *row);
+        }
+        let mut texts = rows[0].texts();
+        texts.insert("clock".into(), "sundial".into());
+        assert_eq!(Row::from_texts(&texts), Err("clock"));
     }
 
     #[test]

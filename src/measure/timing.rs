@@ -2,7 +2,8 @@
 
 use super::stats::Spread;
 use crate::error::{Error, Result};
-use serde::Serialize;
+use crate::gpu::Span;
+use serde::{Deserialize, Serialize};
 
 /// What a time was read from: the column `clock`.
 ///
@@ -24,70 +25,150 @@ impl ClockSource {
             Self::Wall => "wall",
         }
     }
+
+    /// What this clock read; `None` where it read nothing.
+    fn of(self, span: Span) -> Option<f64> {
+        match self {
+            Self::Gpu => span.gpu_ms,
+            Self::Wall => Some(span.wall_ms),
+        }
+    }
 }
 
 /// One run's stages, in ms, as the run measured them.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
-    /// To make the shadow structure; 0 for a method that has none.
-    pub build_ms: f64,
+    /// The host's part of making the shadow structure, before the device's; 0 for a method that has none.
+    pub build_host_ms: f64,
+    /// The device's part; `None` for a method that has no structure.
+    pub build_device: Option<Span>,
+    /// From asking for the structure to having it, by the host's clock.
+    pub build_wall_ms: f64,
     /// One picture with it made.
-    pub frame_ms: f64,
+    pub frame: Span,
 }
 
-/// One method's stages over all repeats, in ms.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+impl StageTimes {
+    /// To make the structure by a clock; `None` where that clock read nothing.
+    fn build_ms(&self, clock: ClockSource) -> Option<f64> {
+        match self.build_device {
+            None => Some(0.0),
+            Some(span) => Some(self.build_host_ms + clock.of(span)?),
+        }
+    }
+}
+
+/// One method's stages over all repeats, in ms; medians where no spread is kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
     pub build_ms: Spread,
     pub frame_ms: Spread,
+    /// Whose clock these two are from.
+    pub clock: ClockSource,
+    pub build_gpu_ms: Option<f64>,
+    pub build_wall_ms: f64,
+    pub frame_gpu_ms: Option<f64>,
+    pub frame_wall_ms: f64,
     pub repeats: usize,
 }
 
-/// Something to time: runs once and says how long its stages took.
+impl Timing {
+    /// Medians of runs. The GPU's clock counts only where every run was read from it: two clocks make no median.
+    ///
+    /// # Errors
+    /// There are no runs.
+    pub fn of(times: &[StageTimes]) -> Result<Self> {
+        let spread = |stage: &dyn Fn(&StageTimes) -> Option<f64>| {
+            Spread::of(&times.iter().map(stage).collect::<Option<Vec<_>>>()?)
+        };
+        let median = |stage: &dyn Fn(&StageTimes) -> Option<f64>| spread(stage).map(|s| s.median);
+        let none = || Error::runtime("cannot time", "timing", "no run was counted");
+        let by = |clock: ClockSource| {
+            Some((clock, spread(&|t| t.build_ms(clock))?, spread(&|t| clock.of(t.frame))?))
+        };
+        let (clock, build_ms, frame_ms) =
+            by(ClockSource::Gpu).or_else(|| by(ClockSource::Wall)).ok_or_else(none)?;
+        Ok(Self {
+            build_ms,
+            frame_ms,
+            clock,
+            build_gpu_ms: median(&|t| t.build_device?.gpu_ms),
+            build_wall_ms: median(&|t| Some(t.build_wall_ms)).ok_or_else(none)?,
+            frame_gpu_ms: median(&|t| t.frame.gpu_ms),
+            frame_wall_ms: median(&|t| Some(t.frame.wall_ms)).ok_or_else(none)?,
+            repeats: times.len(),
+        })
+    }
+}
+
+/// Runs once and says how long its stages took.
 pub type TimedRun<'a> = Box<dyn FnMut() -> Result<StageTimes> + 'a>;
 
-/// Times `runs` in turn, first `warmup` rounds that do not count, then `repeats` rounds that do. One answer a run,
-/// in their order. A run that fails is left out of later rounds and the others go on.
+/// Something to time: first `warmup` runs that do not count, then `rounds` that do.
+pub struct Turns<'a> {
+    pub run: TimedRun<'a>,
+    pub warmup: usize,
+    pub rounds: usize,
+}
+
+/// What [`interleave`] tells as it goes; numbers are places in its list.
+pub enum Event<'a> {
+    /// A run starts that counts, or does not.
+    Starts { turns: usize, counts: bool },
+    /// Everyone who had a run in this round has had it.
+    Round(&'a [(usize, StageTimes)]),
+}
+
+/// Times everyone in turn, warming up first. One answer each, in their order, with as many runs as were asked for. One
+/// that fails is left out of later rounds and the others go on.
 ///
 /// # Errors
-/// (The whole) no repeats. (One entry) the run's own error, or a time that is negative or not finite.
-pub fn interleave(runs: &mut [TimedRun], warmup: usize, repeats: usize) -> Result<Vec<Result<Timing>>> {
-    if repeats == 0 {
-        return Err(Error::input("cannot time", "--repeats", "at least 1 is needed"));
-    }
-    let mut readings: Vec<Result<Vec<StageTimes>>> = runs.iter().map(|_| Ok(Vec::new())).collect();
-    for round in 0..warmup + repeats {
-        for (run, reading) in runs.iter_mut().zip(&mut readings) {
-            let Ok(times) = reading else { continue };
-            match run().and_then(sensible) {
-                Ok(time) if round >= warmup => times.push(time),
-                Ok(_) => {}
-                Err(error) => *reading = Err(error),
+/// (The whole) what `tell` refuses. (One entry) the run's own error, or a time that is negative or not finite.
+pub fn interleave(
+    all: &mut [Turns],
+    tell: &mut dyn FnMut(Event) -> Result<()>,
+) -> Result<Vec<Result<Vec<StageTimes>>>> {
+    let mut readings: Vec<Result<Vec<StageTimes>>> = all.iter().map(|_| Ok(Vec::new())).collect();
+    for counts in [false, true] {
+        let wanted = |t: &Turns| if counts { t.rounds } else { t.warmup };
+        for round in 0..all.iter().map(wanted).max().unwrap_or(0) {
+            let mut counted = Vec::new();
+            for (turns, (t, reading)) in all.iter_mut().zip(&mut readings).enumerate() {
+                let Ok(times) = reading else { continue };
+                if round >= wanted(t) {
+                    continue;
+                }
+                tell(Event::Starts { turns, counts })?;
+                match (t.run)().and_then(sensible) {
+                    Ok(time) if counts => {
+                        times.push(time);
+                        counted.push((turns, time));
+                    }
+                    Ok(_) => {}
+                    Err(error) => *reading = Err(error),
+                }
+            }
+            if counts {
+                tell(Event::Round(&counted))?;
             }
         }
     }
-    Ok(readings.into_iter().map(|r| r.and_then(|times| timing(&times))).collect())
-}
-
-fn timing(times: &[StageTimes]) -> Result<Timing> {
-    let spread = |stage: fn(&StageTimes) -> f64| Spread::of(&times.iter().map(stage).collect::<Vec<_>>());
-    match (spread(|t| t.build_ms), spread(|t| t.frame_ms)) {
-        (Some(build_ms), Some(frame_ms)) => Ok(Timing { build_ms, frame_ms, repeats: times.len() }),
-        _ => Err(Error::runtime("cannot time", "timing", "no run was counted")),
-    }
+    Ok(readings)
 }
 
 /// Timestamps that wrap or were never written must not end up in a median.
 fn sensible(times: StageTimes) -> Result<StageTimes> {
-    let ok = |ms: f64| ms.is_finite() && ms >= 0.0;
-    if ok(times.build_ms) && ok(times.frame_ms) {
-        return Ok(times);
+    let StageTimes { build_host_ms, build_device, build_wall_ms, frame } = times;
+    let of = |span: Span| [Some(span.wall_ms), span.gpu_ms];
+    let read = [Some(build_host_ms), Some(build_wall_ms)].into_iter().chain(of(frame));
+    let wrong = read
+        .chain(build_device.into_iter().flat_map(of))
+        .flatten()
+        .find(|ms| !(ms.is_finite() && *ms >= 0.0));
+    match wrong {
+        None => Ok(times),
+        Some(ms) => Err(Error::runtime("cannot time", "clock", format!("it read {ms} ms"))),
     }
-    Err(Error::runtime(
-        "cannot time",
-        "clock",
-        format!("it read {} ms to build and {} ms a frame", times.build_ms, times.frame_ms),
-    ))
 }
 
 #[cfg(test)]
@@ -111,73 +192,127 @@ mod tests {
         }
     }
 
+    fn wall(ms: f64) -> Span {
+        Span { gpu_ms: None, wall_ms: ms }
+    }
+
+    fn stages(build: f64, frame: f64) -> StageTimes {
+        StageTimes {
+            build_host_ms: 0.0,
+            build_device: Some(wall(build)),
+            build_wall_ms: build,
+            frame: wall(frame),
+        }
+    }
+
+    fn quietly(all: &mut [Turns]) -> Vec<Result<Vec<StageTimes>>> {
+        interleave(all, &mut |_| Ok(())).unwrap()
+    }
+
     #[test]
     fn planted_delays_come_out_and_the_warm_up_does_not() {
         let clock = FakeClock::default();
         let mut frames = [500.0, 400.0, 8.0, 32.0, 2.0, 16.0, 4.0].into_iter();
-        let mut runs: Vec<TimedRun> = vec![
-            Box::new(|| Ok(StageTimes { build_ms: clock.time(|| clock.pass(0.5)), frame_ms: 1.0 })),
-            Box::new(|| {
-                let delay = frames.next().unwrap();
-                let build_ms = clock.time(|| clock.pass(2.0 * delay));
-                Ok(StageTimes { build_ms, frame_ms: clock.time(|| clock.pass(delay)) })
-            }),
+        let steady = || Ok(stages(clock.time(|| clock.pass(0.5)), 1.0));
+        let varied = || {
+            let delay = frames.next().unwrap();
+            let build_ms = clock.time(|| clock.pass(2.0 * delay));
+            Ok(stages(build_ms, clock.time(|| clock.pass(delay))))
+        };
+        let mut all = vec![
+            Turns { run: Box::new(steady), warmup: 2, rounds: 5 },
+            Turns { run: Box::new(varied), warmup: 2, rounds: 5 },
         ];
-        let timings = interleave(&mut runs, 2, 5).unwrap();
+        let read = quietly(&mut all);
+        let timing = |i: usize| Timing::of(read[i].as_ref().unwrap()).unwrap();
+        assert_eq!((timing(0).build_ms, timing(0).frame_ms), (Spread::exactly(0.5), Spread::exactly(1.0)));
+        assert_eq!(timing(1).frame_ms, Spread { median: 8.0, min: 2.0, max: 32.0 });
+        assert_eq!(timing(1).build_ms, Spread { median: 16.0, min: 4.0, max: 64.0 });
+        assert_eq!((timing(1).build_wall_ms, timing(1).frame_wall_ms, timing(1).repeats), (16.0, 8.0, 5));
+    }
+
+    #[test]
+    fn a_median_is_of_one_clock() {
+        let both = |gpu_ms, wall_ms| Span { gpu_ms, wall_ms };
+        let run = |gpu_ms| StageTimes {
+            build_host_ms: 3.0,
+            build_device: Some(both(Some(1.0), 2.0)),
+            build_wall_ms: 6.0,
+            frame: both(gpu_ms, 20.0),
+        };
+        let timing = Timing::of(&[run(Some(10.0)), run(Some(10.0))]).unwrap();
         assert_eq!(
-            *timings[0].as_ref().unwrap(),
-            Timing { build_ms: Spread::exactly(0.5), frame_ms: Spread::exactly(1.0), repeats: 5 }
+            (timing.clock, timing.build_ms.median, timing.frame_ms.median),
+            (ClockSource::Gpu, 4.0, 10.0)
         );
-        let planted = Spread { median: 8.0, min: 2.0, max: 32.0 };
-        let doubled = Spread { median: 16.0, min: 4.0, max: 64.0 };
+        assert_eq!((timing.build_gpu_ms, timing.build_wall_ms), (Some(1.0), 6.0));
+        let timing = Timing::of(&[run(Some(10.0)), run(None)]).unwrap();
         assert_eq!(
-            *timings[1].as_ref().unwrap(),
-            Timing { build_ms: doubled, frame_ms: planted, repeats: 5 }
+            (timing.clock, timing.build_ms.median, timing.frame_ms.median),
+            (ClockSource::Wall, 5.0, 20.0)
         );
+        assert_eq!((timing.frame_gpu_ms, timing.frame_wall_ms), (None, 20.0));
+        // A method without a structure takes no time to build, whatever the host did.
+        let none = StageTimes { build_device: None, ..run(Some(10.0)) };
+        assert_eq!(Timing::of(&[none]).unwrap().build_ms, Spread::exactly(0.0));
+        assert!(Timing::of(&[]).is_err());
     }
 
     #[test]
     fn runs_take_turns() {
         let order = RefCell::new(String::new());
         let log = &order;
-        let mut runs: Vec<TimedRun> = "ABC"
-            .chars()
-            .map(|name| -> TimedRun {
-                Box::new(move || {
-                    log.borrow_mut().push(name);
-                    Ok(StageTimes { build_ms: 0.0, frame_ms: 1.0 })
-                })
-            })
-            .collect();
-        interleave(&mut runs, 1, 2).unwrap();
-        drop(runs);
-        assert_eq!(order.into_inner(), "ABCABCABC");
+        let turns = |name: char, warmup, rounds| {
+            let run = move || {
+                log.borrow_mut().push(name);
+                Ok(stages(0.0, 1.0))
+            };
+            Turns { run: Box::new(run), warmup, rounds }
+        };
+        let mut all: Vec<_> = vec![turns('A', 1, 2), turns('B', 1, 2), turns('C', 1, 2)];
+        let mut rounds = Vec::new();
+        interleave(&mut all, &mut |event| {
+            if let Event::Round(read) = event {
+                rounds.push(read.iter().map(|(i, _)| *i).collect::<Vec<_>>());
+            }
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(rounds, [[0, 1, 2], [0, 1, 2]], "after the warm-up");
+        assert_eq!(order.take(), "ABCABCABC");
+        // Those that need fewer have theirs in the first rounds.
+        quietly(&mut [turns('A', 0, 1), turns('B', 1, 3), turns('C', 1, 2)]);
+        assert_eq!(order.take(), "BCABCBCB");
     }
 
     #[test]
     fn a_run_that_fails_is_out_and_the_others_go_on() {
         let calls = Cell::new(0);
-        let good = StageTimes { build_ms: 1.0, frame_ms: 2.0 };
-        let mut runs: Vec<TimedRun> = vec![
-            Box::new(|| {
-                calls.set(calls.get() + 1);
-                if calls.get() == 3 { Err(Error::runtime("lost", "device", "planted")) } else { Ok(good) }
-            }),
+        let good = stages(1.0, 2.0);
+        let failing = || {
+            calls.set(calls.get() + 1);
+            if calls.get() == 3 { Err(Error::runtime("lost", "device", "planted")) } else { Ok(good) }
+        };
+        let runs: Vec<TimedRun> = vec![
+            Box::new(failing),
             Box::new(|| Ok(good)),
-            Box::new(|| Ok(StageTimes { build_ms: f64::NAN, frame_ms: 1.0 })),
-            Box::new(|| Ok(StageTimes { build_ms: 1.0, frame_ms: -1.0 })),
+            Box::new(|| Ok(stages(f64::NAN, 1.0))),
+            Box::new(|| Ok(stages(1.0, -1.0))),
         ];
-        let timings = interleave(&mut runs, 1, 9).unwrap();
-        drop(runs);
-        assert_eq!(timings[0].as_ref().unwrap_err().why, "planted");
+        let mut all: Vec<_> = runs.into_iter().map(|run| Turns { run, warmup: 1, rounds: 9 }).collect();
+        let read = quietly(&mut all);
+        drop(all);
+        assert_eq!(read[0].as_ref().unwrap_err().why, "planted");
         assert_eq!(calls.get(), 3, "not run again");
-        assert_eq!(timings[1].as_ref().unwrap().repeats, 9);
-        assert!(timings[2].is_err() && timings[3].is_err());
+        assert_eq!(read[1].as_ref().unwrap().len(), 9);
+        assert!(read[2].is_err() && read[3].is_err());
     }
 
     #[test]
-    fn no_repeats_is_an_input_error() {
-        assert_eq!(interleave(&mut [], 3, 0).unwrap_err().exit_status(), 2);
-        assert!(interleave(&mut [], 0, 1).unwrap().is_empty());
+    fn nothing_to_time_and_a_listener_that_refuses() {
+        assert!(quietly(&mut []).is_empty());
+        let mut all = [Turns { run: Box::new(|| Ok(stages(1.0, 1.0))), warmup: 0, rounds: 2 }];
+        let full = || Error::runtime("cannot write", "journal", "disk full");
+        assert!(interleave(&mut all, &mut |_| Err(full())).is_err());
     }
 }

@@ -164,6 +164,9 @@ impl Renderer {
         shadow: &ShadowMap,
         scene: &Scene,
     ) -> Result<Picture> {
+        if shadow.lookup.as_ref().is_some_and(|l| l.marches) {
+            self.march_table(transfer)?;
+        }
         let plan = Plan::of(scene, loaded, transfer, shadow);
         let variant = plan.raycast_variant(transfer, shadow);
         let pipeline = self.pipeline(&variant, &self.layouts.frame)?;
@@ -236,6 +239,7 @@ impl Renderer {
         modules.extend(lookup.modules);
         let mut defs = lookup.defs.clone();
         if lookup.marches {
+            self.march_table(transfer)?;
             defs.extend(transfer.march_defs());
         }
         let variant = ShaderVariant { entry: "query.wgsl", modules, defs };

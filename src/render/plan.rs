@@ -10,7 +10,7 @@ use glam::DVec3;
 use std::fmt;
 
 /// Something that a scene did not need.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Omission {
     pub what: String,
     pub why: String,

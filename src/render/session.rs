@@ -35,6 +35,14 @@ impl Session {
         Ok(Self { renderer, loaded, transfer })
     }
 
+    /// Tables and bricks made anew, with the same work forced.
+    ///
+    /// # Errors
+    /// As [`Renderer::transfer`].
+    pub fn fresh_transfer(&self, tf: &TransferFunction) -> Result<DeviceTransfer> {
+        self.renderer.transfer(&self.loaded, tf, self.transfer.forced)
+    }
+
     /// Whether a scene needs a shadow structure, or why not.
     ///
     /// # Errors

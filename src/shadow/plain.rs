@@ -68,7 +68,6 @@ impl Method for ShadowRays {
             defs: Vec::new(),
             marches: true,
         };
-        context.march_defs()?;
         let bound = Bound {
             transmittance: MARCH_TOLERANCE,
             depth_mm: super::deep::POSITION_TOLERANCE * context.volume.min_spacing_mm(),

@@ -1,0 +1,46 @@
+//! Says in the program which revision it was built from: `UMBRAVOX_REVISION` is the commit, with `+changes` and a number
+//! that stands for them where what is built differs from it, or `unknown` outside a git checkout.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::Path;
+use std::process::Command;
+
+/// What the program is made of; a change elsewhere makes no other program.
+const SOURCES: [&str; 6] = ["build.rs", "Cargo.toml", "Cargo.lock", "shaders", "src", "transfer_functions"];
+
+fn main() {
+    println!("cargo:rustc-env=UMBRAVOX_REVISION={}", revision().unwrap_or_else(|| "unknown".into()));
+    for path in SOURCES {
+        println!("cargo:rerun-if-changed={path}");
+    }
+    // A path that is missing would make cargo run this every time; the index is left out since `git add` makes no
+    // other program.
+    let watched =
+        ["HEAD", "packed-refs"].map(String::from).into_iter().chain(git(&["symbolic-ref", "-q", "HEAD"]));
+    for name in watched {
+        if let Some(path) = git(&["rev-parse", "--git-path", &name]).filter(|p| Path::new(p).exists()) {
+            println!("cargo:rerun-if-changed={path}");
+        }
+    }
+}
+
+/// `None` outside a checkout of this very crate: a source archive may lie inside somebody else's.
+fn revision() -> Option<String> {
+    git(&["ls-files", "--error-unmatch", "Cargo.toml"])?;
+    let commit = git(&["rev-parse", "--short=12", "HEAD"])?;
+    let changes = git(&[&["status", "--porcelain", "--"], &SOURCES[..]].concat())?;
+    if changes.is_empty() {
+        return Some(commit);
+    }
+    let mut hasher = DefaultHasher::new();
+    (changes, git(&[&["diff", "HEAD", "--"], &SOURCES[..]].concat())?).hash(&mut hasher);
+    Some(format!("{commit}+changes.{:08x}", hasher.finish() as u32))
+}
+
+/// What git prints, where it is installed and content.
+fn git(args: &[&str]) -> Option<String> {
+    // Without the optional lock a status does not touch the index.
+    let output = Command::new("git").args(args).env("GIT_OPTIONAL_LOCKS", "0").output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
+}

@@ -1,0 +1,310 @@
+//! `compare.rows.jsonl`: what has been measured, a line each, on disk as soon as it is measured, so that an interrupted
+//! table can be continued.
+//!
+//! A line is a row with its errors, written after its picture is on disk, or one timed round of a row. Lines are only
+//! ever added, each whole and in one write; what an interruption has left of a last line is dropped.
+
+use super::table::Row;
+use super::timing::StageTimes;
+use crate::error::{Error, Result};
+use crate::output::{read_exr, write_picture};
+use crate::render::Omission;
+use ndarray::Array3;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, HashMap};
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// The file's name, in the folder of the table.
+pub const JOURNAL: &str = "compare.rows.jsonl";
+
+/// A row without its times, as it is measured first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    pub row: Row,
+    /// Part of its files' names.
+    pub slug: String,
+    pub left_out: Vec<Omission>,
+    /// For a reader of the table.
+    pub notes: Vec<String>,
+    /// The first picture's time, which says whether the row is a slow one.
+    pub frame_ms: f64,
+}
+
+/// A row of an earlier run, with what it was timed so far.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kept {
+    pub measured: Measured,
+    /// `height x width x 4`, linear RGBA.
+    pub picture: Array3<f32>,
+    /// Timed rounds with the run of the program that each is from.
+    pub rounds: Vec<(u32, StageTimes)>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+enum Line {
+    Row {
+        key: String,
+        slug: String,
+        frame_ms: f64,
+        /// The row's cells as CSV has them: JSON has no infinity.
+        cells: BTreeMap<String, String>,
+        left_out: Vec<Omission>,
+        notes: Vec<String>,
+    },
+    Round {
+        key: String,
+        run: u32,
+        times: StageTimes,
+    },
+}
+
+/// Rows kept by their keys, and the file that new ones go to.
+#[derive(Debug, Default)]
+pub struct Journal {
+    place: Option<(PathBuf, File)>,
+    /// This run of the program; the first that writes to a journal is 1.
+    run: u32,
+    rows: HashMap<String, Measured>,
+    rounds: HashMap<String, Vec<(u32, StageTimes)>>,
+}
+
+impl Journal {
+    /// Keeps nothing.
+    pub fn nowhere() -> Self {
+        Self::default()
+    }
+
+    /// Opens the journal of a folder that exists: to go on with what is there, or to start anew, which forgets it.
+    ///
+    /// # Errors
+    /// A file that cannot be read or written, that another run is writing to, or with a line that is none of a journal.
+    pub fn open(folder: &Path, resume: bool) -> Result<Self> {
+        let path = folder.join(JOURNAL);
+        let failed = |e: std::io::Error| Error::runtime("cannot keep rows", path.display(), e);
+        let mut file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path)
+            .map_err(failed)?;
+        file.try_lock().map_err(|_| {
+            Error::input(
+                "cannot keep rows",
+                path.display(),
+                "another `umbravox compare` is writing to the folder",
+            )
+        })?;
+        let mut journal = Self { run: 1, ..Self::default() };
+        let mut whole = 0;
+        if resume {
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes).map_err(failed)?;
+            whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |last| last + 1);
+            for (i, line) in bytes[..whole].split_inclusive(|b| *b == b'\n').enumerate() {
+                journal.read(line).map_err(|why| {
+                    let place = format!("{}: line {}", path.display(), i + 1);
+                    Error::input("cannot resume", place, why)
+                        .hint("without --resume the table is started anew")
+                })?;
+            }
+        }
+        file.set_len(whole as u64).map_err(failed)?;
+        file.seek(SeekFrom::End(0)).map_err(failed)?;
+        journal.place = Some((folder.into(), file));
+        Ok(journal)
+    }
+
+    /// How many rows of earlier runs there are, of whatever scenes and settings.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    fn read(&mut self, line: &[u8]) -> Result<(), String> {
+        match serde_json::from_slice(line).map_err(|e| e.to_string())? {
+            Line::Row { key, slug, frame_ms, cells, left_out, notes } => {
+                let row =
+                    Row::from_texts(&cells).map_err(|column| format!("`{column}` has no such value"))?;
+                // A row measured again, because its picture was gone, is timed again.
+                self.rounds.remove(&key);
+                self.rows.insert(key, Measured { row, slug, left_out, notes, frame_ms });
+            }
+            Line::Round { key, run, times } => {
+                self.run = self.run.max(run + 1);
+                self.rounds.entry(key).or_default().push((run, times));
+            }
+        }
+        Ok(())
+    }
+
+    /// The row of that key, if an earlier run measured it and its pictures are still there.
+    pub fn take(&mut self, key: &str) -> Option<Kept> {
+        let measured = self.rows.remove(key)?;
+        let [png, exr] = self.pictures(&measured.slug)?;
+        let picture = read_exr(&exr).ok()?;
+        let [width, height] = [measured.row.width, measured.row.height].map(|n| n as usize);
+        let rounds = self.rounds.remove(key).unwrap_or_default();
+        (png.is_file() && picture.dim() == (height, width, 4)).then_some(Kept { measured, picture, rounds })
+    }
+
+    /// Puts a row's pictures on disk, and then the row.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn keep(&mut self, key: &str, measured: &Measured, picture: &Array3<f32>) -> Result<()> {
+        let Some(pictures) = self.pictures(&measured.slug) else { return Ok(()) };
+        for path in &pictures {
+            write_picture(path, picture)?;
+        }
+        let Measured { row, slug, left_out, notes, frame_ms } = measured.clone();
+        self.write(&[Line::Row { key: key.into(), slug, frame_ms, cells: row.texts(), left_out, notes }])
+    }
+
+    /// Adds a timed round of some rows.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn keep_round<'k>(&mut self, times: impl IntoIterator<Item = (&'k str, StageTimes)>) -> Result<()> {
+        let run = self.run;
+        let line = |(key, times): (&str, _)| Line::Round { key: key.into(), run, times };
+        self.write(&times.into_iter().map(line).collect::<Vec<_>>())
+    }
+
+    /// The number of this run of the program.
+    pub fn run(&self) -> u32 {
+        self.run
+    }
+
+    /// A row's picture as PNG, and as EXR, which keeps every bit.
+    fn pictures(&self, slug: &str) -> Option<[PathBuf; 2]> {
+        let (folder, _) = self.place.as_ref()?;
+        Some(["png", "exr"].map(|e| folder.join(format!("picture_{slug}.{e}"))))
+    }
+
+    fn write(&mut self, lines: &[Line]) -> Result<()> {
+        let Some((folder, file)) = &mut self.place else { return Ok(()) };
+        let failed =
+            |e: &dyn std::fmt::Display| Error::runtime("cannot keep rows", folder.join(JOURNAL).display(), e);
+        let mut bytes = Vec::new();
+        for line in lines {
+            serde_json::to_writer(&mut bytes, line).map_err(|e| failed(&e))?;
+            bytes.push(b'\n');
+        }
+        file.write_all(&bytes).and_then(|()| file.sync_data()).map_err(|e| failed(&e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::Span;
+    use crate::measure::table::tests::sample_rows;
+
+    fn measured(i: usize) -> Measured {
+        let row = Row { width: 3, height: 2, ..sample_rows()[i].clone() };
+        let left_out = vec![Omission { what: "a".into(), why: "b".into(), saved: None, optional: None }];
+        Measured { row, slug: format!("m{i}"), left_out, notes: vec!["n".into()], frame_ms: 0.1 + 0.2 }
+    }
+
+    fn picture() -> Array3<f32> {
+        Array3::from_shape_fn((2, 3, 4), |(j, i, c)| (j + 10 * i + 100 * c) as f32 / 3.0)
+    }
+
+    fn times(ms: f64) -> StageTimes {
+        let span = Span { gpu_ms: None, wall_ms: ms };
+        StageTimes {
+            build_host_ms: 1.0 / 3.0,
+            build_device: Some(span),
+            build_wall_ms: 0.1 + ms,
+            frame: span,
+        }
+    }
+
+    /// Two rows, one with a round.
+    fn written(folder: &Path) {
+        let mut journal = Journal::open(folder, false).unwrap();
+        journal.keep("k1", &measured(1), &picture()).unwrap();
+        journal.keep("k2", &measured(2), &picture()).unwrap();
+        journal.keep_round([("k1", times(0.7))]).unwrap();
+    }
+
+    #[test]
+    fn what_was_kept_comes_back_as_it_was() {
+        let dir = tempfile::tempdir().unwrap();
+        written(dir.path());
+        let mut journal = Journal::open(dir.path(), true).unwrap();
+        assert_eq!((journal.len(), journal.run()), (2, 2));
+        let kept = Kept { measured: measured(1), picture: picture(), rounds: vec![(1, times(0.7))] };
+        assert_eq!(journal.take("k1"), Some(kept));
+        assert_eq!(journal.take("k2").unwrap().rounds, []);
+        assert_eq!(journal.take("k3"), None);
+        // Rounds of the second run are added to those of the first.
+        journal.keep_round([("k1", times(0.9)), ("k2", times(0.3))]).unwrap();
+        drop(journal);
+        let rounds = Journal::open(dir.path(), true).unwrap().take("k1").unwrap().rounds;
+        assert_eq!(rounds, [(1, times(0.7)), (2, times(0.9))]);
+    }
+
+    #[test]
+    fn a_last_line_that_is_not_whole_is_dropped_at_any_length() {
+        let dir = tempfile::tempdir().unwrap();
+        written(dir.path());
+        let path = dir.path().join(JOURNAL);
+        let bytes = std::fs::read(&path).unwrap();
+        let second = 1 + bytes.iter().position(|b| *b == b'\n').unwrap();
+        for length in [second, second + 1, second + 40, bytes.len() - 1] {
+            std::fs::write(&path, &bytes[..length]).unwrap();
+            let mut journal = Journal::open(dir.path(), true).unwrap();
+            assert!(journal.take("k1").is_some_and(|k| k.rounds.is_empty()), "{length}");
+            journal.keep("k4", &measured(4), &picture()).unwrap();
+            drop(journal);
+            let mut journal = Journal::open(dir.path(), true).unwrap();
+            assert!(journal.take("k4").is_some(), "{length}: what follows is whole");
+        }
+    }
+
+    #[test]
+    fn without_resuming_nothing_is_left() {
+        let dir = tempfile::tempdir().unwrap();
+        written(dir.path());
+        assert!(Journal::open(dir.path(), false).unwrap().is_empty());
+        assert!(Journal::open(dir.path(), true).unwrap().is_empty());
+    }
+
+    #[test]
+    fn rows_without_their_pictures_are_measured_again() {
+        let dir = tempfile::tempdir().unwrap();
+        written(dir.path());
+        std::fs::remove_file(dir.path().join("picture_m1.exr")).unwrap();
+        std::fs::write(dir.path().join("picture_m2.exr"), "no picture").unwrap();
+        let mut journal = Journal::open(dir.path(), true).unwrap();
+        assert_eq!((journal.take("k1"), journal.take("k2")), (None, None));
+        // The rounds of before are not those of the row measured again.
+        journal.keep("k1", &measured(1), &picture()).unwrap();
+        drop(journal);
+        assert_eq!(Journal::open(dir.path(), true).unwrap().take("k1").unwrap().rounds, []);
+    }
+
+    #[test]
+    fn broken_lines_and_two_at_once_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        written(dir.path());
+        let open = Journal::open(dir.path(), true).unwrap();
+        assert!(Journal::open(dir.path(), true).unwrap_err().why.contains("another"));
+        drop(open);
+        let path = dir.path().join(JOURNAL);
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes.extend(b"{\"kind\": \"row\"}\n");
+        std::fs::write(&path, bytes).unwrap();
+        let e = Journal::open(dir.path(), true).unwrap_err();
+        assert!(e.exit_status() == 2 && e.place.ends_with("line 4") && e.hint.is_some(), "{e}");
+    }
+}

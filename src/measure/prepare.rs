@@ -1,0 +1,235 @@
+//! A method's errors on one scene, and its picture: what a row has before it is timed.
+
+use super::band::Band;
+use super::compare::{Job, name_of};
+use super::errors::{RayTest, SeenReference, texels_to_test};
+use super::facts::Facts;
+use super::journal::Measured;
+use super::progress::{Progress, Stage, Step};
+use super::similarity::{SSIM_WINDOW, ssim};
+use super::stats::{Spread, image_error};
+use super::table::Row;
+use crate::error::Result;
+use crate::exact::ExactField;
+use crate::render::{Omission, Session};
+use crate::scene::Scene;
+use crate::shadow::{Method, NoShadows, ShadowMap};
+use ndarray::Array3;
+use std::collections::HashMap;
+
+/// Pixels of the exact picture that `image_*` compare with, and those of them by which its own error is told.
+const EXACT_PIXELS: f64 = 48.0 * 32.0;
+const EXACT_PIXELS_CHECKED: usize = 64;
+/// Depth tolerance around which depths are crowded for methods that promise nothing, in smallest spacings.
+const DEFAULT_DEPTH: f64 = 0.02;
+/// Times that tables and brick classes are made, to tell how long that takes.
+const TRANSFER_REPEATS: usize = 3;
+
+/// The scene at a small size and its exact picture.
+struct ExactPicture {
+    scene: Scene,
+    pixels: Array3<f32>,
+    /// How far it may be off itself.
+    error: f64,
+}
+
+/// Everything that errors are measured against, once for all methods of a scene.
+pub(super) struct Errors<'a> {
+    job: &'a Job<'a>,
+    facts: &'a Facts,
+    field: &'a ExactField<'a>,
+    seen: SeenReference,
+    /// Where the model defines one.
+    exact_picture: Option<ExactPicture>,
+    /// Tested texels by map size: the light space of a scene depends on nothing else.
+    texels: HashMap<u32, Vec<[u32; 2]>>,
+    bricks_ms: Option<f64>,
+    tables_ms: Option<f64>,
+    /// The pre-compressed table, which only some methods need.
+    march_table_ms: Option<f64>,
+    /// About the scene, for every row of it.
+    notes: Vec<String>,
+}
+
+impl<'a> Errors<'a> {
+    pub fn new(
+        job: &'a Job,
+        facts: &'a Facts,
+        field: &'a ExactField,
+        progress: &mut Progress,
+    ) -> Result<Self> {
+        let mut notes = Vec::new();
+        progress.begin(Step::new(Stage::Points, ""), "exact transmittance at points");
+        let seen = SeenReference::new(field, job.scene, job.effort.points);
+        if seen.len() < job.effort.points {
+            notes.push(format!("point errors are of {} points: the camera sees little", seen.len()));
+        }
+        progress.begin(Step::new(Stage::ExactPicture, ""), "exact picture");
+        let small = small_scene(job.scene);
+        let exact_picture = match field.picture(&small) {
+            Ok(pixels) => {
+                let error = field.picture_change(&small, &pixels, EXACT_PIXELS_CHECKED);
+                notes.push(format!(
+                    "image errors are of {} x {} pixels, against the exact picture, which changes by at most {error:.1e} \
+                    in a channel when it is made finer",
+                    small.width, small.height
+                ));
+                if small.width.min(small.height) < SSIM_WINDOW as u32 {
+                    notes.push(format!("image_ssim is left out: its window is {SSIM_WINDOW} pixels wide"));
+                }
+                Some(ExactPicture { scene: small, pixels, error })
+            }
+            Err(e) => {
+                notes.push(format!("image errors are left out: {}", e.why));
+                None
+            }
+        };
+        let [mut bricks, mut tables, mut march_tables] = [const { Vec::new() }; 3];
+        for _ in 0..TRANSFER_REPEATS {
+            let transfer = job.session.fresh_transfer(job.tf)?;
+            bricks.push(transfer.classify_ms);
+            tables.push(transfer.table_ms);
+            march_tables.push(job.session.renderer.march_table(&transfer)?.table_ms);
+        }
+        let median = |ms: Vec<f64>| Spread::of(&ms).map(|s| s.median);
+        Ok(Self {
+            job,
+            facts,
+            field,
+            seen,
+            exact_picture,
+            texels: HashMap::new(),
+            bricks_ms: median(bricks),
+            tables_ms: median(tables),
+            march_table_ms: median(march_tables),
+            notes,
+        })
+    }
+
+    /// Builds and draws once, which warms the pipelines up, and measures errors.
+    pub fn measure(
+        &mut self,
+        method: &dyn Method,
+        slug: &str,
+        progress: &mut Progress,
+    ) -> Result<(Measured, Array3<f32>)> {
+        let (job, name) = (self.job, name_of(method));
+        progress.begin(Step::new(Stage::Draw, &name), &format!("{name}: building and drawing"));
+        let needed = job.session.needs_shadows(job.scene);
+        // A transfer function of its own tells which tables the method needs.
+        let transfer = job.session.fresh_transfer(job.tf)?;
+        let used = if needed.is_ok() { method } else { &NoShadows };
+        let Session { renderer, loaded, .. } = job.session;
+        let shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+        let marched = transfer.march_table().is_some() || shadow.lookup.as_ref().is_some_and(|l| l.marches);
+        let march_table_ms = self.march_table_ms.filter(|_| marched).unwrap_or_default();
+        let picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
+        let report = &shadow.report;
+        let mut left_out = picture.plan.left_out;
+        if let (Err(why), Some(_)) = (needed, method.map_size()) {
+            left_out.insert(
+                0,
+                Omission { what: "shadow map".into(), why: why.into(), saved: None, optional: None },
+            );
+        }
+        let mut row = Row {
+            bytes: Some(report.bytes),
+            nodes_total: report.nodes_total,
+            nodes_max: report.nodes_max,
+            bricks_ms: self.bricks_ms,
+            tables_ms: self.tables_ms.map(|ms| ms + march_table_ms),
+            left_out: left_out.iter().map(omission_text).collect::<Vec<_>>().join("; "),
+            ..self.facts.row(&job.scene_name, [job.scene.width, job.scene.height], method)
+        };
+        if let Some(exact) = &self.exact_picture {
+            let drawn = job.session.render(&shadow, &exact.scene)?;
+            row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
+            row.image_ssim = ssim(drawn.pixels.view(), exact.pixels.view())?;
+            row.image_exact_err = Some(exact.error);
+        }
+        progress.begin(Step::new(Stage::Errors, &name), &format!("{name}: errors"));
+        let mut notes = self.notes.clone();
+        // A structure that was not built has no errors of its own.
+        if needed.is_ok() {
+            if let Some(stats) = self.seen.errors(job.session, &shadow)? {
+                row.set_point_errors(&stats);
+            }
+            notes.extend(self.measure_rays(method, &shadow, &mut row)?);
+        }
+        let measured = Measured { row, slug: slug.into(), left_out, notes, frame_ms: picture.span.best().0 };
+        Ok((measured, picture.pixels))
+    }
+
+    /// Fills what is measured along light rays; says where a promise is not kept.
+    fn measure_rays(
+        &mut self,
+        method: &dyn Method,
+        shadow: &ShadowMap,
+        row: &mut Row,
+    ) -> Result<Option<String>> {
+        let job = self.job;
+        let space = &shadow.light_space;
+        let (field, light, count) = (self.field, job.scene.light, job.effort.rays);
+        let texels =
+            self.texels.entry(space.map_size).or_insert_with(|| texels_to_test(field, light, space, count));
+        let test = RayTest {
+            texels,
+            taps: method.taps(),
+            depths: job.effort.depths,
+            default_depth_mm: DEFAULT_DEPTH * job.volume.min_spacing_mm(),
+        };
+        let report = test.run(field, light, job.session, shadow)?;
+        let promise = shadow.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
+        row.set_ray_errors(&report, promise);
+        Ok(report.worst.map(|worst| {
+            let [column, texel_row] = texels[worst.ray];
+            format!(
+                "{}: the bound does not hold at {} of {} depths; worst by {:.6} in texel ({column}, {texel_row}) \
+                at depth {:.6} mm: {:.6}, exact {:.6}",
+                name_of(method),
+                report.violations,
+                report.depths,
+                worst.amount,
+                worst.depth_mm,
+                worst.t_method,
+                worst.t_exact
+            )
+        }))
+    }
+}
+
+/// Builds a method's structure, or that of `none` where no light can be kept from a sample.
+pub(super) fn build(job: &Job, method: &dyn Method) -> Result<ShadowMap> {
+    let needed = job.session.needs_shadows(job.scene).is_ok();
+    job.session.shadow(if needed { method } else { &NoShadows }, job.scene.light)
+}
+
+/// The scene at about [`EXACT_PIXELS`] pixels and the same shape, or as it is where it is smaller.
+fn small_scene(scene: &Scene) -> Scene {
+    let (width, height) = (f64::from(scene.width), f64::from(scene.height));
+    let scale = (EXACT_PIXELS / (width * height)).sqrt().min(1.0);
+    let scaled = |n: f64| (n * scale).round().max(1.0) as u32;
+    Scene { width: scaled(width), height: scaled(height), ..scene.clone() }
+}
+
+fn omission_text(omission: &Omission) -> String {
+    let saved = omission.saved.as_ref().map_or(String::new(), |s| format!(", {s}"));
+    format!("{} ({}){saved}", omission.what, omission.why)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::{VolumeSpec, load};
+
+    #[test]
+    fn the_exact_picture_has_the_shape_of_the_picture() {
+        let scene = Scene::framing(&load(&VolumeSpec::new("phantom:slab:8")).unwrap());
+        for (size, small) in
+            [((512, 512), (39, 39)), ((1920, 1280), (48, 32)), ((20, 30), (20, 30)), ((9000, 1), (3718, 1))]
+        {
+            let scene = small_scene(&Scene { width: size.0, height: size.1, ..scene.clone() });
+            assert_eq!((scene.width, scene.height), small);
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! How far a table is, and how long what is left will take by what its steps have taken so far.
+
+use std::collections::HashMap;
+use std::time::Instant;
+
+/// A kind of work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// Exact transmittance at the points that the camera sees.
+    Points,
+    ExactPicture,
+    /// Building a method's structure and drawing for the first time.
+    Draw,
+    /// A method's errors.
+    Errors,
+    /// One timed run of a method, or one to warm up.
+    Run,
+}
+
+/// One piece of work; steps of one kind and one method are taken to last as long as each other, in every scene.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Step {
+    pub stage: Stage,
+    /// Name and settings; empty where the step is for all methods.
+    pub method: String,
+}
+
+impl Step {
+    pub fn new(stage: Stage, method: &str) -> Self {
+        Self { stage, method: method.into() }
+    }
+}
+
+/// What a progress bar shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Status<'a> {
+    /// What is done now.
+    pub what: &'a str,
+    pub done: usize,
+    pub total: usize,
+    /// Seconds that what is left will take, as far as that can be told.
+    pub left_s: Option<f64>,
+}
+
+/// Steps that are done, with what they took, and those that are left.
+pub struct Progress<'a> {
+    left: HashMap<Step, usize>,
+    /// Times done, and seconds in all.
+    took: HashMap<Step, (usize, f64)>,
+    now: Option<(Step, Instant)>,
+    done: usize,
+    show: Box<dyn FnMut(&Status) + 'a>,
+}
+
+impl<'a> Progress<'a> {
+    /// `show` is told whenever something starts.
+    pub fn new(show: impl FnMut(&Status) + 'a) -> Self {
+        Self { left: HashMap::new(), took: HashMap::new(), now: None, done: 0, show: Box::new(show) }
+    }
+
+    /// Nobody looks.
+    pub fn unseen() -> Self {
+        Self::new(|_| {})
+    }
+
+    /// Adds steps to what is to be done.
+    pub fn expect(&mut self, step: Step, times: usize) {
+        *self.left.entry(step).or_default() += times;
+    }
+
+    /// Takes steps off again that turn out not to be needed; all of that kind and method where `times` is more.
+    pub fn spare(&mut self, step: &Step, times: usize) {
+        if let Some(left) = self.left.get_mut(step) {
+            *left = left.saturating_sub(times);
+        }
+    }
+
+    /// Ends the step before and starts this one; `what` says what it is.
+    pub fn begin(&mut self, step: Step, what: &str) {
+        self.end();
+        let left_s = self.left_s();
+        let total = self.done + self.left.values().sum::<usize>();
+        // A step that nobody expected still counts.
+        (self.show)(&Status { what, done: self.done, total: total.max(self.done + 1), left_s });
+        self.now = Some((step, Instant::now()));
+    }
+
+    /// Ends the step that is being done.
+    pub fn end(&mut self) {
+        if let Some((step, start)) = self.now.take() {
+            self.finished(step, start.elapsed().as_secs_f64());
+        }
+    }
+
+    fn finished(&mut self, step: Step, seconds: f64) {
+        self.spare(&step, 1);
+        let (times, total) = self.took.entry(step).or_default();
+        *times += 1;
+        *total += seconds;
+        self.done += 1;
+    }
+
+    /// Seconds for what is left, each step at the mean of those like it: of the same kind and method; for a timed run
+    /// of a method that has had none, its first drawing; of the same kind; of all. `None` before anything is done.
+    pub fn left_s(&self) -> Option<f64> {
+        let mean = |like: &dyn Fn(&Step) -> bool| {
+            let found = self.took.iter().filter(|(step, _)| like(step)).map(|(_, took)| *took);
+            let (times, seconds) = found.fold((0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+            (times > 0).then(|| seconds / times as f64)
+        };
+        let of = |step: &Step| {
+            mean(&|s| s == step)
+                .or_else(|| {
+                    let drawn = Step { stage: Stage::Draw, method: step.method.clone() };
+                    (step.stage == Stage::Run).then(|| mean(&|s| *s == drawn)).flatten()
+                })
+                .or_else(|| mean(&|s| s.stage == step.stage))
+                .or_else(|| mean(&|_| true))
+        };
+        self.left
+            .iter()
+            .filter(|(_, times)| **times > 0)
+            .map(|(step, times)| Some(*times as f64 * of(step)?))
+            .sum()
+    }
+}
+
+/// Seconds as one says them: `40 s`, `3 min`, `2 h 10 min`.
+pub fn spoken(seconds: f64) -> String {
+    let minutes = (seconds / 60.0).round() as u64;
+    match minutes {
+        _ if seconds < 99.5 => format!("{} s", seconds.ceil()),
+        0..100 => format!("{minutes} min"),
+        _ => format!("{} h {} min", minutes / 60, minutes % 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_takes_as_long_as_its_like() {
+        let mut progress = Progress::unseen();
+        let step = Step::new;
+        for method in ["dsm", "rays"] {
+            for (stage, times) in [(Stage::Draw, 1), (Stage::Errors, 1), (Stage::Run, 6)] {
+                progress.expect(step(stage, method), times);
+            }
+        }
+        assert_eq!(progress.left_s(), None);
+        progress.finished(step(Stage::Draw, "dsm"), 2.0);
+        // All else is like the one that is known.
+        assert_eq!(progress.left_s(), Some(15.0 * 2.0));
+        progress.finished(step(Stage::Errors, "dsm"), 10.0);
+        progress.finished(step(Stage::Draw, "rays"), 4.0);
+        // Runs of dsm as its drawing, 6 x 2; of rays 6 x 4; errors of rays as those of dsm.
+        assert_eq!(progress.left_s(), Some(12.0 + 24.0 + 10.0));
+        progress.finished(step(Stage::Run, "dsm"), 1.0);
+        assert_eq!(progress.left_s(), Some(5.0 + 24.0 + 10.0));
+        progress.spare(&step(Stage::Run, "rays"), 5);
+        progress.spare(&step(Stage::Errors, "rays"), usize::MAX);
+        assert_eq!(progress.left_s(), Some(5.0 + 4.0));
+    }
+
+    #[test]
+    fn the_bar_is_told_what_starts_and_how_much_there_is() {
+        let mut shown = Vec::new();
+        let mut progress =
+            Progress::new(|s| shown.push((s.what.to_owned(), s.done, s.total, s.left_s.is_some())));
+        progress.expect(Step::new(Stage::Points, ""), 1);
+        progress.expect(Step::new(Stage::Run, "dsm"), 2);
+        progress.begin(Step::new(Stage::Points, ""), "points");
+        progress.begin(Step::new(Stage::Run, "dsm"), "timing");
+        progress.end();
+        drop(progress);
+        assert_eq!(shown, [("points".to_owned(), 0, 3, false), ("timing".to_owned(), 1, 3, true)]);
+    }
+
+    #[test]
+    fn times_are_spoken() {
+        for (seconds, expected) in
+            [(0.2, "1 s"), (40.0, "40 s"), (99.0, "99 s"), (170.0, "3 min"), (7800.0, "2 h 10 min")]
+        {
+            assert_eq!(spoken(seconds), expected);
+        }
+    }
+}

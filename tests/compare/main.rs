@@ -1,0 +1,41 @@
+//! `umbravox compare`, run as a user runs it, on tiny phantoms; and its measuring, with planted delays and errors.
+
+#[path = "../cli/mod.rs"]
+mod cli;
+mod planted;
+mod resume;
+mod table;
+
+use cli::umbravox;
+use std::collections::HashMap;
+use std::path::Path;
+use umbravox::gpu::Gpu;
+use umbravox::measure::table::COLUMNS;
+
+/// Extinction that rises slowly with the value, and not at once to opaque.
+pub const TF: &str =
+    r#"{"name": "haze", "points": [{"value": 200, "extinction": 0}, {"value": 1000, "extinction": 0.1}]}"#;
+
+fn no_adapter(test: &str) -> bool {
+    let missing = Gpu::open(None).is_err();
+    if missing {
+        println!("skipped: {test}: there is no graphics adapter");
+    }
+    missing
+}
+
+/// Runs in `folder` and gives stdout.
+fn run(folder: &Path, args: &[&str]) -> String {
+    std::fs::write(folder.join("tf.json"), TF).unwrap();
+    let output = umbravox(folder, args);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{args:?}: {stderr}");
+    assert!(stderr.contains("compare.csv") && !stderr.contains("failed"), "{stderr}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn read_csv(path: &Path) -> Vec<HashMap<String, String>> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), COLUMNS);
+    reader.deserialize().map(|row| row.unwrap()).collect()
+}
