@@ -4,6 +4,7 @@ use super::scene_args::{SceneArgs, SceneRequest};
 use super::{Loaded, print_result, say};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
+use crate::measure::ablate::{self, Ablation};
 use crate::measure::compare::{Compared, Comparison, Effort, Job, compare, file_name_part, steps};
 use crate::measure::facts::Facts;
 use crate::measure::heat::{round_max, write_heat_map};
@@ -12,6 +13,7 @@ use crate::measure::plot::write_plots;
 use crate::measure::progress::{Progress, spoken};
 use crate::measure::report::{summary, write_tables};
 use crate::measure::table::{Row, json};
+use crate::measure::writers;
 use crate::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::render::{Forced, Renderer, Session};
 use crate::shadow::parse_list;
@@ -41,6 +43,9 @@ pub struct CompareArgs {
     /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value = DEFAULT_METHODS)]
     pub methods: String,
+    /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on
+    #[arg(long)]
+    pub ablate: bool,
     /// Timed runs of each method, after warm-up
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,
@@ -102,7 +107,9 @@ pub fn run(args: CompareArgs) -> Result<()> {
     for (step, times) in requests.iter().flat_map(|_| steps(&methods, &effort)) {
         progress.expect(step, times);
     }
-    let mut all = Comparison::default();
+    let ablated = requests.iter().filter(|_| args.ablate).flat_map(|_| &methods);
+    ablated.for_each(|method| progress.expect(ablate::step(method.as_ref()), 1));
+    let (mut all, mut ablations) = (Comparison::default(), Vec::new());
     for (request, name) in requests.iter().zip(&names) {
         let Loaded { volume, tf, scene } = match first.take() {
             Some(loaded) => loaded,
@@ -121,6 +128,9 @@ pub fn run(args: CompareArgs) -> Result<()> {
                     effort,
                 };
                 all.append(compare(&job, &methods, &mut journal, &mut progress)?);
+                if args.ablate {
+                    ablations.append(&mut ablate::ablate(&job, &methods, &mut progress)?);
+                }
                 renderer = session.renderer;
             }
             Err(failed) => {
@@ -151,6 +161,9 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let tables = write_tables(&rows, &args.output, "compare")?;
     let plots = write_scene_plots(&rows, &names, &args.output)?;
     let pictures = write_pictures(&all.compared, &args.output)?;
+    if args.ablate {
+        write_ablations(&ablations, &args.output)?;
+    }
     if requests.iter().any(|r| r.json) {
         let json = String::from_utf8(json(&rows)?)
             .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
@@ -163,6 +176,18 @@ pub fn run(args: CompareArgs) -> Result<()> {
         say(what, &names.join(" "));
     }
     verdict(&rows, &args.output)
+}
+
+/// Writes what omissions are worth: every column as CSV and JSON, and a table for reading.
+fn write_ablations(rows: &[Ablation], folder: &Path) -> Result<()> {
+    let markdown = ablate::markdown(rows).into_bytes();
+    let files = [("csv", writers::csv(rows)?), ("json", writers::json(rows)?.into_bytes()), ("md", markdown)];
+    for (extension, bytes) in files {
+        let path = folder.join(format!("ablation.{extension}"));
+        write_whole(&path, |file| file.write_all(&bytes))?;
+        say("ablation", &path.display());
+    }
+    Ok(())
 }
 
 /// The one adapter that all scenes are drawn on: times of several make no table.

@@ -2,10 +2,12 @@
 
 mod buffers;
 mod device;
+mod pipeline_cache;
 mod shaders;
 mod timing;
 
 pub use buffers::{StorageBuffer, read_back, table_texture, uniform_buffer};
 pub use device::Gpu;
+pub use pipeline_cache::PipelineStore;
 pub use shaders::{ShaderVariant, compose, sources};
 pub use timing::{Clock, PassTimer, Span};

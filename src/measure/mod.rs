@@ -16,9 +16,10 @@
 //! full precision), [`report`] as Markdown and LaTeX for reading, with what is [`best`] at equal bytes and time, and
 //! [`plot`] draws error against time. None of these knows of a GPU; measuring itself is tested with planted errors and
 //! planted times. [`errors`] asks a built method and the exact field the same questions, [`compare`] makes the whole
-//! table, [`journal`] keeps what is measured on disk as soon as it is, and [`stability`] takes every method through
+//! table, [`ablate`] measures what the plan has left out, [`journal`] keeps what is measured on disk as soon as it is, and [`stability`] takes every method through
 //! stiff and extreme cases.
 
+pub mod ablate;
 pub mod band;
 pub mod best;
 mod canvas;
@@ -38,3 +39,4 @@ pub mod stability;
 pub mod stats;
 pub mod table;
 pub mod timing;
+pub mod writers;

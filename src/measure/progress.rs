@@ -15,6 +15,8 @@ pub enum Stage {
     Errors,
     /// One timed run of a method, or one to warm up.
     Run,
+    /// All that a method's plan left out, forced back on in turn.
+    Ablation,
 }
 
 /// One piece of work; steps of one kind and one method are taken to last as long as each other, in every scene.

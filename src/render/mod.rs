@@ -18,7 +18,9 @@ pub use plan::{Omission, Plan, needs_shadows};
 pub use session::Session;
 
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, PassTimer, ShaderVariant, Span, StorageBuffer, compose, read_back, uniform_buffer};
+use crate::gpu::{
+    Gpu, PassTimer, PipelineStore, ShaderVariant, Span, StorageBuffer, compose, read_back, uniform_buffer,
+};
 use crate::scene::{Light, Scene, Shading};
 use crate::shadow::{BuildContext, Method, ShadowMap};
 use crate::transfer::TransferFunction;
@@ -74,6 +76,7 @@ pub struct Renderer {
     gpu: Gpu,
     layouts: Layouts,
     timer: PassTimer,
+    store: Option<PipelineStore>,
     pipelines: Mutex<HashMap<ShaderVariant, Arc<wgpu::ComputePipeline>>>,
 }
 
@@ -81,7 +84,8 @@ impl Renderer {
     pub fn new(gpu: Gpu) -> Self {
         let layouts = Layouts::new(&gpu, gpu.filters_float32);
         let timer = PassTimer::new(&gpu);
-        Self { gpu, layouts, timer, pipelines: Mutex::default() }
+        let store = PipelineStore::open(&gpu.device, &gpu.info);
+        Self { gpu, layouts, timer, store, pipelines: Mutex::default() }
     }
 
     pub fn gpu(&self) -> &Gpu {
@@ -313,7 +317,7 @@ impl Renderer {
             module: &module,
             entry_point: None,
             compilation_options: Default::default(),
-            cache: None,
+            cache: self.store.as_ref().map(|s| &s.cache),
         }));
         self.gpu.take_error()?;
         self.pipelines.lock().map_err(|_| poisoned())?.insert(variant, Arc::clone(&pipeline));

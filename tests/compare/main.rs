@@ -1,5 +1,6 @@
 //! `umbravox compare`, run as a user runs it, on tiny phantoms; and its measuring, with planted delays and errors.
 
+mod ablate;
 #[path = "../cli/mod.rs"]
 mod cli;
 mod planted;

@@ -13,7 +13,7 @@ mod report;
 
 pub use cases::{Case, Concerns, ORDINARY, all};
 pub use judge::{Findings, Status};
-pub use report::{Row, counted, csv, json, markdown};
+pub use report::{Row, counted, markdown};
 
 use super::band::{Band, BandReport, Sanity};
 use super::errors::{RayTest, meets_extinction};

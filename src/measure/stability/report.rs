@@ -1,10 +1,8 @@
 //! The rows that `stability` writes: CSV and JSON of every column, and a summary in Markdown.
 
 use super::judge::Status;
-use crate::error::{Error, Result};
 use serde::Serialize;
 use std::collections::HashMap;
-use std::fmt;
 
 /// One case and method; the fields are the columns of CONTRACT section 5, in order. Where a case has several lights,
 /// counts are their sums, and errors and costs those of the worst.
@@ -46,29 +44,6 @@ impl Row {
             note: String::new(),
         }
     }
-}
-
-/// Every column of all rows with a header line; what was not measured is empty.
-///
-/// # Errors
-/// The writer's own, which memory does not give.
-pub fn csv(rows: &[Row]) -> Result<Vec<u8>> {
-    let failed = |e: &dyn fmt::Display| Error::runtime("cannot write table", "CSV", e);
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        writer.serialize(row).map_err(|e| failed(&e))?;
-    }
-    writer.into_inner().map_err(|e| failed(&e))
-}
-
-/// The same as a JSON array of objects; infinite errors are `null`.
-///
-/// # Errors
-/// The writer's own, which memory does not give.
-pub fn json(rows: &[Row]) -> Result<String> {
-    let text =
-        serde_json::to_string_pretty(rows).map_err(|e| Error::runtime("cannot write table", "JSON", e))?;
-    Ok(text + "\n")
 }
 
 /// What a case does not concern.
@@ -144,6 +119,7 @@ pub fn counted(rows: &[Row]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::writers::{csv, json};
     use super::*;
 
     fn rows() -> Vec<Row> {

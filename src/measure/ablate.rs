@@ -1,0 +1,211 @@
+//! What each omission of the plan is worth: times and bytes with the work forced back on, beside those without.
+
+use super::compare::{Job, name_of};
+use super::progress::{Progress, Stage, Step};
+use super::stats::{Spread, image_difference};
+use super::timing::{ClockSource, StageTimes, Timing, Turns, interleave};
+use crate::error::{Error, Result};
+use crate::render::{Forced, Omission, Optional, Picture};
+use crate::shadow::{Method, NoShadows, ShadowMap};
+use serde::Serialize;
+use std::cell::RefCell;
+use std::time::Instant;
+
+/// One method and one thing that its plan left out; medians of rounds in which all variants of the method took turns.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ablation {
+    pub scene: String,
+    pub adapter: String,
+    /// Whose clock build and frame are from; tables are made by the host.
+    pub clock: Option<ClockSource>,
+    pub method: String,
+    pub params: String,
+    /// Name for `--force`.
+    pub omission: &'static str,
+    pub what: String,
+    pub why: String,
+    /// Tables of the transfer function and the bricks' classes.
+    pub tables_ms: Option<f64>,
+    pub tables_ms_forced: Option<f64>,
+    pub build_ms: Option<f64>,
+    pub build_ms_forced: Option<f64>,
+    pub frame_ms: Option<f64>,
+    pub frame_ms_forced: Option<f64>,
+    /// Shadow structure, tables and bricks.
+    pub bytes: Option<u64>,
+    pub bytes_forced: Option<u64>,
+    /// Largest channel difference of the two pictures.
+    pub picture_difference: Option<f64>,
+    /// Why a figure is missing.
+    pub note: String,
+}
+
+/// What one run of a variant took and made.
+struct Run {
+    tables_ms: f64,
+    times: StageTimes,
+    bytes: u64,
+    picture: Picture,
+}
+
+/// A variant of a method, forced or not, over all rounds.
+struct Variant {
+    forced: Forced,
+    tables_ms: RefCell<Vec<f64>>,
+}
+
+/// Measures every omission of every method's plan that can be forced.
+///
+/// # Errors
+/// A method cannot be built or drawn as it is; what only fails when it is forced is a note in its row.
+pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -> Result<Vec<Ablation>> {
+    let mut rows = Vec::new();
+    for method in methods {
+        let method = method.as_ref();
+        progress.begin(step(method), &format!("{}: ablation", name_of(method)));
+        let lean = run(job, method, job.session.transfer.forced)?;
+        let omissions: Vec<(Optional, Omission)> =
+            lean.picture.plan.left_out.iter().filter_map(|o| Some((o.optional?, o.clone()))).collect();
+        rows.extend(one_method(job, method, &lean, &omissions)?);
+    }
+    Ok(rows)
+}
+
+/// What [`ablate`] tells `progress` once a method.
+pub fn step(method: &dyn Method) -> Step {
+    Step::new(Stage::Ablation, &name_of(method))
+}
+
+fn one_method(
+    job: &Job,
+    method: &dyn Method,
+    lean: &Run,
+    omissions: &[(Optional, Omission)],
+) -> Result<Vec<Ablation>> {
+    let base = job.session.transfer.forced;
+    let variants: Vec<Variant> = [base]
+        .into_iter()
+        .chain(omissions.iter().map(|(optional, _)| base.and(Forced::only(*optional))))
+        .map(|forced| Variant { forced, tables_ms: RefCell::default() })
+        .collect();
+    // The first run of each, which warms its pipelines up, is also the one whose picture and bytes count.
+    let first: Vec<Result<Run>> = variants[1..].iter().map(|v| run(job, method, v.forced)).collect();
+    let mut turns: Vec<Turns> = variants
+        .iter()
+        .map(|variant| Turns {
+            run: Box::new(move || {
+                let run = run(job, method, variant.forced)?;
+                variant.tables_ms.borrow_mut().push(run.tables_ms);
+                Ok(run.times)
+            }),
+            warmup: 0,
+            rounds: job.effort.repeats,
+        })
+        .collect();
+    let timed = interleave(&mut turns, &mut |_| Ok(()))?;
+    drop(turns);
+    let mut medians = timed.into_iter().zip(&variants).map(|(times, variant)| {
+        let timing = times.and_then(|t| Timing::of(&t));
+        timing.map(|t| (t, Spread::of(&variant.tables_ms.borrow()).map(|s| s.median)))
+    });
+    let (own, own_tables_ms) = medians
+        .next()
+        .unwrap_or_else(|| Err(Error::runtime("cannot time", name_of(method), "no run was counted")))?;
+    let rows = omissions.iter().zip(first).zip(medians).map(|(((optional, omission), first), forced)| {
+        let mut row = Ablation {
+            scene: job.scene_name.clone(),
+            adapter: job.session.renderer.gpu().info.name.clone(),
+            clock: Some(own.clock),
+            method: method.name().into(),
+            params: method.params(),
+            omission: optional.name(),
+            what: omission.what.clone(),
+            why: omission.why.clone(),
+            tables_ms: own_tables_ms,
+            tables_ms_forced: None,
+            build_ms: Some(own.build_ms.median),
+            build_ms_forced: None,
+            frame_ms: Some(own.frame_ms.median),
+            frame_ms_forced: None,
+            bytes: Some(lean.bytes),
+            bytes_forced: None,
+            picture_difference: None,
+            note: String::new(),
+        };
+        let measured = first.and_then(|run| {
+            let off = image_difference(run.picture.pixels.view(), lean.picture.pixels.view())?;
+            row.picture_difference = Some(off.iter().fold(0.0, |most, d| f64::from(*d).max(most)));
+            row.bytes_forced = Some(run.bytes);
+            forced
+        });
+        match measured {
+            Ok((timing, tables_ms)) => {
+                row.tables_ms_forced = tables_ms;
+                row.build_ms_forced = Some(timing.build_ms.median);
+                row.frame_ms_forced = Some(timing.frame_ms.median);
+            }
+            Err(e) => row.note = e.to_string(),
+        }
+        row
+    });
+    Ok(rows.collect())
+}
+
+/// Everything anew from the volume on the device: tables, bricks, structure and picture.
+fn run(job: &Job, method: &dyn Method, forced: Forced) -> Result<Run> {
+    let (renderer, loaded) = (&job.session.renderer, &job.session.loaded);
+    let transfer = renderer.transfer(loaded, job.tf, forced)?;
+    let needed = crate::render::needs_shadows(job.scene, job.volume, &transfer).is_ok();
+    let start = Instant::now();
+    let shadow: ShadowMap =
+        renderer.shadow(loaded, &transfer, if needed { method } else { &NoShadows }, job.scene.light)?;
+    let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
+    let picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
+    let march = transfer.march_table();
+    let report = &shadow.report;
+    Ok(Run {
+        tables_ms: transfer.table_ms + transfer.classify_ms + march.map_or(0.0, |t| t.table_ms),
+        times: StageTimes {
+            build_host_ms: report.host_ms,
+            build_device: report.device,
+            build_wall_ms,
+            frame: picture.span,
+        },
+        bytes: report.bytes + transfer.bytes + march.map_or(0, |t| t.bytes),
+        picture,
+    })
+}
+
+/// The rows for reading: each figure without the work, and with it.
+pub fn markdown(rows: &[Ablation]) -> String {
+    let Some(first) = rows.first() else { return "No plan left anything out that can be forced.\n".into() };
+    let clock = first.clock.map_or("", ClockSource::name);
+    let mut out = format!(
+        "Work that the plan left out, and what it takes where it is forced back on. Medians on {}, {clock} clock.\n\n\
+        | scene | method | left out | tables ms | build ms | frame ms | MB | picture differs by |\n\
+        | --- | --- | --- | ---: | ---: | ---: | ---: | ---: |\n",
+        first.adapter
+    );
+    let pair = |a: Option<f64>, b: Option<f64>, digits: usize| {
+        let text = |v: Option<f64>| v.map_or("?".into(), |v| format!("{v:.digits$}"));
+        format!("{} → {}", text(a), text(b))
+    };
+    let megabytes = |bytes: Option<u64>| bytes.map(|b| b as f64 * 1e-6);
+    for row in rows {
+        out += &format!(
+            "| {} | {} | {}: {} ({}) | {} | {} | {} | {} | {} |\n",
+            row.scene,
+            [&*row.method, &*row.params].join(" ").trim_end(),
+            row.omission,
+            row.what,
+            row.why,
+            pair(row.tables_ms, row.tables_ms_forced, 1),
+            pair(row.build_ms, row.build_ms_forced, 1),
+            pair(row.frame_ms, row.frame_ms_forced, 1),
+            pair(megabytes(row.bytes), megabytes(row.bytes_forced), 2),
+            row.picture_difference
+                .map_or_else(|| row.note.clone(), |d| if d == 0.0 { "0".into() } else { format!("{d:.0e}") }),
+        );
+    }
+    out
+}
