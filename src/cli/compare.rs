@@ -100,8 +100,9 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let mut progress = Progress::new(|status| {
         bar.set_length(status.total as u64);
         bar.set_position(status.done as u64);
-        let left = status.left_s.map_or(String::new(), |s| format!(", about {} left", spoken(s)));
-        bar.set_message(format!("{}{left}", status.what));
+        // First what must not be cut off at the end of the line.
+        let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
+        bar.set_message(format!("{left}{}", status.what));
     });
     let several = requests.len() > 1;
     for (step, times) in requests.iter().flat_map(|_| steps(&methods, &effort)) {
@@ -127,7 +128,11 @@ pub fn run(args: CompareArgs) -> Result<()> {
                     file_prefix: if several { format!("{}_", file_name_part(name)) } else { String::new() },
                     effort,
                 };
-                all.append(compare(&job, &methods, &mut journal, &mut progress)?);
+                let mut compared = compare(&job, &methods, &mut journal, &mut progress)?;
+                if several {
+                    compared.name_scene(name);
+                }
+                all.append(compared);
                 if args.ablate {
                     ablations.append(&mut ablate::ablate(&job, &methods, &mut progress)?);
                 }
@@ -300,7 +305,7 @@ fn scene_name(loaded: &Loaded) -> String {
 
 /// Shown on stderr where that is a terminal.
 fn progress_bar() -> Result<ProgressBar> {
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {wide_msg}")
+    let style = ProgressStyle::with_template("{bar:20} {pos}/{len} {wide_msg}")
         .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
     Ok(ProgressBar::new(0).with_style(style))
 }

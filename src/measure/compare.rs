@@ -83,6 +83,12 @@ impl Comparison {
         self.compared.iter().map(|c| c.row.clone()).collect()
     }
 
+    /// Says of which scene the notes and failures are.
+    pub fn name_scene(&mut self, name: &str) {
+        self.notes.iter_mut().for_each(|note| *note = format!("{name}: {note}"));
+        self.failures.iter_mut().for_each(|(what, _)| *what = format!("{name}: {what}"));
+    }
+
     /// Adds another scene's.
     pub fn append(&mut self, mut other: Self) {
         self.compared.append(&mut other.compared);

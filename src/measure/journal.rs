@@ -12,7 +12,8 @@ use crate::render::Omission;
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -48,6 +49,8 @@ enum Line {
     Row {
         key: String,
         slug: String,
+        /// Tells its picture from another of that name.
+        picture: String,
         frame_ms: f64,
         /// The row's cells as CSV has them: JSON has no infinity.
         cells: BTreeMap<String, String>,
@@ -67,7 +70,8 @@ pub struct Journal {
     place: Option<(PathBuf, File)>,
     /// This run of the program; the first that writes to a journal is 1.
     run: u32,
-    rows: HashMap<String, Measured>,
+    /// Each with its picture's fingerprint.
+    rows: HashMap<String, (Measured, String)>,
     rounds: HashMap<String, Vec<(u32, StageTimes)>>,
 }
 
@@ -91,13 +95,11 @@ impl Journal {
             .truncate(false)
             .open(&path)
             .map_err(failed)?;
-        file.try_lock().map_err(|_| {
-            Error::input(
-                "cannot keep rows",
-                path.display(),
-                "another `umbravox compare` is writing to the folder",
-            )
-        })?;
+        // Where a file system has no locks there is nothing to be told.
+        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            let why = "another `umbravox compare` is writing to the folder";
+            return Err(Error::input("cannot keep rows", path.display(), why));
+        }
         let mut journal = Self { run: 1, ..Self::default() };
         let mut whole = 0;
         if resume {
@@ -130,12 +132,12 @@ impl Journal {
 
     fn read(&mut self, line: &[u8]) -> Result<(), String> {
         match serde_json::from_slice(line).map_err(|e| e.to_string())? {
-            Line::Row { key, slug, frame_ms, cells, left_out, notes } => {
+            Line::Row { key, slug, picture, frame_ms, cells, left_out, notes } => {
                 let row =
                     Row::from_texts(&cells).map_err(|column| format!("`{column}` has no such value"))?;
                 // A row measured again, because its picture was gone, is timed again.
                 self.rounds.remove(&key);
-                self.rows.insert(key, Measured { row, slug, left_out, notes, frame_ms });
+                self.rows.insert(key, (Measured { row, slug, left_out, notes, frame_ms }, picture));
             }
             Line::Round { key, run, times } => {
                 self.run = self.run.max(run + 1);
@@ -145,14 +147,14 @@ impl Journal {
         Ok(())
     }
 
-    /// The row of that key, if an earlier run measured it and its pictures are still there.
+    /// The row of that key, if an earlier run measured it and its pictures are still there: rows of other settings have
+    /// pictures of the same name.
     pub fn take(&mut self, key: &str) -> Option<Kept> {
-        let measured = self.rows.remove(key)?;
+        let (measured, expected) = self.rows.remove(key)?;
         let [png, exr] = self.pictures(&measured.slug)?;
         let picture = read_exr(&exr).ok()?;
-        let [width, height] = [measured.row.width, measured.row.height].map(|n| n as usize);
         let rounds = self.rounds.remove(key).unwrap_or_default();
-        (png.is_file() && picture.dim() == (height, width, 4)).then_some(Kept { measured, picture, rounds })
+        (png.is_file() && fingerprint(&picture) == expected).then_some(Kept { measured, picture, rounds })
     }
 
     /// Puts a row's pictures on disk, and then the row.
@@ -165,7 +167,8 @@ impl Journal {
             write_picture(path, picture)?;
         }
         let Measured { row, slug, left_out, notes, frame_ms } = measured.clone();
-        self.write(&[Line::Row { key: key.into(), slug, frame_ms, cells: row.texts(), left_out, notes }])
+        let (cells, picture) = (row.texts(), fingerprint(picture));
+        self.write(&[Line::Row { key: key.into(), slug, picture, frame_ms, cells, left_out, notes }])
     }
 
     /// Adds a timed round of some rows.
@@ -200,6 +203,14 @@ impl Journal {
         }
         file.write_all(&bytes).and_then(|()| file.sync_data()).map_err(|e| failed(&e))
     }
+}
+
+/// A number for a picture's shape and bits.
+fn fingerprint(picture: &Array3<f32>) -> String {
+    let mut hasher = DefaultHasher::new();
+    picture.dim().hash(&mut hasher);
+    picture.iter().for_each(|v| v.to_bits().hash(&mut hasher));
+    format!("{:016x}", hasher.finish())
 }
 
 #[cfg(test)]
@@ -287,6 +298,14 @@ mod tests {
         std::fs::write(dir.path().join("picture_m2.exr"), "no picture").unwrap();
         let mut journal = Journal::open(dir.path(), true).unwrap();
         assert_eq!((journal.take("k1"), journal.take("k2")), (None, None));
+        drop(journal);
+        // Another row's picture of the same name is not its own.
+        let mut journal = Journal::open(dir.path(), true).unwrap();
+        journal.keep("k1", &measured(1), &picture()).unwrap();
+        journal.keep("other", &measured(1), &(picture() + 1.0)).unwrap();
+        drop(journal);
+        let mut journal = Journal::open(dir.path(), true).unwrap();
+        assert!(journal.take("k1").is_none() && journal.take("other").is_some());
         // The rounds of before are not those of the row measured again.
         journal.keep("k1", &measured(1), &picture()).unwrap();
         drop(journal);

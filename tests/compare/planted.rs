@@ -16,9 +16,9 @@ use umbravox::shadow::{BuildContext, Method, ShadowMap, parse, parse_list};
 use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
 use umbravox::volume::{Volume, VolumeSpec, load};
 
-const DELAY_MS: f64 = 80.0;
+const DELAY_MS: f64 = 250.0;
 /// Of the first builds: the one that errors are measured on, and the warm-up.
-const FIRST_DELAY_MS: f64 = 600.0;
+const FIRST_DELAY_MS: f64 = 1000.0;
 const FIRST_BUILDS: usize = 2;
 
 /// What is wrong with a planted method.

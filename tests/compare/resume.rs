@@ -103,6 +103,9 @@ fn rows_measured_before_the_interruption_are_not_measured_again() {
     assert_eq!((bytes(out.join("compare.csv")), bytes(out.join(JOURNAL))), (table, journal));
     resume(folder, &[&extra[..], &["--ambient=0.2"]].concat());
     assert_eq!(lines(folder, "row").len(), 10);
+    // Those have taken the pictures' names: without its own picture a row is not taken as measured.
+    resume(folder, &extra);
+    assert_eq!(lines(folder, "row").len(), 15);
 }
 
 #[test]

@@ -40,6 +40,11 @@ fn picture_lit_from_the_eye() {
             seen += usize::from(t < 0.9);
         }
         assert!(seen > 40, "{seen}");
+        // Of every pixel: the picture is as near to its limit as it says, and one that is not shows.
+        assert!(field.picture_change(&scene, &picture, 96) < 1e-4);
+        let mut off = picture.clone();
+        off[[3, 5, 1]] += 0.01;
+        assert!((field.picture_change(&scene, &off, 96) - 0.01).abs() < 2e-4);
     }
 }
 
