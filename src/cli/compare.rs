@@ -1,7 +1,7 @@
 //! `umbravox compare`: the error-against-time table of several methods.
 
 use super::scene_args::SceneArgs;
-use super::{Loaded, print_result, say};
+use super::{Loaded, compare_report, print_result, say};
 use crate::error::{Error, Result};
 use crate::measure::compare::{Compared, Comparison, Effort, Job, compare, progress_steps};
 use crate::measure::heat::{round_max, write_heat_map};
@@ -96,6 +96,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let tables = write_tables(&rows, &args.output, "compare")?;
     let plots = write_plots(&rows, &args.output, "compare")?;
     let pictures = write_pictures(&compared, &args.output)?;
+    let report = compare_report::write(&job, &compared, &notes, &failures, &args.output)?;
     if request.json {
         let json = String::from_utf8(json(&rows)?)
             .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
@@ -103,7 +104,9 @@ pub fn run(args: CompareArgs) -> Result<()> {
     } else {
         print_result(&summary(&rows))?;
     }
-    for (what, paths) in [("tables", tables), ("plots", plots), ("pictures", pictures)] {
+    for (what, paths) in
+        [("tables", tables), ("plots", plots), ("pictures", pictures), ("report", vec![report])]
+    {
         let names: Vec<_> = paths.iter().map(|p| p.display().to_string()).collect();
         say(what, &names.join(" "));
     }
@@ -137,7 +140,7 @@ fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBuf>> 
 }
 
 /// Volume and transfer function in a few words: `CT_AVM, CT bone`.
-fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
+pub(super) fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
     let source = &volume.provenance.source;
     let file = source.rsplit(['/', '\\']).next().unwrap_or(source);
     let stem = file.strip_suffix(".gz").unwrap_or(file);

@@ -1,10 +1,12 @@
 //! The command line: one file a command, each thin.
 
 pub mod compare;
+mod compare_report;
 mod error;
 pub mod info;
 pub mod phantom;
 pub mod probe;
+mod probe_curve;
 pub mod probe_rays;
 pub mod render;
 pub mod scene_args;

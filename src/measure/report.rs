@@ -272,6 +272,8 @@ fn escape_latex(text: &str) -> String {
             '<' => out += "\\textless{}",
             '>' => out += "\\textgreater{}",
             '|' => out += "\\textbar{}",
+            // After the end of a line these would be taken for its arguments.
+            '[' | '*' => out.extend(['{', c, '}']),
             '{' | '}' | '$' | '&' | '#' | '_' | '%' => out.extend(['\\', c]),
             _ => out.push(c),
         }

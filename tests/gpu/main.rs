@@ -7,6 +7,7 @@ mod degenerate;
 mod exact_pictures;
 mod invariance;
 mod layers;
+mod nodes;
 mod pool;
 mod shading;
 mod strands;
