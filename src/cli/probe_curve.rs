@@ -61,17 +61,16 @@ pub fn run(
     let volume = Arc::new(volume);
     let session = Session::open(request.adapter.as_deref(), Arc::clone(&volume), &tf)?;
     let points = curve.points_mm();
-    let answer = |method: &Box<dyn crate::shadow::Method>| -> Result<MethodCurve> {
+    let mut found = Vec::with_capacity(methods.len());
+    for method in &methods {
         let shadow = session.shadow(method.as_ref(), scene.light)?;
-        Ok(MethodCurve {
+        found.push(MethodCurve {
             method: method.name().into(),
             params: method.params(),
             map: method.map_size(),
             transmittance: session.query(&shadow, &points)?,
-        })
-    };
-    let found = methods.iter().map(answer).collect::<Result<Vec<_>>>()?;
-
+        });
+    }
     let about = format!("{}; light {}", super::compare::scene_name(&volume, &tf), light_text(&scene.light));
     let file = |ending: &str| match ending {
         "svg" => Ok(curve_svg(&curve, &found, &about)?.into_bytes()),

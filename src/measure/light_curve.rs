@@ -106,7 +106,7 @@ impl LightCurve {
         self.depth_mm.iter().map(|&z| self.at(z)).collect()
     }
 
-    /// Where a method is farthest from the exact curve; a value that is not a number is as far as can be.
+    /// Where a method is farthest from the exact curve, first of all such depths; a value that is not a number is as far as can be.
     pub fn farthest(&self, of: &MethodCurve) -> Option<Farthest> {
         let far = |f: &Farthest| {
             let e = (f.t_method - f.t_exact).abs();
@@ -114,7 +114,7 @@ impl LightCurve {
         };
         (self.depth_mm.iter().zip(&self.exact).zip(&of.transmittance))
             .map(|((&depth_mm, &t_exact), &t)| Farthest { depth_mm, t_method: f64::from(t), t_exact })
-            .max_by(|a, b| far(a).total_cmp(&far(b)))
+            .reduce(|best, next| if far(&next) > far(&best) { next } else { best })
     }
 
     /// `depth_mm, x_mm, y_mm, z_mm, exact` and a column a method as CSV with a header line, numbers in the fewest

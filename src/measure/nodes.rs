@@ -56,7 +56,7 @@ pub fn tile_png(map: &NodeMap) -> Result<Vec<u8>> {
     let (width, height) = (tiles.width() * zoom, tiles.height() * zoom);
     let picture = imageops::resize(&tiles, width, height, imageops::FilterType::Nearest);
     let side = crate::shadow::TILE;
-    let label = format!("most nodes in a texel of each tile of {side} × {side}; grey: left out");
+    let label = format!("most nodes in a texel, tiles of {side} × {side}");
     encode_png(&with_legend(&picture, max, &label)?)
 }
 

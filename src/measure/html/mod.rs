@@ -122,7 +122,8 @@ fn pictures(conditions: &Conditions, entries: &[Entry]) -> Result<String> {
         }
         if let Some(nodes) = &e.nodes {
             let map = image(&tile_png(nodes)?, &format!("Nodes per tile of {name}"));
-            figures += &figure(&map, "nodes per tile, as Hadwiger et al. 2006, Figure 5");
+            figures +=
+                &figure(&map, "nodes per tile, as Hadwiger et al. 2006, Figure 5; grey: tiles left out");
             let histogram =
                 inline(&histogram_svg(nodes)?, &format!("Histogram of nodes per texel of {name}"));
             figures += &figure(&histogram, &summary(nodes));

@@ -4,6 +4,9 @@ use super::escape;
 use crate::measure::report::significant;
 use crate::measure::table::{COLUMNS, Cell, Row};
 
+/// Texts longer than this get a wide column instead of a tall row.
+const LONG_TEXT: usize = 80;
+
 /// Method and setting as a reader names it, with the map's size.
 pub fn name(row: &Row) -> String {
     let map = row.map.map_or(String::new(), |map| format!("map={map}"));
@@ -67,7 +70,9 @@ impl Column {
     fn classes(&self, more: &str) -> String {
         let kind = if self.number { "number" } else { "text" };
         let minor = if self.minor { " minor" } else { "" };
-        format!("{kind}{minor}{more}")
+        // What the row's heading says too; paper is narrow.
+        let named = if matches!(self.name, "method" | "params" | "map") { " named" } else { "" };
+        format!("{kind}{minor}{named}{more}")
     }
 
     fn header(&self) -> String {
@@ -86,6 +91,7 @@ impl Column {
         let more = match (self.name, cell) {
             (name, Cell::Flag(false)) if name.ends_with("held") => " bad",
             ("pareto", Cell::Flag(true)) => " good",
+            (_, Cell::Text(text)) if text.len() > LONG_TEXT => " long",
             _ => "",
         };
         // What the script's `Number` reads; a column of text sorts as text.

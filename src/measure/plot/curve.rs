@@ -15,13 +15,15 @@ const WIDTH: f64 = 1000.0;
 const VALUES: Rect = Rect { left: 96.0, top: 76.0, right: 976.0, bottom: 406.0 };
 const ERRORS: Rect = Rect { left: 96.0, top: 426.0, right: 976.0, bottom: 586.0 };
 /// Where the legend begins, and the height of its lines.
-const LEGEND_TOP: f64 = 654.0;
+const LEGEND_TOP: f64 = 666.0;
 const LEGEND_LINE: f64 = 26.0;
 const EXACT: Rgb = [178, 178, 178];
 const EXACT_WIDTH: f64 = 6.0;
 const LINE_WIDTH: f64 = 1.7;
 /// Markers on each line.
 const MARKERS: usize = 5;
+/// Changes of transmittance that are too small to see.
+const LEVEL: f64 = 5e-4;
 /// The error axis reaches at least so far.
 const SMALLEST_ERROR: f64 = 1e-4;
 /// Length of a line in the legend.
@@ -63,7 +65,7 @@ fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
     drawing.text(Point(0.5 * WIDTH, 24.0), Anchor::Middle, TITLE, BLACK, fit(title, TITLE));
     drawing.text(Point(0.5 * WIDTH, 51.0), Anchor::Middle, TEXT, GREY, fit(scene.into(), TEXT));
 
-    let depth = LinearAxis::new([0.0, curve.length_mm], VALUES.left, VALUES.right);
+    let depth = LinearAxis::new(depth_range(curve, methods), VALUES.left, VALUES.right);
     let value = LinearAxis::new([-0.03, 1.03], VALUES.bottom, VALUES.top);
     let error = LinearAxis::new(error_range(curve, methods), ERRORS.bottom, ERRORS.top);
     for (frame, y, title) in [(VALUES, &value, "transmittance"), (ERRORS, &error, "error (method − exact)")]
@@ -79,7 +81,7 @@ fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
         let at = Point(depth.place(tick.value), ERRORS.bottom + 18.0);
         label(&mut drawing, at, Anchor::Middle, &tick);
     }
-    if (0.0..=curve.length_mm).contains(&curve.point_depth_mm) {
+    if (depth.low..=depth.high).contains(&curve.point_depth_mm) {
         let x = depth.place(curve.point_depth_mm);
         for frame in [VALUES, ERRORS] {
             drawing.dashed(&[Point(x, frame.top), Point(x, frame.bottom)], 1.0, INK, [1.5, 3.0]);
@@ -88,15 +90,17 @@ fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
         drawing.text(Point(x + side, VALUES.top + 14.0), anchor, SMALL, INK, "the point".into());
     }
 
-    let exact = curve.depth_mm.iter().zip(&curve.exact);
-    let path = exact.map(|(&z, &t)| Point(depth.place(z), value.place(t)));
+    let shown: Vec<usize> = (0..curve.depth_mm.len())
+        .filter(|&k| (depth.low..=depth.high).contains(&curve.depth_mm[k]))
+        .collect();
+    let path = shown.iter().map(|&k| Point(depth.place(curve.depth_mm[k]), value.place(curve.exact[k])));
     drawing.line(&thinned(path), EXACT_WIDTH, EXACT);
-    let zero = [0.0, curve.length_mm].map(|z| Point(depth.place(z), error.place(0.0)));
+    let zero = [depth.low, depth.high].map(|z| Point(depth.place(z), error.place(0.0)));
     drawing.line(&zero, EXACT_WIDTH, EXACT);
     for (i, (m, line)) in methods.iter().zip(&lines).enumerate() {
         let phase = (i as f64 + 0.5) / methods.len() as f64;
         let family = &families[line.family];
-        let finite = || (0..curve.depth_mm.len()).filter(|&k| m.transmittance[k].is_finite());
+        let finite = || shown.iter().copied().filter(|&k| m.transmittance[k].is_finite());
         let value_at = |k: usize| f64::from(m.transmittance[k]);
         let values = finite().map(|k| {
             Point(depth.place(curve.depth_mm[k]), value.place(value_at(k).clamp(value.low, value.high)))
@@ -146,6 +150,27 @@ fn stroke(drawing: &mut Drawing, path: &[Point], line: &Line, family: &Family, p
         let share = if x1 > x0 { (x - x0) / (x1 - x0) } else { 0.0 };
         marker(drawing, Point(x, y0 + share * (y1 - y0)), family.marker, family.color);
     }
+}
+
+/// Depths between which any curve falls, and the point's, with some air; the whole way where nothing happens on it.
+fn depth_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
+    let mut held: Vec<f64> = Vec::new();
+    let mut changes = |value: &dyn Fn(usize) -> f64| {
+        let last = curve.depth_mm.len() - 1;
+        let away = |from: usize, k: &usize| (value(*k) - value(from)).abs() > LEVEL;
+        let ends = [(0..=last).find(|k| away(0, k)), (0..=last).rfind(|k| away(last, k))];
+        held.extend(ends.into_iter().flatten().map(|k| curve.depth_mm[k]));
+    };
+    changes(&|k| curve.exact[k]);
+    methods.iter().for_each(|m| changes(&|k| f64::from(m.transmittance[k])));
+    if held.is_empty() {
+        return [0.0, curve.length_mm];
+    }
+    held.extend(Some(curve.point_depth_mm).filter(|z| (0.0..=curve.length_mm).contains(z)));
+    let low = held.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = held.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let air = (0.08 * (high - low)).max(0.02 * curve.length_mm);
+    [(low - air).max(0.0), (high + air).min(curve.length_mm)]
 }
 
 /// Around 0, as far as any method strays.
@@ -277,6 +302,18 @@ mod tests {
         assert!(low < -0.04 && low > -0.05 && high > 0.01 && high < 0.02, "{low} {high}");
         let [low, high] = error_range(&curve, &methods[2..]);
         assert!(low < 0.0 && high > 0.0);
+    }
+
+    #[test]
+    fn the_depth_axis_holds_what_falls_and_the_point() {
+        let (mut curve, _) = curve();
+        curve.exact = curve.depth_mm.iter().map(|z| if *z < 60.0 { 1.0 } else { 0.2 }).collect();
+        let range = |curve: &LightCurve| depth_range(curve, &[]).map(f64::round);
+        assert_eq!(range(&curve), [38.0, 62.0]);
+        curve.point_depth_mm = -7.0;
+        assert_eq!(range(&curve), [57.0, 62.0]);
+        curve.exact.fill(1.0);
+        assert_eq!(range(&curve), [0.0, 100.0]);
     }
 
     #[test]
