@@ -17,7 +17,8 @@ demo: setup
 	$(UMBRAVOX) compare $(DEMO_FLAGS) -o $(DEMO_DIR)
 	@echo
 	@echo "table:    $(DEMO_DIR)/compare.md (also .csv, .json, .tex)"
-	@echo "plots:    $(DEMO_DIR)/compare.svg and .png"
+	@echo "plots:    $(DEMO_DIR)/compare.svg and compare_bytes.svg (also .png)"
+	@echo "report:   $(DEMO_DIR)/report.html, all of this in one file"
 	@echo "pictures: $(DEMO_DIR)/picture_*.png, differences from rays: $(DEMO_DIR)/difference_*.png"
 
 # What passing tests print is shown too: the lines that say what was skipped.

@@ -28,29 +28,23 @@ pub fn write_picture(path: &Path, picture: &Array3<f32>) -> Result<()> {
     let (height, width, channels) = picture.dim();
     assert_eq!(channels, 4, "a picture is height x width x 4");
     let (width, height) = (width as u32, height as u32);
-    let picture = picture.as_standard_layout();
+    let ordered = picture.as_standard_layout();
     // Encoded in memory: the codecs seek, and the file is then written in one go.
     let mut bytes = Vec::new();
     let encoded = match extension(path, PICTURE_EXTENSIONS)? {
         "png" => {
-            let rgb: Vec<u8> = picture
-                .rows()
-                .into_iter()
-                .flat_map(|p| [0, 1, 2].map(|c| srgb8_from_linear(f64::from(p[c]))))
-                .collect();
-            PngEncoder::new(&mut bytes)
-                .write_image(&rgb, width, height, ExtendedColorType::Rgb8)
-                .map_err(|e| e.to_string())
+            bytes = picture_png(picture)?;
+            Ok(())
         }
         "exr" => OpenExrEncoder::new(Cursor::new(&mut bytes))
             .write_image(
-                bytemuck::cast_slice(picture.as_slice().unwrap_or_default()),
+                bytemuck::cast_slice(ordered.as_slice().unwrap_or_default()),
                 width,
                 height,
                 ExtendedColorType::Rgba32F,
             )
             .map_err(|e| e.to_string()),
-        _ => picture.write_npy(&mut bytes).map_err(|e| e.to_string()),
+        _ => ordered.write_npy(&mut bytes).map_err(|e| e.to_string()),
     };
     encoded.map_err(|why| Error::runtime("cannot encode picture", path.display(), why))?;
     write_whole(path, |file| file.write_all(&bytes))
@@ -67,6 +61,21 @@ pub fn read_exr(path: &Path) -> Result<Array3<f32>> {
     let picture = reader.decode().map_err(|e| fail(e.to_string()))?.into_rgba32f();
     let shape = (picture.height() as usize, picture.width() as usize, 4);
     Array3::from_shape_vec(shape, picture.into_raw()).map_err(|e| fail(e.to_string()))
+}
+
+/// A picture as [`write_picture`] takes it, as a PNG file: 8-bit sRGB, opaque.
+///
+/// # Errors
+/// The encoder's own.
+pub fn picture_png(picture: &Array3<f32>) -> Result<Vec<u8>> {
+    let (height, width, _) = picture.dim();
+    let srgb = |p: ndarray::ArrayView1<f32>| [0, 1, 2].map(|c| srgb8_from_linear(f64::from(p[c])));
+    let rgb: Vec<u8> = picture.rows().into_iter().flat_map(srgb).collect();
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(&rgb, width as u32, height as u32, ExtendedColorType::Rgb8)
+        .map_err(|e| Error::runtime("cannot encode picture", "PNG", e))?;
+    Ok(bytes)
 }
 
 /// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.

@@ -87,6 +87,8 @@ fn variants() -> Vec<ShaderVariant> {
         let modules = ["shadow/start_sink.wgsl", "common/march.wgsl"];
         list.push(variant("shadow/layers_start.wgsl", &[&COMMON, &modules], &[adapter]));
     }
+    let count = ["common/field.wgsl", "common/light.wgsl", "shadow/deep_layout.wgsl"];
+    list.push(variant("shadow/deep_count.wgsl", &[&count], &[]));
     for def in [&[][..], &["PER_REGION"]] {
         let modules = ["common/field.wgsl", "common/light.wgsl"];
         let layers = ["shadow/layers_layout.wgsl", "shadow/layers_read.wgsl"];

@@ -1,26 +1,28 @@
 //! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
 
+mod files;
+mod report;
+
 use super::scene_args::{SceneArgs, SceneRequest};
 use super::{Loaded, print_result, say};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::measure::ablate::{self, Ablation};
-use crate::measure::compare::{Compared, Comparison, Effort, Job, compare, file_name_part, steps};
+use crate::measure::ablate;
+use crate::measure::compare::{Comparison, Effort, Job, compare, file_name_part, steps};
 use crate::measure::facts::Facts;
-use crate::measure::heat::{round_max, write_heat_map};
 use crate::measure::journal::{JOURNAL, Journal};
-use crate::measure::plot::write_plots;
 use crate::measure::progress::{Progress, spoken};
 use crate::measure::report::{summary, write_tables};
 use crate::measure::table::{Row, json};
-use crate::measure::writers;
-use crate::output::{check_output_dir, prepare_output_dir, write_whole};
+use crate::output::{check_output_dir, prepare_output_dir};
 use crate::render::{Forced, Renderer, Session};
 use crate::shadow::parse_list;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use clap::Args;
+use files::{write_ablations, write_pictures, write_scene_plots};
 use indicatif::{ProgressBar, ProgressStyle};
+use report::Report;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -83,7 +85,10 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let (mut first, mut names) = (None, Vec::new());
     for (i, request) in requests.iter().enumerate() {
         let loaded = super::load(request)?;
-        names.push(unused_name(paths.get(i).map_or_else(|| scene_name(&loaded), |path| stem(path)), &names));
+        names.push(unused_name(
+            paths.get(i).map_or_else(|| scene_name(&loaded.volume, &loaded.tf), |path| stem(path)),
+            &names,
+        ));
         if i == 0 {
             first = Some(loaded);
         }
@@ -111,6 +116,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let ablated = requests.iter().filter(|_| args.ablate).flat_map(|_| &methods);
     ablated.for_each(|method| progress.expect(ablate::step(method.as_ref()), 1));
     let (mut all, mut ablations) = (Comparison::default(), Vec::new());
+    let mut report = Report::of(requests.len());
     for (request, name) in requests.iter().zip(&names) {
         let Loaded { volume, tf, scene } = match first.take() {
             Some(loaded) => loaded,
@@ -132,6 +138,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
                 if several {
                     compared.name_scene(name);
                 }
+                report.add(&job, &compared.compared)?;
                 all.append(compared);
                 if args.ablate {
                     ablations.append(&mut ablate::ablate(&job, &methods, &mut progress)?);
@@ -146,7 +153,9 @@ pub fn run(args: CompareArgs) -> Result<()> {
                 renderer = back;
                 steps(&methods, &effort).iter().for_each(|(step, times)| progress.spare(step, *times));
                 let facts = Facts::of(renderer.gpu());
-                all.append(Comparison::failed(&facts, name, [scene.width, scene.height], &methods, &error));
+                let failed = Comparison::failed(&facts, name, [scene.width, scene.height], &methods, &error);
+                report.add_rows(&failed.rows());
+                all.append(failed);
             }
         }
     }
@@ -166,6 +175,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let tables = write_tables(&rows, &args.output, "compare")?;
     let plots = write_scene_plots(&rows, &names, &args.output)?;
     let pictures = write_pictures(&all.compared, &args.output)?;
+    let report = report.write(&all, &args.output)?;
     if args.ablate {
         write_ablations(&ablations, &args.output)?;
     }
@@ -176,23 +186,13 @@ pub fn run(args: CompareArgs) -> Result<()> {
     } else {
         print_result(&summary(&rows))?;
     }
-    for (what, paths) in [("tables", &tables), ("plots", &plots), ("pictures", &pictures)] {
+    for (what, paths) in
+        [("tables", &tables), ("plots", &plots), ("pictures", &pictures), ("report", &vec![report])]
+    {
         let names: Vec<_> = paths.iter().map(|p| p.display().to_string()).collect();
         say(what, &names.join(" "));
     }
     verdict(&rows, &args.output)
-}
-
-/// Writes what omissions are worth: every column as CSV and JSON, and a table for reading.
-fn write_ablations(rows: &[Ablation], folder: &Path) -> Result<()> {
-    let markdown = ablate::markdown(rows).into_bytes();
-    let files = [("csv", writers::csv(rows)?), ("json", writers::json(rows)?.into_bytes()), ("md", markdown)];
-    for (extension, bytes) in files {
-        let path = folder.join(format!("ablation.{extension}"));
-        write_whole(&path, |file| file.write_all(&bytes))?;
-        say("ablation", &path.display());
-    }
-    Ok(())
 }
 
 /// The one adapter that all scenes are drawn on: times of several make no table.
@@ -234,53 +234,6 @@ fn verdict(rows: &[Row], folder: &Path) -> Result<()> {
     Err(Error::runtime(what, folder.join("compare.csv").display(), why))
 }
 
-/// Error against time, one drawing a scene; returns the paths.
-fn write_scene_plots(rows: &[Row], scenes: &[String], folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut paths = Vec::new();
-    for scene in scenes {
-        let of_scene: Vec<Row> = rows.iter().filter(|r| r.scene == *scene).cloned().collect();
-        let stem = match scenes.len() {
-            1 => "compare".into(),
-            _ => format!("compare_{}", file_name_part(scene)),
-        };
-        paths.extend(write_plots(&of_scene, folder, &stem)?);
-    }
-    Ok(paths)
-}
-
-/// Writes where each row's picture differs from that of `rays`, and `pictures.md`, which shows the two side by side;
-/// returns the paths, with those of the pictures, which the journal has written.
-fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut paths = vec![folder.join("pictures.md")];
-    let mut sheet = String::new();
-    let mut scene = None;
-    for c in compared.iter().filter(|c| c.picture.is_some()) {
-        if scene != Some(&c.row.scene) {
-            let space = if scene.is_some() { "\n" } else { "" };
-            scene = Some(&c.row.scene);
-            sheet += &format!(
-                "{space}## {}\n\n| method | picture | difference from `rays` |\n| --- | --- | --- |\n",
-                c.row.scene
-            );
-        }
-        let name = format!("picture_{}.png", c.slug);
-        sheet += &format!("| {} {} | ![{name}]({name}) |", c.row.method, c.row.params);
-        paths.push(folder.join(name));
-        sheet += &match &c.difference {
-            Some(_) => format!(" ![difference](difference_{}.png) |\n", c.slug),
-            None => " |\n".into(),
-        };
-        if let Some(difference) = &c.difference {
-            let path = folder.join(format!("difference_{}.png", c.slug));
-            let label = "|difference| from rays, linear RGBA";
-            write_heat_map(&path, difference, round_max(difference), label)?;
-            paths.push(path);
-        }
-    }
-    write_whole(&paths[0], |file| file.write_all(sheet.as_bytes()))?;
-    Ok(paths)
-}
-
 /// A scene file's name without its ending.
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
@@ -294,13 +247,13 @@ fn unused_name(name: String, used: &[String]) -> String {
 }
 
 /// Volume and transfer function in a few words: `CT_AVM, CT bone`.
-fn scene_name(loaded: &Loaded) -> String {
-    let source = &loaded.volume.provenance.source;
+pub(super) fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
+    let source = &volume.provenance.source;
     let file = source.rsplit(['/', '\\']).next().unwrap_or(source);
     let stem = file.strip_suffix(".gz").unwrap_or(file);
     let stem = [".nii", ".hdr", ".img", ".raw"].iter().find_map(|e| stem.strip_suffix(e)).unwrap_or(stem);
     let volume = stem.strip_prefix("phantom:").unwrap_or(stem);
-    format!("{volume}, {}", loaded.tf.name)
+    format!("{volume}, {}", tf.name)
 }
 
 /// Shown on stderr where that is a terminal.

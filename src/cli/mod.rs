@@ -5,6 +5,7 @@ mod error;
 pub mod info;
 pub mod phantom;
 pub mod probe;
+mod probe_curve;
 pub mod probe_rays;
 pub mod render;
 pub mod scene_args;

@@ -1,9 +1,10 @@
-//! `umbravox probe`: exact answers along segments, and a method's at points.
+//! `umbravox probe`: exact answers along segments, a method's at points, and several along a light ray.
 
+use super::probe_curve::{self, CurveFlags};
 use super::probe_rays::{parse_points, probe_rays};
 use super::scene_args::SceneArgs;
-use super::{Loaded, load, print_result};
-use crate::error::Result;
+use super::{Loaded, load, print_result, values};
+use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::input::read_text;
 use crate::render::Session;
@@ -13,13 +14,15 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Print the exact optical depth of segments, or a shadow method's transmittance at points
+/// Print the exact optical depth of segments, a shadow method's transmittance at points, or curves along a light ray
 #[derive(Debug, Args)]
 pub struct ProbeArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     #[command(flatten)]
     pub what: What,
+    #[command(flatten)]
+    pub curve_flags: CurveFlags,
 }
 
 /// Which question to answer.
@@ -32,6 +35,10 @@ pub struct What {
     /// Points, `x y z` a line, world mm; prints `T_method T_exact` from the light to each, for the --shadow method
     #[arg(long, value_name = "FILE")]
     pub points: Option<PathBuf>,
+    /// A point, world mm: transmittance against depth along the light's ray through it, of --methods and exact, as CSV
+    /// and plot; depth is from where the ray enters the volume, or from a light inside it
+    #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true)]
+    pub curve: Option<DVec3>,
 }
 
 /// Runs the command.
@@ -40,6 +47,16 @@ pub struct What {
 /// Bad input, or a failure of the device.
 pub fn run(args: ProbeArgs) -> Result<()> {
     let request = args.scene.into_request()?;
+    if let Some(point_mm) = args.what.curve {
+        let CurveFlags { methods, output } = &args.curve_flags;
+        return probe_curve::run(&request, point_mm, methods.as_deref(), output.as_deref());
+    }
+    let CurveFlags { methods, output } = &args.curve_flags;
+    for (flag, given) in [("--methods", methods.is_some()), ("--output", output.is_some())] {
+        if given {
+            return Err(Error::input("bad command line", flag, "it goes with --curve only"));
+        }
+    }
     // Read before the volume: it is the quicker one to find wanting.
     if let Some(path) = &args.what.rays {
         let text = read_text(path, "cannot read rays")?;

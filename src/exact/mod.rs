@@ -92,6 +92,15 @@ impl<'a> ExactField<'a> {
         curve
     }
 
+    /// Distances (mm) at which the ray from `origin` in the unit `direction`, world mm, enters the domain (0 where it
+    /// starts inside) and leaves it; `None` where it misses.
+    pub fn span_in_domain(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
+        let to_index = self.volume.index_from_world();
+        let (from, along) = (to_index.transform_point3(origin), to_index.transform_vector3(direction));
+        let ray = Ray::clipped(from, along, f64::INFINITY, self.volume.dims())?;
+        Some([ray.enter_mm, ray.exit_mm])
+    }
+
     /// Whether there is any extinction along the ray from `origin` in the unit `direction`, world mm; `length_mm` may
     /// be infinite. Stops at the first of it.
     pub fn meets_extinction(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> bool {

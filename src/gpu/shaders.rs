@@ -25,6 +25,7 @@ pub const fn sources() -> &'static [(&'static str, &'static str)] {
         shader!("shadow/deep_sink.wgsl"),
         shader!("shadow/deep.wgsl"),
         shader!("shadow/deep_build.wgsl"),
+        shader!("shadow/deep_count.wgsl"),
         shader!("shadow/layers_layout.wgsl"),
         shader!("shadow/layers_read.wgsl"),
         shader!("shadow/layers_sink.wgsl"),

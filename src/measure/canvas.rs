@@ -118,22 +118,32 @@ impl Drawing {
         self.shapes.push(Shape::Polygon { points, color });
     }
 
-    /// A path in dashes and gaps of these lengths, running on around corners.
+    /// A path in dashes and gaps of these lengths, running on around corners; a dash is one line however many corners
+    /// it has.
     pub fn dashed(&mut self, path: &[Point], width: f64, color: Rgb, [dash, gap]: [f64; 2]) {
-        let mut phase = 0.0;
+        let (mut drawing, mut left) = (true, dash);
+        let mut line: Vec<Point> = path.first().copied().into_iter().collect();
         for pair in path.windows(2) {
             let (dx, dy) = (pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
             let length = dx.hypot(dy);
-            let at = |s: f64| Point(pair[0].0 + dx * s / length, pair[0].1 + dy * s / length);
-            let mut start = -phase;
-            while start < length {
-                let (from, to) = (start.max(0.0), (start + dash).min(length));
-                if from < to {
-                    self.line(&[at(from), at(to)], width, color);
+            let mut done = 0.0;
+            while length - done >= left {
+                done += left;
+                line.push(Point(pair[0].0 + dx * done / length, pair[0].1 + dy * done / length));
+                if drawing {
+                    self.line(&line, width, color);
                 }
-                start += dash + gap;
+                line.drain(..line.len() - 1);
+                drawing = !drawing;
+                left = if drawing { dash } else { gap };
             }
-            phase = length - (start - dash - gap);
+            left -= length - done;
+            if drawing {
+                line.push(pair[1]);
+            }
+        }
+        if drawing && line.len() > 1 {
+            self.line(&line, width, color);
         }
     }
 

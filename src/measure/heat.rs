@@ -112,12 +112,20 @@ fn trimmed(number: &str) -> String {
     format!("{short}{exponent}")
 }
 
-/// Writes `values` in false colour with a legend as a PNG file, whole or not at all.
+/// `values` in false colour with a legend as a PNG file.
+///
+/// # Errors
+/// The drawing backend's own.
+pub fn heat_map_png(values: &Array2<f32>, max: f32, label: &str) -> Result<Vec<u8>> {
+    encode_png(&with_legend(&false_colour(values, max), max, label)?)
+}
+
+/// Writes [`heat_map_png`], whole or not at all.
 ///
 /// # Errors
 /// A file that cannot be written.
 pub fn write_heat_map(path: &Path, values: &Array2<f32>, max: f32, label: &str) -> Result<()> {
-    let png = encode_png(&with_legend(&false_colour(values, max), max, label)?)?;
+    let png = heat_map_png(values, max, label)?;
     write_whole(path, |file| file.write_all(&png))
 }
 

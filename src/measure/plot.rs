@@ -1,11 +1,14 @@
-//! Error against time, one point a row: PNG and SVG from one drawing.
+//! Error against time and against memory, one point a row: PNG and SVG from one drawing.
 //!
 //! Both axes are logarithmic. A method has one colour and one marker in every figure (the Okabe-Ito palette, told
 //! apart with any colour vision, and by shape in print); whiskers span the fastest and the slowest repeat; a
-//! dashed staircase is the Pareto front of the error shown. Errors of 0, or below [`ERROR_FLOOR`], lie in a
+//! dashed staircase is the Pareto front of what is shown. Errors of 0, or below [`ERROR_FLOOR`], lie in a
 //! marked strip under the axis.
 
-mod axis;
+pub(super) mod axis;
+mod cost;
+pub mod curve;
+mod front;
 mod label;
 mod style;
 
@@ -14,6 +17,8 @@ use super::table::Row;
 use crate::error::Result;
 use crate::output::write_whole;
 use axis::{LogAxis, Notation};
+use cost::Cost;
+use front::{front, staircase};
 use std::path::{Path, PathBuf};
 use style::{Family, MARKER, families, marker};
 
@@ -45,8 +50,8 @@ const GRID: Rgb = [225, 225, 225];
 struct Datum {
     family: usize,
     label: String,
-    /// Median, fastest and slowest `build_ms + frame_ms`.
-    ms: [f64; 3],
+    /// Median, smallest and largest.
+    cost: [f64; 3],
     error: f64,
 }
 
@@ -55,44 +60,50 @@ struct Datum {
 /// # Errors
 /// The drawing backend's own.
 pub fn error_time_svg(rows: &[Row]) -> Result<String> {
-    figure(rows).svg()
+    figure(rows, Cost::Time).svg()
 }
 
-/// The same drawing as a PNG file, two pixels a point.
+/// The same against `bytes`, of rows that store a structure.
 ///
 /// # Errors
 /// The drawing backend's own.
-pub fn error_time_png(rows: &[Row]) -> Result<Vec<u8>> {
-    encode_png(&figure(rows).bitmap()?)
+pub fn error_bytes_svg(rows: &[Row]) -> Result<String> {
+    figure(rows, Cost::Memory).svg()
 }
 
-/// Writes `STEM.png` and `STEM.svg` into a folder that exists, each whole or not at all; returns their paths.
+/// Writes `STEM.png` and `STEM.svg` (error against time), `STEM_bytes.png` and `STEM_bytes.svg` into a folder that
+/// exists, each whole or not at all; returns their paths.
 ///
 /// # Errors
 /// A file that cannot be written.
 pub fn write_plots(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
-    let drawing = figure(rows);
-    let paths = ["png", "svg"].map(|extension| folder.join(format!("{stem}.{extension}")));
-    let png = encode_png(&drawing.bitmap()?)?;
-    write_whole(&paths[0], |file| file.write_all(&png))?;
-    let svg = drawing.svg()?;
-    write_whole(&paths[1], |file| file.write_all(svg.as_bytes()))?;
-    Ok(paths.into())
+    let mut paths = Vec::new();
+    for (cost, stem) in [(Cost::Time, stem.to_string()), (Cost::Memory, format!("{stem}_bytes"))] {
+        let drawing = figure(rows, cost);
+        let files = [("png", encode_png(&drawing.bitmap()?)?), ("svg", drawing.svg()?.into_bytes())];
+        for (extension, bytes) in files {
+            let path = folder.join(format!("{stem}.{extension}"));
+            write_whole(&path, |file| file.write_all(&bytes))?;
+            paths.push(path);
+        }
+    }
+    Ok(paths)
 }
 
-fn figure(rows: &[Row]) -> Drawing {
+fn figure(rows: &[Row], cost: Cost) -> Drawing {
     let mut drawing = Drawing::new(WIDTH, HEIGHT);
-    let families = families(rows);
+    let drawn: Vec<Row> = rows.iter().filter(|r| cost.of(r).is_some()).cloned().collect();
+    let families = families(&drawn);
     let fit = |text: String, size| shorten(text, size, WIDTH - 60.0);
     let scenes = distinct(rows, |r| &r.scene);
-    let title =
-        if scenes.is_empty() { "Error against time".into() } else { format!("Error against time: {scenes}") };
+    let title = [format!("Error against {}", cost.name()), scenes];
+    let title = title.iter().filter(|t| !t.is_empty()).cloned().collect::<Vec<_>>().join(": ");
     let mut about = distinct(rows, |r| &r.adapter);
     if let Some(first) = rows.first()
         && rows.iter().all(|r| (r.width, r.height, r.clock) == (first.width, first.height, first.clock))
     {
         about += &format!(", {} x {} pixels", first.width, first.height);
-        if let Some(clock) = first.clock {
+        if let Some(clock) = first.clock.filter(|_| cost == Cost::Time) {
             about += &format!(", {} clock", clock.name());
         }
     }
@@ -101,55 +112,52 @@ fn figure(rows: &[Row]) -> Drawing {
 
     let labels = label::of_rows(rows);
     let data = |error: fn(&Row) -> Option<f64>| -> Vec<Datum> {
-        rows.iter().zip(&labels).filter_map(|(row, label)| datum(row, label, &families, error)).collect()
+        let labelled = rows.iter().zip(&labels);
+        labelled.filter_map(|(row, label)| datum(row, label, &families, cost, error)).collect()
     };
     panel(
         &mut drawing,
         PANELS[0],
-        "At points the camera sees",
-        "rms transmittance error (point_err_rms)",
+        ["At points the camera sees", cost.axis_title(), "rms transmittance error (point_err_rms)"],
         &data(|r| r.point_err_rms),
         &families,
     );
     panel(
         &mut drawing,
         PANELS[1],
-        "Along light rays",
-        "largest transmittance error (ray_err_max)",
+        ["Along light rays", cost.axis_title(), "largest transmittance error (ray_err_max)"],
         &data(|r| r.ray_err_max),
         &families,
     );
-    legend(&mut drawing, &families);
+    legend(&mut drawing, &families, cost);
     drawing
 }
 
-/// What a row is drawn as; nothing where it lacks a time or an error, or the error is not finite.
-fn datum(row: &Row, label: &str, families: &[Family], error: fn(&Row) -> Option<f64>) -> Option<Datum> {
+/// What a row is drawn as; nothing where it lacks a cost or an error, or the error is not finite.
+fn datum(
+    row: &Row,
+    label: &str,
+    families: &[Family],
+    cost: Cost,
+    error: fn(&Row) -> Option<f64>,
+) -> Option<Datum> {
     let family = families.iter().position(|f| f.name == row.method)?;
-    let ms = row.moving_ms().filter(|ms| ms.is_finite() && *ms > 0.0)?;
-    let extreme = |build: Option<f64>, frame: Option<f64>| {
-        frame.map(|f| f + build.unwrap_or(0.0)).filter(|ms| ms.is_finite() && *ms > 0.0).unwrap_or(ms)
-    };
-    Some(Datum {
-        family,
-        label: label.to_string(),
-        ms: [ms, extreme(row.build_ms_min, row.frame_ms_min), extreme(row.build_ms_max, row.frame_ms_max)],
-        error: error(row).filter(|e| e.is_finite())?.abs(),
-    })
+    let error = error(row).filter(|e| e.is_finite())?.abs();
+    Some(Datum { family, label: label.to_string(), cost: cost.of(row)?, error })
 }
 
+/// `titles`: of the panel, of its horizontal and of its vertical axis.
 fn panel(
     drawing: &mut Drawing,
     frame: Rect,
-    title: &str,
-    y_title: &str,
+    [title, x_title, y_title]: [&str; 3],
     data: &[Datum],
     families: &[Family],
 ) {
     let middle = 0.5 * (frame.left + frame.right);
     drawing.text(Point(middle, frame.top - 18.0), Anchor::Middle, TEXT, BLACK, title.into());
-    let x_title = Point(middle, frame.bottom + 44.0);
-    drawing.text(x_title, Anchor::Middle, TEXT, BLACK, "shadow build + frame, median [ms]".into());
+    let x_place = Point(middle, frame.bottom + 44.0);
+    drawing.text(x_place, Anchor::Middle, TEXT, BLACK, x_title.into());
     let y_place = Point(frame.left - 78.0, 0.5 * (frame.top + frame.bottom));
     drawing.rotated_text(y_place, TEXT, BLACK, y_title.into());
 
@@ -161,7 +169,7 @@ fn panel(
     }
     let strip = data.iter().any(|d| d.error < ERROR_FLOOR);
     let plot = Rect { bottom: frame.bottom - if strip { STRIP } else { 0.0 }, ..frame };
-    let x = LogAxis::around(data.iter().flat_map(|d| d.ms), plot.left, plot.right, Notation::Plain);
+    let x = LogAxis::around(data.iter().flat_map(|d| d.cost), plot.left, plot.right, Notation::Plain);
     let shown = data.iter().map(|d| d.error).filter(|e| *e >= ERROR_FLOOR);
     let y = LogAxis::around(shown, plot.bottom, plot.top, Notation::Powers);
     axes(drawing, frame, plot, &x, &y);
@@ -175,7 +183,7 @@ fn panel(
 
     let place = |d: &Datum| {
         let below = 0.5 * (plot.bottom + frame.bottom);
-        Point(x.place(d.ms[0]), if d.error < ERROR_FLOOR { below } else { y.place(d.error) })
+        Point(x.place(d.cost[0]), if d.error < ERROR_FLOOR { below } else { y.place(d.error) })
     };
     let front = front(data);
     let stairs = staircase(frame, &front.iter().map(|&i| place(&data[i])).collect::<Vec<_>>());
@@ -183,7 +191,7 @@ fn panel(
     let whiskers: Vec<Rect> = data
         .iter()
         .map(|d| {
-            let ([_, fast, slow], Point(_, at)) = (d.ms.map(|ms| x.place(ms)), place(d));
+            let ([_, fast, slow], Point(_, at)) = (d.cost.map(|cost| x.place(cost)), place(d));
             Rect { left: fast, top: at - 3.0, right: slow, bottom: at + 3.0 }
         })
         .collect();
@@ -196,7 +204,7 @@ fn panel(
         obstacles.push(Rect { top: plot.bottom - 1.5, bottom: plot.bottom + 1.5, ..frame });
     }
     labels(drawing, frame, data, families, &front, &obstacles, place);
-    for (d, r) in data.iter().zip(&whiskers) {
+    for (d, r) in data.iter().zip(&whiskers).filter(|(d, _)| d.cost[1] < d.cost[2]) {
         whisker(drawing, *r, families[d.family].color);
     }
     for d in data {
@@ -244,26 +252,6 @@ fn tick_label(drawing: &mut Drawing, at: Point, anchor: Anchor, base: &str, powe
     }
 }
 
-/// Rows that no other is at once faster than and closer than, by the error shown, fastest first.
-fn front(data: &[Datum]) -> Vec<usize> {
-    let beaten = |d: &Datum| data.iter().any(|o| o.ms[0] < d.ms[0] && o.error < d.error);
-    let mut front: Vec<usize> = (0..data.len()).filter(|&i| !beaten(&data[i])).collect();
-    let key = |&i: &usize| (data[i].ms[0], -data[i].error);
-    front.sort_by(|a, b| key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal));
-    front
-}
-
-/// The border between what some row reaches (above and right) and what none does.
-fn staircase(frame: Rect, front: &[Point]) -> Vec<Point> {
-    let (Some(first), Some(last)) = (front.first(), front.last()) else { return Vec::new() };
-    let mut path = vec![Point(first.0, frame.top), *first];
-    for pair in front.windows(2) {
-        path.extend([Point(pair[1].0, pair[0].1), pair[1]]);
-    }
-    path.push(Point(frame.right, last.1));
-    path
-}
-
 /// A bar with an end at each side.
 fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
     let middle = 0.5 * (r.top + r.bottom);
@@ -309,14 +297,15 @@ fn labels(
 }
 
 /// One line under the panels: the methods, and what the dashes and the whiskers are.
-fn legend(drawing: &mut Drawing, families: &[Family]) {
+fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
     const FRONT: &str = "Pareto front";
     const REPEATS: &str = "fastest to slowest repeat";
     const SPACE: f64 = 30.0;
     const BAR: f64 = 36.0;
     let entry = |name: &str, symbol: f64| symbol + 8.0 + text_width(name, TEXT) + SPACE;
     let methods: f64 = families.iter().map(|f| entry(&f.name, 12.0)).sum();
-    let total = methods + entry(FRONT, BAR) + entry(REPEATS, BAR) - SPACE;
+    let repeats = if cost == Cost::Time { entry(REPEATS, BAR) } else { 0.0 };
+    let total = methods + entry(FRONT, BAR) + repeats - SPACE;
     let (mut left, y) = (0.5 * (WIDTH - total), HEIGHT - 28.0);
     let mut named = |drawing: &mut Drawing, name: &str, symbol: f64| {
         drawing.text(Point(left + symbol + 8.0, y), Anchor::Start, TEXT, BLACK, name.into());
@@ -329,6 +318,9 @@ fn legend(drawing: &mut Drawing, families: &[Family]) {
     }
     let left = named(drawing, FRONT, BAR);
     drawing.dashed(&[Point(left, y), Point(left + BAR, y)], 1.3, GREY, DASHES);
+    if cost != Cost::Time {
+        return;
+    }
     let left = named(drawing, REPEATS, BAR);
     whisker(drawing, Rect { left, top: y - 3.0, right: left + BAR, bottom: y + 3.0 }, INK);
 }
@@ -359,18 +351,6 @@ mod tests {
     use super::style::STYLES;
     use super::*;
 
-    fn datum(ms: f64, error: f64) -> Datum {
-        Datum { family: 0, label: String::new(), ms: [ms; 3], error }
-    }
-
-    #[test]
-    fn the_front_runs_from_fast_to_close() {
-        let data = [(90.0, 0.1), (80.0, 0.5), (100.0, 0.2), (100.0, 0.05), (2000.0, 0.0), (90.0, 0.3)]
-            .map(|(ms, error)| datum(ms, error));
-        // The third is beaten by the first; the last is as fast as the first, which it does not lose to.
-        assert_eq!(front(&data), [1, 5, 0, 3, 4]);
-    }
-
     #[test]
     fn svg_names_scene_adapter_units_methods_and_settings() {
         let svg = error_time_svg(&sample_rows()).unwrap();
@@ -388,6 +368,24 @@ mod tests {
         }
         assert!(svg.starts_with("<svg width=\"1240\" height=\"610\" viewBox=\"0 0 4960 2440\""));
         assert!(svg.trim_end().ends_with("</svg>"));
+    }
+
+    #[test]
+    fn memory_is_drawn_of_what_stores_something() {
+        let mut rows = sample_rows();
+        rows[0].bytes = Some(0);
+        rows[3].bytes = Some(4 << 20);
+        let svg = error_bytes_svg(&rows).unwrap();
+        for text in ["Error against memory: CT_AVM vessels", "[MiB]", "dsm", "epsilon=0.005", "Pareto front"]
+        {
+            assert!(svg.contains(text), "{text}");
+        }
+        // Neither rows without bytes nor repeats, which bytes do not differ between.
+        for text in ["\nnone\n", "osm", "repeat", "clock"] {
+            assert!(!svg.contains(text), "{text}");
+        }
+        assert_eq!(Cost::Memory.of(&rows[3]), Some([4.0; 3]));
+        assert_eq!(Cost::Memory.of(&rows[0]), None);
     }
 
     #[test]
@@ -411,8 +409,10 @@ mod tests {
         rows[2].point_err_rms = None;
         rows[3].frame_ms = Some(f64::NAN);
         let families = families(&rows);
-        let drawn: Vec<bool> =
-            rows.iter().map(|r| super::datum(r, "", &families, |r| r.point_err_rms).is_some()).collect();
+        let drawn: Vec<bool> = rows
+            .iter()
+            .map(|r| super::datum(r, "", &families, Cost::Time, |r| r.point_err_rms).is_some())
+            .collect();
         assert_eq!(drawn, [false, false, false, false, true]);
         for rows in [&rows[..1], &[]] {
             assert!(error_time_svg(rows).unwrap().contains("not measured"));
@@ -423,7 +423,8 @@ mod tests {
     fn png_is_twice_the_size_in_points_and_holds_the_colours() {
         let folder = tempfile::tempdir().unwrap();
         let paths = write_plots(&sample_rows(), folder.path(), "error_time").unwrap();
-        assert!(paths[0].ends_with("error_time.png") && paths[1].ends_with("error_time.svg"));
+        let names = ["error_time.png", "error_time.svg", "error_time_bytes.png", "error_time_bytes.svg"];
+        assert!(paths.iter().zip(names).all(|(p, n)| p.ends_with(n) && p.exists()), "{paths:?}");
         let picture = image::open(&paths[0]).unwrap().to_rgb8();
         assert_eq!(picture.dimensions(), (2480, 1220));
         for (name, color, _) in STYLES.iter().filter(|s| ["none", "rays", "dsm", "osm"].contains(&s.0)) {

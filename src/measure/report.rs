@@ -120,7 +120,7 @@ pub fn latex(rows: &[Row]) -> String {
     let line = |cells: Vec<String>| cells.join(" & ") + " \\\\\n";
     out += &line(shown.iter().map(|s| escape_latex(s.heading)).collect());
     let unit = |s: &&Shown| if s.unit.is_empty() { String::new() } else { format!("[{}]", s.unit) };
-    // The first column never has a unit, so no `[` follows `\\` to be read as its argument.
+    // The first column never has a unit, so no `[` follows `\\` to be read as its argument; texts have theirs escaped.
     out += &line(shown.iter().map(unit).collect());
     let mut method = None;
     for row in rows {
@@ -241,6 +241,8 @@ fn escape_latex(text: &str) -> String {
             '<' => out += "\\textless{}",
             '>' => out += "\\textgreater{}",
             '|' => out += "\\textbar{}",
+            // After the end of a line these would be taken for its arguments.
+            '[' | '*' => out.extend(['{', c, '}']),
             '{' | '}' | '$' | '&' | '#' | '_' | '%' => out.extend(['\\', c]),
             _ => out.push(c),
         }
@@ -255,7 +257,7 @@ fn latex_number(text: &str) -> String {
     }
     match text.split_once('e') {
         Some((mantissa, exponent)) => format!("${mantissa}\\times10^{{{exponent}}}$"),
-        None => format!("${}$", text.replace("inf", "\\infty")),
+        None => format!("${}$", text.replace("inf", "\\infty").replace("NaN", "\\mathrm{NaN}")),
     }
 }
 
@@ -337,11 +339,11 @@ mod tests {
     #[test]
     fn latex_is_escaped_and_every_line_has_all_columns() {
         let mut rows = sample_rows();
-        rows[2].params = "a_b=50% {x} & ~#$^\\".into();
+        rows[2].params = "a_b=50% {x} & ~#$^\\ [1] *".into();
         rows[2].point_err_p99 = Some(1.234e-5);
         let text = latex(&rows);
         assert!(text.contains(
-            "a\\_b=50\\% \\{x\\} \\& \\textasciitilde{}\\#\\$\\textasciicircum{}\\textbackslash{}"
+            "a\\_b=50\\% \\{x\\} \\& \\textasciitilde{}\\#\\$\\textasciicircum{}\\textbackslash{} {[}1] {*}"
         ));
         assert!(text.contains("$1.23\\times10^{-5}$") && text.contains("$\\infty$"));
         assert_eq!(text.matches("\\midrule").count(), 4, "one before each method");

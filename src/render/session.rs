@@ -4,7 +4,7 @@ use super::{DeviceTransfer, Forced, LoadedVolume, Picture, Renderer, needs_shado
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::{Light, Scene};
-use crate::shadow::{Method, ShadowMap};
+use crate::shadow::{Method, NodeMap, ShadowMap, node_map};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use glam::DVec3;
@@ -73,5 +73,13 @@ impl Session {
     /// As there.
     pub fn query(&self, shadow: &ShadowMap, points_mm: &[DVec3]) -> Result<Vec<f32>> {
         self.renderer.query(&self.loaded, &self.transfer, shadow, points_mm)
+    }
+
+    /// Nodes by texel of a deep shadow map; see [`node_map`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn node_map(&self, shadow: &ShadowMap) -> Result<Option<NodeMap>> {
+        node_map(&self.renderer, &self.transfer, shadow)
     }
 }

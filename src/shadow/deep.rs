@@ -48,6 +48,8 @@ pub(super) const TILE_ROWS: u32 = TILE * TILE;
 /// First row of a tile that is left out.
 const NO_TILE: u32 = u32::MAX;
 pub(super) const MAX_MAP: u32 = 8192;
+/// Modules of the lookup, by which a built structure is known to be a deep shadow map.
+pub(super) const LOOKUP: &[&str] = &["shadow/deep_layout.wgsl", "shadow/deep.wgsl"];
 
 /// How the four texels around a point are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -346,7 +348,7 @@ impl Method for DeepShadowMap {
         Ok(ShadowMap {
             bind_group: renderer.shadow_bind_group(&light, &tiles, &nodes),
             lookup: Some(Lookup {
-                modules: &["shadow/deep_layout.wgsl", "shadow/deep.wgsl"],
+                modules: LOOKUP,
                 defs: if self.filter == Filter::Bilinear { vec!["FILTER_BILINEAR"] } else { Vec::new() },
                 marches: false,
             }),

@@ -5,12 +5,14 @@
 //! [`METHODS`].
 
 mod deep;
+mod deep_count;
 mod layers;
 mod light_space;
 mod plain;
 pub mod spec;
 
 pub use deep::{Counters, DeepShadowMap, Filter, Precompress};
+pub use deep_count::{NodeMap, node_map};
 pub use layers::{
     Beyond, BoundingOpacityMap, BoundingSplit, DeepOpacityMap, Measure, OpacityShadowMap, Slicing,
     SplitChoice,

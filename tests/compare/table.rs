@@ -70,13 +70,21 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
     let dsm = ["dsm-map-64-epsilon-0.02", "dsm-map-64-epsilon-0.02-prefilter-5", "dsm-map-64-epsilon-0.06"];
     let mut files: Vec<String> =
         ["csv", "json", "md", "png", "rows.jsonl", "svg", "tex"].map(|e| format!("compare.{e}")).into();
-    files.push("pictures.md".into());
+    files.extend(["compare_bytes.png", "compare_bytes.svg", "pictures.md", "report.html"].map(String::from));
     for ending in ["png", "exr"] {
         files.extend(["none", "rays"].iter().chain(&dsm).map(|slug| format!("picture_{slug}.{ending}")));
     }
     files.extend(["none"].iter().chain(&dsm).map(|slug| format!("difference_{slug}.png")));
     files.sort();
     assert_eq!(names, files);
+
+    // A row of the table, two plots; a picture a row, errors of all but `rays`, and nodes of the deep shadow maps.
+    let report = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert_eq!(report.matches("<tr><th scope=\"row\"").count(), 5);
+    assert_eq!(report.matches("<svg ").count(), 2 + 3);
+    assert_eq!(report.matches("<img ").count(), 5 + 4 + 3);
+    let total = format!("<figcaption>{} nodes in ", rows[3]["nodes_total"]);
+    assert!(report.contains(&total), "{total}");
 }
 
 #[test]

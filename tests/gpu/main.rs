@@ -9,6 +9,7 @@ mod forced;
 mod invariance;
 mod layers;
 mod live;
+mod nodes;
 mod pool;
 mod shading;
 mod strands;

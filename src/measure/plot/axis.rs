@@ -1,4 +1,4 @@
-//! Logarithmic axes with ticks that read well whatever the span.
+//! Axes with ticks that read well whatever the span.
 
 /// A logarithmic axis from `low` at place `from` to `high` at place `to`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,6 +81,44 @@ impl LogAxis {
     }
 }
 
+/// A linear axis from `low` at place `from` to `high` at place `to`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinearAxis {
+    pub low: f64,
+    pub high: f64,
+    from: f64,
+    to: f64,
+}
+
+impl LinearAxis {
+    /// `low` must be less than `high`, both finite.
+    pub fn new([low, high]: [f64; 2], from: f64, to: f64) -> Self {
+        Self { low, high, from, to }
+    }
+
+    /// Where a value lies.
+    pub fn place(&self, value: f64) -> f64 {
+        self.from + (self.to - self.from) * (value - self.low) / (self.high - self.low)
+    }
+
+    /// At most `most` ticks at multiples of 1, 2 or 5 times a power of ten, all labelled to the same digits.
+    pub fn ticks(&self, most: usize) -> Vec<Tick> {
+        let span = self.high - self.low;
+        let steps = (-300..=300).flat_map(|e| [1.0, 2.0, 5.0].map(|m| (m, e)));
+        let step = steps.map(|(m, e)| (m * 10_f64.powi(e), e)).find(|(s, _)| span / s < most as f64);
+        let Some((step, exponent)) = step else { return Vec::new() };
+        let first = (self.low / step - 1e-9).ceil() as i64;
+        let last = (self.high / step + 1e-9).floor() as i64;
+        let label = |value: f64| match exponent {
+            -4..=5 => format!("{value:.*}", (-exponent).max(0) as usize),
+            _ => format!("{value:.0e}"),
+        };
+        // Multiples of whole numbers, so that zero is zero.
+        let tick = |i: i64| Tick { value: i as f64 * step, label: Some((label(i as f64 * step), None)) };
+        (first..=last).map(tick).collect()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::Notation::{Plain, Powers};
@@ -121,6 +159,20 @@ mod tests {
             labels(&[1e-12, 1.0], Plain),
             ["10^-12", "10^-10", "10^-8", "10^-6", "10^-4", "10^-2", "10^0"]
         );
+    }
+
+    #[test]
+    fn linear_ticks_are_round_and_inside() {
+        let labels = |low, high| -> Vec<String> {
+            let ticks = LinearAxis::new([low, high], 0.0, 1.0).ticks(6);
+            ticks.into_iter().filter_map(|t| Some(t.label?.0)).collect()
+        };
+        assert_eq!(labels(0.0, 1.0), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(-0.03, 0.03), ["-0.02", "0.00", "0.02"]);
+        assert_eq!(labels(0.0, 234.5), ["0", "50", "100", "150", "200"]);
+        assert_eq!(labels(0.0, 3e-7), ["0e0", "1e-7", "2e-7", "3e-7"]);
+        let axis = LinearAxis::new([2.0, 4.0], 100.0, 50.0);
+        assert_eq!((axis.place(2.0), axis.place(3.0), axis.place(4.0)), (100.0, 75.0, 50.0));
     }
 
     #[test]

@@ -54,6 +54,9 @@ pub fn families(rows: &[Row]) -> Vec<Family> {
     families
 }
 
+/// Dash and gap lengths by which the settings of one method are told apart, in turn; the first is an unbroken line.
+pub const DASHES: [Option<[f64; 2]>; 4] = [None, Some([9.0, 4.0]), Some([2.0, 3.0]), Some([5.0, 2.5])];
+
 /// A filled marker with a white rim, or strokes on a white ground.
 pub fn marker(drawing: &mut Drawing, at: Point, marker: Marker, color: Rgb) {
     let r = MARKER;

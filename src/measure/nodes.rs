@@ -1,0 +1,181 @@
+//! Figures of a deep shadow map's nodes: the map of nodes per tile (Hadwiger et al. 2006, Figure 5) and the histogram of
+//! nodes per texel.
+
+use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png};
+use super::heat::{false_colour, with_legend};
+use super::plot::axis::LinearAxis;
+use super::report::significant;
+use crate::error::Result;
+use crate::shadow::NodeMap;
+use image::imageops;
+
+/// About the side of the map's picture, pixels.
+const PICTURE_SIDE_PX: usize = 384;
+/// Tiles that are left out; no error or number has this colour.
+const LEFT_OUT: Rgb = [150, 150, 150];
+/// More bars than this are put together.
+const MOST_BARS: usize = 40;
+/// The colour of `dsm` in plots.
+const BAR: Rgb = [0, 114, 178];
+const GRID: Rgb = [225, 225, 225];
+const TEXT: f64 = 13.0;
+
+/// Totals of a map in words.
+pub fn summary(map: &NodeMap) -> String {
+    let histogram = map.histogram();
+    let total: u64 = histogram.iter().zip(0..).map(|(texels, nodes)| texels * nodes).sum();
+    let hit: u64 = histogram[1..].iter().sum();
+    let left_out = map.stored.iter().filter(|s| !**s).count();
+    let mean = if hit == 0 { 0.0 } else { total as f64 / hit as f64 };
+    format!(
+        "{total} nodes in {hit} of {} texels: {} a texel that meets anything, at most {}; {left_out} of {} tiles \
+        left out",
+        map.nodes.len(),
+        significant(mean, 3),
+        histogram.len() - 1,
+        map.stored.len()
+    )
+}
+
+/// The most nodes of any texel of each tile in false colour with a legend, as a PNG file; tiles left out are grey.
+/// Texel (0, 0) is at the top left.
+///
+/// # Errors
+/// The drawing backend's own.
+pub fn tile_png(map: &NodeMap) -> Result<Vec<u8>> {
+    let most = map.most_by_tile();
+    // Four equal whole numbers below the legend.
+    let max = most.iter().copied().max().unwrap_or(0).max(1).next_multiple_of(4) as f32;
+    let mut tiles = false_colour(&most.mapv(|n| n as f32), max);
+    for ((y, x), stored) in map.stored.indexed_iter() {
+        if !stored {
+            tiles.put_pixel(x as u32, y as u32, image::Rgb(LEFT_OUT));
+        }
+    }
+    let zoom = (PICTURE_SIDE_PX / most.dim().0.max(1)).max(1) as u32;
+    let (width, height) = (tiles.width() * zoom, tiles.height() * zoom);
+    let picture = imageops::resize(&tiles, width, height, imageops::FilterType::Nearest);
+    let side = crate::shadow::TILE;
+    let label = format!("most nodes in a texel, tiles of {side} × {side}");
+    encode_png(&with_legend(&picture, max, &label)?)
+}
+
+/// How many texels have how many nodes, as an SVG document: shares of the texels that meet anything.
+///
+/// # Errors
+/// The drawing backend's own.
+pub fn histogram_svg(map: &NodeMap) -> Result<String> {
+    const FRAME: Rect = Rect { left: 64.0, top: 20.0, right: 548.0, bottom: 300.0 };
+    let mut drawing = Drawing::new(560.0, 356.0);
+    let middle = 0.5 * (FRAME.left + FRAME.right);
+    let (shares, nodes_a_bar) = bars(&map.histogram());
+    let title = match nodes_a_bar {
+        1 => "nodes in a texel".to_string(),
+        n => format!("nodes in a texel, {n} numbers a bar"),
+    };
+    drawing.text(Point(middle, FRAME.bottom + 38.0), Anchor::Middle, TEXT, BLACK, title);
+    let y_title = "texels that meet anything [%]";
+    drawing.rotated_text(
+        Point(FRAME.left - 48.0, 0.5 * (FRAME.top + FRAME.bottom)),
+        TEXT,
+        BLACK,
+        y_title.into(),
+    );
+    let highest = shares.iter().copied().fold(0.0, f64::max);
+    if highest <= 0.0 {
+        drawing.outline(FRAME, 1.2, INK);
+        let text = "no texel meets anything";
+        drawing.text(Point(middle, 160.0), Anchor::Middle, TEXT, INK, text.into());
+        return drawing.svg();
+    }
+    // The first bar is around 1, and a bar's middle stands for its numbers.
+    let last = (shares.len() * nodes_a_bar) as f64 + 0.5;
+    let x = LinearAxis::new([0.5, last], FRAME.left, FRAME.right);
+    let y = LinearAxis::new([0.0, 1.06 * highest], FRAME.bottom, FRAME.top);
+    for tick in y.ticks(7) {
+        let at = y.place(tick.value);
+        drawing.line(&[Point(FRAME.left, at), Point(FRAME.right, at)], 0.8, GRID);
+        let text = tick.label.map_or(String::new(), |l| l.0);
+        drawing.text(Point(FRAME.left - 7.0, at), Anchor::End, TEXT, INK, text);
+    }
+    for (i, share) in shares.iter().enumerate() {
+        let edge = |n: usize| x.place((n * nodes_a_bar) as f64 + 0.5);
+        let air = 0.1 * (edge(1) - edge(0));
+        let rect = Rect {
+            left: edge(i) + air,
+            right: edge(i + 1) - air,
+            top: y.place(*share),
+            bottom: FRAME.bottom,
+        };
+        drawing.polygon(rect.corners().into(), BAR);
+    }
+    for tick in x.ticks(10).into_iter().filter(|t| t.value.fract() == 0.0) {
+        let at = x.place(tick.value);
+        drawing.line(&[Point(at, FRAME.bottom), Point(at, FRAME.bottom + 5.0)], 1.0, INK);
+        let text = format!("{}", tick.value);
+        drawing.text(Point(at, FRAME.bottom + 16.0), Anchor::Middle, TEXT, INK, text);
+    }
+    drawing.outline(FRAME, 1.2, INK);
+    drawing.svg()
+}
+
+/// Percent of the texels with nodes that have 1, 2, ... of them, or that many numbers of nodes a bar.
+fn bars(histogram: &[u64]) -> (Vec<f64>, usize) {
+    let with_nodes = &histogram[1..];
+    let texels: u64 = with_nodes.iter().sum();
+    let nodes_a_bar = with_nodes.len().div_ceil(MOST_BARS).max(1);
+    let share = |bar: &[u64]| 100.0 * bar.iter().sum::<u64>() as f64 / texels as f64;
+    (with_nodes.chunks(nodes_a_bar).map(share).collect(), nodes_a_bar)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::heat::inferno;
+    use ndarray::{Array2, arr2};
+
+    fn sample() -> NodeMap {
+        let mut nodes = Array2::zeros((32, 32));
+        nodes.slice_mut(ndarray::s![..16, ..16]).fill(2);
+        nodes[[3, 3]] = 8;
+        nodes[[20, 2]] = 4;
+        NodeMap { nodes, stored: arr2(&[[true, false], [true, true]]) }
+    }
+
+    #[test]
+    fn tiles_have_the_colour_of_their_fullest_texel_and_grey_where_left_out() {
+        let picture = image::load_from_memory(&tile_png(&sample()).unwrap()).unwrap().to_rgb8();
+        // 2 tiles of 192 pixels a side, centred over a wider legend.
+        let left = (picture.width() - 384) / 2;
+        let at = |x: u32, y: u32| *picture.get_pixel(left + x, y);
+        assert_eq!(at(10, 10), inferno(1.0));
+        assert_eq!(at(200, 10), image::Rgb(LEFT_OUT));
+        assert_eq!(at(10, 380), inferno(0.5));
+        assert_eq!(at(380, 380), inferno(0.0));
+    }
+
+    #[test]
+    fn shares_are_of_texels_that_meet_anything() {
+        let (shares, nodes_a_bar) = bars(&sample().histogram());
+        assert_eq!((shares.len(), nodes_a_bar), (8, 1));
+        assert!((shares[1] - 100.0 * 255.0 / 257.0).abs() < 1e-9 && shares[0] == 0.0);
+        assert!((shares.iter().sum::<f64>() - 100.0).abs() < 1e-9);
+        let (shares, nodes_a_bar) = bars(&[vec![5], vec![1; 95]].concat());
+        assert_eq!((shares.len(), nodes_a_bar), (32, 3));
+        assert!((shares.iter().sum::<f64>() - 100.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_histogram_names_its_axes_and_survives_an_empty_map() {
+        let svg = histogram_svg(&sample()).unwrap();
+        assert!(svg.contains("nodes in a texel") && svg.contains("texels that meet anything [%]"));
+        assert_eq!(
+            summary(&sample()),
+            "522 nodes in 257 of 1024 texels: 2.03 a texel that meets anything, at most 8; 1 of 4 tiles left out"
+        );
+        let empty = NodeMap { nodes: Array2::zeros((16, 16)), stored: arr2(&[[false]]) };
+        assert!(histogram_svg(&empty).unwrap().contains("no texel meets anything"));
+        assert!(summary(&empty).starts_with("0 nodes in 0 of 256 texels"));
+        tile_png(&empty).unwrap();
+    }
+}

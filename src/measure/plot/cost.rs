@@ -1,0 +1,41 @@
+//! What is paid for a small error: the horizontal axis.
+
+use crate::measure::table::Row;
+
+/// What an error is paid with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cost {
+    /// `build_ms + frame_ms`.
+    Time,
+    /// Memory of the shadow structure. What stores none has no place on a logarithmic axis and is not drawn.
+    Memory,
+}
+
+impl Cost {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Memory => "memory",
+        }
+    }
+
+    pub fn axis_title(self) -> &'static str {
+        match self {
+            Self::Time => "shadow build + frame, median [ms]",
+            Self::Memory => "memory of the shadow structure [MiB]",
+        }
+    }
+
+    /// Median, smallest and largest; nothing where it is unknown, or not positive.
+    pub fn of(self, row: &Row) -> Option<[f64; 3]> {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        if self == Self::Memory {
+            return row.bytes.map(|b| [b as f64 / f64::from(1 << 20); 3]).filter(|[mib, ..]| positive(*mib));
+        }
+        let ms = row.moving_ms().filter(|ms| positive(*ms))?;
+        let extreme = |build: Option<f64>, frame: Option<f64>| {
+            frame.map(|f| f + build.unwrap_or(0.0)).filter(|ms| positive(*ms)).unwrap_or(ms)
+        };
+        Some([ms, extreme(row.build_ms_min, row.frame_ms_min), extreme(row.build_ms_max, row.frame_ms_max)])
+    }
+}

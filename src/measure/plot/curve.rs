@@ -1,0 +1,332 @@
+//! Transmittance against depth along one light ray, and its error: one drawing, as PNG and SVG.
+//!
+//! The exact curve is a broad grey line with the methods over it, in the colours and markers that they have in every
+//! figure; settings of one method differ in their dashes.
+
+use super::axis::{LinearAxis, Tick};
+use super::style::{DASHES, Family, families, marker};
+use super::{GREY, GRID, SMALL, TEXT, TITLE, shorten};
+use crate::error::Result;
+use crate::measure::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png, text_width};
+use crate::measure::light_curve::{LightCurve, MethodCurve};
+use crate::measure::table::Row;
+
+const WIDTH: f64 = 1000.0;
+const VALUES: Rect = Rect { left: 96.0, top: 76.0, right: 976.0, bottom: 406.0 };
+const ERRORS: Rect = Rect { left: 96.0, top: 426.0, right: 976.0, bottom: 586.0 };
+/// Where the legend begins, and the height of its lines.
+const LEGEND_TOP: f64 = 666.0;
+const LEGEND_LINE: f64 = 26.0;
+const EXACT: Rgb = [178, 178, 178];
+const EXACT_WIDTH: f64 = 6.0;
+const LINE_WIDTH: f64 = 1.7;
+/// Markers on each line.
+const MARKERS: usize = 5;
+/// Changes of transmittance that are too small to see.
+const LEVEL: f64 = 5e-4;
+/// The error axis reaches at least so far.
+const SMALLEST_ERROR: f64 = 1e-4;
+/// Length of a line in the legend.
+const SAMPLE: f64 = 44.0;
+
+/// The drawing as an SVG document; `scene` says in a few words what the ray runs through.
+///
+/// # Errors
+/// The drawing backend's own.
+pub fn curve_svg(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Result<String> {
+    figure(curve, methods, scene).svg()
+}
+
+/// The same as a PNG file, two pixels a point.
+///
+/// # Errors
+/// The drawing backend's own.
+pub fn curve_png(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Result<Vec<u8>> {
+    encode_png(&figure(curve, methods, scene).bitmap()?)
+}
+
+/// A method's line.
+struct Line {
+    name: String,
+    color: Rgb,
+    family: usize,
+    dashes: Option<[f64; 2]>,
+}
+
+fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
+    let row = |m: &MethodCurve| Row { method: m.method.clone(), ..Row::default() };
+    let families = families(&methods.iter().map(row).collect::<Vec<_>>());
+    let lines: Vec<Line> = methods.iter().enumerate().map(|(i, m)| line(methods, i, m, &families)).collect();
+    let (entries, legend_lines) = legend(&lines);
+    let mut drawing = Drawing::new(WIDTH, LEGEND_TOP + LEGEND_LINE * legend_lines as f64);
+    let [x, y, z] = curve.point_mm.to_array();
+    let title = format!("Light ray through ({x}, {y}, {z}) mm");
+    let fit = |text: String, size| shorten(text, size, WIDTH - 60.0);
+    drawing.text(Point(0.5 * WIDTH, 24.0), Anchor::Middle, TITLE, BLACK, fit(title, TITLE));
+    drawing.text(Point(0.5 * WIDTH, 51.0), Anchor::Middle, TEXT, GREY, fit(scene.into(), TEXT));
+
+    let depth = LinearAxis::new(depth_range(curve, methods), VALUES.left, VALUES.right);
+    let value = LinearAxis::new([-0.03, 1.03], VALUES.bottom, VALUES.top);
+    let error = LinearAxis::new(error_range(curve, methods), ERRORS.bottom, ERRORS.top);
+    for (frame, y, title) in [(VALUES, &value, "transmittance"), (ERRORS, &error, "error (method − exact)")]
+    {
+        axes(&mut drawing, frame, &depth, y);
+        let middle = Point(frame.left - 76.0, 0.5 * (frame.top + frame.bottom));
+        drawing.rotated_text(middle, TEXT, BLACK, title.into());
+    }
+    let below = Point(0.5 * (ERRORS.left + ERRORS.right), ERRORS.bottom + 44.0);
+    let x_title = "depth along the light ray, from where it enters the volume [mm]";
+    drawing.text(below, Anchor::Middle, TEXT, BLACK, x_title.into());
+    for tick in depth.ticks(12) {
+        let at = Point(depth.place(tick.value), ERRORS.bottom + 18.0);
+        label(&mut drawing, at, Anchor::Middle, &tick);
+    }
+    if (depth.low..=depth.high).contains(&curve.point_depth_mm) {
+        let x = depth.place(curve.point_depth_mm);
+        for frame in [VALUES, ERRORS] {
+            drawing.dashed(&[Point(x, frame.top), Point(x, frame.bottom)], 1.0, INK, [1.5, 3.0]);
+        }
+        let (side, anchor) = if x > 0.5 * WIDTH { (-6.0, Anchor::End) } else { (6.0, Anchor::Start) };
+        drawing.text(Point(x + side, VALUES.top + 14.0), anchor, SMALL, INK, "the point".into());
+    }
+
+    let shown: Vec<usize> = (0..curve.depth_mm.len())
+        .filter(|&k| (depth.low..=depth.high).contains(&curve.depth_mm[k]))
+        .collect();
+    let path = shown.iter().map(|&k| Point(depth.place(curve.depth_mm[k]), value.place(curve.exact[k])));
+    drawing.line(&thinned(path), EXACT_WIDTH, EXACT);
+    let zero = [depth.low, depth.high].map(|z| Point(depth.place(z), error.place(0.0)));
+    drawing.line(&zero, EXACT_WIDTH, EXACT);
+    for (i, (m, line)) in methods.iter().zip(&lines).enumerate() {
+        let phase = (i as f64 + 0.5) / methods.len() as f64;
+        let family = &families[line.family];
+        let finite = || shown.iter().copied().filter(|&k| m.transmittance[k].is_finite());
+        let value_at = |k: usize| f64::from(m.transmittance[k]);
+        let values = finite().map(|k| {
+            Point(depth.place(curve.depth_mm[k]), value.place(value_at(k).clamp(value.low, value.high)))
+        });
+        stroke(&mut drawing, &thinned(values), line, family, phase);
+        let errors = finite().map(|k| {
+            let e = (value_at(k) - curve.exact[k]).clamp(error.low, error.high);
+            Point(depth.place(curve.depth_mm[k]), error.place(e))
+        });
+        stroke(&mut drawing, &thinned(errors), line, family, phase);
+    }
+    for frame in [VALUES, ERRORS] {
+        drawing.outline(frame, 1.2, INK);
+    }
+    for (place, entry) in entries {
+        let sample = [place, Point(place.0 + SAMPLE, place.1)];
+        match entry.checked_sub(1).map(|i| &lines[i]) {
+            None => drawing.line(&sample, EXACT_WIDTH, EXACT),
+            Some(line) => stroke(&mut drawing, &sample, line, &families[line.family], 0.5),
+        }
+        let text = Point(place.0 + SAMPLE + 8.0, place.1);
+        drawing.text(text, Anchor::Start, TEXT, BLACK, entry_name(&lines, entry).into());
+    }
+    drawing
+}
+
+fn line(methods: &[MethodCurve], index: usize, m: &MethodCurve, families: &[Family]) -> Line {
+    let family = families.iter().position(|f| f.name == m.method).unwrap_or(0);
+    let before = methods[..index].iter().filter(|o| o.method == m.method).count();
+    let dashes = DASHES[before % DASHES.len()];
+    Line { name: m.name(methods), color: families[family].color, family, dashes }
+}
+
+/// A line in its dashes with a few markers on it; `phase` in [0, 1) moves them, so that lines that lie over each
+/// other show all theirs.
+fn stroke(drawing: &mut Drawing, path: &[Point], line: &Line, family: &Family, phase: f64) {
+    match line.dashes {
+        None => drawing.line(path, LINE_WIDTH, line.color),
+        Some(dashes) => drawing.dashed(path, LINE_WIDTH, line.color, dashes),
+    }
+    let (Some(first), Some(last)) = (path.first(), path.last()) else { return };
+    let markers = if last.0 - first.0 > 2.0 * SAMPLE { MARKERS } else { 1 };
+    for k in 0..markers {
+        let x = first.0 + (last.0 - first.0) * (k as f64 + phase) / markers as f64;
+        let after = path.partition_point(|p| p.0 < x).clamp(1, path.len() - 1);
+        let (Point(x0, y0), Point(x1, y1)) = (path[after - 1], path[after]);
+        let share = if x1 > x0 { (x - x0) / (x1 - x0) } else { 0.0 };
+        marker(drawing, Point(x, y0 + share * (y1 - y0)), family.marker, family.color);
+    }
+}
+
+/// Depths between which any curve falls, and the point's, with some air; the whole way where nothing happens on it.
+fn depth_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
+    let mut held: Vec<f64> = Vec::new();
+    let mut changes = |value: &dyn Fn(usize) -> f64| {
+        let last = curve.depth_mm.len() - 1;
+        let away = |from: usize, k: &usize| (value(*k) - value(from)).abs() > LEVEL;
+        let ends = [(0..=last).find(|k| away(0, k)), (0..=last).rfind(|k| away(last, k))];
+        held.extend(ends.into_iter().flatten().map(|k| curve.depth_mm[k]));
+    };
+    changes(&|k| curve.exact[k]);
+    methods.iter().for_each(|m| changes(&|k| f64::from(m.transmittance[k])));
+    if held.is_empty() {
+        return [0.0, curve.length_mm];
+    }
+    held.extend(Some(curve.point_depth_mm).filter(|z| (0.0..=curve.length_mm).contains(z)));
+    let low = held.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = held.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let air = (0.08 * (high - low)).max(0.02 * curve.length_mm);
+    [(low - air).max(0.0), (high + air).min(curve.length_mm)]
+}
+
+/// Around 0, as far as any method strays.
+fn error_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
+    let errors =
+        methods.iter().flat_map(|m| m.transmittance.iter().zip(&curve.exact).map(|(&t, e)| f64::from(t) - e));
+    let finite = errors.filter(|e| e.is_finite());
+    let [low, high] =
+        finite.fold([-SMALLEST_ERROR, SMALLEST_ERROR], |[low, high], e| [low.min(e), high.max(e)]);
+    let air = 0.07 * (high - low);
+    [low - air, high + air]
+}
+
+fn axes(drawing: &mut Drawing, frame: Rect, x: &LinearAxis, y: &LinearAxis) {
+    for tick in x.ticks(12) {
+        let at = x.place(tick.value);
+        drawing.line(&[Point(at, frame.top), Point(at, frame.bottom)], 0.8, GRID);
+        drawing.line(&[Point(at, frame.bottom), Point(at, frame.bottom - 6.0)], 1.0, INK);
+    }
+    for tick in y.ticks(6) {
+        let at = y.place(tick.value);
+        drawing.line(&[Point(frame.left, at), Point(frame.right, at)], 0.8, GRID);
+        drawing.line(&[Point(frame.left, at), Point(frame.left + 6.0, at)], 1.0, INK);
+        label(drawing, Point(frame.left - 9.0, at), Anchor::End, &tick);
+    }
+}
+
+fn label(drawing: &mut Drawing, at: Point, anchor: Anchor, tick: &Tick) {
+    let text = tick.label.as_ref().map_or(String::new(), |(text, _)| text.replace('-', "−"));
+    drawing.text(at, anchor, SMALL, INK, text);
+}
+
+/// A path without points that lie within a fraction of a point of the one before, its first and last ones kept.
+fn thinned(path: impl Iterator<Item = Point>) -> Vec<Point> {
+    const FINEST: f64 = 0.12;
+    let mut kept: Vec<Point> = Vec::new();
+    let mut skipped = None;
+    for p in path {
+        match kept.last() {
+            Some(last) if (p.0 - last.0).hypot(p.1 - last.1) < FINEST => skipped = Some(p),
+            _ => {
+                kept.push(p);
+                skipped = None;
+            }
+        }
+    }
+    kept.extend(skipped);
+    kept
+}
+
+fn entry_name(lines: &[Line], entry: usize) -> &str {
+    entry.checked_sub(1).map_or("exact", |i| &lines[i].name)
+}
+
+/// Where each entry of the legend begins (0 is the exact curve, then the methods), and how many lines they take.
+fn legend(lines: &[Line]) -> (Vec<(Point, usize)>, usize) {
+    const SPACE: f64 = 26.0;
+    let width = |entry: usize| SAMPLE + 8.0 + text_width(entry_name(lines, entry), TEXT) + SPACE;
+    let (left, right) = (VALUES.left - 60.0, VALUES.right);
+    let (mut at, mut line) = (left, 0);
+    let mut entries = Vec::new();
+    for entry in 0..=lines.len() {
+        if at > left && at + width(entry) - SPACE > right {
+            (at, line) = (left, line + 1);
+        }
+        entries.push((Point(at, LEGEND_TOP + LEGEND_LINE * line as f64), entry));
+        at += width(entry);
+    }
+    (entries, line + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn curve() -> (LightCurve, Vec<MethodCurve>) {
+        let depth_mm: Vec<f64> = (0..=100).map(f64::from).collect();
+        let exact: Vec<f64> = depth_mm.iter().map(|z| (-0.03 * z).exp()).collect();
+        let method = |name: &str, params: &str, off: f64| MethodCurve {
+            method: name.into(),
+            params: params.into(),
+            map: None,
+            transmittance: exact.iter().map(|t| (t + off) as f32).collect(),
+        };
+        let methods = vec![
+            method("dsm", "epsilon=0.02", 0.01),
+            method("dsm", "epsilon=0.06", -0.04),
+            method("osm", "layers=8 <&>", f64::NAN),
+        ];
+        let curve = LightCurve {
+            point_mm: DVec3::new(1.5, 2.0, 3.0),
+            point_depth_mm: 40.0,
+            origin_mm: DVec3::ZERO,
+            direction: DVec3::X,
+            length_mm: 100.0,
+            depth_mm,
+            exact,
+        };
+        (curve, methods)
+    }
+
+    #[test]
+    fn svg_names_axes_units_point_and_every_line() {
+        let (curve, methods) = curve();
+        let svg = curve_svg(&curve, &methods, "slab, haze & more").unwrap();
+        for text in [
+            "Light ray through (1.5, 2, 3) mm",
+            "slab, haze &amp; more",
+            "from where it enters the volume [mm]",
+            "transmittance",
+            "error (method − exact)",
+            "the point",
+            "exact",
+            "dsm epsilon=0.02",
+            "dsm epsilon=0.06",
+            "osm layers=8 &lt;&amp;&gt;",
+        ] {
+            assert!(svg.contains(text), "{text}");
+        }
+        // Another setting of a method is dashed: many short lines of one colour instead of one long one.
+        assert!(svg.matches("#0072B2").count() > 40);
+    }
+
+    #[test]
+    fn the_error_axis_holds_what_is_finite_and_zero() {
+        let (curve, methods) = curve();
+        let [low, high] = error_range(&curve, &methods);
+        assert!(low < -0.04 && low > -0.05 && high > 0.01 && high < 0.02, "{low} {high}");
+        let [low, high] = error_range(&curve, &methods[2..]);
+        assert!(low < 0.0 && high > 0.0);
+    }
+
+    #[test]
+    fn the_depth_axis_holds_what_falls_and_the_point() {
+        let (mut curve, _) = curve();
+        curve.exact = curve.depth_mm.iter().map(|z| if *z < 60.0 { 1.0 } else { 0.2 }).collect();
+        let range = |curve: &LightCurve| depth_range(curve, &[]).map(f64::round);
+        assert_eq!(range(&curve), [38.0, 62.0]);
+        curve.point_depth_mm = -7.0;
+        assert_eq!(range(&curve), [57.0, 62.0]);
+        curve.exact.fill(1.0);
+        assert_eq!(range(&curve), [0.0, 100.0]);
+    }
+
+    #[test]
+    fn long_legends_break_into_lines() {
+        let (curve, methods) = curve();
+        let many: Vec<_> = (0..4).flat_map(|_| methods.clone()).collect();
+        let lines: Vec<Line> = many
+            .iter()
+            .map(|m| Line { name: m.name(&many), color: BLACK, family: 0, dashes: None })
+            .collect();
+        let (entries, count) = legend(&lines);
+        assert_eq!(entries.len(), 13);
+        assert!(count >= 3 && entries.iter().all(|(p, _)| p.0 < VALUES.right));
+        assert!(!curve_png(&curve, &[], "").unwrap().is_empty(), "the exact curve alone");
+    }
+}

@@ -1,0 +1,73 @@
+//! Nodes counted texel by texel are those that the build counted.
+
+use super::*;
+use umbravox::shadow::{NodeMap, TILE, node_map};
+
+fn nodes_of(setup: &Setup, map: &ShadowMap) -> Option<NodeMap> {
+    node_map(setup.renderer, &setup.transfer, map).unwrap()
+}
+
+#[test]
+fn counts_add_up_to_the_builds_own() {
+    let tf = extinction(&[(300.0, 0.0), (500.0, 0.04), (700.0, 0.0), (1000.0, 0.0)]);
+    let Some(setup) = Setup::open(&phantom("comb:48"), &tf) else { return };
+    // Long rows of nodes make chains.
+    for method in ["dsm:map=64", "dsm:epsilon=0.0005,map=64", "dsm:map=48,prefilter=5", "dsm:map=16"] {
+        for (name, light) in lights(setup.volume()) {
+            let map = setup.shadow(method, light);
+            let found = nodes_of(&setup, &map).unwrap();
+            let (report, side) = (&map.report, map.light_space.map_size as usize);
+            assert_eq!(found.nodes.dim(), (side, side));
+            let total: u64 = found.nodes.iter().map(|&n| u64::from(n)).sum();
+            assert_eq!(Some(total), report.nodes_total, "{method}, {name}");
+            let histogram = found.histogram();
+            assert_eq!(Some(histogram.len() as u64 - 1), report.nodes_max, "{method}, {name}");
+            assert_eq!(Some((side * side) as u64 - histogram[0]), report.texels_hit, "{method}, {name}");
+            let left_out = found.stored.iter().filter(|s| !**s).count();
+            assert_eq!(left_out as u32, report.tiles_left_out, "{method}, {name}");
+        }
+    }
+}
+
+#[test]
+fn a_map_that_ends_within_a_tile_counts_its_own_texels_only() {
+    // The build fills whole tiles, also beyond the map.
+    let tf = extinction(&[(300.0, 0.0), (500.0, 0.04), (700.0, 0.0), (1000.0, 0.0)]);
+    let Some(setup) = Setup::open(&phantom("comb:48"), &tf) else { return };
+    for (side, method) in [(70, "dsm:map=70"), (1, "dsm:map=1"), (17, "dsm:map=17")] {
+        for (name, light) in lights(setup.volume()) {
+            let map = setup.shadow(method, light);
+            let found = nodes_of(&setup, &map).unwrap();
+            assert_eq!(found.nodes.dim(), (side, side));
+            let total: u64 = found.nodes.iter().map(|&n| u64::from(n)).sum();
+            assert!(total <= map.report.nodes_total.unwrap(), "{method}, {name}");
+            assert!(side < 17 || total > 0, "{method}, {name}");
+            let left_out = found.stored.iter().filter(|s| !**s).count();
+            assert_eq!(left_out as u32, map.report.tiles_left_out, "{method}, {name}");
+        }
+    }
+}
+
+#[test]
+fn nodes_lie_where_the_matter_is() {
+    let Some(setup) = Setup::open(&phantom("sphere:48"), &extinction(&[(300.0, 0.0), (900.0, 0.3)])) else {
+        return;
+    };
+    let map = setup.shadow("dsm:map=64", lights(setup.volume())[0].1);
+    let found = nodes_of(&setup, &map).unwrap();
+    let center = setup.volume().corners_mm().iter().sum::<DVec3>() / 8.0;
+    let (texel, _) = map.light_space.light_point(center);
+    let at = |x: f64, y: f64| found.nodes[[y.round() as usize, x.round() as usize]];
+    assert!(at(texel.x, texel.y) >= 2, "the sphere's middle");
+    assert_eq!(at(0.0, 0.0), 0, "the map's corner");
+    assert_eq!(found.stored.dim(), ((64 / TILE) as usize, (64 / TILE) as usize));
+}
+
+#[test]
+fn what_has_no_nodes_says_so() {
+    let Some(setup) = Setup::open(&phantom("slab:16"), &extinction(&[(0.0, 0.1)])) else { return };
+    let light = lights(setup.volume())[0].1;
+    for method in ["none", "rays", "osm:map=32,layers=4", "dom:map=32"] {
+        assert_eq!(nodes_of(&setup, &setup.shadow(method, light)), None, "{method}");
+    }
+}
