@@ -101,7 +101,7 @@ fn rows_measured_before_the_interruption_are_not_measured_again() {
     let (table, journal) = (bytes(out.join("compare.csv")), bytes(out.join(JOURNAL)));
     resume(folder, &extra);
     assert_eq!((bytes(out.join("compare.csv")), bytes(out.join(JOURNAL))), (table, journal));
-    resume(folder, &[&extra[..], &["--ambient=0.2"]].concat());
+    resume(folder, &[&extra[..], &["--background=#203040"]].concat());
     assert_eq!(lines(folder, "row").len(), 10);
     // Those have taken the pictures' names: without its own picture a row is not taken as measured.
     resume(folder, &extra);
