@@ -3,12 +3,16 @@
 
 mod device_transfer;
 mod device_volume;
+mod display;
+mod kept;
 mod layouts;
 mod plan;
 mod session;
 
 pub use device_transfer::{DeviceTransfer, FieldUniform, IntervalTable};
 pub use device_volume::{DeviceVolume, TexelFormat};
+pub use display::{BandUniform, DisplayTexture, Drawn, Pace};
+pub use kept::{Change, Kept, Work};
 pub use layouts::Layouts;
 pub use plan::{Omission, Plan, needs_shadows};
 pub use session::Session;
@@ -65,11 +69,23 @@ pub struct Picture {
     pub plan: Plan,
 }
 
+/// Rows of a picture that are finished, in the order of the picture.
+pub(crate) struct Band<'a> {
+    /// `rows x width x 4` floats: linear RGB and opacity.
+    pub buffer: &'a wgpu::Buffer,
+    pub first_row: u32,
+    pub rows: u32,
+    /// Time of this band's ray casting.
+    pub span: Span,
+}
+
 /// Pipelines and layouts of one device.
 pub struct Renderer {
     gpu: Gpu,
     layouts: Layouts,
     timer: PassTimer,
+    /// Tiles of a shadow map that one submission builds.
+    tiles_at_once: u32,
     pipelines: Mutex<HashMap<ShaderVariant, Arc<wgpu::ComputePipeline>>>,
 }
 
@@ -77,7 +93,19 @@ impl Renderer {
     pub fn new(gpu: Gpu) -> Self {
         let layouts = Layouts::new(&gpu, gpu.filters_float32);
         let timer = PassTimer::new(&gpu);
-        Self { gpu, layouts, timer, pipelines: Mutex::default() }
+        Self { gpu, layouts, timer, tiles_at_once: u32::MAX, pipelines: Mutex::default() }
+    }
+
+    /// Builds shadow maps in submissions of at most so many tiles (rounded up to 64), for a queue that someone else draws
+    /// through too: a window must not wait for a whole map.
+    #[must_use]
+    pub fn with_tiles_at_once(mut self, tiles: u32) -> Self {
+        self.tiles_at_once = tiles.max(1).checked_next_multiple_of(64).unwrap_or(u32::MAX);
+        self
+    }
+
+    pub(crate) fn tiles_at_once(&self) -> u32 {
+        self.tiles_at_once
     }
 
     pub fn gpu(&self) -> &Gpu {
@@ -134,6 +162,71 @@ impl Renderer {
         shadow: &ShadowMap,
         scene: &Scene,
     ) -> Result<Picture> {
+        let broken = || Error::runtime("cannot render", "picture", "it was left unfinished");
+        self.render_with(loaded, transfer, shadow, scene, |_| u32::MAX, |_| true)?.ok_or_else(broken)
+    }
+
+    /// As [`Self::render`], in bands of about `band_ms`, so that others can draw in between; `go_on` hears the share that
+    /// is done after each, and ends the work (`None`) by saying no.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn render_in_bands(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+        scene: &Scene,
+        band_ms: f64,
+        go_on: impl FnMut(f32) -> bool,
+    ) -> Result<Option<Picture>> {
+        let mut pace = Pace::new(band_ms);
+        let rows_next = |last: Option<(Span, u32)>| {
+            if let Some((span, rows)) = last {
+                pace.learn(rows * scene.width, span);
+            }
+            pace.rows(scene.width)
+        };
+        self.render_with(loaded, transfer, shadow, scene, rows_next, go_on)
+    }
+
+    fn render_with(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+        scene: &Scene,
+        rows_next: impl FnMut(Option<(Span, u32)>) -> u32,
+        mut go_on: impl FnMut(f32) -> bool,
+    ) -> Result<Option<Picture>> {
+        let (width, height) = (scene.width as usize, scene.height as usize);
+        let mut pixels = Vec::with_capacity(width * height * 4);
+        let mut complete = true;
+        let (plan, span) = self.draw(loaded, transfer, shadow, scene, rows_next, |band| {
+            pixels.extend(read_back::<f32>(&self.gpu, band.buffer, band.rows as usize * width * 4)?);
+            complete = go_on((band.first_row + band.rows) as f32 / height as f32);
+            Ok(complete)
+        })?;
+        if !complete {
+            return Ok(None);
+        }
+        let broken = |why: String| Error::runtime("cannot render", "picture", why);
+        let pixels = Array3::from_shape_vec((height, width, 4), pixels).map_err(|e| broken(e.to_string()))?;
+        let span = span.ok_or_else(|| broken("it has no rows".into()))?;
+        Ok(Some(Picture { pixels, span, plan }))
+    }
+
+    /// Casts the rays of a picture band by band: `rows_next` says how high the next band may be, given the last one's
+    /// time and rows, and `finished` whether to go on after one.
+    pub(crate) fn draw(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+        scene: &Scene,
+        mut rows_next: impl FnMut(Option<(Span, u32)>) -> u32,
+        mut finished: impl FnMut(&Band<'_>) -> Result<bool>,
+    ) -> Result<(Plan, Option<Span>)> {
         let plan = Plan::of(scene, loaded, transfer, shadow);
         let variant = plan.raycast_variant(transfer, shadow);
         let pipeline = self.pipeline(&variant, &self.layouts.frame)?;
@@ -142,13 +235,22 @@ impl Renderer {
         let row_bytes = u64::from(width) * 16;
         let limits = self.gpu.device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let band = u32::try_from(most / row_bytes).unwrap_or(u32::MAX).clamp(1, height);
-        let buffer = StorageBuffer::zeroed(&self.gpu, "picture", row_bytes * u64::from(band))?;
-        let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
+        let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX).clamp(1, height);
         let mut span: Option<Span> = None;
         let resumable = plan.resumable(shadow);
-        for first_row in (0..height).step_by(band as usize) {
-            let rows = band.min(height - first_row);
+        let mut first_row = 0;
+        let mut last = None;
+        let mut made: Option<(wgpu::Buffer, u32)> = None;
+        while first_row < height {
+            let rows = rows_next(last).clamp(1, highest).min(height - first_row);
+            let buffer = match &made {
+                Some((buffer, rows_made)) if *rows_made >= rows => buffer.clone(),
+                _ => {
+                    let buffer = StorageBuffer::zeroed(&self.gpu, "picture", row_bytes * u64::from(rows))?;
+                    made = Some((buffer.clone(), rows));
+                    buffer
+                }
+            };
             let uniform =
                 uniform_buffer(&self.gpu, "frame", &frame_uniform(&loaded.volume, scene, first_row, rows));
             // A count of unfinished pixels, then where each goes on.
@@ -165,7 +267,8 @@ impl Renderer {
                     wgpu::BindGroupEntry { binding: 2, resource: progress.as_entire_binding() },
                 ],
             });
-            loop {
+            let mut band_span: Option<Span> = None;
+            let took = loop {
                 let took = self.timer.compute(&self.gpu, "ray cast", |pass| {
                     pass.set_pipeline(&pipeline);
                     pass.set_bind_group(0, &transfer.bind_group, &[]);
@@ -173,19 +276,21 @@ impl Renderer {
                     pass.set_bind_group(2, &group, &[]);
                     pass.dispatch_workgroups(width.div_ceil(8), rows.div_ceil(8), 1);
                 })?;
-                span = Some(span.map_or(took, |s| s.plus(took)));
+                let so_far = band_span.map_or(took, |s| s.plus(took));
+                band_span = Some(so_far);
                 if !resumable || read_back::<u32>(&self.gpu, &progress, 1)?[0] == 0 {
-                    break;
+                    break so_far;
                 }
                 self.gpu.queue.write_buffer(&progress, 0, &0u32.to_le_bytes());
+            };
+            span = Some(span.map_or(took, |s| s.plus(took)));
+            if !finished(&Band { buffer: &buffer, first_row, rows, span: took })? {
+                break;
             }
-            pixels.extend(read_back::<f32>(&self.gpu, &buffer, rows as usize * width as usize * 4)?);
+            first_row += rows;
+            last = Some((took, rows));
         }
-        let broken = |why: String| Error::runtime("cannot render", "picture", why);
-        let pixels = Array3::from_shape_vec((height as usize, width as usize, 4), pixels)
-            .map_err(|e| broken(e.to_string()))?;
-        let span = span.ok_or_else(|| broken("it has no rows".into()))?;
-        Ok(Picture { pixels, span, plan })
+        Ok((plan, span))
     }
 
     /// Transmittance from the light to world points, by the lookup that pictures use.

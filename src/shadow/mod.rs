@@ -7,6 +7,7 @@
 mod deep;
 mod layers;
 mod light_space;
+mod parts;
 mod plain;
 pub mod spec;
 
@@ -16,6 +17,7 @@ pub use layers::{
     SplitChoice,
 };
 pub use light_space::{LightSpace, LightUniform, Projection, TILE};
+use parts::tile_parts;
 pub use plain::{NoShadows, ShadowRays};
 
 use crate::error::{Error, Result};
