@@ -93,11 +93,11 @@ impl App {
                 self.ask_path(Purpose::SaveTransfer);
             }
             ui.separator();
-            let undo = ui.add_enabled(self.history.can_undo(), egui::Button::new("⟲ Undo"));
+            let undo = ui.add_enabled(self.history.can_undo(), egui::Button::new("Undo"));
             if undo.on_hover_text("Ctrl+Z").clicked() {
                 self.undo();
             }
-            let redo = ui.add_enabled(self.history.can_redo(), egui::Button::new("⟳ Redo"));
+            let redo = ui.add_enabled(self.history.can_redo(), egui::Button::new("Redo"));
             if redo.on_hover_text("Ctrl+Shift+Z").clicked() {
                 self.redo();
             }
@@ -130,7 +130,7 @@ impl App {
         let mut selected = self.editor.selected.filter(|i| *i < tf.points.len());
         ui.horizontal(|ui| {
             let Some(index) = selected else {
-                let hint = "Drag a point; double-click to add one; drag beside them to shift (↔) and spread (↕) all. \
+                let hint = "Drag a point; double-click to add one; drag beside them to shift (left, right) and spread (up, down) all. \
                     Right-click a point for more.";
                 ui.weak(hint);
                 return;

@@ -21,6 +21,7 @@ mod probe_panel;
 mod prompt;
 mod script;
 mod settings;
+mod shown;
 mod side;
 mod slices;
 mod timings;
@@ -97,7 +98,6 @@ pub struct App {
     slices: slices::SliceState,
     prompt: prompt::PromptState,
     timings: timings::Timings,
-    shown: viewport::ShownTextures,
     show_help: bool,
     /// Pictures that have come from the render thread.
     pub frames: u64,
@@ -145,7 +145,6 @@ impl App {
             slices: Default::default(),
             prompt: Default::default(),
             timings: Default::default(),
-            shown: Default::default(),
             show_help: false,
             frames: 0,
             unchanged: 0,

@@ -1,6 +1,7 @@
 //! `view --script FILE`: input replayed in the real window, with frame times and screenshots. A line a step:
 //!
 //! ```text
+//! window WIDTH HEIGHT                       points; the first step, where the size matters
 //! settle                                   until the picture is whole
 //! drag NAME X0 Y0 X1 Y1 SECONDS [shift|ctrl] [screen]   shares of the view (or of the whole window), there and back
 //! click X Y [screen]
@@ -30,6 +31,7 @@ const LONGEST_STEP: Duration = Duration::from_secs(120);
 
 #[derive(Debug, Clone, PartialEq)]
 enum Step {
+    Window { size: [f32; 2] },
     Settle,
     Drag { name: String, from: [f32; 2], to: [f32; 2], seconds: f32, modifiers: Modifiers, screen: bool },
     Click { at: [f32; 2], screen: bool, double: bool },
@@ -97,6 +99,14 @@ impl Script {
             failed: None,
             shot: Shot::default(),
         })
+    }
+
+    /// The window's size, where the script begins with one.
+    pub fn window(&self) -> Option<[f32; 2]> {
+        match self.steps.front() {
+            Some(Step::Window { size }) => Some(*size),
+            _ => None,
+        }
     }
 
     /// Puts the step's input where hands would.
@@ -174,6 +184,7 @@ impl Script {
             return Some(Err(Error::runtime(WHAT, format!("{step:?}"), "it took too long")));
         }
         let done = match step {
+            Step::Window { .. } => true,
             Step::Settle => app.is_settled() && app.frame.is_some() && self.frame > 2,
             Step::Drag { name, seconds, .. } => {
                 let empty = || Measured {
@@ -284,6 +295,7 @@ fn parse(words: &[&str]) -> Option<Step> {
     let rest = || words.get(1..).map(|w| w.join(" ")).filter(|w| !w.is_empty());
     let screen = has("screen");
     Some(match words[0] {
+        "window" => Step::Window { size: [number(1)?, number(2)?] },
         "settle" => Step::Settle,
         "drag" => Step::Drag {
             name: (*words.get(1)?).to_owned(),

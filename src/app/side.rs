@@ -321,7 +321,7 @@ fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
             }
         }
         if value != key.default
-            && ui.small_button("↺").on_hover_text(format!("Back to {}", key.default)).clicked()
+            && ui.small_button("reset").on_hover_text(format!("Back to {}", key.default)).clicked()
         {
             *value = key.default.to_owned();
         }

@@ -24,8 +24,8 @@ impl App {
                         .on_hover_text(source);
                 }
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    let icon = if self.settings.dark { "☀" } else { "🌙" };
-                    if ui.button(icon).on_hover_text("Dark or light").clicked() {
+                    let icon = if self.settings.dark { "Light" } else { "Dark" };
+                    if ui.button(icon).on_hover_text("Light or dark appearance").clicked() {
                         self.settings.dark = !self.settings.dark;
                     }
                     if let Some(exporting) = &self.exporting {

@@ -1,6 +1,6 @@
 //! The view: the picture, and what hands do in it.
 
-use super::App;
+use super::{App, shown};
 use super::camera::{self, AXIS_VIEWS};
 use super::jobs::Aim;
 use super::method_choice::MethodChoice;
@@ -8,9 +8,7 @@ use super::worker::Side;
 use crate::scene::{Camera, Light};
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, Vec2, vec2};
 use eframe::egui_wgpu::RenderState;
-use eframe::wgpu;
 use glam::DVec3;
-use std::sync::Arc;
 
 /// Radians that a drag across the height of the view turns.
 const TURN: f64 = 1.2 * std::f64::consts::PI;
@@ -30,35 +28,6 @@ pub struct ViewState {
     pub settled: bool,
     /// The view on screen, points; for scripts.
     pub rect: Option<Rect>,
-}
-
-/// Textures of pictures, as egui knows them.
-#[derive(Default)]
-pub struct ShownTextures {
-    sides: [Option<(egui::TextureId, Arc<crate::render::DisplayTexture>)>; 2],
-}
-
-impl ShownTextures {
-    /// egui's name of a picture's texture; it is told anew only when the texture is another.
-    fn id(&mut self, index: usize, side: &Side, state: &RenderState) -> egui::TextureId {
-        let slot = &mut self.sides[index];
-        if let Some((id, shown)) = slot
-            && Arc::ptr_eq(shown, &side.texture)
-        {
-            return *id;
-        }
-        let mut renderer = state.renderer.write();
-        let (view, filter) = (&side.texture.view, wgpu::FilterMode::Linear);
-        let id = match slot {
-            Some((id, _)) => {
-                renderer.update_egui_texture_from_wgpu_texture(&state.device, view, filter, *id);
-                *id
-            }
-            None => renderer.register_native_texture(&state.device, view, filter),
-        };
-        *slot = Some((id, Arc::clone(&side.texture)));
-        id
-    }
 }
 
 impl App {
@@ -81,7 +50,10 @@ impl App {
         let response = ui.interact(rect, ui.scope_id().with("view"), Sense::click_and_drag());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "3-D view"));
         let painter = ui.painter_at(rect);
-        painter.rect_filled(rect, CornerRadius::ZERO, Color32::from_gray(12));
+        // Where a picture will cover it all, a software adapter is spared the pixels below.
+        if self.frame.is_none() || render_state.is_none() {
+            painter.rect_filled(rect, CornerRadius::ZERO, Color32::from_gray(12));
+        }
         if let Some(document) = &mut self.document {
             let pixels = rect.size() * ui.ctx().pixels_per_point();
             let side = |n: f32| (n.round().max(1.0) as u32).min(MOST_PIXELS);
@@ -173,22 +145,19 @@ impl App {
         }
     }
 
-    fn paint_pictures(&mut self, ui: &egui::Ui, rect: Rect, render_state: Option<&RenderState>) {
+    fn paint_pictures(&self, ui: &egui::Ui, rect: Rect, render_state: Option<&RenderState>) {
         let (Some(frame), Some(state)) = (&self.frame, render_state) else { return };
         let painter = ui.painter_at(rect);
-        let whole = Rect::from_min_max(Pos2::ZERO, egui::pos2(1.0, 1.0));
         // A picture of another shape (the view was resized) fills the height until the next comes.
         let size = vec2(frame.main.texture.width as f32, frame.main.texture.height as f32);
         let place =
             Rect::from_center_size(rect.center(), vec2(rect.height() * size.x / size.y, rect.height()));
         let place = if (place.width() / rect.width() - 1.0).abs() < 0.02 { rect } else { place };
-        let main = self.shown.id(0, &frame.main, state);
-        painter.image(main, place, whole, Color32::WHITE);
+        painter.add(shown::shape(place, &frame.main.texture, 0, state));
         let (Some(other), Some(share)) = (&frame.other, self.split) else { return };
         let x = rect.left() + share * rect.width();
-        let id = self.shown.id(1, other, state);
         let right = ui.painter_at(Rect::from_min_max(egui::pos2(x, rect.top()), rect.max));
-        right.image(id, place, whole, Color32::WHITE);
+        right.add(shown::shape(place, &other.texture, 1, state));
         painter.vline(x, rect.y_range(), Stroke::new(1.5, Color32::from_white_alpha(200)));
         painter.circle_filled(egui::pos2(x, rect.center().y), 5.0, Color32::from_white_alpha(220));
         let label = |at: Pos2, align, side: &Side| tag(&painter, at, align, &side.spec);
@@ -272,7 +241,7 @@ impl App {
                     egui::Frame::popup(ui.style()).show(ui, |ui| {
                         ui.set_max_width((rect.width() - 140.0).max(200.0));
                         ui.horizontal_wrapped(|ui| {
-                            if ui.small_button("✖").on_hover_text("Close").clicked() {
+                            if ui.small_button("×").on_hover_text("Close").clicked() {
                                 closed = Some(i);
                             }
                             let text = egui::RichText::new(&message.text);

@@ -51,9 +51,11 @@ pub fn run(start: Start) -> Result<()> {
         viewport: egui::ViewportBuilder::default()
             .with_app_id("umbravox")
             .with_title("umbravox")
-            .with_inner_size(settings.window)
+            .with_inner_size(start.script.as_ref().and_then(Script::window).unwrap_or(settings.window))
             .with_min_inner_size([640.0, 480.0])
             .with_drag_and_drop(true),
+        // Dithering costs a software adapter more than it shows.
+        dithering: false,
         renderer: eframe::Renderer::Wgpu,
         wgpu_options: egui_wgpu::WgpuConfiguration {
             wgpu_setup: egui_wgpu::WgpuSetup::CreateNew(setup),

@@ -83,14 +83,14 @@ impl Gpu {
 
     /// Submits and waits until the device has done it all.
     pub fn submit_and_wait(&self, encoder: wgpu::CommandEncoder) -> Result<()> {
-        self.queue.submit([encoder.finish()]);
-        self.wait()
+        let submission = self.queue.submit([encoder.finish()]);
+        self.wait_for(submission)
     }
 
-    /// Waits until the device has done all that was submitted.
-    pub fn wait(&self) -> Result<()> {
+    /// Waits until the device has done a submission, whatever others have submitted since.
+    pub fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
         self.device
-            .poll(wgpu::PollType::wait_indefinitely())
+            .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
             .map_err(|e| Error::runtime("the graphics device failed", &self.info.name, e))?;
         self.take_error()
     }
