@@ -2,6 +2,7 @@
 # make test    every test
 # make lint    formatting and clippy, as CI runs them
 # make bench   the criterion benches
+# make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another)
 # make check-tools   what is missing to build and run; installs nothing
 
 CARGO ?= cargo
@@ -10,7 +11,11 @@ UMBRAVOX := $(TARGET_DIR)/release/umbravox
 DEMO_DIR ?= out/demo
 DEMO_FLAGS ?= phantom:thorax:64 --size 192x192 --repeats 2
 
-.PHONY: demo test lint bench setup check-tools
+UMBRAVOX_DATA ?= ../shared/data
+SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
+XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
+
+.PHONY: demo test lint bench shots setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -31,6 +36,14 @@ lint:
 
 bench: setup
 	$(CARGO) bench --locked
+
+shots:
+	@scripts/setup.sh --window
+	$(CARGO) build --release --locked
+	@mkdir -p out/shots
+	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/shots.txt
+	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/drags.txt
+	@echo && cat out/shots/drags.tsv
 
 setup:
 	@scripts/setup.sh

@@ -1,11 +1,18 @@
 #!/usr/bin/env bash
 # Checks for what building and running need: cargo, a C linker, a Vulkan driver. On Debian and Ubuntu as root it
 # installs what is missing; elsewhere it says exactly what to install and fails.
-# usage: setup.sh [--check]    --check never installs
+# usage: setup.sh [--check] [--window]    --check never installs; --window adds what X11 windows need, and Xvfb
 set -euo pipefail
 
 install=yes
-[[ ${1:-} == --check ]] && install=no
+window=no
+for argument; do
+    case $argument in
+    --check) install=no ;;
+    --window) window=yes ;;
+    *) echo "setup: unknown argument $argument" >&2 && exit 1 ;;
+    esac
+done
 
 fail() {
     echo "setup: $1" >&2
@@ -25,9 +32,12 @@ vulkan_driver() {
     return 1
 }
 
-vulkan_loader() {
+# Whether the loader knows a library. All is read first: a pipe that is closed early fails under pipefail.
+library() {
+    local known
     # ldconfig is in sbin, which is not on every user's path.
-    PATH="$PATH:/usr/sbin:/sbin" ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1'
+    known=$(PATH="$PATH:/usr/sbin:/sbin" ldconfig -p 2>/dev/null) || return 1
+    [[ $known == *"$1"* ]]
 }
 
 command -v cargo >/dev/null || fail "cargo is missing: install Rust 1.95 or later, see https://rustup.rs"
@@ -40,8 +50,15 @@ rust=$(cargo --version | cut -d' ' -f2)
 
 missing=()
 command -v cc >/dev/null || missing+=(gcc libc6-dev)
-vulkan_loader || missing+=(libvulkan1)
+library libvulkan.so.1 || missing+=(libvulkan1)
 vulkan_driver || missing+=(mesa-vulkan-drivers)
+if [[ $window == yes ]]; then
+    command -v xvfb-run >/dev/null || missing+=(xvfb xauth)
+    # Opened when a window is, so that nothing else needs them.
+    for pair in X11-xcb:libx11-xcb1 Xcursor:libxcursor1 Xi:libxi6 Xrandr:libxrandr2 xkbcommon-x11:libxkbcommon-x11-0; do
+        library "lib${pair%%:*}.so" || missing+=("${pair##*:}")
+    done
+fi
 ((${#missing[@]})) || exit 0
 
 if command -v apt-get >/dev/null; then

@@ -11,6 +11,8 @@
 //! Lengths are world millimetres, extinction is 1/mm, optical depth its line integral, transmittance
 //! `exp(-optical depth)`.
 
+#[cfg(feature = "gui")]
+pub mod app;
 pub mod cli;
 pub mod color;
 pub mod error;

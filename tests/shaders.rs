@@ -53,7 +53,7 @@ fn variant(entry: &'static str, modules: &[&[&'static str]], defs: &[&[&'static 
 
 /// Everything that a flag, a method or an adapter can ask for.
 fn variants() -> Vec<ShaderVariant> {
-    let mut list = Vec::new();
+    let mut list = vec![variant("display.wgsl", &[], &[])];
     for adapter in [&[][..], &["MANUAL_TRILINEAR"], &["MANY_BREAKPOINTS"]] {
         for (modules, defs) in lookups() {
             list.push(variant("query.wgsl", &[&COMMON, modules], &[defs, adapter]));

@@ -12,6 +12,7 @@ pub mod scene_args;
 mod scene_file;
 pub mod stability;
 pub mod values;
+pub mod view;
 pub mod voxelise;
 
 use crate::error::{Error, Result};
@@ -48,6 +49,7 @@ enum Command {
     Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
     Phantom(phantom::PhantomArgs),
+    View(Box<view::ViewArgs>),
 }
 
 /// Runs a command line, program name first; prints what went wrong and gives the exit status of CONTRACT section 3.
@@ -84,6 +86,7 @@ fn run(command: Command) -> Result<()> {
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),
+        Command::View(args) => view::run(*args),
     }
 }
 

@@ -82,12 +82,12 @@ pub fn read_back<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Resu
     });
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-    gpu.queue.submit([encoder.finish()]);
+    let submission = gpu.queue.submit([encoder.finish()]);
     let (send, receive) = std::sync::mpsc::channel();
     staging.map_async(wgpu::MapMode::Read, .., move |r| {
         let _ = send.send(r);
     });
-    gpu.wait()?;
+    gpu.wait_for(submission)?;
     let failed = |why: String| Error::runtime("cannot read from the graphics device", &gpu.info.name, why);
     receive.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
     let view = staging.get_mapped_range(..bytes).map_err(|e| failed(e.to_string()))?;

@@ -29,17 +29,29 @@ impl Gpu {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let adapter = choose(&instance, name)?;
         let info = adapter.get_info();
+        let (device, queue) = pollster::block_on(adapter.request_device(&Self::device_descriptor(&adapter)))
+            .map_err(|e| Error::runtime("cannot open the graphics device", &info.name, e))?;
+        Ok(Self::from_parts(&adapter, device, queue))
+    }
+
+    /// What a device is asked for: all the adapter's limits, and the optional features that are used where they exist.
+    pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
         let wanted = wgpu::Features::TIMESTAMP_QUERY
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::PIPELINE_CACHE;
-        let features = adapter.features() & wanted;
-        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+        wgpu::DeviceDescriptor {
             label: Some("umbravox"),
-            required_features: features,
+            required_features: adapter.features() & wanted,
             required_limits: adapter.limits(),
             ..Default::default()
-        }))
-        .map_err(|e| Error::runtime("cannot open the graphics device", &info.name, e))?;
+        }
+    }
+
+    /// Works on a device that someone else opened with [`Self::device_descriptor`], such as a window that shows
+    /// pictures from the very same device.
+    pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let info = adapter.get_info();
+        let features = device.features();
         let uncaptured = Arc::new(Mutex::new(None));
         let sink = Arc::clone(&uncaptured);
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
@@ -55,14 +67,14 @@ impl Gpu {
             // its work is the host's own: there the wall clock is the true one.
             .filter(|p| *p > 0.0 && info.device_type != wgpu::DeviceType::Cpu);
         tracing::info!("adapter: {} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info);
-        Ok(Self {
+        Self {
             device,
             queue,
             info,
             filters_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamp_period_ns,
             uncaptured,
-        })
+        }
     }
 
     /// The first error that no call returned, if there was one since the last time.
@@ -73,14 +85,14 @@ impl Gpu {
 
     /// Submits and waits until the device has done it all.
     pub fn submit_and_wait(&self, encoder: wgpu::CommandEncoder) -> Result<()> {
-        self.queue.submit([encoder.finish()]);
-        self.wait()
+        let submission = self.queue.submit([encoder.finish()]);
+        self.wait_for(submission)
     }
 
-    /// Waits until the device has done all that was submitted.
-    pub fn wait(&self) -> Result<()> {
+    /// Waits until the device has done a submission, whatever others have submitted since.
+    pub fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
         self.device
-            .poll(wgpu::PollType::wait_indefinitely())
+            .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
             .map_err(|e| Error::runtime("the graphics device failed", &self.info.name, e))?;
         self.take_error()
     }

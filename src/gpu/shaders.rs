@@ -39,6 +39,7 @@ pub const fn sources() -> &'static [(&'static str, &'static str)] {
         shader!("shadow/layers_ratio.wgsl"),
         shader!("raycast.wgsl"),
         shader!("query.wgsl"),
+        shader!("display.wgsl"),
     ]
 }
 

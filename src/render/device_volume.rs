@@ -136,8 +136,8 @@ impl DeviceVolume {
                 gpu.queue.submit([]);
             }
         }
-        gpu.queue.submit([]);
-        gpu.wait()?;
+        let last = gpu.queue.submit([]);
+        gpu.wait_for(last)?;
         let bytes = (slice_voxels * dims[2]) as u64 * format.bytes();
         if pollster::block_on(scope.pop()).is_some() {
             return Err(Error::runtime(

@@ -12,6 +12,8 @@ pub struct Layouts {
     pub frame: wgpu::BindGroupLayout,
     /// Group 2 of queries: points and results.
     pub query: wgpu::BindGroupLayout,
+    /// Group 2 of what is shown: band (uniform), the picture's band, and the texture on screen.
+    pub display: wgpu::BindGroupLayout,
     /// Group 2 of the deep shadow map's build: nodes, counters, tile list.
     pub build: wgpu::BindGroupLayout,
     pub linear_clamp: wgpu::Sampler,
@@ -47,12 +49,12 @@ impl Layouts {
         let solid = |binding, sample_type| texture(binding, sample_type, wgpu::TextureViewDimension::D3);
         let float = wgpu::TextureSampleType::Float { filterable: false };
         let words = wgpu::TextureSampleType::Uint;
-        let node_store = wgpu::BindGroupLayoutEntry {
-            binding: 0,
+        let store = |binding, format| wgpu::BindGroupLayoutEntry {
+            binding,
             visibility: wgpu::ShaderStages::COMPUTE,
             ty: wgpu::BindingType::StorageTexture {
                 access: wgpu::StorageTextureAccess::WriteOnly,
-                format: wgpu::TextureFormat::Rgba32Uint,
+                format,
                 view_dimension: wgpu::TextureViewDimension::D2,
             },
             count: None,
@@ -84,7 +86,14 @@ impl Layouts {
             shadow: layout("shadow", &[buffer(0, UNIFORM), flat(1, words), flat(2, words)]),
             frame: layout("frame", &[buffer(0, UNIFORM), buffer(1, READ_WRITE), buffer(2, READ_WRITE)]),
             query: layout("query", &[buffer(0, READ), buffer(1, READ_WRITE)]),
-            build: layout("build", &[node_store, buffer(1, READ_WRITE), buffer(2, READ)]),
+            display: layout(
+                "display",
+                &[buffer(0, UNIFORM), buffer(1, READ), store(2, wgpu::TextureFormat::Rgba8Unorm)],
+            ),
+            build: layout(
+                "build",
+                &[store(0, wgpu::TextureFormat::Rgba32Uint), buffer(1, READ_WRITE), buffer(2, READ)],
+            ),
             linear_clamp: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("linear clamp"),
                 mag_filter: filter,

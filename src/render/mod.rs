@@ -3,17 +3,19 @@
 
 mod device_transfer;
 mod device_volume;
+mod display;
 mod forced;
+mod kept;
 mod layouts;
-mod live;
 mod plan;
 mod session;
 
 pub use device_transfer::{DeviceTransfer, FieldUniform, IntervalTable, MarchTable};
 pub use device_volume::{DeviceVolume, TexelFormat};
+pub use display::{BandUniform, DisplayTexture, Drawn, Pace};
 pub use forced::{Forced, Optional};
+pub use kept::{Change, INVALIDATES, Kept, Stage, Work};
 pub use layouts::Layouts;
-pub use live::{Change, INVALIDATES, Live, Made, Ready, Stage, Update, Wanted};
 pub use plan::{Omission, Plan, needs_shadows};
 pub use session::Session;
 
@@ -71,12 +73,24 @@ pub struct Picture {
     pub plan: Plan,
 }
 
+/// Rows of a picture that are finished, in the order of the picture.
+pub(crate) struct Band<'a> {
+    /// `rows x width x 4` floats: linear RGB and opacity.
+    pub buffer: &'a wgpu::Buffer,
+    pub first_row: u32,
+    pub rows: u32,
+    /// Time of this band's ray casting.
+    pub span: Span,
+}
+
 /// Pipelines and layouts of one device.
 pub struct Renderer {
     gpu: Gpu,
     layouts: Layouts,
     timer: PassTimer,
     store: Option<PipelineStore>,
+    /// Tiles of a shadow map that one submission builds.
+    tiles_at_once: u32,
     pipelines: Mutex<HashMap<ShaderVariant, Arc<wgpu::ComputePipeline>>>,
 }
 
@@ -85,7 +99,19 @@ impl Renderer {
         let layouts = Layouts::new(&gpu, gpu.filters_float32);
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
-        Self { gpu, layouts, timer, store, pipelines: Mutex::default() }
+        Self { gpu, layouts, timer, store, tiles_at_once: u32::MAX, pipelines: Mutex::default() }
+    }
+
+    /// Builds shadow maps in submissions of at most so many tiles (rounded up to 64), for a queue that someone else draws
+    /// through too: a window must not wait for a whole map.
+    #[must_use]
+    pub fn with_tiles_at_once(mut self, tiles: u32) -> Self {
+        self.tiles_at_once = tiles.max(1).checked_next_multiple_of(64).unwrap_or(u32::MAX);
+        self
+    }
+
+    pub(crate) fn tiles_at_once(&self) -> u32 {
+        self.tiles_at_once
     }
 
     pub fn gpu(&self) -> &Gpu {
@@ -168,6 +194,71 @@ impl Renderer {
         shadow: &ShadowMap,
         scene: &Scene,
     ) -> Result<Picture> {
+        let broken = || Error::runtime("cannot render", "picture", "it was left unfinished");
+        self.render_with(loaded, transfer, shadow, scene, |_| u32::MAX, |_| true)?.ok_or_else(broken)
+    }
+
+    /// As [`Self::render`], in bands of about `band_ms`, so that others can draw in between; `go_on` hears the share that
+    /// is done after each, and ends the work (`None`) by saying no.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn render_in_bands(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+        scene: &Scene,
+        band_ms: f64,
+        go_on: impl FnMut(f32) -> bool,
+    ) -> Result<Option<Picture>> {
+        let mut pace = Pace::new(band_ms);
+        let rows_next = |last: Option<(Span, u32)>| {
+            if let Some((span, rows)) = last {
+                pace.learn(rows * scene.width, span);
+            }
+            pace.rows(scene.width)
+        };
+        self.render_with(loaded, transfer, shadow, scene, rows_next, go_on)
+    }
+
+    fn render_with(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+        scene: &Scene,
+        rows_next: impl FnMut(Option<(Span, u32)>) -> u32,
+        mut go_on: impl FnMut(f32) -> bool,
+    ) -> Result<Option<Picture>> {
+        let (width, height) = (scene.width as usize, scene.height as usize);
+        let mut pixels = Vec::with_capacity(width * height * 4);
+        let mut complete = true;
+        let (plan, span) = self.draw(loaded, transfer, shadow, scene, rows_next, |band| {
+            pixels.extend(read_back::<f32>(&self.gpu, band.buffer, band.rows as usize * width * 4)?);
+            complete = go_on((band.first_row + band.rows) as f32 / height as f32);
+            Ok(complete)
+        })?;
+        if !complete {
+            return Ok(None);
+        }
+        let broken = |why: String| Error::runtime("cannot render", "picture", why);
+        let pixels = Array3::from_shape_vec((height, width, 4), pixels).map_err(|e| broken(e.to_string()))?;
+        let span = span.ok_or_else(|| broken("it has no rows".into()))?;
+        Ok(Some(Picture { pixels, span, plan }))
+    }
+
+    /// Casts the rays of a picture band by band: `rows_next` says how high the next band may be, given the last one's
+    /// time and rows, and `finished` whether to go on after one.
+    pub(crate) fn draw(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+        scene: &Scene,
+        mut rows_next: impl FnMut(Option<(Span, u32)>) -> u32,
+        mut finished: impl FnMut(&Band<'_>) -> Result<bool>,
+    ) -> Result<(Plan, Option<Span>)> {
         if shadow.lookup.as_ref().is_some_and(|l| l.marches) {
             self.march_table(transfer)?;
         }
@@ -179,13 +270,22 @@ impl Renderer {
         let row_bytes = u64::from(width) * 16;
         let limits = self.gpu.device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let band = u32::try_from(most / row_bytes).unwrap_or(u32::MAX).clamp(1, height);
-        let buffer = StorageBuffer::zeroed(&self.gpu, "picture", row_bytes * u64::from(band))?;
-        let mut pixels = Vec::with_capacity(width as usize * height as usize * 4);
+        let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX).clamp(1, height);
         let mut span: Option<Span> = None;
         let resumable = plan.resumable(shadow);
-        for first_row in (0..height).step_by(band as usize) {
-            let rows = band.min(height - first_row);
+        let mut first_row = 0;
+        let mut last = None;
+        let mut made: Option<(wgpu::Buffer, u32)> = None;
+        while first_row < height {
+            let rows = rows_next(last).clamp(1, highest).min(height - first_row);
+            let buffer = match &made {
+                Some((buffer, rows_made)) if *rows_made >= rows => buffer.clone(),
+                _ => {
+                    let buffer = StorageBuffer::zeroed(&self.gpu, "picture", row_bytes * u64::from(rows))?;
+                    made = Some((buffer.clone(), rows));
+                    buffer
+                }
+            };
             let uniform =
                 uniform_buffer(&self.gpu, "frame", &frame_uniform(&loaded.volume, scene, first_row, rows));
             // A count of unfinished pixels, then where each goes on.
@@ -202,7 +302,8 @@ impl Renderer {
                     wgpu::BindGroupEntry { binding: 2, resource: progress.as_entire_binding() },
                 ],
             });
-            loop {
+            let mut band_span: Option<Span> = None;
+            let took = loop {
                 let took = self.timer.compute(&self.gpu, "ray cast", |pass| {
                     pass.set_pipeline(&pipeline);
                     pass.set_bind_group(0, transfer.bind_group(), &[]);
@@ -210,19 +311,21 @@ impl Renderer {
                     pass.set_bind_group(2, &group, &[]);
                     pass.dispatch_workgroups(width.div_ceil(8), rows.div_ceil(8), 1);
                 })?;
-                span = Some(span.map_or(took, |s| s.plus(took)));
+                let so_far = band_span.map_or(took, |s| s.plus(took));
+                band_span = Some(so_far);
                 if !resumable || read_back::<u32>(&self.gpu, &progress, 1)?[0] == 0 {
-                    break;
+                    break so_far;
                 }
                 self.gpu.queue.write_buffer(&progress, 0, &0u32.to_le_bytes());
+            };
+            span = Some(span.map_or(took, |s| s.plus(took)));
+            if !finished(&Band { buffer: &buffer, first_row, rows, span: took })? {
+                break;
             }
-            pixels.extend(read_back::<f32>(&self.gpu, &buffer, rows as usize * width as usize * 4)?);
+            first_row += rows;
+            last = Some((took, rows));
         }
-        let broken = |why: String| Error::runtime("cannot render", "picture", why);
-        let pixels = Array3::from_shape_vec((height as usize, width as usize, 4), pixels)
-            .map_err(|e| broken(e.to_string()))?;
-        let span = span.ok_or_else(|| broken("it has no rows".into()))?;
-        Ok(Picture { pixels, span, plan })
+        Ok((plan, span))
     }
 
     /// Transmittance from the light to world points, by the lookup that pictures use.

@@ -19,6 +19,7 @@
 use super::spec::Setting;
 use super::{
     Bound, BuildContext, BuildReport, Entry, Key, LightSpace, LightUniform, Lookup, Method, ShadowMap, TILE,
+    tile_parts,
 };
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderVariant, Span, StorageBuffer, read_back, table_texture, uniform_buffer};
@@ -386,25 +387,29 @@ fn run_build(
     let unused = super::plain::unused_texture(gpu)?;
     let counters = StorageBuffer::zeroed(gpu, "deep shadow map counters", size_of::<Counters>() as u64)?;
     let shadow = renderer.shadow_bind_group(&light, tiles, &unused);
-    let build = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("deep shadow map build"),
-        layout: &renderer.layouts().build,
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(nodes) },
-            wgpu::BindGroupEntry { binding: 1, resource: counters.as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 2, resource: tile_list.as_entire_binding() },
-        ],
-    });
-    // Two dimensions, since one holds no more than 65,535 workgroups.
-    let across = tile_count.clamp(1, 256);
-    let span = renderer.timer().compute(gpu, "deep shadow map build", |pass| {
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, context.transfer.bind_group(), &[]);
-        pass.set_bind_group(1, &shadow, &[]);
-        pass.set_bind_group(2, &build, &[]);
-        if tile_count > 0 {
-            pass.dispatch_workgroups(across, tile_count.div_ceil(across), 1);
-        }
-    })?;
+    let mut span: Option<Span> = None;
+    for part in tile_parts(renderer, tile_count) {
+        let build = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("deep shadow map build"),
+            layout: &renderer.layouts().build,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(nodes) },
+                wgpu::BindGroupEntry { binding: 1, resource: counters.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 2, resource: part.binding(tile_list) },
+            ],
+        });
+        let took = renderer.timer().compute(gpu, "deep shadow map build", |pass| {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, context.transfer.bind_group(), &[]);
+            pass.set_bind_group(1, &shadow, &[]);
+            pass.set_bind_group(2, &build, &[]);
+            let [across, down] = part.workgroups();
+            if down > 0 {
+                pass.dispatch_workgroups(across, down, 1);
+            }
+        })?;
+        span = Some(span.map_or(took, |s| s.plus(took)));
+    }
+    let span = span.unwrap_or(Span { gpu_ms: None, wall_ms: 0.0 });
     Ok((span, read_back::<Counters>(gpu, &counters, 1)?[0]))
 }

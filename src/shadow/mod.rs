@@ -8,6 +8,7 @@ mod deep;
 mod deep_count;
 mod layers;
 mod light_space;
+mod parts;
 mod plain;
 pub mod spec;
 
@@ -18,6 +19,7 @@ pub use layers::{
     SplitChoice,
 };
 pub use light_space::{LightSpace, LightUniform, Projection, TILE};
+use parts::tile_parts;
 pub use plain::{NoShadows, ShadowRays};
 
 use crate::error::{Error, Result};

@@ -48,9 +48,14 @@ pub struct TransferFunction {
 }
 
 impl TransferFunction {
+    /// Opacity or extinction at a value, as [`Self::quantity`] says.
+    pub fn amount(&self, value: f64) -> f64 {
+        self.interpolate(value, |p| p.amount)
+    }
+
     /// Extinction in 1/mm at a value.
     pub fn extinction(&self, value: f64) -> f64 {
-        self.extinction_of_amount(self.interpolate(value, |p| p.amount))
+        self.extinction_of_amount(self.amount(value))
     }
 
     /// Extinction in 1/mm of a given opacity or extinction:

@@ -5,6 +5,7 @@
 
 mod bricks;
 mod element;
+mod histogram;
 mod load;
 pub mod nifti;
 mod nifti_header;
@@ -16,6 +17,7 @@ mod thorax_anatomy;
 
 pub use bricks::{ActiveBricks, BRICK_CELLS, Bricks, extinction_intervals};
 pub use element::{ByteOrder, Element};
+pub use histogram::Histogram;
 pub use load::{VolumeSpec, load};
 pub use nifti_write::{NIFTI_EXTENSIONS, write_nifti};
 pub use phantom::Phantom;
@@ -217,6 +219,27 @@ impl Volume {
     /// Scaled value of one voxel.
     pub fn value(&self, i: usize, j: usize, k: usize) -> f64 {
         self.scaling.apply(with_voxels!(&self.voxels, a => a[[k, j, i]].to_f64()))
+    }
+
+    /// Scaled value at an index position: trilinear between voxel centres, clamped at the edge.
+    pub fn value_at(&self, index: DVec3) -> f64 {
+        let dims = self.dims();
+        let along = |axis: usize| {
+            let last = dims[axis] - 1;
+            let p = index[axis].clamp(0.0, last as f64);
+            let low = (p as usize).min(last);
+            [(low, 1.0 - (p - low as f64)), ((low + 1).min(last), p - low as f64)]
+        };
+        let [x, y, z] = [along(0), along(1), along(2)];
+        let mut sum = 0.0;
+        for (k, wz) in z {
+            for (j, wy) in y {
+                for (i, wx) in x {
+                    sum += wx * wy * wz * self.value(i, j, k);
+                }
+            }
+        }
+        sum
     }
 
     /// The eight corners of the domain `[-0.5, n - 0.5]^3`, world mm.

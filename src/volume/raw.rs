@@ -40,6 +40,14 @@ impl FromStr for RawLayout {
     }
 }
 
+impl std::fmt::Display for RawLayout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [x, y, z] = self.dims;
+        let order = if self.byte_order == ByteOrder::Big { ":be" } else { "" };
+        write!(f, "{x}x{y}x{z}:{}{order}", self.element.name())
+    }
+}
+
 impl RawLayout {
     /// From a file name such as `foot_256x256x256_uint8.raw` (also `_be`, and the short type names); `None` where the
     /// name does not say it.

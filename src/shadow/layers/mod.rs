@@ -31,7 +31,9 @@ pub use opacity::{OpacityShadowMap, Slicing};
 pub use ratio::{Measure, SplitChoice};
 
 use super::deep::{CHORD_TOLERANCE, STEEPEST_SURFACE, TILE_ROWS, layout};
-use super::{BuildContext, BuildReport, Filter, LightSpace, LightUniform, Lookup, PassLeftOut, ShadowMap};
+use super::{
+    BuildContext, BuildReport, Filter, LightSpace, LightUniform, Lookup, PassLeftOut, ShadowMap, tile_parts,
+};
 use crate::error::Result;
 use crate::gpu::{Gpu, ShaderVariant, Span, StorageBuffer, read_back, table_texture, uniform_buffer};
 use crate::render::Optional;
@@ -142,7 +144,6 @@ impl Recipe {
             first: &tables,
             second: &super::plain::unused_texture(gpu)?,
             stage,
-            list: &tile_list,
         };
         let mut defs = self.record.write_defs();
         defs.extend(self.split.def());
@@ -152,19 +153,23 @@ impl Recipe {
             &["shadow/layers_layout.wgsl", "shadow/layers_sink.wgsl"],
             defs,
         )?;
-        // Two dimensions, since one holds no more than 65,535 workgroups.
-        let groups_across = (list.len() as u32).clamp(1, 256);
-        let groups = [groups_across, (list.len() as u32).div_ceil(groups_across)];
-        let mut device = pass.run(context, "layered map build", &variant, &uniform, groups)?;
-        if self.record.depths > 0 && context.transfer.forced.has(Optional::DepthPass) {
-            device = depth_pass(context, &pass, record_count, &uniform, groups)?.plus(device);
+        let with_depth_pass = self.record.depths > 0 && context.transfer.forced.has(Optional::DepthPass);
+        let mut device: Option<Span> = None;
+        for part in tile_parts(context.renderer, list.len() as u32) {
+            let (groups, list) = (part.workgroups(), part.binding(&tile_list));
+            let mut took =
+                pass.run(context, "layered map build", &variant, &uniform, groups, list.clone())?;
+            if with_depth_pass {
+                took = depth_pass(context, &pass, record_count, &uniform, groups, list)?.plus(took);
+            }
+            device = Some(device.map_or(took, |d| d.plus(took)));
         }
         let texels_hit = u64::from(read_back::<u32>(gpu, stage, 1)?[0]);
         let left_out = (entries.len() - list.len()) as u64;
         let tile_bytes = u64::from(TILE_ROWS) * self.record.bytes();
         let report = BuildReport {
             host_ms,
-            device: Some(device),
+            device,
             // Whole lines of the texture, as they are allocated.
             bytes: self.record.texture_bytes(record_count) + size_of_val(&texels[..]) as u64,
             texels_hit: Some(texels_hit),
@@ -202,9 +207,8 @@ struct Pass<'a> {
     /// Group 1: tables and records.
     first: &'a wgpu::TextureView,
     second: &'a wgpu::TextureView,
-    /// Group 2: what it counts and reads, and a list.
+    /// Group 2: what it counts and reads.
     stage: &'a wgpu::Buffer,
-    list: &'a wgpu::Buffer,
 }
 
 impl Pass<'_> {
@@ -215,6 +219,7 @@ impl Pass<'_> {
         variant: &ShaderVariant,
         uniform: &wgpu::Buffer,
         [across, down]: [u32; 2],
+        list: wgpu::BindingResource<'_>,
     ) -> Result<Span> {
         let renderer = context.renderer;
         let gpu = renderer.gpu();
@@ -223,7 +228,7 @@ impl Pass<'_> {
         let shadow = renderer.shadow_bind_group(uniform, self.first, self.second);
         let mut entries = vec![
             wgpu::BindGroupEntry { binding: 1, resource: self.stage.as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 2, resource: self.list.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 2, resource: list },
         ];
         entries.extend(self.store.map(|(view, _)| wgpu::BindGroupEntry {
             binding: 0,
@@ -253,6 +258,7 @@ fn depth_pass(
     texels: u64,
     uniform: &wgpu::Buffer,
     groups: [u32; 2],
+    list: wgpu::BindingResource<'_>,
 ) -> Result<Span> {
     let starts = StorageBuffer::zeroed(context.renderer.gpu(), "starts", 4 * texels)?;
     let sink = &["shadow/start_sink.wgsl"];
@@ -264,6 +270,7 @@ fn depth_pass(
         &variant,
         uniform,
         groups,
+        list,
     )
 }
 

@@ -133,9 +133,10 @@ fn weigh(context: &BuildContext<'_>, light_space: &LightSpace, recipe: &Recipe) 
     let mass = StorageBuffer::zeroed(gpu, "optical mass", 4 * SPLIT_BINS as u64)?;
     let unused = super::super::plain::unused_texture(gpu)?;
     let list = StorageBuffer::zeroed(gpu, "unused", 16)?;
-    let pass = Pass { store: None, first: &unused, second: &unused, stage: &mass, list: &list };
+    let pass = Pass { store: None, first: &unused, second: &unused, stage: &mass };
     let variant = march_variant(context, "shadow/layers_mass.wgsl", &["shadow/mass_sink.wgsl"], Vec::new())?;
-    let span = pass.run(context, "optical mass", &variant, &uniform, [MASS_GROUPS; 2])?;
+    let span =
+        pass.run(context, "optical mass", &variant, &uniform, [MASS_GROUPS; 2], list.as_entire_binding())?;
     Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
 }
 

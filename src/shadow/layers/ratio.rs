@@ -100,8 +100,8 @@ fn pass(
         ],
         defs,
     };
-    let pass = Pass { store: None, first: &built.tables, second: &built.records, stage, list: &list };
-    pass.run(context, "split ratio", &variant, &built.uniform, groups)
+    let pass = Pass { store: None, first: &built.tables, second: &built.records, stage };
+    pass.run(context, "split ratio", &variant, &built.uniform, groups, list.as_entire_binding())
 }
 
 /// Device time of both, and the host's added to it by the wall clock that the build counts on.

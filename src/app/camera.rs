@@ -1,0 +1,208 @@
+//! What a hand does to the camera and the light.
+
+use super::document::settled_direction;
+use crate::scene::{Camera, Light};
+use glam::{DQuat, DVec3};
+use std::f64::consts::FRAC_PI_2;
+
+/// How dragging turns the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Orbit {
+    /// About the upright axis, and up and down: the horizon stays level.
+    Turntable,
+    /// Freely, about the picture's own axes.
+    Trackball,
+}
+
+/// Closer to the upright axis a turntable does not go, radians.
+const POLE_MARGIN: f64 = 0.01;
+
+/// A direction to look from, named as a radiologist would.
+pub struct AxisView {
+    pub name: &'static str,
+    pub mark: &'static str,
+    /// From the target to the eye, RAS+.
+    pub away: DVec3,
+    pub up: DVec3,
+}
+
+/// The six; keys 1 to 6.
+pub const AXIS_VIEWS: [AxisView; 6] = [
+    AxisView { name: "Anterior", mark: "A", away: DVec3::Y, up: DVec3::Z },
+    AxisView { name: "Posterior", mark: "P", away: DVec3::NEG_Y, up: DVec3::Z },
+    AxisView { name: "Left", mark: "L", away: DVec3::NEG_X, up: DVec3::Z },
+    AxisView { name: "Right", mark: "R", away: DVec3::X, up: DVec3::Z },
+    AxisView { name: "Superior", mark: "S", away: DVec3::Z, up: DVec3::Y },
+    AxisView { name: "Inferior", mark: "I", away: DVec3::NEG_Z, up: DVec3::Y },
+];
+
+/// Turns the camera about its target, radians to the right and down as the hand moves.
+pub fn orbit(camera: &mut Camera, how: Orbit, right: f64, down: f64) {
+    let frame = camera.frame();
+    let offset = camera.eye - camera.target;
+    match how {
+        Orbit::Turntable => {
+            let axis = camera.up.normalize_or(DVec3::Z);
+            let height = (offset.normalize().dot(axis)).clamp(-1.0, 1.0).asin();
+            let limit = FRAC_PI_2 - POLE_MARGIN;
+            let tilt = (height + down).clamp(-limit, limit) - height;
+            let turn = DQuat::from_axis_angle(axis, -right) * DQuat::from_axis_angle(frame.right, -tilt);
+            camera.eye = camera.target + turn * offset;
+        }
+        Orbit::Trackball => {
+            let turn = DQuat::from_axis_angle(frame.up, -right) * DQuat::from_axis_angle(frame.right, -down);
+            camera.eye = camera.target + turn * offset;
+            camera.up = settled_direction(turn * frame.up);
+        }
+    }
+}
+
+/// Moves the camera along the picture, in heights of the picture at the target.
+pub fn pan(camera: &mut Camera, right: f64, down: f64) {
+    let frame = camera.frame();
+    let height = 2.0 * camera.eye.distance(camera.target) * (0.5 * camera.fov_deg.to_radians()).tan();
+    let shift = height * (-right * frame.right + down * frame.up);
+    camera.eye += shift;
+    camera.target += shift;
+}
+
+/// Comes closer (`factor` below 1) or goes away; what lies under the cursor at the target's depth stays there. `cursor`
+/// is from the picture's middle, in half heights, y up.
+pub fn zoom(camera: &mut Camera, factor: f64, cursor: [f64; 2], radius_mm: f64) {
+    let frame = camera.frame();
+    let distance = camera.eye.distance(camera.target);
+    // Neither into the target nor so far that nothing is left to see.
+    let factor = (distance * factor).clamp(1e-3 * radius_mm, 1e3 * radius_mm) / distance;
+    let half = distance * (0.5 * camera.fov_deg.to_radians()).tan();
+    let fixed = camera.target + half * (cursor[0] * frame.right + cursor[1] * frame.up);
+    camera.eye = fixed + factor * (camera.eye - fixed);
+    camera.target = fixed + factor * (camera.target - fixed);
+}
+
+/// Looks at the target from one of the six directions, from as far as now.
+pub fn look_from(camera: &mut Camera, view: &AxisView) {
+    let distance = camera.eye.distance(camera.target);
+    camera.eye = camera.target + distance * view.away;
+    camera.up = view.up;
+}
+
+/// Turns the light about the volume's middle as seen from the camera; a point light moves along the picture.
+pub fn drag_light(light: &mut Light, camera: &Camera, right: f64, down: f64) {
+    let frame = camera.frame();
+    match light {
+        Light::Directional { toward } => {
+            let turn = DQuat::from_axis_angle(frame.up, right) * DQuat::from_axis_angle(frame.right, down);
+            *toward = settled_direction(turn * *toward);
+        }
+        Light::Point { position } => {
+            let depth = (*position - camera.eye).dot(frame.forward).abs().max(1e-3);
+            *position += depth * (right * frame.right - down * frame.up);
+        }
+    }
+}
+
+/// The light on a disc as seen from the camera: the middle is behind the eye, half way out is square to the view, the
+/// rim is behind the volume. `None` where `toward` has no direction.
+pub fn disc_from_direction(camera: &Camera, toward: DVec3) -> Option<[f64; 2]> {
+    let frame = camera.frame();
+    let v = toward.try_normalize()?;
+    let (x, y, z) = (v.dot(frame.right), v.dot(frame.up), -v.dot(frame.forward));
+    let angle = z.clamp(-1.0, 1.0).acos() / std::f64::consts::PI;
+    let across = x.hypot(y);
+    Some(if across < 1e-9 { [angle, 0.0] } else { [angle * x / across, angle * y / across] })
+}
+
+/// The inverse of [`disc_from_direction`].
+pub fn direction_from_disc(camera: &Camera, [x, y]: [f64; 2]) -> DVec3 {
+    let frame = camera.frame();
+    let radius = x.hypot(y).min(1.0);
+    let angle = radius * std::f64::consts::PI;
+    let (x, y) = if radius < 1e-9 { (0.0, 0.0) } else { (x / x.hypot(y), y / x.hypot(y)) };
+    settled_direction(angle.sin() * (x * frame.right + y * frame.up) - angle.cos() * frame.forward)
+}
+
+/// The anatomical letters of a direction, strongest first: `L`, `PS`, ...
+pub fn marks(direction: DVec3) -> String {
+    let v = direction.normalize_or_zero();
+    let mut axes = [(v.x, "R", "L"), (v.y, "A", "P"), (v.z, "S", "I")];
+    axes.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+    axes.iter().filter(|a| a.0.abs() > 0.4).map(|a| if a.0 > 0.0 { a.1 } else { a.2 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Camera {
+        Camera {
+            eye: DVec3::new(3.0, 9.0, 4.0),
+            target: DVec3::new(1.0, 1.0, 1.0),
+            up: DVec3::Z,
+            fov_deg: 40.0,
+        }
+    }
+
+    #[test]
+    fn turning_keeps_the_distance_and_a_turntable_its_horizon() {
+        for how in [Orbit::Turntable, Orbit::Trackball] {
+            let mut moved = camera();
+            for _ in 0..500 {
+                orbit(&mut moved, how, 0.3, 0.2);
+                assert!(moved.frame().right.is_finite(), "{how:?}");
+            }
+            let distance = camera().eye.distance(camera().target);
+            assert!((moved.eye.distance(moved.target) - distance).abs() < 1e-9);
+            if how == Orbit::Turntable {
+                assert_eq!(moved.up, DVec3::Z);
+                assert!(moved.frame().right.z.abs() < 1e-12);
+            }
+        }
+        // The picture follows the hand: dragged to the right, what was seen from the front turns to the right.
+        let mut moved = camera();
+        orbit(&mut moved, Orbit::Turntable, 0.1, 0.0);
+        let front = camera().target + 0.5 * (camera().eye - camera().target);
+        let frame = moved.frame();
+        assert!((front - moved.eye).dot(frame.right) > 0.0);
+    }
+
+    #[test]
+    fn what_is_under_the_cursor_stays_there() {
+        let before = camera();
+        let place = |c: &Camera, [x, y]: [f64; 2]| {
+            let frame = c.frame();
+            let half = c.eye.distance(c.target) * (0.5 * c.fov_deg.to_radians()).tan();
+            c.target + half * (x * frame.right + y * frame.up)
+        };
+        let mut after = before;
+        zoom(&mut after, 0.7, [0.4, -0.8], 5.0);
+        assert!((place(&before, [0.4, -0.8]) - place(&after, [0.4, -0.8])).length() < 1e-9);
+        assert!((after.eye.distance(after.target) / before.eye.distance(before.target) - 0.7).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_disc_reaches_every_direction() {
+        let camera = camera();
+        for v in [
+            DVec3::X,
+            DVec3::NEG_Y,
+            DVec3::new(1.0, -2.0, 0.3),
+            camera.frame().forward,
+            -camera.frame().forward,
+        ] {
+            let disc = disc_from_direction(&camera, v).unwrap();
+            assert!((direction_from_disc(&camera, disc) - v.normalize()).length() < 1e-6, "{v}");
+        }
+        assert!(disc_from_direction(&camera, DVec3::ZERO).is_none());
+    }
+
+    #[test]
+    fn letters_are_those_of_ras() {
+        assert_eq!((marks(DVec3::X), marks(DVec3::NEG_X)), ("R".into(), "L".into()));
+        assert_eq!(marks(DVec3::new(0.1, -1.0, 0.6)), "PS");
+        let mut front = camera();
+        look_from(&mut front, &AXIS_VIEWS[0]);
+        // Seen from the front, the patient's right is on the picture's left.
+        assert_eq!(marks(front.frame().right), "L");
+    }
+}

@@ -1,0 +1,276 @@
+//! Edits of a transfer function as a person makes them: every result is a function that its file could hold.
+
+use crate::color;
+use crate::transfer::{ControlPoint, Quantity, TransferFunction};
+use std::sync::Arc;
+
+/// Steps that can be undone.
+const MOST_STEPS: usize = 200;
+/// Extinction at the top of the editor where a function gives extinction and none is higher, 1/mm.
+const LEAST_TOP: f64 = 1e-6;
+
+/// One edit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Edit {
+    /// A point to a value and an amount; it stays between its neighbours.
+    Move {
+        index: usize,
+        value: f64,
+        amount: f64,
+    },
+    /// A new point; its colour is the one that the function has there.
+    Add {
+        value: f64,
+        amount: f64,
+    },
+    Remove {
+        index: usize,
+    },
+    /// Linear RGB, rounded to what a file holds.
+    Color {
+        index: usize,
+        color: [f64; 3],
+    },
+    /// A point becomes a jump: a second one of its value, from the point's amount to `amount`.
+    Jump {
+        index: usize,
+        amount: f64,
+    },
+    /// Every value shifted, and spread about the middle of the points.
+    Window {
+        shift: f64,
+        spread: f64,
+    },
+}
+
+/// The function after an edit, or why it cannot be.
+///
+/// # Errors
+/// An edit that no file could hold, e.g. a third point of one value.
+pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'static str> {
+    let mut tf = tf.clone();
+    let highest = match tf.quantity {
+        Quantity::Opacity => 1.0,
+        Quantity::Extinction => 1e6,
+    };
+    let amount_of = |amount: f64| if amount.is_finite() { amount.clamp(0.0, highest) } else { 0.0 };
+    match edit {
+        Edit::Move { index, value, amount } => {
+            let [lo, hi] = range_of(&tf, index);
+            let point = tf.points.get_mut(index).ok_or("there is no such point")?;
+            if value.is_finite() {
+                point.value = value.clamp(lo, hi);
+            }
+            point.amount = amount_of(amount);
+        }
+        Edit::Add { value, amount } => {
+            if !value.is_finite() || value.abs() > 1e30 {
+                return Err("the value is not a finite number");
+            }
+            if tf.points.iter().filter(|p| p.value == value).count() > 1 {
+                return Err("there are two points of this value already");
+            }
+            let color = color::parse_hex(&color::to_hex(tf.color(value))).unwrap_or([1.0; 3]);
+            let at = tf.points.partition_point(|p| p.value <= value);
+            tf.points.insert(at, ControlPoint { value, amount: amount_of(amount), color });
+        }
+        Edit::Remove { index } => {
+            if tf.points.len() < 2 {
+                return Err("one point has to stay");
+            }
+            if index >= tf.points.len() {
+                return Err("there is no such point");
+            }
+            tf.points.remove(index);
+        }
+        Edit::Color { index, color } => {
+            let point = tf.points.get_mut(index).ok_or("there is no such point")?;
+            point.color = color::parse_hex(&color::to_hex(color)).unwrap_or([1.0; 3]);
+        }
+        Edit::Jump { index, amount } => {
+            let point = *tf.points.get(index).ok_or("there is no such point")?;
+            if tf.points.iter().filter(|p| p.value == point.value).count() > 1 {
+                return Err("there are two points of this value already");
+            }
+            tf.points.insert(index + 1, ControlPoint { amount: amount_of(amount), ..point });
+        }
+        Edit::Window { shift, spread } => {
+            let (first, last) = (tf.points[0].value, tf.points[tf.points.len() - 1].value);
+            let middle = 0.5 * (first + last);
+            let moved = tf.scale_values(|v| middle + shift + (v - middle) * spread.max(1e-3));
+            if moved.points.iter().any(|p| !p.value.is_finite() || p.value.abs() > 1e30) {
+                return Err("the values would leave what numbers can hold");
+            }
+            return Ok(moved);
+        }
+    }
+    Ok(tf)
+}
+
+/// Values that a point can take between its neighbours; it may meet one of them (a jump), not two.
+fn range_of(tf: &TransferFunction, index: usize) -> [f64; 2] {
+    let value = |i: Option<usize>| i.and_then(|i| tf.points.get(i)).map(|p| p.value);
+    let (before, before2) = (value(index.checked_sub(1)), value(index.checked_sub(2)));
+    let (after, after2) = (value(Some(index + 1)), value(Some(index + 2)));
+    let gap = |v: f64| (v.abs() * 1e-9).max(1e-9);
+    let lo = before.map_or(-1e30, |b| if before2 == Some(b) { b + gap(b) } else { b });
+    let hi = after.map_or(1e30, |a| if after2 == Some(a) { a - gap(a) } else { a });
+    if lo <= hi { [lo, hi] } else { [value(Some(index)).unwrap_or(0.0); 2] }
+}
+
+/// The amount at the top of the editor.
+pub fn top_of(tf: &TransferFunction) -> f64 {
+    match tf.quantity {
+        Quantity::Opacity => 1.0,
+        Quantity::Extinction => 1.25 * tf.points.iter().map(|p| p.amount).fold(LEAST_TOP, f64::max),
+    }
+}
+
+/// How an amount lies on the vertical axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AmountAxis {
+    Linear,
+    /// Four decades below the top, and nothing at the bottom: low opacities are set finely.
+    Logarithmic,
+}
+
+/// Decades that the logarithmic axis shows.
+const DECADES: f64 = 4.0;
+/// Share of the logarithmic axis below its lowest decade, where amounts go to nothing.
+const FOOT: f64 = 0.06;
+
+impl AmountAxis {
+    /// Height in `[0, 1]` of an amount.
+    pub fn height(self, amount: f64, top: f64) -> f64 {
+        let share = (amount / top).clamp(0.0, 1.0);
+        let lowest = 10_f64.powf(-DECADES);
+        match self {
+            Self::Linear => share,
+            Self::Logarithmic if share < lowest => FOOT * share / lowest,
+            Self::Logarithmic => FOOT + (1.0 - FOOT) * (1.0 + share.log10() / DECADES),
+        }
+    }
+
+    /// The amount at a height; the inverse of [`Self::height`].
+    pub fn amount(self, height: f64, top: f64) -> f64 {
+        let height = height.clamp(0.0, 1.0);
+        let lowest = 10_f64.powf(-DECADES);
+        top * match self {
+            Self::Linear => height,
+            Self::Logarithmic if height < FOOT => lowest * height / FOOT,
+            Self::Logarithmic => 10_f64.powf(((height - FOOT) / (1.0 - FOOT) - 1.0) * DECADES),
+        }
+    }
+}
+
+/// Functions that can be gone back to, and forward again.
+#[derive(Debug, Clone, Default)]
+pub struct History {
+    past: Vec<Arc<TransferFunction>>,
+    future: Vec<Arc<TransferFunction>>,
+}
+
+impl History {
+    /// Notes the function before an edit; a drag is one edit.
+    pub fn note(&mut self, before: Arc<TransferFunction>) {
+        if self.past.last().is_some_and(|last| **last == *before) {
+            return;
+        }
+        self.past.push(before);
+        if self.past.len() > MOST_STEPS {
+            self.past.remove(0);
+        }
+        self.future.clear();
+    }
+
+    pub fn can_undo(&self) -> bool {
+        !self.past.is_empty()
+    }
+
+    pub fn can_redo(&self) -> bool {
+        !self.future.is_empty()
+    }
+
+    /// The function before the last edit.
+    pub fn undo(&mut self, now: &Arc<TransferFunction>) -> Option<Arc<TransferFunction>> {
+        let before = self.past.pop()?;
+        self.future.push(Arc::clone(now));
+        Some(before)
+    }
+
+    /// The function that was undone last.
+    pub fn redo(&mut self, now: &Arc<TransferFunction>) -> Option<Arc<TransferFunction>> {
+        let after = self.future.pop()?;
+        self.past.push(Arc::clone(now));
+        Some(after)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transfer::presets::PRESETS;
+
+    /// Whatever is done to whatever function, its file would be read again.
+    #[test]
+    fn every_edit_leaves_a_function_that_a_file_can_hold() {
+        let mut seed = 7_u64;
+        let mut chance = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 33) as f64 / f64::from(1_u32 << 31)
+        };
+        for preset in PRESETS {
+            let mut tf = preset.transfer_function();
+            for _ in 0..400 {
+                let index = (chance() * tf.points.len() as f64) as usize;
+                // Often exactly a value that another point has.
+                let value = if chance() < 0.5 {
+                    tf.points[(chance() * tf.points.len() as f64) as usize].value
+                } else {
+                    (chance() - 0.5) * 4000.0
+                };
+                let amount = chance() * 1.4 - 0.2;
+                let edit = match (chance() * 6.0) as u32 {
+                    0 | 1 => Edit::Move { index, value, amount },
+                    2 => Edit::Add { value, amount },
+                    3 => Edit::Remove { index },
+                    4 => Edit::Jump { index, amount },
+                    _ => Edit::Window { shift: chance() - 0.5, spread: 0.9 + 0.2 * chance() },
+                };
+                if let Ok(edited) = apply(&tf, edit) {
+                    TransferFunction::from_json(&edited.to_json())
+                        .unwrap_or_else(|why| panic!("{}: {edit:?} of {tf:?}: {why}", preset.name));
+                    tf = edited;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_logarithmic_axis_is_its_own_inverse_and_never_falls() {
+        for axis in [AmountAxis::Linear, AmountAxis::Logarithmic] {
+            let mut before = -1.0;
+            for i in 0..=1000 {
+                let amount = 2.5 * (f64::from(i) / 1000.0).powi(4);
+                let height = axis.height(amount, 2.5);
+                assert!(height >= before && (0.0..=1.0).contains(&height));
+                assert!((axis.amount(height, 2.5) - amount).abs() < 1e-9, "{axis:?} {amount}");
+                before = height;
+            }
+        }
+    }
+
+    #[test]
+    fn undo_goes_back_a_whole_drag_and_redo_forward() {
+        let first = Arc::new(PRESETS[0].transfer_function());
+        let mut history = History::default();
+        history.note(Arc::clone(&first));
+        history.note(Arc::clone(&first));
+        let second = Arc::new(apply(&first, Edit::Remove { index: 0 }).unwrap());
+        let back = history.undo(&second).unwrap();
+        assert_eq!(back, first);
+        assert!(!history.can_undo() && history.can_redo());
+        assert_eq!(history.redo(&back).unwrap(), second);
+    }
+}

@@ -1,0 +1,148 @@
+//! What a person works on: one volume with its transfer function, method and scene; what a scene file says of it.
+
+use super::method_choice::MethodChoice;
+use super::open::Opened;
+use crate::color;
+use crate::error::Result;
+use crate::output::write_whole;
+use crate::scene::{Light, Scene, Shading, Skip};
+use crate::transfer::TransferFunction;
+use crate::volume::{Histogram, Volume, VolumeSpec};
+use clap::ValueEnum;
+use glam::DVec3;
+use std::fmt::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+/// An open volume and all that decides its picture.
+#[derive(Debug, Clone)]
+pub struct Document {
+    pub spec: VolumeSpec,
+    pub volume: Arc<Volume>,
+    pub histogram: Arc<Histogram>,
+    pub tf: Arc<TransferFunction>,
+    /// The preset or file that the function was, and what it was then.
+    pub tf_source: (String, Arc<TransferFunction>),
+    pub method: MethodChoice,
+    /// The method on the right of the split.
+    pub other: MethodChoice,
+    pub scene: Scene,
+}
+
+impl Document {
+    /// Of a volume that has been opened; methods are kept from the one before.
+    pub fn new(opened: Opened, method: MethodChoice, other: MethodChoice) -> Self {
+        let tf = Arc::new(opened.tf);
+        Self {
+            spec: opened.spec,
+            volume: opened.volume,
+            histogram: Arc::new(opened.histogram),
+            tf_source: (opened.tf_source, Arc::clone(&tf)),
+            tf,
+            method,
+            other,
+            scene: opened.scene,
+        }
+    }
+
+    /// Whether the function differs from the preset or file that it came from.
+    pub fn tf_edited(&self) -> bool {
+        *self.tf != *self.tf_source.1
+    }
+
+    /// Middle of the volume, and the radius of the sphere around it; world mm.
+    pub fn bounding_sphere(&self) -> (DVec3, f64) {
+        let corners = self.volume.corners_mm();
+        let center = corners.iter().sum::<DVec3>() / 8.0;
+        (center, corners.iter().map(|c| c.distance(center)).fold(1e-6, f64::max))
+    }
+
+    /// The scene as a file that `--scene` takes; `tf` is a preset or a path.
+    pub fn scene_text(&self, tf: &str) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let mut key = |key: &str, value: String| _ = writeln!(text, "{key} = {value}");
+        let string = |s: &str| toml::Value::String(s.to_owned()).to_string();
+        let vector = |v: DVec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);
+        let spec = &self.spec;
+        key("volume", string(&spec.source));
+        if let Some(raw) = spec.raw {
+            key("raw", string(&raw.to_string()));
+        }
+        if let Some(spacing) = spec.spacing_mm {
+            key("spacing", vector(DVec3::from_array(spacing)));
+        }
+        if let Some(offset) = spec.offset_bytes {
+            key("offset", offset.to_string());
+        }
+        if let Some(frame) = spec.frame {
+            key("frame", frame.to_string());
+        }
+        if let Some(resolution) = spec.strands.resolution {
+            key("resolution", resolution.to_string());
+        }
+        if let Some(kernel) = spec.strands.kernel.and_then(|k| k.to_possible_value()) {
+            key("kernel", string(kernel.get_name()));
+        }
+        if let Some(thickness) = spec.strands.thickness {
+            key("thickness", format!("{thickness:?}"));
+        }
+        let scene = &self.scene;
+        key("tf", string(tf));
+        key("shadow", string(&self.method.spec()));
+        key("size", string(&format!("{}x{}", scene.width, scene.height)));
+        key("eye", vector(scene.camera.eye));
+        key("target", vector(scene.camera.target));
+        key("up", vector(scene.camera.up));
+        key("fov", format!("{:?}", scene.camera.fov_deg));
+        let light = match scene.light {
+            Light::Directional { toward: v } => format!("dir:{:?},{:?},{:?}", v.x, v.y, v.z),
+            Light::Point { position: v } => format!("point:{:?},{:?},{:?}", v.x, v.y, v.z),
+        };
+        key("light", string(&light));
+        key("ambient", format!("{:?}", scene.ambient));
+        key("shading", string(name_of(scene.shading)));
+        key("background", string(&color::to_hex(scene.background)));
+        key("step", format!("{:?}", scene.step));
+        key("skip", string(if scene.skip == Skip::Bricks { "bricks" } else { "none" }));
+        text
+    }
+
+    /// Writes a scene file; a function that was edited goes into a `.json` beside it.
+    ///
+    /// # Errors
+    /// One of the files cannot be written.
+    pub fn write_scene(&self, path: &Path) -> Result<()> {
+        let tf = if self.tf_edited() {
+            let beside = path.with_extension("tf.json");
+            self.tf.write(&beside)?;
+            beside.display().to_string()
+        } else {
+            self.tf_source.0.clone()
+        };
+        let text = self.scene_text(&tf);
+        write_whole(path, |file| file.write_all(text.as_bytes()))
+    }
+}
+
+/// A shading's name on the command line.
+pub fn name_of(shading: Shading) -> &'static str {
+    match shading {
+        Shading::None => "none",
+        Shading::Lambert => "lambert",
+        Shading::BlinnPhong => "blinn-phong",
+    }
+}
+
+/// A unit vector that normalising again leaves as it is: what a scene file says comes back to the last bit.
+pub fn settled_direction(v: DVec3) -> DVec3 {
+    let mut now = v.normalize_or(DVec3::Z);
+    for _ in 0..8 {
+        let next = now.normalize();
+        if next == now {
+            break;
+        }
+        now = next;
+    }
+    now
+}

@@ -1,0 +1,126 @@
+//! A shadow method and its settings as the registry describes them: what the shadows panel edits.
+
+use crate::error::Result;
+use crate::shadow::{self, Entry, METHODS, Method, spec};
+
+/// A method of the registry with a text for every key.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MethodChoice {
+    pub name: &'static str,
+    /// As many as the method has keys, in their order.
+    pub values: Vec<String>,
+}
+
+impl MethodChoice {
+    /// A method with its defaults.
+    pub fn of(entry: &Entry) -> Self {
+        Self { name: entry.name, values: entry.keys.iter().map(|k| k.default.to_owned()).collect() }
+    }
+
+    /// From `METHOD[:key=value,...]`.
+    ///
+    /// # Errors
+    /// As [`shadow::parse`].
+    pub fn parse(text: &str) -> Result<Self> {
+        shadow::parse(text)?;
+        let spec = spec::parse_spec(text)?;
+        let mut choice = METHODS
+            .iter()
+            .find(|m| m.name == spec.name)
+            .map_or_else(|| Self::of(METHODS[0]), |entry| Self::of(entry));
+        for (key, values) in spec.params {
+            if let Some(value) = values.into_iter().next() {
+                choice.set(&key, value);
+            }
+        }
+        Ok(choice)
+    }
+
+    /// The method's entry in the registry.
+    pub fn entry(&self) -> &'static Entry {
+        METHODS.iter().find(|m| m.name == self.name).copied().unwrap_or(METHODS[0])
+    }
+
+    /// The value of a key, where the method has it.
+    pub fn get(&self, key: &str) -> Option<&str> {
+        let at = self.entry().keys.iter().position(|k| k.name == key)?;
+        self.values.get(at).map(String::as_str)
+    }
+
+    /// Sets a key, where the method has it.
+    pub fn set(&mut self, key: &str, value: String) {
+        if let Some(at) = self.entry().keys.iter().position(|k| k.name == key) {
+            self.values[at] = value;
+        }
+    }
+
+    /// `METHOD[:key=value,...]`, with what differs from the defaults.
+    pub fn spec(&self) -> String {
+        let keys = self.entry().keys;
+        let changed = keys.iter().zip(&self.values).filter(|(key, value)| key.default != value.as_str());
+        let settings = changed.map(|(key, value)| format!("{}={value}", key.name)).collect::<Vec<_>>();
+        match settings.is_empty() {
+            true => self.name.to_owned(),
+            false => format!("{}:{}", self.name, settings.join(",")),
+        }
+    }
+
+    /// The method itself.
+    ///
+    /// # Errors
+    /// A value out of range.
+    pub fn method(&self) -> Result<Box<dyn Method>> {
+        shadow::parse(&self.spec())
+    }
+
+    /// A cheaper one for while a hand moves: no more than `map` texels a side, and a compression that is no finer than
+    /// what such texels show.
+    #[must_use]
+    pub fn coarse(&self, map: u32) -> Self {
+        const COARSE_EPSILON: f64 = 0.05;
+        let mut coarse = self.clone();
+        if self.get("map").and_then(|m| m.parse::<u32>().ok()).is_some_and(|m| m > map) {
+            coarse.set("map", map.to_string());
+            if self.get("epsilon").and_then(|e| e.parse::<f64>().ok()).is_some_and(|e| e < COARSE_EPSILON) {
+                coarse.set("epsilon", COARSE_EPSILON.to_string());
+            }
+            if self.get("prefilter").is_some() {
+                coarse.set("prefilter", "1".into());
+            }
+        }
+        coarse
+    }
+
+    /// Texels a side, where the method has a map.
+    pub fn map(&self) -> Option<u32> {
+        self.get("map").and_then(|m| m.parse().ok())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_method_of_the_registry_comes_back_from_its_own_text() {
+        for entry in METHODS {
+            let choice = MethodChoice::of(entry);
+            assert_eq!(choice.spec(), entry.name);
+            assert_eq!(MethodChoice::parse(&choice.spec()).unwrap(), choice);
+            choice.method().unwrap();
+            choice.coarse(64).method().unwrap();
+        }
+        let choice = MethodChoice::parse("dsm:epsilon=0.01,map=256").unwrap();
+        assert_eq!(choice.spec(), "dsm:epsilon=0.01,map=256");
+        assert_eq!(choice.coarse(128).map(), Some(128));
+        assert_eq!(choice.coarse(512), choice, "a coarser map is never a finer one");
+    }
+
+    #[test]
+    fn a_bad_value_is_refused_with_its_reason() {
+        let mut choice = MethodChoice::parse("dsm").unwrap();
+        choice.set("epsilon", "-3".into());
+        assert!(choice.method().unwrap_err().to_string().contains("epsilon"));
+        assert!(MethodChoice::parse("dsn").is_err());
+    }
+}

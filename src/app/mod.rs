@@ -1,0 +1,479 @@
+//! The window: a client of the library that holds no rendering logic.
+//!
+//! ```text
+//!  hands ──> Document (volume, transfer function, method, scene) ──> Wanted ──> Worker (render thread) ──> Engine
+//!                ^                                                                  │
+//!                └── panels, editor, view  <── Event (frame, probe, export) <───────┘
+//! ```
+//! The window's thread draws widgets and the last finished picture, and never waits: volumes are read, tables and maps
+//! made and pictures drawn elsewhere. The device is shared, so a picture is shown from the memory it was drawn into.
+
+pub mod camera;
+pub mod curve;
+mod document;
+mod editor;
+mod engine;
+mod help;
+mod jobs;
+pub mod method_choice;
+mod open;
+mod probe_panel;
+mod prompt;
+mod script;
+mod settings;
+mod shown;
+mod side;
+mod slices;
+mod timings;
+mod top_bar;
+mod viewport;
+mod window;
+mod worker;
+
+pub use document::Document;
+pub use jobs::{Aim, ProbeResult};
+pub use open::With;
+pub use script::Script;
+pub use settings::Settings;
+pub use window::{Start, run};
+pub use worker::{Frame, Side};
+
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::scene::Scene;
+use crate::transfer::TransferFunction;
+use crate::volume::VolumeSpec;
+use curve::{Edit, History};
+use eframe::egui;
+use eframe::egui_wgpu::RenderState;
+use jobs::{Export, ProbeRequest};
+use method_choice::MethodChoice;
+use open::Opening;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use worker::{Event, Job, Wake, Wanted, Worker};
+
+/// Two edits of one kind within this time are one step of undo.
+const ONE_EDIT: Duration = Duration::from_millis(700);
+
+/// A line at the bottom of the view.
+#[derive(Debug, Clone)]
+pub struct Message {
+    pub text: String,
+    pub hint: Option<String>,
+    pub is_error: bool,
+    since: Instant,
+}
+
+/// An export that is running: its file and the share that is done.
+struct Exporting {
+    path: String,
+    share: f32,
+}
+
+/// The window's contents, apart from the window itself.
+pub struct App {
+    worker: Worker,
+    adapter: String,
+    pub settings: Settings,
+    pub document: Option<Document>,
+    history: History,
+    last_edit: Option<(std::mem::Discriminant<Edit>, Instant)>,
+    opening: Option<Opening>,
+    exporting: Option<Exporting>,
+    /// The last finished picture.
+    pub frame: Option<Frame>,
+    /// What was asked of the render thread last, to ask for nothing twice.
+    asked: Option<Asked>,
+    /// Split between the two methods, as a share of the view's width.
+    pub split: Option<f32>,
+    pub probe: Option<ProbeResult>,
+    /// Where to probe again whenever something changes, world mm.
+    probe_at: Option<glam::DVec3>,
+    probed: Option<Asked>,
+    pub messages: Vec<Message>,
+    view: viewport::ViewState,
+    editor: editor::EditorState,
+    slices: slices::SliceState,
+    prompt: prompt::PromptState,
+    timings: timings::Timings,
+    show_help: bool,
+    /// Pictures that have come from the render thread.
+    pub frames: u64,
+    /// Times that a change turned out to reach no picture.
+    pub unchanged: u64,
+    wake: Wake,
+}
+
+/// All that decides a picture.
+#[derive(Debug, Clone, PartialEq)]
+struct Asked {
+    tf: Arc<TransferFunction>,
+    method: MethodChoice,
+    other: Option<MethodChoice>,
+    scene: Scene,
+}
+
+impl App {
+    /// Starts the render thread on `gpu`; `context` is woken when there is news.
+    ///
+    /// # Errors
+    /// The system has no thread left.
+    pub fn new(gpu: Gpu, context: &egui::Context, settings: Settings) -> Result<Self> {
+        let adapter = gpu.info.name.clone();
+        let context = context.clone();
+        let wake: Wake = Arc::new(move || context.request_repaint());
+        Ok(Self {
+            worker: Worker::start(gpu, Arc::clone(&wake))?,
+            adapter,
+            settings,
+            document: None,
+            history: History::default(),
+            last_edit: None,
+            opening: None,
+            exporting: None,
+            frame: None,
+            asked: None,
+            split: None,
+            probe: None,
+            probe_at: None,
+            probed: None,
+            messages: Vec::new(),
+            view: Default::default(),
+            editor: Default::default(),
+            slices: Default::default(),
+            prompt: Default::default(),
+            timings: Default::default(),
+            show_help: false,
+            frames: 0,
+            unchanged: 0,
+            wake,
+        })
+    }
+
+    /// Starts to open a volume; the one that is open stays until the new one is there.
+    pub fn open(&mut self, spec: VolumeSpec, with: With) {
+        if let With::Request(request) = &with {
+            // Bad settings are said at once, not after a long reading.
+            match MethodChoice::parse(
+                request.shadow.as_deref().unwrap_or(crate::cli::scene_args::DEFAULT_SHADOW),
+            ) {
+                Ok(choice) => self.view.next_method = Some(choice),
+                Err(e) => return self.fail(&e),
+            }
+        }
+        let wake = Arc::clone(&self.wake);
+        match Opening::start(spec, with, move || wake()) {
+            Ok(opening) => self.opening = Some(opening),
+            Err(e) => self.fail(&e),
+        }
+    }
+
+    /// Opens another volume by its path or name, with the scene's light and settings.
+    pub fn open_source(&mut self, source: &str) {
+        if source.to_lowercase().ends_with(".toml") {
+            return self.open_scene(Path::new(source));
+        }
+        let with = match &self.document {
+            Some(document) => With::Scene(Box::new(document.scene.clone())),
+            None => match window::default_request() {
+                Ok(request) => With::Request(Box::new(request)),
+                Err(e) => return self.fail(&e),
+            },
+        };
+        self.open(VolumeSpec::new(source), with);
+    }
+
+    /// Opens what a scene file says.
+    pub fn open_scene(&mut self, path: &Path) {
+        let args = crate::cli::scene_args::SceneArgs { scene: vec![path.into()], ..Default::default() };
+        match args.into_request() {
+            Ok(request) => self.open(request.volume.clone(), With::Request(Box::new(request))),
+            Err(e) => self.fail(&e),
+        }
+    }
+
+    /// Says that something failed; what is shown stays.
+    pub fn fail(&mut self, error: &Error) {
+        tracing::info!("{error}");
+        self.say(error.to_string(), error.hint.clone(), true);
+    }
+
+    fn note(&mut self, text: impl Into<String>) {
+        self.say(text.into(), None, false);
+    }
+
+    fn say(&mut self, text: String, hint: Option<String>, is_error: bool) {
+        self.messages.retain(|m| m.text != text);
+        self.messages.push(Message { text, hint, is_error, since: Instant::now() });
+        if self.messages.len() > 5 {
+            self.messages.remove(0);
+        }
+    }
+
+    /// Edits the transfer function; edits of one kind in quick succession are one step of undo.
+    pub fn edit(&mut self, edit: Edit) {
+        let Some(document) = &mut self.document else { return };
+        match curve::apply(&document.tf, edit) {
+            Ok(tf) if tf == *document.tf => {}
+            Ok(tf) => {
+                let kind = std::mem::discriminant(&edit);
+                let goes_on = self.last_edit.is_some_and(|(k, when)| k == kind && when.elapsed() < ONE_EDIT);
+                if !goes_on {
+                    self.history.note(Arc::clone(&document.tf));
+                }
+                self.last_edit = Some((kind, Instant::now()));
+                document.tf = Arc::new(tf);
+            }
+            Err(why) => self.note(why),
+        }
+    }
+
+    /// Puts another transfer function in place, as one step of undo.
+    fn replace_tf(&mut self, tf: TransferFunction, source: Option<String>) {
+        let Some(document) = &mut self.document else { return };
+        self.history.note(Arc::clone(&document.tf));
+        self.last_edit = None;
+        document.tf = Arc::new(tf);
+        if let Some(source) = source {
+            document.tf_source = (source, Arc::clone(&document.tf));
+        }
+        self.editor.selected = None;
+    }
+
+    /// Takes a transfer function from a preset's name or a file.
+    pub fn load_tf(&mut self, name_or_path: &str) {
+        let Some(document) = &self.document else { return };
+        match crate::transfer::presets::resolve(name_or_path, &document.volume) {
+            Ok(found) => {
+                self.replace_tf(found.tf, Some(name_or_path.to_owned()));
+                self.messages.extend(found.note.map(|text| Message {
+                    text,
+                    hint: None,
+                    is_error: false,
+                    since: Instant::now(),
+                }));
+            }
+            Err(e) => self.fail(&e),
+        }
+    }
+
+    /// Writes the transfer function's file.
+    pub fn save_tf(&mut self, path: &Path) {
+        let Some(document) = &mut self.document else { return };
+        match document.tf.write(path) {
+            Ok(()) => {
+                document.tf_source = (path.display().to_string(), Arc::clone(&document.tf));
+                self.note(format!("saved {}", path.display()));
+            }
+            Err(e) => self.fail(&e),
+        }
+    }
+
+    /// Writes a scene file that the command line draws to the same pixels.
+    pub fn save_scene(&mut self, path: &Path) {
+        let Some(document) = &self.document else { return };
+        match document.write_scene(path) {
+            Ok(()) => self.note(format!("saved {}", path.display())),
+            Err(e) => self.fail(&e),
+        }
+    }
+
+    /// Draws and writes a picture of any size, away from the window.
+    pub fn export(&mut self, path: &Path, width: u32, height: u32) {
+        let Some(document) = &self.document else { return };
+        if let Err(e) = crate::output::check_output(path, crate::output::PICTURE_EXTENSIONS) {
+            return self.fail(&e);
+        }
+        self.worker.push(Job::Export(Export {
+            path: path.into(),
+            tf: Arc::clone(&document.tf),
+            method: document.method.clone(),
+            scene: Scene { width, height, ..document.scene.clone() },
+        }));
+        self.exporting = Some(Exporting { path: path.display().to_string(), share: 0.0 });
+    }
+
+    pub fn undo(&mut self) {
+        let Some(document) = &mut self.document else { return };
+        if let Some(tf) = self.history.undo(&document.tf) {
+            document.tf = tf;
+            self.last_edit = None;
+        }
+    }
+
+    pub fn redo(&mut self) {
+        let Some(document) = &mut self.document else { return };
+        if let Some(tf) = self.history.redo(&document.tf) {
+            document.tf = tf;
+            self.last_edit = None;
+        }
+    }
+
+    /// Probes what is seen along a ray, or a point.
+    pub fn probe(&mut self, aim: Aim) {
+        let Some(document) = &self.document else { return };
+        let mut methods = vec![document.method.clone()];
+        if self.split.is_some() && document.other != document.method {
+            methods.push(document.other.clone());
+        }
+        // A setting that is being typed has no answer.
+        methods.retain(|m| m.method().is_ok());
+        self.worker.push(Job::Probe(ProbeRequest {
+            aim,
+            tf: Arc::clone(&document.tf),
+            light: document.scene.light,
+            ambient: document.scene.ambient,
+            methods,
+        }));
+    }
+
+    /// Whether the last picture is of full quality and of what is wanted now.
+    pub fn is_settled(&self) -> bool {
+        self.opening.is_none() && self.exporting.is_none() && self.view.settled
+    }
+
+    /// Takes what other threads have done.
+    fn take_news(&mut self) {
+        if let Some(outcome) = self.opening.as_ref().and_then(|o| o.poll(&self.worker)) {
+            self.opening = None;
+            if let Err(e) = outcome {
+                self.fail(&e);
+            }
+        }
+        let events: Vec<Event> = self.worker.events().collect();
+        for event in events {
+            match event {
+                Event::Opened(opened) => self.take_volume(*opened),
+                Event::Frame(frame) => {
+                    self.frames += 1;
+                    self.timings.note(&frame);
+                    self.view.settled = frame.whole;
+                    self.frame = Some(*frame);
+                }
+                Event::Unchanged => {
+                    self.unchanged += 1;
+                    self.view.settled = true;
+                }
+                Event::Probed(result) => {
+                    self.probe_at = Some(result.point);
+                    self.editor.picked = Some(result.value);
+                    self.slices.go_to(self.document.as_ref(), result.point);
+                    self.probe = Some(*result);
+                }
+                Event::ExportProgress(share) => {
+                    if let Some(exporting) = &mut self.exporting {
+                        exporting.share = share;
+                    }
+                }
+                Event::Exported(exported) => {
+                    self.exporting = None;
+                    match exported.result {
+                        Ok(true) => self.note(format!("wrote {}", exported.path.display())),
+                        Ok(false) => self.note("export cancelled; nothing was written"),
+                        Err(e) => self.fail(&e),
+                    }
+                }
+                Event::Failed(error) => {
+                    self.view.settled = true;
+                    self.fail(&error);
+                }
+            }
+        }
+        // Notes leave by themselves, errors stay until they are closed.
+        self.messages.retain(|m| m.is_error || m.since.elapsed() < Duration::from_secs(8));
+    }
+
+    fn take_volume(&mut self, opened: open::Opened) {
+        self.settings.opened(&opened.spec.source);
+        let notes = opened.notes.clone();
+        let old = self.document.take();
+        let method = self.view.next_method.take().or_else(|| old.as_ref().map(|d| d.method.clone()));
+        let dsm =
+            || MethodChoice::parse("dsm").unwrap_or_else(|_| MethodChoice::of(crate::shadow::METHODS[0]));
+        let other = old
+            .map_or_else(|| MethodChoice::parse("none").unwrap_or_else(|_| dsm()), |document| document.other);
+        self.document = Some(Document::new(opened, method.unwrap_or_else(dsm), other));
+        self.history = History::default();
+        self.editor = Default::default();
+        self.probe = None;
+        self.probe_at = None;
+        self.slices.reset(self.document.as_ref());
+        self.view.home = self.document.as_ref().map(|d| d.scene.camera);
+        self.asked = None;
+        self.frame = None;
+        notes.into_iter().for_each(|n| self.note(n));
+    }
+
+    /// Asks for a picture of what the document says now, unless that was asked last.
+    fn ask(&mut self) {
+        let Some(document) = &self.document else { return };
+        if document.method.method().is_err() {
+            return;
+        }
+        let other = self.split.is_some().then(|| document.other.clone()).filter(|o| o.method().is_ok());
+        let now = Asked {
+            tf: Arc::clone(&document.tf),
+            method: document.method.clone(),
+            other,
+            scene: document.scene.clone(),
+        };
+        if self.asked.as_ref() != Some(&now) {
+            self.view.settled = false;
+            self.worker.want(Wanted {
+                tf: Arc::clone(&now.tf),
+                method: now.method.clone(),
+                other: now.other.clone(),
+                scene: now.scene.clone(),
+                since: Instant::now(),
+            });
+            self.asked = Some(now);
+        }
+        // The probe's curves follow once the hand rests.
+        if let Some(point) = self.probe_at.filter(|_| self.view.settled && self.probe.is_some()) {
+            let differs = |a: &Asked, b: &Asked| {
+                a.tf != b.tf || a.method != b.method || a.other != b.other || a.scene.light != b.scene.light
+            };
+            let stale = match (&self.probed, &self.asked) {
+                (Some(before), Some(now)) => differs(before, now),
+                _ => false,
+            };
+            if stale {
+                self.probe(Aim::Point(point));
+            }
+            self.probed.clone_from(&self.asked);
+        }
+    }
+
+    /// One frame of the interface. Without a `render_state` pictures are drawn but not shown (tests).
+    pub fn show(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
+        self.take_news();
+        let theme = if self.settings.dark { egui::Theme::Dark } else { egui::Theme::Light };
+        ui.ctx().set_theme(theme);
+        self.take_dropped_files(ui.ctx());
+        self.shortcuts(ui.ctx());
+        self.top_bar(ui);
+        self.side_panel(ui);
+        self.editor_panel(ui);
+        self.central(ui, render_state);
+        self.prompt_window(ui.ctx());
+        self.probe_window(ui.ctx());
+        self.help_window(ui.ctx());
+        self.ask();
+        if self.opening.is_some() {
+            ui.ctx().request_repaint_after(Duration::from_millis(100));
+        }
+    }
+
+    fn take_dropped_files(&mut self, context: &egui::Context) {
+        let dropped = context.input(|i| i.raw.dropped_files.first().cloned());
+        let Some(path) = dropped.map(|f| f.path().to_path_buf()) else { return };
+        let name = path.display().to_string();
+        if name.to_lowercase().ends_with(".json") {
+            self.load_tf(&name);
+        } else {
+            self.open_source(&name);
+        }
+    }
+}

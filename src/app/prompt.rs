@@ -1,0 +1,174 @@
+//! Asking for a path: typed, or chosen in the system's dialog.
+
+use super::App;
+use eframe::egui;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, channel};
+
+/// What a path is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    OpenVolume,
+    LoadTransfer,
+    SaveTransfer,
+    SaveScene,
+    ExportPicture,
+}
+
+impl Purpose {
+    fn title(self) -> &'static str {
+        match self {
+            Self::OpenVolume => "Open a volume, strands or a scene",
+            Self::LoadTransfer => "Load a transfer function",
+            Self::SaveTransfer => "Save the transfer function",
+            Self::SaveScene => "Save the scene",
+            Self::ExportPicture => "Export a picture",
+        }
+    }
+
+    fn saves(self) -> bool {
+        matches!(self, Self::SaveTransfer | Self::SaveScene | Self::ExportPicture)
+    }
+
+    /// Name and endings of the files meant.
+    fn filter(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::OpenVolume => {
+                ("Volumes, strands, scenes", &["nii", "gz", "hdr", "img", "raw", "hair", "toml"])
+            }
+            Self::LoadTransfer | Self::SaveTransfer => ("Transfer functions", &["json"]),
+            Self::SaveScene => ("Scenes", &["toml"]),
+            Self::ExportPicture => ("Pictures", &["png", "exr", "npy"]),
+        }
+    }
+
+    fn suggestion(self) -> &'static str {
+        match self {
+            Self::OpenVolume | Self::LoadTransfer => "",
+            Self::SaveTransfer => "transfer.json",
+            Self::SaveScene => "scene.toml",
+            Self::ExportPicture => "picture.png",
+        }
+    }
+}
+
+/// The question that is open.
+#[derive(Default)]
+pub struct PromptState {
+    open: Option<Purpose>,
+    path: String,
+    size: [u32; 2],
+    /// The system's dialog, while it is open.
+    dialog: Option<Receiver<Option<PathBuf>>>,
+}
+
+impl App {
+    /// Asks for a path.
+    pub fn ask_path(&mut self, purpose: Purpose) {
+        let size = self.document.as_ref().map_or([512, 512], |d| [d.scene.width, d.scene.height]);
+        self.prompt =
+            PromptState { open: Some(purpose), path: purpose.suggestion().into(), size, dialog: None };
+    }
+
+    pub(super) fn prompt_window(&mut self, context: &egui::Context) {
+        let Some(purpose) = self.prompt.open else { return };
+        if let Some(dialog) = &self.prompt.dialog {
+            match dialog.try_recv() {
+                Ok(chosen) => {
+                    self.prompt.dialog = None;
+                    if let Some(path) = chosen {
+                        self.prompt.path = path.display().to_string();
+                    }
+                }
+                Err(std::sync::mpsc::TryRecvError::Disconnected) => self.prompt.dialog = None,
+                Err(std::sync::mpsc::TryRecvError::Empty) => {}
+            }
+        }
+        let (mut done, mut cancelled) = (false, false);
+        let response = egui::Modal::new(egui::Id::unique("path")).show(context, |ui| {
+            ui.set_width(520.0);
+            ui.heading(purpose.title());
+            ui.add_space(6.0);
+            ui.horizontal(|ui| {
+                let edit =
+                    egui::TextEdit::singleline(&mut self.prompt.path).desired_width(410.0).hint_text("path");
+                let edit = ui.add(edit).accessible_name("path");
+                if !edit.has_focus() && ui.memory(|m| m.focused().is_none()) {
+                    edit.request_focus();
+                }
+                done |= edit.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
+                if ui.add_enabled(self.prompt.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
+                    self.prompt.dialog = browse(purpose, &self.prompt.path, ui.ctx());
+                }
+            });
+            if purpose == Purpose::OpenVolume {
+                ui.weak("A file, or phantom:NAME[:SIZE] for a built-in one");
+            }
+            if purpose == Purpose::ExportPicture {
+                ui.horizontal(|ui| {
+                    ui.label("Size");
+                    for (side, name) in self.prompt.size.iter_mut().zip(["width", "height"]) {
+                        ui.add(egui::DragValue::new(side).range(1..=16_384).suffix(" px"))
+                            .accessible_name(name);
+                    }
+                    ui.weak(".png is sRGB; .exr and .npy are linear, 32-bit float, with opacity");
+                });
+            }
+            ui.add_space(8.0);
+            ui.horizontal(|ui| {
+                let verb = if purpose == Purpose::ExportPicture {
+                    "Export"
+                } else if purpose.saves() {
+                    "Save"
+                } else {
+                    "Open"
+                };
+                done |=
+                    ui.add_enabled(!self.prompt.path.trim().is_empty(), egui::Button::new(verb)).clicked();
+                cancelled = ui.button("Cancel").clicked();
+            });
+        });
+        cancelled |= response.should_close();
+        if done && !self.prompt.path.trim().is_empty() {
+            self.prompt.open = None;
+            self.go(purpose);
+        } else if cancelled {
+            self.prompt.open = None;
+        }
+    }
+
+    fn go(&mut self, purpose: Purpose) {
+        let path = self.prompt.path.trim().to_owned();
+        let [width, height] = self.prompt.size;
+        match purpose {
+            Purpose::OpenVolume => self.open_source(&path),
+            Purpose::LoadTransfer => self.load_tf(&path),
+            Purpose::SaveTransfer => self.save_tf(Path::new(&path)),
+            Purpose::SaveScene => self.save_scene(Path::new(&path)),
+            Purpose::ExportPicture => self.export(Path::new(&path), width, height),
+        }
+    }
+}
+
+/// Opens the system's dialog away from the window, which goes on meanwhile.
+fn browse(purpose: Purpose, path: &str, context: &egui::Context) -> Option<Receiver<Option<PathBuf>>> {
+    let (send, receive) = channel();
+    let (name, endings) = purpose.filter();
+    let mut dialog = rfd::FileDialog::new().set_title(purpose.title()).add_filter(name, endings);
+    let path = Path::new(path);
+    if let Some(folder) = path.parent().filter(|p| p.is_dir()) {
+        dialog = dialog.set_directory(folder);
+    }
+    if purpose.saves()
+        && let Some(file) = path.file_name()
+    {
+        dialog = dialog.set_file_name(file.to_string_lossy());
+    }
+    let context = context.clone();
+    let ask = move || {
+        let chosen = if purpose.saves() { dialog.save_file() } else { dialog.pick_file() };
+        let _ = send.send(chosen);
+        context.request_repaint();
+    };
+    std::thread::Builder::new().name("file dialog".into()).spawn(ask).ok().map(|_| receive)
+}

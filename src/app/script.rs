@@ -1,0 +1,351 @@
+//! `view --script FILE`: input replayed in the real window, with frame times and screenshots. A line a step:
+//!
+//! ```text
+//! window WIDTH HEIGHT                       points; the first step, where the size matters
+//! settle                                   until the picture is whole
+//! drag NAME X0 Y0 X1 Y1 SECONDS [shift|ctrl] [screen]   shares of the view (or of the whole window), there and back
+//! click X Y [screen]
+//! double X Y [screen]
+//! move X Y [screen]                         the pointer alone
+//! key NAME [shift|ctrl]
+//! pause SECONDS
+//! open PATH
+//! shot FILE.png
+//! times FILE.tsv                            what the drags so far have measured
+//! ```
+//! `#` starts a comment.
+
+use super::App;
+use crate::error::{Error, Result};
+use crate::input::read_text;
+use crate::output::write_whole;
+use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, pos2};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+const WHAT: &str = "cannot replay script";
+/// A step that takes longer has gone wrong.
+const LONGEST_STEP: Duration = Duration::from_secs(120);
+
+#[derive(Debug, Clone, PartialEq)]
+enum Step {
+    Window { size: [f32; 2] },
+    Settle,
+    Drag { name: String, from: [f32; 2], to: [f32; 2], seconds: f32, modifiers: Modifiers, screen: bool },
+    Click { at: [f32; 2], screen: bool, double: bool },
+    Move { at: [f32; 2], screen: bool },
+    Key { key: Key, modifiers: Modifiers },
+    Pause { seconds: f32 },
+    Open { source: String },
+    Shot { path: PathBuf },
+    Times { path: PathBuf },
+}
+
+/// What a drag measured.
+#[derive(Debug, Clone)]
+struct Measured {
+    name: String,
+    seconds: f64,
+    /// Milliseconds between one interface frame and the next.
+    interface_ms: Vec<f64>,
+    pictures: u64,
+    /// From the hand to each picture, ms.
+    latency_ms: Vec<f64>,
+}
+
+/// A screenshot that has been taken.
+type Shot = Arc<Mutex<Option<Arc<egui::ColorImage>>>>;
+
+/// A script under way.
+#[derive(Debug, Clone)]
+pub struct Script {
+    steps: VecDeque<Step>,
+    /// Frames and time since the step began.
+    frame: u32,
+    since: Option<Instant>,
+    last_frame: Option<Instant>,
+    running: Option<Measured>,
+    pictures_before: u64,
+    measured: Vec<Measured>,
+    failed: Option<Error>,
+    shot: Shot,
+}
+
+impl Script {
+    /// Reads a script.
+    ///
+    /// # Errors
+    /// The file cannot be read, or a line is none of the steps.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut steps = VecDeque::new();
+        for (line, text) in (1..).zip(read_text(path, WHAT)?.lines()) {
+            let words: Vec<&str> = text.split('#').next().unwrap_or_default().split_whitespace().collect();
+            if words.is_empty() {
+                continue;
+            }
+            let place = format!("{}: line {line}", path.display());
+            steps.push_back(parse(&words).ok_or_else(|| Error::input(WHAT, place, "this is no step"))?);
+        }
+        Ok(Self {
+            steps,
+            frame: 0,
+            since: None,
+            last_frame: None,
+            running: None,
+            pictures_before: 0,
+            measured: Vec::new(),
+            failed: None,
+            shot: Shot::default(),
+        })
+    }
+
+    /// The window's size, where the script begins with one.
+    pub fn window(&self) -> Option<[f32; 2]> {
+        match self.steps.front() {
+            Some(Step::Window { size }) => Some(*size),
+            _ => None,
+        }
+    }
+
+    /// Puts the step's input where hands would.
+    pub fn before_frame(&mut self, app: &App, context: &egui::Context, input: &mut egui::RawInput) {
+        context.request_repaint();
+        let now = Instant::now();
+        let since = *self.since.get_or_insert(now);
+        let whole = input.screen_rect.unwrap_or(context.content_rect());
+        let view = app.view_rect().unwrap_or(whole);
+        let place = |[x, y]: [f32; 2], screen: bool| -> Pos2 {
+            let rect = if screen { whole } else { view };
+            pos2(rect.left() + x * rect.width(), rect.top() + y * rect.height())
+        };
+        let button = |pos: Pos2, pressed: bool, modifiers: Modifiers| Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers,
+        };
+        let frame = self.frame;
+        let Some(step) = self.steps.front() else { return };
+        let events = &mut input.events;
+        match step {
+            Step::Drag { from, to, seconds, modifiers, screen, .. } => {
+                let turn = since.elapsed().as_secs_f32() / seconds.max(0.01);
+                // There and back, so that the hand ends where it began.
+                let there = 1.0 - (2.0 * turn.min(1.0) - 1.0).abs();
+                let at = [from[0] + there * (to[0] - from[0]), from[1] + there * (to[1] - from[1])];
+                let at = place(at, *screen);
+                if frame == 0 {
+                    events.push(Event::ModifiersChanged(*modifiers));
+                    events.push(Event::PointerMoved(at));
+                    events.push(button(at, true, *modifiers));
+                } else {
+                    events.push(Event::PointerMoved(at));
+                }
+                if turn >= 1.0 {
+                    events.push(button(at, false, *modifiers));
+                    events.push(Event::ModifiersChanged(Modifiers::NONE));
+                }
+            }
+            Step::Click { at, screen, double } if frame == 0 => {
+                let at = place(*at, *screen);
+                events.push(Event::PointerMoved(at));
+                for _ in 0..if *double { 2 } else { 1 } {
+                    events.push(button(at, true, Modifiers::NONE));
+                    events.push(button(at, false, Modifiers::NONE));
+                }
+            }
+            Step::Move { at, screen } if frame == 0 => events.push(Event::PointerMoved(place(*at, *screen))),
+            Step::Key { key, modifiers } if frame == 0 => {
+                for pressed in [true, false] {
+                    let (key, modifiers) = (*key, *modifiers);
+                    events.push(Event::Key { key, physical_key: None, pressed, repeat: false, modifiers });
+                }
+            }
+            Step::Shot { .. } if frame == 0 => {
+                let shot = Arc::clone(&self.shot);
+                context.request_screenshot(move |image| {
+                    *shot.lock().unwrap_or_else(PoisonError::into_inner) = Some(image);
+                });
+            }
+            _ => {}
+        }
+    }
+
+    /// Looks whether the step is done; how the script ended, once it has.
+    pub fn after_frame(&mut self, app: &mut App) -> Option<Result<()>> {
+        let now = Instant::now();
+        let interval_ms = self.last_frame.map(|last| now.duration_since(last).as_secs_f64() * 1e3);
+        self.last_frame = Some(now);
+        let elapsed = self.since.map_or(Duration::ZERO, |s| s.elapsed());
+        let Some(step) = self.steps.front().cloned() else { return Some(self.end()) };
+        if elapsed > LONGEST_STEP {
+            return Some(Err(Error::runtime(WHAT, format!("{step:?}"), "it took too long")));
+        }
+        let done = match step {
+            Step::Window { .. } => true,
+            Step::Settle => app.is_settled() && app.frame.is_some() && self.frame > 2,
+            Step::Drag { name, seconds, .. } => {
+                let empty = || Measured {
+                    name,
+                    seconds: 0.0,
+                    interface_ms: Vec::new(),
+                    pictures: 0,
+                    latency_ms: Vec::new(),
+                };
+                if self.frame == 0 {
+                    self.pictures_before = app.frames;
+                }
+                let running = self.running.get_or_insert_with(empty);
+                if self.frame > 0 {
+                    running.interface_ms.extend(interval_ms);
+                }
+                let pictures = app.frames - self.pictures_before;
+                if pictures > running.pictures
+                    && let Some(frame) = &app.frame
+                {
+                    running.latency_ms.push(frame.latency_ms);
+                }
+                running.pictures = pictures;
+                running.seconds = elapsed.as_secs_f64();
+                let done = elapsed.as_secs_f32() >= seconds && self.frame > 1;
+                if done {
+                    self.measured.extend(self.running.take());
+                }
+                done
+            }
+            Step::Pause { seconds } => elapsed.as_secs_f32() >= seconds,
+            Step::Open { source } => {
+                if self.frame == 0 {
+                    app.open_source(&source);
+                }
+                self.frame > 0
+            }
+            Step::Shot { path } => {
+                let shot = self.shot.lock().unwrap_or_else(PoisonError::into_inner).take();
+                if let Some(image) = &shot
+                    && let Err(e) = write_png(&path, image)
+                {
+                    self.failed.get_or_insert(e);
+                }
+                shot.is_some()
+            }
+            Step::Times { path } => {
+                let text = self.table();
+                if let Err(e) = write_whole(&path, |file| file.write_all(text.as_bytes())) {
+                    self.failed.get_or_insert(e);
+                }
+                true
+            }
+            Step::Click { .. } | Step::Move { .. } | Step::Key { .. } => self.frame > 1,
+        };
+        self.frame += 1;
+        if done {
+            self.steps.pop_front();
+            self.frame = 0;
+            self.since = None;
+        }
+        None
+    }
+
+    fn end(&mut self) -> Result<()> {
+        self.failed.take().map_or(Ok(()), Err)
+    }
+
+    fn table(&self) -> String {
+        let median = |values: &[f64]| {
+            let mut sorted = values.to_vec();
+            sorted.sort_by(f64::total_cmp);
+            sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+        };
+        let mut text = String::from(
+            "drag\tseconds\tinterface_frames\tinterface_ms_median\tinterface_ms_max\tpictures\tpictures_per_s\t\
+             latency_ms_median\tlatency_ms_max\n",
+        );
+        for m in &self.measured {
+            let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+            text += &format!(
+                "{}\t{:.2}\t{}\t{:.1}\t{:.1}\t{}\t{:.2}\t{:.1}\t{:.1}\n",
+                m.name,
+                m.seconds,
+                m.interface_ms.len(),
+                median(&m.interface_ms),
+                largest(&m.interface_ms),
+                m.pictures,
+                m.pictures as f64 / m.seconds.max(1e-3),
+                median(&m.latency_ms),
+                largest(&m.latency_ms),
+            );
+        }
+        text
+    }
+}
+
+fn parse(words: &[&str]) -> Option<Step> {
+    let number = |i: usize| words.get(i).and_then(|w| w.parse::<f32>().ok()).filter(|x| x.is_finite());
+    let has = |word: &str| words.contains(&word);
+    let modifiers = if has("shift") {
+        Modifiers::SHIFT
+    } else if has("ctrl") {
+        Modifiers::COMMAND | Modifiers::CTRL
+    } else {
+        Modifiers::NONE
+    };
+    let rest = || words.get(1..).map(|w| w.join(" ")).filter(|w| !w.is_empty());
+    let screen = has("screen");
+    Some(match words[0] {
+        "window" => Step::Window { size: [number(1)?, number(2)?] },
+        "settle" => Step::Settle,
+        "drag" => Step::Drag {
+            name: (*words.get(1)?).to_owned(),
+            from: [number(2)?, number(3)?],
+            to: [number(4)?, number(5)?],
+            seconds: number(6)?,
+            modifiers,
+            screen,
+        },
+        "click" | "double" => {
+            Step::Click { at: [number(1)?, number(2)?], screen, double: words[0] == "double" }
+        }
+        "move" => Step::Move { at: [number(1)?, number(2)?], screen },
+        "key" => Step::Key { key: Key::from_name(words.get(1)?)?, modifiers },
+        "pause" => Step::Pause { seconds: number(1)? },
+        "open" => Step::Open { source: rest()? },
+        "shot" => Step::Shot { path: rest()?.into() },
+        "times" => Step::Times { path: rest()?.into() },
+        _ => return None,
+    })
+}
+
+fn write_png(path: &Path, image: &egui::ColorImage) -> Result<()> {
+    use image::ImageEncoder;
+    let rgb: Vec<u8> = image.pixels.iter().flat_map(|p| [p.r(), p.g(), p.b()]).collect();
+    let mut bytes = Vec::new();
+    image::codecs::png::PngEncoder::new(&mut bytes)
+        .write_image(&rgb, image.width() as u32, image.height() as u32, image::ExtendedColorType::Rgb8)
+        .map_err(|e| Error::runtime("cannot encode picture", path.display(), e))?;
+    write_whole(path, |file| file.write_all(&bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_read_and_slips_refused_by_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s.txt");
+        std::fs::write(&path, "settle # first\n\ndrag light 0.1 0.2 0.3 0.4 2 shift\nkey C\nshot a b.png\n")
+            .unwrap();
+        let script = Script::read(&path).unwrap();
+        assert_eq!(script.steps.len(), 4);
+        assert_eq!(script.steps[3], Step::Shot { path: "a b.png".into() });
+        assert!(matches!(&script.steps[1], Step::Drag { modifiers, .. } if modifiers.shift));
+        for bad in ["drag x 1 2", "click 1", "key Nope", "jump 3", "shot"] {
+            std::fs::write(&path, format!("settle\n{bad}\n")).unwrap();
+            let error = Script::read(&path).unwrap_err();
+            assert!(error.place.contains("line 2") && error.exit_status() == 2, "{bad}: {error}");
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! What the window remembers from one run to the next.
+
+use super::camera::Orbit;
+use super::curve::AmountAxis;
+use crate::output::write_whole;
+use serde::{Deserialize, Serialize};
+use std::env;
+use std::path::PathBuf;
+
+/// Volumes in the menu of recent ones.
+const MOST_RECENT: usize = 10;
+
+/// Kept in a TOML file of the user's settings folder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Settings {
+    /// Inner size of the window, points.
+    pub window: [f32; 2],
+    pub dark: bool,
+    pub orbit: Orbit,
+    pub amount_axis: AmountAxis,
+    pub log_histogram: bool,
+    pub gradient_histogram: bool,
+    pub slices: bool,
+    pub marks: bool,
+    /// Sources of volumes, the latest first.
+    pub recent: Vec<String>,
+    /// The scene that was open, as the text of a scene file.
+    pub last_scene: String,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            window: [1440.0, 900.0],
+            dark: true,
+            orbit: Orbit::Turntable,
+            amount_axis: AmountAxis::Linear,
+            log_histogram: true,
+            gradient_histogram: false,
+            slices: false,
+            marks: true,
+            recent: Vec::new(),
+            last_scene: String::new(),
+        }
+    }
+}
+
+impl Settings {
+    /// The file, where the system says where such files go.
+    pub fn path() -> Option<PathBuf> {
+        let var = |name: &str| env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+        let folder = if cfg!(windows) {
+            var("APPDATA")
+        } else if cfg!(target_os = "macos") {
+            var("HOME").map(|h| h.join("Library/Application Support"))
+        } else {
+            var("XDG_CONFIG_HOME").or_else(|| var("HOME").map(|h| h.join(".config")))
+        };
+        folder.map(|f| f.join("umbravox").join("window.toml"))
+    }
+
+    /// What was kept; the defaults where nothing was, or what was is not understood.
+    pub fn read() -> Self {
+        let text = Self::path().and_then(|path| std::fs::read_to_string(path).ok());
+        let mut settings: Self = text.and_then(|t| toml::from_str(&t).ok()).unwrap_or_default();
+        settings.window = settings.window.map(|s| if s.is_finite() { s.clamp(480.0, 8192.0) } else { 900.0 });
+        settings.recent.truncate(MOST_RECENT);
+        settings
+    }
+
+    /// Keeps them; a folder that cannot be written is no reason to disturb anyone.
+    pub fn write(&self) {
+        let Some(path) = Self::path() else { return };
+        let Ok(text) = toml::to_string(self) else { return };
+        if let Some(folder) = path.parent() {
+            let _ = std::fs::create_dir_all(folder);
+        }
+        if let Err(e) = write_whole(&path, |file| file.write_all(text.as_bytes())) {
+            tracing::info!("{e}");
+        }
+    }
+
+    /// Puts a volume on top of the recent ones.
+    pub fn opened(&mut self, source: &str) {
+        self.recent.retain(|r| r != source);
+        self.recent.insert(0, source.to_owned());
+        self.recent.truncate(MOST_RECENT);
+    }
+}

@@ -1,0 +1,214 @@
+//! What stays between the pictures of a session that a person works in: only what a change makes stale is made anew.
+
+use super::{DeviceTransfer, Forced, LoadedVolume, Renderer, needs_shadows};
+use crate::error::Result;
+use crate::scene::{Light, Scene};
+use crate::shadow::{Method, NoShadows, ShadowMap};
+use crate::transfer::{TransferChange, TransferFunction};
+
+/// What may differ from one picture to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    Volume,
+    /// Extinction, at values that the volume has.
+    Opacity,
+    /// Extinction or colour, at values that the volume does not have.
+    UnusedValues,
+    /// Colour alone.
+    Color,
+    Light,
+    /// The shadow method or its settings.
+    Method,
+    Camera,
+    /// Ambient light, shading, background, step, skipping, picture size.
+    Picture,
+}
+
+/// What is made on the way to a picture, in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// The volume on the device, and its bricks' ranges.
+    Upload,
+    /// Tables of the transfer function, and which bricks are active.
+    Tables,
+    /// Colours in the tables.
+    Colors,
+    Shadows,
+    Frame,
+}
+
+/// What each change makes stale. Whether a stale shadow structure is then made is the plan's decision
+/// ([`needs_shadows`]).
+pub const INVALIDATES: [(Change, &[Stage]); 8] = [
+    (Change::Volume, &[Stage::Upload, Stage::Tables, Stage::Shadows, Stage::Frame]),
+    (Change::Opacity, &[Stage::Tables, Stage::Shadows, Stage::Frame]),
+    (Change::UnusedValues, &[]),
+    (Change::Color, &[Stage::Colors, Stage::Frame]),
+    (Change::Light, &[Stage::Shadows, Stage::Frame]),
+    (Change::Method, &[Stage::Shadows, Stage::Frame]),
+    (Change::Camera, &[Stage::Frame]),
+    (Change::Picture, &[Stage::Frame]),
+];
+
+impl Change {
+    /// Whether this makes a stage's product stale.
+    pub fn invalidates(self, stage: Stage) -> bool {
+        INVALIDATES.iter().any(|(change, stages)| *change == self && stages.contains(&stage))
+    }
+
+    /// Everything about the picture that differs from one scene to another.
+    pub fn between_scenes(old: &Scene, new: &Scene) -> Vec<Self> {
+        let rest = Scene { camera: new.camera, light: new.light, ..old.clone() };
+        [
+            (old.light != new.light, Self::Light),
+            (old.camera != new.camera, Self::Camera),
+            (rest != *new, Self::Picture),
+        ]
+        .into_iter()
+        .filter_map(|(differs, change)| differs.then_some(change))
+        .collect()
+    }
+}
+
+/// What a picture's preparation cost, each `None` where nothing had to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Work {
+    pub table_ms: Option<f64>,
+    pub classify_ms: Option<f64>,
+    pub build_ms: Option<f64>,
+}
+
+/// Which map is meant.
+#[derive(Debug, Clone, PartialEq)]
+struct MapKey {
+    /// The method as written, with every setting.
+    method: String,
+    light: Light,
+    /// Whether the scene needed it; where none did, an empty structure stands in.
+    needed: bool,
+}
+
+/// Shadow maps that are kept at once: two methods side by side, each coarse and whole.
+const MOST_MAPS: usize = 4;
+
+/// Tables and shadow maps of one volume.
+#[derive(Default)]
+pub struct Kept {
+    transfer: Option<(TransferFunction, DeviceTransfer)>,
+    forced: Forced,
+    /// Maps of the tables' extinction; the most lately used is last.
+    maps: Vec<(MapKey, ShadowMap)>,
+}
+
+impl Kept {
+    /// Nothing yet; `forced` is what is done although no picture needs it.
+    pub fn new(forced: Forced) -> Self {
+        Self { forced, ..Self::default() }
+    }
+
+    /// Makes the tables of `tf`, as far as it differs from the function before; `None` where it is the same.
+    ///
+    /// # Errors
+    /// A function that cannot be drawn, or a device out of memory; what was kept before stays.
+    pub fn set_transfer(
+        &mut self,
+        renderer: &Renderer,
+        loaded: &LoadedVolume,
+        tf: &TransferFunction,
+        work: &mut Work,
+    ) -> Result<Option<Change>> {
+        let change = match &self.transfer {
+            Some((before, _)) if before == tf => return Ok(None),
+            Some((before, tables)) => change_of_transfer(before, tf, loaded, tables),
+            None => Change::Opacity,
+        };
+        let made = match &self.transfer {
+            Some((_, before)) if change.invalidates(Stage::Colors) => {
+                Some(renderer.recolor(loaded, before, tf)?)
+            }
+            _ if change.invalidates(Stage::Tables) => Some(renderer.transfer(loaded, tf, self.forced)?),
+            // The function that the tables are of stays the one that edits are compared with.
+            _ => None,
+        };
+        if let Some(made) = made {
+            work.table_ms = Some(made.table_ms);
+            work.classify_ms = change.invalidates(Stage::Tables).then_some(made.classify_ms);
+            self.transfer = Some((tf.clone(), made));
+        }
+        if change.invalidates(Stage::Shadows) {
+            self.maps.clear();
+        }
+        Ok(Some(change))
+    }
+
+    /// The tables; `None` before the first [`Self::set_transfer`].
+    pub fn transfer(&self) -> Option<&DeviceTransfer> {
+        self.transfer.as_ref().map(|(_, made)| made)
+    }
+
+    /// Whether [`Self::prepare`] would find the method's structure made.
+    pub fn has(&self, spec: &str, light: Light) -> bool {
+        self.place(spec, light, true).is_some()
+    }
+
+    fn place(&self, spec: &str, light: Light, needed: bool) -> Option<usize> {
+        self.maps.iter().position(|(key, _)| (&*key.method, key.light, key.needed) == (spec, light, needed))
+    }
+
+    /// Builds the shadow structure of a method, which `spec` names, unless it is kept; no map at all where no light can
+    /// be kept from a sample.
+    ///
+    /// # Errors
+    /// A structure that the adapter cannot hold.
+    pub fn prepare(
+        &mut self,
+        renderer: &Renderer,
+        loaded: &LoadedVolume,
+        (spec, method): (&str, &dyn Method),
+        scene: &Scene,
+        work: &mut Work,
+    ) -> Result<()> {
+        let Some((_, transfer)) = &self.transfer else { return Ok(()) };
+        let needed = needs_shadows(scene, &loaded.volume, transfer).is_ok();
+        // A map serves a scene that needs none; what was made where none was needed serves no other.
+        let kept = self.place(spec, scene.light, true);
+        if let Some(found) = kept.or_else(|| self.place(spec, scene.light, false).filter(|_| !needed)) {
+            let found = self.maps.remove(found);
+            self.maps.push(found);
+            return Ok(());
+        }
+        let method = if needed { method } else { &NoShadows };
+        let map = renderer.shadow(loaded, transfer, method, scene.light)?;
+        if needed {
+            *work.build_ms.get_or_insert(0.0) += map.report.build_ms();
+        }
+        self.maps.push((MapKey { method: spec.into(), light: scene.light, needed }, map));
+        if self.maps.len() > MOST_MAPS {
+            self.maps.remove(0);
+        }
+        Ok(())
+    }
+
+    /// What [`Self::prepare`] has made for these.
+    pub fn shadow(&self, spec: &str, light: Light) -> Option<&ShadowMap> {
+        let found = self.place(spec, light, true).or_else(|| self.place(spec, light, false));
+        found.map(|at| &self.maps[at].1)
+    }
+}
+
+/// What an edit changes of the pictures of a volume.
+fn change_of_transfer(
+    before: &TransferFunction,
+    after: &TransferFunction,
+    loaded: &LoadedVolume,
+    tables: &DeviceTransfer,
+) -> Change {
+    // Integrals are linear inside a table's bin: a value is touched by an edit a bin away.
+    let bin = tables.value_bin();
+    let occurs = |[low, high]: [f64; 2]| loaded.bricks.have_values(low - bin, high + bin);
+    match TransferChange::between(before, after, occurs) {
+        TransferChange::Nothing => Change::UnusedValues,
+        TransferChange::Color => Change::Color,
+        TransferChange::Extinction => Change::Opacity,
+    }
+}

@@ -1,0 +1,115 @@
+//! Files in and out: what cannot be read, scenes that the command line draws alike, pictures.
+
+use super::{Bench, scene_args};
+use ndarray::Array3;
+use ndarray_npy::ReadNpyExt;
+use std::time::{Duration, Instant};
+use umbravox::app::curve::Edit;
+use umbravox::cli::load;
+use umbravox::color::srgb8_from_linear;
+use umbravox::render::{Picture, Session};
+
+/// Draws a scene file as `render --scene` does.
+fn drawn_by_the_command_line(scene: &std::path::Path) -> Picture {
+    let request = scene_args(&["--scene", scene.to_str().unwrap()]).into_request().unwrap();
+    let method = request.method().unwrap();
+    let loaded = load(&request).unwrap();
+    let session = Session::open(None, loaded.volume.into(), &loaded.tf, Forced::NOTHING).unwrap();
+    let shadow = session.shadow(method.as_ref(), loaded.scene.light).unwrap();
+    session.render(&shadow, &loaded.scene).unwrap()
+}
+
+#[test]
+fn a_scene_file_is_drawn_to_the_very_pixels_of_the_window() {
+    let line = ["phantom:thorax:32", "--shadow=dsm:map=64,epsilon=0.03", "--light=dir:0.3,-0.2,0.7"];
+    let Some(mut bench) = Bench::open(&line) else { return };
+    let app = bench.app();
+    app.look_from(2);
+    app.edit(Edit::Color { index: 1, color: [0.3, 0.62, 0.1] });
+    let amount = app.document.as_ref().unwrap().tf.points[1].amount;
+    app.edit(Edit::Move { index: 1, value: 11.0 / 3.0, amount: amount + 0.123 });
+    bench.settle();
+    let dir = tempfile::tempdir().unwrap();
+    let (scene, picture) = (dir.path().join("scene.toml"), dir.path().join("picture.npy"));
+    let (width, height) = {
+        let scene = &bench.app().document.as_ref().unwrap().scene;
+        (scene.width, scene.height)
+    };
+    bench.app().save_scene(&scene);
+    bench.app().export(&picture, width, height);
+    bench.settle();
+    let exported = Array3::<f32>::read_npy(std::fs::File::open(&picture).unwrap()).unwrap();
+    let drawn = drawn_by_the_command_line(&scene);
+    assert_eq!(drawn.pixels, exported, "scene: {}", std::fs::read_to_string(&scene).unwrap());
+    // And what is on screen is that picture, encoded.
+    let shown = bench.pixels();
+    let off = shown.chunks(4).zip(exported.rows()).map(|(shown, linear)| {
+        (0..3).map(|c| shown[c].abs_diff(srgb8_from_linear(f64::from(linear[c])))).max().unwrap()
+    });
+    assert!(off.max().unwrap() <= 1, "more than rounding");
+}
+
+#[test]
+fn what_cannot_be_opened_is_said_and_the_old_volume_stays() {
+    let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=none"]) else { return };
+    let picture = bench.pixels();
+    let dir = tempfile::tempdir().unwrap();
+    let broken = dir.path().join("broken.nii");
+    std::fs::write(&broken, b"this is no volume").unwrap();
+    for source in [broken.to_str().unwrap(), "/nowhere/at/all.nii.gz", "phantom:nothing", "missing.toml"] {
+        bench.app().messages.clear();
+        bench.app().open_source(source);
+        let start = Instant::now();
+        while bench.app().messages.is_empty() {
+            bench.harness.step();
+            assert!(start.elapsed() < Duration::from_secs(30), "{source}: nothing was said");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(bench.app().messages[0].is_error, "{source}: {:?}", bench.app().messages);
+        let document = bench.app().document.as_ref().unwrap();
+        assert!(document.spec.source.starts_with("phantom:sphere"));
+    }
+    assert_eq!(bench.pixels(), picture);
+    // A transfer function that is none.
+    let tf = dir.path().join("broken.json");
+    std::fs::write(&tf, "{\"points\": []}").unwrap();
+    let before = bench.app().document.as_ref().unwrap().tf.clone();
+    bench.app().messages.clear();
+    bench.app().load_tf(tf.to_str().unwrap());
+    assert!(bench.app().messages[0].text.contains("`points` is empty"));
+    assert_eq!(bench.app().document.as_ref().unwrap().tf, before);
+    // A picture where none can be written.
+    bench.app().messages.clear();
+    bench.app().export(&dir.path().join("no/such/folder.png"), 8, 8);
+    assert!(bench.app().messages[0].is_error);
+}
+
+#[test]
+fn degenerate_volumes_open_and_can_be_edited() {
+    let dir = tempfile::tempdir().unwrap();
+    // One voxel; one value; values that are not finite.
+    let one = dir.path().join("one.raw");
+    std::fs::write(&one, [7_u8]).unwrap();
+    let Some(mut bench) = Bench::open(&[one.to_str().unwrap(), "--raw=1x1x1:u8"]) else { return };
+    bench.app().settings.slices = true;
+    bench.app().edit(Edit::Add { value: 7.0, amount: 0.5 });
+    bench.app().edit(Edit::Window { shift: 1e9, spread: 0.0 });
+    bench.settle();
+    let bytes: Vec<u8> = [f32::NAN, f32::INFINITY, 1e30, -1e30, 0.0, 1.0, 2.0, 3.0]
+        .iter()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    let odd = dir.path().join("odd_2x2x2_float32.raw");
+    std::fs::write(&odd, bytes).unwrap();
+    bench.app().open_source(odd.to_str().unwrap());
+    let start = Instant::now();
+    while !bench.app().document.as_ref().unwrap().spec.source.contains("odd") {
+        bench.harness.step();
+        assert!(start.elapsed() < Duration::from_secs(30), "{:?}", bench.app().messages);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    bench.settle();
+    let center = bench.app().view_rect().unwrap().center();
+    bench.drag(center, center, Default::default());
+    bench.settle();
+}

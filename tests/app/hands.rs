@@ -1,0 +1,146 @@
+//! Dragging, typing, switching, undoing.
+
+use super::{Bench, brightness};
+use eframe::egui::{self, Modifiers, vec2};
+use egui_kittest::kittest::Queryable;
+use umbravox::app::curve::Edit;
+use umbravox::transfer::TransferFunction;
+
+const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
+
+#[test]
+fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_it_back() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let before = bench.app().document.clone().unwrap();
+    let picture = bench.pixels();
+    let grip = bench.harness.get_by_label("point 2").rect().center();
+    bench.drag(grip, grip + vec2(0.0, -30.0), Modifiers::NONE);
+    bench.settle();
+    let edited = bench.app().document.clone().unwrap().tf;
+    assert!(edited.points[1].amount > before.tf.points[1].amount, "the point went up");
+    assert_ne!(bench.pixels(), picture);
+    let frame = bench.app().frame.clone().unwrap();
+    assert!(frame.whole && frame.main.report.bytes > 0);
+
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("mine.json");
+    bench.click("Save…");
+    bench.type_into("path", path.to_str().unwrap());
+    bench.click("Save");
+    assert_eq!(TransferFunction::read(&path).unwrap(), *edited);
+    assert!(!bench.app().document.as_ref().unwrap().tf_edited());
+
+    bench.click("Undo");
+    bench.settle();
+    assert_eq!(bench.app().document.as_ref().unwrap().tf, before.tf, "a drag is one step");
+    assert_eq!(bench.pixels(), picture);
+    bench.click("Redo");
+    assert_eq!(bench.app().document.as_ref().unwrap().tf, edited);
+}
+
+#[test]
+fn an_edit_does_no_more_than_it_must() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let range = bench.app().document.as_ref().unwrap().volume.value_range();
+    // A colour: tables, but no shadow work.
+    let picture = bench.pixels();
+    bench.app().edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
+    bench.settle();
+    let work = bench.app().frame.as_ref().unwrap().work;
+    assert!(work.table_ms.is_some() && work.build_ms.is_none(), "{work:?}");
+    assert_ne!(bench.pixels(), picture);
+    // A point beyond every value: nothing at all, not even a picture.
+    bench.app().edit(Edit::Add { value: range[1] + 1000.0, amount: 0.0 });
+    bench.settle();
+    let (frames, unchanged) = (bench.app().frames, bench.app().unchanged);
+    bench.app().edit(Edit::Add { value: range[1] + 2000.0, amount: 0.7 });
+    bench.settle();
+    let now = (bench.app().frames, bench.app().unchanged);
+    assert_eq!(now, (frames, unchanged + 1), "no voxel has such a value");
+    // The camera alone: no tables, no map.
+    bench.app().look_from(2);
+    bench.settle();
+    assert_eq!(bench.app().frame.as_ref().unwrap().work, Default::default());
+}
+
+#[test]
+fn methods_are_switched_by_their_list_and_a_bad_value_is_said_beside_it() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let shadowed = brightness(&bench.pixels());
+    bench.click("method");
+    bench.click("none");
+    bench.settle();
+    assert_eq!(bench.app().frame.as_ref().unwrap().main.spec, "none");
+    let lit = brightness(&bench.pixels());
+    assert!(lit > shadowed * 1.02, "without shadows it is brighter: {lit} {shadowed}");
+
+    bench.click("method");
+    bench.click("dsm");
+    bench.settle();
+    let picture = bench.pixels();
+    bench.type_into("method epsilon", "-3");
+    assert!(bench.app().document.as_ref().unwrap().method.method().is_err());
+    assert!(
+        bench.harness.query_by_label_contains("epsilon:").is_some()
+            || bench.harness.query_by_label_contains("-3").is_some()
+    );
+    assert_eq!(bench.pixels(), picture, "what was shown stays");
+    bench.type_into("method epsilon", "0.1");
+    bench.settle();
+    assert_eq!(bench.app().frame.as_ref().unwrap().main.spec, "dsm:epsilon=0.1");
+}
+
+#[test]
+fn the_split_view_shows_two_methods() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    assert!(bench.app().frame.as_ref().unwrap().other.is_none());
+    bench.harness.key_press(egui::Key::C);
+    bench.settle();
+    let frame = bench.app().frame.clone().unwrap();
+    let other = frame.other.expect("a second picture");
+    assert_eq!((frame.main.spec.as_str(), other.spec.as_str()), ("dsm:map=64", "none"));
+    assert_ne!(bench.read(&frame.main.texture), bench.read(&other.texture));
+    bench.harness.key_press(egui::Key::X);
+    bench.settle();
+    assert_eq!(bench.app().frame.as_ref().unwrap().main.spec, "none");
+}
+
+#[test]
+fn the_light_and_the_camera_follow_the_hand() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let before = bench.app().document.as_ref().unwrap().scene.clone();
+    let center = bench.app().view_rect().unwrap().center();
+    bench.drag(center, center + vec2(60.0, 20.0), Modifiers::SHIFT);
+    bench.settle();
+    let lit = bench.app().document.as_ref().unwrap().scene.clone();
+    assert!(lit.light != before.light && lit.camera == before.camera);
+    bench.drag(center, center + vec2(60.0, 20.0), Modifiers::NONE);
+    bench.settle();
+    let turned = bench.app().document.as_ref().unwrap().scene.clone();
+    assert!(turned.light == lit.light && turned.camera != lit.camera);
+    let sphere = bench.harness.get_by_label("light direction").rect().center();
+    bench.drag(sphere, sphere + vec2(20.0, -10.0), Modifiers::NONE);
+    bench.settle();
+    assert_ne!(bench.app().document.as_ref().unwrap().scene.light, turned.light);
+}
+
+#[test]
+fn a_click_probes_what_is_seen_there() {
+    let Some(mut bench) = Bench::open(&["phantom:slab:32", "--shadow=dsm:map=64,epsilon=0.01"]) else {
+        return;
+    };
+    let center = bench.app().view_rect().unwrap().center();
+    bench.drag(center, center, Modifiers::NONE);
+    for _ in 0..500 {
+        bench.harness.step();
+        if bench.app().probe.is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let probe = bench.app().probe.clone().expect("an answer");
+    assert!(probe.exact.windows(2).all(|w| w[1][1] <= w[0][1] + 1e-12), "transmittance never rises");
+    let dsm = &probe.methods[0];
+    assert!((dsm.at_point - probe.exact_at_point).abs() < 0.03, "{} {}", dsm.at_point, probe.exact_at_point);
+    assert!(probe.exact_at_point > 0.0 && probe.exact_at_point < 1.0);
+}

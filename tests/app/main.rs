@@ -1,0 +1,155 @@
+//! The window's widgets over the real renderer, without a window: what hands do is injected as events.
+#![cfg(feature = "gui")]
+
+mod files;
+mod hands;
+
+use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use std::time::{Duration, Instant};
+use umbravox::app::{App, Settings, With};
+use umbravox::cli::scene_args::SceneArgs;
+use umbravox::gpu::Gpu;
+use umbravox::render::DisplayTexture;
+
+/// Long enough for a busy machine without a GPU.
+const PATIENCE: Duration = Duration::from_secs(90);
+
+/// An open window without a screen, and the device that its pictures are on.
+pub struct Bench {
+    pub harness: Harness<'static, App>,
+    pub device: eframe::wgpu::Device,
+    pub queue: eframe::wgpu::Queue,
+}
+
+impl Bench {
+    /// Opens `line`, as on the command line of `view`; `None`, said aloud, where there is no adapter.
+    pub fn open(line: &[&str]) -> Option<Self> {
+        let gpu = match Gpu::open(None) {
+            Ok(gpu) => gpu,
+            Err(e) => {
+                println!("skipped: {e}");
+                return None;
+            }
+        };
+        let (device, queue) = (gpu.device.clone(), gpu.queue.clone());
+        let app = App::new(gpu, &egui::Context::default(), Settings::default()).unwrap();
+        let harness = Harness::builder()
+            .with_size([900.0, 700.0])
+            .build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
+        let mut bench = Self { harness, device, queue };
+        let request = scene_args(line).into_request().unwrap();
+        bench.app().open(request.volume.clone(), With::Request(Box::new(request)));
+        bench.settle();
+        Some(bench)
+    }
+
+    pub fn app(&mut self) -> &mut App {
+        self.harness.state_mut()
+    }
+
+    /// Steps until the picture is whole and of what is wanted.
+    pub fn settle(&mut self) {
+        let start = Instant::now();
+        self.harness.step();
+        loop {
+            self.harness.step();
+            let app = self.harness.state();
+            if app.is_settled() && app.frame.is_some() {
+                break;
+            }
+            assert!(start.elapsed() < PATIENCE, "no picture: {:?}", app.messages);
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        // What came last is shown, too.
+        self.harness.step();
+    }
+
+    /// Presses, moves over a few frames and lets go.
+    pub fn drag(&mut self, from: Pos2, to: Pos2, modifiers: Modifiers) {
+        let button =
+            |pos, pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
+        self.harness.event(Event::ModifiersChanged(modifiers));
+        self.harness.event(Event::PointerMoved(from));
+        self.harness.step();
+        self.harness.event(button(from, true));
+        self.harness.step();
+        for i in 1..=6 {
+            self.harness.event(Event::PointerMoved(from + (to - from) * (i as f32 / 6.0)));
+            self.harness.step();
+        }
+        self.harness.event(button(to, false));
+        self.harness.event(Event::ModifiersChanged(Modifiers::NONE));
+        self.harness.step();
+    }
+
+    /// Clicks the widget of that name.
+    pub fn click(&mut self, label: &str) {
+        self.harness.get_by_label(label).click();
+        self.harness.step();
+        self.harness.step();
+    }
+
+    /// Puts a text into the field of that name in place of what it holds.
+    pub fn type_into(&mut self, label: &str, text: &str) {
+        self.harness.get_by_label(label).focus();
+        self.harness.step();
+        self.harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::A);
+        self.harness.step();
+        self.harness.get_by_label(label).type_text(text);
+        self.harness.step();
+    }
+
+    /// The picture as it is on screen: sRGB codes.
+    pub fn pixels(&self) -> Vec<u8> {
+        let frame = self.harness.state().frame.as_ref().unwrap();
+        self.read(&frame.main.texture)
+    }
+
+    pub fn read(&self, shown: &DisplayTexture) -> Vec<u8> {
+        use eframe::wgpu;
+        let row = (shown.width * 4).next_multiple_of(256);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: u64::from(row * shown.height),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_texture_to_buffer(
+            shown.texture.as_image_copy(),
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row),
+                    rows_per_image: None,
+                },
+            },
+            shown.texture.size(),
+        );
+        self.queue.submit([encoder.finish()]);
+        buffer.map_async(wgpu::MapMode::Read, .., |r| r.unwrap());
+        self.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+        let bytes = buffer.get_mapped_range(..).unwrap().to_vec();
+        bytes.chunks(row as usize).flat_map(|r| r[..shown.width as usize * 4].to_vec()).collect()
+    }
+}
+
+/// The shared flags of a command line.
+pub fn scene_args(line: &[&str]) -> SceneArgs {
+    use clap::Parser;
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        scene: SceneArgs,
+    }
+    Line::try_parse_from([&["test"], line].concat()).unwrap().scene
+}
+
+/// Mean of the colour channels' codes.
+pub fn brightness(pixels: &[u8]) -> f64 {
+    let sum: u64 = pixels.chunks(4).map(|p| p[..3].iter().map(|c| u64::from(*c)).sum::<u64>()).sum();
+    sum as f64 / (pixels.len() as f64 * 0.75)
+}

@@ -1,0 +1,201 @@
+//! What an edit makes stale, row by row, and that what is kept is still right.
+
+use super::*;
+use umbravox::render::{Change, INVALIDATES, Kept, Stage, Work};
+use umbravox::scene::Camera;
+
+/// A scene that is edited.
+#[derive(Clone)]
+struct State {
+    volume: Arc<Volume>,
+    tf: TransferFunction,
+    method: &'static str,
+    scene: Scene,
+}
+
+impl State {
+    fn first() -> Self {
+        let volume = phantom("shell:40");
+        let scene = Scene { width: 49, height: 37, ambient: 0.15, ..Scene::framing(&volume) };
+        Self { volume, tf: ramp(), method: "dsm:map=64", scene }
+    }
+}
+
+/// A volume on the device and what is kept of its pictures.
+struct Session {
+    renderer: &'static Renderer,
+    loaded: LoadedVolume,
+    kept: Kept,
+    shown: Option<State>,
+}
+
+impl Session {
+    /// `None`, visibly, where there is no adapter.
+    fn open(volume: &Arc<Volume>) -> Option<Self> {
+        let Some(renderer) = RENDERER.as_ref() else {
+            println!("skipped: no graphics adapter");
+            return None;
+        };
+        let loaded = renderer.load(Arc::clone(volume)).unwrap();
+        Some(Self { renderer, loaded, kept: Kept::new(Forced::NOTHING), shown: None })
+    }
+
+    /// What changed, what was made, and the picture if it is another one.
+    fn show(&mut self, state: &State) -> (Vec<Change>, Vec<Stage>, Option<Array3<f32>>) {
+        let (mut work, mut made, mut changes) = (Work::default(), Vec::new(), Vec::new());
+        if !Arc::ptr_eq(&self.loaded.volume, &state.volume) {
+            *self = Self::open(&state.volume).unwrap();
+            changes.push(Change::Volume);
+            made.push(Stage::Upload);
+        }
+        let change = self.kept.set_transfer(self.renderer, &self.loaded, &state.tf, &mut work).unwrap();
+        if let Some(shown) = &self.shown {
+            changes.extend(change);
+            changes.extend(Change::between_scenes(&shown.scene, &state.scene));
+            changes.extend((shown.method != state.method).then_some(Change::Method));
+        }
+        made.extend(work.classify_ms.map(|_| Stage::Tables));
+        made.extend(work.table_ms.filter(|_| work.classify_ms.is_none()).map(|_| Stage::Colors));
+        let method = shadow::parse(state.method).unwrap();
+        let named = (state.method, method.as_ref());
+        self.kept.prepare(self.renderer, &self.loaded, named, &state.scene, &mut work).unwrap();
+        made.extend(work.build_ms.map(|_| Stage::Shadows));
+        let stale = self.shown.is_none() || changes.iter().any(|c| c.invalidates(Stage::Frame));
+        self.shown = Some(state.clone());
+        (changes, made, stale.then(|| self.picture(state)))
+    }
+
+    fn picture(&self, state: &State) -> Array3<f32> {
+        let map = self.kept.shadow(state.method, state.scene.light).unwrap();
+        self.renderer.render(&self.loaded, self.kept.transfer().unwrap(), map, &state.scene).unwrap().pixels
+    }
+}
+
+/// A ramp with points far above the values of the phantom, so that there are values that do not occur.
+fn ramp() -> TransferFunction {
+    opacity(&[(200.0, 0.0), (900.0, 0.3), (5000.0, 0.4), (6000.0, 0.8), (7000.0, 0.8)])
+}
+
+/// An edit for each row of the table.
+fn edit(state: &mut State, change: Change) {
+    match change {
+        Change::Volume => state.volume = phantom("step:24"),
+        Change::Opacity => state.tf.points[1].amount = 0.2,
+        Change::UnusedValues => {
+            state.tf.points[3].amount = 0.1;
+            state.tf.points[4].color = [0.0, 1.0, 0.0];
+        }
+        Change::Color => state.tf.points[1].color = [1.0, 0.0, 0.0],
+        Change::Light => state.scene.light = Light::Directional { toward: DVec3::new(-0.3, 0.9, 0.1) },
+        Change::Method => state.method = "dsm:map=64,epsilon=0.3",
+        Change::Camera => state.scene.camera.eye += DVec3::new(3.0, -5.0, 2.0),
+        Change::Picture => state.scene.background = [0.3, 0.1, 0.2],
+    }
+}
+
+#[track_caller]
+fn same_as_from_nothing(state: &State, shown: &Array3<f32>, what: &str) {
+    let scratch = Session::open(&state.volume).unwrap().show(state).2.unwrap();
+    let off = largest_difference(shown, &scratch);
+    assert!(off <= tolerance::FORCED, "{what}: {off:e}");
+}
+
+#[test]
+fn every_row_of_the_table() {
+    let start = State::first();
+    for (change, stages) in INVALIDATES {
+        let Some(mut session) = Session::open(&start.volume) else { return };
+        let first = session.show(&start).2;
+        let mut state = start.clone();
+        edit(&mut state, change);
+        let (changes, made, picture) = session.show(&state);
+        assert_eq!(changes, [change]);
+        let expected: Vec<Stage> = stages.iter().copied().filter(|s| *s != Stage::Frame).collect();
+        assert_eq!(made, expected, "{change:?}");
+        assert_eq!(picture.is_some(), stages.contains(&Stage::Frame), "{change:?}");
+        same_as_from_nothing(&state, &picture.or(first).unwrap(), &format!("{change:?}"));
+    }
+}
+
+#[test]
+fn nothing_changes_nothing() {
+    let state = State::first();
+    let Some(mut session) = Session::open(&state.volume) else { return };
+    session.show(&state);
+    assert_eq!(session.show(&state), (vec![], vec![], None));
+}
+
+#[test]
+fn edits_that_follow_one_another() {
+    // Colour after an edit of unused values, then opacity: tables of different states must not be mixed.
+    let mut state = State::first();
+    let Some(mut session) = Session::open(&state.volume) else { return };
+    let mut shown = session.show(&state).2.unwrap();
+    for change in [Change::UnusedValues, Change::Color, Change::Light, Change::Opacity, Change::Camera] {
+        edit(&mut state, change);
+        if change == Change::Color {
+            // A point between others moves the numbers of all intervals behind it.
+            let unused = ControlPoint { value: 5500.0, amount: 0.5, color: [0.1, 0.9, 0.4] };
+            state.tf.points.insert(3, unused);
+        }
+        if let Some(picture) = session.show(&state).2 {
+            shown = picture;
+        }
+        same_as_from_nothing(&state, &shown, &format!("after {change:?}"));
+    }
+}
+
+#[test]
+fn a_light_that_goes_back_finds_its_map() {
+    let mut state = State::first();
+    let Some(mut session) = Session::open(&state.volume) else { return };
+    let first = session.show(&state).2.unwrap();
+    let light = state.scene.light;
+    edit(&mut state, Change::Light);
+    assert_eq!(session.show(&state).1, [Stage::Shadows]);
+    state.scene.light = light;
+    let (_, made, picture) = session.show(&state);
+    assert_eq!((made, picture), (vec![], Some(first)));
+}
+
+#[test]
+fn shadows_wait_until_something_needs_them() {
+    let mut state = State::first();
+    let Some(mut session) = Session::open(&state.volume) else { return };
+    let framed = state.scene.camera;
+    let side = (framed.target - framed.eye).cross(framed.up);
+    let away = Camera { target: framed.eye + side, ..framed };
+    state.scene.camera = away;
+    assert_eq!(session.show(&state).1, [Stage::Tables], "nothing is in view");
+    state.scene.camera = framed;
+    let (_, made, picture) = session.show(&state);
+    assert_eq!(made, [Stage::Shadows]);
+    same_as_from_nothing(&state, &picture.unwrap(), "seen again");
+    // Out of view the map stays for when it is seen again.
+    for camera in [away, framed] {
+        state.scene.camera = camera;
+        assert_eq!(session.show(&state).1, []);
+    }
+    state.scene.ambient = 1.0;
+    assert_eq!(session.show(&state).1, []);
+    state.scene.light = Light::Directional { toward: DVec3::Z };
+    assert_eq!(session.show(&state).1, []);
+    state.scene.ambient = 0.2;
+    let (_, made, picture) = session.show(&state);
+    assert_eq!(made, [Stage::Shadows]);
+    same_as_from_nothing(&state, &picture.unwrap(), "no longer ambient alone");
+}
+
+#[test]
+fn what_fails_leaves_the_old_in_place() {
+    let state = State::first();
+    let Some(mut session) = Session::open(&state.volume) else { return };
+    session.show(&state);
+    // More points than the device's tables hold.
+    let points: Vec<_> = (0..3000).map(|i| (200.0 + f64::from(i), 0.1 * f64::from(i % 2))).collect();
+    let mut work = Work::default();
+    let refused =
+        session.kept.set_transfer(session.renderer, &session.loaded, &opacity(&points), &mut work);
+    assert!(refused.is_err() && work == Work::default());
+    assert_eq!(session.show(&state), (vec![], vec![], None));
+}
