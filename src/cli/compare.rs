@@ -1,7 +1,8 @@
 //! `umbravox compare`: the error-against-time table of several methods.
 
+use super::compare_report::Report;
 use super::scene_args::SceneArgs;
-use super::{Loaded, compare_report, print_result, say};
+use super::{Loaded, print_result, say};
 use crate::error::{Error, Result};
 use crate::measure::compare::{Compared, Comparison, Effort, Job, compare, progress_steps};
 use crate::measure::heat::{round_max, write_heat_map};
@@ -22,12 +23,12 @@ use std::sync::Arc;
 const DEFAULT_METHODS: &str = "none;rays;dsm:epsilon=0.06,0.02,0.005;osm:layers=8,32,128;dom:layers=3,7,15;\
     bom:layers=3,7,15";
 
-/// Write the error-against-time table of several shadow methods, with plots and pictures
+/// Write the error-against-time table of several shadow methods, with plots, pictures and a report
 #[derive(Debug, Args)]
 pub struct CompareArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The folder for tables, plots and pictures; made when it is missing
+    /// The folder for tables, plots, pictures and report.html; made when it is missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
@@ -96,7 +97,9 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let tables = write_tables(&rows, &args.output, "compare")?;
     let plots = write_plots(&rows, &args.output, "compare")?;
     let pictures = write_pictures(&compared, &args.output)?;
-    let report = compare_report::write(&job, &compared, &notes, &failures, &args.output)?;
+    let mut report = Report::default();
+    report.add(&job, &compared, &notes, &failures)?;
+    let report = report.write(&args.output)?;
     if request.json {
         let json = String::from_utf8(json(&rows)?)
             .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
