@@ -14,10 +14,11 @@
 //!
 //! [`table`] holds one [`Row`](table::Row) a method and setting and writes it as CSV and JSON (every column, at
 //! full precision), [`report`] as Markdown and LaTeX for reading, with what is [`best`] at equal bytes and time, and
-//! [`plot`] draws error against time. None of these knows of a GPU; measuring itself is tested with planted errors and
-//! planted times. [`errors`] asks a built method and the exact field the same questions, [`compare`] makes the whole
-//! table, [`ablate`] measures what the plan has left out, [`journal`] keeps what is measured on disk as soon as it is, and [`stability`] takes every method through
-//! stiff and extreme cases.
+//! [`plot`] draws error against time and memory. [`mod@html`] puts all of it, with the pictures and the figures of
+//! [`nodes`], into one file, and [`light_curve`] follows a single light ray. None of these knows of a GPU; measuring
+//! itself is tested with planted errors and planted times. [`errors`] asks a built method and the exact field the same
+//! questions, [`compare`] makes the whole table, [`ablate`] measures what the plan has left out, [`journal`] keeps what
+//! is measured on disk as soon as it is, and [`stability`] takes every method through stiff and extreme cases.
 
 pub mod ablate;
 pub mod band;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use umbravox::app::curve::Edit;
 use umbravox::cli::load;
 use umbravox::color::srgb8_from_linear;
-use umbravox::render::{Picture, Session};
+use umbravox::render::{Forced, Picture, Session};
 
 /// Draws a scene file as `render --scene` does.
 fn drawn_by_the_command_line(scene: &std::path::Path) -> Picture {

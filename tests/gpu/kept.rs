@@ -194,8 +194,7 @@ fn what_fails_leaves_the_old_in_place() {
     // More points than the device's tables hold.
     let points: Vec<_> = (0..3000).map(|i| (200.0 + f64::from(i), 0.1 * f64::from(i % 2))).collect();
     let mut work = Work::default();
-    let refused =
-        session.kept.set_transfer(session.renderer, &session.loaded, &opacity(&points), &mut work);
+    let refused = session.kept.set_transfer(session.renderer, &session.loaded, &opacity(&points), &mut work);
     assert!(refused.is_err() && work == Work::default());
     assert_eq!(session.show(&state), (vec![], vec![], None));
 }
