@@ -24,7 +24,7 @@ use std::collections::HashMap;
 use std::time::Instant;
 
 /// Frames slower than this are timed once, so that one method does not hold up the table.
-const SLOW_FRAME_MS: f64 = 2000.0;
+pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
 
 /// Opacities of two pictures of one scene differ by no more than eye rays that end early make them.
 const OPACITY_TOLERANCE: f32 = 2e-3;

@@ -1,7 +1,7 @@
 //! A method's errors on one scene, and its picture: what a row has before it is timed.
 
 use super::band::Band;
-use super::compare::{Job, name_of};
+use super::compare::{Job, SLOW_FRAME_MS, name_of};
 use super::errors::{RayTest, SeenReference, texels_to_test};
 use super::facts::Facts;
 use super::journal::Measured;
@@ -123,7 +123,11 @@ impl<'a> Errors<'a> {
         let shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
         let marched = transfer.march_table().is_some() || shadow.lookup.as_ref().is_some_and(|l| l.marches);
         let march_table_ms = self.march_table_ms.filter(|_| marched).unwrap_or_default();
-        let picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
+        let mut picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
+        if picture.span.best().0 > SLOW_FRAME_MS {
+            // Drivers compile as late as the first use, and a busy machine takes seconds for it.
+            picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
+        }
         let report = &shadow.report;
         let mut left_out = picture.plan.left_out;
         if let (Err(why), Some(_)) = (needed, method.map_size()) {
