@@ -477,3 +477,8 @@ impl App {
         }
     }
 }
+
+/// The frame of a panel without its fill: the window is cleared to that colour.
+fn unfilled(ui: &egui::Ui) -> egui::Frame {
+    egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT)
+}

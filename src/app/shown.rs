@@ -29,7 +29,8 @@ struct Kept {
 
 /// The shape that paints a texture over `rect`.
 pub fn shape(rect: Rect, texture: &Arc<DisplayTexture>, side: usize, state: &RenderState) -> Shape {
-    let shown = Shown { texture: Arc::clone(texture), side: side.min(SIDES - 1), format: state.target_format };
+    let shown =
+        Shown { texture: Arc::clone(texture), side: side.min(SIDES - 1), format: state.target_format };
     Shape::Callback(Callback::new_paint_callback(rect, shown))
 }
 
@@ -152,8 +153,10 @@ mod tests {
     #[test]
     fn the_shader_is_valid() {
         let module = naga::front::wgsl::parse_str(SHADER).unwrap();
-        let mut validator =
-            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+        let mut validator = naga::valid::Validator::new(
+            naga::valid::ValidationFlags::all(),
+            naga::valid::Capabilities::empty(),
+        );
         validator.validate(&module).unwrap();
     }
 }

@@ -1,10 +1,10 @@
 //! The view: the picture, and what hands do in it.
 
-use super::{App, shown};
 use super::camera::{self, AXIS_VIEWS};
 use super::jobs::Aim;
 use super::method_choice::MethodChoice;
 use super::worker::Side;
+use super::{App, shown};
 use crate::scene::{Camera, Light};
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, Vec2, vec2};
 use eframe::egui_wgpu::RenderState;
