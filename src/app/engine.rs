@@ -106,7 +106,7 @@ impl Engine {
         let whole = self.whole(wanted);
         let shown = Shown { scene: wanted.scene.clone(), quality: whole.clone() };
         if self.shown.as_ref() == Some(&shown) {
-            speaker.say(Event::Unchanged);
+            speaker.say(Event::Unchanged { revision: wanted.revision });
             return Ok(());
         }
         if self.expected_ms(&whole, wanted) > AT_ONCE_MS {
@@ -245,6 +245,7 @@ impl Engine {
             work,
             latency_ms: Instant::now().duration_since(wanted.since).as_secs_f64() * 1e3,
             longest_band_ms,
+            revision: wanted.revision,
         }))
     }
 }

@@ -25,7 +25,7 @@ impl App {
             return;
         }
         egui::Panel::right("side").frame(super::unfilled(ui)).exact_size(330.0).show(ui, |ui| {
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
                 ui.add_space(6.0);
                 section(ui, "Shadows", |ui| self.shadows(ui));
                 section(ui, "Light", |ui| self.light(ui));

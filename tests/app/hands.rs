@@ -4,6 +4,7 @@ use super::{Bench, brightness};
 use eframe::egui::{self, Modifiers, vec2};
 use egui_kittest::kittest::Queryable;
 use umbravox::app::curve::Edit;
+use umbravox::render::Change;
 use umbravox::transfer::TransferFunction;
 
 const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
@@ -56,8 +57,18 @@ fn an_edit_does_no_more_than_it_must() {
     bench.app().edit(Edit::Add { value: range[1] + 1000.0, amount: 0.0 });
     bench.settle();
     let (frames, unchanged) = (bench.app().frames, bench.app().unchanged);
+    let before = bench.app().document.clone().unwrap();
     bench.app().edit(Edit::Add { value: range[1] + 2000.0, amount: 0.7 });
     bench.settle();
+    let after = bench.app().document.clone().unwrap();
+    assert_eq!(before.scene, after.scene);
+    assert_eq!(
+        Change::between(&before.tf, &after.tf, range),
+        Change::Nothing,
+        "{:?} {:?}",
+        before.tf,
+        after.tf
+    );
     let now = (bench.app().frames, bench.app().unchanged);
     assert_eq!(now, (frames, unchanged + 1), "no voxel has such a value");
     // The camera alone: no tables, no map.
