@@ -66,12 +66,14 @@ impl Engine {
     pub fn new(gpu: Gpu) -> Self {
         let software = gpu.info.device_type == wgpu::DeviceType::Cpu;
         let pace = Pace::new(if software { SOFTWARE_BAND_MS } else { BAND_MS });
+        // A coarse picture is short: in one piece it waits for the window once.
+        let moving = Pace::new(0.6 * MOVING_MS);
         Self {
             renderer: Renderer::new(gpu).with_tiles_at_once(TILES_AT_ONCE),
             loaded: None,
             kept: Kept::default(),
             textures: Vec::new(),
-            speeds: Speeds { whole: pace, moving: pace, build_ms_per_texel: Vec::new() },
+            speeds: Speeds { whole: pace, moving, build_ms_per_texel: Vec::new() },
             shown: None,
         }
     }

@@ -279,7 +279,6 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
     response.response.accessible_name(name);
     let entry = choice.entry();
     ui.add(egui::Label::new(egui::RichText::new(entry.summary).weak().small()).wrap());
-    let before = choice.clone();
     egui::Grid::new((name, choice.name)).num_columns(2).show(ui, |ui| {
         for (key, value) in entry.keys.iter().zip(&mut choice.values) {
             ui.label(key.name).on_hover_text(format!("{} [default: {}]", key.help, key.default));
@@ -287,10 +286,8 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
             ui.end_row();
         }
     });
-    if *choice != before || !entry.keys.is_empty() {
-        if let Err(e) = choice.method() {
-            ui.colored_label(ui.visuals().error_fg_color, format!("{}: {}", e.place, e.why));
-        }
+    if let Err(e) = choice.method() {
+        ui.colored_label(ui.visuals().error_fg_color, format!("{}: {}", e.place, e.why));
     }
 }
 

@@ -237,7 +237,7 @@ fn run(gpu: Gpu, mailbox: &Mailbox, speaker: &Speaker) {
     loop {
         let next = mailbox.next();
         let done = catch_unwind(AssertUnwindSafe(|| match next {
-            Next::Quit => return Ok(false),
+            Next::Quit => Ok(false),
             Next::Draw(wanted) => engine.show(&wanted, mailbox, speaker).map(|()| true),
             Next::Job(Job::Upload(opened)) => engine.upload(*opened, speaker).map(|()| true),
             Next::Job(Job::Probe(request)) => engine.probe(&request, speaker).map(|()| true),

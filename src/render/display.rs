@@ -151,7 +151,11 @@ impl Renderer {
             transfer,
             shadow,
             &scene,
-            |_| pace.borrow().rows(scene.width),
+            |_| {
+                // What others have submitted meanwhile is no part of a band's time; a lost device shows in the band itself.
+                let _ = self.gpu.wait_for(self.gpu.queue.submit([]));
+                pace.borrow().rows(scene.width)
+            },
             |band| {
                 pace.borrow_mut().learn(band.rows * scene.width, band.span);
                 longest_band_ms = longest_band_ms.max(band.span.wall_ms);
