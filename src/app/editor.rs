@@ -55,19 +55,24 @@ impl App {
         if self.document.is_none() {
             return;
         }
-        egui::Panel::bottom("editor").resizable(true).default_size(250.0).min_size(170.0).show(ui, |ui| {
-            ui.add_space(4.0);
-            self.editor_tools(ui);
-            self.point_row(ui);
-            ui.add_space(2.0);
-            self.plot(ui);
-        });
+        egui::Panel::bottom("editor")
+            .frame(super::unfilled(ui))
+            .resizable(true)
+            .default_size(250.0)
+            .min_size(170.0)
+            .show(ui, |ui| {
+                ui.add_space(4.0);
+                self.editor_tools(ui);
+                self.point_row(ui);
+                ui.add_space(2.0);
+                self.plot(ui);
+            });
     }
 
     fn editor_tools(&mut self, ui: &mut egui::Ui) {
         let Some(document) = &self.document else { return };
         let (name, edited) = (document.tf_source.0.clone(), document.tf_edited());
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             ui.strong("Transfer function");
             let short = name.rsplit(['/', '\\']).next().unwrap_or(&name).to_owned();
             let text = if edited { format!("{short} (edited)") } else { short };
@@ -186,7 +191,10 @@ impl App {
         let Some(document) = &self.document else { return };
         let (tf, histogram) =
             (std::sync::Arc::clone(&document.tf), std::sync::Arc::clone(&document.histogram));
-        let whole = ui.available_rect_before_wrap().shrink2(vec2(2.0, 2.0));
+        // All that is left, to the last point: a panel takes the height that its contents take.
+        let whole = ui.available_rect_before_wrap();
+        ui.allocate_rect(whole, Sense::hover());
+        let whole = whole.shrink(2.0);
         if whole.width() < 40.0 || whole.height() < 50.0 {
             return;
         }
@@ -306,7 +314,6 @@ impl App {
             edits.push(Edit::Remove { index });
         }
         edits.into_iter().for_each(|edit| self.edit(edit));
-        ui.advance_cursor_after_rect(whole);
     }
 
     /// The wheel zooms the values about the cursor; with the right button held they are dragged along.

@@ -10,10 +10,12 @@ use crate::scene::Scene;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A submission keeps the queue, which the window draws through too, no longer than about this.
-const BAND_MS: f64 = 20.0;
+/// A submission keeps the queue, which the window draws through too, no longer than about this. A software adapter draws
+/// the window in tens of milliseconds itself: shorter bands would leave it most of the time.
+const BAND_MS: f64 = 12.0;
+const SOFTWARE_BAND_MS: f64 = 35.0;
 /// Tiles of a shadow map that are built in one submission.
-const TILES_AT_ONCE: u32 = 64;
+const TILES_AT_ONCE: u32 = 128;
 /// What a picture may take while a hand moves, shadow map included.
 const MOVING_MS: f64 = 110.0;
 /// A whole picture that takes no longer is drawn at once.
@@ -62,13 +64,16 @@ pub struct Engine {
 
 impl Engine {
     pub fn new(gpu: Gpu) -> Self {
-        let pace = Pace::new(BAND_MS);
+        let software = gpu.info.device_type == wgpu::DeviceType::Cpu;
+        let pace = Pace::new(if software { SOFTWARE_BAND_MS } else { BAND_MS });
+        // A coarse picture is short: in one piece it waits for the window once.
+        let moving = Pace::new(0.6 * MOVING_MS);
         Self {
             renderer: Renderer::new(gpu).with_tiles_at_once(TILES_AT_ONCE),
             loaded: None,
             kept: Kept::default(),
             textures: Vec::new(),
-            speeds: Speeds { whole: pace, moving: pace, build_ms_per_texel: Vec::new() },
+            speeds: Speeds { whole: pace, moving, build_ms_per_texel: Vec::new() },
             shown: None,
         }
     }
@@ -103,7 +108,7 @@ impl Engine {
         let whole = self.whole(wanted);
         let shown = Shown { scene: wanted.scene.clone(), quality: whole.clone() };
         if self.shown.as_ref() == Some(&shown) {
-            speaker.say(Event::Unchanged);
+            speaker.say(Event::Unchanged { revision: wanted.revision });
             return Ok(());
         }
         if self.expected_ms(&whole, wanted) > AT_ONCE_MS {
@@ -225,6 +230,14 @@ impl Engine {
                 frame_ms: drawn.span.best().0,
             });
         }
+        let drawn_ms = sides.iter().map(|s: &Side| s.frame_ms).sum::<f64>();
+        let Quality { width, height, .. } = *quality;
+        tracing::debug!(
+            "{width} x {height}, {}: {work:?}, rays {drawn_ms:.1} ms, longest band {longest_band_ms:.1} ms, \
+             {:.0} ms since the hand",
+            quality.choices[0].spec(),
+            wanted.since.elapsed().as_secs_f64() * 1e3
+        );
         let mut sides = sides.into_iter();
         let Some(main) = sides.next() else { return Ok(None) };
         Ok(Some(Frame {
@@ -234,6 +247,7 @@ impl Engine {
             work,
             latency_ms: Instant::now().duration_since(wanted.since).as_secs_f64() * 1e3,
             longest_band_ms,
+            revision: wanted.revision,
         }))
     }
 }

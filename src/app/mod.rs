@@ -99,6 +99,8 @@ pub struct App {
     prompt: prompt::PromptState,
     timings: timings::Timings,
     show_help: bool,
+    /// Of what was wanted last.
+    revision: u64,
     /// Pictures that have come from the render thread.
     pub frames: u64,
     /// Times that a change turned out to reach no picture.
@@ -146,6 +148,7 @@ impl App {
             prompt: Default::default(),
             timings: Default::default(),
             show_help: false,
+            revision: 0,
             frames: 0,
             unchanged: 0,
             wake,
@@ -349,12 +352,12 @@ impl App {
                 Event::Frame(frame) => {
                     self.frames += 1;
                     self.timings.note(&frame);
-                    self.view.settled = frame.whole;
+                    self.view.settled = frame.whole && frame.revision == self.revision;
                     self.frame = Some(*frame);
                 }
-                Event::Unchanged => {
+                Event::Unchanged { revision } => {
                     self.unchanged += 1;
-                    self.view.settled = true;
+                    self.view.settled = revision == self.revision;
                 }
                 Event::Probed(result) => {
                     self.probe_at = Some(result.point);
@@ -421,12 +424,14 @@ impl App {
         };
         if self.asked.as_ref() != Some(&now) {
             self.view.settled = false;
+            self.revision += 1;
             self.worker.want(Wanted {
                 tf: Arc::clone(&now.tf),
                 method: now.method.clone(),
                 other: now.other.clone(),
                 scene: now.scene.clone(),
                 since: Instant::now(),
+                revision: self.revision,
             });
             self.asked = Some(now);
         }
@@ -476,4 +481,9 @@ impl App {
             self.open_source(&name);
         }
     }
+}
+
+/// The frame of a panel without its fill: the window is cleared to that colour.
+fn unfilled(ui: &egui::Ui) -> egui::Frame {
+    egui::Frame::side_top_panel(ui.style()).fill(egui::Color32::TRANSPARENT)
 }

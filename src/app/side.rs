@@ -24,19 +24,16 @@ impl App {
         if self.document.is_none() {
             return;
         }
-        egui::Panel::right("side").resizable(true).default_size(320.0).min_size(280.0).max_size(520.0).show(
-            ui,
-            |ui| {
-                egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                    ui.add_space(6.0);
-                    section(ui, "Shadows", |ui| self.shadows(ui));
-                    section(ui, "Light", |ui| self.light(ui));
-                    section(ui, "Picture", |ui| self.picture(ui));
-                    section(ui, "Times", |ui| self.times(ui));
-                    section(ui, "Volume", |ui| self.volume(ui));
-                });
-            },
-        );
+        egui::Panel::right("side").frame(super::unfilled(ui)).exact_size(330.0).show(ui, |ui| {
+            egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+                ui.add_space(6.0);
+                section(ui, "Shadows", |ui| self.shadows(ui));
+                section(ui, "Light", |ui| self.light(ui));
+                section(ui, "Picture", |ui| self.picture(ui));
+                section(ui, "Times", |ui| self.times(ui));
+                section(ui, "Volume", |ui| self.volume(ui));
+            });
+        });
     }
 
     fn shadows(&mut self, ui: &mut egui::Ui) {
@@ -57,7 +54,7 @@ impl App {
             egui::Grid::new(("report", &side.spec, frame.other.is_some())).num_columns(2).show(ui, |ui| {
                 let mut row = |name: &str, value: String, tooltip: &str| {
                     ui.weak(name).on_hover_text(tooltip);
-                    ui.label(value);
+                    ui.add(egui::Label::new(value).truncate());
                     ui.end_row();
                 };
                 if frame.other.is_some() || !frame.whole {
@@ -151,7 +148,8 @@ impl App {
         ui.horizontal(|ui| {
             ui.label("Shading").on_hover_text("Surface shading by the gradient");
             for shading in [Shading::None, Shading::Lambert, Shading::BlinnPhong] {
-                ui.selectable_value(&mut document.scene.shading, shading, name_of(shading));
+                ui.selectable_value(&mut document.scene.shading, shading, name_of(shading))
+                    .accessible_name(format!("shading {}", name_of(shading)));
             }
         });
         ui.weak("Shift-drag in the view moves the light");
@@ -281,7 +279,6 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
     response.response.accessible_name(name);
     let entry = choice.entry();
     ui.add(egui::Label::new(egui::RichText::new(entry.summary).weak().small()).wrap());
-    let before = choice.clone();
     egui::Grid::new((name, choice.name)).num_columns(2).show(ui, |ui| {
         for (key, value) in entry.keys.iter().zip(&mut choice.values) {
             ui.label(key.name).on_hover_text(format!("{} [default: {}]", key.help, key.default));
@@ -289,10 +286,8 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
             ui.end_row();
         }
     });
-    if *choice != before || !entry.keys.is_empty() {
-        if let Err(e) = choice.method() {
-            ui.colored_label(ui.visuals().error_fg_color, format!("{}: {}", e.place, e.why));
-        }
+    if let Err(e) = choice.method() {
+        ui.colored_label(ui.visuals().error_fg_color, format!("{}: {}", e.place, e.why));
     }
 }
 

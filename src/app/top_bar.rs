@@ -9,7 +9,7 @@ use eframe::egui;
 
 impl App {
     pub(super) fn top_bar(&mut self, ui: &mut egui::Ui) {
-        egui::Panel::top("menu").show(ui, |ui| {
+        egui::Panel::top("menu").frame(super::unfilled(ui)).show(ui, |ui| {
             egui::MenuBar::new().ui(ui, |ui| {
                 ui.menu_button("File", |ui| self.file_menu(ui));
                 ui.menu_button("View", |ui| self.view_menu(ui));

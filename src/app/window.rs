@@ -161,6 +161,11 @@ impl eframe::App for Window {
         }
     }
 
+    /// The panels' own colour: they paint none, which spares a software adapter most of the window's pixels.
+    fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
+        visuals.panel_fill.to_normalized_gamma_f32()
+    }
+
     fn raw_input_hook(&mut self, context: &egui::Context, input: &mut egui::RawInput) {
         if let Some(script) = &mut self.script {
             script.before_frame(&self.app, context, input);

@@ -30,6 +30,8 @@ pub struct Wanted {
     pub scene: Scene,
     /// When the hand did what this picture answers.
     pub since: Instant,
+    /// Rises with everything that is wanted.
+    pub revision: u64,
 }
 
 /// One method's part of a frame.
@@ -56,6 +58,8 @@ pub struct Frame {
     pub latency_ms: f64,
     /// The longest that one submission kept the queue, ms.
     pub longest_band_ms: f64,
+    /// Of what was wanted.
+    pub revision: u64,
 }
 
 /// What the render thread has to say.
@@ -63,7 +67,9 @@ pub enum Event {
     Opened(Box<Opened>),
     Frame(Box<Frame>),
     /// The change reached no picture: no voxel has the values that it concerns.
-    Unchanged,
+    Unchanged {
+        revision: u64,
+    },
     Probed(Box<ProbeResult>),
     /// Share of the export that is done.
     ExportProgress(f32),
@@ -231,7 +237,7 @@ fn run(gpu: Gpu, mailbox: &Mailbox, speaker: &Speaker) {
     loop {
         let next = mailbox.next();
         let done = catch_unwind(AssertUnwindSafe(|| match next {
-            Next::Quit => return Ok(false),
+            Next::Quit => Ok(false),
             Next::Draw(wanted) => engine.show(&wanted, mailbox, speaker).map(|()| true),
             Next::Job(Job::Upload(opened)) => engine.upload(*opened, speaker).map(|()| true),
             Next::Job(Job::Probe(request)) => engine.probe(&request, speaker).map(|()| true),

@@ -52,29 +52,62 @@ impl DisplayTexture {
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
     pub target_ms: f64,
+    /// Of whole pictures, empty parts included.
     pixels_per_ms: f64,
+    /// Of the slowest band of the picture before, and of this one so far.
+    slowest_before: f64,
+    slowest_now: f64,
+    pixels: f64,
+    ms: f64,
 }
+
+/// A shorter band says more of what a submission costs than of its pixels.
+const TELLING_MS: f64 = 4.0;
 
 impl Pace {
     /// Starts with small bands until it is known how fast the adapter is.
     pub fn new(target_ms: f64) -> Self {
-        Self { target_ms, pixels_per_ms: 500.0 }
+        let rate = 500.0;
+        Self {
+            target_ms,
+            pixels_per_ms: rate,
+            slowest_before: rate,
+            slowest_now: f64::INFINITY,
+            pixels: 0.0,
+            ms: 0.0,
+        }
     }
 
-    /// Pixels that have lately been drawn in a millisecond.
+    /// Pixels that the last pictures have drawn in a millisecond.
     pub fn pixels_per_ms(&self) -> f64 {
         self.pixels_per_ms
     }
 
+    /// Begins a picture with what the last one has taught.
+    pub(super) fn begin(&mut self) {
+        if self.ms > 0.0 {
+            self.pixels_per_ms = 0.5 * (self.pixels_per_ms + self.pixels / self.ms);
+            // A band that is fast since it is empty says nothing of the next: the slowest one counts.
+            let faster = 2.0 * self.slowest_before;
+            self.slowest_before = self.slowest_now.min(faster);
+        }
+        self.slowest_now = f64::INFINITY;
+        (self.pixels, self.ms) = (0.0, 0.0);
+    }
+
     pub(super) fn learn(&mut self, pixels: u32, span: Span) {
-        let now = f64::from(pixels) / span.wall_ms.max(0.05);
-        // Bands differ in what they hold; half the new and half the old follows a scene within a few of them.
-        self.pixels_per_ms = 0.5 * (self.pixels_per_ms + now);
+        let ms = span.wall_ms.max(0.05);
+        self.pixels += f64::from(pixels);
+        self.ms += ms;
+        if ms >= TELLING_MS {
+            self.slowest_now = self.slowest_now.min(f64::from(pixels) / ms);
+        }
     }
 
     pub(super) fn rows(&self, width: u32) -> u32 {
+        let rate = self.slowest_before.min(self.slowest_now);
         // Workgroups are eight rows high.
-        let rows = (self.target_ms * self.pixels_per_ms / f64::from(width.max(1)) / 8.0).floor().max(1.0);
+        let rows = (self.target_ms * rate / f64::from(width.max(1)) / 8.0).floor().max(1.0);
         (rows * 8.0).min(f64::from(u32::MAX)) as u32
     }
 }
@@ -108,7 +141,9 @@ impl Renderer {
         let scene = Scene { width: target.width, height: target.height, ..scene.clone() };
         let variant = ShaderVariant { entry: "display.wgsl", modules: Vec::new(), defs: Vec::new() };
         let pipeline = self.pipeline(&variant, &self.layouts.display)?;
+        pace.begin();
         let pace = std::cell::RefCell::new(pace);
+        let mut encoded = None;
         let mut longest_band_ms = 0.0_f64;
         let mut complete = true;
         let (plan, span) = self.draw(
@@ -116,7 +151,11 @@ impl Renderer {
             transfer,
             shadow,
             &scene,
-            |_| pace.borrow().rows(scene.width),
+            |_| {
+                // What others have submitted meanwhile is no part of a band's time; a lost device shows in the band itself.
+                let _ = self.gpu.wait_for(self.gpu.queue.submit([]));
+                pace.borrow().rows(scene.width)
+            },
             |band| {
                 pace.borrow_mut().learn(band.rows * scene.width, band.span);
                 longest_band_ms = longest_band_ms.max(band.span.wall_ms);
@@ -144,12 +183,39 @@ impl Renderer {
                     pass.set_bind_group(2, &group, &[]);
                     pass.dispatch_workgroups(scene.width.div_ceil(8), band.rows.div_ceil(8), 1);
                 }
-                self.gpu.submit_and_wait(encoder)?;
+                // The next band need not wait for this one to be encoded.
+                encoded = Some(self.gpu.queue.submit([encoder.finish()]));
                 let last = band.first_row + band.rows >= scene.height;
                 complete = last || go_on();
                 Ok(complete)
             },
         )?;
+        if let Some(submission) = encoded {
+            self.gpu.wait_for(submission)?;
+        }
         Ok(span.filter(|_| complete).map(|span| Drawn { plan, span, longest_band_ms }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_band_makes_the_next_no_longer_than_a_full_one_may_be() {
+        let ms = |wall_ms| Span { gpu_ms: None, wall_ms };
+        let mut pace = Pace::new(20.0);
+        for _ in 0..20 {
+            pace.begin();
+            // Nothing at the top, something in the middle.
+            pace.learn(100_000, ms(5.0));
+            pace.learn(2_000, ms(20.0));
+        }
+        pace.begin();
+        assert!(pace.rows(100) * 100 <= 2_000, "{}", pace.rows(100));
+        pace.learn(100_000, ms(5.0));
+        assert!(pace.rows(100) * 100 <= 2_000, "an empty band in between changes nothing");
+        assert!((pace.pixels_per_ms() - 102_000.0 / 25.0).abs() < 1.0);
+        assert!(pace.rows(1 << 30) == 8, "a row of workgroups at least");
     }
 }

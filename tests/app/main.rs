@@ -36,7 +36,7 @@ impl Bench {
         let (device, queue) = (gpu.device.clone(), gpu.queue.clone());
         let app = App::new(gpu, &egui::Context::default(), Settings::default()).unwrap();
         let harness = Harness::builder()
-            .with_size([900.0, 700.0])
+            .with_size([1200.0, 800.0])
             .build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
         let mut bench = Self { harness, device, queue };
         let request = scene_args(line).into_request().unwrap();
@@ -82,6 +82,22 @@ impl Bench {
         self.harness.event(button(to, false));
         self.harness.event(Event::ModifiersChanged(Modifiers::NONE));
         self.harness.step();
+    }
+
+    /// Clicks at a place.
+    pub fn click_at(&mut self, pos: Pos2) {
+        let modifiers = Modifiers::NONE;
+        self.harness.event(Event::PointerMoved(pos));
+        self.harness.step();
+        for pressed in [true, false] {
+            self.harness.event(Event::PointerButton {
+                pos,
+                button: PointerButton::Primary,
+                pressed,
+                modifiers,
+            });
+            self.harness.step();
+        }
     }
 
     /// Clicks the widget of that name.
