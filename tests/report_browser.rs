@@ -25,8 +25,17 @@ fn browser(test: &str) -> Option<PathBuf> {
     found
 }
 
-/// The document as the browser has it once it is loaded, or `None` and a visible line where the browser does not run.
+/// The document as the browser has it once it is loaded, or `None` and a visible line where the browser does not even show
+/// an empty page.
 fn dom(browser: &Path, page: &Path) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let empty = folder.path().join("empty.html");
+    std::fs::write(&empty, "<!DOCTYPE html><title>empty</title>").unwrap();
+    dump(browser, &empty)?;
+    Some(dump(browser, page).expect("the browser shows an empty page but not this one"))
+}
+
+fn dump(browser: &Path, page: &Path) -> Option<String> {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("dom.html");
     let mut child = Command::new(browser)

@@ -7,6 +7,6 @@ struct Sink {
 }
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
-    (*sink).start_mm = z_from;
+    if depth > 0.0 { (*sink).start_mm = z_from; }
     return depth > 0.0;
 }

@@ -142,7 +142,8 @@ impl Engine {
 
     /// Milliseconds that a map would take to build, where it has to be; unknown before the first of its kind.
     fn build_ms(&self, choice: &MethodChoice, wanted: &Wanted) -> f64 {
-        if self.kept.has(&choice.spec(), wanted.scene.light) {
+        let made = |loaded: &LoadedVolume| self.kept.has(loaded, &choice.spec(), &wanted.scene);
+        if self.loaded.as_ref().is_some_and(made) {
             return 0.0;
         }
         let Some(map) = choice.map() else { return 0.0 };

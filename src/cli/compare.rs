@@ -81,7 +81,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     if requests.iter().any(|r| r.shadow.is_some()) {
         say("note", &"--shadow is not used by compare; --methods is");
     }
-    // Every scene is read before anything is done: a mistake in the last is not found hours later. One is held at a time.
+    // Every scene is read before anything is done: a mistake in the last is not found hours later.
     let (mut first, mut names) = (None, Vec::new());
     for (i, request) in requests.iter().enumerate() {
         let loaded = super::load(request)?;
@@ -141,7 +141,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
                 report.add(&job, &compared.compared)?;
                 all.append(compared);
                 if args.ablate {
-                    ablations.append(&mut ablate::ablate(&job, &methods, &mut progress)?);
+                    ablations.append(&mut ablate::ablate(&job, &methods, &mut progress));
                 }
                 renderer = session.renderer;
             }

@@ -108,7 +108,7 @@ pub struct SceneArgs {
     #[arg(long, value_name = "FILE.toml", help_heading = "Scene")]
     pub scene: Vec<PathBuf>,
 
-    /// Do work that the scene does not need: names apart by commas, as --explain puts them in brackets, or all
+    /// Do work that the scene does not need: names apart by commas, which --explain shows in square brackets, or all
     #[arg(long, value_name = "NAMES", value_parser = values::forced, help_heading = "Scene")]
     pub force: Option<Forced>,
 

@@ -58,8 +58,7 @@ impl ExactField<'_> {
     /// model, not an approximation.
     pub fn picture_change(&self, scene: &Scene, picture: &Array3<f32>, count: usize) -> f64 {
         let (height, width, _) = picture.dim();
-        // A step that shares no factor with the width does not keep to a few columns.
-        let step = (width * height / count.max(1)).max(1) | 1;
+        let step = spread_step(width, height, count);
         (0..width * height)
             .into_par_iter()
             .step_by(step)
@@ -93,6 +92,20 @@ impl ExactField<'_> {
         let [r, g, b] = std::array::from_fn(|c| color[c] + (1.0 - opacity) * scene.background[c]);
         [r, g, b, opacity]
     }
+}
+
+/// Pixels from one that is looked at to the next: a step that shares no factor with the width does not keep to a few
+/// columns.
+fn spread_step(width: usize, height: usize, count: usize) -> usize {
+    let divides = |a: usize, b: usize| -> usize {
+        let (mut a, mut b) = (a, b);
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let least = (width * height / count.max(1)).max(1);
+    (least..).find(|step| divides(*step, width.max(1)) == 1).unwrap_or(least)
 }
 
 /// A part of the interval with its integral and an estimate of the error.

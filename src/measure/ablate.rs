@@ -1,7 +1,8 @@
 //! What each omission of the plan is worth: times and bytes with the work forced back on, beside those without.
 
-use super::compare::{Job, name_of};
+use super::compare::{Job, SLOW_FRAME_MS, name_of};
 use super::progress::{Progress, Stage, Step};
+use super::report::escape_markdown;
 use super::stats::{Spread, image_difference};
 use super::timing::{ClockSource, StageTimes, Timing, Turns, interleave};
 use crate::error::{Error, Result};
@@ -12,7 +13,7 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 /// One method and one thing that its plan left out; medians of rounds in which all variants of the method took turns.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Ablation {
     pub scene: String,
     pub adapter: String,
@@ -54,21 +55,20 @@ struct Variant {
     tables_ms: RefCell<Vec<f64>>,
 }
 
-/// Measures every omission of every method's plan that can be forced.
-///
-/// # Errors
-/// A method cannot be built or drawn as it is; what only fails when it is forced is a note in its row.
-pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -> Result<Vec<Ablation>> {
+/// Measures every omission of every method's plan that can be forced. What fails is a row that says why in its note: one
+/// for the whole method where that cannot be built or drawn as it is.
+pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -> Vec<Ablation> {
     let mut rows = Vec::new();
     for method in methods {
         let method = method.as_ref();
         progress.begin(step(method), &format!("{}: ablation", name_of(method)));
-        let lean = run(job, method, job.session.transfer.forced)?;
-        let omissions: Vec<(Optional, Omission)> =
-            lean.picture.plan.left_out.iter().filter_map(|o| Some((o.optional?, o.clone()))).collect();
-        rows.extend(one_method(job, method, &lean, &omissions)?);
+        match one_method(job, method) {
+            Ok(mut more) => rows.append(&mut more),
+            Err(e) => rows.push(Ablation { note: e.to_string(), ..Ablation::of(job, method) }),
+        }
     }
-    Ok(rows)
+    progress.end();
+    rows
 }
 
 /// What [`ablate`] tells `progress` once a method.
@@ -76,19 +76,31 @@ pub fn step(method: &dyn Method) -> Step {
     Step::new(Stage::Ablation, &name_of(method))
 }
 
-fn one_method(
-    job: &Job,
-    method: &dyn Method,
-    lean: &Run,
-    omissions: &[(Optional, Omission)],
-) -> Result<Vec<Ablation>> {
+impl Ablation {
+    /// A row of which nothing is measured yet.
+    fn of(job: &Job, method: &dyn Method) -> Self {
+        Self {
+            scene: job.scene_name.clone(),
+            adapter: job.session.renderer.gpu().info.name.clone(),
+            method: method.name().into(),
+            params: method.params(),
+            ..Self::default()
+        }
+    }
+}
+
+fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
     let base = job.session.transfer.forced;
+    let lean = run(job, method, base)?;
+    let omissions: Vec<(Optional, Omission)> =
+        lean.picture.plan.left_out.iter().filter_map(|o| Some((o.optional?, o.clone()))).collect();
     let variants: Vec<Variant> = [base]
         .into_iter()
         .chain(omissions.iter().map(|(optional, _)| base.and(Forced::only(*optional))))
         .map(|forced| Variant { forced, tables_ms: RefCell::default() })
         .collect();
     // The first run of each, which warms its pipelines up, is also the one whose picture and bytes count.
+    let rounds = if lean.times.frame.best().0 > SLOW_FRAME_MS { 1 } else { job.effort.repeats };
     let first: Vec<Result<Run>> = variants[1..].iter().map(|v| run(job, method, v.forced)).collect();
     let mut turns: Vec<Turns> = variants
         .iter()
@@ -99,7 +111,7 @@ fn one_method(
                 Ok(run.times)
             }),
             warmup: 0,
-            rounds: job.effort.repeats,
+            rounds,
         })
         .collect();
     let timed = interleave(&mut turns, &mut |_| Ok(()))?;
@@ -113,24 +125,15 @@ fn one_method(
         .unwrap_or_else(|| Err(Error::runtime("cannot time", name_of(method), "no run was counted")))?;
     let rows = omissions.iter().zip(first).zip(medians).map(|(((optional, omission), first), forced)| {
         let mut row = Ablation {
-            scene: job.scene_name.clone(),
-            adapter: job.session.renderer.gpu().info.name.clone(),
             clock: Some(own.clock),
-            method: method.name().into(),
-            params: method.params(),
             omission: optional.name(),
             what: omission.what.clone(),
             why: omission.why.clone(),
             tables_ms: own_tables_ms,
-            tables_ms_forced: None,
             build_ms: Some(own.build_ms.median),
-            build_ms_forced: None,
             frame_ms: Some(own.frame_ms.median),
-            frame_ms_forced: None,
             bytes: Some(lean.bytes),
-            bytes_forced: None,
-            picture_difference: None,
-            note: String::new(),
+            ..Ablation::of(job, method)
         };
         let measured = first.and_then(|run| {
             let off = image_difference(run.picture.pixels.view(), lean.picture.pixels.view())?;
@@ -192,19 +195,23 @@ pub fn markdown(rows: &[Ablation]) -> String {
     };
     let megabytes = |bytes: Option<u64>| bytes.map(|b| b as f64 * 1e-6);
     for row in rows {
+        let what = match row.omission {
+            "" => String::new(),
+            name => format!("{name}: {} ({})", row.what, row.why),
+        };
         out += &format!(
-            "| {} | {} | {}: {} ({}) | {} | {} | {} | {} | {} |\n",
-            row.scene,
-            [&*row.method, &*row.params].join(" ").trim_end(),
-            row.omission,
-            row.what,
-            row.why,
+            "| {} | {} | {} | {} | {} | {} | {} | {} |\n",
+            escape_markdown(&row.scene),
+            escape_markdown([&*row.method, &*row.params].join(" ").trim_end()),
+            escape_markdown(&what),
             pair(row.tables_ms, row.tables_ms_forced, 1),
             pair(row.build_ms, row.build_ms_forced, 1),
             pair(row.frame_ms, row.frame_ms_forced, 1),
             pair(megabytes(row.bytes), megabytes(row.bytes_forced), 2),
-            row.picture_difference
-                .map_or_else(|| row.note.clone(), |d| if d == 0.0 { "0".into() } else { format!("{d:.0e}") }),
+            row.picture_difference.map_or_else(
+                || escape_markdown(&row.note),
+                |d| if d == 0.0 { "0".into() } else { format!("{d:.0e}") }
+            ),
         );
     }
     out

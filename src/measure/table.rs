@@ -48,7 +48,7 @@ columns! {
     /// Name of the adapter that the times are from.
     adapter: String,
     method: String,
-    /// `key=value` texts separated by spaces; [`params_text`] makes it.
+    /// `key=value` texts separated by spaces.
     params: String,
     /// Texels a side of the shadow map.
     map: Option<u32>,
@@ -193,11 +193,6 @@ impl Row {
     pub fn moving_ms(&self) -> Option<f64> {
         self.frame_ms.map(|frame| self.build_ms.unwrap_or(0.0) + frame)
     }
-}
-
-/// `key=value` texts separated by spaces.
-pub fn params_text<K: fmt::Display, V: fmt::Display>(params: impl IntoIterator<Item = (K, V)>) -> String {
-    params.into_iter().map(|(k, v)| format!("{k}={v}")).collect::<Vec<_>>().join(" ")
 }
 
 /// Fills `pareto`: a row is on the front unless another of the same scene, adapter and picture size is at once
@@ -424,14 +419,5 @@ pub(super) mod tests {
         }
         let places: Vec<_> = COLUMNS.iter().map(|c| text.find(&format!("\"{c}\":")).unwrap()).collect();
         assert!(places.is_sorted());
-    }
-
-    #[test]
-    fn params() {
-        assert_eq!(
-            params_text([("epsilon", "0.02"), ("filter", "bilinear")]),
-            "epsilon=0.02 filter=bilinear"
-        );
-        assert_eq!(params_text(Vec::<(&str, f64)>::new()), "");
     }
 }

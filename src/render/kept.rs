@@ -146,13 +146,17 @@ impl Kept {
         self.transfer.as_ref().map(|(_, made)| made)
     }
 
-    /// Whether [`Self::prepare`] would find the method's structure made.
-    pub fn has(&self, spec: &str, light: Light) -> bool {
-        self.place(spec, light, true).is_some()
+    /// Whether [`Self::prepare`] would build nothing: the method's structure is made, or the scene needs none.
+    pub fn has(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene) -> bool {
+        let unneeded = |t: &DeviceTransfer| needs_shadows(scene, &loaded.volume, t).is_err();
+        self.place(spec, scene.light, true).is_some() || self.transfer().is_some_and(unneeded)
     }
 
+    /// Where a structure is kept; one that stands for none needed serves every method.
     fn place(&self, spec: &str, light: Light, needed: bool) -> Option<usize> {
-        self.maps.iter().position(|(key, _)| (&*key.method, key.light, key.needed) == (spec, light, needed))
+        self.maps.iter().position(|(key, _)| {
+            (key.light, key.needed) == (light, needed) && (!needed || key.method == spec)
+        })
     }
 
     /// Builds the shadow structure of a method, which `spec` names, unless it is kept; no map at all where no light can
@@ -181,6 +185,10 @@ impl Kept {
         let map = renderer.shadow(loaded, transfer, method, scene.light)?;
         if needed {
             *work.build_ms.get_or_insert(0.0) += map.report.build_ms();
+        }
+        if !needed {
+            // One is enough, and must not drive out what took long to build.
+            self.maps.retain(|(key, _)| key.needed);
         }
         self.maps.push((MapKey { method: spec.into(), light: scene.light, needed }, map));
         if self.maps.len() > MOST_MAPS {

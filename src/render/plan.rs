@@ -20,10 +20,19 @@ pub struct Omission {
     pub optional: Option<Optional>,
 }
 
+impl Omission {
+    /// What was left out, why, and what that saved.
+    pub fn text(&self) -> String {
+        let saved = self.saved.as_ref().map_or(String::new(), |s| format!(", {s}"));
+        format!("{} ({}){saved}", self.what, self.why)
+    }
+}
+
+/// The text, and in brackets the name for `--force` where there is one.
 impl fmt::Display for Omission {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "left out: {} ({})", self.what, self.why)?;
-        self.saved.as_ref().map_or(Ok(()), |s| write!(f, ", {s}"))
+        write!(f, "left out: {}", self.text())?;
+        self.optional.map_or(Ok(()), |name| write!(f, " [{name}]"))
     }
 }
 
@@ -125,9 +134,7 @@ impl Plan {
             omit(what, "no active brick under them", saved, Some(Optional::Tiles));
         }
         for pass in report.passes_left_out.iter().filter(|_| shadows) {
-            if !pass.optional.is_some_and(|o| forced.has(o)) {
-                omit(pass.what.into(), pass.why, None, pass.optional);
-            }
+            omit(pass.what.into(), pass.why, None, pass.optional);
         }
         let shading = match scene.shading {
             Shading::None if forced.has(Optional::Gradients) => Shading::Lambert,

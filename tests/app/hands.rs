@@ -4,7 +4,7 @@ use super::{Bench, brightness};
 use eframe::egui::{self, Modifiers, vec2};
 use egui_kittest::kittest::Queryable;
 use umbravox::app::curve::Edit;
-use umbravox::render::Change;
+use umbravox::transfer::TransferChange;
 use umbravox::transfer::TransferFunction;
 
 const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
@@ -63,8 +63,8 @@ fn an_edit_does_no_more_than_it_must() {
     let after = bench.app().document.clone().unwrap();
     assert_eq!(before.scene, after.scene);
     assert_eq!(
-        Change::between(&before.tf, &after.tf, range),
-        Change::Nothing,
+        TransferChange::between(&before.tf, &after.tf, |[lo, hi]| lo <= range[1] && hi >= range[0]),
+        TransferChange::Nothing,
         "{:?} {:?}",
         before.tf,
         after.tf

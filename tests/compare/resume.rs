@@ -115,17 +115,17 @@ fn rounds_go_on_where_they_stopped_and_the_row_says_so() {
     }
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
-    let extra = ["--points=50", "--rays=5", "--depths=5", "--repeats=60", "--methods=none;dsm:map=64"];
+    let extra = ["--points=50", "--rays=5", "--depths=5", "--repeats=300", "--methods=none;dsm:map=64"];
     interrupt(folder, &extra, "round", 4);
     let before = lines(folder, "round");
-    assert!(before.len() < 120, "something is left to do");
+    assert!(before.len() < 600, "something is left to do");
     resume(folder, &extra);
     let after = lines(folder, "round");
-    assert_eq!((&after[..before.len()], after.len()), (&before[..], 120));
+    assert_eq!((&after[..before.len()], after.len()), (&before[..], 600));
     let rows = read_csv(&folder.join("out/compare.csv"));
     for row in &rows {
-        assert_eq!((row["repeats"].as_str(), row["status"].as_str()), ("60", "ok"));
-        assert!(row["note"].contains("its 60 timed rounds are from 2 runs"), "{}", row["note"]);
+        assert_eq!((row["repeats"].as_str(), row["status"].as_str()), ("300", "ok"));
+        assert!(row["note"].contains("its 300 timed rounds are from 2 runs"), "{}", row["note"]);
     }
     // Started anew, it forgets.
     let output =

@@ -10,6 +10,7 @@ mod invariance;
 mod kept;
 mod layers;
 mod nodes;
+mod parts;
 mod pool;
 mod shading;
 mod strands;
@@ -191,7 +192,8 @@ fn largest_difference(a: &Array3<f32>, b: &Array3<f32>) -> f64 {
     a.iter()
         .zip(b)
         .map(|(a, b)| f64::from((a - b).abs()))
-        .fold(0.0, |most, d| if d <= most { most } else { d })
+        .map(|d| if d.is_nan() { f64::INFINITY } else { d })
+        .fold(0.0, f64::max)
 }
 
 fn rms_difference(a: &Array3<f32>, b: &Array3<f32>) -> f64 {

@@ -134,7 +134,7 @@ fn program_facts(job: &Job) -> Vec<(String, String)> {
     let facts = [
         ("adapter", format!("{} ({:?}; {})", info.name, info.backend, driver.trim())),
         ("host threads", rayon::current_num_threads().to_string()),
-        ("times", format!("median of {} after a warm-up, methods in turn", effort.repeats)),
+        ("times", format!("median of {} after a warm-up, methods in turn; slow ones once", effort.repeats)),
         (
             "errors",
             format!("{} points; {} light rays of {} depths", effort.points, effort.rays, effort.depths),

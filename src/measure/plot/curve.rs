@@ -142,6 +142,10 @@ fn stroke(drawing: &mut Drawing, path: &[Point], line: &Line, family: &Family, p
         Some(dashes) => drawing.dashed(path, LINE_WIDTH, line.color, dashes),
     }
     let (Some(first), Some(last)) = (path.first(), path.last()) else { return };
+    if path.len() == 1 {
+        marker(drawing, *first, family.marker, family.color);
+        return;
+    }
     let markers = if last.0 - first.0 > 2.0 * SAMPLE { MARKERS } else { 1 };
     for k in 0..markers {
         let x = first.0 + (last.0 - first.0) * (k as f64 + phase) / markers as f64;

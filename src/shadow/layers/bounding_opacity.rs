@@ -153,6 +153,9 @@ impl BoundingOpacityMap {
     }
 }
 
+const NO_SEARCH: PassLeftOut =
+    PassLeftOut { what: "search for the ratio", why: "a single layer is not split", optional: None };
+
 impl Method for BoundingOpacityMap {
     fn name(&self) -> &'static str {
         ENTRY.name
@@ -178,20 +181,13 @@ impl Method for BoundingOpacityMap {
         let light_space = LightSpace::fit(context.volume, &context.transfer.active, context.light, self.map);
         let mut host_ms = start.elapsed().as_secs_f64() * 1e3;
         let (mut split_choice, mut regions, mut search) = (None, None, None);
-        let mut passes_left_out: &[_] = &[NO_DEPTH_PASS];
+        let mut searched = true;
         let split = match self.split {
             BoundingSplit::Linear => Split::Power(1.0),
             BoundingSplit::Log => Split::Tables(vec![hybrid(1.0)]),
             BoundingSplit::Hybrid(ratio) => Split::Tables(vec![hybrid(ratio)]),
             BoundingSplit::Auto(_) | BoundingSplit::Texel if self.layers == 1 => {
-                passes_left_out = &[
-                    NO_DEPTH_PASS,
-                    PassLeftOut {
-                        what: "search for the ratio",
-                        why: "a single layer is not split",
-                        optional: None,
-                    },
-                ];
+                searched = false;
                 Split::Power(1.0)
             }
             BoundingSplit::Auto(measure) => {
@@ -233,7 +229,12 @@ impl Method for BoundingOpacityMap {
         }
         built.report.host_ms += host_ms;
         built.report.split_choice = split_choice;
-        built.report.passes_left_out = passes_left_out;
+        if !searched {
+            built.report.passes_left_out = match built.report.passes_left_out {
+                [] => &[NO_SEARCH],
+                _ => &[NO_DEPTH_PASS, NO_SEARCH],
+            };
+        }
         Ok(built.behind(context, deep_opacity::LOOKUP, recipe.read_defs()))
     }
 }

@@ -18,10 +18,10 @@
 
 use super::super::spec::Setting;
 use super::super::{BuildContext, Entry, Filter, Key, LightSpace, Method, ShadowMap};
+use super::Recipe;
 use super::keys::{self, Given};
 use super::record::Record;
 use super::split::Split;
-use super::{NO_DEPTH_PASS, Recipe};
 use crate::error::Result;
 use std::time::Instant;
 
@@ -164,7 +164,6 @@ impl Method for DeepOpacityMap {
         let host_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut built = recipe.build(context, light_space, None)?;
         built.report.host_ms += host_ms;
-        built.report.passes_left_out = &[NO_DEPTH_PASS];
         Ok(built.behind(context, LOOKUP, recipe.read_defs()))
     }
 }

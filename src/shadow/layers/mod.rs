@@ -155,12 +155,14 @@ impl Recipe {
         )?;
         let with_depth_pass = self.record.depths > 0 && context.transfer.forced.has(Optional::DepthPass);
         let mut device: Option<Span> = None;
+        let mut depth_passes = 0;
         for part in tile_parts(context.renderer, list.len() as u32) {
             let (groups, list) = (part.workgroups(), part.binding(&tile_list));
             let mut took =
                 pass.run(context, "layered map build", &variant, &uniform, groups, list.clone())?;
             if with_depth_pass {
                 took = depth_pass(context, &pass, record_count, &uniform, groups, list)?.plus(took);
+                depth_passes += 1;
             }
             device = Some(device.map_or(took, |d| d.plus(took)));
         }
@@ -176,6 +178,7 @@ impl Recipe {
             tiles: entries.len() as u32,
             tiles_left_out: left_out as u32,
             bytes_left_out: left_out * tile_bytes,
+            passes_left_out: if self.record.depths > 0 && depth_passes == 0 { &[NO_DEPTH_PASS] } else { &[] },
             ..Default::default()
         };
         Ok(Built { light_space, uniform, tables, records, report })

@@ -1,0 +1,35 @@
+//! Maps built in several submissions, as a window has them, are those built at once.
+
+use super::*;
+
+#[test]
+fn a_map_in_parts_is_the_map_at_once() {
+    let volume = phantom("thorax:72");
+    let [_, jumps, _] = transfer_functions([-900.0, 1200.0]);
+    let Some(whole) = Setup::open(&volume, &jumps) else { return };
+    let parts: &'static Renderer =
+        Box::leak(Box::new(Renderer::new(Gpu::open(None).unwrap()).with_tiles_at_once(64)));
+    let loaded = parts.load(Arc::clone(&volume)).unwrap();
+    let transfer = parts.transfer(&loaded, &jumps, Forced::NOTHING).unwrap();
+    let parts = Setup { renderer: parts, loaded, transfer, tf: jumps };
+    let scene = whole.scene(57, 41);
+    // 256 tiles, and so four parts; without an error to spare the pool runs out and the build is repeated.
+    for method in
+        ["dsm:map=256,epsilon=0", "osm:map=256,layers=8", "dom:map=256,layers=7", "bom:map=256,layers=7"]
+    {
+        let [a, b] = [&whole, &parts].map(|setup| setup.shadow(method, scene.light));
+        assert!(a.report.tiles - a.report.tiles_left_out > 64, "{method}: more than one part");
+        let counts = |map: &ShadowMap| {
+            (map.report.nodes_total, map.report.nodes_max, map.report.texels_hit, map.report.pool_growths)
+        };
+        assert_eq!(counts(&a), counts(&b), "{method}");
+        if method.starts_with("dsm") {
+            assert!(a.report.pool_growths > 0, "the pool runs out");
+        }
+        assert_eq!(
+            largest_difference(&whole.picture_of(&a, &scene), &parts.picture_of(&b, &scene)),
+            0.0,
+            "{method}"
+        );
+    }
+}
