@@ -67,7 +67,7 @@ impl Engine {
         let software = gpu.info.device_type == wgpu::DeviceType::Cpu;
         let pace = Pace::new(if software { SOFTWARE_BAND_MS } else { BAND_MS });
         // A coarse picture is short: in one piece it waits for the window once.
-        let moving = Pace::new(0.6 * MOVING_MS);
+        let moving = Pace::new(f64::INFINITY);
         Self {
             renderer: Renderer::new(gpu).with_tiles_at_once(TILES_AT_ONCE),
             loaded: None,
