@@ -17,7 +17,7 @@ const SOFTWARE_BAND_MS: f64 = 35.0;
 /// Tiles of a shadow map that are built in one submission.
 const TILES_AT_ONCE: u32 = 128;
 /// What a picture may take while a hand moves, shadow map included.
-const MOVING_MS: f64 = 110.0;
+const MOVING_MS: f64 = 75.0;
 /// A whole picture that takes no longer is drawn at once.
 const AT_ONCE_MS: f64 = 90.0;
 /// The hand rests when it has not moved for so long.
