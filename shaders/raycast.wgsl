@@ -36,7 +36,7 @@ struct Frame {
     padding_c: f32,
 }
 
-@group(2) @binding(0) var<uniform> frame: Frame;
+@group(2) @binding(0) var<storage, read> frame: Frame;
 @group(2) @binding(1) var<storage, read_write> picture: array<vec4<f32>>;
 #ifdef RESUMABLE
 // A picture made in several dispatches, since one would loop longer than some adapters allow (software ones end every
@@ -53,7 +53,7 @@ const LOOKUPS: u32 = 8u;
 #endif
 #ifdef SHADING
 #ifndef SHADOWS
-@group(1) @binding(0) var<uniform> shading_light: LightSpace;
+@group(1) @binding(0) var<storage, read> shading_light: LightSpace;
 #else
 #import umbravox::method::light as shading_light
 #endif

@@ -15,7 +15,7 @@
 #endif
 #endif
 
-@group(1) @binding(0) var<uniform> light: LightSpace;
+@group(1) @binding(0) var<storage, read> light: LightSpace;
 // Tiles that hold active bricks.
 @group(2) @binding(2) var<storage, read> tile_list: array<u32>;
 

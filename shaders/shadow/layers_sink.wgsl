@@ -7,7 +7,7 @@
 #import umbravox::light::LightSpace
 #import umbravox::layers::{block_place, plane_at}
 
-@group(1) @binding(0) var<uniform> light: LightSpace;
+@group(1) @binding(0) var<storage, read> light: LightSpace;
 
 // The store's texels hold 1, 2 or 4 words.
 #ifdef WORDS_1

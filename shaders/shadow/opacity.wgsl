@@ -5,7 +5,7 @@
 #import umbravox::layers::{record_of, wrapped_texel}
 #import umbravox::layers_read::{place_of, optical_depth_at}
 
-@group(1) @binding(0) var<uniform> light: LightSpace;
+@group(1) @binding(0) var<storage, read> light: LightSpace;
 
 // Weight of one of the filter's columns or rows, `side` of them, where the point lies `w` past the middle one's
 // centre.

@@ -6,7 +6,7 @@
 #import umbravox::march::march
 #import umbravox::sink::total_sink
 
-@group(1) @binding(0) var<uniform> light: LightSpace;
+@group(1) @binding(0) var<storage, read> light: LightSpace;
 
 // Transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {

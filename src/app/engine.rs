@@ -17,7 +17,7 @@ const SOFTWARE_BAND_MS: f64 = 35.0;
 /// Tiles of a shadow map that are built in one submission.
 const TILES_AT_ONCE: u32 = 128;
 /// What a picture may take while a hand moves, shadow map included.
-const MOVING_MS: f64 = 110.0;
+const MOVING_MS: f64 = 75.0;
 /// A whole picture that takes no longer is drawn at once.
 const AT_ONCE_MS: f64 = 90.0;
 /// The hand rests when it has not moved for so long.
@@ -67,7 +67,7 @@ impl Engine {
         let software = gpu.info.device_type == wgpu::DeviceType::Cpu;
         let pace = Pace::new(if software { SOFTWARE_BAND_MS } else { BAND_MS });
         // A coarse picture is short: in one piece it waits for the window once.
-        let moving = Pace::new(0.6 * MOVING_MS);
+        let moving = Pace::new(f64::INFINITY);
         Self {
             renderer: Renderer::new(gpu).with_tiles_at_once(TILES_AT_ONCE),
             loaded: None,

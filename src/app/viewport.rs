@@ -329,7 +329,6 @@ fn light_arrow(painter: &egui::Painter, rect: Rect, camera: &Camera, toward: DVe
     let Some([x, y]) = camera::disc_from_direction(camera, toward) else { return };
     let radius = 0.4 * rect.height().min(rect.width());
     let color = Color32::from_rgb(255, 220, 110);
-    painter.circle_stroke(rect.center(), 0.5 * radius, Stroke::new(1.0, color.gamma_multiply(0.4)));
     let from = rect.center() + Vec2::new(x as f32, -y as f32) * radius;
     painter.line_segment([rect.center(), from], Stroke::new(1.0, color.gamma_multiply(0.6)));
     let behind = x.hypot(y) > 0.5;

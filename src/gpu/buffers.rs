@@ -5,12 +5,12 @@ use crate::error::{Error, Result};
 use bytemuck::Pod;
 use wgpu::util::DeviceExt;
 
-/// A uniform buffer holding `value`.
+/// A small buffer holding `value`, bound as uniform or read as storage.
 pub fn uniform_buffer<T: Pod>(gpu: &Gpu, label: &str, value: &T) -> wgpu::Buffer {
     gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
         label: Some(label),
         contents: bytemuck::bytes_of(value),
-        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
     })
 }
 

@@ -61,6 +61,8 @@ pub struct Pace {
     ms: f64,
 }
 
+/// More bands cost more by themselves than they leave to others.
+const MOST_BANDS: u32 = 24;
 /// A shorter band says more of what a submission costs than of its pixels.
 const TELLING_MS: f64 = 4.0;
 
@@ -154,7 +156,7 @@ impl Renderer {
             |_| {
                 // What others have submitted meanwhile is no part of a band's time; a lost device shows in the band itself.
                 let _ = self.gpu.wait_for(self.gpu.queue.submit([]));
-                pace.borrow().rows(scene.width)
+                pace.borrow().rows(scene.width).max(scene.height / MOST_BANDS)
             },
             |band| {
                 pace.borrow_mut().learn(band.rows * scene.width, band.span);

@@ -6,13 +6,13 @@ use crate::gpu::Gpu;
 pub struct Layouts {
     /// Group 0: `shaders/common/{field,transfer}.wgsl`.
     pub field: wgpu::BindGroupLayout,
-    /// Group 1: light space (uniform) and two textures of words that the method reads.
+    /// Group 1: light space and two textures of words that the method reads.
     pub shadow: wgpu::BindGroupLayout,
-    /// Group 2 of the ray caster: frame (uniform), the picture, and the progress of one made in several dispatches.
+    /// Group 2 of the ray caster: frame, the picture, and the progress of one made in several dispatches.
     pub frame: wgpu::BindGroupLayout,
     /// Group 2 of queries: points and results.
     pub query: wgpu::BindGroupLayout,
-    /// Group 2 of what is shown: band (uniform), the picture's band, and the texture on screen.
+    /// Group 2 of what is shown: band, the picture's band, and the texture on screen.
     pub display: wgpu::BindGroupLayout,
     /// Group 2 of the deep shadow map's build: nodes, counters, tile list.
     pub build: wgpu::BindGroupLayout,
@@ -28,6 +28,8 @@ fn buffer(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEnt
     }
 }
 
+// What changes from picture to picture (light, frame, band) is read as storage: lavapipe compiles a shader anew, hundreds
+// of milliseconds, whenever a uniform that one of its conditions reads has another value.
 const UNIFORM: wgpu::BufferBindingType = wgpu::BufferBindingType::Uniform;
 const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
 const READ_WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
@@ -83,12 +85,12 @@ impl Layouts {
                     flat(6, words),
                 ],
             ),
-            shadow: layout("shadow", &[buffer(0, UNIFORM), flat(1, words), flat(2, words)]),
-            frame: layout("frame", &[buffer(0, UNIFORM), buffer(1, READ_WRITE), buffer(2, READ_WRITE)]),
+            shadow: layout("shadow", &[buffer(0, READ), flat(1, words), flat(2, words)]),
+            frame: layout("frame", &[buffer(0, READ), buffer(1, READ_WRITE), buffer(2, READ_WRITE)]),
             query: layout("query", &[buffer(0, READ), buffer(1, READ_WRITE)]),
             display: layout(
                 "display",
-                &[buffer(0, UNIFORM), buffer(1, READ), store(2, wgpu::TextureFormat::Rgba8Unorm)],
+                &[buffer(0, READ), buffer(1, READ), store(2, wgpu::TextureFormat::Rgba8Unorm)],
             ),
             build: layout(
                 "build",
