@@ -6,7 +6,11 @@ struct Band {
     padding: u32,
 }
 
+#ifdef LIVE
 @group(2) @binding(0) var<storage, read> band: Band;
+#else
+@group(2) @binding(0) var<uniform> band: Band;
+#endif
 @group(2) @binding(1) var<storage, read> picture: array<vec4<f32>>;
 @group(2) @binding(2) var shown: texture_storage_2d<rgba8unorm, write>;
 

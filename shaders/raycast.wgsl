@@ -36,7 +36,11 @@ struct Frame {
     padding_c: f32,
 }
 
+#ifdef LIVE
 @group(2) @binding(0) var<storage, read> frame: Frame;
+#else
+@group(2) @binding(0) var<uniform> frame: Frame;
+#endif
 @group(2) @binding(1) var<storage, read_write> picture: array<vec4<f32>>;
 #ifdef RESUMABLE
 // A picture made in several dispatches, since one would loop longer than some adapters allow (software ones end every
@@ -53,7 +57,11 @@ const LOOKUPS: u32 = 8u;
 #endif
 #ifdef SHADING
 #ifndef SHADOWS
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> shading_light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> shading_light: LightSpace;
+#endif
 #else
 #import umbravox::method::light as shading_light
 #endif

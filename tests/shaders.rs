@@ -53,8 +53,8 @@ fn variant(entry: &'static str, modules: &[&[&'static str]], defs: &[&[&'static 
 
 /// Everything that a flag, a method or an adapter can ask for.
 fn variants() -> Vec<ShaderVariant> {
-    let mut list = vec![variant("display.wgsl", &[], &[])];
-    for adapter in [&[][..], &["MANUAL_TRILINEAR"], &["MANY_BREAKPOINTS"]] {
+    let mut list = vec![variant("display.wgsl", &[], &[]), variant("display.wgsl", &[], &[&["LIVE"]])];
+    for adapter in [&[][..], &["MANUAL_TRILINEAR"], &["MANY_BREAKPOINTS"], &["LIVE"]] {
         for (modules, defs) in lookups() {
             list.push(variant("query.wgsl", &[&COMMON, modules], &[defs, adapter]));
         }
@@ -89,7 +89,7 @@ fn variants() -> Vec<ShaderVariant> {
     }
     let count = ["common/field.wgsl", "common/light.wgsl", "shadow/deep_layout.wgsl"];
     list.push(variant("shadow/deep_count.wgsl", &[&count], &[]));
-    for def in [&[][..], &["PER_REGION"]] {
+    for def in [&[][..], &["PER_REGION"], &["LIVE"]] {
         let modules = ["common/field.wgsl", "common/light.wgsl"];
         let layers = ["shadow/layers_layout.wgsl", "shadow/layers_read.wgsl"];
         let defs = [&["ENDS", "SPLIT_TABLE", "BITS_16"], def];

@@ -4,7 +4,11 @@
 #import umbravox::light::{LightSpace, light_point, OCTAHEDRAL, TILE}
 #import umbravox::deep_layout::{tiles, row_texel, NO_TILE, NO_ROW}
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 // Two texels a row: seven nodes and the link to the next row.
 @group(1) @binding(2) var node_rows: texture_2d<u32>;
 

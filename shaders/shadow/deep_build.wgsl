@@ -15,7 +15,11 @@
 #endif
 #endif
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 // Tiles that hold active bricks.
 @group(2) @binding(2) var<storage, read> tile_list: array<u32>;
 

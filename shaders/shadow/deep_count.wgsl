@@ -3,7 +3,11 @@
 #import umbravox::light::{LightSpace, TILE}
 #import umbravox::deep_layout::{tiles, row_texel, NO_TILE, NO_ROW}
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 @group(1) @binding(2) var node_rows: texture_2d<u32>;
 // First texel (row by row) that this dispatch counts.
 @group(2) @binding(0) var<storage, read> first_texel: array<u32>;

@@ -6,7 +6,11 @@
 #import umbravox::layers::{record_of, wrapped_texel}
 #import umbravox::layers_read::{Extent, extent_of, place_of, optical_depth_at}
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 
 // Optical depth of one texel at depth z, its layers lying between the given depths.
 fn texel_depth(record: u32, extent: Extent, start: f32, end: f32, z: f32) -> f32 {

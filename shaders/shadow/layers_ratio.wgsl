@@ -9,7 +9,11 @@
 
 const RATIOS: u32 = 11u;
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 // The planes 1 to K of every ratio, as shares of the extent.
 @group(2) @binding(2) var<storage, read> planes: array<f32>;
 

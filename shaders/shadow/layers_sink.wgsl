@@ -7,7 +7,11 @@
 #import umbravox::light::LightSpace
 #import umbravox::layers::{block_place, plane_at}
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 
 // The store's texels hold 1, 2 or 4 words.
 #ifdef WORDS_1

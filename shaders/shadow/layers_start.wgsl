@@ -5,7 +5,11 @@
 #import umbravox::march::march
 #import umbravox::sink::Sink
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 // Depth of the first extinction, mm, tile by tile.
 @group(2) @binding(1) var<storage, read_write> starts_mm: array<f32>;
 // Tiles that hold active bricks.

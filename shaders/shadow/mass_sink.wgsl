@@ -8,7 +8,11 @@ const MASS_BINS: u32 = 1024u;
 const MASS_STEPS: f32 = 32768.0;
 const MOST_MASS: f32 = 7.9;
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 @group(2) @binding(1) var<storage, read_write> mass: array<atomic<u32>, 1024>;
 
 struct Sink {

@@ -5,7 +5,11 @@
 #import umbravox::layers::{record_of, wrapped_texel}
 #import umbravox::layers_read::{place_of, optical_depth_at}
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 
 // Weight of one of the filter's columns or rows, `side` of them, where the point lies `w` past the middle one's
 // centre.

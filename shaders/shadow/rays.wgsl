@@ -6,7 +6,11 @@
 #import umbravox::march::march
 #import umbravox::sink::total_sink
 
+#ifdef LIVE
 @group(1) @binding(0) var<storage, read> light: LightSpace;
+#else
+@group(1) @binding(0) var<uniform> light: LightSpace;
+#endif
 
 // Transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {

@@ -69,7 +69,7 @@ impl Engine {
         // A coarse picture is short: in one piece it waits for the window once.
         let moving = Pace::new(f64::INFINITY);
         Self {
-            renderer: Renderer::new(gpu).with_tiles_at_once(TILES_AT_ONCE),
+            renderer: Renderer::live(gpu, TILES_AT_ONCE),
             loaded: None,
             kept: Kept::default(),
             textures: Vec::new(),

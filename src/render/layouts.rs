@@ -28,15 +28,15 @@ fn buffer(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEnt
     }
 }
 
-// What changes from picture to picture (light, frame, band) is read as storage: lavapipe compiles a shader anew, hundreds
-// of milliseconds, whenever a uniform that one of its conditions reads has another value.
 const UNIFORM: wgpu::BufferBindingType = wgpu::BufferBindingType::Uniform;
 const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
 const READ_WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
 
 impl Layouts {
-    /// `filterable`: whether the volume's texture is sampled by the hardware.
-    pub fn new(gpu: &Gpu, filterable: bool) -> Self {
+    /// `filterable`: whether the volume's texture is sampled by the hardware; `live`: whether light and frame are read as
+    /// storage, see [`Renderer::live`](super::Renderer::live).
+    pub fn new(gpu: &Gpu, filterable: bool, live: bool) -> Self {
+        let moving = if live { READ } else { UNIFORM };
         let layout = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
             gpu.device
                 .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
@@ -85,12 +85,12 @@ impl Layouts {
                     flat(6, words),
                 ],
             ),
-            shadow: layout("shadow", &[buffer(0, READ), flat(1, words), flat(2, words)]),
-            frame: layout("frame", &[buffer(0, READ), buffer(1, READ_WRITE), buffer(2, READ_WRITE)]),
+            shadow: layout("shadow", &[buffer(0, moving), flat(1, words), flat(2, words)]),
+            frame: layout("frame", &[buffer(0, moving), buffer(1, READ_WRITE), buffer(2, READ_WRITE)]),
             query: layout("query", &[buffer(0, READ), buffer(1, READ_WRITE)]),
             display: layout(
                 "display",
-                &[buffer(0, READ), buffer(1, READ), store(2, wgpu::TextureFormat::Rgba8Unorm)],
+                &[buffer(0, moving), buffer(1, READ), store(2, wgpu::TextureFormat::Rgba8Unorm)],
             ),
             build: layout(
                 "build",

@@ -89,25 +89,33 @@ pub struct Renderer {
     layouts: Layouts,
     timer: PassTimer,
     store: Option<PipelineStore>,
+    /// Light and frame are read as storage.
+    live: bool,
     /// Tiles of a shadow map that one submission builds.
     tiles_at_once: u32,
     pipelines: Mutex<HashMap<ShaderVariant, Arc<wgpu::ComputePipeline>>>,
 }
 
 impl Renderer {
+    /// For pictures that take as long as they take.
     pub fn new(gpu: Gpu) -> Self {
-        let layouts = Layouts::new(&gpu, gpu.filters_float32);
-        let timer = PassTimer::new(&gpu);
-        let store = PipelineStore::open(&gpu.device, &gpu.info);
-        Self { gpu, layouts, timer, store, tiles_at_once: u32::MAX, pipelines: Mutex::default() }
+        Self::with(gpu, false, u32::MAX)
     }
 
-    /// Builds shadow maps in submissions of at most so many tiles (rounded up to 64), for a queue that someone else draws
-    /// through too: a window must not wait for a whole map.
-    #[must_use]
-    pub fn with_tiles_at_once(mut self, tiles: u32) -> Self {
-        self.tiles_at_once = tiles.max(1).checked_next_multiple_of(64).unwrap_or(u32::MAX);
-        self
+    /// For a window whose light moves and whose own drawing goes through the same queue.
+    ///
+    /// Shadow maps are built in submissions of at most so many tiles (rounded up to 64). Light, frame and band are read as
+    /// storage: a software adapter (lavapipe) puts the values of uniforms into the code that it compiles, which makes a
+    /// picture faster, and the first one under every other light slower by hundreds of milliseconds.
+    pub fn live(gpu: Gpu, tiles_at_once: u32) -> Self {
+        Self::with(gpu, true, tiles_at_once.max(1).checked_next_multiple_of(64).unwrap_or(u32::MAX))
+    }
+
+    fn with(gpu: Gpu, live: bool, tiles_at_once: u32) -> Self {
+        let layouts = Layouts::new(&gpu, gpu.filters_float32, live);
+        let timer = PassTimer::new(&gpu);
+        let store = PipelineStore::open(&gpu.device, &gpu.info);
+        Self { gpu, layouts, timer, store, live, tiles_at_once, pipelines: Mutex::default() }
     }
 
     pub(crate) fn tiles_at_once(&self) -> u32 {
@@ -399,6 +407,9 @@ impl Renderer {
         let mut variant = variant.clone();
         if !self.gpu.filters_float32 {
             variant.defs.push("MANUAL_TRILINEAR");
+        }
+        if self.live {
+            variant.defs.push("LIVE");
         }
         let poisoned =
             || Error::runtime("cannot compile shader", variant.entry, "an earlier compilation panicked");
