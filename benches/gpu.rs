@@ -8,7 +8,7 @@ use std::sync::Arc;
 use umbravox::render::{Forced, Session};
 use umbravox::scene::Scene;
 use umbravox::shadow;
-use umbravox::transfer::{TransferTables, presets};
+use umbravox::transfer::{PairTable, TransferTables, presets};
 use umbravox::volume::{VolumeSpec, load};
 
 fn stages(criterion: &mut Criterion) {
@@ -38,7 +38,10 @@ fn stages(criterion: &mut Criterion) {
         let segment_mm = volume.spacing_mm().iter().map(|s| s * s).sum::<f64>().sqrt();
         group.bench_function("tables", |b| {
             b.iter(|| {
-                TransferTables::build(black_box(&tf), on_device.mapping, on_device.texel_range, segment_mm)
+                (
+                    TransferTables::build(black_box(&tf), on_device.mapping, on_device.texel_range),
+                    PairTable::build(black_box(&tf), on_device.mapping, segment_mm),
+                )
             });
         });
         let scene = Scene { width: 256, height: 256, ..Scene::framing(&volume) };

@@ -78,14 +78,9 @@ fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
     });
     // Rounding on the device may put a ray a little beside where it is meant to be.
     let (right, up) = (1.001 * tan * aspect, 1.001 * tan);
-    let beyond: [&dyn Fn(&[f64; 3]) -> bool; 5] = [
-        &|[_, _, z]| *z < 0.0,
-        &|[x, _, z]| *x > right * z,
-        &|[x, _, z]| *x < -right * z,
-        &|[_, y, z]| *y > up * z,
-        &|[_, y, z]| *y < -up * z,
-    ];
-    !beyond.iter().any(|side| corners.iter().all(side))
+    // Each side as the sign of a distance from it: outwards is positive.
+    let outwards = |[x, y, z]: [f64; 3]| [-z, x - right * z, -x - right * z, y - up * z, -y - up * z];
+    !(0..5).any(|side| corners.iter().all(|corner| outwards(*corner)[side] > 0.0))
 }
 
 impl Plan {

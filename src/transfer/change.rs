@@ -96,7 +96,8 @@ mod tests {
         let base =
             [(0.0, 0.0, 0.1), (100.0, 1.0, 0.2), (100.0, 2.0, 0.3), (200.0, 2.0, 0.4), (300.0, 0.0, 0.5)];
         let old = tf(&base);
-        let with = |edit: &dyn Fn(&mut Vec<(f64, f64, f64)>)| {
+        type Points = Vec<(f64, f64, f64)>;
+        let with = |edit: &dyn Fn(&mut Points)| {
             let mut points = base.to_vec();
             edit(&mut points);
             tf(&points)
