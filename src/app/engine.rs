@@ -97,9 +97,10 @@ impl Engine {
         Ok(())
     }
 
-    /// Draws what is wanted and says so; refines it unless something newer is wanted meanwhile.
-    pub fn show(&mut self, wanted: &Wanted, mailbox: &Mailbox, speaker: &Speaker) -> Result<()> {
-        let Some(loaded) = &self.loaded else { return Ok(()) };
+    /// Draws what is wanted and says so; refines it unless something else comes up meanwhile. Whether it is done: what a
+    /// probe interrupts has to be asked for again.
+    pub fn show(&mut self, wanted: &Wanted, mailbox: &Mailbox, speaker: &Speaker) -> Result<bool> {
+        let Some(loaded) = &self.loaded else { return Ok(true) };
         let mut work = Work::default();
         let change = self.kept.set_transfer(&self.renderer, loaded, &wanted.tf, &mut work)?;
         if change.is_some_and(|c| c.invalidates(Stage::Frame)) {
@@ -109,7 +110,7 @@ impl Engine {
         let shown = Shown { scene: wanted.scene.clone(), quality: whole.clone() };
         if self.shown.as_ref() == Some(&shown) {
             speaker.say(Event::Unchanged { revision: wanted.revision });
-            return Ok(());
+            return Ok(true);
         }
         if self.expected_ms(&whole, wanted) > AT_ONCE_MS {
             let moving = self.moving(wanted);
@@ -122,16 +123,15 @@ impl Engine {
                 // What the change cost counts for the whole picture, too, but not the coarse map.
                 work.build_ms = None;
                 if mailbox.wait_for_news(REST) {
-                    return Ok(());
+                    return Ok(false);
                 }
             }
         }
         let frame = self.draw(wanted, &whole, true, work, || !mailbox.interrupted())?;
-        if let Some(frame) = frame {
-            self.shown = Some(shown);
-            speaker.say(Event::Frame(Box::new(frame)));
-        }
-        Ok(())
+        let Some(frame) = frame else { return Ok(false) };
+        self.shown = Some(shown);
+        speaker.say(Event::Frame(Box::new(frame)));
+        Ok(true)
     }
 
     fn whole(&self, wanted: &Wanted) -> Quality {

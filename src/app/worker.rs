@@ -134,6 +134,11 @@ impl Mailbox {
         }
     }
 
+    /// Puts an unfinished wish back, unless there is a newer one.
+    fn want_again(&self, wanted: Wanted) {
+        self.lock().wanted.get_or_insert(wanted);
+    }
+
     fn next(&self) -> Next {
         let mut slots = self.lock();
         loop {
@@ -238,7 +243,12 @@ fn run(gpu: Gpu, mailbox: &Mailbox, speaker: &Speaker) {
         let next = mailbox.next();
         let done = catch_unwind(AssertUnwindSafe(|| match next {
             Next::Quit => Ok(false),
-            Next::Draw(wanted) => engine.show(&wanted, mailbox, speaker).map(|()| true),
+            Next::Draw(wanted) => {
+                if !engine.show(&wanted, mailbox, speaker)? {
+                    mailbox.want_again(wanted);
+                }
+                Ok(true)
+            }
             Next::Job(Job::Upload(opened)) => engine.upload(*opened, speaker).map(|()| true),
             Next::Job(Job::Probe(request)) => engine.probe(&request, speaker).map(|()| true),
             Next::Job(Job::Export(export)) => {

@@ -139,6 +139,19 @@ fn the_light_and_the_camera_follow_the_hand() {
 }
 
 #[test]
+fn a_probe_while_a_picture_is_refined_leaves_it_whole() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    for turn in 0..4 {
+        let middle = bench.app().view_rect().unwrap().center();
+        let to = middle + vec2(40.0, 25.0 - 12.0 * turn as f32);
+        bench.drag(middle, to, Modifiers::SHIFT);
+        bench.click_at(middle);
+        bench.settle();
+        assert!(bench.app().frame.as_ref().unwrap().whole);
+    }
+}
+
+#[test]
 fn a_click_probes_what_is_seen_there() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:32", "--tf=uniform", "--shadow=rays"]) else {
         return;
