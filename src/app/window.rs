@@ -64,6 +64,8 @@ pub fn run(start: Start) -> Result<()> {
         ..Default::default()
     };
     let failed = |why: String| {
+        // Of winit's message only what went wrong, not where in its own sources that was noticed.
+        let why = if why.contains(".rs:") { why.rsplit(": ").next().unwrap_or(&why) } else { &why };
         Error::runtime("cannot open the window", "display", why)
             .hint("a display is needed (DISPLAY or WAYLAND_DISPLAY); `render` and `compare` need none")
     };

@@ -13,7 +13,8 @@ use crate::measure::facts::Facts;
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, spoken};
 use crate::measure::report::{summary, write_tables};
-use crate::measure::table::{Row, json};
+use crate::measure::table::Row;
+use crate::measure::writers::json;
 use crate::output::{check_output_dir, prepare_output_dir};
 use crate::render::{Forced, Renderer, Session};
 use crate::shadow::parse_list;
@@ -180,9 +181,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         write_ablations(&ablations, &args.output)?;
     }
     if requests.iter().any(|r| r.json) {
-        let json = String::from_utf8(json(&rows)?)
-            .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
-        print_result(&json)?;
+        print_result(&json(&rows)?)?;
     } else {
         print_result(&summary(&rows))?;
     }

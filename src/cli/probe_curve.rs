@@ -106,7 +106,8 @@ pub fn run(
 /// Refuses an output before any work is done for it.
 fn destination(output: Option<&Path>) -> Result<Destination<'_>> {
     let Some(path) = output else { return Ok(Destination::Stdout) };
-    if ending_of(path).is_some() && !path.is_dir() {
+    // A name with another ending is more likely a wish for a format that there is none of than a folder.
+    if path.extension().is_some() && !path.is_dir() {
         check_output(path, ENDINGS)?;
         return Ok(Destination::File(path));
     }
@@ -163,13 +164,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_ending_makes_a_file_and_anything_else_a_folder() {
+    fn an_ending_makes_a_file_and_a_name_without_one_a_folder() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
         let file = |name: &str| matches!(destination(Some(&at(name))), Ok(Destination::File(_)));
         let folder = |name: &str| matches!(destination(Some(&at(name))), Ok(Destination::Folder(_)));
         assert!(file("a.csv") && file("a.SVG") && file("a.png"));
-        assert!(folder("a") && folder("a.b/c") && folder("a.txt"));
+        assert!(folder("a") && folder("a.b/c"));
+        assert!(destination(Some(Path::new("a.txt"))).is_err());
         std::fs::create_dir(at("x.csv")).unwrap();
         assert!(folder("x.csv"));
         std::fs::write(at("taken"), "").unwrap();

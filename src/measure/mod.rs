@@ -12,7 +12,7 @@
 //! turns ([`timing::interleave`]); `build_ms` makes the shadow structure, `frame_ms` one picture with it made,
 //! and the column `clock` says whose clock it was.
 //!
-//! [`table`] holds one [`Row`](table::Row) a method and setting and writes it as CSV and JSON (every column, at
+//! [`table`] holds one [`Row`](table::Row) a method and setting and writes it as CSV (every column, at
 //! full precision), [`report`] as Markdown and LaTeX for reading, with what is [`best`] at equal bytes and time, and
 //! [`plot`] draws error against time and memory. [`mod@html`] puts all of it, with the pictures and the figures of
 //! [`nodes`], into one file, and [`light_curve`] follows a single light ray. None of these knows of a GPU; measuring

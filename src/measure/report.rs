@@ -3,7 +3,8 @@
 mod columns;
 
 use super::best::{BUDGET_METHOD, Best, Held, best_within};
-use super::table::{Row, csv, json};
+use super::table::{Row, csv};
+use super::writers::json;
 use crate::error::Result;
 use crate::output::write_whole;
 use columns::{CAPTION_COLUMNS, SHOWN, Shown};
@@ -145,7 +146,7 @@ pub fn latex(rows: &[Row]) -> String {
 pub fn write_tables(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
     let files = [
         ("csv", csv(rows)?),
-        ("json", json(rows)?),
+        ("json", json(rows)?.into_bytes()),
         ("md", markdown(rows).into_bytes()),
         ("tex", latex(rows).into_bytes()),
     ];

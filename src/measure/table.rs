@@ -1,4 +1,4 @@
-//! The rows that `compare` writes, their Pareto front, and the two lossless writers: CSV and JSON.
+//! The rows that `compare` writes, their Pareto front, and CSV of every column.
 
 use super::band::{Band, BandReport};
 pub use super::cell::Cell;
@@ -233,18 +233,6 @@ pub fn csv(rows: &[Row]) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|e| failed(&e))
 }
 
-/// The same rows as a JSON array of objects, keys in column order: empty cells are `null`, flags `true` or
-/// `false`. JSON has no infinity, so the PSNR of identical pictures is `null` beside an `image_rmse` of 0.
-///
-/// # Errors
-/// The writer's own, which memory does not give.
-pub fn json(rows: &[Row]) -> Result<Vec<u8>> {
-    let mut text =
-        serde_json::to_vec_pretty(rows).map_err(|e| Error::runtime("cannot write table", "JSON", e))?;
-    text.push(b'\n');
-    Ok(text)
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
@@ -401,7 +389,7 @@ pub(super) mod tests {
     #[test]
     fn json_holds_the_same_rows_in_the_same_order() {
         let rows = sample_rows();
-        let text = String::from_utf8(json(&rows).unwrap()).unwrap();
+        let text = super::super::writers::json(&rows).unwrap();
         let parsed: Vec<serde_json::Map<String, serde_json::Value>> = serde_json::from_str(&text).unwrap();
         for (object, row) in parsed.iter().zip(&rows) {
             assert_eq!(object.len(), COLUMNS.len());
