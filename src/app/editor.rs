@@ -1,13 +1,15 @@
 //! The transfer-function editor: the volume's histogram with the opacity curve over it, points to drag, a colour bar.
 
+mod paint;
+
 use super::App;
 use super::curve::{AmountAxis, Edit, top_of};
 use super::prompt::Purpose;
 use crate::color;
+use crate::transfer::Quantity;
 use crate::transfer::presets::PRESETS;
-use crate::transfer::{Quantity, TransferFunction};
-use crate::volume::Histogram;
-use eframe::egui::{self, Color32, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, pos2, vec2};
+use eframe::egui::{self, Color32, FontId, Rect, Sense, Stroke, pos2, vec2};
+use paint::{Map, add_bar, add_histogram, paint_axes, paint_curve, short};
 
 const BAR_HEIGHT: f32 = 16.0;
 const GRIP: f32 = 6.0;
@@ -20,34 +22,6 @@ pub struct EditorState {
     pub selected: Option<usize>,
     /// The value of the sample that was probed last.
     pub picked: Option<f64>,
-}
-
-/// Pixels from values and amounts.
-struct Map {
-    rect: Rect,
-    range: [f64; 2],
-    axis: AmountAxis,
-    top: f64,
-}
-
-impl Map {
-    fn x(&self, value: f64) -> f32 {
-        let share = (value - self.range[0]) / (self.range[1] - self.range[0]);
-        self.rect.left() + self.rect.width() * share.clamp(-10.0, 10.0) as f32
-    }
-
-    fn y(&self, amount: f64) -> f32 {
-        self.rect.bottom() - self.rect.height() * self.axis.height(amount, self.top) as f32
-    }
-
-    fn value(&self, x: f32) -> f64 {
-        let share = f64::from((x - self.rect.left()) / self.rect.width());
-        self.range[0] + share * (self.range[1] - self.range[0])
-    }
-
-    fn amount(&self, y: f32) -> f64 {
-        self.axis.amount(f64::from((self.rect.bottom() - y) / self.rect.height()), self.top)
-    }
 }
 
 impl App {
@@ -213,17 +187,14 @@ impl App {
 
         let painter = ui.painter_at(whole);
         let visuals = ui.visuals().clone();
-        painter.rect_filled(rect, CornerRadius::same(3), visuals.extreme_bg_color);
+        let mut back = egui::Mesh::default();
+        back.add_colored_rect(rect, visuals.extreme_bg_color);
+        let columns = visuals.weak_text_color().gamma_multiply(0.45);
+        add_histogram(&mut back, &map, &histogram, &self.settings, columns);
+        add_bar(&mut back, bar, &map, &tf);
+        painter.add(back);
         let inside = ui.painter_at(rect);
-        paint_histogram(
-            &inside,
-            &map,
-            &histogram,
-            &self.settings,
-            visuals.weak_text_color().gamma_multiply(0.45),
-        );
         paint_axes(&painter, &map, &tf, bar.bottom(), visuals.weak_text_color());
-        paint_bar(&ui.painter_at(bar), bar, &map, &tf);
         paint_curve(&inside, &map, &tf, visuals.strong_text_color());
         if let Some(value) = self.editor.picked {
             let x = map.x(value);
@@ -350,115 +321,4 @@ fn labelled(response: egui::Response, name: &str) -> egui::Response {
 fn padded([lo, hi]: [f64; 2]) -> [f64; 2] {
     let margin = if hi > lo { 0.02 * (hi - lo) } else { 0.5 * lo.abs().max(1.0) };
     [lo - margin, hi + margin]
-}
-
-/// Four significant digits.
-fn short(x: f64) -> String {
-    if x == 0.0 || (1e-3..1e5).contains(&x.abs()) {
-        let digits = (3.0 - x.abs().max(1e-3).log10().floor()).clamp(0.0, 6.0) as usize;
-        let text = format!("{x:.digits$}");
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-    } else {
-        format!("{x:.3e}")
-    }
-}
-
-fn paint_histogram(
-    painter: &egui::Painter,
-    map: &Map,
-    histogram: &Histogram,
-    settings: &super::Settings,
-    color: Color32,
-) {
-    let bins = histogram.counts.len();
-    let weight = |bin: usize| match settings.gradient_histogram {
-        true => histogram.gradients[bin],
-        false => histogram.counts[bin] as f64,
-    };
-    // Gradients have a unit; the logarithm is taken of them as a share of their mean.
-    let mean = (0..bins).map(weight).sum::<f64>() / bins.max(1) as f64;
-    let height = |w: f64| {
-        if settings.log_histogram { (1.0 + w / (1e-3 * mean).max(f64::MIN_POSITIVE)).ln() } else { w }
-    };
-    let largest = (0..bins).map(|b| height(weight(b))).fold(0.0, f64::max);
-    if largest <= 0.0 {
-        return;
-    }
-    let [lo, hi] = histogram.range;
-    let width = (hi - lo).max(f64::MIN_POSITIVE);
-    for bin in 0..bins {
-        let ends = [bin, bin + 1].map(|b| map.x(lo + width * b as f64 / bins as f64));
-        if ends[1] < map.rect.left() || ends[0] > map.rect.right() {
-            continue;
-        }
-        let y = map.rect.bottom() - 0.96 * map.rect.height() * (height(weight(bin)) / largest) as f32;
-        let column =
-            Rect::from_min_max(pos2(ends[0], y), pos2(ends[1].max(ends[0] + 1.0), map.rect.bottom()));
-        painter.rect_filled(column, 0.0, color);
-    }
-}
-
-fn paint_axes(painter: &egui::Painter, map: &Map, tf: &TransferFunction, below: f32, color: Color32) {
-    let font = FontId::proportional(10.5);
-    let heights: &[f64] = match map.axis {
-        AmountAxis::Linear => &[0.0, 0.25, 0.5, 0.75, 1.0],
-        AmountAxis::Logarithmic => &[0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0],
-    };
-    for share in heights {
-        let y = map.y(share * map.top);
-        painter.hline(map.rect.x_range(), y, Stroke::new(0.5, color.gamma_multiply(0.35)));
-        let at = pos2(map.rect.left() - 4.0, y.clamp(map.rect.top() + 6.0, map.rect.bottom() - 5.0));
-        painter.text(at, egui::Align2::RIGHT_CENTER, short(share * map.top), font.clone(), color);
-    }
-    let width = map.range[1] - map.range[0];
-    let rough = width / f64::from((map.rect.width() / 90.0).max(1.0));
-    let power = 10_f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|s| *s >= rough).unwrap_or(rough);
-    let mut value = (map.range[0] / step).ceil() * step;
-    for _ in 0..64 {
-        if value > map.range[1] {
-            break;
-        }
-        let x = map.x(value);
-        painter.vline(x, map.rect.y_range(), Stroke::new(0.5, color.gamma_multiply(0.25)));
-        painter.text(pos2(x, below + 2.0), egui::Align2::CENTER_TOP, short(value), font.clone(), color);
-        value += step;
-    }
-    painter.text(pos2(map.rect.right(), below + 2.0), egui::Align2::RIGHT_TOP, &tf.units, font, color);
-}
-
-/// The curve between its points as it is interpolated: linear in the amount, whatever the axis.
-fn paint_curve(painter: &egui::Painter, map: &Map, tf: &TransferFunction, color: Color32) {
-    let mut line: Vec<Pos2> = Vec::new();
-    let mut push = |value: f64, amount: f64| line.push(pos2(map.x(value), map.y(amount)));
-    let first = tf.points[0];
-    push(map.range[0].min(first.value), first.amount);
-    for pair in tf.points.windows(2) {
-        push(pair[0].value, pair[0].amount);
-        if map.axis == AmountAxis::Logarithmic {
-            for i in 1..24 {
-                let t = f64::from(i) / 24.0;
-                // Finer towards the lower end, where the logarithm bends most.
-                let t = if pair[0].amount < pair[1].amount { t.powi(3) } else { 1.0 - (1.0 - t).powi(3) };
-                push(
-                    pair[0].value + t * (pair[1].value - pair[0].value),
-                    pair[0].amount + t * (pair[1].amount - pair[0].amount),
-                );
-            }
-        }
-    }
-    let last = tf.points[tf.points.len() - 1];
-    push(last.value, last.amount);
-    push(map.range[1].max(last.value), last.amount);
-    painter.line(line, Stroke::new(1.8, color));
-}
-
-fn paint_bar(painter: &egui::Painter, bar: Rect, map: &Map, tf: &TransferFunction) {
-    let steps = (bar.width() / 2.0) as usize;
-    for i in 0..steps {
-        let x = bar.left() + 2.0 * i as f32;
-        let [r, g, b] = tf.color(map.value(x + 1.0)).map(color::srgb8_from_linear);
-        let column = Rect::from_min_max(pos2(x, bar.top()), pos2(x + 2.0, bar.bottom()));
-        painter.rect_filled(column, 0.0, Color32::from_rgb(r, g, b));
-    }
 }

@@ -14,8 +14,6 @@ use std::time::{Duration, Instant};
 /// the window in tens of milliseconds itself: shorter bands would leave it most of the time.
 const BAND_MS: f64 = 12.0;
 const SOFTWARE_BAND_MS: f64 = 35.0;
-/// Tiles of a shadow map that are built in one submission.
-const TILES_AT_ONCE: u32 = 128;
 /// What a picture may take while a hand moves, shadow map included.
 const MOVING_MS: f64 = 75.0;
 /// A whole picture that takes no longer is drawn at once.
@@ -65,15 +63,14 @@ pub struct Engine {
 impl Engine {
     pub fn new(gpu: Gpu) -> Self {
         let software = gpu.info.device_type == wgpu::DeviceType::Cpu;
-        let pace = Pace::new(if software { SOFTWARE_BAND_MS } else { BAND_MS });
-        // A coarse picture is short: in one piece it waits for the window once.
-        let moving = Pace::new(f64::INFINITY);
+        let submission_ms = if software { SOFTWARE_BAND_MS } else { BAND_MS };
+        let (whole, moving) = (Pace::new(submission_ms), Pace::new(submission_ms));
         Self {
-            renderer: Renderer::live(gpu, TILES_AT_ONCE),
+            renderer: Renderer::live(gpu, submission_ms),
             loaded: None,
             kept: Kept::default(),
             textures: Vec::new(),
-            speeds: Speeds { whole: pace, moving, build_ms_per_texel: Vec::new() },
+            speeds: Speeds { whole, moving, build_ms_per_texel: Vec::new() },
             shown: None,
         }
     }

@@ -27,6 +27,7 @@ mod slices;
 mod timings;
 mod top_bar;
 mod viewport;
+mod widgets;
 mod window;
 mod worker;
 

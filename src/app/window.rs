@@ -1,5 +1,6 @@
 //! The window itself: eframe's, on the device that pictures are drawn with.
 
+use super::widgets::Widgets;
 use super::{App, Script, Settings, With};
 use crate::cli::scene_args::{SceneArgs, SceneRequest};
 use crate::error::{Error, Result};
@@ -74,6 +75,9 @@ pub fn run(start: Start) -> Result<()> {
     let theirs = Arc::clone(&outcome);
     let create: eframe::AppCreator<'_> = Box::new(move |context| {
         let state = context.wgpu_render_state.as_ref().ok_or("the window has no wgpu device")?;
+        if let Some(widgets) = Widgets::for_software(state) {
+            context.egui_ctx.add_plugin(widgets);
+        }
         let gpu = Gpu::from_parts(&state.adapter, state.device.clone(), state.queue.clone());
         let mut app = App::new(gpu, &context.egui_ctx, settings)?;
         let request = match start.request {

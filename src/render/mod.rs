@@ -24,7 +24,7 @@ use crate::gpu::{
     Gpu, PassTimer, PipelineStore, ShaderVariant, Span, StorageBuffer, compose, read_back, uniform_buffer,
 };
 use crate::scene::{Light, Scene, Shading};
-use crate::shadow::{BuildContext, Method, ShadowMap};
+use crate::shadow::{BuildContext, Method, ShadowMap, TilePace};
 use crate::transfer::TransferFunction;
 use crate::volume::{Bricks, Volume};
 use bytemuck::{Pod, Zeroable};
@@ -91,35 +91,34 @@ pub struct Renderer {
     store: Option<PipelineStore>,
     /// Light and frame are read as storage.
     live: bool,
-    /// Tiles of a shadow map that one submission builds.
-    tiles_at_once: u32,
+    tile_pace: TilePace,
     pipelines: Mutex<HashMap<ShaderVariant, Arc<wgpu::ComputePipeline>>>,
 }
 
 impl Renderer {
     /// For pictures that take as long as they take.
     pub fn new(gpu: Gpu) -> Self {
-        Self::with(gpu, false, u32::MAX)
+        Self::with(gpu, false, f64::INFINITY)
     }
 
     /// For a window whose light moves and whose own drawing goes through the same queue.
     ///
-    /// Shadow maps are built in submissions of at most so many tiles (rounded up to 64). Light, frame and band are read as
-    /// storage: a software adapter (lavapipe) puts the values of uniforms into the code that it compiles, which makes a
+    /// Shadow maps are built in submissions of about `submission_ms`. Light, frame and band are read as storage: a software adapter (lavapipe) puts the values of uniforms into the code that it compiles, which makes a
     /// picture faster, and the first one under every other light slower by hundreds of milliseconds.
-    pub fn live(gpu: Gpu, tiles_at_once: u32) -> Self {
-        Self::with(gpu, true, tiles_at_once.max(1).checked_next_multiple_of(64).unwrap_or(u32::MAX))
+    pub fn live(gpu: Gpu, submission_ms: f64) -> Self {
+        Self::with(gpu, true, submission_ms)
     }
 
-    fn with(gpu: Gpu, live: bool, tiles_at_once: u32) -> Self {
+    fn with(gpu: Gpu, live: bool, submission_ms: f64) -> Self {
         let layouts = Layouts::new(&gpu, gpu.filters_float32, live);
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
-        Self { gpu, layouts, timer, store, live, tiles_at_once, pipelines: Mutex::default() }
+        let tile_pace = TilePace::new(submission_ms);
+        Self { gpu, layouts, timer, store, live, tile_pace, pipelines: Mutex::default() }
     }
 
-    pub(crate) fn tiles_at_once(&self) -> u32 {
-        self.tiles_at_once
+    pub(crate) fn tile_pace(&self) -> &TilePace {
+        &self.tile_pace
     }
 
     pub fn gpu(&self) -> &Gpu {

@@ -19,7 +19,7 @@
 use super::spec::Setting;
 use super::{
     Bound, BuildContext, BuildReport, Entry, Key, LightSpace, LightUniform, Lookup, Method, ShadowMap, TILE,
-    tile_parts,
+    TileParts,
 };
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderVariant, Span, StorageBuffer, read_back, table_texture, uniform_buffer};
@@ -46,6 +46,8 @@ const ROW_BYTES: u64 = 32;
 /// Texels across the texture of nodes.
 const NODE_TEXTURE_WIDTH: u32 = 4096;
 pub(super) const TILE_ROWS: u32 = TILE * TILE;
+/// The pass that marches.
+const BUILD: &str = "deep shadow map build";
 /// First row of a tile that is left out.
 const NO_TILE: u32 = u32::MAX;
 pub(super) const MAX_MAP: u32 = 8192;
@@ -388,9 +390,11 @@ fn run_build(
     let counters = StorageBuffer::zeroed(gpu, "deep shadow map counters", size_of::<Counters>() as u64)?;
     let shadow = renderer.shadow_bind_group(&light, tiles, &unused);
     let mut span: Option<Span> = None;
-    for part in tile_parts(renderer, tile_count) {
+    let mut parts = TileParts::new(renderer, BUILD, tile_count);
+    let mut last = None;
+    while let Some(part) = parts.next(renderer, last) {
         let build = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("deep shadow map build"),
+            label: Some(BUILD),
             layout: &renderer.layouts().build,
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(nodes) },
@@ -398,7 +402,7 @@ fn run_build(
                 wgpu::BindGroupEntry { binding: 2, resource: part.binding(tile_list) },
             ],
         });
-        let took = renderer.timer().compute(gpu, "deep shadow map build", |pass| {
+        let took = renderer.timer().compute(gpu, BUILD, |pass| {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, context.transfer.bind_group(), &[]);
             pass.set_bind_group(1, &shadow, &[]);
@@ -409,6 +413,7 @@ fn run_build(
             }
         })?;
         span = Some(span.map_or(took, |s| s.plus(took)));
+        last = Some(took);
     }
     let span = span.unwrap_or(Span { gpu_ms: None, wall_ms: 0.0 });
     Ok((span, read_back::<Counters>(gpu, &counters, 1)?[0]))

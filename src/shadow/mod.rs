@@ -19,7 +19,8 @@ pub use layers::{
     SplitChoice,
 };
 pub use light_space::{LightSpace, LightUniform, Projection, TILE};
-use parts::tile_parts;
+pub(crate) use parts::TilePace;
+use parts::TileParts;
 pub use plain::{NoShadows, ShadowRays};
 
 use crate::error::{Error, Result};

@@ -1,13 +1,14 @@
 //! How often each value occurs in a volume, plainly and weighted by the gradient.
 
-use super::{Volume, Voxel};
+use super::{Volume, Voxel, Voxels};
 use crate::with_voxels;
 use rayon::prelude::*;
 
 /// Counts over equal bins of the value range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Smallest and largest value of the volume.
+    /// Where the first bin begins and the last one ends: the volume's values, and half a stored step beyond them where
+    /// values are stored as integers.
     pub range: [f64; 2],
     /// Voxels in each bin.
     pub counts: Vec<u64>,
@@ -17,10 +18,10 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Counts a volume's values into `bins` bins.
-    pub fn of(volume: &Volume, bins: usize) -> Self {
-        let bins = bins.max(1);
-        let range = volume.value_range();
+    /// Counts a volume's values into at most `most` bins. Bins of stored integers hold equally many of them: others would
+    /// show combs that are not in the volume.
+    pub fn of(volume: &Volume, most: usize) -> Self {
+        let (range, bins) = bins_of(volume, most.max(1));
         let [nx, ny, nz] = volume.dims();
         let spacing = volume.spacing_mm();
         let scaling = volume.scaling();
@@ -60,6 +61,20 @@ impl Histogram {
     }
 }
 
+/// Range and number of the bins.
+fn bins_of(volume: &Volume, most: usize) -> ([f64; 2], usize) {
+    let [lo, hi] = volume.value_range();
+    let step = volume.scaling().slope.abs();
+    if matches!(volume.voxels(), Voxels::F32(_) | Voxels::F64(_)) || step == 0.0 {
+        return ([lo, hi], most);
+    }
+    let stored = ((hi - lo) / step).round() + 1.0;
+    let per_bin = (stored / most as f64).ceil();
+    let bins = (stored / per_bin).ceil();
+    let start = lo - 0.5 * step;
+    ([start, start + bins * per_bin * step], bins as usize)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,9 +85,26 @@ mod tests {
         let volume = load(&VolumeSpec::new("phantom:step:16")).unwrap();
         let histogram = Histogram::of(&volume, 64);
         assert_eq!(histogram.counts.iter().sum::<u64>(), 16 * 16 * 16);
-        assert_eq!(histogram.range, volume.value_range());
-        assert!(histogram.counts[0] > 0 && histogram.counts[63] > 0, "the ends are in the outer bins");
+        let [lo, hi] = volume.value_range();
+        assert!(histogram.range[0] <= lo && histogram.range[1] >= hi);
+        let ends = [histogram.counts.first(), histogram.counts.last()];
+        assert!(ends.iter().all(|n| n.is_some_and(|n| *n > 0)), "the ends are in the outer bins");
         assert!(histogram.gradients.iter().sum::<f64>() > 0.0);
+    }
+
+    #[test]
+    fn bins_of_integers_hold_equally_many_of_them() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("all_16x16x1_uint8.raw");
+        std::fs::write(&path, (0..=255).collect::<Vec<u8>>()).unwrap();
+        let volume = load(&VolumeSpec::new(path.to_str().unwrap())).unwrap();
+        for most in [512, 256, 255, 100, 7, 1] {
+            let histogram = Histogram::of(&volume, most);
+            let (last, full) = histogram.counts.split_last().unwrap();
+            assert!(histogram.counts.len() <= most);
+            assert!(full.windows(2).all(|w| w[0] == w[1]), "{most}: {full:?}");
+            assert!(*last > 0 && full.first().is_none_or(|n| last <= n), "{most}");
+        }
     }
 
     #[test]

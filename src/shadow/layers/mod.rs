@@ -32,7 +32,7 @@ pub use ratio::{Measure, SplitChoice};
 
 use super::deep::{CHORD_TOLERANCE, STEEPEST_SURFACE, TILE_ROWS, layout};
 use super::{
-    BuildContext, BuildReport, Filter, LightSpace, LightUniform, Lookup, PassLeftOut, ShadowMap, tile_parts,
+    BuildContext, BuildReport, Filter, LightSpace, LightUniform, Lookup, PassLeftOut, ShadowMap, TileParts,
 };
 use crate::error::Result;
 use crate::gpu::{Gpu, ShaderVariant, Span, StorageBuffer, read_back, table_texture, uniform_buffer};
@@ -41,6 +41,8 @@ use record::Record;
 use split::{SPLIT_BINS, Split};
 use std::time::Instant;
 
+/// The pass that marches.
+const BUILD: &str = "layered map build";
 /// The pass of which DOM and BOM have no need here.
 const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
     what: "depth pass",
@@ -156,15 +158,17 @@ impl Recipe {
         let with_depth_pass = self.record.depths > 0 && context.transfer.forced.has(Optional::DepthPass);
         let mut device: Option<Span> = None;
         let mut depth_passes = 0;
-        for part in tile_parts(context.renderer, list.len() as u32) {
+        let mut parts = TileParts::new(context.renderer, BUILD, list.len() as u32);
+        let mut last = None;
+        while let Some(part) = parts.next(context.renderer, last) {
             let (groups, list) = (part.workgroups(), part.binding(&tile_list));
-            let mut took =
-                pass.run(context, "layered map build", &variant, &uniform, groups, list.clone())?;
+            let mut took = pass.run(context, BUILD, &variant, &uniform, groups, list.clone())?;
             if with_depth_pass {
                 took = depth_pass(context, &pass, record_count, &uniform, groups, list)?.plus(took);
                 depth_passes += 1;
             }
             device = Some(device.map_or(took, |d| d.plus(took)));
+            last = Some(took);
         }
         let texels_hit = u64::from(read_back::<u32>(gpu, stage, 1)?[0]);
         let left_out = (entries.len() - list.len()) as u64;
