@@ -16,7 +16,7 @@ const HANDS: [(&str, &str); 9] = [
     ("Editor: drag beside the points", "window and level"),
 ];
 
-const KEYS: [(&str, &str); 13] = [
+const KEYS: [(&str, &str); 14] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
     ("Ctrl+E", "export a picture"),
@@ -25,6 +25,7 @@ const KEYS: [(&str, &str); 13] = [
     ("Home", "reset the camera"),
     ("C", "split view on or off"),
     ("X", "switch the two methods (flicker)"),
+    ("D", "error against exact: of the light, of the picture, off"),
     ("V", "slices on or off"),
     ("M", "anatomical marks on or off"),
     ("Delete", "remove the selected point"),
@@ -71,6 +72,9 @@ impl App {
         }
         if hit(Modifiers::NONE, Key::C) {
             self.split = if self.split.is_some() { None } else { Some(0.5) };
+        }
+        if hit(Modifiers::NONE, Key::D) {
+            self.next_difference();
         }
         if hit(Modifiers::NONE, Key::X)
             && let Some(document) = &mut self.document

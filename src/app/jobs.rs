@@ -89,15 +89,9 @@ impl Engine {
         let point = match request.aim {
             Aim::Point(point) => point,
             Aim::Ray { origin, direction } => {
-                let curve = field.curve_along(origin, direction, f64::INFINITY);
-                let opacity = -(-curve.total()).exp_m1();
-                if opacity < LEAST_OPACITY {
-                    return Ok(());
-                }
-                // The depth that half of what the pixel shows lies in front of.
-                let tau = -(-0.5 * opacity).ln_1p();
-                let Some(depth) = curve.depth_of_optical_depth(tau) else { return Ok(()) };
-                origin + direction * depth
+                let seen = field.seen_along(origin, direction, 0.5).filter(|s| s.weight >= LEAST_OPACITY);
+                let Some(seen) = seen else { return Ok(()) };
+                seen.position
             }
         };
         let (toward, distance_mm) = request.light.from_point(point);

@@ -10,6 +10,7 @@
 
 pub mod camera;
 pub mod curve;
+pub mod difference;
 mod document;
 mod editor;
 mod engine;
@@ -97,6 +98,8 @@ pub struct App {
     view: viewport::ViewState,
     editor: editor::EditorState,
     slices: slices::SliceState,
+    /// Heat maps of the shown methods' errors.
+    pub difference: difference::DifferenceState,
     prompt: prompt::PromptState,
     timings: timings::Timings,
     show_help: bool,
@@ -146,6 +149,7 @@ impl App {
             view: Default::default(),
             editor: Default::default(),
             slices: Default::default(),
+            difference: Default::default(),
             prompt: Default::default(),
             timings: Default::default(),
             show_help: false,
@@ -366,6 +370,7 @@ impl App {
                     self.slices.go_to(self.document.as_ref(), result.point);
                     self.probe = Some(*result);
                 }
+                Event::Differences(found) => self.take_differences(*found),
                 Event::ExportProgress(share) => {
                     if let Some(exporting) = &mut self.exporting {
                         exporting.share = share;
@@ -467,6 +472,7 @@ impl App {
         self.probe_window(ui.ctx());
         self.help_window(ui.ctx());
         self.ask();
+        self.follow_difference();
         if self.opening.is_some() {
             ui.ctx().request_repaint_after(Duration::from_millis(100));
         }

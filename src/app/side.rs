@@ -48,6 +48,7 @@ impl App {
         if self.split.is_some() {
             ui.indent("second", |ui| method_editor(ui, "second method", &mut document.other));
         }
+        self.difference_choice(ui);
         let Some(frame) = &self.frame else { return };
         ui.add_space(4.0);
         for side in std::iter::once(&frame.main).chain(&frame.other) {

@@ -153,11 +153,16 @@ impl App {
         let place =
             Rect::from_center_size(rect.center(), vec2(rect.height() * size.x / size.y, rect.height()));
         let place = if (place.width() / rect.width() - 1.0).abs() < 0.02 { rect } else { place };
-        painter.add(shown::shape(place, &frame.main.texture, 0, state));
+        // Heat maps of the error take the pictures' places.
+        let errors = |side: usize| {
+            let found = self.difference.found.as_ref().filter(|_| self.difference.shows.is_some())?;
+            found.sides.get(side).map(|s| &s.texture)
+        };
+        painter.add(shown::shape(place, errors(0).unwrap_or(&frame.main.texture), 0, state));
         let (Some(other), Some(share)) = (&frame.other, self.split) else { return };
         let x = rect.left() + share * rect.width();
         let right = ui.painter_at(Rect::from_min_max(egui::pos2(x, rect.top()), rect.max));
-        right.add(shown::shape(place, &other.texture, 1, state));
+        right.add(shown::shape(place, errors(1).unwrap_or(&other.texture), 1, state));
         painter.vline(x, rect.y_range(), Stroke::new(1.5, Color32::from_white_alpha(200)));
         painter.circle_filled(egui::pos2(x, rect.center().y), 5.0, Color32::from_white_alpha(220));
         let label = |at: Pos2, align, side: &Side| tag(&painter, at, align, &side.spec);
@@ -193,6 +198,7 @@ impl App {
             painter.circle_filled(p, 6.0, Color32::from_rgb(255, 230, 140));
             painter.circle_stroke(p, 9.0, Stroke::new(1.5, Color32::from_rgb(255, 230, 140)));
         }
+        self.paint_difference_legend(ui, painter, rect);
         let Some(picture) = &self.frame else { return };
         let (w, h) = (picture.main.texture.width, picture.main.texture.height);
         let quality = if picture.whole { format!("{w} x {h}") } else { format!("{w} x {h}, refining …") };
@@ -298,7 +304,7 @@ fn shadowed_text(painter: &egui::Painter, at: Pos2, align: Align2, text: &str, s
     painter.text(at, align, text, font, color);
 }
 
-fn tag(painter: &egui::Painter, at: Pos2, align: Align2, text: &str) {
+pub(super) fn tag(painter: &egui::Painter, at: Pos2, align: Align2, text: &str) {
     let galley = painter.layout_no_wrap(text.to_owned(), FontId::monospace(12.0), Color32::from_gray(235));
     let rect = align.anchor_size(at, galley.size());
     painter.rect_filled(rect.expand(4.0), 3.0, Color32::from_black_alpha(150));

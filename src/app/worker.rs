@@ -1,6 +1,7 @@
 //! The render thread: it owns volume, tables and shadow maps, and draws the newest wanted picture into textures of the
 //! device that the window shares. The window never waits for it.
 
+use super::difference::{DifferenceRequest, Differences};
 use super::engine::Engine;
 use super::jobs::{Export, Exported, ProbeRequest, ProbeResult};
 use super::method_choice::MethodChoice;
@@ -71,6 +72,7 @@ pub enum Event {
         revision: u64,
     },
     Probed(Box<ProbeResult>),
+    Differences(Box<Differences>),
     /// Share of the export that is done.
     ExportProgress(f32),
     Exported(Exported),
@@ -82,6 +84,7 @@ pub enum Event {
 pub enum Job {
     Upload(Box<Opened>),
     Probe(ProbeRequest),
+    Difference(DifferenceRequest),
     Export(Export),
 }
 
@@ -192,9 +195,10 @@ impl Worker {
     pub fn push(&self, job: Job) {
         {
             let mut slots = self.mailbox.lock();
-            if matches!(job, Job::Probe(_)) {
-                // The newest place is the one of interest.
-                slots.jobs.retain(|j| !matches!(j, Job::Probe(_)));
+            // The newest place, and the newest answer, is the one of interest.
+            if matches!(job, Job::Probe(_) | Job::Difference(_)) {
+                let kind = std::mem::discriminant(&job);
+                slots.jobs.retain(|j| std::mem::discriminant(j) != kind);
             }
             slots.jobs.push_back(job);
         }
@@ -251,6 +255,7 @@ fn run(gpu: Gpu, mailbox: &Mailbox, speaker: &Speaker) {
             }
             Next::Job(Job::Upload(opened)) => engine.upload(*opened, speaker).map(|()| true),
             Next::Job(Job::Probe(request)) => engine.probe(&request, speaker).map(|()| true),
+            Next::Job(Job::Difference(request)) => engine.difference(&request, speaker).map(|()| true),
             Next::Job(Job::Export(export)) => {
                 mailbox.cancel_export.store(false, Ordering::Relaxed);
                 let result =

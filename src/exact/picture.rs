@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Scene, Shading};
 use ndarray::Array3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// How finely a pixel's integral is made.
 #[derive(Debug, Clone, Copy)]
@@ -40,11 +41,21 @@ impl ExactField<'_> {
     /// # Errors
     /// A shading other than `none`, which is all that the model defines exactly.
     pub fn picture(&self, scene: &Scene) -> Result<Array3<f32>> {
+        self.picture_rows(scene, 0..scene.height)
+    }
+
+    /// Some rows of [`Self::picture`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn picture_rows(&self, scene: &Scene, rows: Range<u32>) -> Result<Array3<f32>> {
         if scene.shading != Shading::None {
             return Err(Error::input("cannot make the exact picture", "--shading", "only `none` is exact"));
         }
-        let (width, height) = (scene.width as usize, scene.height as usize);
-        let pixel = |index: usize| self.pixel(scene, (index % width) as f64, (index / width) as f64, RULE);
+        let (width, height) = (scene.width as usize, rows.len());
+        let first = f64::from(rows.start);
+        let pixel =
+            |index: usize| self.pixel(scene, (index % width) as f64, first + (index / width) as f64, RULE);
         let pixels: Vec<_> = (0..width * height).into_par_iter().map(pixel).collect();
         Ok(Array3::from_shape_fn((height, width, 4), |(row, column, channel)| {
             pixels[row * width + column][channel] as f32

@@ -4,6 +4,7 @@ use super::ExactField;
 use crate::scene::Scene;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A point of the volume that the camera sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,19 +44,38 @@ impl ExactField<'_> {
         points
     }
 
+    /// What each pixel of some rows sees, row by row: the point that half of its opacity lies in front of; `None` where
+    /// it sees nothing.
+    pub fn seen_by_pixels(&self, scene: &Scene, rows: Range<u32>) -> Vec<Option<SeenPoint>> {
+        let width = u64::from(scene.width);
+        (u64::from(rows.start) * width..u64::from(rows.end) * width)
+            .into_par_iter()
+            .map(|pixel| self.seen_by_pixel(scene, [pixel % width, pixel / width].map(|n| n as f64), 0.5))
+            .collect()
+    }
+
     /// The point for a place `[x, y, quantile]` in the unit cube, if that pixel sees any.
     fn seen_point(&self, scene: &Scene, place: [f64; 3]) -> Option<SeenPoint> {
         let column = (place[0] * f64::from(scene.width)).floor();
         let row = (place[1] * f64::from(scene.height)).floor();
-        let eye = scene.camera.eye;
+        self.seen_by_pixel(scene, [column, row], place[2])
+    }
+
+    fn seen_by_pixel(&self, scene: &Scene, [column, row]: [f64; 2], quantile: f64) -> Option<SeenPoint> {
         let direction = scene.camera.ray_direction(column, row, scene.width, scene.height);
+        self.seen_along(scene.camera.eye, direction, quantile)
+    }
+
+    /// The point along a ray from the eye (world mm, unit direction) that this quantile of the ray's opacity lies in
+    /// front of; `None` where there is no opacity.
+    pub fn seen_along(&self, eye: DVec3, direction: DVec3, quantile: f64) -> Option<SeenPoint> {
         let curve = self.curve_along(eye, direction, f64::INFINITY);
         let opacity = -(-curve.total()).exp_m1();
         if opacity <= 0.0 {
             return None;
         }
-        // The depth before which this quantile of the pixel's opacity lies; at least half a step of f64 inside.
-        let tau = -(-place[2].max(0.5 * f64::EPSILON) * opacity).ln_1p();
+        // At least half a step of f64 inside.
+        let tau = -(-quantile.max(0.5 * f64::EPSILON) * opacity).ln_1p();
         let depth_mm = curve.depth_of_optical_depth(tau.min(curve.total()))?;
         Some(SeenPoint { position: eye + direction * depth_mm, weight: opacity })
     }

@@ -26,6 +26,7 @@ pub mod best;
 mod canvas;
 mod cell;
 pub mod compare;
+pub mod error_map;
 pub mod errors;
 pub mod facts;
 pub mod heat;

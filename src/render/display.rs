@@ -1,7 +1,7 @@
 //! Pictures on the screen: encoded to sRGB into a texture of the same device, band by band, with no copy to the host.
 
 use super::{DeviceTransfer, LoadedVolume, Plan, Renderer};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderVariant, Span, uniform_buffer};
 use crate::scene::Scene;
 use crate::shadow::ShadowMap;
@@ -39,12 +39,29 @@ impl DisplayTexture {
             format: wgpu::TextureFormat::Rgba8Unorm,
             usage: wgpu::TextureUsages::TEXTURE_BINDING
                 | wgpu::TextureUsages::STORAGE_BINDING
-                | wgpu::TextureUsages::COPY_SRC,
+                | wgpu::TextureUsages::COPY_SRC
+                | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
         gpu.take_error()?;
         let view = texture.create_view(&Default::default());
         Ok(Self { texture, view, width, height })
+    }
+
+    /// With these pixels: four bytes each, row by row.
+    ///
+    /// # Errors
+    /// A side that the adapter cannot hold, or bytes that are too few or too many.
+    pub fn from_srgb8(gpu: &Gpu, width: u32, height: u32, pixels: &[u8]) -> Result<Self> {
+        if pixels.len() as u64 != u64::from(width) * u64::from(height) * 4 {
+            let why = format!("{} bytes for {width} x {height} pixels", pixels.len());
+            return Err(Error::runtime("cannot show a picture", "window", why));
+        }
+        let made = Self::new(gpu, width, height)?;
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * 4), rows_per_image: None };
+        gpu.queue.write_texture(made.texture.as_image_copy(), pixels, layout, made.texture.size());
+        Ok(made)
     }
 }
 

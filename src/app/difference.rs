@@ -1,0 +1,420 @@
+//! The difference of the shown methods from exact as a heat map over the view: the exact answer comes from a thread of
+//! its own, coarse first, and the render thread compares the methods with it.
+
+use super::engine::Engine;
+use super::method_choice::MethodChoice;
+use super::worker::{Event, Job, Speaker, Wake};
+use super::{App, Asked};
+use crate::error::{Error, Result};
+use crate::exact::ExactField;
+use crate::measure::error_map::{ErrorMap, ExactView, Quantity};
+use crate::measure::heat::{inferno, round_max};
+use crate::render::{DisplayTexture, Work};
+use crate::scene::Scene;
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use eframe::egui::{self, Align2, Color32, FontId, Rect, pos2, vec2};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+/// Pixels of the view that one pixel of the heat map covers across, one after the other.
+const LIGHT_DIVISORS: [f64; 5] = [16.0, 8.0, 4.0, 2.0, 1.0];
+/// Exact pictures take a hundred times as long.
+const PICTURE_DIVISORS: [f64; 6] = [24.0, 12.0, 6.0, 3.0, 2.0, 1.0];
+/// Of a logarithmic scale.
+const DECADES: f32 = 3.0;
+/// Where nothing is seen there is no error.
+const NOTHING_SEEN: [u8; 4] = [28, 30, 34, 255];
+
+/// What the exact answer depends on.
+#[derive(Debug, Clone, PartialEq)]
+struct Subject {
+    tf: Arc<TransferFunction>,
+    scene: Scene,
+    quantity: Quantity,
+}
+
+/// An exact answer on its way.
+struct Computing {
+    views: Receiver<ExactView>,
+    cancelled: Arc<AtomicBool>,
+}
+
+impl Drop for Computing {
+    fn drop(&mut self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Methods to compare with an exact answer.
+#[derive(Debug, Clone)]
+pub struct DifferenceRequest {
+    view: Arc<ExactView>,
+    tf: Arc<TransferFunction>,
+    methods: Vec<MethodChoice>,
+    logarithmic: bool,
+}
+
+/// One method's heat map.
+pub struct DifferenceSide {
+    pub spec: String,
+    pub map: ErrorMap,
+    pub texture: Arc<DisplayTexture>,
+}
+
+/// The heat maps of the shown methods, on one scale.
+pub struct Differences {
+    pub view: Arc<ExactView>,
+    /// Left and right of the split, or the only one.
+    pub sides: Vec<DifferenceSide>,
+    /// The error at the scale's end.
+    pub largest: f32,
+    /// Whether the scale is logarithmic, over [`DECADES`].
+    logarithmic: bool,
+}
+
+/// What the window remembers of it.
+#[derive(Default)]
+pub struct DifferenceState {
+    /// What is shown in place of the picture.
+    pub shows: Option<Quantity>,
+    /// Colours show the error's logarithm.
+    pub logarithmic: bool,
+    /// Of what the exact answer is, or will be.
+    subject: Option<Subject>,
+    computing: Option<Computing>,
+    /// The finest answer so far.
+    view: Option<Arc<ExactView>>,
+    /// What methods were compared last, and with which answer.
+    asked: Option<(Arc<ExactView>, Vec<MethodChoice>, bool)>,
+    pub found: Option<Differences>,
+}
+
+impl DifferenceState {
+    fn clear(&mut self) {
+        *self = Self { shows: self.shows, logarithmic: self.logarithmic, ..Self::default() };
+    }
+
+    /// Whether nothing finer will come.
+    pub fn is_done(&self) -> bool {
+        let compared = match (&self.view, &self.found) {
+            (Some(view), Some(found)) => Arc::ptr_eq(view, &found.view),
+            _ => false,
+        };
+        self.shows.is_none() || (self.computing.is_none() && compared)
+    }
+}
+
+impl Computing {
+    fn start(volume: Arc<Volume>, what: Subject, wake: Wake) -> Result<Self> {
+        let (send, views) = channel();
+        let cancelled = Arc::new(AtomicBool::new(false));
+        let theirs = Arc::clone(&cancelled);
+        // One core is left to whoever moves the mouse.
+        let threads = std::thread::available_parallelism().map_or(1, |n| n.get().saturating_sub(1).max(1));
+        let failed = |why: String| Error::runtime("cannot compute the exact answer", "window", why);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| failed(e.to_string()))?;
+        let work = move || {
+            let field = ExactField::new(&volume, &what.tf);
+            let divisors: &[f64] = match what.quantity {
+                Quantity::Light => &LIGHT_DIVISORS,
+                Quantity::Picture => &PICTURE_DIVISORS,
+            };
+            for divisor in divisors {
+                let side = |n: u32| ((f64::from(n) / divisor).round() as u32).max(1);
+                let scene = Scene {
+                    width: side(what.scene.width),
+                    height: side(what.scene.height),
+                    ..what.scene.clone()
+                };
+                let go_on = || !theirs.load(Ordering::Relaxed);
+                let view = pool.install(|| ExactView::new(&field, &scene, what.quantity, go_on));
+                let Ok(Some(view)) = view else { return };
+                if send.send(view).is_err() {
+                    return;
+                }
+                wake();
+            }
+            drop(send);
+            wake();
+        };
+        std::thread::Builder::new().name("exact".into()).spawn(work).map_err(|e| failed(e.to_string()))?;
+        Ok(Self { views, cancelled })
+    }
+}
+
+impl Engine {
+    /// Compares methods with an exact answer.
+    pub fn difference(&mut self, request: &DifferenceRequest, speaker: &Speaker) -> Result<()> {
+        let Some(loaded) = &self.loaded else { return Ok(()) };
+        let mut work = Work::default();
+        self.kept.set_transfer(&self.renderer, loaded, &request.tf, &mut work)?;
+        let scene = &request.view.scene;
+        let mut found = Vec::new();
+        for choice in &request.methods {
+            let (spec, method) = (choice.spec(), choice.method()?);
+            self.kept.prepare(&self.renderer, loaded, (&spec, method.as_ref()), scene, &mut work)?;
+            let (Some(transfer), Some(shadow)) = (self.kept.transfer(), self.kept.shadow(&spec, scene.light))
+            else {
+                return Ok(());
+            };
+            found.push((spec, request.view.errors(&self.renderer, loaded, transfer, shadow)?));
+        }
+        let largest = found.iter().map(|(_, map)| round_max(&map.errors.mapv(f32::abs))).fold(0.0, f32::max);
+        let sides = found
+            .into_iter()
+            .map(|(spec, map)| {
+                let pixels: Vec<u8> =
+                    map.errors.iter().flat_map(|e| colour(*e, largest, request.logarithmic)).collect();
+                let gpu = self.renderer.gpu();
+                let texture = Arc::new(DisplayTexture::from_srgb8(gpu, scene.width, scene.height, &pixels)?);
+                Ok(DifferenceSide { spec, map, texture })
+            })
+            .collect::<Result<Vec<_>>>()?;
+        let view = Arc::clone(&request.view);
+        speaker.say(Event::Differences(Box::new(Differences {
+            view,
+            sides,
+            largest,
+            logarithmic: request.logarithmic,
+        })));
+        Ok(())
+    }
+}
+
+fn colour(error: f32, largest: f32, logarithmic: bool) -> [u8; 4] {
+    if error.is_nan() {
+        return NOTHING_SEEN;
+    }
+    let share = error.abs() / largest.max(f32::MIN_POSITIVE);
+    let share = if logarithmic { 1.0 + share.log10() / DECADES } else { share };
+    let [r, g, b] = inferno(f64::from(share)).0;
+    [r, g, b, 255]
+}
+
+impl App {
+    /// Keeps the exact answer in step with what is shown: begun when the hand rests, ended when anything changes.
+    pub(super) fn follow_difference(&mut self) {
+        let (Some(quantity), Some(document)) = (self.difference.shows, &self.document) else {
+            self.difference.clear();
+            return;
+        };
+        let subject = Subject { tf: Arc::clone(&document.tf), scene: document.scene.clone(), quantity };
+        if self.difference.subject.as_ref() != Some(&subject) {
+            self.difference.clear();
+            // While a hand moves the picture is what is of interest.
+            if !self.view.settled {
+                return;
+            }
+            let volume = Arc::clone(&document.volume);
+            match Computing::start(volume, subject.clone(), Arc::clone(&self.wake)) {
+                Ok(computing) => {
+                    self.difference.subject = Some(subject);
+                    self.difference.computing = Some(computing);
+                }
+                Err(e) => {
+                    self.difference.shows = None;
+                    return self.fail(&e);
+                }
+            }
+        }
+        self.take_exact_views();
+        self.compare_with_exact();
+    }
+
+    fn take_exact_views(&mut self) {
+        let Some(computing) = &self.difference.computing else { return };
+        loop {
+            match computing.views.try_recv() {
+                Ok(view) => self.difference.view = Some(Arc::new(view)),
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => {
+                    self.difference.computing = None;
+                    break;
+                }
+            }
+        }
+    }
+
+    fn compare_with_exact(&mut self) {
+        let (Some(view), Some(Asked { tf, method, other, .. })) = (&self.difference.view, &self.asked) else {
+            return;
+        };
+        let methods: Vec<_> = std::iter::once(method).chain(other).cloned().collect();
+        let logarithmic = self.difference.logarithmic;
+        let known = self
+            .difference
+            .asked
+            .as_ref()
+            .is_some_and(|(v, m, log)| Arc::ptr_eq(v, view) && *m == methods && *log == logarithmic);
+        if known || !self.view.settled {
+            return;
+        }
+        let request = DifferenceRequest {
+            view: Arc::clone(view),
+            tf: Arc::clone(tf),
+            methods: methods.clone(),
+            logarithmic,
+        };
+        self.difference.asked = Some((Arc::clone(view), methods, logarithmic));
+        self.worker.push(Job::Difference(request));
+    }
+
+    /// Takes heat maps, unless they are of something that is no longer shown.
+    pub(super) fn take_differences(&mut self, found: Differences) {
+        let wanted = self.difference.asked.as_ref().is_some_and(|(view, ..)| Arc::ptr_eq(view, &found.view));
+        if wanted {
+            self.difference.found = Some(found);
+        }
+    }
+
+    /// What is compared, as a choice.
+    pub(super) fn difference_choice(&mut self, ui: &mut egui::Ui) {
+        ui.horizontal(|ui| {
+            ui.label("Error");
+            let choices = [
+                (None, "off", "Show the picture (D)"),
+                (
+                    Some(Quantity::Light),
+                    "light",
+                    "Light on what each pixel sees, method less exact: transmittance, 0 to 1 (D)",
+                ),
+                (
+                    Some(Quantity::Picture),
+                    "picture",
+                    "The picture without shading, method less exact: the channel that is farthest off, linear RGB. \
+                     An exact picture takes minutes; it is shown as it grows (D)",
+                ),
+            ];
+            for (value, name, tooltip) in choices {
+                ui.selectable_value(&mut self.difference.shows, value, name).on_hover_text(tooltip);
+            }
+            if self.difference.shows.is_some() {
+                let log = ui.toggle_value(&mut self.difference.logarithmic, "log");
+                log.on_hover_text("Three decades of the error: small ones show beside large ones");
+            }
+        });
+    }
+
+    /// Off, light, picture, off.
+    pub(super) fn next_difference(&mut self) {
+        self.difference.shows = match self.difference.shows {
+            None => Some(Quantity::Light),
+            Some(Quantity::Light) => Some(Quantity::Picture),
+            Some(Quantity::Picture) => None,
+        };
+    }
+
+    /// The scale, the figures of each method, and the error under the pointer.
+    pub(super) fn paint_difference_legend(&self, ui: &egui::Ui, painter: &egui::Painter, rect: Rect) {
+        let Some(quantity) = self.difference.shows else { return };
+        let what = match quantity {
+            Quantity::Light => "error of the light on what is seen (transmittance)",
+            Quantity::Picture => "error of the picture without shading (linear RGB)",
+        };
+        let mut lines = Vec::new();
+        if let Some(found) = &self.difference.found {
+            for side in &found.sides {
+                lines.push(match &side.map.stats {
+                    Some(s) => format!(
+                        "{}: rms {:.4}, mean {:+.4}, 99 % {:.4}, max {:.4}",
+                        side.spec, s.rms, s.mean, s.p99_abs, s.max_abs
+                    ),
+                    None => format!("{}: nothing is seen", side.spec),
+                });
+            }
+            let scene = &found.view.scene;
+            let more = if self.difference.is_done() { "" } else { ", finer follows …" };
+            lines.push(format!("{what} · {} x {}{more}", scene.width, scene.height));
+        } else {
+            lines.push(format!("{what} · computing the exact answer …"));
+        }
+        let font = FontId::proportional(12.0);
+        let color = Color32::from_gray(230);
+        let bar = vec2(220.0, 10.0);
+        let lines: Vec<_> =
+            lines.into_iter().map(|line| painter.layout_no_wrap(line, font.clone(), color)).collect();
+        let widest = lines.iter().map(|l| l.size().x).fold(bar.x + 120.0, f32::max);
+        let height = 17.0 * lines.len() as f32 + bar.y + 14.0;
+        let (left, top) = (rect.center().x - 0.5 * bar.x, rect.bottom() - height - 34.0);
+        let back = pos2(rect.center().x - 0.5 * widest - 10.0, top - 6.0);
+        let back = Rect::from_min_size(back, vec2(widest + 20.0, height));
+        painter.rect_filled(back, 4.0, Color32::from_black_alpha(190));
+        for (i, line) in lines.iter().enumerate() {
+            let at = pos2(rect.center().x - 0.5 * line.size().x, top + 17.0 * i as f32);
+            painter.galley(at, Arc::clone(line), color);
+        }
+        let Some(found) = &self.difference.found else { return };
+        let y = top + 17.0 * lines.len() as f32 + 2.0;
+        let mut scale = egui::Mesh::default();
+        const STEPS: usize = 44;
+        for i in 0..STEPS {
+            let column = Rect::from_min_size(
+                pos2(left + bar.x * i as f32 / STEPS as f32, y),
+                vec2(bar.x / STEPS as f32, bar.y),
+            );
+            let [r, g, b] = inferno((i as f64 + 0.5) / STEPS as f64).0;
+            scale.add_colored_rect(column, Color32::from_rgb(r, g, b));
+        }
+        painter.add(scale);
+        let least = if found.logarithmic { found.largest / 10_f32.powf(DECADES) } else { 0.0 };
+        let (y, sign) = (y + 0.5 * bar.y, if found.logarithmic { "≤ " } else { "" });
+        painter.text(
+            pos2(left - 6.0, y),
+            Align2::RIGHT_CENTER,
+            format!("{sign}{least}"),
+            font.clone(),
+            color,
+        );
+        let end = pos2(left + bar.x + 6.0, y);
+        painter.text(end, Align2::LEFT_CENTER, format!("≥ {}", found.largest), font, color);
+        if let Some((at, error)) = self.difference_under_pointer(ui, rect) {
+            let text = if error.is_finite() { format!("{error:+.4}") } else { "no number".to_owned() };
+            super::viewport::tag(painter, at + vec2(14.0, 12.0), Align2::LEFT_TOP, &text);
+        }
+    }
+
+    fn difference_under_pointer(&self, ui: &egui::Ui, rect: Rect) -> Option<(egui::Pos2, f32)> {
+        let at = ui.input(|i| i.pointer.hover_pos()).filter(|p| rect.contains(*p))?;
+        let found = self.difference.found.as_ref()?;
+        let right = self.split.is_some_and(|share| at.x > rect.left() + share * rect.width());
+        let side = found.sides.get(usize::from(right)).or(found.sides.first())?;
+        let (height, width) = side.map.errors.dim();
+        let index = |share: f32, n: usize| ((share * n as f32) as usize).min(n.saturating_sub(1));
+        let (x, y) = ((at.x - rect.left()) / rect.width(), (at.y - rect.top()) / rect.height());
+        let error = side.map.errors[[index(y, height), index(x, width)]];
+        (!error.is_nan()).then_some((at, error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn larger_errors_are_lighter_on_both_scales() {
+        for logarithmic in [false, true] {
+            let light = |error: f32| {
+                let [r, g, b, _] = colour(error, 0.5, logarithmic).map(f64::from);
+                0.2126 * r + 0.7152 * g + 0.0722 * b
+            };
+            let steps = [0.01, 0.05, 0.1, 0.25, 0.5].map(light);
+            assert!(steps.windows(2).all(|w| w[0] < w[1]), "{steps:?}");
+            assert_eq!(colour(-0.3, 0.5, logarithmic), colour(0.3, 0.5, logarithmic));
+            assert_eq!(colour(f32::INFINITY, 0.5, logarithmic), colour(0.5, 0.5, logarithmic));
+            assert_eq!(
+                colour(0.0, 0.5, logarithmic),
+                colour(1e-9, 0.5, logarithmic),
+                "the scale's beginning"
+            );
+            assert_eq!(colour(f32::NAN, 0.5, logarithmic), NOTHING_SEEN);
+        }
+        // A thousandth of the largest is the beginning of the logarithmic scale.
+        assert_eq!(colour(0.5e-3, 0.5, true), colour(0.0, 0.5, true));
+        assert!(colour(0.5e-2, 0.5, true)[0] > 50);
+    }
+}

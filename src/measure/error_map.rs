@@ -1,0 +1,160 @@
+//! A method's error pixel by pixel: its picture, or the light on what each pixel sees, less the exact one.
+
+use super::stats::ErrorStats;
+use crate::error::{Error, Result};
+use crate::exact::ExactField;
+use crate::render::{DeviceTransfer, LoadedVolume, Renderer};
+use crate::scene::{Scene, Shading};
+use crate::shadow::ShadowMap;
+use glam::DVec3;
+use ndarray::{Array2, Array3, Axis, concatenate};
+use rayon::prelude::*;
+
+/// Rows that are computed between two times that someone may end the work.
+const ROWS_AT_ONCE: u32 = 4;
+/// So that others can draw in between.
+const POINTS_AT_ONCE: usize = 1 << 13;
+const BAND_MS: f64 = 25.0;
+
+/// What is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Transmittance from the light to the point that half of a pixel's opacity lies in front of.
+    Light,
+    /// The picture: of its three channels (linear RGB) the one that is farthest off. Without shading, of which the model
+    /// defines no exact picture.
+    Picture,
+}
+
+/// The exact answer for the pixels of one scene.
+#[derive(Debug, Clone)]
+pub struct ExactView {
+    /// With the size that the answer has; its shading is none for [`Quantity::Picture`].
+    pub scene: Scene,
+    answer: Answer,
+}
+
+#[derive(Debug, Clone)]
+enum Answer {
+    Light {
+        /// Pixels that see something, row by row.
+        pixels: Vec<u32>,
+        /// What they see (world mm), their opacities, and the exact transmittance there.
+        points_mm: Vec<DVec3>,
+        weights: Vec<f64>,
+        exact: Vec<f64>,
+    },
+    Picture(Array3<f32>),
+}
+
+/// Errors of one method.
+#[derive(Debug, Clone)]
+pub struct ErrorMap {
+    /// `height x width`, method less exact; NaN where nothing is seen, infinite where the method gives no number.
+    pub errors: Array2<f32>,
+    /// Over the pixels that see something, each by its opacity; `None` where nothing is seen.
+    pub stats: Option<ErrorStats>,
+}
+
+impl ExactView {
+    /// Computes the answer at the scene's size; `None` where `go_on` ended it, which is asked every few rows.
+    ///
+    /// [`Quantity::Light`] takes a ray from each pixel and one from what it sees; [`Quantity::Picture`] a hundred or more.
+    ///
+    /// # Errors
+    /// None that is known of.
+    pub fn new(
+        field: &ExactField<'_>,
+        scene: &Scene,
+        quantity: Quantity,
+        go_on: impl Fn() -> bool,
+    ) -> Result<Option<Self>> {
+        let scene = match quantity {
+            Quantity::Light => scene.clone(),
+            Quantity::Picture => Scene { shading: Shading::None, ..scene.clone() },
+        };
+        let mut seen = Vec::new();
+        let mut rows_done: Vec<Array3<f32>> = Vec::new();
+        for first in (0..scene.height).step_by(ROWS_AT_ONCE as usize) {
+            if !go_on() {
+                return Ok(None);
+            }
+            let rows = first..(first + ROWS_AT_ONCE).min(scene.height);
+            match quantity {
+                Quantity::Light => {
+                    let first_pixel = first * scene.width;
+                    let found = field.seen_by_pixels(&scene, rows);
+                    let lit = (first_pixel..).zip(found).collect::<Vec<_>>().into_par_iter();
+                    seen.par_extend(lit.filter_map(|(pixel, point)| {
+                        let point = point?;
+                        let exact = field.transmittance_to_light(point.position, &scene.light);
+                        Some((pixel, point, exact))
+                    }));
+                }
+                Quantity::Picture => rows_done.push(field.picture_rows(&scene, rows)?),
+            }
+        }
+        let answer = match quantity {
+            Quantity::Light => Answer::Light {
+                pixels: seen.iter().map(|s| s.0).collect(),
+                points_mm: seen.iter().map(|s| s.1.position).collect(),
+                weights: seen.iter().map(|s| s.1.weight).collect(),
+                exact: seen.iter().map(|s| s.2).collect(),
+            },
+            Quantity::Picture => {
+                let parts: Vec<_> = rows_done.iter().map(|rows| rows.view()).collect();
+                // Rows of one width in order make a picture.
+                let empty = || Array3::zeros((0, scene.width as usize, 4));
+                Answer::Picture(concatenate(Axis(0), &parts).unwrap_or_else(|_| empty()))
+            }
+        };
+        Ok(Some(Self { scene, answer }))
+    }
+
+    /// A method's errors; `shadow` is for this scene's light.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn errors(
+        &self,
+        renderer: &Renderer,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+    ) -> Result<ErrorMap> {
+        let (width, height) = (self.scene.width as usize, self.scene.height as usize);
+        let mut errors = Array2::from_elem((height, width), f32::NAN);
+        let known = |error: f64| if error.is_nan() { f64::INFINITY } else { error };
+        let mut weighted = Vec::new();
+        match &self.answer {
+            Answer::Light { pixels, points_mm, weights, exact } => {
+                let mut values = Vec::with_capacity(points_mm.len());
+                for some in points_mm.chunks(POINTS_AT_ONCE) {
+                    values.extend(renderer.query(loaded, transfer, shadow, some)?);
+                }
+                for (((pixel, weight), value), exact) in pixels.iter().zip(weights).zip(values).zip(exact) {
+                    let error = known(f64::from(value) - exact);
+                    errors[[*pixel as usize / width, *pixel as usize % width]] = error as f32;
+                    weighted.push((error, *weight));
+                }
+            }
+            Answer::Picture(exact) => {
+                let drawn =
+                    renderer.render_in_bands(loaded, transfer, shadow, &self.scene, BAND_MS, |_| true)?;
+                let broken =
+                    || Error::runtime("cannot compare pictures", "picture", "it was left unfinished");
+                let picture = drawn.ok_or_else(broken)?.pixels;
+                for (((row, column), error), exact) in errors.indexed_iter_mut().zip(exact.lanes(Axis(2))) {
+                    let off = |c: usize| known(f64::from(picture[[row, column, c]]) - f64::from(exact[c]));
+                    let opacity = f64::from(exact[3]);
+                    let farthest = (0..3).map(off).max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
+                    if opacity > 0.0 {
+                        *error = farthest as f32;
+                        weighted.push((farthest, opacity));
+                    }
+                }
+            }
+        }
+        Ok(ErrorMap { errors, stats: ErrorStats::of(weighted)? })
+    }
+}

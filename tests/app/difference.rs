@@ -1,0 +1,91 @@
+//! Heat maps of the error against exact.
+
+use super::Bench;
+use eframe::egui::Key;
+use std::time::{Duration, Instant};
+use umbravox::measure::error_map::Quantity;
+
+/// Steps until the finest heat map is there.
+fn wait_for_difference(bench: &mut Bench) {
+    let start = Instant::now();
+    while !bench.app().difference.is_done() {
+        bench.harness.step();
+        assert!(start.elapsed() < super::PATIENCE, "{:?}", bench.app().messages);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
+    let Some(mut bench) = Bench::open(&["phantom:sphere:32", "--tf=uniform", "--shadow=rays"]) else {
+        return;
+    };
+    // On the other side of the split no light is kept from anything.
+    bench.harness.key_press(Key::C);
+    bench.settle();
+    bench.harness.key_press(Key::D);
+    bench.harness.step();
+    assert_eq!(bench.app().difference.shows, Some(Quantity::Light));
+    wait_for_difference(&mut bench);
+    let scene = bench.app().document.as_ref().unwrap().scene.clone();
+    let found = bench.app().difference.found.as_ref().unwrap();
+    assert_eq!((found.view.scene.width, found.view.scene.height), (scene.width, scene.height));
+    let [rays, none] = &found.sides[..] else { panic!("two methods") };
+    assert_eq!((rays.spec.as_str(), none.spec.as_str()), ("rays", "none"));
+    let (rays, none) = (rays.map.stats.unwrap(), none.map.stats.unwrap());
+    assert!(rays.max_abs < 0.005 && rays.count > 1000, "{rays:?}");
+    assert!(none.rms > 0.1 && none.mean > 0.1, "it is too bright: {none:?}");
+    assert!(found.largest > 0.5);
+    // Beside the sphere nothing is seen.
+    assert!(found.sides[0].map.errors[[2, 2]].is_nan());
+
+    // Another light is another answer; the old one goes at once.
+    let before = none;
+    bench.app().document.as_mut().unwrap().scene.light =
+        umbravox::scene::Light::Directional { toward: glam::DVec3::new(-1.0, 0.2, 0.1).normalize() };
+    bench.harness.step();
+    assert!(bench.app().difference.found.is_none());
+    bench.settle();
+    wait_for_difference(&mut bench);
+    let after = bench.app().difference.found.as_ref().unwrap().sides[1].map.stats.unwrap();
+    assert_ne!(before.rms, after.rms);
+
+    // Another method is compared with the same answer.
+    let answer = std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().view);
+    bench.harness.key_press(Key::X);
+    bench.settle();
+    wait_for_spec(&mut bench, "none");
+    assert_eq!(answer, std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().view));
+
+    bench.app().difference.shows = None;
+    bench.harness.step();
+    assert!(bench.app().difference.found.is_none());
+}
+
+fn wait_for_spec(bench: &mut Bench, spec: &str) {
+    let start = Instant::now();
+    while bench.app().difference.found.as_ref().is_none_or(|f| f.sides[0].spec != spec) {
+        bench.harness.step();
+        assert!(start.elapsed() < super::PATIENCE, "{:?}", bench.app().messages);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn pictures_are_compared_without_shading() {
+    let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--tf=uniform", "--shadow=dsm:map=128"]) else {
+        return;
+    };
+    bench.app().difference.shows = Some(Quantity::Picture);
+    // The coarsest answer is enough; the finest would take a minute.
+    let start = Instant::now();
+    while bench.app().difference.found.is_none() {
+        bench.harness.step();
+        assert!(start.elapsed() < super::PATIENCE, "{:?}", bench.app().messages);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let stats = bench.app().difference.found.as_ref().unwrap().sides[0].map.stats.unwrap();
+    assert!(stats.rms < 0.02 && stats.count > 20, "{stats:?}");
+    bench.app().difference.shows = None;
+    bench.settle();
+}
