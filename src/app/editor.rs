@@ -7,8 +7,8 @@ use super::curve::{AmountAxis, Edit, top_of};
 use super::prompt::Purpose;
 use crate::color;
 use crate::transfer::Quantity;
-use crate::transfer::presets::PRESETS;
 use eframe::egui::{self, Color32, FontId, Rect, Sense, Stroke, pos2, vec2};
+use eframe::egui_wgpu::RenderState;
 use paint::{Map, add_bar, add_histogram, paint_axes, paint_curve, short};
 
 const BAR_HEIGHT: f32 = 16.0;
@@ -25,7 +25,7 @@ pub struct EditorState {
 }
 
 impl App {
-    pub(super) fn editor_panel(&mut self, ui: &mut egui::Ui) {
+    pub(super) fn editor_panel(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
         if self.document.is_none() {
             return;
         }
@@ -36,35 +36,17 @@ impl App {
             .min_size(170.0)
             .show(ui, |ui| {
                 ui.add_space(4.0);
-                self.editor_tools(ui);
+                self.editor_tools(ui, render_state);
                 self.point_row(ui);
                 ui.add_space(2.0);
                 self.plot(ui);
             });
     }
 
-    fn editor_tools(&mut self, ui: &mut egui::Ui) {
-        let Some(document) = &self.document else { return };
-        let (name, edited) = (document.tf_source.0.clone(), document.tf_edited());
+    fn editor_tools(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
         ui.horizontal_wrapped(|ui| {
             ui.strong("Transfer function");
-            let short = name.rsplit(['/', '\\']).next().unwrap_or(&name).to_owned();
-            let text = if edited { format!("{short} (edited)") } else { short };
-            let mut chosen = None;
-            egui::ComboBox::from_id_salt("preset").selected_text(text).width(150.0).show_ui(ui, |ui| {
-                for preset in PRESETS {
-                    if ui
-                        .selectable_label(preset.name == name, preset.name)
-                        .on_hover_text(preset.about)
-                        .clicked()
-                    {
-                        chosen = Some(preset.name);
-                    }
-                }
-            });
-            if let Some(preset) = chosen {
-                self.load_tf(preset);
-            }
+            self.preset_list(ui, render_state);
             if ui.button("Load…").on_hover_text("Read a .json file").clicked() {
                 self.ask_path(Purpose::LoadTransfer);
             }

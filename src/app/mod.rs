@@ -18,6 +18,7 @@ mod help;
 mod jobs;
 pub mod method_choice;
 mod open;
+pub mod presets;
 mod probe_panel;
 mod prompt;
 mod script;
@@ -98,6 +99,8 @@ pub struct App {
     view: viewport::ViewState,
     editor: editor::EditorState,
     slices: slices::SliceState,
+    /// Small pictures of the presets.
+    pub presets: presets::PresetState,
     /// Heat maps of the shown methods' errors.
     pub difference: difference::DifferenceState,
     prompt: prompt::PromptState,
@@ -149,6 +152,7 @@ impl App {
             view: Default::default(),
             editor: Default::default(),
             slices: Default::default(),
+            presets: Default::default(),
             difference: Default::default(),
             prompt: Default::default(),
             timings: Default::default(),
@@ -370,6 +374,7 @@ impl App {
                     self.slices.go_to(self.document.as_ref(), result.point);
                     self.probe = Some(*result);
                 }
+                Event::Thumbnail(thumbnail) => self.take_thumbnail(*thumbnail),
                 Event::Differences(found) => self.take_differences(*found),
                 Event::ExportProgress(share) => {
                     if let Some(exporting) = &mut self.exporting {
@@ -406,6 +411,7 @@ impl App {
         self.document = Some(Document::new(opened, method.unwrap_or_else(dsm), other));
         self.history = History::default();
         self.editor = Default::default();
+        self.presets = Default::default();
         self.probe = None;
         self.probe_at = None;
         self.slices.reset(self.document.as_ref());
@@ -466,7 +472,7 @@ impl App {
         self.shortcuts(ui.ctx());
         self.top_bar(ui);
         self.side_panel(ui);
-        self.editor_panel(ui);
+        self.editor_panel(ui, render_state);
         self.central(ui, render_state);
         self.prompt_window(ui.ctx());
         self.probe_window(ui.ctx());

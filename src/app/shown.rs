@@ -4,18 +4,24 @@ use crate::render::DisplayTexture;
 use eframe::egui::{PaintCallbackInfo, Rect, Shape};
 use eframe::egui_wgpu::{Callback, CallbackResources, CallbackTrait, RenderState, ScreenDescriptor};
 use eframe::wgpu;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 const SHADER: &str = include_str!("../../shaders/window.wgsl");
 
-/// Sides of the split.
-const SIDES: usize = 2;
+/// Where in the window a picture is: each place keeps its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Place {
+    /// Left or right of the split.
+    Side(usize),
+    /// In the list of presets.
+    Preset(usize),
+}
 
 /// A picture to paint.
 struct Shown {
     texture: Arc<DisplayTexture>,
-    /// Left or right of the split.
-    side: usize,
+    place: Place,
     format: wgpu::TextureFormat,
 }
 
@@ -24,13 +30,12 @@ struct Kept {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
-    groups: [Option<(Arc<DisplayTexture>, wgpu::BindGroup)>; SIDES],
+    groups: HashMap<Place, (Arc<DisplayTexture>, wgpu::BindGroup)>,
 }
 
 /// The shape that paints a texture over `rect`.
-pub fn shape(rect: Rect, texture: &Arc<DisplayTexture>, side: usize, state: &RenderState) -> Shape {
-    let shown =
-        Shown { texture: Arc::clone(texture), side: side.min(SIDES - 1), format: state.target_format };
+pub fn shape(rect: Rect, texture: &Arc<DisplayTexture>, place: Place, state: &RenderState) -> Shape {
+    let shown = Shown { texture: Arc::clone(texture), place, format: state.target_format };
     Shape::Callback(Callback::new_paint_callback(rect, shown))
 }
 
@@ -96,7 +101,7 @@ impl Kept {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
-        Self { pipeline, layout, sampler, groups: [const { None }; SIDES] }
+        Self { pipeline, layout, sampler, groups: HashMap::new() }
     }
 }
 
@@ -110,7 +115,7 @@ impl CallbackTrait for Shown {
         resources: &mut CallbackResources,
     ) -> Vec<wgpu::CommandBuffer> {
         let kept = resources.entry::<Kept>().or_insert_with(|| Kept::new(device, self.format));
-        let known = kept.groups[self.side].as_ref().is_some_and(|(t, _)| Arc::ptr_eq(t, &self.texture));
+        let known = kept.groups.get(&self.place).is_some_and(|(t, _)| Arc::ptr_eq(t, &self.texture));
         if !known {
             let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("shown picture"),
@@ -126,7 +131,7 @@ impl CallbackTrait for Shown {
                     },
                 ],
             });
-            kept.groups[self.side] = Some((Arc::clone(&self.texture), group));
+            kept.groups.insert(self.place, (Arc::clone(&self.texture), group));
         }
         Vec::new()
     }
@@ -138,7 +143,7 @@ impl CallbackTrait for Shown {
         resources: &CallbackResources,
     ) {
         let Some(kept) = resources.get::<Kept>() else { return };
-        let Some((_, group)) = &kept.groups[self.side] else { return };
+        let Some((_, group)) = kept.groups.get(&self.place) else { return };
         pass.set_pipeline(&kept.pipeline);
         pass.set_bind_group(0, group, &[]);
         pass.draw(0..3, 0..1);

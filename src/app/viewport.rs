@@ -3,6 +3,7 @@
 use super::camera::{self, AXIS_VIEWS};
 use super::jobs::Aim;
 use super::method_choice::MethodChoice;
+use super::shown::Place;
 use super::worker::Side;
 use super::{App, shown};
 use crate::scene::{Camera, Light};
@@ -158,11 +159,11 @@ impl App {
             let found = self.difference.found.as_ref().filter(|_| self.difference.shows.is_some())?;
             found.sides.get(side).map(|s| &s.texture)
         };
-        painter.add(shown::shape(place, errors(0).unwrap_or(&frame.main.texture), 0, state));
+        painter.add(shown::shape(place, errors(0).unwrap_or(&frame.main.texture), Place::Side(0), state));
         let (Some(other), Some(share)) = (&frame.other, self.split) else { return };
         let x = rect.left() + share * rect.width();
         let right = ui.painter_at(Rect::from_min_max(egui::pos2(x, rect.top()), rect.max));
-        right.add(shown::shape(place, errors(1).unwrap_or(&other.texture), 1, state));
+        right.add(shown::shape(place, errors(1).unwrap_or(&other.texture), Place::Side(1), state));
         painter.vline(x, rect.y_range(), Stroke::new(1.5, Color32::from_white_alpha(200)));
         painter.circle_filled(egui::pos2(x, rect.center().y), 5.0, Color32::from_white_alpha(220));
         let label = |at: Pos2, align, side: &Side| tag(&painter, at, align, &side.spec);

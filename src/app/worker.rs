@@ -6,6 +6,7 @@ use super::engine::Engine;
 use super::jobs::{Export, Exported, ProbeRequest, ProbeResult};
 use super::method_choice::MethodChoice;
 use super::open::Opened;
+use super::presets::{Thumbnail, ThumbnailRequest};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::render::{DisplayTexture, Omission, Work};
@@ -73,6 +74,7 @@ pub enum Event {
     },
     Probed(Box<ProbeResult>),
     Differences(Box<Differences>),
+    Thumbnail(Box<Thumbnail>),
     /// Share of the export that is done.
     ExportProgress(f32),
     Exported(Exported),
@@ -85,6 +87,7 @@ pub enum Job {
     Upload(Box<Opened>),
     Probe(ProbeRequest),
     Difference(DifferenceRequest),
+    Thumbnail(Box<ThumbnailRequest>),
     Export(Export),
 }
 
@@ -256,6 +259,7 @@ fn run(gpu: Gpu, mailbox: &Mailbox, speaker: &Speaker) {
             Next::Job(Job::Upload(opened)) => engine.upload(*opened, speaker).map(|()| true),
             Next::Job(Job::Probe(request)) => engine.probe(&request, speaker).map(|()| true),
             Next::Job(Job::Difference(request)) => engine.difference(&request, speaker).map(|()| true),
+            Next::Job(Job::Thumbnail(request)) => engine.thumbnail(*request, speaker).map(|()| true),
             Next::Job(Job::Export(export)) => {
                 mailbox.cancel_export.store(false, Ordering::Relaxed);
                 let result =

@@ -4,6 +4,7 @@
 mod difference;
 mod files;
 mod hands;
+mod presets;
 
 use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;

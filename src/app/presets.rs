@@ -1,0 +1,177 @@
+//! The list of presets, each with a small picture of this very volume.
+
+use super::App;
+use super::engine::Engine;
+use super::shown::{self, Place};
+use super::worker::{Event, Job, Speaker};
+use crate::error::Result;
+use crate::render::{DisplayTexture, Forced, Pace};
+use crate::scene::{Scene, Shading, Skip};
+use crate::shadow::NoShadows;
+use crate::transfer::TransferFunction;
+use crate::transfer::presets::{self, PRESETS, Preset};
+use crate::volume::Volume;
+use eframe::egui::{self, Color32, FontId, Sense, vec2};
+use eframe::egui_wgpu::RenderState;
+use std::sync::Arc;
+
+/// Pixels of a thumbnail.
+const WIDTH: u32 = 96;
+const HEIGHT: u32 = 72;
+/// Lit from the front half way, so that shape shows without shadows.
+const AMBIENT: f64 = 0.35;
+
+/// A preset's small picture, asked for.
+#[derive(Debug, Clone)]
+pub struct ThumbnailRequest {
+    /// Of [`PRESETS`].
+    index: usize,
+    tf: TransferFunction,
+    scene: Scene,
+    volume: Arc<Volume>,
+}
+
+/// A preset's small picture.
+pub struct Thumbnail {
+    index: usize,
+    scene: Scene,
+    volume: Arc<Volume>,
+    pub texture: Arc<DisplayTexture>,
+}
+
+/// What the window remembers of them.
+#[derive(Default)]
+pub struct PresetState {
+    /// By preset.
+    pub thumbnails: Vec<Option<Thumbnail>>,
+    /// The one that is being drawn.
+    waiting: Option<usize>,
+}
+
+impl Engine {
+    /// Draws a preset's picture, with tables of its own: those of the view stay.
+    pub fn thumbnail(&mut self, request: ThumbnailRequest, speaker: &Speaker) -> Result<()> {
+        let Some(loaded) = self.loaded.as_ref().filter(|l| Arc::ptr_eq(&l.volume, &request.volume)) else {
+            return Ok(());
+        };
+        let ThumbnailRequest { index, tf, scene, volume } = request;
+        let transfer = self.renderer.transfer(loaded, &tf, Forced::NOTHING)?;
+        let shadow = self.renderer.shadow(loaded, &transfer, &NoShadows, scene.light)?;
+        let texture = Arc::new(DisplayTexture::new(self.renderer.gpu(), scene.width, scene.height)?);
+        let mut pace = Pace::new(f64::INFINITY);
+        let drawn =
+            self.renderer.draw_to(loaded, &transfer, &shadow, &scene, &texture, &mut pace, || true)?;
+        if drawn.is_some() {
+            speaker.say(Event::Thumbnail(Box::new(Thumbnail { index, scene, volume, texture })));
+        }
+        Ok(())
+    }
+}
+
+impl App {
+    /// A list of all presets under the name of the function that is shown.
+    pub(super) fn preset_list(&mut self, ui: &mut egui::Ui, state: Option<&RenderState>) {
+        let Some(document) = &self.document else { return };
+        let name = document.tf_source.0.clone();
+        let short = name.rsplit(['/', '\\']).next().unwrap_or(&name).to_owned();
+        let text = if document.tf_edited() { format!("{short} (edited)") } else { short };
+        let mut chosen = None;
+        let list = egui::ComboBox::from_id_salt("preset")
+            .selected_text(text)
+            .width(150.0)
+            .height(460.0)
+            .show_ui(ui, |ui| {
+                for (index, preset) in PRESETS.iter().enumerate() {
+                    let texture = self.thumbnail_of(index).map(|t| &t.texture);
+                    if preset_row(ui, preset, preset.name == name, (index, texture), state) {
+                        chosen = Some(preset.name);
+                    }
+                }
+            });
+        list.response.accessible_name("preset");
+        if list.inner.is_some() {
+            self.ask_for_thumbnail();
+        }
+        if let Some(preset) = chosen {
+            self.load_tf(preset);
+        }
+    }
+
+    /// The picture of a preset, where it is of what is open now.
+    fn thumbnail_of(&self, index: usize) -> Option<&Thumbnail> {
+        let document = self.document.as_ref()?;
+        let found = self.presets.thumbnails.get(index)?.as_ref()?;
+        Arc::ptr_eq(&found.volume, &document.volume).then_some(found)
+    }
+
+    /// Asks for the next picture that is missing or seen from elsewhere, one at a time.
+    fn ask_for_thumbnail(&mut self) {
+        let Some(document) = &self.document else { return };
+        // What the view needs comes first.
+        if self.presets.waiting.is_some() || !self.view.settled {
+            return;
+        }
+        let scene = Scene {
+            width: WIDTH,
+            height: HEIGHT,
+            step: 1.0,
+            ambient: AMBIENT,
+            shading: Shading::Lambert,
+            skip: Skip::Bricks,
+            ..document.scene.clone()
+        };
+        let missing = |index: &usize| self.thumbnail_of(*index).is_none_or(|t| t.scene != scene);
+        let Some(index) = (0..PRESETS.len()).find(missing) else { return };
+        let volume = Arc::clone(&document.volume);
+        let Ok(found) = presets::resolve(PRESETS[index].name, &volume) else { return };
+        self.presets.waiting = Some(index);
+        self.worker.push(Job::Thumbnail(Box::new(ThumbnailRequest { index, tf: found.tf, scene, volume })));
+    }
+
+    pub(super) fn take_thumbnail(&mut self, thumbnail: Thumbnail) {
+        self.presets.waiting = None;
+        self.presets.thumbnails.resize_with(PRESETS.len(), || None);
+        let index = thumbnail.index;
+        if let Some(place) = self.presets.thumbnails.get_mut(index) {
+            *place = Some(thumbnail);
+        }
+    }
+}
+
+/// A row of the list: whether it was chosen.
+fn preset_row(
+    ui: &mut egui::Ui,
+    preset: &Preset,
+    is_shown: bool,
+    (index, texture): (usize, Option<&Arc<DisplayTexture>>),
+    state: Option<&RenderState>,
+) -> bool {
+    let size = vec2(64.0, 48.0);
+    let (row, response) = ui.allocate_exact_size(vec2(430.0, size.y + 4.0), Sense::click());
+    response.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, is_shown, preset.name));
+    if !ui.is_rect_visible(row) {
+        return response.clicked();
+    }
+    let visuals = ui.style().interact_selectable(&response, is_shown);
+    if is_shown || response.hovered() {
+        ui.painter().rect_filled(row, 3.0, visuals.weak_bg_fill);
+    }
+    let place = egui::Rect::from_min_size(row.min + vec2(2.0, 2.0), size);
+    match (texture, state) {
+        (Some(texture), Some(state)) => {
+            ui.painter().add(shown::shape(place, texture, Place::Preset(index), state));
+        }
+        _ => _ = ui.painter().rect_filled(place, 0.0, Color32::from_gray(12)),
+    }
+    let text = place.right_top() + vec2(10.0, 6.0);
+    let color = visuals.text_color();
+    ui.painter().text(text, egui::Align2::LEFT_TOP, preset.name, FontId::proportional(13.5), color);
+    let about = ui.painter().layout(
+        preset.about.to_owned(),
+        FontId::proportional(11.0),
+        ui.visuals().weak_text_color(),
+        row.right() - text.x,
+    );
+    ui.painter().galley(text + vec2(0.0, 18.0), about, color);
+    response.clicked()
+}
