@@ -92,8 +92,13 @@ pub struct DifferenceState {
 }
 
 impl DifferenceState {
+    /// What was chosen, without what has been found.
+    pub fn only_choices(&self) -> Self {
+        Self { shows: self.shows, logarithmic: self.logarithmic, ..Self::default() }
+    }
+
     fn clear(&mut self) {
-        *self = Self { shows: self.shows, logarithmic: self.logarithmic, ..Self::default() };
+        *self = self.only_choices();
     }
 
     /// Whether nothing finer will come.

@@ -21,6 +21,7 @@ mod open;
 pub mod presets;
 mod probe_panel;
 mod prompt;
+mod resume;
 mod script;
 mod settings;
 mod shown;
@@ -36,14 +37,15 @@ mod worker;
 pub use document::Document;
 pub use jobs::{Aim, ProbeResult};
 pub use open::With;
+pub use resume::Resume;
 pub use script::Script;
 pub use settings::Settings;
 pub use window::{Start, run};
 pub use worker::{Frame, Side};
 
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
-use crate::scene::Scene;
+use crate::gpu::{DeviceLoss, Gpu};
+use crate::scene::{Camera, Scene};
 use crate::transfer::TransferFunction;
 use crate::volume::VolumeSpec;
 use curve::{Edit, History};
@@ -79,6 +81,7 @@ struct Exporting {
 pub struct App {
     worker: Worker,
     adapter: String,
+    loss: DeviceLoss,
     pub settings: Settings,
     pub document: Option<Document>,
     history: History,
@@ -113,6 +116,8 @@ pub struct App {
     /// Times that a change turned out to reach no picture.
     pub unchanged: u64,
     wake: Wake,
+    /// What was open on a device that was lost, until its volume is on the new one.
+    resuming: Option<(Document, History, Option<Camera>)>,
 }
 
 /// All that decides a picture.
@@ -130,12 +135,13 @@ impl App {
     /// # Errors
     /// The system has no thread left.
     pub fn new(gpu: Gpu, context: &egui::Context, settings: Settings) -> Result<Self> {
-        let adapter = gpu.info.name.clone();
+        let (adapter, loss) = (gpu.info.name.clone(), gpu.loss());
         let context = context.clone();
         let wake: Wake = Arc::new(move || context.request_repaint());
         Ok(Self {
             worker: Worker::start(gpu, Arc::clone(&wake))?,
             adapter,
+            loss,
             settings,
             document: None,
             history: History::default(),
@@ -161,6 +167,7 @@ impl App {
             frames: 0,
             unchanged: 0,
             wake,
+            resuming: None,
         })
     }
 
@@ -401,6 +408,19 @@ impl App {
 
     fn take_volume(&mut self, opened: open::Opened) {
         self.settings.opened(&opened.spec.source);
+        self.editor = Default::default();
+        self.presets = Default::default();
+        self.probe = None;
+        self.probe_at = None;
+        self.asked = None;
+        self.frame = None;
+        if !self.take_resumed(&opened.volume) {
+            self.take_new_volume(opened);
+        }
+        self.slices.reset(self.document.as_ref());
+    }
+
+    fn take_new_volume(&mut self, opened: open::Opened) {
         let notes = opened.notes.clone();
         let old = self.document.take();
         let method = self.view.next_method.take().or_else(|| old.as_ref().map(|d| d.method.clone()));
@@ -410,14 +430,7 @@ impl App {
             .map_or_else(|| MethodChoice::parse("none").unwrap_or_else(|_| dsm()), |document| document.other);
         self.document = Some(Document::new(opened, method.unwrap_or_else(dsm), other));
         self.history = History::default();
-        self.editor = Default::default();
-        self.presets = Default::default();
-        self.probe = None;
-        self.probe_at = None;
-        self.slices.reset(self.document.as_ref());
         self.view.home = self.document.as_ref().map(|d| d.scene.camera);
-        self.asked = None;
-        self.frame = None;
         notes.into_iter().for_each(|n| self.note(n));
     }
 

@@ -1,5 +1,6 @@
 //! Opening a volume away from the window: reading, counting its values, finding what suits it.
 
+use super::Document;
 use super::worker::{Job, Worker};
 use crate::cli::scene_args::{SceneArgs, SceneRequest};
 use crate::error::{Error, Result};
@@ -44,6 +45,22 @@ pub struct Opening {
     pub source: String,
     pub since: Instant,
     result: Receiver<Result<Opened>>,
+}
+
+impl Opened {
+    /// A document that has been open before.
+    pub fn again(document: &Document) -> Self {
+        Self {
+            spec: document.spec.clone(),
+            volume: Arc::clone(&document.volume),
+            histogram: document.histogram.as_ref().clone(),
+            tf: document.tf.as_ref().clone(),
+            tf_source: document.tf_source.0.clone(),
+            scene: document.scene.clone(),
+            bricks: 0,
+            notes: Vec::new(),
+        }
+    }
 }
 
 impl Opening {

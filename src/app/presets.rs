@@ -18,6 +18,8 @@ use std::sync::Arc;
 /// Pixels of a thumbnail.
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
+/// A scene that fits the view leaves room for the eye; a thumbnail has none to spare.
+const CLOSER: f64 = 0.75;
 /// Lit from the front half way, so that shape shows without shadows.
 const AMBIENT: f64 = 0.35;
 
@@ -111,7 +113,10 @@ impl App {
         if self.presets.waiting.is_some() || !self.view.settled {
             return;
         }
+        let mut camera = document.scene.camera;
+        camera.fov_deg *= CLOSER;
         let scene = Scene {
+            camera,
             width: WIDTH,
             height: HEIGHT,
             step: 1.0,

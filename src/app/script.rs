@@ -12,6 +12,7 @@
 //! open PATH
 //! shot FILE.png
 //! times FILE.tsv                            what the drags so far have measured
+//! lose                                     the graphics device, as a driver does that is reset
 //! ```
 //! `#` starts a comment.
 
@@ -41,6 +42,7 @@ enum Step {
     Open { source: String },
     Shot { path: PathBuf },
     Times { path: PathBuf },
+    Lose,
 }
 
 /// What a drag measured.
@@ -71,6 +73,7 @@ pub struct Script {
     measured: Vec<Measured>,
     failed: Option<Error>,
     shot: Shot,
+    loses_device: bool,
 }
 
 impl Script {
@@ -98,6 +101,7 @@ impl Script {
             measured: Vec::new(),
             failed: None,
             shot: Shot::default(),
+            loses_device: false,
         })
     }
 
@@ -107,6 +111,11 @@ impl Script {
             Some(Step::Window { size }) => Some(*size),
             _ => None,
         }
+    }
+
+    /// Whether the device is to be lost now.
+    pub fn loses_device(&mut self) -> bool {
+        std::mem::take(&mut self.loses_device)
     }
 
     /// Puts the step's input where hands would.
@@ -239,6 +248,10 @@ impl Script {
                 true
             }
             Step::Click { .. } | Step::Move { .. } | Step::Key { .. } => self.frame > 1,
+            Step::Lose => {
+                self.loses_device = true;
+                true
+            }
         };
         self.frame += 1;
         if done {
@@ -313,6 +326,7 @@ fn parse(words: &[&str]) -> Option<Step> {
         "pause" => Step::Pause { seconds: number(1)? },
         "open" => Step::Open { source: rest()? },
         "shot" => Step::Shot { path: rest()?.into() },
+        "lose" => Step::Lose,
         "times" => Step::Times { path: rest()?.into() },
         _ => return None,
     })

@@ -1,13 +1,13 @@
 //! The window itself: eframe's, on the device that pictures are drawn with.
 
 use super::widgets::Widgets;
-use super::{App, Script, Settings, With};
+use super::{App, Resume, Script, Settings, With};
 use crate::cli::scene_args::{SceneArgs, SceneRequest};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::scene::Shading;
 use eframe::{egui, egui_wgpu, wgpu};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How the window starts.
@@ -37,14 +37,54 @@ pub fn default_request() -> Result<SceneRequest> {
     Ok(SceneRequest { shading: Some(SHADING), ..request })
 }
 
-/// Opens the window and returns when it is closed.
+/// How a window ended.
+enum Ended {
+    Closed(Result<()>),
+    /// Its device was lost; the rest of a script goes on.
+    Lost(Box<Resume>, Option<Script>),
+}
+
+/// What a window begins with.
+#[derive(Default)]
+struct Begin {
+    settings: Settings,
+    request: Option<SceneRequest>,
+    script: Option<Script>,
+    resume: Option<Resume>,
+}
+
+/// A device that is lost sooner would be lost again and again.
+const LEAST_LIFE: Duration = Duration::from_secs(2);
+
+/// Opens the window and returns when it is closed. Where its device is lost another window takes its place, with what
+/// was open.
 ///
 /// # Errors
-/// No display, no adapter, or a system that refuses the window.
+/// No display, no adapter, a system that refuses the window, or a device that is lost again at once.
 pub fn run(start: Start) -> Result<()> {
     let settings = if start.clean { Settings::default() } else { Settings::read() };
+    let request =
+        start.request.or_else(|| last_scene(&settings.last_scene)).or_else(|| default_request().ok());
+    let mut begin = Begin { settings, request, script: start.script, resume: None };
+    loop {
+        let since = Instant::now();
+        match open(start.adapter.as_deref(), start.clean, begin)? {
+            Ended::Closed(outcome) => return outcome,
+            Ended::Lost(resume, _) if since.elapsed() < LEAST_LIFE => {
+                return Err(resume.give_up(Resume::kept_scene()));
+            }
+            Ended::Lost(resume, script) => {
+                let settings = resume.settings.clone();
+                begin = Begin { settings, request: None, script, resume: Some(*resume) };
+            }
+        }
+    }
+}
+
+fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
+    let Begin { settings, request, script, resume } = begin;
     let setup = egui_wgpu::WgpuSetupCreateNew {
-        native_adapter_selector: start.adapter.clone().map(|name| select_by_name(&name)),
+        native_adapter_selector: adapter.map(select_by_name),
         device_descriptor: Arc::new(Gpu::device_descriptor),
         ..egui_wgpu::WgpuSetupCreateNew::without_display_handle()
     };
@@ -52,7 +92,7 @@ pub fn run(start: Start) -> Result<()> {
         viewport: egui::ViewportBuilder::default()
             .with_app_id("umbravox")
             .with_title("umbravox")
-            .with_inner_size(start.script.as_ref().and_then(Script::window).unwrap_or(settings.window))
+            .with_inner_size(script.as_ref().and_then(Script::window).unwrap_or(settings.window))
             .with_min_inner_size([640.0, 480.0])
             .with_drag_and_drop(true),
         // Dithering costs a software adapter more than it shows.
@@ -71,8 +111,11 @@ pub fn run(start: Start) -> Result<()> {
             .hint("a display is needed (DISPLAY or WAYLAND_DISPLAY); `render` and `compare` need none")
     };
     // What ends a script badly is said once the window is gone.
-    let outcome = Arc::new(Mutex::new(Ok(())));
+    let outcome = Arc::new(Mutex::new(Ended::Closed(Ok(()))));
     let theirs = Arc::clone(&outcome);
+    // Where no window comes, what was open is still here.
+    let resume = Arc::new(Mutex::new(resume));
+    let to_resume = Arc::clone(&resume);
     let create: eframe::AppCreator<'_> = Box::new(move |context| {
         let state = context.wgpu_render_state.as_ref().ok_or("the window has no wgpu device")?;
         if let Some(widgets) = Widgets::for_software(state) {
@@ -80,19 +123,25 @@ pub fn run(start: Start) -> Result<()> {
         }
         let gpu = Gpu::from_parts(&state.adapter, state.device.clone(), state.queue.clone());
         let mut app = App::new(gpu, &context.egui_ctx, settings)?;
-        let request = match start.request {
-            Some(request) => Some(request),
-            None => last_scene(&app.settings.last_scene).or_else(|| default_request().ok()),
-        };
+        if let Some(resume) = lock(&to_resume).take() {
+            app.resume(resume);
+        }
         if let Some(request) = request {
             app.open(request.volume.clone(), With::Request(Box::new(request)));
         }
-        let kept = (!start.clean).then(Instant::now);
-        Ok(Box::new(Window { app, kept, script: start.script, outcome: theirs }))
+        let kept = (!clean).then(Instant::now);
+        Ok(Box::new(Window { app, kept, script, outcome: theirs, ended: false }))
     });
-    eframe::run_native("umbravox", options, create).map_err(|e| failed(e.to_string()))?;
-    let outcome = outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    outcome.clone()
+    let ran = eframe::run_native("umbravox", options, create);
+    if let (Err(_), Some(resume)) = (&ran, lock(&resume).take()) {
+        return Err(resume.give_up(Resume::kept_scene()));
+    }
+    ran.map_err(|e| failed(e.to_string()))?;
+    Ok(std::mem::replace(&mut *lock(&outcome), Ended::Closed(Ok(()))))
+}
+
+fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
+    slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The scene that was kept, where it can still be read.
@@ -122,7 +171,9 @@ struct Window {
     /// When settings were kept last; `None`: never, as `--clean` says.
     kept: Option<Instant>,
     script: Option<Script>,
-    outcome: Arc<Mutex<Result<()>>>,
+    outcome: Arc<Mutex<Ended>>,
+    /// The device is lost and the window on its way out.
+    ended: bool,
 }
 
 impl Window {
@@ -151,12 +202,28 @@ const KEEP_EVERY: Duration = Duration::from_secs(20);
 
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut egui::Ui, frame: &mut eframe::Frame) {
+        if let Some(why) = self.app.lost().filter(|_| !self.ended) {
+            self.ended = true;
+            let resume = Box::new(self.app.into_resume(why));
+            *lock(&self.outcome) = Ended::Lost(resume, self.script.take());
+            ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+        if self.ended {
+            return;
+        }
         if let Some(script) = &mut self.script
             && let Some(outcome) = script.after_frame(&mut self.app)
         {
-            *self.outcome.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = outcome;
+            *lock(&self.outcome) = Ended::Closed(outcome);
             self.script = None;
             ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+        if self.script.as_mut().is_some_and(Script::loses_device)
+            && let Some(state) = frame.wgpu_render_state()
+        {
+            state.device.destroy();
+            // A device that is destroyed, not lost, says so when it is next asked.
+            let _ = state.device.poll(wgpu::PollType::wait_indefinitely());
         }
         self.app.show(ui, frame.wgpu_render_state());
         if self.kept.is_some_and(|when| when.elapsed() > KEEP_EVERY)

@@ -1,7 +1,7 @@
 //! Choosing an adapter and opening a device with all the limits that it has.
 
 use crate::error::{Error, Result};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// An open device. Limits are the adapter's own; features beyond the core are optional.
 #[derive(Debug)]
@@ -15,6 +15,18 @@ pub struct Gpu {
     pub timestamp_period_ns: Option<f32>,
     /// The first error that no call returned (validation, out of memory, device lost).
     uncaptured: Arc<Mutex<Option<String>>>,
+    lost: DeviceLoss,
+}
+
+/// Whether a device has been lost, and why; clones know what the first one knows.
+#[derive(Debug, Clone, Default)]
+pub struct DeviceLoss(Arc<Mutex<Option<String>>>);
+
+impl DeviceLoss {
+    /// The driver's reason, once the device is lost: nothing that is on it can be used any more.
+    pub fn reason(&self) -> Option<String> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
 }
 
 const NO_ADAPTER_HINT: &str = "install a Vulkan driver; without a GPU a software one will do \
@@ -60,6 +72,12 @@ impl Gpu {
                 slot.get_or_insert_with(|| e.to_string());
             }
         }));
+        let lost = DeviceLoss::default();
+        let sink = lost.clone();
+        device.set_device_lost_callback(move |reason, why| {
+            let why = if why.is_empty() { format!("{reason:?}").to_lowercase() } else { why };
+            sink.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(why);
+        });
         let timestamp_period_ns = features
             .contains(wgpu::Features::TIMESTAMP_QUERY)
             .then(|| queue.get_timestamp_period())
@@ -74,7 +92,13 @@ impl Gpu {
             filters_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamp_period_ns,
             uncaptured,
+            lost,
         }
+    }
+
+    /// Knows when the device is lost.
+    pub fn loss(&self) -> DeviceLoss {
+        self.lost.clone()
     }
 
     /// The first error that no call returned, if there was one since the last time.

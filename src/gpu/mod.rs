@@ -7,7 +7,7 @@ mod shaders;
 mod timing;
 
 pub use buffers::{StorageBuffer, read_back, table_texture, uniform_buffer};
-pub use device::Gpu;
+pub use device::{DeviceLoss, Gpu};
 pub use pipeline_cache::PipelineStore;
 pub use shaders::{ShaderVariant, compose, sources};
 pub use timing::{Clock, PassTimer, Span};

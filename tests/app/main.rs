@@ -4,6 +4,7 @@
 mod difference;
 mod files;
 mod hands;
+mod loss;
 mod presets;
 
 use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
@@ -28,6 +29,15 @@ pub struct Bench {
 impl Bench {
     /// Opens `line`, as on the command line of `view`; `None`, said aloud, where there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
+        let mut bench = Self::empty()?;
+        let request = scene_args(line).into_request().unwrap();
+        bench.app().open(request.volume.clone(), With::Request(Box::new(request)));
+        bench.settle();
+        Some(bench)
+    }
+
+    /// Opens nothing.
+    pub fn empty() -> Option<Self> {
         let gpu = match Gpu::open(None) {
             Ok(gpu) => gpu,
             Err(e) => {
@@ -40,11 +50,7 @@ impl Bench {
         let harness = Harness::builder()
             .with_size([1200.0, 800.0])
             .build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
-        let mut bench = Self { harness, device, queue };
-        let request = scene_args(line).into_request().unwrap();
-        bench.app().open(request.volume.clone(), With::Request(Box::new(request)));
-        bench.settle();
-        Some(bench)
+        Some(Self { harness, device, queue })
     }
 
     pub fn app(&mut self) -> &mut App {
