@@ -1,6 +1,6 @@
 //! What a scene needs, and what is left out: every decision is a line of `--explain`.
 
-use super::{COMMON, DeviceTransfer, LoadedVolume, Optional, shading_defs};
+use super::{COMMON, DeviceTransfer, LoadedVolume, Optional};
 use crate::gpu::ShaderVariant;
 use crate::scene::{Scene, Shading, Skip};
 use crate::shadow::ShadowMap;
@@ -167,6 +167,15 @@ impl Plan {
             }
         }
         ShaderVariant { entry: "raycast.wgsl", modules, defs }
+    }
+}
+
+/// Definitions of a shading.
+fn shading_defs(shading: Shading) -> &'static [&'static str] {
+    match shading {
+        Shading::None => &[],
+        Shading::Lambert => &["SHADING"],
+        Shading::BlinnPhong => &["SHADING", "BLINN_PHONG"],
     }
 }
 
