@@ -1,6 +1,8 @@
 //! The difference of the shown methods from exact as a heat map over the view: the exact answer comes from a thread of
 //! its own, coarse first, and the render thread compares the methods with it.
 
+mod legend;
+
 use super::engine::Engine;
 use super::method_choice::MethodChoice;
 use super::worker::{Event, Job, Speaker, Wake};
@@ -13,7 +15,7 @@ use crate::render::{DisplayTexture, Work};
 use crate::scene::Scene;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
-use eframe::egui::{self, Align2, Color32, FontId, Rect, pos2, vec2};
+use eframe::egui;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -312,87 +314,6 @@ impl App {
             Some(Quantity::Light) => Some(Quantity::Picture),
             Some(Quantity::Picture) => None,
         };
-    }
-
-    /// The scale, the figures of each method, and the error under the pointer.
-    pub(super) fn paint_difference_legend(&self, ui: &egui::Ui, painter: &egui::Painter, rect: Rect) {
-        let Some(quantity) = self.difference.shows else { return };
-        let what = match quantity {
-            Quantity::Light => "error of the light on what is seen (transmittance)",
-            Quantity::Picture => "error of the picture without shading (linear RGB)",
-        };
-        let mut lines = Vec::new();
-        if let Some(found) = &self.difference.found {
-            for side in &found.sides {
-                lines.push(match &side.map.stats {
-                    Some(s) => format!(
-                        "{}: rms {:.4}, mean {:+.4}, 99 % {:.4}, max {:.4}",
-                        side.spec, s.rms, s.mean, s.p99_abs, s.max_abs
-                    ),
-                    None => format!("{}: nothing is seen", side.spec),
-                });
-            }
-            let scene = &found.view.scene;
-            let more = if self.difference.is_done() { "" } else { ", finer follows …" };
-            lines.push(format!("{what} · {} x {}{more}", scene.width, scene.height));
-        } else {
-            lines.push(format!("{what} · computing the exact answer …"));
-        }
-        let font = FontId::proportional(12.0);
-        let color = Color32::from_gray(230);
-        let bar = vec2(220.0, 10.0);
-        let lines: Vec<_> =
-            lines.into_iter().map(|line| painter.layout_no_wrap(line, font.clone(), color)).collect();
-        let widest = lines.iter().map(|l| l.size().x).fold(bar.x + 120.0, f32::max);
-        let height = 17.0 * lines.len() as f32 + bar.y + 14.0;
-        let (left, top) = (rect.center().x - 0.5 * bar.x, rect.bottom() - height - 34.0);
-        let back = pos2(rect.center().x - 0.5 * widest - 10.0, top - 6.0);
-        let back = Rect::from_min_size(back, vec2(widest + 20.0, height));
-        painter.rect_filled(back, 4.0, Color32::from_black_alpha(190));
-        for (i, line) in lines.iter().enumerate() {
-            let at = pos2(rect.center().x - 0.5 * line.size().x, top + 17.0 * i as f32);
-            painter.galley(at, Arc::clone(line), color);
-        }
-        let Some(found) = &self.difference.found else { return };
-        let y = top + 17.0 * lines.len() as f32 + 2.0;
-        let mut scale = egui::Mesh::default();
-        const STEPS: usize = 44;
-        for i in 0..STEPS {
-            let column = Rect::from_min_size(
-                pos2(left + bar.x * i as f32 / STEPS as f32, y),
-                vec2(bar.x / STEPS as f32, bar.y),
-            );
-            let [r, g, b] = inferno((i as f64 + 0.5) / STEPS as f64).0;
-            scale.add_colored_rect(column, Color32::from_rgb(r, g, b));
-        }
-        painter.add(scale);
-        let least = if found.logarithmic { found.largest / 10_f32.powf(DECADES) } else { 0.0 };
-        let (y, sign) = (y + 0.5 * bar.y, if found.logarithmic { "≤ " } else { "" });
-        painter.text(
-            pos2(left - 6.0, y),
-            Align2::RIGHT_CENTER,
-            format!("{sign}{least}"),
-            font.clone(),
-            color,
-        );
-        let end = pos2(left + bar.x + 6.0, y);
-        painter.text(end, Align2::LEFT_CENTER, format!("≥ {}", found.largest), font, color);
-        if let Some((at, error)) = self.difference_under_pointer(ui, rect) {
-            let text = if error.is_finite() { format!("{error:+.4}") } else { "no number".to_owned() };
-            super::viewport::tag(painter, at + vec2(14.0, 12.0), Align2::LEFT_TOP, &text);
-        }
-    }
-
-    fn difference_under_pointer(&self, ui: &egui::Ui, rect: Rect) -> Option<(egui::Pos2, f32)> {
-        let at = ui.input(|i| i.pointer.hover_pos()).filter(|p| rect.contains(*p))?;
-        let found = self.difference.found.as_ref()?;
-        let right = self.split.is_some_and(|share| at.x > rect.left() + share * rect.width());
-        let side = found.sides.get(usize::from(right)).or(found.sides.first())?;
-        let (height, width) = side.map.errors.dim();
-        let index = |share: f32, n: usize| ((share * n as f32) as usize).min(n.saturating_sub(1));
-        let (x, y) = ((at.x - rect.left()) / rect.width(), (at.y - rect.top()) / rect.height());
-        let error = side.map.errors[[index(y, height), index(x, width)]];
-        (!error.is_nan()).then_some((at, error))
     }
 }
 
