@@ -410,6 +410,7 @@ impl App {
         self.settings.opened(&opened.spec.source);
         self.editor = Default::default();
         self.presets = Default::default();
+        self.difference = self.difference.only_choices();
         self.probe = None;
         self.probe_at = None;
         self.asked = None;
