@@ -16,7 +16,7 @@ const HANDS: [(&str, &str); 9] = [
     ("Editor: drag beside the points", "window and level"),
 ];
 
-const KEYS: [(&str, &str); 13] = [
+const KEYS: [(&str, &str); 14] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
     ("Ctrl+E", "export a picture"),
@@ -24,7 +24,8 @@ const KEYS: [(&str, &str); 13] = [
     ("1 … 6", "look from anterior, posterior, left, right, superior, inferior"),
     ("Home", "reset the camera"),
     ("C", "split view on or off"),
-    ("X", "switch the two methods (flicker)"),
+    ("X", "switch the two methods"),
+    ("F", "flicker between the two methods on or off"),
     ("V", "slices on or off"),
     ("M", "anatomical marks on or off"),
     ("Delete", "remove the selected point"),
@@ -70,12 +71,15 @@ impl App {
             self.reset_camera();
         }
         if hit(Modifiers::NONE, Key::C) {
-            self.split = if self.split.is_some() { None } else { Some(0.5) };
+            self.set_split(self.split.is_none());
         }
         if hit(Modifiers::NONE, Key::X)
             && let Some(document) = &mut self.document
         {
             std::mem::swap(&mut document.method, &mut document.other);
+        }
+        if hit(Modifiers::NONE, Key::F) {
+            self.set_flicker(self.flicker.is_none(), context);
         }
         if hit(Modifiers::NONE, Key::V) {
             self.settings.slices = !self.settings.slices;

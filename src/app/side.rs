@@ -28,6 +28,9 @@ impl App {
             egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
                 ui.add_space(6.0);
                 section(ui, "Shadows", |ui| self.shadows(ui));
+                if self.shows_strands() {
+                    section(ui, "Strands", |ui| self.strands(ui));
+                }
                 section(ui, "Light", |ui| self.light(ui));
                 section(ui, "Picture", |ui| self.picture(ui));
                 section(ui, "Times", |ui| self.times(ui));
@@ -43,10 +46,13 @@ impl App {
         let mut split = self.split.is_some();
         let toggle = ui.checkbox(&mut split, "Split view with a second method");
         if toggle.on_hover_text("Drag the line in the view; X switches sides").changed() {
-            self.split = split.then_some(0.5);
+            self.set_split(split);
         }
-        if self.split.is_some() {
+        if self.split.is_some()
+            && let Some(document) = &mut self.document
+        {
             ui.indent("second", |ui| method_editor(ui, "second method", &mut document.other));
+            self.flicker_controls(ui);
         }
         let Some(frame) = &self.frame else { return };
         ui.add_space(4.0);
@@ -168,10 +174,19 @@ impl App {
             ui.add(step).on_hover_text("In units of the smallest voxel spacing, when the hand rests");
             ui.end_row();
             ui.label("Background");
-            let mut rgb = scene.background.map(color::srgb8_from_linear);
-            if ui.color_edit_button_srgb(&mut rgb).changed() {
-                scene.background = rgb.map(|c| color::linear_from_srgb(f64::from(c) / 255.0));
-            }
+            ui.horizontal(|ui| {
+                ui.add_enabled_ui(!document.transparent, |ui| {
+                    let mut rgb = scene.background.map(color::srgb8_from_linear);
+                    if ui.color_edit_button_srgb(&mut rgb).on_hover_text("sRGB").changed() {
+                        scene.background = rgb.map(|c| color::linear_from_srgb(f64::from(c) / 255.0));
+                    }
+                });
+                let none = ui.checkbox(&mut document.transparent, "none").accessible_name("no background");
+                let tooltip = "Black here; picture files are transparent where there is nothing";
+                if none.on_hover_text(tooltip).changed() && document.transparent {
+                    scene.background = [0.0; 3];
+                }
+            });
             ui.end_row();
             ui.label("Turning");
             ui.horizontal(|ui| {

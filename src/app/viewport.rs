@@ -4,7 +4,7 @@ use super::camera::{self, AXIS_VIEWS};
 use super::jobs::Aim;
 use super::method_choice::MethodChoice;
 use super::worker::Side;
-use super::{App, shown};
+use super::{App, flicker, shown};
 use crate::scene::{Camera, Light};
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, Vec2, vec2};
 use eframe::egui_wgpu::RenderState;
@@ -62,6 +62,7 @@ impl App {
             self.move_camera(ui, rect, &response);
         }
         self.paint_pictures(ui, rect, render_state);
+        self.paint_flicker(ui, rect);
         if self.document.is_some() {
             self.paint_overlays(&painter, rect, ui);
         } else if self.opening.is_none() {
@@ -85,7 +86,7 @@ impl App {
         let (right, down) = (f64::from(delta.x) / height, f64::from(delta.y) / height);
         let modifiers = ui.input(|i| i.modifiers);
         let (_, radius) = document.bounding_sphere();
-        let near_wipe = self.split.is_some_and(|share| {
+        let near_wipe = self.split.filter(|_| self.flicker.is_none()).is_some_and(|share| {
             let x = rect.left() + share * rect.width();
             let from = response.interact_pointer_pos().or_else(|| response.hover_pos());
             from.is_some_and(|p| (p.x - x).abs() < 8.0)
@@ -153,6 +154,10 @@ impl App {
         let place =
             Rect::from_center_size(rect.center(), vec2(rect.height() * size.x / size.y, rect.height()));
         let place = if (place.width() / rect.width() - 1.0).abs() < 0.02 { rect } else { place };
+        if let Some(side) = self.flicker_side(ui.ctx()) {
+            painter.add(shown::shape(place, &flicker::side_of(frame, side).texture, side, state));
+            return;
+        }
         painter.add(shown::shape(place, &frame.main.texture, 0, state));
         let (Some(other), Some(share)) = (&frame.other, self.split) else { return };
         let x = rect.left() + share * rect.width();
@@ -201,29 +206,6 @@ impl App {
         let shift = ui.input(|i| i.modifiers.shift);
         if shift && let Light::Directional { toward } = document.scene.light {
             light_arrow(painter, rect, &camera, toward);
-        }
-    }
-
-    fn paint_opening(&mut self, ui: &mut egui::Ui, rect: Rect) {
-        let Some(opening) = &self.opening else { return };
-        let text = format!("Reading {} … {:.0} s", opening.source, opening.elapsed().as_secs_f64());
-        let mut cancelled = false;
-        egui::Area::new(ui.scope_id().with("opening"))
-            .fixed_pos(rect.center_top() + vec2(-170.0, 24.0))
-            .order(egui::Order::Foreground)
-            .show(ui.ctx(), |ui| {
-                egui::Frame::popup(ui.style()).show(ui, |ui| {
-                    ui.set_min_width(320.0);
-                    ui.horizontal(|ui| {
-                        ui.spinner();
-                        ui.add(egui::Label::new(text).truncate());
-                        cancelled = ui.button("Cancel").clicked();
-                    });
-                });
-            });
-        if cancelled {
-            // The thread ends with what it reads; nobody takes its result.
-            self.opening = None;
         }
     }
 
@@ -298,7 +280,7 @@ fn shadowed_text(painter: &egui::Painter, at: Pos2, align: Align2, text: &str, s
     painter.text(at, align, text, font, color);
 }
 
-fn tag(painter: &egui::Painter, at: Pos2, align: Align2, text: &str) {
+pub(super) fn tag(painter: &egui::Painter, at: Pos2, align: Align2, text: &str) {
     let galley = painter.layout_no_wrap(text.to_owned(), FontId::monospace(12.0), Color32::from_gray(235));
     let rect = align.anchor_size(at, galley.size());
     painter.rect_filled(rect.expand(4.0), 3.0, Color32::from_black_alpha(150));

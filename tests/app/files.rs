@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use umbravox::app::curve::Edit;
 use umbravox::cli::load;
 use umbravox::color::srgb8_from_linear;
+use umbravox::output::Backdrop;
 use umbravox::render::{Forced, Picture, Session};
 
 /// Draws a scene file as `render --scene` does.
@@ -36,7 +37,7 @@ fn a_scene_file_is_drawn_to_the_very_pixels_of_the_window() {
         (scene.width, scene.height)
     };
     bench.app().save_scene(&scene);
-    bench.app().export(&picture, width, height);
+    bench.app().export(&picture, [width, height], Backdrop::Drawn);
     bench.settle();
     let exported = Array3::<f32>::read_npy(std::fs::File::open(&picture).unwrap()).unwrap();
     let drawn = drawn_by_the_command_line(&scene);
@@ -88,7 +89,7 @@ fn what_cannot_be_opened_is_said_and_the_old_volume_stays() {
     assert_eq!(bench.app().document.as_ref().unwrap().tf, before);
     // A picture where none can be written.
     bench.app().messages.clear();
-    bench.app().export(&dir.path().join("no/such/folder.png"), 8, 8);
+    bench.app().export(&dir.path().join("no/such/folder.png"), [8, 8], Backdrop::Drawn);
     assert!(bench.app().messages[0].is_error);
 }
 
