@@ -49,6 +49,10 @@ impl App {
         if source.to_lowercase().ends_with(".toml") {
             return self.open_scene(Path::new(source));
         }
+        self.open_as_is(VolumeSpec::new(source));
+    }
+
+    fn open_as_is(&mut self, spec: VolumeSpec) {
         let with = match &self.document {
             Some(document) => With::Scene(Box::new(document.scene.clone())),
             None => match window::default_request() {
@@ -56,7 +60,7 @@ impl App {
                 Err(e) => return self.fail(&e),
             },
         };
-        self.open(VolumeSpec::new(source), with);
+        self.open(spec, with);
     }
 
     /// Opens what a scene file says.
@@ -73,11 +77,11 @@ impl App {
         let notes = std::mem::take(&mut opened.notes);
         match opened.beginning.take() {
             Some(beginning) => self.take_beginning(opened, beginning),
-            None => {
-                if let Some(document) = &mut self.document {
-                    document.take_voxels(opened);
-                }
-            }
+            None => match &mut self.document {
+                Some(document) if document.spec.source == opened.spec.source => document.take_voxels(opened),
+                // Something else was opened meanwhile: these are strands that nothing is known of any more.
+                _ => return self.open_as_is(opened.spec),
+            },
         }
         if let Some(document) = &self.document {
             self.strands = StrandsState::of(document);
@@ -121,6 +125,8 @@ impl App {
             self.open_source(name);
         }
     }
+
+    /// What is being read, how far that is, and its end.
     pub(super) fn paint_opening(&mut self, ui: &mut egui::Ui, rect: Rect) {
         let Some(opening) = &self.opening else { return };
         let progress = opening.progress();

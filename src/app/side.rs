@@ -19,13 +19,21 @@ const STAGES: [(&str, &str); 5] = [
     ("hand to picture", "From the hand's movement to the finished picture, ms"),
 ];
 
+/// Width of the panel, points.
+const WIDTH: f32 = 330.0;
+/// Width of the buttons beside a setting with the space between them, points.
+const BUTTONS_WIDTH: f32 = 122.0;
+
 impl App {
     pub(super) fn side_panel(&mut self, ui: &mut egui::Ui) {
         if self.document.is_none() {
             return;
         }
-        egui::Panel::right("side").frame(super::unfilled(ui)).exact_size(330.0).show(ui, |ui| {
+        egui::Panel::right("side").frame(super::unfilled(ui)).exact_size(WIDTH).show(ui, |ui| {
+            let width = ui.available_width();
+            // Scrolled sideways, too, so that whatever is too wide does not push the panel into the view.
             egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+                ui.set_max_width(width);
                 ui.add_space(6.0);
                 section(ui, "Shadows", |ui| self.shadows(ui));
                 if self.shows_strands() {
@@ -60,7 +68,7 @@ impl App {
             egui::Grid::new(("report", &side.spec, frame.other.is_some())).num_columns(2).show(ui, |ui| {
                 let mut row = |name: &str, value: String, tooltip: &str| {
                     ui.weak(name).on_hover_text(tooltip);
-                    ui.add(egui::Label::new(value).truncate());
+                    ui.add(egui::Label::new(value).wrap());
                     ui.end_row();
                 };
                 if frame.other.is_some() || !frame.whole {
@@ -198,6 +206,7 @@ impl App {
             ui.end_row();
             ui.label("Look from");
             ui.horizontal(|ui| {
+                ui.spacing_mut().item_spacing.x = 3.0;
                 for (i, view) in AXIS_VIEWS.iter().enumerate() {
                     if ui
                         .small_button(view.mark)
@@ -310,6 +319,7 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
 fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
     let tooltip = format!("{} ({}) [default: {}]", key.help, key.values, key.default);
     ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
         if key.values.contains('|') {
             for option in key.values.split('|') {
                 if ui.selectable_label(value == option, option).on_hover_text(&tooltip).clicked() {
@@ -318,7 +328,9 @@ fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
             }
             return;
         }
-        let edit = egui::TextEdit::singleline(value).desired_width(90.0);
+        // What the buttons leave.
+        let width = (ui.available_width() - BUTTONS_WIDTH).clamp(36.0, 90.0);
+        let edit = egui::TextEdit::singleline(value).desired_width(width);
         ui.add(edit).on_hover_text(&tooltip).accessible_name(format!("{method} {}", key.name));
         // Halves and doubles are what a hand wants of sizes and tolerances alike.
         let number = value.parse::<f64>().ok();

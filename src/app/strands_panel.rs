@@ -29,11 +29,6 @@ impl StrandsState {
             thickness_mm: text(thickness.map(|mm| mm.to_string())),
         }
     }
-
-    /// What is typed as flags, or why each text is none.
-    fn flags(&self) -> (Result<Option<usize>, String>, Result<Option<f64>, String>) {
-        (typed(&self.resolution, parse_resolution), typed(&self.thickness_mm, parse_thickness_mm))
-    }
 }
 
 /// A field's value; `None` where it is empty.
@@ -50,7 +45,7 @@ impl App {
 
     pub(super) fn strands(&mut self, ui: &mut egui::Ui) {
         let state = &mut self.strands;
-        let (resolution, thickness) = state.flags();
+        let (mut resolution, mut thickness) = (Ok(None), Ok(None));
         egui::Grid::new("strands").num_columns(2).show(ui, |ui| {
             let tooltip = format!(
                 "Voxels along the grid's longest side, {} to {} [default: {DEFAULT_RESOLUTION}]",
@@ -59,7 +54,11 @@ impl App {
             );
             ui.label("Resolution").on_hover_text(&tooltip);
             let hint = DEFAULT_RESOLUTION.to_string();
-            field(ui, "strands resolution", &mut state.resolution, &hint, &tooltip, resolution.as_ref().err());
+            ui.vertical(|ui| {
+                let edit = egui::TextEdit::singleline(&mut state.resolution).hint_text(hint);
+                named(ui, edit, "strands resolution", &tooltip);
+                resolution = said(ui, typed(&state.resolution, parse_resolution));
+            });
             ui.end_row();
             ui.label("Kernel").on_hover_text("How a strand's length is shared among voxels");
             ui.horizontal(|ui| {
@@ -76,8 +75,11 @@ impl App {
             ui.end_row();
             let tooltip = "Diameter of every strand, mm; empty: what the file says";
             ui.label("Thickness").on_hover_text(tooltip);
-            let why = thickness.as_ref().err();
-            field(ui, "strands thickness", &mut state.thickness_mm, "the file's, mm", tooltip, why);
+            ui.vertical(|ui| {
+                let edit = egui::TextEdit::singleline(&mut state.thickness_mm).hint_text("the file's, mm");
+                named(ui, edit, "strands thickness", tooltip);
+                thickness = said(ui, typed(&state.thickness_mm, parse_thickness_mm));
+            });
             ui.end_row();
         });
         let (Ok(resolution), Ok(thickness)) = (resolution, thickness) else {
@@ -96,23 +98,17 @@ impl App {
     }
 }
 
-/// A field with a name for screen readers, and what is wrong with its text beside it.
-fn field(
-    ui: &mut egui::Ui,
-    name: &str,
-    text: &mut String,
-    hint: &str,
-    tooltip: &str,
-    why: Option<&String>,
-) {
-    ui.vertical(|ui| {
-        let edit = egui::TextEdit::singleline(text).desired_width(110.0).hint_text(hint);
-        ui.add(edit).on_hover_text(tooltip).accessible_name(name);
-        if let Some(why) = why {
-            let color = ui.visuals().error_fg_color;
-            ui.add(egui::Label::new(egui::RichText::new(why).color(color)).wrap());
-        }
-    });
+/// A field with a name for screen readers.
+fn named(ui: &mut egui::Ui, edit: egui::TextEdit<'_>, name: &str, tooltip: &str) {
+    ui.add(edit.desired_width(110.0)).on_hover_text(tooltip).accessible_name(name);
+}
+
+/// What was typed, or in red why it is nothing.
+fn said<T>(ui: &mut egui::Ui, typed: Result<T, String>) -> Result<T, ()> {
+    typed.map_err(|why| {
+        let color = ui.visuals().error_fg_color;
+        ui.add(egui::Label::new(egui::RichText::new(why).color(color)).wrap());
+    })
 }
 
 #[cfg(test)]
@@ -121,15 +117,13 @@ mod tests {
 
     #[test]
     fn an_empty_field_is_the_default_and_a_bad_one_says_why() {
-        let mut state = StrandsState::default();
-        assert_eq!(state.flags(), (Ok(None), Ok(None)));
-        state.resolution = " 64 ".into();
-        state.thickness_mm = "0.25".into();
-        assert_eq!(state.flags(), (Ok(Some(64)), Ok(Some(0.25))));
+        let typed_both = |resolution: &str, thickness: &str| {
+            (typed(resolution, parse_resolution), typed(thickness, parse_thickness_mm))
+        };
+        assert_eq!(typed_both("", " "), (Ok(None), Ok(None)));
+        assert_eq!(typed_both(" 64 ", "0.25"), (Ok(Some(64)), Ok(Some(0.25))));
         for (resolution, thickness) in [("3", "0"), ("1025", "-1"), ("64.5", "nan"), ("x", "1e10")] {
-            state.resolution = resolution.into();
-            state.thickness_mm = thickness.into();
-            let (bad, worse) = state.flags();
+            let (bad, worse) = typed_both(resolution, thickness);
             assert!(bad.unwrap_err().contains("from 4 to 1024"));
             assert!(worse.unwrap_err().contains("mm"));
         }

@@ -3,6 +3,8 @@
 
 mod files;
 mod hands;
+mod opening;
+mod panels;
 
 use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
@@ -15,6 +17,9 @@ use umbravox::render::DisplayTexture;
 
 /// Long enough for a busy machine without a GPU.
 const PATIENCE: Duration = Duration::from_secs(90);
+
+/// Of the window, points.
+pub const SIZE: egui::Vec2 = egui::vec2(1200.0, 800.0);
 
 /// An open window without a screen, and the device that its pictures are on.
 pub struct Bench {
@@ -36,7 +41,7 @@ impl Bench {
         let (device, queue) = (gpu.device.clone(), gpu.queue.clone());
         let app = App::new(gpu, &egui::Context::default(), Settings::default()).unwrap();
         let harness = Harness::builder()
-            .with_size([1200.0, 800.0])
+            .with_size(SIZE)
             .build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
         let mut bench = Self { harness, device, queue };
         let request = scene_args(line).into_request().unwrap();
