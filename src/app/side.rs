@@ -24,6 +24,9 @@ const WIDTH: f32 = 330.0;
 /// Width of the buttons beside a setting with the space between them, points.
 const BUTTONS_WIDTH: f32 = 122.0;
 
+/// Named values of a setting that fit beside each other.
+const MOST_ABREAST: usize = 4;
+
 impl App {
     pub(super) fn side_panel(&mut self, ui: &mut egui::Ui) {
         if self.document.is_none() {
@@ -320,8 +323,19 @@ fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
     let tooltip = format!("{} ({}) [default: {}]", key.help, key.values, key.default);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        if key.values.contains('|') {
-            for option in key.values.split('|') {
+        let options: Vec<&str> = key.values.split('|').collect();
+        if options.len() > MOST_ABREAST {
+            let list = egui::ComboBox::from_id_salt((method, key.name)).selected_text(value.as_str());
+            let list = list.show_ui(ui, |ui| {
+                for option in options {
+                    ui.selectable_value(value, option.to_owned(), option);
+                }
+            });
+            list.response.on_hover_text(&tooltip).accessible_name(format!("{method} {}", key.name));
+            return;
+        }
+        if options.len() > 1 {
+            for option in options {
                 if ui.selectable_label(value == option, option).on_hover_text(&tooltip).clicked() {
                     *value = option.to_owned();
                 }

@@ -58,6 +58,7 @@ pub fn load(spec: &VolumeSpec) -> Result<Volume> {
 /// # Errors
 /// As there, or it was cancelled.
 pub fn load_with(spec: &VolumeSpec, loading: &Loading) -> Result<Volume> {
+    loading.go_on(&spec.source)?;
     let outcome = read(spec, loading);
     // Whatever else went wrong then did so because of that.
     loading.go_on(&spec.source)?;

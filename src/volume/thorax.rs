@@ -40,6 +40,10 @@ pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
         let z = first.z + k as f32 * spacing.z;
         let mut hu = vec![AIR; nx * ny];
         for (j, row) in hu.chunks_exact_mut(nx).enumerate() {
+            // The largest slices take a tenth of a second.
+            if pieces.is_cancelled() {
+                return;
+            }
             let y = first.y + j as f32 * spacing.y;
             for (i, hu) in row.iter_mut().enumerate() {
                 *hu = tissue(vec3(first.x + i as f32 * spacing.x, y, z), edge_mm);

@@ -83,20 +83,6 @@ fn a_fitted_preset_that_stays_is_saved_as_it_stays() {
 }
 
 #[test]
-fn dbg_view() {
-    let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--shadow=dsm:map=64"]) else { return };
-    for _ in 0..12 {
-        println!("{:?} {}", bench.app().view_rect(), bench.app().frames);
-        bench.harness.step();
-    }
-    bench.app().edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
-    for _ in 0..12 {
-        println!("{:?} {}", bench.app().view_rect(), bench.app().frames);
-        bench.harness.step();
-    }
-}
-
-#[test]
 fn only_strands_have_that_section() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
     assert!(bench.harness.query_by_label("Voxelise again").is_none());
@@ -117,15 +103,18 @@ fn flicker_shows_the_two_pictures_in_turn_and_draws_none() {
     let other = frame.other.unwrap().spec;
     assert_eq!((frame.main.spec.as_str(), other.as_str()), ("dsm:map=64", "none"));
     // Steps are 0.25 s of the interface's clock: at 1 Hz four of them to a change.
-    let mut shown = Vec::new();
+    let (mut shown, mut delays) = (Vec::new(), Vec::new());
     for _ in 0..40 {
         bench.harness.step();
         let label = |spec: &str| bench.harness.query_by_label(&format!("shown: {spec}")).is_some();
         assert_ne!(label(&frame.main.spec), label(&other), "one of them");
         shown.push(label(&other));
         let delay = bench.harness.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
-        assert!(delay > Duration::from_millis(1) && delay <= Duration::from_secs(1), "{delay:?}");
+        delays.push(delay);
     }
+    // The panel has grown by the second method: its scroll bar may move once more.
+    let due = |d: &Duration| *d > Duration::from_millis(1) && *d <= Duration::from_secs(1);
+    assert!(delays[4..].iter().all(due), "{delays:?} {:?}", bench.harness.ctx.repaint_causes());
     let runs: Vec<usize> = shown.chunk_by(|a, b| a == b).map(<[bool]>::len).collect();
     assert!(runs[1..runs.len() - 1].iter().all(|n| *n == 4), "{runs:?}");
     assert!(runs.len() >= 10, "{runs:?}");
@@ -141,14 +130,14 @@ fn flicker_shows_the_two_pictures_in_turn_and_draws_none() {
 fn nothing_is_cut(bench: &Bench, what: &str) {
     let view = bench.harness.state().view_rect().unwrap();
     let mut seen = 0;
-    println!("view {view:?}");
     for node in bench.harness.root().children_recursive() {
         // The tree's own root has no place.
         let Some(rect) = node.accesskit_node().raw_bounds() else { continue };
         let (left, right) = (rect.x0 as f32, rect.x1 as f32);
         if left >= view.right() && rect.height() < 400.0 {
             seen += 1;
-            if right > super::SIZE.x - 14.0 { println!("{what}: {:?} {:?} {rect:?}", node.accesskit_node().role(), node.accesskit_node().label()); }
+            // Margins of the harness and of the panel.
+            assert!(right <= super::SIZE.x - 16.0, "{what}: {:?} {rect:?}", node.accesskit_node().label());
         }
     }
     assert!(seen > 40, "{what}: only {seen}");
@@ -189,6 +178,7 @@ fn of_points_that_overlap_the_one_under_the_hand_is_taken() {
     let selected =
         |bench: &Bench, n: usize| bench.harness.query_by_label(&format!("Point {n} of {all}")).is_some();
     bench.click_at(left - vec2(3.0, 0.0));
+    bench.harness.step();
     assert!(selected(&bench, first + 1));
     // The selected one stays the one that is meant, a little beyond the other's middle, too.
     bench.drag(right, right + vec2(0.0, 20.0), Modifiers::NONE);
@@ -196,5 +186,6 @@ fn of_points_that_overlap_the_one_under_the_hand_is_taken() {
     let tf = bench.app().document.clone().unwrap().tf;
     assert!(tf.points[first].amount < beside.amount && tf.points[first + 1].amount == beside.amount);
     bench.click_at(place(&bench, first + 2));
+    bench.harness.step();
     assert!(selected(&bench, first + 2));
 }
