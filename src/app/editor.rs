@@ -240,8 +240,7 @@ impl App {
         let mut edits = Vec::new();
         self.zoom_range(ui, &response, &map);
         let mut over_point = false;
-        let places: Vec<Pos2> =
-            tf.points.iter().map(|p| pos2(map.x(p.value), map.y(p.amount))).collect();
+        let places: Vec<Pos2> = tf.points.iter().map(|p| pos2(map.x(p.value), map.y(p.amount))).collect();
         let hand = ui.input(|i| i.pointer.hover_pos()).filter(|p| rect.expand(GRIP).contains(*p));
         for index in grips::order(&places, hand, self.editor.selected) {
             let (point, at) = (&tf.points[index], places[index]);

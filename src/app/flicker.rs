@@ -74,7 +74,8 @@ impl App {
         ui.horizontal(|ui| {
             let mut on = self.flicker.is_some();
             let toggle = ui.checkbox(&mut on, "Flicker");
-            let tooltip = "The two finished pictures in turn over the whole view; nothing is drawn for it (F)";
+            let tooltip =
+                "The two finished pictures in turn over the whole view; nothing is drawn for it (F)";
             if toggle.on_hover_text(tooltip).changed() {
                 self.set_flicker(on, ui.ctx());
             }

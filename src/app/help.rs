@@ -4,7 +4,7 @@ use super::App;
 use super::prompt::Purpose;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 
-const HANDS: [(&str, &str); 9] = [
+const HANDS: [(&str, &str); 10] = [
     ("Drag", "turn the camera"),
     ("Shift + drag", "move the light"),
     ("Right or middle drag, Ctrl + drag", "pan"),
@@ -14,6 +14,7 @@ const HANDS: [(&str, &str); 9] = [
     ("Editor: drag a point", "change value and opacity"),
     ("Editor: double-click", "add a point"),
     ("Editor: drag beside the points", "window and level"),
+    ("Drop a file", "open a volume, strands or a scene; load a transfer function"),
 ];
 
 const KEYS: [(&str, &str); 14] = [

@@ -427,7 +427,6 @@ impl App {
             ui.ctx().request_repaint_after(Duration::from_millis(100));
         }
     }
-
 }
 
 /// The frame of a panel without its fill: the window is cleared to that colour.

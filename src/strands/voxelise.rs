@@ -124,12 +124,7 @@ impl Conservation {
     ///
     /// # Errors
     /// It was cancelled.
-    pub fn of_with(
-        strands: &Strands,
-        grid: &StrandGrid,
-        values: &[f32],
-        loading: &Loading,
-    ) -> Result<Self> {
+    pub fn of_with(strands: &Strands, grid: &StrandGrid, values: &[f32], loading: &Loading) -> Result<Self> {
         let sums = Self::sum(strands, grid, values, loading);
         loading.go_on(strands.source())?;
         Ok(sums)

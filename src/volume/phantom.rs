@@ -142,15 +142,25 @@ impl Phantom {
                     cube_spacing(size),
                 )
             }
-            Self::Step => (Voxels::I16(cube(size, loading, |i, _, _| inside(i >= size / 2))), cube_spacing(size)),
-            Self::Comb => (Voxels::I16(cube(size, loading, |_, _, k| inside(k % 4 == 2))), cube_spacing(size)),
+            Self::Step => {
+                (Voxels::I16(cube(size, loading, |i, _, _| inside(i >= size / 2))), cube_spacing(size))
+            }
+            Self::Comb => {
+                (Voxels::I16(cube(size, loading, |_, _, k| inside(k % 4 == 2))), cube_spacing(size))
+            }
             Self::Sphere => {
                 let value = |r: f64| INSIDE * (1.0 - (r / (CUBE_MM / 2.0)).powi(2));
-                (Voxels::F32(cube(size, loading, |i, j, k| value(radius_mm(i, j, k)) as f32)), cube_spacing(size))
+                (
+                    Voxels::F32(cube(size, loading, |i, j, k| value(radius_mm(i, j, k)) as f32)),
+                    cube_spacing(size),
+                )
             }
             Self::Shell => {
                 let value = |r: f64| INSIDE * (1.0 - (r - 20.0).abs() / 8.0).max(0.0);
-                (Voxels::F32(cube(size, loading, |i, j, k| value(radius_mm(i, j, k)) as f32)), cube_spacing(size))
+                (
+                    Voxels::F32(cube(size, loading, |i, j, k| value(radius_mm(i, j, k)) as f32)),
+                    cube_spacing(size),
+                )
             }
         };
         let provenance = Provenance {

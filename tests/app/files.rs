@@ -4,10 +4,10 @@ use super::{Bench, scene_args};
 use ndarray::Array3;
 use ndarray_npy::ReadNpyExt;
 use std::time::{Duration, Instant};
+use umbravox::app::Purpose;
 use umbravox::app::curve::Edit;
 use umbravox::cli::load;
 use umbravox::color::srgb8_from_linear;
-use umbravox::app::Purpose;
 use umbravox::output::{Backdrop, read_exr};
 use umbravox::render::{Forced, Picture, Session};
 

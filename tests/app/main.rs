@@ -40,9 +40,8 @@ impl Bench {
         };
         let (device, queue) = (gpu.device.clone(), gpu.queue.clone());
         let app = App::new(gpu, &egui::Context::default(), Settings::default()).unwrap();
-        let harness = Harness::builder()
-            .with_size(SIZE)
-            .build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
+        let harness =
+            Harness::builder().with_size(SIZE).build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
         let mut bench = Self { harness, device, queue };
         let request = scene_args(line).into_request().unwrap();
         bench.app().open(request.volume.clone(), With::Request(Box::new(request)));

@@ -62,8 +62,11 @@ fn what_is_dropped_is_opened_by_what_it_is() {
     assert_eq!((document.tf.name.as_str(), document.spec.source.as_str()), ("mine", name.as_str()));
 
     let scene = dir.path().join("scene.toml");
-    std::fs::write(&scene, "volume = 'phantom:comb:14'\nshadow = 'rays'\nambient = 0.25\nbackground = 'none'\n")
-        .unwrap();
+    std::fs::write(
+        &scene,
+        "volume = 'phantom:comb:14'\nshadow = 'rays'\nambient = 0.25\nbackground = 'none'\n",
+    )
+    .unwrap();
     drop_files(&mut bench, &[&scene]);
     wait(&mut bench, "a scene", |app| source(app) == "phantom:comb:14");
     bench.settle();

@@ -147,7 +147,9 @@ fn nothing_is_cut(bench: &Bench, what: &str) {
 fn nothing_in_the_side_panel_is_cut() {
     let Some(mut bench) = Bench::open(&["phantom:hair-straight:500", "--resolution=16"]) else { return };
     bench.type_into("strands resolution", "99999");
-    for spec in ["dsm:epsilon=0.0123,map=96,prefilter=5,precompress=off", "bom:map=96,layers=16", "osm:map=64"] {
+    for spec in
+        ["dsm:epsilon=0.0123,map=96,prefilter=5,precompress=off", "bom:map=96,layers=16", "osm:map=64"]
+    {
         let document = bench.app().document.as_mut().unwrap();
         document.method = MethodChoice::parse(spec).unwrap();
         document.other = MethodChoice::parse("dom:map=96,layers=12").unwrap();
