@@ -45,8 +45,8 @@ impl App {
         if hit(Modifiers::COMMAND, Key::O) {
             self.ask_path(Purpose::OpenVolume);
         }
-        // Letters and digits belong to whatever is being typed.
-        if context.text_edit_focused() || self.document.is_none() {
+        // Letters and digits belong to whatever is being typed, Escape to a question that is open.
+        if context.text_edit_focused() || self.is_asking() || self.document.is_none() {
             return;
         }
         if hit(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || hit(Modifiers::COMMAND, Key::Y) {

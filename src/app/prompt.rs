@@ -114,6 +114,11 @@ impl App {
         };
     }
 
+    /// Whether a question is open.
+    pub fn is_asking(&self) -> bool {
+        self.prompt.open.is_some()
+    }
+
     pub(super) fn prompt_window(&mut self, context: &egui::Context) {
         let Some(purpose) = self.prompt.open else { return };
         self.prompt.take_choice();

@@ -105,6 +105,15 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
     bench.click("Export");
     bench.settle();
     assert_eq!(image::open(path).unwrap().color(), image::ColorType::Rgba8);
+    // Escape closes the dialog, with the cursor in its field or not.
+    for _ in 0..2 {
+        bench.app().ask_path(Purpose::ExportPicture);
+        bench.harness.run_steps(3);
+        assert!(bench.app().is_asking());
+        bench.harness.key_press(eframe::egui::Key::Escape);
+        bench.harness.run_steps(2);
+        assert!(!bench.app().is_asking());
+    }
 }
 
 #[test]
