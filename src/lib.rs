@@ -19,6 +19,7 @@ pub mod error;
 pub mod exact;
 pub mod gpu;
 pub mod input;
+pub mod loading;
 pub mod measure;
 pub mod output;
 pub mod render;

@@ -15,6 +15,16 @@ const WHAT: &str = "cannot write file";
 /// File-name endings that [`write_picture`] knows.
 pub const PICTURE_EXTENSIONS: &[&str] = &["png", "exr", "npy"];
 
+/// What a picture file shows behind the volume.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Backdrop {
+    /// The background that the picture was drawn over.
+    #[default]
+    Drawn,
+    /// Nothing. The picture was drawn over black, so that its colours are those of the volume alone, times opacity.
+    LeftOut,
+}
+
 /// Writes a picture, `height x width x 4`: linear RGB already composed over the background, and opacity
 /// `1 - T_eye`. By the name's ending: `.png` (8-bit sRGB, opaque), `.exr` (linear, 32-bit float RGBA) or `.npy`
 /// (float32, all four channels as they are).
@@ -25,6 +35,19 @@ pub const PICTURE_EXTENSIONS: &[&str] = &["png", "exr", "npy"];
 /// # Panics
 /// When the array does not have four channels.
 pub fn write_picture(path: &Path, picture: &Array3<f32>) -> Result<()> {
+    write_picture_as(path, picture, Backdrop::Drawn)
+}
+
+/// Writes a picture as [`write_picture`] does, or without its background: then a `.png` is RGBA with straight
+/// (unassociated) alpha, as its standard says, and the colours of an `.exr` or `.npy` are times (associated with) the
+/// opacity, as OpenEXR's convention says.
+///
+/// # Errors
+/// As there.
+///
+/// # Panics
+/// As there.
+pub fn write_picture_as(path: &Path, picture: &Array3<f32>, backdrop: Backdrop) -> Result<()> {
     let (height, width, channels) = picture.dim();
     assert_eq!(channels, 4, "a picture is height x width x 4");
     let (width, height) = (width as u32, height as u32);
@@ -33,7 +56,7 @@ pub fn write_picture(path: &Path, picture: &Array3<f32>) -> Result<()> {
     let mut bytes = Vec::new();
     let encoded = match extension(path, PICTURE_EXTENSIONS)? {
         "png" => {
-            bytes = picture_png(picture)?;
+            bytes = png(picture, backdrop)?;
             Ok(())
         }
         "exr" => OpenExrEncoder::new(Cursor::new(&mut bytes))
@@ -68,14 +91,28 @@ pub fn read_exr(path: &Path) -> Result<Array3<f32>> {
 /// # Errors
 /// The encoder's own.
 pub fn picture_png(picture: &Array3<f32>) -> Result<Vec<u8>> {
+    png(picture, Backdrop::Drawn)
+}
+
+fn png(picture: &Array3<f32>, backdrop: Backdrop) -> Result<Vec<u8>> {
     let (height, width, _) = picture.dim();
-    let srgb = |p: ndarray::ArrayView1<f32>| [0, 1, 2].map(|c| srgb8_from_linear(f64::from(p[c])));
-    let rgb: Vec<u8> = picture.rows().into_iter().flat_map(srgb).collect();
+    let pixels = picture.rows().into_iter().map(|p| [0, 1, 2, 3].map(|c| f64::from(p[c])));
+    let opaque = |[r, g, b, _]: [f64; 4]| [r, g, b].map(srgb8_from_linear);
+    let (codes, kind) = match backdrop {
+        Backdrop::Drawn => (pixels.flat_map(opaque).collect::<Vec<u8>>(), ExtendedColorType::Rgb8),
+        Backdrop::LeftOut => (pixels.flat_map(straight_srgb8).collect(), ExtendedColorType::Rgba8),
+    };
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes)
-        .write_image(&rgb, width as u32, height as u32, ExtendedColorType::Rgb8)
+        .write_image(&codes, width as u32, height as u32, kind)
         .map_err(|e| Error::runtime("cannot encode picture", "PNG", e))?;
     Ok(bytes)
+}
+
+/// 8-bit sRGB and alpha of a linear colour that is times its opacity; no opacity has no colour.
+fn straight_srgb8([r, g, b, opacity]: [f64; 4]) -> [u8; 4] {
+    let code = |linear: f64| if opacity > 0.0 { srgb8_from_linear(linear / opacity) } else { 0 };
+    [code(r), code(g), code(b), (opacity.clamp(0.0, 1.0) * 255.0).round() as u8]
 }
 
 /// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.
@@ -214,6 +251,49 @@ mod tests {
         let read = ImageReader::open(&path).unwrap().decode().unwrap();
         assert_eq!(read.color(), image::ColorType::Rgb8);
         assert_eq!(read.to_rgb8().get_pixel(0, 0).0, [188, 0, 255]);
+    }
+
+    #[test]
+    fn without_its_background_a_picture_goes_over_any_other() {
+        let dir = tempfile::tempdir().unwrap();
+        // Colour c and opacity a over black: times a. Over grey 0.5 it would be c a + 0.5 (1 - a).
+        let colors = [[1.0, 0.5, 0.0], [0.2, 0.02, 0.9], [0.0, 0.0, 0.0], [0.7, 0.7, 0.7]];
+        let opacities = [1.0, 0.5, 0.25, 0.0];
+        let over_black = Array3::from_shape_fn((2, 2, 4), |(j, i, c)| {
+            let at = 2 * j + i;
+            if c == 3 { opacities[at] } else { colors[at][c] * opacities[at] }
+        });
+        let png = dir.path().join("a.png");
+        write_picture_as(&png, &over_black, Backdrop::LeftOut).unwrap();
+        let read = ImageReader::open(&png).unwrap().decode().unwrap();
+        assert_eq!(read.color(), image::ColorType::Rgba8);
+        for (at, pixel) in read.to_rgba8().pixels().enumerate() {
+            let alpha = opacities[at];
+            assert_eq!(pixel[3], (alpha * 255.0).round() as u8);
+            for c in 0..3 {
+                let straight = if alpha > 0.0 { colors[at][c] } else { 0.0 };
+                assert_eq!(pixel[c], srgb8_from_linear(f64::from(straight)), "pixel {at}");
+                // What it is composed to over grey, to half a code of alpha and of colour.
+                let shown = crate::color::linear_from_srgb(f64::from(pixel[c]) / 255.0);
+                let a8 = f64::from(pixel[3]) / 255.0;
+                let composed = a8 * shown + (1.0 - a8) * 0.5;
+                let exact = f64::from(colors[at][c] * alpha + (1.0 - alpha) * 0.5);
+                assert!((composed - exact).abs() < 0.006, "pixel {at}: {composed} {exact}");
+            }
+        }
+        // An OpenEXR file is associated: as drawn over black, to the last bit.
+        let exr = dir.path().join("a.exr");
+        write_picture_as(&exr, &over_black, Backdrop::LeftOut).unwrap();
+        assert_eq!(read_exr(&exr).unwrap(), over_black);
+    }
+
+    #[test]
+    fn odd_opacities_make_no_odd_colours() {
+        let nan = f64::NAN;
+        assert_eq!(straight_srgb8([0.0, 0.0, 0.0, 0.0]), [0; 4]);
+        assert_eq!(straight_srgb8([nan, 1e-30, 9.0, 1e-30]), [0, 255, 255, 0]);
+        assert_eq!(straight_srgb8([0.5, 0.5, 0.5, nan]), [0; 4]);
+        assert_eq!(straight_srgb8([2.0, 0.0, -1.0, 1.5]), [255, 0, 0, 255]);
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! What a person works on: one volume with its transfer function, method and scene; what a scene file says of it.
 
 use super::method_choice::MethodChoice;
-use super::open::Opened;
+use super::open::{Beginning, Opened};
 use crate::color;
 use crate::error::Result;
 use crate::output::write_whole;
 use crate::scene::{Light, Scene, Shading, Skip};
-use crate::transfer::TransferFunction;
+use crate::transfer::{TransferFunction, presets};
 use crate::volume::{Histogram, Volume, VolumeSpec};
 use clap::ValueEnum;
 use glam::DVec3;
@@ -27,21 +27,35 @@ pub struct Document {
     /// The method on the right of the split.
     pub other: MethodChoice,
     pub scene: Scene,
+    /// Pictures are written without their background, which is black then.
+    pub transparent: bool,
 }
 
 impl Document {
-    /// Of a volume that has been opened; methods are kept from the one before.
-    pub fn new(opened: Opened, method: MethodChoice, other: MethodChoice) -> Self {
-        let tf = Arc::new(opened.tf);
+    /// Of a volume that has been opened, with what it begins with; methods are kept from the one before.
+    pub fn new(opened: Opened, begin: Beginning, [method, other]: [MethodChoice; 2]) -> Self {
+        let tf = Arc::new(begin.tf);
         Self {
             spec: opened.spec,
             volume: opened.volume,
             histogram: Arc::new(opened.histogram),
-            tf_source: (opened.tf_source, Arc::clone(&tf)),
+            tf_source: (begin.tf_source, Arc::clone(&tf)),
             tf,
             method,
             other,
-            scene: opened.scene,
+            scene: begin.scene,
+            transparent: begin.transparent.unwrap_or(false),
+        }
+    }
+
+    /// Takes other voxels of the same strands; all else stays as it is.
+    pub fn take_voxels(&mut self, opened: Opened) {
+        self.spec = opened.spec;
+        self.volume = opened.volume;
+        self.histogram = Arc::new(opened.histogram);
+        // A preset that is fitted to the values is another function now: the one that stays counts as edited.
+        if let Ok(found) = presets::resolve(&self.tf_source.0, &self.volume) {
+            self.tf_source.1 = Arc::new(found.tf);
         }
     }
 
@@ -102,7 +116,8 @@ impl Document {
         key("light", string(&light));
         key("ambient", format!("{:?}", scene.ambient));
         key("shading", string(name_of(scene.shading)));
-        key("background", string(&color::to_hex(scene.background)));
+        let background = if self.transparent { "none".to_owned() } else { color::to_hex(scene.background) };
+        key("background", string(&background));
         key("step", format!("{:?}", scene.step));
         key("skip", string(if scene.skip == Skip::Bricks { "bricks" } else { "none" }));
         text

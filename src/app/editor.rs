@@ -2,9 +2,9 @@
 
 mod paint;
 
-use super::App;
 use super::curve::{AmountAxis, Edit, top_of};
 use super::prompt::Purpose;
+use super::{App, grips};
 use crate::color;
 use crate::transfer::Quantity;
 use eframe::egui::{self, Color32, FontId, Rect, Sense, Stroke, pos2, vec2};
@@ -193,8 +193,11 @@ impl App {
         let mut edits = Vec::new();
         self.zoom_range(ui, &response, &map);
         let mut over_point = false;
-        for (index, point) in tf.points.iter().enumerate() {
-            let at = pos2(map.x(point.value), map.y(point.amount));
+        let places: Vec<egui::Pos2> =
+            tf.points.iter().map(|p| pos2(map.x(p.value), map.y(p.amount))).collect();
+        let hand = ui.input(|i| i.pointer.hover_pos()).filter(|p| rect.expand(GRIP).contains(*p));
+        for index in grips::order(&places, hand, self.editor.selected) {
+            let (point, at) = (&tf.points[index], places[index]);
             if !rect.expand(GRIP).contains(at) {
                 continue;
             }

@@ -4,7 +4,7 @@ use super::App;
 use super::prompt::Purpose;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 
-const HANDS: [(&str, &str); 9] = [
+const HANDS: [(&str, &str); 10] = [
     ("Drag", "turn the camera"),
     ("Shift + drag", "move the light"),
     ("Right or middle drag, Ctrl + drag", "pan"),
@@ -14,9 +14,10 @@ const HANDS: [(&str, &str); 9] = [
     ("Editor: drag a point", "change value and opacity"),
     ("Editor: double-click", "add a point"),
     ("Editor: drag beside the points", "window and level"),
+    ("Drop a file", "open a volume, strands or a scene; load a transfer function"),
 ];
 
-const KEYS: [(&str, &str); 14] = [
+const KEYS: [(&str, &str); 15] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
     ("Ctrl+E", "export a picture"),
@@ -24,7 +25,8 @@ const KEYS: [(&str, &str); 14] = [
     ("1 … 6", "look from anterior, posterior, left, right, superior, inferior"),
     ("Home", "reset the camera"),
     ("C", "split view on or off"),
-    ("X", "switch the two methods (flicker)"),
+    ("X", "switch the two methods"),
+    ("F", "flicker between the two methods on or off"),
     ("D", "error against exact: of the light, of the picture, off"),
     ("V", "slices on or off"),
     ("M", "anatomical marks on or off"),
@@ -44,8 +46,8 @@ impl App {
         if hit(Modifiers::COMMAND, Key::O) {
             self.ask_path(Purpose::OpenVolume);
         }
-        // Letters and digits belong to whatever is being typed.
-        if context.text_edit_focused() || self.document.is_none() {
+        // Letters and digits belong to whatever is being typed, Escape to a question that is open.
+        if context.text_edit_focused() || self.is_asking() || self.document.is_none() {
             return;
         }
         if hit(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || hit(Modifiers::COMMAND, Key::Y) {
@@ -71,7 +73,7 @@ impl App {
             self.reset_camera();
         }
         if hit(Modifiers::NONE, Key::C) {
-            self.split = if self.split.is_some() { None } else { Some(0.5) };
+            self.set_split(self.split.is_none());
         }
         if hit(Modifiers::NONE, Key::D) {
             self.next_difference();
@@ -80,6 +82,9 @@ impl App {
             && let Some(document) = &mut self.document
         {
             std::mem::swap(&mut document.method, &mut document.other);
+        }
+        if hit(Modifiers::NONE, Key::F) {
+            self.set_flicker(self.flicker.is_none(), context);
         }
         if hit(Modifiers::NONE, Key::V) {
             self.settings.slices = !self.settings.slices;

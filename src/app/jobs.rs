@@ -5,7 +5,7 @@ use super::method_choice::MethodChoice;
 use super::worker::{Event, Speaker};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::output::write_picture;
+use crate::output::{Backdrop, write_picture_as};
 use crate::render::Work;
 use crate::scene::{Light, Scene};
 use crate::transfer::TransferFunction;
@@ -72,6 +72,7 @@ pub struct Export {
     pub method: MethodChoice,
     /// With the picture's own size.
     pub scene: Scene,
+    pub backdrop: Backdrop,
 }
 
 /// How an export ended; `false`: it was cancelled.
@@ -161,7 +162,7 @@ impl Engine {
             },
         )?;
         match picture {
-            Some(picture) => write_picture(&export.path, &picture.pixels).map(|()| true),
+            Some(picture) => write_picture_as(&export.path, &picture.pixels, export.backdrop).map(|()| true),
             None => Ok(false),
         }
     }

@@ -14,10 +14,13 @@ pub mod difference;
 mod document;
 mod editor;
 mod engine;
+mod flicker;
+mod grips;
 mod help;
 mod jobs;
 pub mod method_choice;
 mod open;
+mod opening;
 pub mod presets;
 mod probe_panel;
 mod prompt;
@@ -27,6 +30,7 @@ mod settings;
 mod shown;
 mod side;
 mod slices;
+mod strands_panel;
 mod timings;
 mod top_bar;
 mod viewport;
@@ -37,6 +41,7 @@ mod worker;
 pub use document::Document;
 pub use jobs::{Aim, ProbeResult};
 pub use open::With;
+pub use prompt::Purpose;
 pub use resume::Resume;
 pub use script::Script;
 pub use settings::Settings;
@@ -45,9 +50,9 @@ pub use worker::{Frame, Side};
 
 use crate::error::{Error, Result};
 use crate::gpu::{DeviceLoss, Gpu};
+use crate::output::Backdrop;
 use crate::scene::{Camera, Scene};
 use crate::transfer::TransferFunction;
-use crate::volume::VolumeSpec;
 use curve::{Edit, History};
 use eframe::egui;
 use eframe::egui_wgpu::RenderState;
@@ -94,6 +99,8 @@ pub struct App {
     asked: Option<Asked>,
     /// Split between the two methods, as a share of the view's width.
     pub split: Option<f32>,
+    /// Both pictures of the split in turn over the whole view.
+    flicker: Option<flicker::Flicker>,
     pub probe: Option<ProbeResult>,
     /// Where to probe again whenever something changes, world mm.
     probe_at: Option<glam::DVec3>,
@@ -107,6 +114,7 @@ pub struct App {
     /// Heat maps of the shown methods' errors.
     pub difference: difference::DifferenceState,
     prompt: prompt::PromptState,
+    strands: strands_panel::StrandsState,
     timings: timings::Timings,
     show_help: bool,
     /// Of what was wanted last.
@@ -151,6 +159,7 @@ impl App {
             frame: None,
             asked: None,
             split: None,
+            flicker: None,
             probe: None,
             probe_at: None,
             probed: None,
@@ -161,6 +170,7 @@ impl App {
             presets: Default::default(),
             difference: Default::default(),
             prompt: Default::default(),
+            strands: Default::default(),
             timings: Default::default(),
             show_help: false,
             revision: 0,
@@ -169,48 +179,6 @@ impl App {
             wake,
             resuming: None,
         })
-    }
-
-    /// Starts to open a volume; the one that is open stays until the new one is there.
-    pub fn open(&mut self, spec: VolumeSpec, with: With) {
-        if let With::Request(request) = &with {
-            // Bad settings are said at once, not after a long reading.
-            match MethodChoice::parse(
-                request.shadow.as_deref().unwrap_or(crate::cli::scene_args::DEFAULT_SHADOW),
-            ) {
-                Ok(choice) => self.view.next_method = Some(choice),
-                Err(e) => return self.fail(&e),
-            }
-        }
-        let wake = Arc::clone(&self.wake);
-        match Opening::start(spec, with, move || wake()) {
-            Ok(opening) => self.opening = Some(opening),
-            Err(e) => self.fail(&e),
-        }
-    }
-
-    /// Opens another volume by its path or name, with the scene's light and settings.
-    pub fn open_source(&mut self, source: &str) {
-        if source.to_lowercase().ends_with(".toml") {
-            return self.open_scene(Path::new(source));
-        }
-        let with = match &self.document {
-            Some(document) => With::Scene(Box::new(document.scene.clone())),
-            None => match window::default_request() {
-                Ok(request) => With::Request(Box::new(request)),
-                Err(e) => return self.fail(&e),
-            },
-        };
-        self.open(VolumeSpec::new(source), with);
-    }
-
-    /// Opens what a scene file says.
-    pub fn open_scene(&mut self, path: &Path) {
-        let args = crate::cli::scene_args::SceneArgs { scene: vec![path.into()], ..Default::default() };
-        match args.into_request() {
-            Ok(request) => self.open(request.volume.clone(), With::Request(Box::new(request))),
-            Err(e) => self.fail(&e),
-        }
     }
 
     /// Says that something failed; what is shown stays.
@@ -263,7 +231,9 @@ impl App {
 
     /// Takes a transfer function from a preset's name or a file.
     pub fn load_tf(&mut self, name_or_path: &str) {
-        let Some(document) = &self.document else { return };
+        let Some(document) = &self.document else {
+            return self.note("open a volume first: a transfer function has no meaning without one");
+        };
         match crate::transfer::presets::resolve(name_or_path, &document.volume) {
             Ok(found) => {
                 self.replace_tf(found.tf, Some(name_or_path.to_owned()));
@@ -299,17 +269,23 @@ impl App {
         }
     }
 
-    /// Draws and writes a picture of any size, away from the window.
-    pub fn export(&mut self, path: &Path, width: u32, height: u32) {
+    /// Draws and writes a picture of any size, away from the window, with or without its background.
+    pub fn export(&mut self, path: &Path, [width, height]: [u32; 2], backdrop: Backdrop) {
         let Some(document) = &self.document else { return };
         if let Err(e) = crate::output::check_output(path, crate::output::PICTURE_EXTENSIONS) {
             return self.fail(&e);
         }
+        // What is to go over another background is drawn over black: nothing has to be taken away again.
+        let background = match backdrop {
+            Backdrop::Drawn => document.scene.background,
+            Backdrop::LeftOut => [0.0; 3],
+        };
         self.worker.push(Job::Export(Export {
             path: path.into(),
             tf: Arc::clone(&document.tf),
             method: document.method.clone(),
-            scene: Scene { width, height, ..document.scene.clone() },
+            scene: Scene { width, height, background, ..document.scene.clone() },
+            backdrop,
         }));
         self.exporting = Some(Exporting { path: path.display().to_string(), share: 0.0 });
     }
@@ -358,6 +334,7 @@ impl App {
         if let Some(outcome) = self.opening.as_ref().and_then(|o| o.poll(&self.worker)) {
             self.opening = None;
             if let Err(e) = outcome {
+                self.view.next_method = None;
                 self.fail(&e);
             }
         }
@@ -404,35 +381,6 @@ impl App {
         }
         // Notes leave by themselves, errors stay until they are closed.
         self.messages.retain(|m| m.is_error || m.since.elapsed() < Duration::from_secs(8));
-    }
-
-    fn take_volume(&mut self, opened: open::Opened) {
-        self.settings.opened(&opened.spec.source);
-        self.editor = Default::default();
-        self.presets = Default::default();
-        self.difference = self.difference.only_choices();
-        self.probe = None;
-        self.probe_at = None;
-        self.asked = None;
-        self.frame = None;
-        if !self.take_resumed(&opened.volume) {
-            self.take_new_volume(opened);
-        }
-        self.slices.reset(self.document.as_ref());
-    }
-
-    fn take_new_volume(&mut self, opened: open::Opened) {
-        let notes = opened.notes.clone();
-        let old = self.document.take();
-        let method = self.view.next_method.take().or_else(|| old.as_ref().map(|d| d.method.clone()));
-        let dsm =
-            || MethodChoice::parse("dsm").unwrap_or_else(|_| MethodChoice::of(crate::shadow::METHODS[0]));
-        let other = old
-            .map_or_else(|| MethodChoice::parse("none").unwrap_or_else(|_| dsm()), |document| document.other);
-        self.document = Some(Document::new(opened, method.unwrap_or_else(dsm), other));
-        self.history = History::default();
-        self.view.home = self.document.as_ref().map(|d| d.scene.camera);
-        notes.into_iter().for_each(|n| self.note(n));
     }
 
     /// Asks for a picture of what the document says now, unless that was asked last.
@@ -493,19 +441,9 @@ impl App {
         self.help_window(ui.ctx());
         self.ask();
         self.follow_difference();
+        self.tick_flicker(ui.ctx());
         if self.opening.is_some() {
             ui.ctx().request_repaint_after(Duration::from_millis(100));
-        }
-    }
-
-    fn take_dropped_files(&mut self, context: &egui::Context) {
-        let dropped = context.input(|i| i.raw.dropped_files.first().cloned());
-        let Some(path) = dropped.map(|f| f.path().to_path_buf()) else { return };
-        let name = path.display().to_string();
-        if name.to_lowercase().ends_with(".json") {
-            self.load_tf(&name);
-        } else {
-            self.open_source(&name);
         }
     }
 }

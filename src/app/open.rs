@@ -4,7 +4,8 @@ use super::Document;
 use super::worker::{Job, Worker};
 use crate::cli::scene_args::{SceneArgs, SceneRequest};
 use crate::error::{Error, Result};
-use crate::scene::Scene;
+use crate::loading::{Loading, Progress};
+use crate::scene::{Light, Scene};
 use crate::transfer::TransferFunction;
 use crate::transfer::presets;
 use crate::volume::{self, Histogram, Volume, VolumeSpec};
@@ -21,14 +22,23 @@ pub struct Opened {
     pub spec: VolumeSpec,
     pub volume: Arc<Volume>,
     pub histogram: Histogram,
-    pub tf: TransferFunction,
-    /// The preset or file that `tf` is.
-    pub tf_source: String,
-    pub scene: Scene,
+    /// `None`: everything but the volume stays as it is.
+    pub beginning: Option<Beginning>,
     /// Bricks on the device, once there.
     pub bricks: usize,
     /// What was assumed, one line each.
     pub notes: Vec<String>,
+}
+
+/// What a volume begins with.
+#[derive(Debug, Clone)]
+pub struct Beginning {
+    pub tf: TransferFunction,
+    /// The preset or file that `tf` is.
+    pub tf_source: String,
+    pub scene: Scene,
+    /// Whether pictures are to be written without their background; `None`: as before.
+    pub transparent: Option<bool>,
 }
 
 /// What a volume is opened with.
@@ -38,12 +48,15 @@ pub enum With {
     Request(Box<SceneRequest>),
     /// Another volume in a window that is open: what suits it, but light, ambient and the like as they are.
     Scene(Box<Scene>),
+    /// The same strands as other voxels: transfer function, camera, light and method stay as they are.
+    Again,
 }
 
-/// A reading that is under way.
+/// A reading that is under way; it ends early once nobody waits for it any more.
 pub struct Opening {
     pub source: String,
     pub since: Instant,
+    pub loading: Arc<Loading>,
     result: Receiver<Result<Opened>>,
 }
 
@@ -54,9 +67,7 @@ impl Opened {
             spec: document.spec.clone(),
             volume: Arc::clone(&document.volume),
             histogram: document.histogram.as_ref().clone(),
-            tf: document.tf.as_ref().clone(),
-            tf_source: document.tf_source.0.clone(),
-            scene: document.scene.clone(),
+            beginning: None,
             bricks: 0,
             notes: Vec::new(),
         }
@@ -72,10 +83,12 @@ impl Opening {
         let (send, result) = channel();
         let source = spec.source.clone();
         let place = source.clone();
+        let loading = Arc::new(Loading::default());
+        let theirs = Arc::clone(&loading);
         std::thread::Builder::new()
             .name("open".into())
             .spawn(move || {
-                let work = std::panic::AssertUnwindSafe(|| read(spec, with));
+                let work = std::panic::AssertUnwindSafe(|| read(spec, with, &theirs));
                 let outcome = std::panic::catch_unwind(work).unwrap_or_else(|_| {
                     Err(Error::runtime(
                         "cannot read volume",
@@ -88,11 +101,15 @@ impl Opening {
                 wake();
             })
             .map_err(|e| Error::runtime("cannot read volume", "window", e))?;
-        Ok(Self { source, since: Instant::now(), result })
+        Ok(Self { source, since: Instant::now(), loading, result })
     }
 
     pub fn elapsed(&self) -> Duration {
         self.since.elapsed()
+    }
+
+    pub fn progress(&self) -> Progress {
+        self.loading.progress()
     }
 
     /// Hands a volume that has been read on to the render thread; `None` while it is being read.
@@ -111,35 +128,51 @@ impl Opening {
     }
 }
 
-fn read(spec: VolumeSpec, with: With) -> Result<Opened> {
+impl Drop for Opening {
+    fn drop(&mut self) {
+        self.loading.cancel();
+    }
+}
+
+fn read(spec: VolumeSpec, with: With, loading: &Loading) -> Result<Opened> {
     let wanted_tf = match &with {
         With::Request(request) => request.tf.clone(),
-        With::Scene(_) => None,
+        With::Scene(_) | With::Again => None,
     };
+    // What the command line would refuse is refused before the long reading.
     let found = wanted_tf.as_deref().map(presets::find).transpose()?;
-    let volume = volume::load(&spec)?;
-    let tf_source = wanted_tf.unwrap_or_else(|| presets::default_name(&volume).to_owned());
-    let found = match found {
-        Some(found) => found,
-        None => presets::find(&tf_source)?,
+    let volume = volume::load_with(&spec, loading)?;
+    let mut notes = volume.provenance.warnings.clone();
+    let begin = |wanted_tf: Option<String>, scene, transparent| -> Result<Beginning> {
+        let tf_source = wanted_tf.unwrap_or_else(|| presets::default_name(&volume).to_owned());
+        let found = match found {
+            Some(found) => found,
+            None => presets::find(&tf_source)?,
+        };
+        let presets::ResolvedTransferFunction { tf, note } = found.suit(&volume);
+        notes.extend(note);
+        Ok(Beginning { tf, tf_source, scene, transparent })
     };
-    let presets::ResolvedTransferFunction { tf, note } = found.suit(&volume);
-    let scene = match with {
-        With::Request(request) => request.resolve(&volume)?,
+    let beginning = match with {
+        With::Request(request) => {
+            let (scene, transparent) = (request.resolve(&volume)?, Some(request.is_transparent()));
+            Some(begin(wanted_tf, scene, transparent)?)
+        }
         With::Scene(scene) => {
             let framed = SceneArgs::default().into_request()?.resolve(&volume)?;
-            Scene { camera: framed.camera, light: as_direction(&scene, &framed), ..*scene }
+            let light = as_direction(&scene, &framed);
+            Some(begin(None, Scene { camera: framed.camera, light, ..*scene }, None)?)
         }
+        With::Again => None,
     };
-    let histogram = Histogram::of(&volume, HISTOGRAM_BINS);
-    let notes = volume.provenance.warnings.iter().cloned().chain(note).collect();
-    Ok(Opened { spec, volume: Arc::new(volume), histogram, tf, tf_source, scene, bricks: 0, notes })
+    let histogram = Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?;
+    Ok(Opened { spec, volume: Arc::new(volume), histogram, beginning, bricks: 0, notes })
 }
 
 /// A light at infinity suits any volume; a point light is somewhere in the old one.
-fn as_direction(scene: &Scene, framed: &Scene) -> crate::scene::Light {
+fn as_direction(scene: &Scene, framed: &Scene) -> Light {
     match scene.light {
-        light @ crate::scene::Light::Directional { .. } => light,
-        crate::scene::Light::Point { .. } => framed.light,
+        light @ Light::Directional { .. } => light,
+        Light::Point { .. } => framed.light,
     }
 }

@@ -1,9 +1,13 @@
 //! Asking for a path: typed, or chosen in the system's dialog.
 
 use super::App;
+use crate::output::Backdrop;
 use eframe::egui;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::{Duration, Instant};
+
+const NO_DIALOG_TEXT: &str = "The system shows no file dialog: type the path above";
 
 /// What a path is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,32 +62,66 @@ pub struct PromptState {
     open: Option<Purpose>,
     path: String,
     size: [u32; 2],
+    backdrop: Backdrop,
     /// The system's dialog, while it is open.
-    dialog: Option<Receiver<Option<PathBuf>>>,
+    dialog: Option<Dialog>,
+    /// The system has no dialog to show.
+    no_dialog: bool,
+}
+
+/// A dialog that was asked for.
+struct Dialog {
+    since: Instant,
+    chosen: Receiver<Option<PathBuf>>,
+}
+
+/// Nobody closes a dialog that soon: there was none.
+const NO_DIALOG: Duration = Duration::from_millis(400);
+
+impl PromptState {
+    /// Takes what the dialog has to say.
+    fn take_choice(&mut self) {
+        let Some(dialog) = &self.dialog else { return };
+        let chosen = match dialog.chosen.try_recv() {
+            Err(TryRecvError::Empty) => return,
+            Ok(chosen) => chosen,
+            // Its thread ended without a word.
+            Err(TryRecvError::Disconnected) => {
+                self.no_dialog = true;
+                None
+            }
+        };
+        self.no_dialog |= chosen.is_none() && dialog.since.elapsed() < NO_DIALOG;
+        if let Some(path) = chosen {
+            self.path = path.display().to_string();
+            self.no_dialog = false;
+        }
+        self.dialog = None;
+    }
 }
 
 impl App {
     /// Asks for a path.
     pub fn ask_path(&mut self, purpose: Purpose) {
         let size = self.document.as_ref().map_or([512, 512], |d| [d.scene.width, d.scene.height]);
-        self.prompt =
-            PromptState { open: Some(purpose), path: purpose.suggestion().into(), size, dialog: None };
+        let transparent = self.document.as_ref().is_some_and(|d| d.transparent);
+        self.prompt = PromptState {
+            open: Some(purpose),
+            path: purpose.suggestion().into(),
+            size,
+            backdrop: if transparent { Backdrop::LeftOut } else { Backdrop::Drawn },
+            ..Default::default()
+        };
+    }
+
+    /// Whether a question is open.
+    pub fn is_asking(&self) -> bool {
+        self.prompt.open.is_some()
     }
 
     pub(super) fn prompt_window(&mut self, context: &egui::Context) {
         let Some(purpose) = self.prompt.open else { return };
-        if let Some(dialog) = &self.prompt.dialog {
-            match dialog.try_recv() {
-                Ok(chosen) => {
-                    self.prompt.dialog = None;
-                    if let Some(path) = chosen {
-                        self.prompt.path = path.display().to_string();
-                    }
-                }
-                Err(std::sync::mpsc::TryRecvError::Disconnected) => self.prompt.dialog = None,
-                Err(std::sync::mpsc::TryRecvError::Empty) => {}
-            }
-        }
+        self.prompt.take_choice();
         let (mut done, mut cancelled) = (false, false);
         let response = egui::Modal::new(egui::Id::unique("path")).show(context, |ui| {
             ui.set_width(520.0);
@@ -99,8 +137,12 @@ impl App {
                 done |= edit.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
                 if ui.add_enabled(self.prompt.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
                     self.prompt.dialog = browse(purpose, &self.prompt.path, ui.ctx());
+                    self.prompt.no_dialog = self.prompt.dialog.is_none();
                 }
             });
+            if self.prompt.no_dialog {
+                ui.colored_label(ui.visuals().warn_fg_color, NO_DIALOG_TEXT);
+            }
             if purpose == Purpose::OpenVolume {
                 ui.weak("A file, or phantom:NAME[:SIZE] for a built-in one");
             }
@@ -112,6 +154,13 @@ impl App {
                             .accessible_name(name);
                     }
                     ui.weak(".png is sRGB; .exr and .npy are linear, 32-bit float, with opacity");
+                });
+                ui.horizontal(|ui| {
+                    let backdrop = &mut self.prompt.backdrop;
+                    ui.radio_value(backdrop, Backdrop::Drawn, "With background");
+                    ui.radio_value(backdrop, Backdrop::LeftOut, "Transparent").on_hover_text(
+                        ".png with straight alpha; the colours of .exr and .npy are times the opacity",
+                    );
                 });
             }
             ui.add_space(8.0);
@@ -139,20 +188,20 @@ impl App {
 
     fn go(&mut self, purpose: Purpose) {
         let path = self.prompt.path.trim().to_owned();
-        let [width, height] = self.prompt.size;
+        let (size, backdrop) = (self.prompt.size, self.prompt.backdrop);
         match purpose {
             Purpose::OpenVolume => self.open_source(&path),
             Purpose::LoadTransfer => self.load_tf(&path),
             Purpose::SaveTransfer => self.save_tf(Path::new(&path)),
             Purpose::SaveScene => self.save_scene(Path::new(&path)),
-            Purpose::ExportPicture => self.export(Path::new(&path), width, height),
+            Purpose::ExportPicture => self.export(Path::new(&path), size, backdrop),
         }
     }
 }
 
 /// Opens the system's dialog away from the window, which goes on meanwhile.
-fn browse(purpose: Purpose, path: &str, context: &egui::Context) -> Option<Receiver<Option<PathBuf>>> {
-    let (send, receive) = channel();
+fn browse(purpose: Purpose, path: &str, context: &egui::Context) -> Option<Dialog> {
+    let (send, chosen) = channel();
     let (name, endings) = purpose.filter();
     let mut dialog = rfd::FileDialog::new().set_title(purpose.title()).add_filter(name, endings);
     let path = Path::new(path);
@@ -170,5 +219,44 @@ fn browse(purpose: Purpose, path: &str, context: &egui::Context) -> Option<Recei
         let _ = send.send(chosen);
         context.request_repaint();
     };
-    std::thread::Builder::new().name("file dialog".into()).spawn(ask).ok().map(|_| receive)
+    let thread = std::thread::Builder::new().name("file dialog".into()).spawn(ask);
+    thread.ok().map(|_| Dialog { since: Instant::now(), chosen })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked(since: Instant) -> (std::sync::mpsc::Sender<Option<PathBuf>>, PromptState) {
+        let (send, chosen) = channel();
+        let dialog = Some(Dialog { since, chosen });
+        (send, PromptState { path: "typed".into(), dialog, ..Default::default() })
+    }
+
+    #[test]
+    fn without_a_dialog_the_typed_path_stays_and_it_is_said() {
+        let (send, mut prompt) = asked(Instant::now());
+        prompt.take_choice();
+        assert!(prompt.dialog.is_some() && !prompt.no_dialog, "it is still open");
+        send.send(None).unwrap();
+        prompt.take_choice();
+        assert!(prompt.dialog.is_none() && prompt.no_dialog && prompt.path == "typed");
+        let (send, mut prompt) = asked(Instant::now());
+        drop(send);
+        prompt.take_choice();
+        assert!(prompt.dialog.is_none() && prompt.no_dialog && prompt.path == "typed");
+    }
+
+    #[test]
+    fn a_dialog_that_a_person_answers_is_no_missing_one() {
+        let Some(earlier) = Instant::now().checked_sub(2 * NO_DIALOG) else { return };
+        let (send, mut prompt) = asked(earlier);
+        send.send(None).unwrap();
+        prompt.take_choice();
+        assert!(prompt.dialog.is_none() && !prompt.no_dialog && prompt.path == "typed");
+        let (send, mut prompt) = asked(Instant::now());
+        send.send(Some("chosen.nii".into())).unwrap();
+        prompt.take_choice();
+        assert!(prompt.dialog.is_none() && !prompt.no_dialog && prompt.path == "chosen.nii");
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::camera::Orbit;
 use super::curve::AmountAxis;
+use super::flicker;
 use crate::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::env;
@@ -23,6 +24,8 @@ pub struct Settings {
     pub gradient_histogram: bool,
     pub slices: bool,
     pub marks: bool,
+    /// Changes a second of the flicker.
+    pub flicker_hz: f64,
     /// Sources of volumes, the latest first.
     pub recent: Vec<String>,
     /// The scene that was open, as the text of a scene file.
@@ -40,6 +43,7 @@ impl Default for Settings {
             gradient_histogram: false,
             slices: false,
             marks: true,
+            flicker_hz: flicker::DEFAULT_RATE_HZ,
             recent: Vec::new(),
             last_scene: String::new(),
         }
@@ -65,6 +69,9 @@ impl Settings {
         let text = Self::path().and_then(|path| std::fs::read_to_string(path).ok());
         let mut settings: Self = text.and_then(|t| toml::from_str(&t).ok()).unwrap_or_default();
         settings.window = settings.window.map(|s| if s.is_finite() { s.clamp(480.0, 8192.0) } else { 900.0 });
+        if !flicker::RATES_HZ.contains(&settings.flicker_hz) {
+            settings.flicker_hz = flicker::DEFAULT_RATE_HZ;
+        }
         settings.recent.truncate(MOST_RECENT);
         settings
     }

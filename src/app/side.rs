@@ -19,15 +19,29 @@ const STAGES: [(&str, &str); 5] = [
     ("hand to picture", "From the hand's movement to the finished picture, ms"),
 ];
 
+/// Width of the panel, points.
+const WIDTH: f32 = 330.0;
+/// Width of the buttons beside a setting with the space between them, points.
+const BUTTONS_WIDTH: f32 = 122.0;
+
+/// Named values of a setting that fit beside each other.
+const MOST_ABREAST: usize = 4;
+
 impl App {
     pub(super) fn side_panel(&mut self, ui: &mut egui::Ui) {
         if self.document.is_none() {
             return;
         }
-        egui::Panel::right("side").frame(super::unfilled(ui)).exact_size(330.0).show(ui, |ui| {
+        egui::Panel::right("side").frame(super::unfilled(ui)).exact_size(WIDTH).show(ui, |ui| {
+            let width = ui.available_width();
+            // Scrolled sideways, too, so that whatever is too wide does not push the panel into the view.
             egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+                ui.set_max_width(width);
                 ui.add_space(6.0);
                 section(ui, "Shadows", |ui| self.shadows(ui));
+                if self.shows_strands() {
+                    section(ui, "Strands", |ui| self.strands(ui));
+                }
                 section(ui, "Light", |ui| self.light(ui));
                 section(ui, "Picture", |ui| self.picture(ui));
                 section(ui, "Times", |ui| self.times(ui));
@@ -43,10 +57,13 @@ impl App {
         let mut split = self.split.is_some();
         let toggle = ui.checkbox(&mut split, "Split view with a second method");
         if toggle.on_hover_text("Drag the line in the view; X switches sides").changed() {
-            self.split = split.then_some(0.5);
+            self.set_split(split);
         }
-        if self.split.is_some() {
+        if self.split.is_some()
+            && let Some(document) = &mut self.document
+        {
             ui.indent("second", |ui| method_editor(ui, "second method", &mut document.other));
+            self.flicker_controls(ui);
         }
         self.difference_choice(ui);
         let Some(frame) = &self.frame else { return };
@@ -55,7 +72,7 @@ impl App {
             egui::Grid::new(("report", &side.spec, frame.other.is_some())).num_columns(2).show(ui, |ui| {
                 let mut row = |name: &str, value: String, tooltip: &str| {
                     ui.weak(name).on_hover_text(tooltip);
-                    ui.add(egui::Label::new(value).truncate());
+                    ui.add(egui::Label::new(value).wrap());
                     ui.end_row();
                 };
                 if frame.other.is_some() || !frame.whole {
@@ -169,10 +186,19 @@ impl App {
             ui.add(step).on_hover_text("In units of the smallest voxel spacing, when the hand rests");
             ui.end_row();
             ui.label("Background");
-            let mut rgb = scene.background.map(color::srgb8_from_linear);
-            if ui.color_edit_button_srgb(&mut rgb).changed() {
-                scene.background = rgb.map(|c| color::linear_from_srgb(f64::from(c) / 255.0));
-            }
+            ui.horizontal(|ui| {
+                ui.add_enabled_ui(!document.transparent, |ui| {
+                    let mut rgb = scene.background.map(color::srgb8_from_linear);
+                    if ui.color_edit_button_srgb(&mut rgb).on_hover_text("sRGB").changed() {
+                        scene.background = rgb.map(|c| color::linear_from_srgb(f64::from(c) / 255.0));
+                    }
+                });
+                let none = ui.checkbox(&mut document.transparent, "none").accessible_name("no background");
+                let tooltip = "Black here; picture files are transparent where there is nothing";
+                if none.on_hover_text(tooltip).changed() && document.transparent {
+                    scene.background = [0.0; 3];
+                }
+            });
             ui.end_row();
             ui.label("Turning");
             ui.horizontal(|ui| {
@@ -184,6 +210,7 @@ impl App {
             ui.end_row();
             ui.label("Look from");
             ui.horizontal(|ui| {
+                ui.spacing_mut().item_spacing.x = 3.0;
                 for (i, view) in AXIS_VIEWS.iter().enumerate() {
                     if ui
                         .small_button(view.mark)
@@ -296,15 +323,29 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
 fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
     let tooltip = format!("{} ({}) [default: {}]", key.help, key.values, key.default);
     ui.horizontal(|ui| {
-        if key.values.contains('|') {
-            for option in key.values.split('|') {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let options: Vec<&str> = key.values.split('|').collect();
+        if options.len() > MOST_ABREAST {
+            let list = egui::ComboBox::from_id_salt((method, key.name)).selected_text(value.as_str());
+            let list = list.show_ui(ui, |ui| {
+                for option in options {
+                    ui.selectable_value(value, option.to_owned(), option);
+                }
+            });
+            list.response.on_hover_text(&tooltip).accessible_name(format!("{method} {}", key.name));
+            return;
+        }
+        if options.len() > 1 {
+            for option in options {
                 if ui.selectable_label(value == option, option).on_hover_text(&tooltip).clicked() {
                     *value = option.to_owned();
                 }
             }
             return;
         }
-        let edit = egui::TextEdit::singleline(value).desired_width(90.0);
+        // What the buttons leave.
+        let width = (ui.available_width() - BUTTONS_WIDTH).clamp(36.0, 90.0);
+        let edit = egui::TextEdit::singleline(value).desired_width(width);
         ui.add(edit).on_hover_text(&tooltip).accessible_name(format!("{method} {}", key.name));
         // Halves and doubles are what a hand wants of sizes and tolerances alike.
         let number = value.parse::<f64>().ok();

@@ -118,7 +118,7 @@ impl App {
         ui.checkbox(&mut self.settings.marks, "Anatomical marks");
         let mut split = self.split.is_some();
         if ui.checkbox(&mut split, "Split view").changed() {
-            self.split = split.then_some(0.5);
+            self.set_split(split);
         }
     }
 }

@@ -5,7 +5,7 @@ use super::jobs::Aim;
 use super::method_choice::MethodChoice;
 use super::shown::Place;
 use super::worker::Side;
-use super::{App, shown};
+use super::{App, flicker, shown};
 use crate::scene::{Camera, Light};
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, Vec2, vec2};
 use eframe::egui_wgpu::RenderState;
@@ -63,6 +63,7 @@ impl App {
             self.move_camera(ui, rect, &response);
         }
         self.paint_pictures(ui, rect, render_state);
+        self.paint_flicker(ui, rect);
         if self.document.is_some() {
             self.paint_overlays(&painter, rect, ui);
         } else if self.opening.is_none() {
@@ -86,7 +87,7 @@ impl App {
         let (right, down) = (f64::from(delta.x) / height, f64::from(delta.y) / height);
         let modifiers = ui.input(|i| i.modifiers);
         let (_, radius) = document.bounding_sphere();
-        let near_wipe = self.split.is_some_and(|share| {
+        let near_wipe = self.split.filter(|_| self.flicker.is_none()).is_some_and(|share| {
             let x = rect.left() + share * rect.width();
             let from = response.interact_pointer_pos().or_else(|| response.hover_pos());
             from.is_some_and(|p| (p.x - x).abs() < 8.0)
@@ -159,11 +160,19 @@ impl App {
             let found = self.difference.found.as_ref().filter(|_| self.difference.shows.is_some())?;
             found.sides.get(side).map(|s| &s.texture)
         };
-        painter.add(shown::shape(place, errors(0).unwrap_or(&frame.main.texture), Place::Side(0), state));
+        let shape = |side: usize, drawn: &Side| {
+            let texture = errors(side).unwrap_or(&drawn.texture);
+            shown::shape(place, texture, Place::Side(side), state)
+        };
+        if let Some(side) = self.flicker_side(ui.ctx()) {
+            painter.add(shape(side, flicker::side_of(frame, side)));
+            return;
+        }
+        painter.add(shape(0, &frame.main));
         let (Some(other), Some(share)) = (&frame.other, self.split) else { return };
         let x = rect.left() + share * rect.width();
         let right = ui.painter_at(Rect::from_min_max(egui::pos2(x, rect.top()), rect.max));
-        right.add(shown::shape(place, errors(1).unwrap_or(&other.texture), Place::Side(1), state));
+        right.add(shape(1, other));
         painter.vline(x, rect.y_range(), Stroke::new(1.5, Color32::from_white_alpha(200)));
         painter.circle_filled(egui::pos2(x, rect.center().y), 5.0, Color32::from_white_alpha(220));
         let label = |at: Pos2, align, side: &Side| tag(&painter, at, align, &side.spec);
@@ -208,29 +217,6 @@ impl App {
         let shift = ui.input(|i| i.modifiers.shift);
         if shift && let Light::Directional { toward } = document.scene.light {
             light_arrow(painter, rect, &camera, toward);
-        }
-    }
-
-    fn paint_opening(&mut self, ui: &mut egui::Ui, rect: Rect) {
-        let Some(opening) = &self.opening else { return };
-        let text = format!("Reading {} … {:.0} s", opening.source, opening.elapsed().as_secs_f64());
-        let mut cancelled = false;
-        egui::Area::new(ui.scope_id().with("opening"))
-            .fixed_pos(rect.center_top() + vec2(-170.0, 24.0))
-            .order(egui::Order::Foreground)
-            .show(ui.ctx(), |ui| {
-                egui::Frame::popup(ui.style()).show(ui, |ui| {
-                    ui.set_min_width(320.0);
-                    ui.horizontal(|ui| {
-                        ui.spinner();
-                        ui.add(egui::Label::new(text).truncate());
-                        cancelled = ui.button("Cancel").clicked();
-                    });
-                });
-            });
-        if cancelled {
-            // The thread ends with what it reads; nobody takes its result.
-            self.opening = None;
         }
     }
 

@@ -4,7 +4,7 @@ use super::scene_args::SceneArgs;
 use super::{Loaded, print_result};
 use crate::error::{Error, Result};
 use crate::gpu::Clock;
-use crate::output::{PICTURE_EXTENSIONS, check_output, write_picture};
+use crate::output::{Backdrop, PICTURE_EXTENSIONS, check_output, write_picture_as};
 use crate::render::{Omission, Picture, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};
@@ -17,7 +17,8 @@ use std::sync::Arc;
 pub struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity)
+    /// The picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity). With
+    /// --background none a .png has straight alpha, and .exr and .npy hold colours times opacity
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -35,7 +36,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let method = needed_method(&session, &scene, method);
     let shadow = session.shadow(method.as_ref(), scene.light)?;
     let picture = session.render(&shadow, &scene)?;
-    write_picture(&args.output, &picture.pixels)?;
+    let backdrop = if request.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
+    write_picture_as(&args.output, &picture.pixels, backdrop)?;
     let summary = Summary::of(&args.output, &session, method.as_ref(), &shadow, &picture);
     if request.explain {
         summary.explain();

@@ -1,7 +1,7 @@
 //! The flags that every drawing command shares, and the scene they describe.
 
 use super::scene_file;
-use super::values::{self, Size};
+use super::values::{self, Background, Size};
 use crate::error::{Error, Result};
 use crate::render::Forced;
 use crate::scene::{Camera, Light, Scene, Shading, Skip};
@@ -94,9 +94,9 @@ pub struct SceneArgs {
     /// Surface shading by the gradient [default: none]
     #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
     pub shading: Option<Shading>,
-    /// Background colour, sRGB [default: #000000]
-    #[arg(long, value_name = "#RRGGBB", value_parser = values::background, help_heading = "Scene")]
-    pub background: Option<[f64; 3]>,
+    /// Background colour, sRGB, or none: black behind it, and picture files are transparent there [default: #000000]
+    #[arg(long, value_name = "#RRGGBB|none", value_parser = values::background, help_heading = "Scene")]
+    pub background: Option<Background>,
     /// Eye-ray step in units of the smallest voxel spacing, 0.01 to 8 [default: 0.5]
     #[arg(long, value_name = "VOXELS", value_parser = values::step, allow_hyphen_values = true, help_heading = "Scene")]
     pub step: Option<f64>,
@@ -218,7 +218,7 @@ pub struct SceneRequest {
     pub light: Option<Light>,
     pub ambient: Option<f64>,
     pub shading: Option<Shading>,
-    pub background: Option<[f64; 3]>,
+    pub background: Option<Background>,
     pub step: Option<f64>,
     pub skip: Option<Skip>,
     pub forced: Forced,
@@ -236,6 +236,11 @@ impl SceneRequest {
         shadow::parse(self.shadow.as_deref().unwrap_or(DEFAULT_SHADOW)).map_err(|e| e.at("--shadow"))
     }
 
+    /// Whether picture files are to be transparent where there is nothing.
+    pub fn is_transparent(&self) -> bool {
+        self.background == Some(Background::None)
+    }
+
     /// The scene for a volume.
     ///
     /// # Errors
@@ -247,7 +252,11 @@ impl SceneRequest {
             light: self.light.unwrap_or(default.light),
             ambient: self.ambient.unwrap_or(default.ambient),
             shading: self.shading.unwrap_or(default.shading),
-            background: self.background.unwrap_or(default.background),
+            background: match self.background {
+                Some(Background::Color(rgb)) => rgb,
+                Some(Background::None) => [0.0; 3],
+                None => default.background,
+            },
             step: self.step.unwrap_or(default.step),
             skip: self.skip.unwrap_or(default.skip),
             width: self.size.width,
@@ -347,7 +356,7 @@ mod tests {
         "--light=dir:1,2,3",
         "--ambient=0.7",
         "--shading=none",
-        "--background=#777777",
+        "--background=none",
         "--step=0.7",
         "--skip=bricks",
         "--force=gradients",

@@ -23,6 +23,15 @@ pub struct Size {
     pub height: u32,
 }
 
+/// What is behind the volume.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Background {
+    /// Linear RGB.
+    Color([f64; 3]),
+    /// Nothing: picture files are transparent there.
+    None,
+}
+
 /// `WxH`, each 1 to 16384.
 pub fn size(text: &str) -> Result<Size, String> {
     let side = |s: &str| s.parse().ok().filter(|n| (1..=MAX_PICTURE_SIDE).contains(n));
@@ -116,9 +125,12 @@ pub fn step(text: &str) -> Result<f64, String> {
     })
 }
 
-/// `#rrggbb` as linear RGB.
-pub fn background(text: &str) -> Result<[f64; 3], String> {
-    color::parse_hex(text)
+/// `#rrggbb`, or `none`.
+pub fn background(text: &str) -> Result<Background, String> {
+    match text {
+        "none" => Ok(Background::None),
+        _ => color::parse_hex(text).map(Background::Color).map_err(|why| format!("{why} or `none`")),
+    }
 }
 
 /// Voxel spacing `x,y,z` of a raw file, mm.
@@ -147,6 +159,8 @@ mod tests {
         assert_eq!(light("dir:0,2,0"), Ok(Light::Directional { toward: DVec3::Y }));
         assert_eq!(light("point:0,2,0"), Ok(Light::Point { position: DVec3::Y * 2.0 }));
         assert_eq!(spacing_mm("1,2,0.5"), Ok([1.0, 2.0, 0.5]));
+        assert_eq!(background("#ff0000"), Ok(Background::Color([1.0, 0.0, 0.0])));
+        assert_eq!(background("none"), Ok(Background::None));
         assert_eq!((fov_deg("40"), ambient("0"), step("8")), (Ok(40.0), Ok(0.0), Ok(8.0)));
     }
 

@@ -9,6 +9,7 @@
 
 use super::{Attribute, Flaw, Part, StrandArrays, Strands};
 use crate::error::{Error, Result};
+use crate::loading::{Loading, Stage, Watched};
 use crate::output::{check_output, write_whole};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -102,6 +103,12 @@ impl Header {
 /// The file cannot be read, is cut short or longer than its header says, or holds numbers that mean
 /// nothing; the error names the byte.
 pub fn read_hair(path: &Path) -> Result<Strands> {
+    read_hair_with(path, &Loading::default())
+}
+
+/// As [`read_hair`], watched and ended early through `loading`.
+pub(super) fn read_hair_with(path: &Path, loading: &Loading) -> Result<Strands> {
+    loading.begin(Stage::ReadingStrands);
     let at = |byte: u64, why: String| Error::input(WHAT, format!("{}: byte {byte}", path.display()), why);
     let refuse = |e: io::Error| Error::input(WHAT, path.display(), e);
     // Asked before it is opened: a pipe would wait for a writer for ever.
@@ -110,7 +117,7 @@ pub fn read_hair(path: &Path) -> Result<Strands> {
     }
     let file = File::open(path).map_err(refuse)?;
     let length = file.metadata().map_err(refuse)?.len();
-    let mut input = BufReader::new(file);
+    let mut input = BufReader::new(Watched::new(file, length, loading));
     if length < HEADER_BYTES {
         return Err(at(length, format!("the file ends within the header of {HEADER_BYTES} bytes")));
     }
@@ -128,7 +135,7 @@ pub fn read_hair(path: &Path) -> Result<Strands> {
     }
     check_length(&header, length).map_err(|(byte, why)| at(byte, why))?;
 
-    let read = |input: &mut BufReader<File>, flag: u32| -> Result<Option<Raw>> {
+    let read = |input: &mut BufReader<Watched<'_, File>>, flag: u32| -> Result<Option<Raw>> {
         let count = header.entries(flag);
         (header.flags & flag != 0).then(|| Raw::read(input, flag, count)).transpose().map_err(refuse)
     };

@@ -1,10 +1,11 @@
 //! From what the command line says to strands, and on to a volume.
 
+use super::hair::read_hair_with;
 use super::{
-    Conservation, DEFAULT_RESOLUTION, HAIR_EXTENSIONS, Kernel, StrandGrid, StrandSet, Strands, read_hair,
-    voxelise,
+    Conservation, DEFAULT_RESOLUTION, HAIR_EXTENSIONS, Kernel, StrandGrid, StrandSet, Strands, voxelise_with,
 };
 use crate::error::{Error, Result};
+use crate::loading::Loading;
 use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
 use clap::Args;
 use ndarray::Array3;
@@ -15,13 +16,13 @@ use std::time::Instant;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args)]
 pub struct StrandFlags {
     /// Voxels along the longest side of the grid for strands, 4 to 1024 [default: 256]
-    #[arg(long, value_name = "N", value_parser = resolution, allow_hyphen_values = true, help_heading = "Strands")]
+    #[arg(long, value_name = "N", value_parser = parse_resolution, allow_hyphen_values = true, help_heading = "Strands")]
     pub resolution: Option<usize>,
     /// How a strand's length is shared among voxels [default: box]
     #[arg(long, value_enum, value_name = "KERNEL", help_heading = "Strands")]
     pub kernel: Option<Kernel>,
     /// Diameter of every strand, mm; wins over the file's [default: the file's]
-    #[arg(long, value_name = "MM", value_parser = thickness_mm, allow_hyphen_values = true, help_heading = "Strands")]
+    #[arg(long, value_name = "MM", value_parser = parse_thickness_mm, allow_hyphen_values = true, help_heading = "Strands")]
     pub thickness: Option<f64>,
 }
 
@@ -37,7 +38,11 @@ impl StrandFlags {
     }
 }
 
-fn resolution(text: &str) -> Result<usize, String> {
+/// Voxels along the longest side.
+///
+/// # Errors
+/// Why it is none, in one line.
+pub fn parse_resolution(text: &str) -> Result<usize, String> {
     let known = super::RESOLUTIONS;
     text.parse()
         .ok()
@@ -45,7 +50,11 @@ fn resolution(text: &str) -> Result<usize, String> {
         .ok_or_else(|| format!("expected a whole number from {} to {}", known.start(), known.end()))
 }
 
-fn thickness_mm(text: &str) -> Result<f64, String> {
+/// A strand's diameter, mm.
+///
+/// # Errors
+/// Why it is none, in one line.
+pub fn parse_thickness_mm(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|d| *d > 0.0 && *d <= f64::from(super::MAX_MM))
@@ -82,12 +91,20 @@ pub fn is_strand_source(source: &str) -> bool {
 /// # Errors
 /// The file cannot be read, the name is unknown, or nothing says how thick the strands are.
 pub fn load_strands(source: &str, thickness_mm: Option<f64>) -> Result<Strands> {
+    load_strands_with(source, thickness_mm, &Loading::default())
+}
+
+/// As [`load_strands`], watched and ended early through `loading`.
+///
+/// # Errors
+/// As there, or it was cancelled.
+pub fn load_strands_with(source: &str, thickness_mm: Option<f64>, loading: &Loading) -> Result<Strands> {
     let strands = match source.strip_prefix("phantom:") {
         Some(name) => {
             let (set, segments) = StrandSet::parse(name)?;
-            set.build(segments)?
+            set.build_with(segments, loading)?
         }
-        None => read_hair(Path::new(source))?,
+        None => read_hair_with(Path::new(source), loading)?,
     };
     match thickness_mm {
         Some(mm) => strands.with_thickness(mm),
@@ -102,15 +119,23 @@ pub fn load_strands(source: &str, thickness_mm: Option<f64>) -> Result<Strands> 
 /// # Errors
 /// There are no points, a resolution out of range, or no memory for the grid.
 pub fn load_volume(strands: &Strands, flags: &StrandFlags) -> Result<StrandVolume> {
+    load_volume_with(strands, flags, &Loading::default())
+}
+
+/// As [`load_volume`], watched and ended early through `loading`.
+///
+/// # Errors
+/// As there, or it was cancelled.
+pub fn load_volume_with(strands: &Strands, flags: &StrandFlags, loading: &Loading) -> Result<StrandVolume> {
     let bounds = strands
         .bounds_mm()
         .ok_or_else(|| Error::input("cannot voxelise", strands.source(), "there are no points in it"))?;
     let grid = StrandGrid::around(bounds, flags.resolution.unwrap_or(DEFAULT_RESOLUTION))?;
     let kernel = flags.kernel.unwrap_or_default();
     let start = Instant::now();
-    let values = voxelise(strands, &grid, kernel)?;
+    let values = voxelise_with(strands, &grid, kernel, loading)?;
     let voxelise_ms = start.elapsed().as_secs_f64() * 1e3;
-    let conservation = Conservation::of(strands, &grid, &values);
+    let conservation = Conservation::of_with(strands, &grid, &values, loading)?;
     let mut warnings = Vec::new();
     if conservation.area_mm2 == 0.0 {
         warnings.push("no segment has length, thickness and opacity: the volume is empty".into());
@@ -132,6 +157,6 @@ pub fn load_volume(strands: &Strands, flags: &StrandFlags) -> Result<StrandVolum
         non_finite: 0,
         warnings,
     };
-    let volume = Volume::new(voxels, Scaling::IDENTITY, grid.world_from_index(), provenance)?;
+    let volume = Volume::new_with(voxels, Scaling::IDENTITY, grid.world_from_index(), provenance, loading)?;
     Ok(StrandVolume { volume, grid, kernel, conservation, voxelise_ms })
 }

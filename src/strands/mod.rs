@@ -22,9 +22,12 @@ mod walk;
 
 pub use grid::{DEFAULT_RESOLUTION, RESOLUTIONS, StrandGrid};
 pub use hair::{HAIR_EXTENSIONS, HEADER_BYTES, read_hair, write_hair};
-pub use load::{STRANDS_FORMAT, StrandFlags, StrandVolume, is_strand_source, load_strands, load_volume};
+pub use load::{
+    STRANDS_FORMAT, StrandFlags, StrandVolume, is_strand_source, load_strands, load_strands_with,
+    load_volume, load_volume_with, parse_resolution, parse_thickness_mm,
+};
 pub use sets::StrandSet;
-pub use voxelise::{Conservation, Kernel, voxelise};
+pub use voxelise::{Conservation, Kernel, voxelise, voxelise_with};
 
 use crate::error::{Error, Result};
 use glam::DVec3;

@@ -7,6 +7,7 @@
 use super::random::Chance;
 use super::{Attribute, StrandArrays, Strands};
 use crate::error::{Error, Result};
+use crate::loading::{Loading, Stage};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -111,6 +112,11 @@ impl StrandSet {
     /// # Errors
     /// `segments` is not in `1..=33554432`.
     pub fn build(self, segments: usize) -> Result<Strands> {
+        self.build_with(segments, &Loading::default())
+    }
+
+    /// As [`Self::build`], watched and ended early through `loading`.
+    pub(super) fn build_with(self, segments: usize, loading: &Loading) -> Result<Strands> {
         let source = format!("phantom:{self}:{segments}");
         let refuse = |why: String| Error::input("cannot build strands", &source, why);
         if !(1..=Self::MAX_SEGMENTS).contains(&segments) {
@@ -120,10 +126,17 @@ impl StrandSet {
         let strands = segments.div_ceil(each);
         let last = segments - (strands - 1) * each;
         let count = |s: usize| if s + 1 == strands { last } else { each };
-        let lines: Vec<Vec<DVec3>> = (0..strands)
-            .into_par_iter()
-            .map(|s| self.strand(s, strands, Steps { each, count: count(s) }))
-            .collect();
+        let pieces = loading.pieces(Stage::ReadingStrands, strands);
+        let grow = |s: usize| {
+            if pieces.is_cancelled() {
+                return Vec::new();
+            }
+            let line = self.strand(s, strands, Steps { each, count: count(s) });
+            pieces.done();
+            line
+        };
+        let lines: Vec<Vec<DVec3>> = (0..strands).into_par_iter().map(grow).collect();
+        loading.go_on(&source)?;
         let share = |line: &[DVec3], i: usize| i as f64 / (line.len() - 1) as f64;
         // Diameters of 1 at the roots would hide this much.
         let area_of = |line: &Vec<DVec3>| {

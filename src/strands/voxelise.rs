@@ -17,6 +17,7 @@
 use super::walk::{Cells, Line};
 use super::{StrandGrid, Strands};
 use crate::error::{Error, Result};
+use crate::loading::{Loading, Stage};
 use rayon::prelude::*;
 
 /// How a segment's length is shared among voxels.
@@ -49,6 +50,9 @@ const SLAB_VOXELS: usize = 1 << 19;
 /// Segments whose z range is looked at together.
 const CHUNK: usize = 16;
 
+/// Chunks of segments after which a thread says how far it is.
+const CHUNKS_A_PIECE: usize = 1 << 12;
+
 /// Segments summed at a time; fixed, so that sums do not depend on the number of threads.
 const SUM_CHUNK: usize = 1 << 14;
 
@@ -57,6 +61,19 @@ const SUM_CHUNK: usize = 1 << 14;
 /// # Errors
 /// The host has no memory for the grid.
 pub fn voxelise(strands: &Strands, grid: &StrandGrid, kernel: Kernel) -> Result<Vec<f32>> {
+    voxelise_with(strands, grid, kernel, &Loading::default())
+}
+
+/// As [`voxelise`], watched and ended early through `loading`.
+///
+/// # Errors
+/// As there, or it was cancelled.
+pub fn voxelise_with(
+    strands: &Strands,
+    grid: &StrandGrid,
+    kernel: Kernel,
+    loading: &Loading,
+) -> Result<Vec<f32>> {
     let [nx, ny, nz] = grid.dims;
     Vec::<f32>::new().try_reserve_exact(grid.voxels()).map_err(|_| {
         Error::runtime("cannot voxelise", strands.source(), format!("no memory for {nx}x{ny}x{nz} voxels"))
@@ -68,11 +85,19 @@ pub fn voxelise(strands: &Strands, grid: &StrandGrid, kernel: Kernel) -> Result<
     let per_mm = 1.0 / grid.spacing_mm;
     let per_mm3 = 1.0 / grid.voxel_mm3();
     let reach = chunk_reach(strands, grid);
+    let slabs = nz.div_ceil(planes);
+    let pieces = loading.pieces(Stage::Voxelising, slabs * reach.len().div_ceil(CHUNKS_A_PIECE));
     values.par_chunks_mut(planes * nx * ny).enumerate().for_each_init(Vec::new, |sums, (slab, out)| {
         let first = slab * planes;
         let mut target = Slab::new(grid, kernel, first, first + out.len() / (nx * ny), sums);
         let [low, high] = target.z_range();
         for (chunk, [chunk_low, chunk_high]) in reach.iter().enumerate() {
+            if chunk % CHUNKS_A_PIECE == 0 {
+                if pieces.is_cancelled() {
+                    return;
+                }
+                pieces.done();
+            }
             if *chunk_low > high || *chunk_high < low {
                 continue;
             }
@@ -85,17 +110,35 @@ pub fn voxelise(strands: &Strands, grid: &StrandGrid, kernel: Kernel) -> Result<
         }
         out.iter_mut().zip(&*sums).for_each(|(value, sum)| *value = (sum * per_mm3) as f32);
     });
+    loading.go_on(strands.source())?;
     Ok(values)
 }
 
 impl Conservation {
     /// What strands and the values voxelised from them add up to.
     pub fn of(strands: &Strands, grid: &StrandGrid, values: &[f32]) -> Self {
+        Self::sum(strands, grid, values, &Loading::default())
+    }
+
+    /// As [`Self::of`], ended early through `loading`.
+    ///
+    /// # Errors
+    /// It was cancelled.
+    pub fn of_with(strands: &Strands, grid: &StrandGrid, values: &[f32], loading: &Loading) -> Result<Self> {
+        let sums = Self::sum(strands, grid, values, loading);
+        loading.go_on(strands.source())?;
+        Ok(sums)
+    }
+
+    fn sum(strands: &Strands, grid: &StrandGrid, values: &[f32], loading: &Loading) -> Self {
         let cells = Kernel::Box.cells(grid, 0, grid.dims[2]);
         let count = strands.segment_count();
         let sums: Vec<[f64; 2]> = (0..count.div_ceil(SUM_CHUNK))
             .into_par_iter()
             .map(|chunk| {
+                if loading.is_cancelled() {
+                    return [0.0; 2];
+                }
                 let (mut all, mut inside) = (0.0, 0.0);
                 for index in chunk * SUM_CHUNK..((chunk + 1) * SUM_CHUNK).min(count) {
                     let segment = strands.segment(index);

@@ -1,6 +1,8 @@
 //! How often each value occurs in a volume, plainly and weighted by the gradient.
 
 use super::{Volume, Voxel, Voxels};
+use crate::error::Result;
+use crate::loading::{Loading, Stage};
 use crate::with_voxels;
 use rayon::prelude::*;
 
@@ -18,9 +20,23 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Counts a volume's values into at most `most` bins. Bins of stored integers hold equally many of them: others would
-    /// show combs that are not in the volume.
+    /// Counts a volume's values into at most `most` bins, watched and ended early through `loading`. Bins of stored integers
+    /// hold equally many of them: others would show combs that are not in the volume.
+    ///
+    /// # Errors
+    /// It was cancelled.
+    pub fn of_with(volume: &Volume, most: usize, loading: &Loading) -> Result<Self> {
+        let histogram = Self::count(volume, most, loading);
+        loading.go_on(&volume.provenance.source)?;
+        Ok(histogram)
+    }
+
+    /// Counts a volume's values into at most `most` bins, as [`Self::of_with`].
     pub fn of(volume: &Volume, most: usize) -> Self {
+        Self::count(volume, most, &Loading::default())
+    }
+
+    fn count(volume: &Volume, most: usize, loading: &Loading) -> Self {
         let (range, bins) = bins_of(volume, most.max(1));
         let [nx, ny, nz] = volume.dims();
         let spacing = volume.spacing_mm();
@@ -28,11 +44,15 @@ impl Histogram {
         let per_value = bins as f64 / (range[1] - range[0]).max(f64::MIN_POSITIVE);
         let bin_of = |value: f64| (((value - range[0]) * per_value) as usize).min(bins - 1);
         let empty = || (vec![0_u64; bins], vec![0.0_f64; bins]);
+        let pieces = loading.pieces(Stage::Counting, nz);
         let (counts, gradients) = with_voxels!(volume.voxels(), array => {
             let values = array.as_slice().unwrap_or_default();
             (0..nz)
                 .into_par_iter()
                 .fold(empty, |(mut counts, mut gradients), z| {
+                    if pieces.is_cancelled() {
+                        return (counts, gradients);
+                    }
                     for y in 0..ny {
                         let start = (z * ny + y) * nx;
                         for x in 0..nx {
@@ -49,6 +69,7 @@ impl Histogram {
                             gradients[bin] += scaling.slope.abs() * (dx * dx + dy * dy + dz * dz).sqrt();
                         }
                     }
+                    pieces.done();
                     (counts, gradients)
                 })
                 .reduce(empty, |(mut counts, mut gradients), (c, g)| {

@@ -2,6 +2,7 @@
 
 use super::{Phantom, RawLayout, Volume, nifti, raw};
 use crate::error::{Error, Result};
+use crate::loading::Loading;
 use crate::strands::{self, StrandFlags, is_strand_source};
 use std::path::Path;
 
@@ -49,6 +50,22 @@ impl Default for VolumeSpec {
 /// # Errors
 /// The volume cannot be read, or a flag does not apply to its kind.
 pub fn load(spec: &VolumeSpec) -> Result<Volume> {
+    load_with(spec, &Loading::default())
+}
+
+/// As [`load`], watched and ended early through `loading`.
+///
+/// # Errors
+/// As there, or it was cancelled.
+pub fn load_with(spec: &VolumeSpec, loading: &Loading) -> Result<Volume> {
+    loading.go_on(&spec.source)?;
+    let outcome = read(spec, loading);
+    // Whatever else went wrong then did so because of that.
+    loading.go_on(&spec.source)?;
+    outcome
+}
+
+fn read(spec: &VolumeSpec, loading: &Loading) -> Result<Volume> {
     let path = Path::new(&spec.source);
     let phantom = spec.source.strip_prefix("phantom:");
     // Someone who gives --raw means it, whatever the file's name says.
@@ -76,19 +93,19 @@ pub fn load(spec: &VolumeSpec) -> Result<Volume> {
     }
     if of_strands {
         refuse_flag("--frame", spec.frame.is_some_and(|f| f > 0), "of strands, one frame")?;
-        let strands = strands::load_strands(&spec.source, spec.strands.thickness)?;
-        return strands::load_volume(&strands, &spec.strands).map(|made| made.volume);
+        let strands = strands::load_strands_with(&spec.source, spec.strands.thickness, loading)?;
+        return strands::load_volume_with(&strands, &spec.strands, loading).map(|made| made.volume);
     }
     match (phantom, layout) {
         (Some(name), _) => {
             refuse_flag("--frame", spec.frame.is_some_and(|f| f > 0), "a built-in volume of one frame")?;
             let (phantom, size) = Phantom::parse(name)?;
-            phantom.build(size)
+            phantom.build_with(size, loading)
         }
         (None, Some(layout)) => {
             refuse_flag("--frame", spec.frame.is_some_and(|f| f > 0), "a raw file of one frame")?;
-            raw::read(path, layout, spec.spacing_mm, spec.offset_bytes.unwrap_or(0))
+            raw::read_with(path, layout, spec.spacing_mm, spec.offset_bytes.unwrap_or(0), loading)
         }
-        (None, None) => nifti::read(path, spec.frame.unwrap_or(0)),
+        (None, None) => nifti::read_with(path, spec.frame.unwrap_or(0), loading),
     }
 }

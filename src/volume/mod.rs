@@ -18,12 +18,13 @@ mod thorax_anatomy;
 pub use bricks::{ActiveBricks, BRICK_CELLS, Bricks, extinction_intervals};
 pub use element::{ByteOrder, Element};
 pub use histogram::Histogram;
-pub use load::{VolumeSpec, load};
+pub use load::{VolumeSpec, load, load_with};
 pub use nifti_write::{NIFTI_EXTENSIONS, write_nifti};
 pub use phantom::Phantom;
 pub use raw::RawLayout;
 
 use crate::error::{Error, Result};
+use crate::loading::{Loading, Stage};
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -134,11 +135,26 @@ impl Volume {
     /// A dimension of 0, an affine that is singular or not finite, a slope of 0, values that overflow once scaled, or
     /// not one finite value.
     pub fn new(
+        voxels: Voxels,
+        scaling: Scaling,
+        world_from_index: DAffine3,
+        provenance: Provenance,
+    ) -> Result<Self> {
+        Self::new_with(voxels, scaling, world_from_index, provenance, &Loading::default())
+    }
+
+    /// As [`Self::new`], watched and ended early through `loading`.
+    ///
+    /// # Errors
+    /// As there, or it was cancelled.
+    pub fn new_with(
         mut voxels: Voxels,
         scaling: Scaling,
         world_from_index: DAffine3,
         mut provenance: Provenance,
+        loading: &Loading,
     ) -> Result<Self> {
+        loading.go_on(&provenance.source)?;
         let refuse = |why: &str| Error::input("cannot use volume", &provenance.source, why);
         if with_voxels!(&voxels, a => a.is_empty()) {
             return Err(refuse("a dimension is 0"));
@@ -155,7 +171,9 @@ impl Volume {
         {
             return Err(refuse("the affine is singular or not finite"));
         }
-        let stored_range = finite_range(&voxels).ok_or_else(|| refuse("no voxel has a finite value"))?;
+        let stored_range = finite_range(&voxels, loading);
+        loading.go_on(&provenance.source)?;
+        let stored_range = stored_range.ok_or_else(|| refuse("no voxel has a finite value"))?;
         if !stored_range.iter().all(|&s| scaling.apply(s).is_finite()) {
             return Err(refuse("its values overflow once scaled"));
         }
@@ -257,20 +275,26 @@ impl Volume {
     }
 }
 
-/// Smallest and largest finite stored value; `None` where there is none.
-fn finite_range(voxels: &Voxels) -> Option<[f64; 2]> {
-    fn range<T: Voxel>(values: &[T]) -> [f64; 2] {
+/// Smallest and largest finite stored value; `None` where there is none. Of no use once `loading` was cancelled.
+fn finite_range(voxels: &Voxels, loading: &Loading) -> Option<[f64; 2]> {
+    const CHUNK: usize = 1 << 16;
+    fn range<T: Voxel>(values: &[T], loading: &Loading) -> [f64; 2] {
         let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
         let empty = [f64::INFINITY, f64::NEG_INFINITY];
+        let pieces = loading.pieces(Stage::Checking, values.len().div_ceil(CHUNK));
         values
-            .par_chunks(1 << 16)
+            .par_chunks(CHUNK)
             .map(|chunk| {
+                if pieces.is_cancelled() {
+                    return empty;
+                }
+                pieces.done();
                 let finite = chunk.iter().map(|v| v.to_f64()).filter(|v| v.is_finite());
                 finite.fold(empty, |[lo, hi], v| [if v < lo { v } else { lo }, if v > hi { v } else { hi }])
             })
             .reduce(|| empty, join)
     }
-    let [lo, hi] = with_voxels!(voxels, a => range(a.as_slice()?));
+    let [lo, hi] = with_voxels!(voxels, a => range(a.as_slice()?, loading));
     (lo <= hi).then_some([lo, hi])
 }
 

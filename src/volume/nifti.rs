@@ -7,6 +7,7 @@ use super::element::{Element, ReadFailure, data_bytes, read_full, read_voxels};
 use super::nifti_header::{self, HEADER_BYTES, Header};
 use super::{Provenance, Volume, Voxels};
 use crate::error::{Error, Result};
+use crate::loading::{Loading, Stage, Watched};
 use flate2::bufread::MultiGzDecoder;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -20,10 +21,18 @@ const FORMATS_HINT: &str = "accepted are NIfTI (.nii, .nii.gz, .hdr with .img), 
 /// # Errors
 /// The file cannot be read, is not NIfTI, holds no scalars, or has less data than its header claims.
 pub fn read(path: &Path, frame: usize) -> Result<Volume> {
+    read_with(path, frame, &Loading::default())
+}
+
+/// As [`read`], watched and ended early through `loading`.
+///
+/// # Errors
+/// As there, or it was cancelled.
+pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume> {
     let pair = Pair::of(path);
     let header_path = pair.as_ref().map_or_else(|| path.to_path_buf(), Pair::header);
     let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
-    let mut source = Source::open(&header_path)?;
+    let mut source = Source::open(&header_path, loading)?;
     let (header, header_bytes) = read_header(&mut source, &header_path)?;
 
     let (dims, frames) = header.grid().map_err(refuse)?;
@@ -43,7 +52,7 @@ pub fn read(path: &Path, frame: usize) -> Result<Volume> {
             refuse("its header says that the voxels are in an .img file, but it is not named .hdr".into())
         })?;
         let data_path = data_path.voxels();
-        (Source::open(&data_path)?, data_path, 0)
+        (Source::open(&data_path, loading)?, data_path, 0)
     } else {
         (source, header_path, header_bytes)
     };
@@ -63,6 +72,7 @@ pub fn read(path: &Path, frame: usize) -> Result<Volume> {
     if end > data.most_bytes() {
         return Err(short(format!("holds {}", data.held())));
     }
+    data.wanted_to(end);
     if start < at || data.skip(start - at).map_err(|e| refuse(e.to_string()))? < start - at {
         return Err(short(format!("ends before byte {start}")));
     }
@@ -86,11 +96,11 @@ pub fn read(path: &Path, frame: usize) -> Result<Volume> {
         non_finite: 0,
         warnings,
     };
-    Volume::new(voxels, scaling, world_from_index, provenance)
+    Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
 }
 
 /// The header and the number of bytes taken from the source for it.
-fn read_header(source: &mut Source, path: &Path) -> Result<(Header, u64)> {
+fn read_header(source: &mut Source<'_>, path: &Path) -> Result<(Header, u64)> {
     let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
     let mut bytes = [0u8; HEADER_BYTES[1]];
     let (start, rest) = bytes.split_at_mut(4);
@@ -198,16 +208,16 @@ impl Pair {
 }
 
 /// A file to read from, gzipped or not (told from its content, not from its name).
-enum Source {
-    Plain { file: BufReader<File>, bytes: u64 },
-    Gzip { stream: Box<MultiGzDecoder<BufReader<File>>>, compressed_bytes: u64 },
+enum Source<'a> {
+    Plain { file: BufReader<Watched<'a, File>>, bytes: u64 },
+    Gzip { stream: Box<MultiGzDecoder<BufReader<Watched<'a, File>>>>, compressed_bytes: u64 },
 }
 
 /// Deflate cannot pack more than this many bytes into one.
 const DEFLATE_MAX_RATIO: u64 = 1032;
 
-impl Source {
-    fn open(path: &Path) -> Result<Self> {
+impl<'a> Source<'a> {
+    fn open(path: &Path, loading: &'a Loading) -> Result<Self> {
         let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
         let io_error = |e: io::Error| match e.kind() {
             io::ErrorKind::NotFound => refuse("no such file".into()),
@@ -219,13 +229,22 @@ impl Source {
             return Err(refuse("it is a folder".into()).hint(FORMATS_HINT));
         }
         let bytes = metadata.len();
-        let mut file = BufReader::with_capacity(1 << 16, file);
+        let mut file = BufReader::with_capacity(1 << 16, Watched::new(file, bytes, loading));
         let gzipped = file.fill_buf().map_err(io_error)?.starts_with(&[0x1f, 0x8b]);
+        loading.begin(if gzipped { Stage::Unpacking } else { Stage::Reading });
         Ok(if gzipped {
             Self::Gzip { stream: Box::new(MultiGzDecoder::new(file)), compressed_bytes: bytes }
         } else {
             Self::Plain { file, bytes }
         })
+    }
+
+    /// Says that the bytes up to `end` are what is read. What a gzip stream holds before them is only told from all of
+    /// it: there the share is that of the whole file.
+    fn wanted_to(&mut self, end: u64) {
+        if let Self::Plain { file, .. } = self {
+            file.get_mut().ends_at(end);
+        }
     }
 
     /// More bytes than this cannot come out.
@@ -267,7 +286,7 @@ impl Source {
     }
 }
 
-impl Read for Source {
+impl Read for Source<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::Plain { file, .. } => file.read(buffer),

@@ -16,6 +16,7 @@
 
 use super::{AffineSource, Provenance, Scaling, Volume, Voxels, thorax};
 use crate::error::{Error, Result};
+use crate::loading::{Loading, Stage};
 use crate::strands::StrandSet;
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
@@ -113,6 +114,14 @@ impl Phantom {
     /// # Errors
     /// `size` is not in `1..=1024`.
     pub fn build(self, size: usize) -> Result<Volume> {
+        self.build_with(size, &Loading::default())
+    }
+
+    /// As [`Self::build`], watched and ended early through `loading`.
+    ///
+    /// # Errors
+    /// As there, or it was cancelled.
+    pub fn build_with(self, size: usize, loading: &Loading) -> Result<Volume> {
         let source = format!("phantom:{}:{size}", self.name());
         if !(1..=Self::MAX_SIZE).contains(&size) {
             let why = format!("size {size} is not in 1..={}", Self::MAX_SIZE);
@@ -123,25 +132,35 @@ impl Phantom {
         let radius_mm = |i, j, k| DVec3::new(centred(i), centred(j), centred(k)).length();
         let (voxels, spacing_mm) = match self {
             Self::Thorax => {
-                let (voxels, spacing_mm) = thorax::build(size);
+                let (voxels, spacing_mm) = thorax::build(size, loading);
                 (Voxels::I16(voxels), spacing_mm)
             }
             Self::Slab => {
                 let first = size / 4;
                 (
-                    Voxels::I16(cube(size, |_, _, k| inside((first..size - first).contains(&k)))),
+                    Voxels::I16(cube(size, loading, |_, _, k| inside((first..size - first).contains(&k)))),
                     cube_spacing(size),
                 )
             }
-            Self::Step => (Voxels::I16(cube(size, |i, _, _| inside(i >= size / 2))), cube_spacing(size)),
-            Self::Comb => (Voxels::I16(cube(size, |_, _, k| inside(k % 4 == 2))), cube_spacing(size)),
+            Self::Step => {
+                (Voxels::I16(cube(size, loading, |i, _, _| inside(i >= size / 2))), cube_spacing(size))
+            }
+            Self::Comb => {
+                (Voxels::I16(cube(size, loading, |_, _, k| inside(k % 4 == 2))), cube_spacing(size))
+            }
             Self::Sphere => {
                 let value = |r: f64| INSIDE * (1.0 - (r / (CUBE_MM / 2.0)).powi(2));
-                (Voxels::F32(cube(size, |i, j, k| value(radius_mm(i, j, k)) as f32)), cube_spacing(size))
+                (
+                    Voxels::F32(cube(size, loading, |i, j, k| value(radius_mm(i, j, k)) as f32)),
+                    cube_spacing(size),
+                )
             }
             Self::Shell => {
                 let value = |r: f64| INSIDE * (1.0 - (r - 20.0).abs() / 8.0).max(0.0);
-                (Voxels::F32(cube(size, |i, j, k| value(radius_mm(i, j, k)) as f32)), cube_spacing(size))
+                (
+                    Voxels::F32(cube(size, loading, |i, j, k| value(radius_mm(i, j, k)) as f32)),
+                    cube_spacing(size),
+                )
             }
         };
         let provenance = Provenance {
@@ -158,7 +177,7 @@ impl Phantom {
             warnings: Vec::new(),
         };
         let dims = crate::with_voxels!(&voxels, a => { let (nz, ny, nx) = a.dim(); [nx, ny, nz] });
-        Volume::new(voxels, Scaling::IDENTITY, centred_affine(dims, spacing_mm), provenance)
+        Volume::new_with(voxels, Scaling::IDENTITY, centred_affine(dims, spacing_mm), provenance, loading)
     }
 }
 
@@ -180,17 +199,23 @@ fn cube_spacing(size: usize) -> [f64; 3] {
     [CUBE_MM / size as f64; 3]
 }
 
-/// A cube of voxels from a function of `(i, j, k)`.
+/// A cube of voxels from a function of `(i, j, k)`; unfinished once `loading` was cancelled.
 fn cube<T: Copy + Default + Send + Sync>(
     size: usize,
+    loading: &Loading,
     value: impl Fn(usize, usize, usize) -> T + Sync,
 ) -> Array3<T> {
     let mut voxels = Array3::default((size, size, size));
     let planes = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut(size * size);
+    let pieces = loading.pieces(Stage::Building, size);
     planes.enumerate().for_each(|(k, plane)| {
+        if pieces.is_cancelled() {
+            return;
+        }
         for (at, v) in plane.iter_mut().enumerate() {
             *v = value(at % size, at / size, k);
         }
+        pieces.done();
     });
     voxels
 }

@@ -3,6 +3,7 @@
 use super::element::{ByteOrder, Element, data_bytes, read_voxels};
 use super::{AffineSource, Provenance, Scaling, Volume};
 use crate::error::{Error, Result};
+use crate::loading::{Loading, Stage, Watched};
 use glam::{DAffine3, DVec3};
 use std::fs::File;
 use std::io::{Seek, SeekFrom};
@@ -83,6 +84,21 @@ pub fn read(
     spacing_mm: Option<[f64; 3]>,
     offset_bytes: u64,
 ) -> Result<Volume> {
+    read_with(path, layout, spacing_mm, offset_bytes, &Loading::default())
+}
+
+/// As [`read`], watched and ended early through `loading`.
+///
+/// # Errors
+/// As there, or it was cancelled.
+pub fn read_with(
+    path: &Path,
+    layout: RawLayout,
+    spacing_mm: Option<[f64; 3]>,
+    offset_bytes: u64,
+    loading: &Loading,
+) -> Result<Volume> {
+    loading.begin(Stage::Reading);
     let source = path.display().to_string();
     let refuse = |why: String| Error::input("cannot read raw volume", &source, why);
     let mut warnings = Vec::new();
@@ -97,7 +113,7 @@ pub fn read(
             format!("{spacing_mm:?} mm is not three lengths above 0"),
         ));
     }
-    let mut file = File::open(path).map_err(|e| refuse(e.to_string()))?;
+    let file = File::open(path).map_err(|e| refuse(e.to_string()))?;
     let metadata = file.metadata().map_err(|e| refuse(e.to_string()))?;
     if metadata.is_dir() {
         return Err(refuse("it is a folder".into()));
@@ -113,6 +129,7 @@ pub fn read(
         ))
         .hint("--raw DIMXxDIMYxDIMZ:TYPE and --offset BYTES must account for the whole file"));
     }
+    let mut file = Watched::new(file, metadata.len(), loading);
     file.seek(SeekFrom::Start(offset_bytes)).map_err(|e| refuse(e.to_string()))?;
     let voxels = read_voxels(&mut file, layout.dims, layout.element, layout.byte_order)
         .map_err(|e| refuse(e.to_string()))?;
@@ -126,7 +143,8 @@ pub fn read(
         non_finite: 0,
         warnings,
     };
-    Volume::new(voxels, Scaling::IDENTITY, DAffine3::from_scale(DVec3::from_array(spacing_mm)), provenance)
+    let world_from_index = DAffine3::from_scale(DVec3::from_array(spacing_mm));
+    Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! order. Every edge is a linear ramp about a voxel wide, as partial volumes make it.
 
 use super::thorax_anatomy::{Shape, shapes};
+use crate::loading::{Loading, Stage};
 use glam::{Vec2, Vec3, vec2, vec3};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -19,7 +20,8 @@ const NOISE_HU: f32 = 24.0;
 const AIR: f32 = -1000.0;
 
 /// Builds the chest with `size` voxels along x; returns the voxels in HU and the spacing in mm.
-pub fn build(size: usize) -> (Array3<i16>, [f64; 3]) {
+/// Unfinished once `loading` was cancelled.
+pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
     let dims = [size, (3 * size / 4).max(1), (size / 2).max(1)];
     let [nx, ny, nz] = dims;
     let spacing_mm: [f64; 3] = std::array::from_fn(|axis| f64::from(EXTENT_MM[axis]) / dims[axis] as f64);
@@ -30,10 +32,18 @@ pub fn build(size: usize) -> (Array3<i16>, [f64; 3]) {
 
     let mut voxels = Array3::default((nz, ny, nx));
     let planes = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut(nx * ny);
+    let pieces = loading.pieces(Stage::Building, nz);
     planes.enumerate().for_each(|(k, plane)| {
+        if pieces.is_cancelled() {
+            return;
+        }
         let z = first.z + k as f32 * spacing.z;
         let mut hu = vec![AIR; nx * ny];
         for (j, row) in hu.chunks_exact_mut(nx).enumerate() {
+            // The largest slices take a tenth of a second.
+            if pieces.is_cancelled() {
+                return;
+            }
             let y = first.y + j as f32 * spacing.y;
             for (i, hu) in row.iter_mut().enumerate() {
                 *hu = tissue(vec3(first.x + i as f32 * spacing.x, y, z), edge_mm);
@@ -47,6 +57,7 @@ pub fn build(size: usize) -> (Array3<i16>, [f64; 3]) {
             // Rounds to nearest: the sum is within +-4096, where a truncating cast is quicker than `round`.
             *voxel = ((hu + noise + 4096.5) as i32 - 4096).max(-1024) as i16;
         }
+        pieces.done();
     });
     (voxels, spacing_mm)
 }

@@ -4,9 +4,11 @@ use super::{Bench, scene_args};
 use ndarray::Array3;
 use ndarray_npy::ReadNpyExt;
 use std::time::{Duration, Instant};
+use umbravox::app::Purpose;
 use umbravox::app::curve::Edit;
 use umbravox::cli::load;
 use umbravox::color::srgb8_from_linear;
+use umbravox::output::{Backdrop, read_exr};
 use umbravox::render::{Forced, Picture, Session};
 
 /// Draws a scene file as `render --scene` does.
@@ -36,7 +38,7 @@ fn a_scene_file_is_drawn_to_the_very_pixels_of_the_window() {
         (scene.width, scene.height)
     };
     bench.app().save_scene(&scene);
-    bench.app().export(&picture, width, height);
+    bench.app().export(&picture, [width, height], Backdrop::Drawn);
     bench.settle();
     let exported = Array3::<f32>::read_npy(std::fs::File::open(&picture).unwrap()).unwrap();
     let drawn = drawn_by_the_command_line(&scene);
@@ -55,6 +57,63 @@ fn a_scene_file_is_drawn_to_the_very_pixels_of_the_window() {
         off.len(),
         off.iter().max()
     );
+}
+
+#[test]
+fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
+    let line = ["phantom:thorax:32", "--shadow=dom:map=64", "--background=#3060c0"];
+    let Some(mut bench) = Bench::open(&line) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let size = [90, 70];
+    let mut export = |name: &str, backdrop: Backdrop| {
+        let path = dir.path().join(name);
+        bench.app().export(&path, size, backdrop);
+        bench.settle();
+        path
+    };
+    let with = read_exr(&export("with.exr", Backdrop::Drawn)).unwrap();
+    let without = read_exr(&export("without.exr", Backdrop::LeftOut)).unwrap();
+    let png = image::open(export("without.png", Backdrop::LeftOut)).unwrap();
+    assert_eq!(png.color(), image::ColorType::Rgba8);
+    let background = bench.app().document.as_ref().unwrap().scene.background;
+    let (mut clear, mut solid) = (0, 0);
+    for (i, (over, bare)) in with.rows().into_iter().zip(without.rows()).enumerate() {
+        let alpha = f64::from(bare[3]);
+        assert_eq!(over[3], bare[3]);
+        clear += usize::from(alpha == 0.0);
+        solid += usize::from(alpha > 0.5);
+        let code = png.as_rgba8().unwrap().get_pixel(i as u32 % size[0], i as u32 / size[0]).0;
+        assert_eq!(code[3], (alpha * 255.0).round() as u8);
+        for c in 0..3 {
+            let composed = f64::from(bare[c]) + (1.0 - alpha) * background[c];
+            assert!((composed - f64::from(over[c])).abs() < 2e-6, "pixel {i}: {composed} {}", over[c]);
+            if alpha == 0.0 {
+                assert_eq!((bare[c], code[c]), (0.0, 0));
+            } else {
+                assert_eq!(code[c], srgb8_from_linear(f64::from(bare[c]) / alpha), "pixel {i}");
+            }
+        }
+    }
+    assert!(clear > 100 && solid > 100, "{clear} {solid}");
+    // The window's own picture keeps its background, and the dialog asks for either.
+    assert_eq!(bench.app().document.as_ref().unwrap().scene.background, background);
+    bench.app().ask_path(Purpose::ExportPicture);
+    bench.harness.run_steps(2);
+    bench.click("Transparent");
+    let path = dir.path().join("asked.png");
+    bench.type_into("path", path.to_str().unwrap());
+    bench.click("Export");
+    bench.settle();
+    assert_eq!(image::open(path).unwrap().color(), image::ColorType::Rgba8);
+    // Escape closes the dialog, with the cursor in its field or not.
+    for _ in 0..2 {
+        bench.app().ask_path(Purpose::ExportPicture);
+        bench.harness.run_steps(3);
+        assert!(bench.app().is_asking());
+        bench.harness.key_press(eframe::egui::Key::Escape);
+        bench.harness.run_steps(2);
+        assert!(!bench.app().is_asking());
+    }
 }
 
 #[test]
@@ -88,7 +147,7 @@ fn what_cannot_be_opened_is_said_and_the_old_volume_stays() {
     assert_eq!(bench.app().document.as_ref().unwrap().tf, before);
     // A picture where none can be written.
     bench.app().messages.clear();
-    bench.app().export(&dir.path().join("no/such/folder.png"), 8, 8);
+    bench.app().export(&dir.path().join("no/such/folder.png"), [8, 8], Backdrop::Drawn);
     assert!(bench.app().messages[0].is_error);
 }
 

@@ -5,6 +5,8 @@ mod difference;
 mod files;
 mod hands;
 mod loss;
+mod opening;
+mod panels;
 mod presets;
 
 use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
@@ -18,6 +20,9 @@ use umbravox::render::DisplayTexture;
 
 /// Long enough for a busy machine without a GPU.
 const PATIENCE: Duration = Duration::from_secs(90);
+
+/// Of the window, points.
+pub const SIZE: egui::Vec2 = egui::vec2(1200.0, 800.0);
 
 /// An open window without a screen, and the device that its pictures are on.
 pub struct Bench {
@@ -47,9 +52,8 @@ impl Bench {
         };
         let (device, queue) = (gpu.device.clone(), gpu.queue.clone());
         let app = App::new(gpu, &egui::Context::default(), Settings::default()).unwrap();
-        let harness = Harness::builder()
-            .with_size([1200.0, 800.0])
-            .build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
+        let harness =
+            Harness::builder().with_size(SIZE).build_ui_state(|ui, app: &mut App| app.show(ui, None), app);
         Some(Self { harness, device, queue })
     }
 

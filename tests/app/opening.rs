@@ -1,0 +1,133 @@
+//! Volumes on their way in: dropped files, progress, and a cancel that ends the reading.
+
+use super::Bench;
+use eframe::egui;
+use egui_kittest::kittest::Queryable;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use umbravox::app::App;
+use umbravox::volume::{Phantom, write_nifti};
+
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|e| e.to_string())
+    }
+}
+
+fn drop_files(bench: &mut Bench, paths: &[&Path]) {
+    bench.app().messages.clear();
+    for path in paths {
+        bench.harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_path_buf())));
+    }
+    bench.harness.step();
+}
+
+fn wait(bench: &mut Bench, what: &str, done: impl Fn(&App) -> bool) {
+    let start = Instant::now();
+    while !done(bench.harness.state()) {
+        bench.harness.step();
+        assert!(start.elapsed() < Duration::from_secs(60), "{what}: {:?}", bench.harness.state().messages);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn what_is_dropped_is_opened_by_what_it_is() {
+    let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let source = |app: &App| app.document.as_ref().unwrap().spec.source.clone();
+
+    let volume = dir.path().join("shell.nii.gz");
+    write_nifti(&Phantom::Shell.build(12).unwrap(), &volume).unwrap();
+    drop_files(&mut bench, &[&volume]);
+    let name = volume.display().to_string();
+    wait(&mut bench, "a volume", |app| source(app) == name);
+    bench.settle();
+    assert_eq!(bench.app().document.as_ref().unwrap().volume.dims(), [12; 3]);
+    assert_eq!(bench.app().settings.recent[0], name);
+
+    let tf = dir.path().join("mine.JSON");
+    let text = r#"{"name": "mine", "units": "", "points": [{"value": 1, "extinction": 0}, {"value": 900, "extinction": 0.5}]}"#;
+    std::fs::write(&tf, text).unwrap();
+    drop_files(&mut bench, &[&tf]);
+    let document = bench.app().document.clone().unwrap();
+    assert_eq!((document.tf.name.as_str(), document.spec.source.as_str()), ("mine", name.as_str()));
+
+    let scene = dir.path().join("scene.toml");
+    std::fs::write(
+        &scene,
+        "volume = 'phantom:comb:14'\nshadow = 'rays'\nambient = 0.25\nbackground = 'none'\n",
+    )
+    .unwrap();
+    drop_files(&mut bench, &[&scene]);
+    wait(&mut bench, "a scene", |app| source(app) == "phantom:comb:14");
+    bench.settle();
+    let document = bench.app().document.clone().unwrap();
+    assert_eq!((document.method.name, document.scene.ambient), ("rays", 0.25));
+    assert!(document.transparent && document.scene_text("ct").contains("background = \"none\""));
+
+    // Broken ones: the reason is said, what was open stays.
+    let picture = bench.pixels();
+    for (name, text, reason) in [
+        ("broken.nii", "no volume at all", "NIfTI"),
+        ("broken.json", "{\"points\": 5}", "expected a sequence"),
+        ("broken.toml", "volume = [", "broken.toml"),
+        ("broken.hair", "HAIR", "header"),
+    ] {
+        let path = dir.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        drop_files(&mut bench, &[&path]);
+        wait(&mut bench, name, |app| app.messages.iter().any(|m| m.is_error && m.text.contains(reason)));
+        assert_eq!(source(bench.harness.state()), "phantom:comb:14", "{name}");
+    }
+    assert_eq!(bench.pixels(), picture);
+
+    // Of several the first is taken, and that is said.
+    drop_files(&mut bench, &[&volume, &tf]);
+    assert!(bench.app().messages.iter().any(|m| m.text.starts_with("2 files were dropped")));
+    wait(&mut bench, "the first of two", |app| source(app) == name);
+}
+
+#[test]
+fn a_reading_shows_how_far_it_is_and_its_cancel_ends_it() {
+    let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
+    bench.app().open_source("phantom:thorax:700");
+    let loading = bench.app().loading().expect("it is being read");
+    let start = Instant::now();
+    while loading.progress().share < 0.02 {
+        bench.harness.step();
+        assert!(start.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    bench.harness.step();
+    assert!(bench.harness.query_by_label("phantom:thorax:700: building").is_some());
+    assert!(bench.harness.query_by_label("share read").is_some());
+    bench.click("Cancel");
+    let cancelled = Instant::now();
+    assert!(bench.app().loading().is_none());
+    // The thread lets go of its end when it ends.
+    while Arc::strong_count(&loading) > 1 {
+        assert!(cancelled.elapsed() < Duration::from_secs(10), "it reads on");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    println!("ended {:.1} ms after Cancel", cancelled.elapsed().as_secs_f64() * 1e3);
+    assert!(loading.progress().share < 0.85, "{:?}", loading.progress());
+    bench.harness.run_steps(3);
+    let app = bench.app();
+    assert!(app.messages.iter().all(|m| !m.is_error), "{:?}", app.messages);
+    assert_eq!(app.document.as_ref().unwrap().spec.source, "phantom:sphere:16");
+    // Another one ends the first in the same way.
+    bench.app().open_source("phantom:thorax:700");
+    let first = bench.app().loading().unwrap();
+    bench.app().open_source("phantom:step:12");
+    assert!(first.is_cancelled());
+    wait(&mut bench, "the second", |app| app.document.as_ref().unwrap().spec.source == "phantom:step:12");
+}
