@@ -155,7 +155,7 @@ impl App {
             return;
         }
         let rect = Rect::from_min_max(
-            pos2(whole.left() + 38.0, whole.top() + 2.0),
+            pos2(whole.left() + 46.0, whole.top() + 2.0),
             pos2(whole.right() - 4.0, whole.bottom() - BAR_HEIGHT - 18.0),
         );
         let range = self.editor.range.unwrap_or_else(|| padded(histogram.range));

@@ -10,15 +10,6 @@ use crate::shadow::{Key, METHODS};
 use eframe::egui::{self, Color32, Sense, Stroke, vec2};
 use glam::DVec3;
 
-/// Names and tooltips of the stages whose milliseconds are shown.
-const STAGES: [(&str, &str); 5] = [
-    ("tables", "Tables made from the transfer function, host ms"),
-    ("bricks", "Bricks classified as empty or not, host ms"),
-    ("map", "Shadow map built, ms"),
-    ("frame", "Rays cast, ms"),
-    ("hand to picture", "From the hand's movement to the finished picture, ms"),
-];
-
 /// Width of the panel, points.
 const WIDTH: f32 = 330.0;
 /// Width of the buttons beside a setting with the space between them, points.
@@ -228,34 +219,6 @@ impl App {
             });
             ui.end_row();
         });
-    }
-
-    fn times(&mut self, ui: &mut egui::Ui) {
-        egui::Grid::new("times").num_columns(3).show(ui, |ui| {
-            let t = &self.timings;
-            let series = [&t.tables, &t.bricks, &t.build, &t.frame, &t.latency];
-            for (i, ((name, tooltip), series)) in STAGES.iter().zip(series).enumerate() {
-                let idle = t.last_made.get(i).is_some_and(|made| !made);
-                let tooltip = if idle {
-                    format!("{tooltip}; the last picture needed none")
-                } else {
-                    (*tooltip).to_owned()
-                };
-                series.show(ui, name, &tooltip);
-            }
-        });
-        if let Some(frame) = &self.frame {
-            let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
-            let said = |ms: Option<f64>| ms.map_or("kept".to_owned(), |ms| format!("{ms:.1} ms"));
-            ui.weak(format!(
-                "Last: tables {}, bricks {}, map {}, frame {:.1} ms",
-                said(made[0]),
-                said(made[1]),
-                said(made[2]),
-                frame.main.frame_ms
-            ));
-        }
-        ui.weak(&self.adapter).on_hover_text("Graphics adapter");
     }
 
     fn volume(&mut self, ui: &mut egui::Ui) {

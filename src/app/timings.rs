@@ -1,5 +1,6 @@
 //! What pictures have cost lately.
 
+use super::App;
 use super::worker::Frame;
 use eframe::egui;
 use std::collections::VecDeque;
@@ -7,9 +8,35 @@ use std::collections::VecDeque;
 /// Pictures that the running plots show.
 const MOST: usize = 120;
 
-/// A running series of milliseconds.
+/// A running series of one cost.
 #[derive(Default)]
 pub struct Series(VecDeque<f64>);
+
+/// How a cost is written.
+type Text = fn(f64) -> String;
+
+fn milliseconds(ms: f64) -> String {
+    format!("{ms:.1} ms")
+}
+
+fn megabytes(bytes: f64) -> String {
+    format!("{:.2} MB", bytes * 1e-6)
+}
+
+fn count(n: f64) -> String {
+    format!("{n:.0}")
+}
+
+/// Name, tooltip and writing of each series.
+const ROWS: [(&str, &str, Text); 7] = [
+    ("tables", "Tables made from the transfer function, host ms", milliseconds),
+    ("bricks", "Bricks classified as empty or not, host ms", milliseconds),
+    ("map", "Shadow map built, ms", milliseconds),
+    ("frame", "Rays cast, ms", milliseconds),
+    ("hand to picture", "From the hand's movement to the finished picture, ms", milliseconds),
+    ("memory", "Bytes of the shadow map (both, where the view is split)", megabytes),
+    ("nodes", "Nodes of the deep shadow map (both, where the view is split)", count),
+];
 
 impl Series {
     fn push(&mut self, value: f64) {
@@ -19,20 +46,16 @@ impl Series {
         }
     }
 
-    pub fn last(&self) -> Option<f64> {
-        self.0.back().copied()
-    }
-
     /// Draws the series as a small line, the largest at the top.
-    pub fn show(&self, ui: &mut egui::Ui, name: &str, tooltip: &str) {
-        let text = self.last().map_or("–".to_owned(), |ms| format!("{ms:.1} ms"));
+    fn show(&self, ui: &mut egui::Ui, name: &str, tooltip: &str, text: Text) {
+        let last = self.0.back().map_or("–".to_owned(), |value| text(*value));
         ui.label(name).on_hover_text(tooltip);
-        ui.label(egui::RichText::new(text).monospace());
+        ui.label(egui::RichText::new(last).monospace());
         let (rect, response) =
             ui.allocate_exact_size(egui::vec2(ui.available_width().max(60.0), 18.0), egui::Sense::hover());
         let largest = self.0.iter().copied().fold(0.0, f64::max);
-        response
-            .on_hover_text(format!("{tooltip}; the last {} pictures, at most {largest:.1} ms", self.0.len()));
+        let (pictures, most) = (self.0.len(), text(largest));
+        response.on_hover_text(format!("{tooltip}; the last {pictures} pictures, at most {most}"));
         let visuals = ui.visuals();
         ui.painter().rect_filled(rect, 2.0, visuals.extreme_bg_color);
         if self.0.len() > 1 && largest > 0.0 {
@@ -47,30 +70,56 @@ impl Series {
     }
 }
 
-/// The series that the shadows panel shows.
+/// The series that the side panel shows, in the order of [`ROWS`].
 #[derive(Default)]
 pub struct Timings {
-    pub tables: Series,
-    pub bricks: Series,
-    pub build: Series,
-    pub frame: Series,
-    pub latency: Series,
-    /// Whether the last picture made each of the first three anew.
-    pub last_made: [bool; 3],
+    series: [Series; ROWS.len()],
+    /// Whether the last picture made tables, bricks and map anew.
+    last_made: [bool; 3],
 }
 
 impl Timings {
     pub fn note(&mut self, frame: &Frame) {
+        let sides = || std::iter::once(&frame.main).chain(&frame.other);
         let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
-        for (series, ms) in [&mut self.tables, &mut self.bricks, &mut self.build].into_iter().zip(made) {
-            if let Some(ms) = ms {
-                series.push(ms);
-            }
-        }
         self.last_made = made.map(|ms| ms.is_some());
-        self.frame.push(frame.main.frame_ms + frame.other.as_ref().map_or(0.0, |o| o.frame_ms));
-        if !frame.whole || frame.work != Default::default() {
-            self.latency.push(frame.latency_ms);
+        let waited = (!frame.whole || frame.work != Default::default()).then_some(frame.latency_ms);
+        let nodes: Vec<u64> = sides().filter_map(|side| side.report.nodes_total).collect();
+        let costs = [
+            made[0],
+            made[1],
+            made[2],
+            Some(sides().map(|side| side.frame_ms).sum()),
+            waited,
+            Some(sides().map(|side| side.report.bytes as f64).sum()),
+            (!nodes.is_empty()).then(|| nodes.iter().sum::<u64>() as f64),
+        ];
+        for (series, cost) in self.series.iter_mut().zip(costs) {
+            cost.into_iter().for_each(|cost| series.push(cost));
         }
+    }
+}
+
+impl App {
+    pub(super) fn times(&mut self, ui: &mut egui::Ui) {
+        egui::Grid::new("times").num_columns(3).show(ui, |ui| {
+            for (i, ((name, tooltip, text), series)) in ROWS.iter().zip(&self.timings.series).enumerate() {
+                let idle = self.timings.last_made.get(i).is_some_and(|made| !made);
+                let needed_none = if idle { "; the last picture needed none" } else { "" };
+                series.show(ui, name, &format!("{tooltip}{needed_none}"), *text);
+            }
+        });
+        if let Some(frame) = &self.frame {
+            let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
+            let said = |ms: Option<f64>| ms.map_or("kept".to_owned(), milliseconds);
+            ui.weak(format!(
+                "Last: tables {}, bricks {}, map {}, frame {}",
+                said(made[0]),
+                said(made[1]),
+                said(made[2]),
+                milliseconds(frame.main.frame_ms)
+            ));
+        }
+        ui.weak(&self.adapter).on_hover_text("Graphics adapter");
     }
 }
