@@ -16,7 +16,7 @@ const HANDS: [(&str, &str); 9] = [
     ("Editor: drag beside the points", "window and level"),
 ];
 
-const KEYS: [(&str, &str); 13] = [
+const KEYS: [(&str, &str); 14] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
     ("Ctrl+E", "export a picture"),
@@ -25,6 +25,7 @@ const KEYS: [(&str, &str); 13] = [
     ("Home", "reset the camera"),
     ("C", "split view on or off"),
     ("X", "switch the two methods (flicker)"),
+    ("T", "compare methods: errors and times as a table"),
     ("V", "slices on or off"),
     ("M", "anatomical marks on or off"),
     ("Delete", "remove the selected point"),
@@ -76,6 +77,9 @@ impl App {
             && let Some(document) = &mut self.document
         {
             std::mem::swap(&mut document.method, &mut document.other);
+        }
+        if hit(Modifiers::NONE, Key::T) {
+            self.toggle_comparison();
         }
         if hit(Modifiers::NONE, Key::V) {
             self.settings.slices = !self.settings.slices;

@@ -9,6 +9,7 @@
 //! made and pictures drawn elsewhere. The device is shared, so a picture is shown from the memory it was drawn into.
 
 pub mod camera;
+mod comparison;
 pub mod curve;
 mod document;
 mod editor;
@@ -30,6 +31,7 @@ mod viewport;
 mod window;
 mod worker;
 
+pub use comparison::Comparison;
 pub use document::Document;
 pub use jobs::{Aim, ProbeResult};
 pub use open::With;
@@ -97,6 +99,7 @@ pub struct App {
     editor: editor::EditorState,
     slices: slices::SliceState,
     prompt: prompt::PromptState,
+    pub comparison: Comparison,
     timings: timings::Timings,
     show_help: bool,
     /// Of what was wanted last.
@@ -146,6 +149,7 @@ impl App {
             editor: Default::default(),
             slices: Default::default(),
             prompt: Default::default(),
+            comparison: Default::default(),
             timings: Default::default(),
             show_help: false,
             revision: 0,
@@ -454,6 +458,7 @@ impl App {
     /// One frame of the interface. Without a `render_state` pictures are drawn but not shown (tests).
     pub fn show(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
         self.take_news();
+        self.take_comparison_news(ui.ctx());
         let theme = if self.settings.dark { egui::Theme::Dark } else { egui::Theme::Light };
         ui.ctx().set_theme(theme);
         self.take_dropped_files(ui.ctx());
@@ -462,6 +467,7 @@ impl App {
         self.side_panel(ui);
         self.editor_panel(ui);
         self.central(ui, render_state);
+        self.comparison_window(ui.ctx());
         self.prompt_window(ui.ctx());
         self.probe_window(ui.ctx());
         self.help_window(ui.ctx());
