@@ -170,6 +170,8 @@ fn a_table_that_is_cancelled_leaves_its_journal_and_goes_on_from_there() {
 
     // As many rounds as there are: the rows are taken as they are.
     let kept = lines();
+    bench.click("What to compare");
+    bench.wait("the form", |b| b.harness.query_by_label("table repeats").is_some());
     bench.type_number("table repeats", "1");
     bench.click("Start");
     bench.wait("the table", |b| b.harness.state().comparison.outcome().is_some());

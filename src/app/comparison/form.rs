@@ -197,13 +197,7 @@ pub fn complaint(ui: &mut egui::Ui, e: &Error) {
     ui.colored_label(ui.visuals().error_fg_color, format!("{}: {}", e.place, e.why));
 }
 
-fn count(
-    ui: &mut egui::Ui,
-    value: &mut usize,
-    range: RangeInclusive<i64>,
-    name: &str,
-    tooltip: &str,
-) {
+fn count(ui: &mut egui::Ui, value: &mut usize, range: RangeInclusive<i64>, name: &str, tooltip: &str) {
     let drag = egui::DragValue::new(value).range(*range.start() as usize..=*range.end() as usize);
     ui.add(drag).on_hover_text(tooltip).accessible_name(format!("table {name}"));
     ui.weak(name);

@@ -38,6 +38,8 @@ struct Now {
 pub struct Comparison {
     pub open: bool,
     form: Form,
+    /// Fold the form away, once: rows need its place.
+    fold: bool,
     running: Option<(Task, Option<Now>)>,
     /// How the last one ended.
     outcome: Option<Result<Box<Finished>>>,
@@ -91,7 +93,10 @@ impl App {
         comparison.results.clear();
         comparison.outcome = None;
         match Task::start(wanted, Arc::clone(&self.wake)) {
-            Ok(task) => comparison.running = Some((task, None)),
+            Ok(task) => {
+                comparison.running = Some((task, None));
+                comparison.fold = true;
+            }
             Err(e) => comparison.outcome = Some(Err(e)),
         }
     }
@@ -100,7 +105,7 @@ impl App {
     pub(super) fn take_comparison_news(&mut self, context: &egui::Context) {
         let comparison = &mut self.comparison;
         let Some((task, now)) = &mut comparison.running else { return };
-        let mut ended = None;
+        let (mut ended, rows) = (None, comparison.results.rows().len());
         for news in task.news() {
             match news {
                 News::Starts { stage, what, share, left_s } => {
@@ -112,6 +117,10 @@ impl App {
         }
         let timing = now.as_ref().is_some_and(|now| now.stage == Stage::Run);
         context.request_repaint_after(if timing { LOOK_WHILE_TIMING } else { LOOK });
+        if comparison.results.rows().len() > rows {
+            // The table takes its new height a frame later.
+            context.request_repaint();
+        }
         let Some(outcome) = ended else { return };
         comparison.running = None;
         if let Ok(finished) = &outcome {
@@ -137,7 +146,7 @@ impl App {
         egui::Window::new("Comparison")
             .open(&mut open)
             .default_pos(view.left_top() + egui::vec2(16.0, 16.0))
-            .default_width(620.0)
+            .default_size([760.0, 660.0])
             .max_height(context.content_rect().height() - 60.0)
             .vscroll(true)
             .show(context, |ui| self.comparison_contents(ui));
@@ -148,7 +157,8 @@ impl App {
         let running = self.comparison.running.is_some();
         let view_size = self.document.as_ref().map(|d| [d.scene.width, d.scene.height]);
         let title = egui::RichText::new("What to compare").strong();
-        egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
+        let fold = std::mem::take(&mut self.comparison.fold).then_some(false);
+        egui::CollapsingHeader::new(title).default_open(true).open(fold).show(ui, |ui| {
             ui.add_enabled_ui(!running, |ui| self.comparison.form.show(ui, view_size));
         });
         ui.add_space(4.0);

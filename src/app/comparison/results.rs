@@ -8,6 +8,9 @@ use eframe::egui;
 use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;
 
+/// A longer table is scrolled within, points.
+const TABLE_HEIGHT: f32 = 380.0;
+
 /// A column's cells, which sort as what they are.
 enum Cells {
     Text(fn(&Row) -> String),
@@ -59,6 +62,16 @@ const COLUMNS: &[Column] = &[
     column("Pareto", "No other row is at once faster and closer", Cells::Flag(|r| r.pareto)),
     column("best", "The smallest rms error at equal bytes, or equal time, as a dsm row", Cells::Best),
 ];
+
+impl Column {
+    /// Numbers stand at the right of a column that is as wide as its heading or five digits.
+    fn width(&self) -> Width {
+        match self.cells {
+            Cells::Number(_) => Width::exact((7.0 * self.heading.len() as f32 + 24.0).max(58.0)),
+            _ => Width::auto().at_least(36.0),
+        }
+    }
+}
 
 /// A row with what is known of it.
 struct Entry {
@@ -132,15 +145,19 @@ impl Results {
     /// The table, and which row was clicked; `current` is the method in the view.
     pub fn show(&mut self, ui: &mut egui::Ui, current: Option<&MethodChoice>) -> Option<Picked> {
         let mut picked = None;
+        if let Some(Entry { row, .. }) = self.entries.first() {
+            let clock = row.clock.map_or(String::new(), |clock| format!(" · {} clock", clock.name()));
+            ui.weak(format!("{} · {} x {} pixels{clock}", row.scene, row.width, row.height));
+        }
         egui::ScrollArea::horizontal().id_salt("comparison table").show(ui, |ui| {
-            ui.style_mut().interaction.selectable_labels = false;
             let line = ui.text_style_height(&egui::TextStyle::Body) + 4.0;
             let table = TableBuilder::new(ui)
                 .striped(true)
                 .sense(egui::Sense::click())
-                .vscroll(false)
-                .cell_layout(egui::Layout::left_to_right(egui::Align::Center))
-                .columns(Width::auto().at_least(36.0), COLUMNS.len());
+                .min_scrolled_height(TABLE_HEIGHT)
+                .max_scroll_height(TABLE_HEIGHT)
+                .cell_layout(egui::Layout::left_to_right(egui::Align::Center));
+            let table = COLUMNS.iter().fold(table, |table, column| table.column(column.width()));
             let order = self.order();
             table
                 .header(line + 2.0, |mut header| {
@@ -163,6 +180,8 @@ impl Results {
                         response.on_hover_text(entry.tooltip());
                     });
                 });
+            // The scroll bar floats: without this it lies over the last row.
+            ui.add_space(12.0);
         });
         for (question, lines) in &self.answers {
             ui.add_space(4.0);
@@ -177,11 +196,12 @@ impl Results {
     /// A heading, which sorts: smallest first, then largest first, then as the table was made.
     fn heading(&mut self, ui: &mut egui::Ui, i: usize, column: &Column) {
         let arrow = match self.sort {
-            Some((sorted, false)) if sorted == i => " ⬆",
-            Some((sorted, true)) if sorted == i => " ⬇",
+            Some((sorted, false)) if sorted == i => "↑",
+            Some((sorted, true)) if sorted == i => "↓",
             _ => "",
         };
-        let text = egui::RichText::new(format!("{}{arrow}", column.heading)).strong();
+        // Only the monospaced font has arrows.
+        let text = (egui::RichText::new(column.heading).strong(), egui::RichText::new(arrow).monospace());
         let button = ui.add(egui::Button::new(text).frame(false)).on_hover_text(column.tooltip);
         if button.accessible_name(format!("sort by {}", column.heading)).clicked() {
             self.sort = match self.sort {
@@ -269,7 +289,7 @@ impl Cells {
         } else if matches!(self, Self::Best) {
             text = text.strong();
         }
-        let label = egui::Label::new(text).wrap_mode(egui::TextWrapMode::Extend);
+        let label = egui::Label::new(text).selectable(false).wrap_mode(egui::TextWrapMode::Extend);
         match self {
             Self::Number(_) => {
                 let right = egui::Layout::right_to_left(egui::Align::Center);
