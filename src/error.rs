@@ -7,6 +7,8 @@ pub enum Fault {
     Input,
     /// Something failed while running: device lost, disk full (exit status 1).
     Runtime,
+    /// Nobody's: whoever waited asked for it to end (exit status 1).
+    Cancelled,
 }
 
 /// A failure as one line, `WHAT (WHERE): WHY`, with an optional hint on a second line.
@@ -39,6 +41,16 @@ impl Error {
         Self::new(Fault::Runtime, what, place, why)
     }
 
+    /// What was being done was ended on request; `place` says at which step.
+    pub fn cancelled(place: impl ToString) -> Self {
+        Self::new(Fault::Cancelled, "cancelled", place, "it was ended on request")
+    }
+
+    /// Whether it was only ended on request.
+    pub fn is_cancelled(&self) -> bool {
+        self.fault == Fault::Cancelled
+    }
+
     fn new(fault: Fault, what: impl ToString, place: impl ToString, why: impl ToString) -> Self {
         // An error is one line whatever a library's message looks like.
         let one_line = |s: String| s.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -69,7 +81,7 @@ impl Error {
     pub fn exit_status(&self) -> u8 {
         match self.fault {
             Fault::Input => 2,
-            Fault::Runtime => 1,
+            Fault::Runtime | Fault::Cancelled => 1,
         }
     }
 }

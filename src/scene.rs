@@ -79,6 +79,19 @@ impl Light {
     }
 }
 
+impl Light {
+    /// As `--light` takes it, to four decimals.
+    pub fn text(&self) -> String {
+        let (kind, v) = match self {
+            Self::Directional { toward } => ("dir", toward),
+            Self::Point { position } => ("point", position),
+        };
+        // A direction was normalised: its digits beyond these say nothing.
+        let [x, y, z] = v.to_array().map(|c| (c * 1e4).round() / 1e4 + 0.0);
+        format!("{kind}:{x},{y},{z}")
+    }
+}
+
 impl Default for Light {
     fn default() -> Self {
         Self::Directional { toward: DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2) }
@@ -137,5 +150,18 @@ impl Scene {
             width: 512,
             height: 512,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lights_are_said_as_they_are_asked_for() {
+        let light = Light::Directional { toward: DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2) };
+        assert_eq!(light.text(), "dir:0.5,0.5,0.7071");
+        let light = Light::Point { position: DVec3::new(-0.0, 2.0, -300.25) };
+        assert_eq!(light.text(), "point:0,2,-300.25");
     }
 }

@@ -17,7 +17,7 @@ const HANDS: [(&str, &str); 10] = [
     ("Drop a file", "open a volume, strands or a scene; load a transfer function"),
 ];
 
-const KEYS: [(&str, &str); 15] = [
+const KEYS: [(&str, &str); 16] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
     ("Ctrl+E", "export a picture"),
@@ -28,6 +28,7 @@ const KEYS: [(&str, &str); 15] = [
     ("X", "switch the two methods"),
     ("F", "flicker between the two methods on or off"),
     ("D", "error against exact: of the light, of the picture, off"),
+    ("T", "compare methods: errors and times as a table"),
     ("V", "slices on or off"),
     ("M", "anatomical marks on or off"),
     ("Delete", "remove the selected point"),
@@ -85,6 +86,9 @@ impl App {
         }
         if hit(Modifiers::NONE, Key::F) {
             self.set_flicker(self.flicker.is_none(), context);
+        }
+        if hit(Modifiers::NONE, Key::T) {
+            self.toggle_comparison();
         }
         if hit(Modifiers::NONE, Key::V) {
             self.settings.slices = !self.settings.slices;

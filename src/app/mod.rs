@@ -9,6 +9,7 @@
 //! made and pictures drawn elsewhere. The device is shared, so a picture is shown from the memory it was drawn into.
 
 pub mod camera;
+mod comparison;
 pub mod curve;
 pub mod difference;
 mod document;
@@ -38,6 +39,7 @@ mod widgets;
 mod window;
 mod worker;
 
+pub use comparison::Comparison;
 pub use document::Document;
 pub use jobs::{Aim, ProbeResult};
 pub use open::With;
@@ -115,6 +117,7 @@ pub struct App {
     pub difference: difference::DifferenceState,
     prompt: prompt::PromptState,
     strands: strands_panel::StrandsState,
+    pub comparison: Comparison,
     timings: timings::Timings,
     show_help: bool,
     /// Of what was wanted last.
@@ -171,6 +174,7 @@ impl App {
             difference: Default::default(),
             prompt: Default::default(),
             strands: Default::default(),
+            comparison: Default::default(),
             timings: Default::default(),
             show_help: false,
             revision: 0,
@@ -428,6 +432,7 @@ impl App {
     /// One frame of the interface. Without a `render_state` pictures are drawn but not shown (tests).
     pub fn show(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
         self.take_news();
+        self.take_comparison_news(ui.ctx());
         let theme = if self.settings.dark { egui::Theme::Dark } else { egui::Theme::Light };
         ui.ctx().set_theme(theme);
         self.take_dropped_files(ui.ctx());
@@ -436,6 +441,7 @@ impl App {
         self.side_panel(ui);
         self.editor_panel(ui, render_state);
         self.central(ui, render_state);
+        self.comparison_window(ui.ctx());
         self.prompt_window(ui.ctx());
         self.probe_window(ui.ctx());
         self.help_window(ui.ctx());

@@ -37,6 +37,12 @@ impl App {
                         ui.add(bar).on_hover_text(&exporting.path);
                         ui.label("Exporting");
                     }
+                    if let Some(share) = self.comparison.share() {
+                        let text = format!("Comparing {:.0} %", 100.0 * share);
+                        if ui.button(text).on_hover_text("Shows the comparison (T)").clicked() {
+                            self.toggle_comparison();
+                        }
+                    }
                 });
             });
         });
@@ -90,6 +96,12 @@ impl App {
             Purpose::SaveScene,
         );
         item("Export picture…", "Ctrl+E", "PNG, EXR or NPY of any size", Purpose::ExportPicture);
+        let compare = egui::Button::new("Compare methods…").shortcut_text("T");
+        let tooltip = "Errors and times of several methods on what is shown, as tables, plots and a report";
+        if ui.add_enabled(has_document, compare).on_hover_text(tooltip).clicked() {
+            self.toggle_comparison();
+            ui.close();
+        }
         ui.separator();
         if ui.button("Quit").clicked() {
             ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);

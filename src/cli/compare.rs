@@ -1,35 +1,23 @@
 //! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
 
-mod files;
-mod report;
-
 use super::scene_args::{SceneArgs, SceneRequest};
 use super::{Loaded, print_result, say};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::measure::ablate;
-use crate::measure::compare::{Comparison, Effort, Job, compare, file_name_part, steps};
-use crate::measure::facts::Facts;
+use crate::measure::compare::{DEFAULT_METHODS, Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
+use crate::measure::make::{Order, Subject, make, scene_name};
 use crate::measure::progress::{Progress, spoken};
-use crate::measure::report::{summary, write_tables};
+use crate::measure::report::summary;
 use crate::measure::table::Row;
 use crate::measure::writers::json;
 use crate::output::{check_output_dir, prepare_output_dir};
-use crate::render::{Forced, Renderer, Session};
+use crate::render::Renderer;
 use crate::shadow::parse_list;
-use crate::transfer::TransferFunction;
-use crate::volume::Volume;
 use clap::Args;
-use files::{write_ablations, write_pictures, write_scene_plots};
 use indicatif::{ProgressBar, ProgressStyle};
-use report::Report;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Every family, each with at least three settings.
-const DEFAULT_METHODS: &str = "none;rays;dsm:epsilon=0.06,0.02,0.005;osm:layers=8,32,128;dom:layers=3,7,15;\
-    bom:layers=3,7,15";
 
 /// Write the error-against-time table of several shadow methods, with plots and pictures
 #[derive(Debug, Args)]
@@ -50,16 +38,20 @@ pub struct CompareArgs {
     #[arg(long)]
     pub ablate: bool,
     /// Timed runs of each method, after warm-up
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = Effort::default().repeats as u32,
+        value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
     pub repeats: u32,
     /// Points that the camera sees, for point_err_*
-    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = Effort::default().points as u32,
+        value_parser = clap::value_parser!(u32).range(Effort::POINTS))]
     pub points: u32,
     /// Light rays, for ray_err_max and bound_held
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = Effort::default().rays as u32,
+        value_parser = clap::value_parser!(u32).range(Effort::RAYS))]
     pub rays: u32,
     /// Depths on each light ray
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(2..=4000))]
+    #[arg(long, value_name = "N", default_value_t = Effort::default().depths as u32,
+        value_parser = clap::value_parser!(u32).range(Effort::DEPTHS))]
     pub depths: u32,
 }
 
@@ -94,7 +86,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
             first = Some(loaded);
         }
     }
-    let mut renderer = Renderer::new(Gpu::open(adapter.as_deref())?);
+    let renderer = Renderer::new(Gpu::open(adapter.as_deref())?);
     // Made last: what is refused before leaves no empty folder.
     prepare_output_dir(&args.output)?;
     let mut journal = Journal::open(&args.output, args.resume)?;
@@ -110,59 +102,19 @@ pub fn run(args: CompareArgs) -> Result<()> {
         let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
         bar.set_message(format!("{left}{}", status.what));
     });
-    let several = requests.len() > 1;
-    for (step, times) in requests.iter().flat_map(|_| steps(&methods, &effort)) {
-        progress.expect(step, times);
-    }
-    let ablated = requests.iter().filter(|_| args.ablate).flat_map(|_| &methods);
-    ablated.for_each(|method| progress.expect(ablate::step(method.as_ref()), 1));
-    let (mut all, mut ablations) = (Comparison::default(), Vec::new());
-    let mut report = Report::of(requests.len());
-    for (request, name) in requests.iter().zip(&names) {
+    let order = Order { methods: &methods, effort, ablate: args.ablate, remark: "" };
+    let mut read = |i: usize| {
         let Loaded { volume, tf, scene } = match first.take() {
             Some(loaded) => loaded,
-            None => super::read(request)?.0,
+            None => super::read(&requests[i])?.0,
         };
-        let volume = Arc::new(volume);
-        match session(renderer, Arc::clone(&volume), &tf, request.forced) {
-            Ok(session) => {
-                let job = Job {
-                    session: &session,
-                    volume: &volume,
-                    tf: &tf,
-                    scene: &scene,
-                    scene_name: name.clone(),
-                    file_prefix: if several { format!("{}_", file_name_part(name)) } else { String::new() },
-                    effort,
-                };
-                let mut compared = compare(&job, &methods, &mut journal, &mut progress)?;
-                if several {
-                    compared.name_scene(name);
-                }
-                report.add(&job, &compared.compared)?;
-                all.append(compared);
-                if args.ablate {
-                    ablations.append(&mut ablate::ablate(&job, &methods, &mut progress));
-                }
-                renderer = session.renderer;
-            }
-            Err(failed) => {
-                let (back, error) = *failed;
-                if !several {
-                    return Err(error);
-                }
-                renderer = back;
-                steps(&methods, &effort).iter().for_each(|(step, times)| progress.spare(step, *times));
-                let facts = Facts::of(renderer.gpu());
-                let failed = Comparison::failed(&facts, name, [scene.width, scene.height], &methods, &error);
-                report.add_rows(&failed.rows());
-                all.append(failed);
-            }
-        }
-    }
+        Ok(Subject { volume: Arc::new(volume), tf, scene, forced: requests[i].forced })
+    };
+    let made = make(&order, &names, &mut read, renderer, &mut journal, &mut progress)?;
     drop(progress);
     bar.finish_and_clear();
 
+    let all = &made.comparison;
     all.notes.iter().for_each(|note| say("note", note));
     for (name, e) in &all.failures {
         say("warning", &format_args!("{name} failed: {e}"));
@@ -173,21 +125,20 @@ pub fn run(args: CompareArgs) -> Result<()> {
         }
     }
     let rows = all.rows();
-    let tables = write_tables(&rows, &args.output, "compare")?;
-    let plots = write_scene_plots(&rows, &names, &args.output)?;
-    let pictures = write_pictures(&all.compared, &args.output)?;
-    let report = report.write(&all, &args.output)?;
-    if args.ablate {
-        write_ablations(&ablations, &args.output)?;
-    }
+    let files = made.write(&args.output)?;
+    files.ablations.iter().for_each(|path| say("ablation", &path.display()));
     if requests.iter().any(|r| r.json) {
         print_result(&json(&rows)?)?;
     } else {
         print_result(&summary(&rows))?;
     }
-    for (what, paths) in
-        [("tables", &tables), ("plots", &plots), ("pictures", &pictures), ("report", &vec![report])]
-    {
+    let report = vec![files.report];
+    for (what, paths) in [
+        ("tables", &files.tables),
+        ("plots", &files.plots),
+        ("pictures", &files.pictures),
+        ("report", &report),
+    ] {
         let names: Vec<_> = paths.iter().map(|p| p.display().to_string()).collect();
         say(what, &names.join(" "));
     }
@@ -204,23 +155,6 @@ fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
             .hint("--adapter wins over all of them"));
     }
     Ok(first)
-}
-
-/// A volume and a transfer function on the device; the renderer comes back where that cannot hold them.
-fn session(
-    renderer: Renderer,
-    volume: Arc<Volume>,
-    tf: &TransferFunction,
-    forced: Forced,
-) -> std::result::Result<Session, Box<(Renderer, Error)>> {
-    let ready = renderer.load(volume).and_then(|loaded| {
-        let transfer = renderer.transfer(&loaded, tf, forced)?;
-        Ok((loaded, transfer))
-    });
-    match ready {
-        Ok((loaded, transfer)) => Ok(Session { renderer, loaded, transfer }),
-        Err(e) => Err(Box::new((renderer, e))),
-    }
 }
 
 /// An error where a row failed: the first one's reason stands for all.
@@ -243,16 +177,6 @@ fn unused_name(name: String, used: &[String]) -> String {
     let taken = |name: &str| used.iter().any(|u| file_name_part(u) == file_name_part(name));
     let numbered = (2..).map(|n| format!("{name}-{n}"));
     std::iter::once(name.clone()).chain(numbered).find(|n| !taken(n)).unwrap_or(name)
-}
-
-/// Volume and transfer function in a few words: `CT_AVM, CT bone`.
-pub(super) fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
-    let source = &volume.provenance.source;
-    let file = source.rsplit(['/', '\\']).next().unwrap_or(source);
-    let stem = file.strip_suffix(".gz").unwrap_or(file);
-    let stem = [".nii", ".hdr", ".img", ".raw"].iter().find_map(|e| stem.strip_suffix(e)).unwrap_or(stem);
-    let volume = stem.strip_prefix("phantom:").unwrap_or(stem);
-    format!("{volume}, {}", tf.name)
 }
 
 /// Shown on stderr where that is a terminal.

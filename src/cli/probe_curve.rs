@@ -1,11 +1,11 @@
 //! `umbravox probe --curve`: transmittance against depth along a light ray, of several methods and exact.
 
 use super::scene_args::SceneRequest;
-use super::values::light_text;
 use super::{Loaded, load, print_result, say};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::measure::light_curve::{LightCurve, MethodCurve};
+use crate::measure::make::scene_name;
 use crate::measure::plot::curve::{curve_png, curve_svg};
 use crate::output::{check_output, check_output_dir, prepare_output_dir, write_whole};
 use crate::render::Session;
@@ -71,7 +71,7 @@ pub fn run(
             transmittance: session.query(&shadow, &points)?,
         });
     }
-    let about = format!("{}; light {}", super::compare::scene_name(&volume, &tf), light_text(&scene.light));
+    let about = format!("{}; light {}", scene_name(&volume, &tf), scene.light.text());
     let file = |ending: &str| match ending {
         "svg" => Ok(curve_svg(&curve, &found, &about)?.into_bytes()),
         "png" => curve_png(&curve, &found, &about),

@@ -89,17 +89,6 @@ pub fn light(text: &str) -> Result<Light, String> {
     }
 }
 
-/// A light as `--light` takes it, to four decimals.
-pub fn light_text(light: &Light) -> String {
-    let (kind, v) = match light {
-        Light::Directional { toward } => ("dir", toward),
-        Light::Point { position } => ("point", position),
-    };
-    // A direction was normalised: its digits beyond these say nothing.
-    let [x, y, z] = v.to_array().map(|c| (c * 1e4).round() / 1e4 + 0.0);
-    format!("{kind}:{x},{y},{z}")
-}
-
 /// A vertical field of view, degrees, between 0 and 180.
 pub fn fov_deg(text: &str) -> Result<f64, String> {
     // At the very ends the tangent, or the distance that frames a volume, leaves 32-bit floats.
@@ -190,13 +179,5 @@ mod tests {
         for bad in ["1,1,0", "-1,1,1", "1,1"] {
             assert!(spacing_mm(bad).is_err(), "{bad}");
         }
-    }
-
-    #[test]
-    fn lights_are_said_as_they_are_asked_for() {
-        let light = Light::Directional { toward: DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2) };
-        assert_eq!(light_text(&light), "dir:0.5,0.5,0.7071");
-        let light = Light::Point { position: DVec3::new(-0.0, 2.0, -300.25) };
-        assert_eq!(light_text(&light), "point:0,2,-300.25");
     }
 }

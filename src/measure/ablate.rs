@@ -57,18 +57,21 @@ struct Variant {
 
 /// Measures every omission of every method's plan that can be forced. What fails is a row that says why in its note: one
 /// for the whole method where that cannot be built or drawn as it is.
-pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -> Vec<Ablation> {
+///
+/// # Errors
+/// It was ended on request.
+pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -> Result<Vec<Ablation>> {
     let mut rows = Vec::new();
     for method in methods {
         let method = method.as_ref();
-        progress.begin(step(method), &format!("{}: ablation", name_of(method)));
+        progress.begin(step(method), &format!("{}: ablation", name_of(method)))?;
         match one_method(job, method) {
             Ok(mut more) => rows.append(&mut more),
             Err(e) => rows.push(Ablation { note: e.to_string(), ..Ablation::of(job, method) }),
         }
     }
     progress.end();
-    rows
+    Ok(rows)
 }
 
 /// What [`ablate`] tells `progress` once a method.

@@ -5,13 +5,14 @@
 //! taken as they are, and of its timed rounds only those that are missing are run, in turn with those of the other
 //! methods that miss some.
 
+mod rounds;
+
 use super::facts::{Facts, job_key, row_key};
-use super::journal::{Journal, Kept, Measured};
-use super::prepare::{Errors, build};
+use super::journal::Journal;
+use super::prepare::Errors;
 use super::progress::{Progress, Stage, Step};
 use super::stats::image_difference;
 use super::table::{Row, mark_pareto};
-use super::timing::{Event, StageTimes, Timing, Turns, interleave};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::render::{Omission, Session};
@@ -20,8 +21,9 @@ use crate::shadow::Method;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use ndarray::{Array2, Array3, Axis};
+use rounds::{Entry, time};
 use std::collections::HashMap;
-use std::time::Instant;
+use std::ops::RangeInclusive;
 
 /// Frames slower than this are timed once, so that one method does not hold up the table.
 pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
@@ -29,8 +31,12 @@ pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
 /// Opacities of two pictures of one scene differ by no more than eye rays that end early make them.
 const OPACITY_TOLERANCE: f32 = 2e-3;
 
+/// Every family, each with at least three settings.
+pub const DEFAULT_METHODS: &str = "none;rays;dsm:epsilon=0.06,0.02,0.005;osm:layers=8,32,128;dom:layers=3,7,15;\
+    bom:layers=3,7,15";
+
 /// How much to measure.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
     /// Timed runs of each method, after warm-up.
     pub repeats: usize,
@@ -39,6 +45,20 @@ pub struct Effort {
     /// Light rays, and depths on each.
     pub rays: usize,
     pub depths: usize,
+}
+
+impl Effort {
+    /// What each figure may be.
+    pub const REPEATS: RangeInclusive<i64> = 1..=1000;
+    pub const POINTS: RangeInclusive<i64> = 1..=10_000_000;
+    pub const RAYS: RangeInclusive<i64> = 1..=1_000_000;
+    pub const DEPTHS: RangeInclusive<i64> = 2..=4000;
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { repeats: 5, points: 20_000, rays: 2000, depths: 200 }
+    }
 }
 
 /// What to compare on what.
@@ -51,6 +71,8 @@ pub struct Job<'a> {
     pub scene_name: String,
     /// What the names of the scene's files start with; empty where there is but one scene.
     pub file_prefix: String,
+    /// What a reader should know of how rows are timed, for their notes and those of the table; may be empty.
+    pub remark: String,
     pub effort: Effort,
 }
 
@@ -136,23 +158,11 @@ pub fn steps(methods: &[Box<dyn Method>], effort: &Effort) -> Vec<(Step, usize)>
     steps
 }
 
-/// A method whose errors are known and whose times may be.
-struct Entry<'a> {
-    method: &'a dyn Method,
-    key: String,
-    compared: Compared,
-    frame_ms: f64,
-    /// Timed rounds with the run of the program that each is from.
-    rounds: Vec<(u32, StageTimes)>,
-    /// This run of the program has drawn it.
-    warm: bool,
-}
-
 /// Measures every method. One that fails is a row that says why, and the others go on; a method whose timing fails
-/// keeps its errors.
+/// keeps its errors. Ended between two steps, it leaves what is measured in the journal.
 ///
 /// # Errors
-/// No method is given, or a journal that cannot be written to.
+/// No method is given, a journal that cannot be written to, or it was ended on request.
 pub fn compare(
     job: &Job,
     methods: &[Box<dyn Method>],
@@ -170,7 +180,7 @@ pub fn compare(
     let mut result = Comparison::default();
     let mut entries: Vec<Result<Entry, Compared>> = Vec::new();
     let mut slugs = HashMap::new();
-    for method in methods {
+    for (place, method) in methods.iter().enumerate() {
         let (method, name) = (method.as_ref(), name_of(method.as_ref()));
         let slug = unused_slug(&job.file_prefix, method, &mut slugs);
         let key = row_key(job_key, method, &slug);
@@ -178,7 +188,7 @@ pub fn compare(
             Some(kept) => {
                 progress.spare(&Step::new(Stage::Draw, &name), 1);
                 progress.spare(&Step::new(Stage::Errors, &name), 1);
-                Entry::kept(method, key, kept)
+                Entry::kept(method, place, key, kept)
             }
             None => {
                 // Made only where a row needs it.
@@ -190,12 +200,14 @@ pub fn compare(
                 match measured {
                     Ok((measured, picture)) => {
                         journal.keep(&key, &measured, &picture)?;
-                        Entry::new(method, key, measured, picture)
+                        Entry::new(method, place, key, measured, picture)
                     }
+                    Err(e) if e.is_cancelled() => return Err(e),
                     Err(e) => {
                         let size = [job.scene.width, job.scene.height];
-                        let row = facts.row(&job.scene_name, size, method);
-                        entries.push(Err(Compared::failed(row, slug, &e)));
+                        let failed = Compared::failed(facts.row(&job.scene_name, size, method), slug, &e);
+                        progress.row(place, &failed.row);
+                        entries.push(Err(failed));
                         progress.spare(&Step::new(Stage::Run, &name), 1 + job.effort.repeats);
                         result.failures.push((name, e));
                         continue;
@@ -208,6 +220,7 @@ pub fn compare(
                 result.notes.push(note);
             }
         }
+        progress.row(place, &entry.compared.row);
         entries.push(Ok(entry));
     }
     if errors.is_none() {
@@ -232,6 +245,9 @@ pub fn compare(
 
     result.compared = entries.into_iter().map(|e| e.map_or_else(|failed| failed, |e| e.compared)).collect();
     let mut rows = result.rows();
+    if !job.remark.is_empty() && rows.iter().any(|r| r.note.contains(&job.remark)) {
+        result.notes.insert(0, job.remark.clone());
+    }
     mark_pareto(&mut rows);
     let compared = &mut result.compared;
     let reference = compared.iter().find(|c| c.row.method == "rays").and_then(|c| c.picture.clone());
@@ -244,95 +260,6 @@ pub fn compare(
         }
     }
     Ok(result)
-}
-
-impl<'a> Entry<'a> {
-    /// With the notes about it.
-    fn new(
-        method: &'a dyn Method,
-        key: String,
-        measured: Measured,
-        picture: Array3<f32>,
-    ) -> (Self, Vec<String>) {
-        let Measured { row, slug, left_out, notes, frame_ms } = measured;
-        let compared = Compared { row, slug, picture: Some(picture), difference: None, left_out };
-        (Self { method, key, compared, frame_ms, rounds: Vec::new(), warm: true }, notes)
-    }
-
-    fn kept(method: &'a dyn Method, key: String, kept: Kept) -> (Self, Vec<String>) {
-        let (entry, notes) = Self::new(method, key, kept.measured, kept.picture);
-        (Self { rounds: kept.rounds, warm: false, ..entry }, notes)
-    }
-}
-
-/// Times methods in turn, each until it has been timed `repeats` times, and fills their rows; gives what failed.
-fn time(
-    job: &Job,
-    entries: &mut [&mut Entry],
-    repeats: usize,
-    journal: &mut Journal,
-    progress: &mut Progress,
-) -> Result<Vec<(String, Error)>> {
-    let mut missing = Vec::new();
-    for (i, entry) in entries.iter_mut().enumerate() {
-        entry.rounds.truncate(repeats);
-        let rounds = repeats - entry.rounds.len();
-        // A slow frame has been warmed up by its first picture; the others by one more round, all in turn.
-        let warmup = usize::from(rounds > 0 && !(entry.warm && entry.frame_ms > SLOW_FRAME_MS));
-        let step = Step::new(Stage::Run, &name_of(entry.method));
-        progress.spare(&step, (1 + job.effort.repeats).saturating_sub(warmup + rounds));
-        if rounds > 0 {
-            missing.push((i, warmup, rounds));
-        }
-    }
-    let methods: Vec<_> = missing.iter().map(|(i, _, _)| entries[*i].method).collect();
-    let mut turns: Vec<Turns> = Vec::new();
-    for ((_, warmup, rounds), method) in missing.iter().zip(&methods) {
-        let run = move || timed(job, *method);
-        turns.push(Turns { run: Box::new(run), warmup: *warmup, rounds: *rounds });
-    }
-    let keys: Vec<_> = missing.iter().map(|(i, _, _)| entries[*i].key.clone()).collect();
-    let read = interleave(&mut turns, &mut |event| match event {
-        Event::Starts { turns, counts } => {
-            let name = name_of(methods[turns]);
-            let what = if counts { "timing" } else { "warming up" };
-            progress.begin(Step::new(Stage::Run, &name), &format!("{name}: {what}"));
-            Ok(())
-        }
-        Event::Round(times) => journal.keep_round(times.iter().map(|(i, times)| (keys[*i].as_str(), *times))),
-    })?;
-    let mut failures = Vec::new();
-    for ((i, _, _), read) in missing.into_iter().zip(read) {
-        match read {
-            Ok(times) => entries[i].rounds.extend(times.into_iter().map(|t| (journal.run(), t))),
-            Err(e) => {
-                entries[i].compared.row.set_failed(&e);
-                failures.push((name_of(entries[i].method), e));
-            }
-        }
-    }
-    for entry in entries.iter_mut().filter(|e| !e.compared.row.has_failed()) {
-        let times: Vec<_> = entry.rounds.iter().map(|(_, times)| *times).collect();
-        entry.compared.row.set_timing(&Timing::of(&times)?);
-        let mut runs: Vec<_> = entry.rounds.iter().map(|(run, _)| run).collect();
-        runs.dedup();
-        if runs.len() > 1 {
-            let note =
-                format!("its {} timed rounds are from {} runs of the program", times.len(), runs.len());
-            entry.compared.row.add_note(&note);
-        }
-    }
-    Ok(failures)
-}
-
-/// One timed run of a method.
-fn timed(job: &Job, method: &dyn Method) -> Result<StageTimes> {
-    let start = Instant::now();
-    let shadow = build(job, method)?;
-    let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
-    let frame = job.session.render(&shadow, job.scene)?.span;
-    let report = &shadow.report;
-    Ok(StageTimes { build_host_ms: report.host_ms, build_device: report.device, build_wall_ms, frame })
 }
 
 /// Shadows change light, never opacity: says where a picture's opacity is not that of the first, as when a driver

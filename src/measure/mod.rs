@@ -17,8 +17,9 @@
 //! [`plot`] draws error against time and memory. [`mod@html`] puts all of it, with the pictures and the figures of
 //! [`nodes`], into one file, and [`light_curve`] follows a single light ray. None of these knows of a GPU; measuring
 //! itself is tested with planted errors and planted times. [`errors`] asks a built method and the exact field the same
-//! questions, [`compare`] makes the whole table, [`ablate`] measures what the plan has left out, [`journal`] keeps what
-//! is measured on disk as soon as it is, and [`stability`] takes every method through stiff and extreme cases.
+//! questions, [`mod@compare`] makes the whole table of a scene, [`mod@make`] that of several with all their files, [`progress`] tells
+//! who watches and lets them end it, [`mod@ablate`] measures what the plan has left out, [`journal`] keeps what is measured on
+//! disk as soon as it is, and [`stability`] takes every method through stiff and extreme cases.
 
 pub mod ablate;
 pub mod band;
@@ -33,6 +34,7 @@ pub mod heat;
 pub mod html;
 pub mod journal;
 pub mod light_curve;
+pub mod make;
 pub mod nodes;
 pub mod plot;
 mod prepare;

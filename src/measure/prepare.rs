@@ -59,12 +59,12 @@ impl<'a> Errors<'a> {
         progress: &mut Progress,
     ) -> Result<Self> {
         let mut notes = Vec::new();
-        progress.begin(Step::new(Stage::Points, ""), "exact transmittance at points");
+        progress.begin(Step::new(Stage::Points, ""), "exact transmittance at points")?;
         let seen = SeenReference::new(field, job.scene, job.effort.points);
         if seen.len() < job.effort.points {
             notes.push(format!("point errors are of {} points: the camera sees little", seen.len()));
         }
-        progress.begin(Step::new(Stage::ExactPicture, ""), "exact picture");
+        progress.begin(Step::new(Stage::ExactPicture, ""), "exact picture")?;
         let small = small_scene(job.scene);
         let exact_picture = match field.picture(&small) {
             Ok(pixels) => {
@@ -84,6 +84,7 @@ impl<'a> Errors<'a> {
                 None
             }
         };
+        progress.check("tables")?;
         let [mut bricks, mut tables, mut march_tables] = [const { Vec::new() }; 3];
         for _ in 0..TRANSFER_REPEATS {
             let transfer = job.session.fresh_transfer(job.tf)?;
@@ -114,7 +115,7 @@ impl<'a> Errors<'a> {
         progress: &mut Progress,
     ) -> Result<(Measured, Array3<f32>)> {
         let (job, name) = (self.job, name_of(method));
-        progress.begin(Step::new(Stage::Draw, &name), &format!("{name}: building and drawing"));
+        progress.begin(Step::new(Stage::Draw, &name), &format!("{name}: building and drawing"))?;
         let needed = job.session.needs_shadows(job.scene);
         // A transfer function of its own tells which tables the method needs.
         let transfer = job.session.fresh_transfer(job.tf)?;
@@ -127,6 +128,7 @@ impl<'a> Errors<'a> {
             renderer.march_table(&job.session.transfer)?;
         }
         let march_table_ms = self.march_table_ms.filter(|_| marched).unwrap_or_default();
+        progress.check(&format!("{name}: drawing"))?;
         let mut picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
         if picture.span.best().0 > SLOW_FRAME_MS {
             // Drivers compile as late as the first use, and a busy machine takes seconds for it.
@@ -149,19 +151,23 @@ impl<'a> Errors<'a> {
             left_out: left_out.iter().map(Omission::text).collect::<Vec<_>>().join("; "),
             ..self.facts.row(&job.scene_name, [job.scene.width, job.scene.height], method)
         };
+        if !job.remark.is_empty() {
+            row.add_note(&job.remark);
+        }
         if let Some(exact) = &self.exact_picture {
             let drawn = job.session.render(&shadow, &exact.scene)?;
             row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
             row.image_ssim = ssim(drawn.pixels.view(), exact.pixels.view())?;
             row.image_exact_err = Some(exact.error);
         }
-        progress.begin(Step::new(Stage::Errors, &name), &format!("{name}: errors"));
+        progress.begin(Step::new(Stage::Errors, &name), &format!("{name}: errors"))?;
         let mut notes = self.notes.clone();
         // A structure that was not built has no errors of its own.
         if needed.is_ok() {
             if let Some(stats) = self.seen.errors(job.session, &shadow)? {
                 row.set_point_errors(&stats);
             }
+            progress.check(&format!("{name}: errors on light rays"))?;
             notes.extend(self.measure_rays(method, &shadow, &mut row)?);
         }
         let measured = Measured { row, slug: slug.into(), left_out, notes, frame_ms: picture.span.best().0 };

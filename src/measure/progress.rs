@@ -1,5 +1,8 @@
-//! How far a table is, and how long what is left will take by what its steps have taken so far.
+//! How far a table is, and how long what is left will take by what its steps have taken so far; who watches it is told,
+//! and may end it between two steps.
 
+use super::table::Row;
+use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::time::Instant;
 
@@ -36,12 +39,45 @@ impl Step {
 /// What a progress bar shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status<'a> {
+    /// Its stage and method.
+    pub step: &'a Step,
     /// What is done now.
     pub what: &'a str,
     pub done: usize,
     pub total: usize,
     /// Seconds that what is left will take, as far as that can be told.
     pub left_s: Option<f64>,
+}
+
+impl Status<'_> {
+    /// Share of the steps that is done, from 0 to 1.
+    pub fn share(&self) -> f32 {
+        self.done as f32 / self.total.max(1) as f32
+    }
+}
+
+/// Who watches a table being made. All of it is called on the thread that makes the table.
+pub trait Watch {
+    /// Something starts.
+    fn starts(&mut self, _status: &Status) {}
+
+    /// The `place`-th row of the table, from 0, has new figures: its errors, or times of one more round. Only of the
+    /// finished table is known what is on its Pareto front.
+    fn row(&mut self, _place: usize, _row: &Row) {}
+
+    /// Asked between steps: `false` ends the table there.
+    fn goes_on(&self) -> bool {
+        true
+    }
+}
+
+/// Someone who only looks at the bar.
+struct Look<F>(F);
+
+impl<F: FnMut(&Status)> Watch for Look<F> {
+    fn starts(&mut self, status: &Status) {
+        (self.0)(status);
+    }
 }
 
 /// Steps that are done, with what they took, and those that are left.
@@ -51,13 +87,21 @@ pub struct Progress<'a> {
     took: HashMap<Step, (usize, f64)>,
     now: Option<(Step, Instant)>,
     done: usize,
-    show: Box<dyn FnMut(&Status) + 'a>,
+    /// Rows of the scenes before this one.
+    rows_before: usize,
+    watch: Box<dyn Watch + 'a>,
 }
 
 impl<'a> Progress<'a> {
     /// `show` is told whenever something starts.
     pub fn new(show: impl FnMut(&Status) + 'a) -> Self {
-        Self { left: HashMap::new(), took: HashMap::new(), now: None, done: 0, show: Box::new(show) }
+        Self::watched(Look(show))
+    }
+
+    /// `watch` is told everything, and may end the table.
+    pub fn watched(watch: impl Watch + 'a) -> Self {
+        let (left, took) = (HashMap::new(), HashMap::new());
+        Self { left, took, now: None, done: 0, rows_before: 0, watch: Box::new(watch) }
     }
 
     /// Nobody looks.
@@ -78,13 +122,37 @@ impl<'a> Progress<'a> {
     }
 
     /// Ends the step before and starts this one; `what` says what it is.
-    pub fn begin(&mut self, step: Step, what: &str) {
+    ///
+    /// # Errors
+    /// It is to end here ([`Error::cancelled`]).
+    pub fn begin(&mut self, step: Step, what: &str) -> Result<()> {
         self.end();
+        self.check(what)?;
         let left_s = self.left_s();
         let total = self.done + self.left.values().sum::<usize>();
         // A step that nobody expected still counts.
-        (self.show)(&Status { what, done: self.done, total: total.max(self.done + 1), left_s });
+        let total = total.max(self.done + 1);
+        self.watch.starts(&Status { step: &step, what, done: self.done, total, left_s });
         self.now = Some((step, Instant::now()));
+        Ok(())
+    }
+
+    /// Asks inside a step whether to go on.
+    ///
+    /// # Errors
+    /// It is to end here ([`Error::cancelled`]).
+    pub fn check(&self, what: &str) -> Result<()> {
+        if self.watch.goes_on() { Ok(()) } else { Err(Error::cancelled(what)) }
+    }
+
+    /// Tells of new figures of a row of this scene.
+    pub fn row(&mut self, place: usize, row: &Row) {
+        self.watch.row(self.rows_before + place, row);
+    }
+
+    /// Rows told of from here on are those of another scene, after so many of this one.
+    pub fn next_scene(&mut self, rows: usize) {
+        self.rows_before += rows;
     }
 
     /// Ends the step that is being done.
@@ -172,11 +240,44 @@ mod tests {
             Progress::new(|s| shown.push((s.what.to_owned(), s.done, s.total, s.left_s.is_some())));
         progress.expect(Step::new(Stage::Points, ""), 1);
         progress.expect(Step::new(Stage::Run, "dsm"), 2);
-        progress.begin(Step::new(Stage::Points, ""), "points");
-        progress.begin(Step::new(Stage::Run, "dsm"), "timing");
+        progress.begin(Step::new(Stage::Points, ""), "points").unwrap();
+        progress.begin(Step::new(Stage::Run, "dsm"), "timing").unwrap();
         progress.end();
         drop(progress);
         assert_eq!(shown, [("points".to_owned(), 0, 3, false), ("timing".to_owned(), 1, 3, true)]);
+    }
+
+    #[test]
+    fn a_watcher_hears_of_steps_and_rows_and_ends_it() {
+        #[derive(Default)]
+        struct Heard {
+            shares: Vec<(Stage, String, f32)>,
+            places: Vec<usize>,
+        }
+        impl Watch for &mut Heard {
+            fn starts(&mut self, status: &Status) {
+                self.shares.push((status.step.stage, status.step.method.clone(), status.share()));
+            }
+            fn row(&mut self, place: usize, _row: &Row) {
+                self.places.push(place);
+            }
+            fn goes_on(&self) -> bool {
+                self.shares.len() < 2
+            }
+        }
+        let mut heard = Heard::default();
+        let mut progress = Progress::watched(&mut heard);
+        progress.expect(Step::new(Stage::Draw, "dsm"), 4);
+        progress.begin(Step::new(Stage::Draw, "dsm"), "drawing").unwrap();
+        progress.row(1, &Row::default());
+        progress.next_scene(3);
+        progress.row(1, &Row::default());
+        progress.begin(Step::new(Stage::Draw, "dsm"), "drawing").unwrap();
+        let ended = progress.begin(Step::new(Stage::Draw, "dsm"), "dsm: drawing").unwrap_err();
+        assert!(ended.is_cancelled() && ended.place == "dsm: drawing" && ended.exit_status() == 1, "{ended}");
+        drop(progress);
+        let draw = |share| (Stage::Draw, "dsm".to_owned(), share);
+        assert_eq!((heard.shares, heard.places), (vec![draw(0.0), draw(0.25)], vec![1, 4]));
     }
 
     #[test]

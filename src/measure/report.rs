@@ -32,30 +32,48 @@ fn remarks(rows: &[Row]) -> String {
     out
 }
 
-/// Which row is best within the bytes, and within the time, of each `dsm` row; nothing where there is no such row.
+/// Which row is best within the bytes, and within the time, of each `dsm` row, as Markdown; nothing where there is no such
+/// row.
 fn answers(rows: &[Row]) -> String {
-    let megabytes = |bytes: f64| format!("{} MiB", significant(bytes / f64::from(1 << 20), 3));
-    let milliseconds = |ms: f64| format!("{} ms", significant(ms, 3));
-    let question = |held: Held, what: &str, budget: &dyn Fn(f64) -> String| {
-        let best = best_within(rows, held);
-        if best.is_empty() {
+    let question = |held: Held| {
+        let lines = best_at_equal(rows, held);
+        if lines.is_empty() {
             return String::new();
         }
-        let mut out = format!("\nBest at equal {what}: the smallest point err rms with no more than\n\n");
-        for Best { budget_of, budget: amount, best, error } in best {
-            let text = format!(
-                "the {} of {}: {}, {}",
-                budget(amount),
-                full_name(budget_of, rows),
-                full_name(best, rows),
-                significant(error, 3)
-            );
-            out += &format!("- {}\n", escape_markdown(&text));
+        let mut out = format!("\n{}\n\n", best_question(held));
+        for line in lines {
+            out += &format!("- {}\n", escape_markdown(&line));
         }
         out
     };
-    question(Held::Bytes, &format!("bytes as {BUDGET_METHOD}, of what stores a map"), &megabytes)
-        + &question(Held::Time, &format!("time as {BUDGET_METHOD}, build and frame"), &milliseconds)
+    question(Held::Bytes) + &question(Held::Time)
+}
+
+/// What the lines of [`best_at_equal`] answer.
+pub fn best_question(held: Held) -> String {
+    let what = match held {
+        Held::Bytes => format!("bytes as {BUDGET_METHOD}, of what stores a map"),
+        Held::Time => format!("time as {BUDGET_METHOD}, build and frame"),
+    };
+    format!("Best at equal {what}: the smallest point err rms with no more than")
+}
+
+/// A line a `dsm` row: its budget, the row that is best within it, and that row's `point_err_rms`.
+pub fn best_at_equal(rows: &[Row], held: Held) -> Vec<String> {
+    let budget = |amount: f64| match held {
+        Held::Bytes => format!("{} MiB", significant(amount / f64::from(1 << 20), 3)),
+        Held::Time => format!("{} ms", significant(amount, 3)),
+    };
+    let line = |Best { budget_of, budget: amount, best, error }| {
+        format!(
+            "the {} of {}: {}, {}",
+            budget(amount),
+            full_name(budget_of, rows),
+            full_name(best, rows),
+            significant(error, 3)
+        )
+    };
+    best_within(rows, held).into_iter().map(line).collect()
 }
 
 /// The rows as an aligned Markdown table with a caption, with what there is to say about single rows and what was left
@@ -199,7 +217,7 @@ fn full_name(row: &Row, rows: &[Row]) -> String {
 }
 
 /// `x` to so many significant digits: plain from 0.001 to 100 000, otherwise as `1.23e-5`.
-pub(super) fn significant(x: f64, digits: usize) -> String {
+pub fn significant(x: f64, digits: usize) -> String {
     if x == 0.0 {
         return "0".into();
     }

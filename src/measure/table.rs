@@ -169,6 +169,14 @@ impl Row {
         self.note = format!("{before}{note}");
     }
 
+    /// `METHOD[:key=value,...]` that the row is of, as [`crate::shadow::parse`] takes it.
+    pub fn spec(&self) -> String {
+        let map = self.map.map(|map| format!("map={map}"));
+        let settings: Vec<_> = self.params.split_whitespace().map(String::from).chain(map).collect();
+        let colon = if settings.is_empty() { "" } else { ":" };
+        format!("{}{colon}{}", self.method, settings.join(","))
+    }
+
     /// Whether the row is not what was asked for.
     pub fn has_failed(&self) -> bool {
         self.status == FAILED
@@ -237,6 +245,7 @@ pub fn csv(rows: &[Row]) -> Result<Vec<u8>> {
 pub(super) mod tests {
     use super::*;
     use crate::measure::stats::Spread;
+    use crate::shadow::{parse, parse_list};
 
     /// Rows as `compare` would make them, every kind of cell among them.
     pub(in crate::measure) fn sample_rows() -> Vec<Row> {
@@ -313,6 +322,22 @@ pub(super) mod tests {
         let mut texts = rows[0].texts();
         texts.insert("clock".into(), "sundial".into());
         assert_eq!(Row::from_texts(&texts), Err("clock"));
+    }
+
+    #[test]
+    fn a_row_names_its_method() {
+        let methods = "none;rays;dsm;dsm:epsilon=0.005,prefilter=5,precompress=off,filter=nearest,step=0.25,offset=-1,map=64;\
+            osm:layers=8,slicing=gamma,bits=8,map=32;dom:layers=5,beyond=cover,filter=nearest;bom:split=log,layers=3";
+        for method in parse_list(methods).unwrap() {
+            let row = Row {
+                method: method.name().into(),
+                params: method.params(),
+                map: method.map_size(),
+                ..Row::default()
+            };
+            let again = parse(&row.spec()).unwrap();
+            assert_eq!(format!("{again:?}"), format!("{method:?}"));
+        }
     }
 
     #[test]

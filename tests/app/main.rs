@@ -1,6 +1,7 @@
 //! The window's widgets over the real renderer, without a window: what hands do is injected as events.
 #![cfg(feature = "gui")]
 
+mod comparison;
 mod difference;
 mod files;
 mod hands;

@@ -109,6 +109,7 @@ fn compared(volume: &Arc<Volume>, scene: &Scene, methods: &[Box<dyn Method>]) ->
         scene,
         scene_name: "haze".into(),
         file_prefix: String::new(),
+        remark: String::new(),
         effort: Effort { repeats: 5, points: 4000, rays: 60, depths: 200 },
     };
     Some(compare(&job, methods, &mut Journal::nowhere(), &mut Progress::unseen()).unwrap())

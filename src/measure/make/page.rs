@@ -1,13 +1,13 @@
-//! `report.html` of `umbravox compare`: what the report needs beyond the rows.
+//! `report.html`: what the report needs beyond the rows.
 
-use super::super::values::light_text;
+use super::super::compare::{Compared, Comparison, Job};
+use super::super::facts::REVISION;
+use super::super::heat::{heat_map_png, round_max};
+use super::super::html::{Conditions, Entry, write_report};
+use super::super::progress::Progress;
+use super::super::stats::image_difference;
+use super::super::table::Row;
 use crate::error::Result;
-use crate::measure::compare::{Compared, Comparison, Job};
-use crate::measure::facts::REVISION;
-use crate::measure::heat::{heat_map_png, round_max};
-use crate::measure::html::{Conditions, Entry, write_report};
-use crate::measure::stats::image_difference;
-use crate::measure::table::Row;
 use crate::output::picture_png;
 use crate::shadow::{Method, NodeMap, ShadowRays, parse};
 use ndarray::{Array2, Array3};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 const ERROR_LABEL: &str = "|difference| from rays, linear RGBA";
 
 /// The report, gathered scene by scene while each is on the device.
-pub struct Report {
+pub struct Page {
     /// Facts are said of each scene by name where there are several.
     several: bool,
     facts: Vec<(String, String)>,
@@ -25,7 +25,7 @@ pub struct Report {
     scenes: Vec<String>,
 }
 
-impl Report {
+impl Page {
     /// A report of so many scenes.
     pub fn of(scenes: usize) -> Self {
         let (facts, entries, notes) = Default::default();
@@ -38,8 +38,8 @@ impl Report {
     /// show errors against. What of this fails is a note in the report.
     ///
     /// # Errors
-    /// A picture that cannot be encoded.
-    pub fn add(&mut self, job: &Job, compared: &[Compared]) -> Result<()> {
+    /// A picture that cannot be encoded, or it was ended on request.
+    pub fn add(&mut self, job: &Job, compared: &[Compared], progress: &Progress) -> Result<()> {
         if self.facts.is_empty() {
             self.facts = program_facts(job);
         }
@@ -54,6 +54,7 @@ impl Report {
                 .ok(),
         };
         for c in compared {
+            progress.check("report")?;
             let difference = match (&c.difference, &reference, &c.picture) {
                 (None, Some(reference), Some(picture)) => {
                     Some(image_difference(picture.view(), reference.view())?)
@@ -114,16 +115,8 @@ fn nodes(job: &Job, row: &Row) -> Result<Option<NodeMap>> {
     if row.nodes_total.is_none() {
         return Ok(None);
     }
-    let shadow = job.session.shadow(method_of(row)?.as_ref(), job.scene.light)?;
+    let shadow = job.session.shadow(parse(&row.spec())?.as_ref(), job.scene.light)?;
     job.session.node_map(&shadow)
-}
-
-/// The method that a row is of, by its columns.
-fn method_of(row: &Row) -> Result<Box<dyn Method>> {
-    let map = row.map.map(|map| format!("map={map}"));
-    let settings: Vec<_> = row.params.split_whitespace().map(String::from).chain(map).collect();
-    let colon = if settings.is_empty() { "" } else { ":" };
-    parse(&format!("{}{colon}{}", row.method, settings.join(",")))
 }
 
 /// What the table was made with.
@@ -154,7 +147,7 @@ fn scene_facts(job: &Job) -> [(&'static str, String); 7] {
         ("volume", format!("{}; {nx} x {ny} x {nz} voxels", job.volume.provenance.source)),
         ("transfer function", job.tf.name.clone()),
         ("picture", format!("{} x {} pixels", scene.width, scene.height)),
-        ("light", light_text(&scene.light)),
+        ("light", scene.light.text()),
         ("eye, target", format!("{}; {} mm", vector(camera.eye), vector(camera.target))),
         ("up, field of view", format!("{}; {} degrees", vector(camera.up), camera.fov_deg)),
         (
@@ -163,26 +156,4 @@ fn scene_facts(job: &Job) -> [(&'static str, String); 7] {
                 .to_lowercase(),
         ),
     ]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::shadow::parse_list;
-
-    #[test]
-    fn a_row_names_its_method() {
-        let methods = "none;rays;dsm;dsm:epsilon=0.005,prefilter=5,precompress=off,filter=nearest,step=0.25,offset=-1,map=64;\
-            osm:layers=8,slicing=gamma,bits=8,map=32;dom:layers=5,beyond=cover,filter=nearest;bom:split=log,layers=3";
-        for method in parse_list(methods).unwrap() {
-            let row = Row {
-                method: method.name().into(),
-                params: method.params(),
-                map: method.map_size(),
-                ..Row::default()
-            };
-            let again = method_of(&row).unwrap();
-            assert_eq!(format!("{again:?}"), format!("{method:?}"));
-        }
-    }
 }

@@ -1,13 +1,12 @@
-//! What `compare` writes besides its tables and the report: plots, pictures and what omissions are worth.
+//! What a table is written with besides itself and the report: plots, pictures and what omissions are worth.
 
-use super::super::say;
+use super::super::ablate::{self, Ablation};
+use super::super::compare::{Compared, file_name_part};
+use super::super::heat::{round_max, write_heat_map};
+use super::super::plot::write_plots;
+use super::super::table::Row;
+use super::super::writers;
 use crate::error::Result;
-use crate::measure::ablate::{self, Ablation};
-use crate::measure::compare::{Compared, file_name_part};
-use crate::measure::heat::{round_max, write_heat_map};
-use crate::measure::plot::write_plots;
-use crate::measure::table::Row;
-use crate::measure::writers;
 use crate::output::write_whole;
 use std::path::{Path, PathBuf};
 
@@ -58,14 +57,13 @@ pub fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBu
     Ok(paths)
 }
 
-/// Writes what omissions are worth: every column as CSV and JSON, and a table for reading.
-pub fn write_ablations(rows: &[Ablation], folder: &Path) -> Result<()> {
+/// Writes what omissions are worth: every column as CSV and JSON, and a table for reading; returns the paths.
+pub fn write_ablations(rows: &[Ablation], folder: &Path) -> Result<Vec<PathBuf>> {
     let markdown = ablate::markdown(rows).into_bytes();
     let files = [("csv", writers::csv(rows)?), ("json", writers::json(rows)?.into_bytes()), ("md", markdown)];
-    for (extension, bytes) in files {
+    let write = |(extension, bytes): (&str, Vec<u8>)| {
         let path = folder.join(format!("ablation.{extension}"));
-        write_whole(&path, |file| file.write_all(&bytes))?;
-        say("ablation", &path.display());
-    }
-    Ok(())
+        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
+    };
+    files.into_iter().map(write).collect()
 }

@@ -1,0 +1,172 @@
+//! From methods, scenes and a folder to every file of a comparison: tables, plots, pictures, the report and the journal.
+//! The command line and the window both come this way.
+
+mod files;
+mod page;
+
+use super::ablate::{self, Ablation};
+use super::compare::{Comparison, Effort, Job, compare, file_name_part, steps};
+use super::facts::Facts;
+use super::journal::Journal;
+use super::progress::Progress;
+use super::report::write_tables;
+use crate::error::{Error, Result};
+use crate::render::{Forced, Renderer, Session};
+use crate::scene::Scene;
+use crate::shadow::Method;
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use files::{write_ablations, write_pictures, write_scene_plots};
+use page::Page;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What is measured on every scene.
+pub struct Order<'a> {
+    pub methods: &'a [Box<dyn Method>],
+    pub effort: Effort,
+    /// Measure as well what each omission of the plan is worth.
+    pub ablate: bool,
+    /// What a reader should know of how rows are timed; may be empty.
+    pub remark: &'a str,
+}
+
+/// What a scene's rows are of.
+pub struct Subject {
+    pub volume: Arc<Volume>,
+    pub tf: TransferFunction,
+    pub scene: Scene,
+    /// What is done although the scene does not need it.
+    pub forced: Forced,
+}
+
+/// A comparison of which everything is measured and nothing written but the journal.
+pub struct Made {
+    pub comparison: Comparison,
+    ablations: Option<Vec<Ablation>>,
+    names: Vec<String>,
+    page: Page,
+}
+
+/// The files of a comparison.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Files {
+    pub tables: Vec<PathBuf>,
+    pub plots: Vec<PathBuf>,
+    pub pictures: Vec<PathBuf>,
+    pub report: PathBuf,
+    /// Empty unless they were asked for.
+    pub ablations: Vec<PathBuf>,
+}
+
+/// Measures every method on every scene, `names` being theirs, each read when its turn comes. A scene among several that
+/// the device cannot hold is failed rows.
+///
+/// # Errors
+/// A scene that cannot be read, a single one that the device cannot hold, a journal that cannot be written to, or it was
+/// ended on request; what is measured is in the journal then.
+pub fn make(
+    order: &Order,
+    names: &[String],
+    read: &mut dyn FnMut(usize) -> Result<Subject>,
+    mut renderer: Renderer,
+    journal: &mut Journal,
+    progress: &mut Progress,
+) -> Result<Made> {
+    let Order { methods, effort, .. } = *order;
+    let several = names.len() > 1;
+    for (step, times) in names.iter().flat_map(|_| steps(methods, &effort)) {
+        progress.expect(step, times);
+    }
+    let ablated = names.iter().filter(|_| order.ablate).flat_map(|_| methods);
+    ablated.for_each(|method| progress.expect(ablate::step(method.as_ref()), 1));
+    let (mut all, mut ablations) = (Comparison::default(), order.ablate.then(Vec::new));
+    let mut page = Page::of(names.len());
+    for (i, name) in names.iter().enumerate() {
+        let Subject { volume, tf, scene, forced } = read(i)?;
+        match session(renderer, Arc::clone(&volume), &tf, forced) {
+            Ok(session) => {
+                let job = Job {
+                    session: &session,
+                    volume: &volume,
+                    tf: &tf,
+                    scene: &scene,
+                    scene_name: name.clone(),
+                    file_prefix: if several { format!("{}_", file_name_part(name)) } else { String::new() },
+                    remark: order.remark.to_owned(),
+                    effort,
+                };
+                let mut compared = compare(&job, methods, journal, progress)?;
+                if several {
+                    compared.name_scene(name);
+                }
+                page.add(&job, &compared.compared, progress)?;
+                all.append(compared);
+                if let Some(ablations) = &mut ablations {
+                    ablations.append(&mut ablate::ablate(&job, methods, progress)?);
+                }
+                renderer = session.renderer;
+            }
+            Err(failed) => {
+                let (back, error) = *failed;
+                if !several {
+                    return Err(error);
+                }
+                renderer = back;
+                steps(methods, &effort).iter().for_each(|(step, times)| progress.spare(step, *times));
+                let facts = Facts::of(renderer.gpu());
+                let failed = Comparison::failed(&facts, name, [scene.width, scene.height], methods, &error);
+                page.add_rows(&failed.rows());
+                all.append(failed);
+            }
+        }
+        progress.next_scene(methods.len());
+    }
+    Ok(Made { comparison: all, ablations, names: names.to_vec(), page })
+}
+
+impl Made {
+    /// Writes `compare.csv` and all the other files into a folder that exists, each whole or not at all.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(self, folder: &Path) -> Result<Files> {
+        let rows = self.comparison.rows();
+        Ok(Files {
+            tables: write_tables(&rows, folder, "compare")?,
+            plots: write_scene_plots(&rows, &self.names, folder)?,
+            pictures: write_pictures(&self.comparison.compared, folder)?,
+            report: self.page.write(&self.comparison, folder)?,
+            ablations: self
+                .ablations
+                .map_or_else(|| Ok(Vec::new()), |rows| write_ablations(&rows, folder))?,
+        })
+    }
+}
+
+/// A volume and a transfer function on the device; the renderer comes back where that cannot hold them.
+fn session(
+    renderer: Renderer,
+    volume: Arc<Volume>,
+    tf: &TransferFunction,
+    forced: Forced,
+) -> std::result::Result<Session, Box<(Renderer, Error)>> {
+    let ready = renderer.load(volume).and_then(|loaded| {
+        let transfer = renderer.transfer(&loaded, tf, forced)?;
+        Ok((loaded, transfer))
+    });
+    match ready {
+        Ok((loaded, transfer)) => Ok(Session { renderer, loaded, transfer }),
+        Err(e) => Err(Box::new((renderer, e))),
+    }
+}
+
+/// Volume and transfer function in a few words: `CT_AVM, CT bone`.
+pub fn scene_name(volume: &Volume, tf: &TransferFunction) -> String {
+    let source = &volume.provenance.source;
+    let file = source.rsplit(['/', '\\']).next().unwrap_or(source);
+    let stem = file.strip_suffix(".gz").unwrap_or(file);
+    let stem = [".nii", ".hdr", ".img", ".raw"].iter().find_map(|e| stem.strip_suffix(e)).unwrap_or(stem);
+    let volume = stem.strip_prefix("phantom:").unwrap_or(stem);
+    format!("{volume}, {}", tf.name)
+}
