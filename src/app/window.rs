@@ -41,7 +41,7 @@ pub fn default_request() -> Result<SceneRequest> {
 enum Ended {
     Closed(Result<()>),
     /// Its device was lost; the rest of a script goes on.
-    Lost(Box<Resume>, Option<Script>),
+    Lost(Box<Resume>, Option<Box<Script>>),
 }
 
 /// What a window begins with.
@@ -75,6 +75,7 @@ pub fn run(start: Start) -> Result<()> {
             }
             Ended::Lost(resume, script) => {
                 let settings = resume.settings.clone();
+                let script = script.map(|script| *script);
                 begin = Begin { settings, request: None, script, resume: Some(*resume) };
             }
         }
@@ -205,7 +206,7 @@ impl eframe::App for Window {
         if let Some(why) = self.app.lost().filter(|_| !self.ended) {
             self.ended = true;
             let resume = Box::new(self.app.into_resume(why));
-            *lock(&self.outcome) = Ended::Lost(resume, self.script.take());
+            *lock(&self.outcome) = Ended::Lost(resume, self.script.take().map(Box::new));
             ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
         }
         if self.ended {
