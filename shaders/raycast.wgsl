@@ -31,7 +31,8 @@ struct Frame {
     // 1 where the shading counts, 0 where it is only computed (forced).
     shading_weight: f32,
     world_y: vec3<f32>,
-    padding_b: f32,
+    // First column of this part of the band.
+    first_column: u32,
     world_z: vec3<f32>,
     padding_c: f32,
 }
@@ -127,8 +128,9 @@ fn brick_at(g: vec3<f32>) -> vec3<i32> {
 
 @compute @workgroup_size(8, 8)
 fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= frame.size.x || id.y >= frame.rows { return; }
-    let pixel = vec2<f32>(id.xy + vec2<u32>(0u, frame.first_row));
+    let column = id.x + frame.first_column;
+    if column >= frame.size.x || id.y >= frame.rows { return; }
+    let pixel = vec2<f32>(vec2<u32>(column, id.y + frame.first_row));
     let ndc = (2.0 * (pixel + 0.5) / vec2<f32>(frame.size) - 1.0) * vec2<f32>(1.0, -1.0) * frame.half_extent;
     let across = ndc.x * frame.grid_right + ndc.y * frame.grid_up;
     let slant = sqrt(1.0 + dot(ndc, ndc));
@@ -139,7 +141,7 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     let domain = box_span(o, inv_d, d, vec3<f32>(0.5), vec3<f32>(field.size) + 0.5);
     let t_in = max(domain.x, -frame.plane_distance_mm * slant);
     let t_out = domain.y;
-    let index = id.y * frame.size.x + id.x;
+    let index = id.y * frame.size.x + column;
     var color = vec3<f32>(0.0);
     // Transmittance to the eye.
     var left = 1.0;

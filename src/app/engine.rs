@@ -21,10 +21,14 @@ const AT_ONCE_MS: f64 = 90.0;
 /// The hand rests when it has not moved for so long.
 const REST: Duration = Duration::from_millis(140);
 /// Sides of a coarse map and divisors of a coarse picture: few, so that neighbouring pictures look alike.
-const MAP_SIDES: [u32; 6] = [512, 384, 256, 192, 128, 96];
-const DIVISORS: [f64; 7] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0];
-/// The eye-ray step is this much longer while a hand moves.
+const MAP_SIDES: [u32; 7] = [512, 384, 256, 192, 128, 96, 64];
+const DIVISORS: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0];
+/// The eye-ray step is this much longer while a hand moves, and longer still where pixels alone would become too large.
 const MOVING_STEP: f64 = 2.0;
+const LONGEST_MOVING_STEP: f64 = 5.0;
+/// Pixels so large ask for the longer step, and pixels so small for the shorter one.
+const TOO_LARGE: f64 = 6.0;
+const SMALL_ENOUGH: f64 = 2.0;
 
 /// How a picture is drawn.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +53,8 @@ struct Speeds {
     moving: Pace,
     /// Milliseconds that a texel of a shadow map takes to build, by method.
     build_ms_per_texel: Vec<(&'static str, f64)>,
+    /// How much longer the step is while a hand moves.
+    moving_step: f64,
 }
 
 pub struct Engine {
@@ -70,7 +76,7 @@ impl Engine {
             loaded: None,
             kept: Kept::default(),
             textures: Vec::new(),
-            speeds: Speeds { whole, moving, build_ms_per_texel: Vec::new() },
+            speeds: Speeds { whole, moving, build_ms_per_texel: Vec::new(), moving_step: MOVING_STEP },
             shown: None,
         }
     }
@@ -155,7 +161,7 @@ impl Engine {
     }
 
     /// What can be drawn in the time that a moving hand leaves.
-    fn moving(&self, wanted: &Wanted) -> Quality {
+    fn moving(&mut self, wanted: &Wanted) -> Quality {
         let whole = self.whole(wanted);
         let count = whole.choices.len() as f64;
         let choices: Vec<MethodChoice> = whole
@@ -172,11 +178,16 @@ impl Engine {
         let pixels = f64::from(whole.width) * f64::from(whole.height);
         let fits = |d: &&f64| pixels / (*d * *d) <= left_ms * self.speeds.moving.pixels_per_ms();
         let divisor = DIVISORS.iter().find(fits).copied().unwrap_or(DIVISORS[DIVISORS.len() - 1]);
+        if divisor > TOO_LARGE {
+            self.speeds.moving_step = LONGEST_MOVING_STEP;
+        } else if divisor <= SMALL_ENOUGH {
+            self.speeds.moving_step = MOVING_STEP;
+        }
         let side = |n: u32| ((f64::from(n) / divisor).round() as u32).max(1);
         Quality {
             width: side(whole.width),
             height: side(whole.height),
-            step: (whole.step * MOVING_STEP).min(8.0).max(whole.step),
+            step: (whole.step * self.speeds.moving_step).min(8.0).max(whole.step),
             choices,
         }
     }

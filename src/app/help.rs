@@ -96,7 +96,8 @@ impl App {
         if hit(Modifiers::NONE, Key::M) {
             self.settings.marks = !self.settings.marks;
         }
-        if hit(Modifiers::NONE, Key::Escape) {
+        // Without a probe it belongs to whatever list is open.
+        if self.probe.is_some() && hit(Modifiers::NONE, Key::Escape) {
             self.close_probe();
         }
     }

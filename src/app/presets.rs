@@ -20,6 +20,8 @@ const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
 /// A scene that fits the view leaves room for the eye; a thumbnail has none to spare.
 const CLOSER: f64 = 0.75;
+/// A submission keeps the queue no longer than about this.
+const SUBMISSION_MS: f64 = 25.0;
 /// Lit from the front half way, so that shape shows without shadows.
 const AMBIENT: f64 = 0.35;
 
@@ -60,7 +62,7 @@ impl Engine {
         let transfer = self.renderer.transfer(loaded, &tf, Forced::NOTHING)?;
         let shadow = self.renderer.shadow(loaded, &transfer, &NoShadows, scene.light)?;
         let texture = Arc::new(DisplayTexture::new(self.renderer.gpu(), scene.width, scene.height)?);
-        let mut pace = Pace::new(f64::INFINITY);
+        let mut pace = Pace::new(SUBMISSION_MS);
         let drawn =
             self.renderer.draw_to(loaded, &transfer, &shadow, &scene, &texture, &mut pace, || true)?;
         if drawn.is_some() {

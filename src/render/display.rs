@@ -1,5 +1,6 @@
 //! Pictures on the screen: encoded to sRGB into a texture of the same device, band by band, with no copy to the host.
 
+use super::picture::Pacing;
 use super::{DeviceTransfer, LoadedVolume, Plan, Renderer};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, ShaderVariant, Span, uniform_buffer};
@@ -78,8 +79,6 @@ pub struct Pace {
     ms: f64,
 }
 
-/// More bands cost more by themselves than they leave to others.
-const MOST_BANDS: u32 = 24;
 /// A shorter band says more of what a submission costs than of its pixels.
 const TELLING_MS: f64 = 4.0;
 
@@ -123,11 +122,35 @@ impl Pace {
         }
     }
 
-    pub(super) fn rows(&self, width: u32) -> u32 {
+    /// Pixels that are likely to fit into the target.
+    pub(super) fn pixels(&self) -> u32 {
         let rate = self.slowest_before.min(self.slowest_now);
-        // Workgroups are eight rows high.
-        let rows = (self.target_ms * rate / f64::from(width.max(1)) / 8.0).floor().max(1.0);
-        (rows * 8.0).min(f64::from(u32::MAX)) as u32
+        (self.target_ms * rate).clamp(1.0, f64::from(u32::MAX)) as u32
+    }
+}
+
+/// Paces a picture on the screen, whose queue others draw through, too.
+struct OnScreen<'a, G: FnMut() -> bool> {
+    gpu: &'a Gpu,
+    pace: &'a mut Pace,
+    go_on: G,
+    begun: bool,
+    longest_ms: f64,
+}
+
+impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
+    fn pixels_next(&mut self) -> Option<u32> {
+        if std::mem::replace(&mut self.begun, true) && !(self.go_on)() {
+            return None;
+        }
+        // What others have submitted meanwhile is no part of a band's time; a lost device shows in the band itself.
+        let _ = self.gpu.wait_for(self.gpu.queue.submit([]));
+        Some(self.pace.pixels())
+    }
+
+    fn took(&mut self, pixels: u32, span: Span) {
+        self.longest_ms = self.longest_ms.max(span.wall_ms);
+        self.pace.learn(pixels, span);
     }
 }
 
@@ -155,64 +178,48 @@ impl Renderer {
         scene: &Scene,
         target: &DisplayTexture,
         pace: &mut Pace,
-        mut go_on: impl FnMut() -> bool,
+        go_on: impl FnMut() -> bool,
     ) -> Result<Option<Drawn>> {
         let scene = Scene { width: target.width, height: target.height, ..scene.clone() };
         let variant = ShaderVariant { entry: "display.wgsl", modules: Vec::new(), defs: Vec::new() };
         let pipeline = self.pipeline(&variant, &self.layouts.display)?;
         pace.begin();
-        let pace = std::cell::RefCell::new(pace);
+        let mut pacing = OnScreen { gpu: &self.gpu, pace, go_on, begun: false, longest_ms: 0.0 };
         let mut encoded = None;
-        let mut longest_band_ms = 0.0_f64;
-        let mut complete = true;
-        let (plan, span) = self.draw(
-            loaded,
-            transfer,
-            shadow,
-            &scene,
-            |_| {
-                // What others have submitted meanwhile is no part of a band's time; a lost device shows in the band itself.
-                let _ = self.gpu.wait_for(self.gpu.queue.submit([]));
-                pace.borrow().rows(scene.width).max(scene.height / MOST_BANDS)
-            },
-            |band| {
-                pace.borrow_mut().learn(band.rows * scene.width, band.span);
-                longest_band_ms = longest_band_ms.max(band.span.wall_ms);
-                let size = [scene.width, band.rows];
-                let uniform = BandUniform { size, first_row: band.first_row, padding: 0 };
-                let uniform = uniform_buffer(&self.gpu, "band", &uniform);
-                let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                    label: Some("display"),
-                    layout: &self.layouts.display,
-                    entries: &[
-                        wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() },
-                        wgpu::BindGroupEntry { binding: 1, resource: band.buffer.as_entire_binding() },
-                        wgpu::BindGroupEntry {
-                            binding: 2,
-                            resource: wgpu::BindingResource::TextureView(&target.view),
-                        },
-                    ],
-                });
-                let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-                {
-                    let mut pass = encoder.begin_compute_pass(&Default::default());
-                    pass.set_pipeline(&pipeline);
-                    pass.set_bind_group(0, transfer.bind_group(), &[]);
-                    pass.set_bind_group(1, &shadow.bind_group, &[]);
-                    pass.set_bind_group(2, &group, &[]);
-                    pass.dispatch_workgroups(scene.width.div_ceil(8), band.rows.div_ceil(8), 1);
-                }
-                // The next band need not wait for this one to be encoded.
-                encoded = Some(self.gpu.queue.submit([encoder.finish()]));
-                let last = band.first_row + band.rows >= scene.height;
-                complete = last || go_on();
-                Ok(complete)
-            },
-        )?;
+        let drawn = self.draw(loaded, transfer, shadow, &scene, &mut pacing, |band| {
+            let size = [scene.width, band.rows];
+            let uniform = BandUniform { size, first_row: band.first_row, padding: 0 };
+            let uniform = uniform_buffer(&self.gpu, "band", &uniform);
+            let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("display"),
+                layout: &self.layouts.display,
+                entries: &[
+                    wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() },
+                    wgpu::BindGroupEntry { binding: 1, resource: band.buffer.as_entire_binding() },
+                    wgpu::BindGroupEntry {
+                        binding: 2,
+                        resource: wgpu::BindingResource::TextureView(&target.view),
+                    },
+                ],
+            });
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                pass.set_pipeline(&pipeline);
+                pass.set_bind_group(0, transfer.bind_group(), &[]);
+                pass.set_bind_group(1, &shadow.bind_group, &[]);
+                pass.set_bind_group(2, &group, &[]);
+                pass.dispatch_workgroups(scene.width.div_ceil(8), band.rows.div_ceil(8), 1);
+            }
+            // The next band need not wait for this one to be encoded.
+            encoded = Some(self.gpu.queue.submit([encoder.finish()]));
+            Ok(true)
+        })?;
         if let Some(submission) = encoded {
             self.gpu.wait_for(submission)?;
         }
-        Ok(span.filter(|_| complete).map(|span| Drawn { plan, span, longest_band_ms }))
+        let longest_band_ms = pacing.longest_ms;
+        Ok(drawn.map(|(plan, span)| Drawn { plan, span, longest_band_ms }))
     }
 }
 
@@ -231,10 +238,9 @@ mod tests {
             pace.learn(2_000, ms(20.0));
         }
         pace.begin();
-        assert!(pace.rows(100) * 100 <= 2_000, "{}", pace.rows(100));
+        assert!(pace.pixels() <= 2_000, "{}", pace.pixels());
         pace.learn(100_000, ms(5.0));
-        assert!(pace.rows(100) * 100 <= 2_000, "an empty band in between changes nothing");
+        assert!(pace.pixels() <= 2_000, "an empty band in between changes nothing");
         assert!((pace.pixels_per_ms() - 102_000.0 / 25.0).abs() < 1.0);
-        assert!(pace.rows(1 << 30) == 8, "a row of workgroups at least");
     }
 }

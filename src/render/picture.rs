@@ -10,6 +10,7 @@ use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use ndarray::Array3;
+use std::sync::Arc;
 
 /// `Frame` of `shaders/raycast.wgsl`.
 #[repr(C)]
@@ -30,7 +31,7 @@ pub struct FrameUniform {
     pub world_x: [f32; 3],
     pub shading_weight: f32,
     pub world_y: [f32; 3],
-    pub padding_b: f32,
+    pub first_column: u32,
     pub world_z: [f32; 3],
     pub padding_c: f32,
 }
@@ -50,8 +51,35 @@ pub(crate) struct Band<'a> {
     pub buffer: &'a wgpu::Buffer,
     pub first_row: u32,
     pub rows: u32,
-    /// Time of this band's ray casting.
-    pub span: Span,
+}
+
+/// How much of a picture is drawn in one submission.
+pub(crate) trait Pacing {
+    /// Pixels of the next submission; `None` ends the picture.
+    fn pixels_next(&mut self) -> Option<u32>;
+    /// What a submission took.
+    fn took(&mut self, pixels: u32, span: Span);
+}
+
+/// All in one submission, where the adapter can bind it.
+struct AtOnce;
+
+impl Pacing for AtOnce {
+    fn pixels_next(&mut self) -> Option<u32> {
+        Some(u32::MAX)
+    }
+
+    fn took(&mut self, _pixels: u32, _span: Span) {}
+}
+
+impl Pacing for Pace {
+    fn pixels_next(&mut self) -> Option<u32> {
+        Some(self.pixels())
+    }
+
+    fn took(&mut self, pixels: u32, span: Span) {
+        self.learn(pixels, span);
+    }
 }
 
 /// `-FAR` of `shaders/common/field.wgsl`: a pixel that no dispatch has worked on.
@@ -70,11 +98,11 @@ impl Renderer {
         scene: &Scene,
     ) -> Result<Picture> {
         let broken = || Error::runtime("cannot render", "picture", "it was left unfinished");
-        self.render_with(loaded, transfer, shadow, scene, |_| u32::MAX, |_| true)?.ok_or_else(broken)
+        self.render_with(loaded, transfer, shadow, scene, &mut AtOnce, |_| true)?.ok_or_else(broken)
     }
 
-    /// As [`Self::render`], in bands of about `band_ms`, so that others can draw in between; `go_on` hears the share that
-    /// is done after each, and ends the work (`None`) by saying no.
+    /// As [`Self::render`], in submissions of about `submission_ms`, so that others can draw in between; `go_on` hears the
+    /// share that is done after every few rows, and ends the work (`None`) by saying no.
     ///
     /// # Errors
     /// As there.
@@ -84,17 +112,10 @@ impl Renderer {
         transfer: &DeviceTransfer,
         shadow: &ShadowMap,
         scene: &Scene,
-        band_ms: f64,
+        submission_ms: f64,
         go_on: impl FnMut(f32) -> bool,
     ) -> Result<Option<Picture>> {
-        let mut pace = Pace::new(band_ms);
-        let rows_next = |last: Option<(Span, u32)>| {
-            if let Some((span, rows)) = last {
-                pace.learn(rows * scene.width, span);
-            }
-            pace.rows(scene.width)
-        };
-        self.render_with(loaded, transfer, shadow, scene, rows_next, go_on)
+        self.render_with(loaded, transfer, shadow, scene, &mut Pace::new(submission_ms), go_on)
     }
 
     fn render_with(
@@ -103,56 +124,51 @@ impl Renderer {
         transfer: &DeviceTransfer,
         shadow: &ShadowMap,
         scene: &Scene,
-        rows_next: impl FnMut(Option<(Span, u32)>) -> u32,
+        pacing: &mut dyn Pacing,
         mut go_on: impl FnMut(f32) -> bool,
     ) -> Result<Option<Picture>> {
         let (width, height) = (scene.width as usize, scene.height as usize);
         let mut pixels = Vec::with_capacity(width * height * 4);
-        let mut complete = true;
-        let (plan, span) = self.draw(loaded, transfer, shadow, scene, rows_next, |band| {
+        let drawn = self.draw(loaded, transfer, shadow, scene, pacing, |band| {
             pixels.extend(read_back::<f32>(&self.gpu, band.buffer, band.rows as usize * width * 4)?);
-            complete = go_on((band.first_row + band.rows) as f32 / height as f32);
-            Ok(complete)
+            Ok(go_on((band.first_row + band.rows) as f32 / height as f32))
         })?;
-        if !complete {
-            return Ok(None);
-        }
+        let Some((plan, span)) = drawn else { return Ok(None) };
         let broken = |why: String| Error::runtime("cannot render", "picture", why);
         let pixels = Array3::from_shape_vec((height, width, 4), pixels).map_err(|e| broken(e.to_string()))?;
-        let span = span.ok_or_else(|| broken("it has no rows".into()))?;
         Ok(Some(Picture { pixels, span, plan }))
     }
 
-    /// Casts the rays of a picture band by band: `rows_next` says how high the next band may be, given the last one's
-    /// time and rows, and `finished` whether to go on after one.
+    /// Casts the rays of a picture, in bands of rows of which each may be drawn in several parts, as `pacing` says;
+    /// `None` where `pacing`, or `finished` after a band, ended it.
     pub(crate) fn draw(
         &self,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
         shadow: &ShadowMap,
         scene: &Scene,
-        mut rows_next: impl FnMut(Option<(Span, u32)>) -> u32,
+        pacing: &mut dyn Pacing,
         mut finished: impl FnMut(&Band<'_>) -> Result<bool>,
-    ) -> Result<(Plan, Option<Span>)> {
+    ) -> Result<Option<(Plan, Span)>> {
         if shadow.lookup.as_ref().is_some_and(|l| l.marches) {
             self.march_table(transfer)?;
         }
         let plan = Plan::of(scene, loaded, transfer, shadow);
         let variant = plan.raycast_variant(transfer, shadow);
         let pipeline = self.pipeline(&variant, &self.layouts.frame)?;
+        let caster = Caster { loaded, transfer, shadow, scene, pipeline, resumable: plan.resumable(shadow) };
         let (width, height) = (scene.width, scene.height);
         // Large pictures are drawn in bands that the adapter can bind.
         let row_bytes = u64::from(width) * 16;
         let limits = self.gpu.device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX).clamp(1, height);
-        let mut span: Option<Span> = None;
-        let resumable = plan.resumable(shadow);
-        let mut first_row = 0;
-        let mut last = None;
+        let mut span = Span { gpu_ms: self.gpu.timestamp_period_ns.map(|_| 0.0), wall_ms: 0.0 };
         let mut made: Option<(wgpu::Buffer, u32)> = None;
+        let mut first_row = 0;
         while first_row < height {
-            let rows = rows_next(last).clamp(1, highest).min(height - first_row);
+            let Some(pixels) = pacing.pixels_next() else { return Ok(None) };
+            let rows = pixels_to_rows(pixels, width).clamp(1, highest).min(height - first_row);
             let buffer = match &made {
                 Some((buffer, rows_made)) if *rows_made >= rows => buffer.clone(),
                 _ => {
@@ -161,13 +177,39 @@ impl Renderer {
                     buffer
                 }
             };
-            let uniform =
-                uniform_buffer(&self.gpu, "frame", &frame_uniform(&loaded.volume, scene, first_row, rows));
-            // A count of unfinished pixels, then where each goes on.
-            let pixels_here = if resumable { rows as usize * width as usize } else { 3 };
-            let mut start = vec![f32::from_bits(0)];
-            start.resize(pixels_here + 1, NOT_STARTED);
-            let progress = StorageBuffer::from_slice(&self.gpu, "progress", &start)?;
+            if !self.cast_band(&caster, &buffer, (first_row, rows), (pixels, pacing), &mut span)? {
+                return Ok(None);
+            }
+            if !finished(&Band { buffer: &buffer, first_row, rows })? {
+                return Ok(None);
+            }
+            first_row += rows;
+        }
+        Ok(Some((plan, span)))
+    }
+
+    /// Casts the rays of one band, part by part: `pixels` in the first one; `false` where `pacing` ended it.
+    fn cast_band(
+        &self,
+        caster: &Caster<'_>,
+        buffer: &wgpu::Buffer,
+        (first_row, rows): (u32, u32),
+        (pixels, pacing): (u32, &mut dyn Pacing),
+        span: &mut Span,
+    ) -> Result<bool> {
+        let width = caster.scene.width;
+        // A count of unfinished pixels, then where each goes on.
+        let pixels_here = if caster.resumable { rows as usize * width as usize } else { 3 };
+        let mut start = vec![f32::from_bits(0)];
+        start.resize(pixels_here + 1, NOT_STARTED);
+        let progress = StorageBuffer::from_slice(&self.gpu, "progress", &start)?;
+        let mut pixels = Some(pixels);
+        let mut first_column = 0;
+        while first_column < width {
+            let Some(budget) = pixels.take().or_else(|| pacing.pixels_next()) else { return Ok(false) };
+            let columns = pixels_to_columns(budget, rows).min(width - first_column);
+            let uniform = frame_uniform(&caster.loaded.volume, caster.scene, [first_column, first_row], rows);
+            let uniform = uniform_buffer(&self.gpu, "frame", &uniform);
             let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("frame"),
                 layout: &self.layouts.frame,
@@ -177,34 +219,61 @@ impl Renderer {
                     wgpu::BindGroupEntry { binding: 2, resource: progress.as_entire_binding() },
                 ],
             });
-            let mut band_span: Option<Span> = None;
+            let mut part: Option<Span> = None;
             let took = loop {
                 let took = self.timer.compute(&self.gpu, "ray cast", |pass| {
-                    pass.set_pipeline(&pipeline);
-                    pass.set_bind_group(0, transfer.bind_group(), &[]);
-                    pass.set_bind_group(1, &shadow.bind_group, &[]);
+                    pass.set_pipeline(&caster.pipeline);
+                    pass.set_bind_group(0, caster.transfer.bind_group(), &[]);
+                    pass.set_bind_group(1, &caster.shadow.bind_group, &[]);
                     pass.set_bind_group(2, &group, &[]);
-                    pass.dispatch_workgroups(width.div_ceil(8), rows.div_ceil(8), 1);
+                    pass.dispatch_workgroups(columns.div_ceil(8), rows.div_ceil(8), 1);
                 })?;
-                let so_far = band_span.map_or(took, |s| s.plus(took));
-                band_span = Some(so_far);
-                if !resumable || read_back::<u32>(&self.gpu, &progress, 1)?[0] == 0 {
+                let so_far = part.map_or(took, |s| s.plus(took));
+                part = Some(so_far);
+                if !caster.resumable || read_back::<u32>(&self.gpu, &progress, 1)?[0] == 0 {
                     break so_far;
                 }
                 self.gpu.queue.write_buffer(&progress, 0, &0u32.to_le_bytes());
             };
-            span = Some(span.map_or(took, |s| s.plus(took)));
-            if !finished(&Band { buffer: &buffer, first_row, rows, span: took })? {
-                break;
-            }
-            first_row += rows;
-            last = Some((took, rows));
+            pacing.took(rows * columns, took);
+            *span = span.plus(took);
+            first_column += columns;
         }
-        Ok((plan, span))
+        Ok(true)
     }
 }
 
-fn frame_uniform(volume: &Volume, scene: &Scene, first_row: u32, rows: u32) -> FrameUniform {
+/// What every part of a picture is drawn with.
+struct Caster<'a> {
+    loaded: &'a LoadedVolume,
+    transfer: &'a DeviceTransfer,
+    shadow: &'a ShadowMap,
+    scene: &'a Scene,
+    pipeline: Arc<wgpu::ComputePipeline>,
+    resumable: bool,
+}
+
+/// Workgroups are eight pixels wide and high.
+const SIDE: u32 = 8;
+/// Parts are no narrower: shorter submissions cost more by themselves than they leave to others.
+const LEAST_COLUMNS: u32 = 64;
+
+/// As many whole workgroups of rows as hold so many pixels; one at least.
+fn pixels_to_rows(pixels: u32, width: u32) -> u32 {
+    (pixels / width.max(1) / SIDE).max(1) * SIDE
+}
+
+/// As many whole workgroups of columns.
+fn pixels_to_columns(pixels: u32, rows: u32) -> u32 {
+    (pixels / rows.max(1) / SIDE * SIDE).max(LEAST_COLUMNS)
+}
+
+fn frame_uniform(
+    volume: &Volume,
+    scene: &Scene,
+    [first_column, first_row]: [u32; 2],
+    rows: u32,
+) -> FrameUniform {
     let grid_from_world = grid_from_world(volume);
     let world_from_grid = grid_from_world.inverse().matrix3;
     let frame = scene.camera.frame();
@@ -227,6 +296,7 @@ fn frame_uniform(volume: &Volume, scene: &Scene, first_row: u32, rows: u32) -> F
         ambient: scene.ambient as f32,
         grid_up: grid(frame.up),
         first_row,
+        first_column,
         background: scene.background.map(|c| c as f32),
         rows,
         half_extent: [(aspect * tan) as f32, tan as f32],
@@ -236,5 +306,19 @@ fn frame_uniform(volume: &Volume, scene: &Scene, first_row: u32, rows: u32) -> F
         world_y: f32s(world_from_grid.y_axis),
         world_z: f32s(world_from_grid.z_axis),
         ..Zeroable::zeroed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_whole_workgroups_and_no_sliver() {
+        assert_eq!(pixels_to_rows(u32::MAX, 512) % SIDE, 0);
+        assert_eq!((pixels_to_rows(20_000, 1000), pixels_to_columns(20_000, 16)), (16, 1248));
+        // Eight rows hold more than that: some of their columns then.
+        assert_eq!((pixels_to_rows(1000, 1000), pixels_to_columns(1000, 8)), (8, 120));
+        assert_eq!((pixels_to_rows(1, 1000), pixels_to_columns(1, 8)), (8, LEAST_COLUMNS));
     }
 }
