@@ -26,22 +26,32 @@ pub fn table_texture<T: Pod>(
     texels: &[T],
 ) -> Result<wgpu::TextureView> {
     gpu.check_texture(label, [width, height])?;
-    let texture = gpu.device.create_texture_with_data(
-        &gpu.queue,
-        &wgpu::TextureDescriptor {
-            label: Some(label),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        },
-        wgpu::util::TextureDataOrder::LayerMajor,
-        bytemuck::cast_slice(texels),
-    );
+    let [padded_width, padded_height] = [width, height].map(|side| steady_side(gpu, side));
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width: padded_width, height: padded_height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let row_bytes = width * size_of::<T>() as u32;
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row_bytes), rows_per_image: None };
+    let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
+    gpu.queue.write_texture(texture.as_image_copy(), bytemuck::cast_slice(texels), layout, size);
     Ok(texture.create_view(&Default::default()))
+}
+
+/// A side with room for `side` texels that is no power of two, where the adapter's textures go on so far.
+///
+/// llvmpipe compiles a shader anew, for half a second, when a side of its textures becomes a power of two or ceases to be
+/// one, as the sides of shadow maps do while a hand moves.
+pub fn steady_side(gpu: &Gpu, side: u32) -> u32 {
+    let padded = if side.is_power_of_two() { side + 1 } else { side };
+    if padded <= gpu.device.limits().max_texture_dimension_2d { padded } else { side }
 }
 
 /// Storage buffers, refused where the adapter cannot bind them.

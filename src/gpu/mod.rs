@@ -6,7 +6,7 @@ mod pipeline_cache;
 mod shaders;
 mod timing;
 
-pub use buffers::{StorageBuffer, read_back, table_texture, uniform_buffer};
+pub use buffers::{StorageBuffer, read_back, steady_side, table_texture, uniform_buffer};
 pub use device::{DeviceLoss, Gpu};
 pub use pipeline_cache::PipelineStore;
 pub use shaders::{ShaderVariant, compose, sources};

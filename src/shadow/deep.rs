@@ -22,7 +22,9 @@ use super::{
     TileParts,
 };
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, ShaderVariant, Span, StorageBuffer, read_back, table_texture, uniform_buffer};
+use crate::gpu::{
+    Gpu, ShaderVariant, Span, StorageBuffer, read_back, steady_side, table_texture, uniform_buffer,
+};
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use std::time::Instant;
@@ -240,7 +242,7 @@ fn node_texture(gpu: &Gpu, rows: u32) -> Result<wgpu::TextureView> {
     gpu.check_texture("deep shadow map nodes", size)?;
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("deep shadow map nodes"),
-        size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width: size[0], height: steady_side(gpu, size[1]), depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,

@@ -35,7 +35,9 @@ use super::{
     BuildContext, BuildReport, Filter, LightSpace, LightUniform, Lookup, PassLeftOut, ShadowMap, TileParts,
 };
 use crate::error::Result;
-use crate::gpu::{Gpu, ShaderVariant, Span, StorageBuffer, read_back, table_texture, uniform_buffer};
+use crate::gpu::{
+    Gpu, ShaderVariant, Span, StorageBuffer, read_back, steady_side, table_texture, uniform_buffer,
+};
 use crate::render::Optional;
 use record::Record;
 use split::{SPLIT_BINS, Split};
@@ -323,7 +325,7 @@ fn record_texture(gpu: &Gpu, record: Record, records: u64) -> Result<wgpu::Textu
     gpu.check_texture("layered shadow map", size)?;
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("layered map records"),
-        size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width: size[0], height: steady_side(gpu, size[1]), depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
