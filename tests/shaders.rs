@@ -159,7 +159,7 @@ fn uniforms_have_one_layout() {
     assert_eq!(
         layout(&picture, "Frame"),
         fields!(FrameUniform: plane_center, plane_distance_mm, grid_forward, step_mm, grid_right, ambient, grid_up,
-            first_row, background, rows, half_extent, size, world_x, shading_weight, world_y, world_z)
+            first_row, background, rows, half_extent, size, world_x, shading_weight, world_y, first_column, world_z)
     );
     // The rows of the affine are an array in Rust and three vectors in WGSL.
     let (size, mut members) = layout(&picture, "LightSpace");

@@ -68,12 +68,11 @@ pub struct DifferenceSide {
 /// The heat maps of the shown methods, on one scale.
 pub struct Differences {
     pub view: Arc<ExactView>,
+    request: Arc<DifferenceRequest>,
     /// Left and right of the split, or the only one.
     pub sides: Vec<DifferenceSide>,
     /// The error at the scale's end.
     pub largest: f32,
-    /// Whether the scale is logarithmic, over [`DECADES`].
-    logarithmic: bool,
 }
 
 /// What the window remembers of it.
@@ -89,7 +88,7 @@ pub struct DifferenceState {
     /// The finest answer so far.
     view: Option<Arc<ExactView>>,
     /// What methods were compared last, and with which answer.
-    asked: Option<(Arc<ExactView>, Vec<MethodChoice>, bool)>,
+    asked: Option<Arc<DifferenceRequest>>,
     pub found: Option<Differences>,
 }
 
@@ -105,8 +104,8 @@ impl DifferenceState {
 
     /// Whether nothing finer will come.
     pub fn is_done(&self) -> bool {
-        let compared = match (&self.view, &self.found) {
-            (Some(view), Some(found)) => Arc::ptr_eq(view, &found.view),
+        let compared = match (&self.asked, &self.found) {
+            (Some(asked), Some(found)) => Arc::ptr_eq(asked, &found.request),
             _ => false,
         };
         self.shows.is_none() || (self.computing.is_none() && compared)
@@ -156,7 +155,12 @@ impl Computing {
 
 impl Engine {
     /// Compares methods with an exact answer.
-    pub fn difference(&mut self, request: &DifferenceRequest, speaker: &Speaker) -> Result<()> {
+    pub fn difference(
+        &mut self,
+        request: &Arc<DifferenceRequest>,
+        go_on: impl Fn() -> bool,
+        speaker: &Speaker,
+    ) -> Result<()> {
         let Some(loaded) = &self.loaded else { return Ok(()) };
         let mut work = Work::default();
         self.kept.set_transfer(&self.renderer, loaded, &request.tf, &mut work)?;
@@ -169,7 +173,11 @@ impl Engine {
             else {
                 return Ok(());
             };
-            found.push((spec, request.view.errors(&self.renderer, loaded, transfer, shadow)?));
+            let Some(map) = request.view.errors(&self.renderer, loaded, transfer, shadow, &go_on)? else {
+                speaker.say(Event::DifferenceUnfinished);
+                return Ok(());
+            };
+            found.push((spec, map));
         }
         let largest = found.iter().map(|(_, map)| round_max(&map.errors.mapv(f32::abs))).fold(0.0, f32::max);
         let sides = found
@@ -185,9 +193,9 @@ impl Engine {
         let view = Arc::clone(&request.view);
         speaker.say(Event::Differences(Box::new(Differences {
             view,
+            request: Arc::clone(request),
             sides,
             largest,
-            logarithmic: request.logarithmic,
         })));
         Ok(())
     }
@@ -248,34 +256,47 @@ impl App {
     }
 
     fn compare_with_exact(&mut self) {
-        let (Some(view), Some(Asked { tf, method, other, .. })) = (&self.difference.view, &self.asked) else {
+        let state = &self.difference;
+        let (Some(view), Some(Subject { tf, .. }), Some(Asked { method, other, .. })) =
+            (&state.view, &state.subject, &self.asked)
+        else {
             return;
         };
         let methods: Vec<_> = std::iter::once(method).chain(other).cloned().collect();
         let logarithmic = self.difference.logarithmic;
-        let known = self
-            .difference
-            .asked
-            .as_ref()
-            .is_some_and(|(v, m, log)| Arc::ptr_eq(v, view) && *m == methods && *log == logarithmic);
+        let known = self.difference.asked.as_ref().is_some_and(|asked| {
+            Arc::ptr_eq(&asked.view, view) && asked.methods == methods && asked.logarithmic == logarithmic
+        });
         if known || !self.view.settled {
             return;
         }
-        let request = DifferenceRequest {
-            view: Arc::clone(view),
-            tf: Arc::clone(tf),
-            methods: methods.clone(),
-            logarithmic,
-        };
-        self.difference.asked = Some((Arc::clone(view), methods, logarithmic));
+        let (view, tf) = (Arc::clone(view), Arc::clone(tf));
+        let request = Arc::new(DifferenceRequest { view, tf, methods, logarithmic });
+        self.difference.asked = Some(Arc::clone(&request));
         self.worker.push(Job::Difference(request));
     }
 
     /// Takes heat maps, unless they are of something that is no longer shown.
     pub(super) fn take_differences(&mut self, found: Differences) {
-        let wanted = self.difference.asked.as_ref().is_some_and(|(view, ..)| Arc::ptr_eq(view, &found.view));
+        let wanted = self.difference.asked.as_ref().is_some_and(|a| Arc::ptr_eq(a, &found.request));
         if wanted {
             self.difference.found = Some(found);
+        }
+    }
+
+    /// Asks again for what something else came before.
+    pub(super) fn difference_unfinished(&mut self) {
+        self.difference.asked = None;
+    }
+
+    /// Shows the picture again where a comparison has failed; why is said.
+    pub(super) fn difference_failed(&mut self) {
+        let waits = match (&self.difference.asked, &self.difference.found) {
+            (Some(asked), Some(found)) => !Arc::ptr_eq(asked, &found.request),
+            (asked, _) => asked.is_some(),
+        };
+        if waits {
+            self.difference.shows = None;
         }
     }
 

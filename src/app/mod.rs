@@ -377,7 +377,9 @@ impl App {
                         Err(e) => self.fail(&e),
                     }
                 }
+                Event::DifferenceUnfinished => self.difference_unfinished(),
                 Event::Failed(error) => {
+                    self.difference_failed();
                     self.view.settled = true;
                     self.fail(&error);
                 }

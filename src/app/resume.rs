@@ -35,10 +35,13 @@ impl App {
 
     /// Takes what is open, to go on with it on another device.
     pub fn into_resume(&mut self, why: String) -> Resume {
-        let what = self.document.take().map(|document| Open {
+        let open = self.document.take();
+        let open = open.map(|document| (document, std::mem::take(&mut self.history), self.view.home));
+        // A device that is lost before the volume is on it loses nothing.
+        let what = open.or_else(|| self.resuming.take()).map(|(document, history, home)| Open {
             document,
-            history: std::mem::take(&mut self.history),
-            home: self.view.home,
+            history,
+            home,
             split: self.split,
             difference: self.difference.only_choices(),
         });

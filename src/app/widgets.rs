@@ -11,7 +11,7 @@ use eframe::egui::{TextureFilter, epaint};
 use eframe::egui_wgpu::{Callback, CallbackResources, CallbackTrait, RenderState, ScreenDescriptor};
 use eframe::wgpu;
 use epaint::{ClippedShape, Primitive};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -56,6 +56,8 @@ pub struct Widgets {
     layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
     groups: HashMap<TextureId, (wgpu::Texture, wgpu::BindGroup)>,
+    /// Textures that this frame, by its number, replaces: a frame may have several passes, and paints after the last.
+    replaced: (u64, HashSet<TextureId>),
 }
 
 impl Widgets {
@@ -138,11 +140,25 @@ impl Widgets {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
-        Self { state: state.clone(), pipeline, layout, sampler, groups: HashMap::new() }
+        Self {
+            state: state.clone(),
+            pipeline,
+            layout,
+            sampler,
+            groups: HashMap::new(),
+            replaced: Default::default(),
+        }
     }
 
     /// Looks up the textures that are there and stay as they are in this frame.
-    fn update_groups(&mut self, output: &FullOutput, primitives: &[ClippedPrimitive]) {
+    fn update_groups(&mut self, frame: u64, output: &FullOutput, primitives: &[ClippedPrimitive]) {
+        // A new texture in place of the old comes only when this frame is painted.
+        let whole =
+            output.textures_delta.set.iter().filter(|(_, deltas)| deltas.iter().any(|d| d.pos.is_none()));
+        if self.replaced.0 != frame {
+            self.replaced = (frame, HashSet::new());
+        }
+        self.replaced.1.extend(whole.map(|(id, _)| *id));
         let renderer = self.state.renderer.read();
         self.groups.retain(|id, (texture, _)| {
             renderer.texture(id).is_some_and(|t| t.texture.as_ref() == Some(texture))
@@ -150,13 +166,7 @@ impl Widgets {
         for primitive in primitives {
             let Primitive::Mesh(mesh) = &primitive.primitive else { continue };
             let id = mesh.texture_id;
-            // A new texture in place of the old comes only when this frame is painted.
-            let replaced = output
-                .textures_delta
-                .set
-                .get(&id)
-                .is_some_and(|deltas| deltas.iter().any(|d| d.pos.is_none()));
-            if replaced {
+            if self.replaced.1.contains(&id) {
                 self.groups.remove(&id);
                 continue;
             }
@@ -239,7 +249,7 @@ impl egui::Plugin for Widgets {
             return;
         }
         let primitives = context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point);
-        self.update_groups(output, &primitives);
+        self.update_groups(context.cumulative_frame_nr(), output, &primitives);
         self.replace(output, primitives, window);
     }
 }

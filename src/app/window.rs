@@ -55,6 +55,9 @@ struct Begin {
 
 /// A device that is lost sooner would be lost again and again.
 const LEAST_LIFE: Duration = Duration::from_secs(2);
+/// Nor is it worth while to begin for ever.
+const MOST_LOSSES: usize = 3;
+const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 
 /// Opens the window and returns when it is closed. Where its device is lost another window takes its place, with what
 /// was open.
@@ -66,14 +69,17 @@ pub fn run(start: Start) -> Result<()> {
     let request =
         start.request.or_else(|| last_scene(&settings.last_scene)).or_else(|| default_request().ok());
     let mut begin = Begin { settings, request, script: start.script, resume: None };
+    let mut losses: Vec<Instant> = Vec::new();
     loop {
         let since = Instant::now();
         match open(start.adapter.as_deref(), start.clean, begin)? {
             Ended::Closed(outcome) => return outcome,
-            Ended::Lost(resume, _) if since.elapsed() < LEAST_LIFE => {
-                return Err(resume.give_up(Resume::kept_scene()));
-            }
             Ended::Lost(resume, script) => {
+                losses.retain(|lost| lost.elapsed() < LOSSES_WITHIN);
+                losses.push(Instant::now());
+                if since.elapsed() < LEAST_LIFE || losses.len() >= MOST_LOSSES {
+                    return Err(resume.give_up(Resume::kept_scene()));
+                }
                 let settings = resume.settings.clone();
                 let script = script.map(|script| *script);
                 begin = Begin { settings, request: None, script, resume: Some(*resume) };

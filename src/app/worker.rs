@@ -74,6 +74,8 @@ pub enum Event {
     },
     Probed(Box<ProbeResult>),
     Differences(Box<Differences>),
+    /// Something else came before the comparison was done.
+    DifferenceUnfinished,
     Thumbnail(Box<Thumbnail>),
     /// Share of the export that is done.
     ExportProgress(f32),
@@ -86,7 +88,7 @@ pub enum Event {
 pub enum Job {
     Upload(Box<Opened>),
     Probe(ProbeRequest),
-    Difference(DifferenceRequest),
+    Difference(Arc<DifferenceRequest>),
     Thumbnail(Box<ThumbnailRequest>),
     Export(Export),
 }
@@ -258,7 +260,9 @@ fn run(gpu: Gpu, mailbox: &Mailbox, speaker: &Speaker) {
             }
             Next::Job(Job::Upload(opened)) => engine.upload(*opened, speaker).map(|()| true),
             Next::Job(Job::Probe(request)) => engine.probe(&request, speaker).map(|()| true),
-            Next::Job(Job::Difference(request)) => engine.difference(&request, speaker).map(|()| true),
+            Next::Job(Job::Difference(request)) => {
+                engine.difference(&request, || !mailbox.interrupted(), speaker).map(|()| true)
+            }
             Next::Job(Job::Thumbnail(request)) => engine.thumbnail(*request, speaker).map(|()| true),
             Next::Job(Job::Export(export)) => {
                 mailbox.cancel_export.store(false, Ordering::Relaxed);

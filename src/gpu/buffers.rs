@@ -50,7 +50,7 @@ pub fn table_texture<T: Pod>(
 /// llvmpipe compiles a shader anew, for half a second, when a side of its textures becomes a power of two or ceases to be
 /// one, as the sides of shadow maps do while a hand moves.
 pub fn steady_side(gpu: &Gpu, side: u32) -> u32 {
-    let padded = if side.is_power_of_two() { side + 1 } else { side };
+    let padded = if side.is_power_of_two() { (side + 1).max(3) } else { side };
     if padded <= gpu.device.limits().max_texture_dimension_2d { padded } else { side }
 }
 

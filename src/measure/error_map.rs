@@ -1,7 +1,7 @@
 //! A method's error pixel by pixel: its picture, or the light on what each pixel sees, less the exact one.
 
 use super::stats::ErrorStats;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::exact::ExactField;
 use crate::render::{DeviceTransfer, LoadedVolume, Renderer};
 use crate::scene::{Scene, Shading};
@@ -111,7 +111,7 @@ impl ExactView {
         Ok(Some(Self { scene, answer }))
     }
 
-    /// A method's errors; `shadow` is for this scene's light.
+    /// A method's errors; `shadow` is for this scene's light. `None` where `go_on`, which is asked now and then, ended it.
     ///
     /// # Errors
     /// A lost device.
@@ -121,7 +121,8 @@ impl ExactView {
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
         shadow: &ShadowMap,
-    ) -> Result<ErrorMap> {
+        go_on: impl Fn() -> bool,
+    ) -> Result<Option<ErrorMap>> {
         let (width, height) = (self.scene.width as usize, self.scene.height as usize);
         let mut errors = Array2::from_elem((height, width), f32::NAN);
         let known = |error: f64| if error.is_nan() { f64::INFINITY } else { error };
@@ -130,6 +131,9 @@ impl ExactView {
             Answer::Light { pixels, points_mm, weights, exact } => {
                 let mut values = Vec::with_capacity(points_mm.len());
                 for some in points_mm.chunks(POINTS_AT_ONCE) {
+                    if !go_on() {
+                        return Ok(None);
+                    }
                     values.extend(renderer.query(loaded, transfer, shadow, some)?);
                 }
                 for (((pixel, weight), value), exact) in pixels.iter().zip(weights).zip(values).zip(exact) {
@@ -140,10 +144,8 @@ impl ExactView {
             }
             Answer::Picture(exact) => {
                 let drawn =
-                    renderer.render_in_bands(loaded, transfer, shadow, &self.scene, BAND_MS, |_| true)?;
-                let broken =
-                    || Error::runtime("cannot compare pictures", "picture", "it was left unfinished");
-                let picture = drawn.ok_or_else(broken)?.pixels;
+                    renderer.render_in_bands(loaded, transfer, shadow, &self.scene, BAND_MS, |_| go_on())?;
+                let Some(picture) = drawn.map(|drawn| drawn.pixels) else { return Ok(None) };
                 for (((row, column), error), exact) in errors.indexed_iter_mut().zip(exact.lanes(Axis(2))) {
                     let off = |c: usize| known(f64::from(picture[[row, column, c]]) - f64::from(exact[c]));
                     let opacity = f64::from(exact[3]);
@@ -155,6 +157,6 @@ impl ExactView {
                 }
             }
         }
-        Ok(ErrorMap { errors, stats: ErrorStats::of(weighted)? })
+        Ok(Some(ErrorMap { errors, stats: ErrorStats::of(weighted)? }))
     }
 }

@@ -79,6 +79,8 @@ pub struct Pace {
     ms: f64,
 }
 
+/// By so much a part may be larger than what the slowest one before allows.
+const RECOVERY: f64 = 1.25;
 /// A shorter band says more of what a submission costs than of its pixels.
 const TELLING_MS: f64 = 4.0;
 
@@ -118,8 +120,16 @@ impl Pace {
         self.pixels += f64::from(pixels);
         self.ms += ms;
         if ms >= TELLING_MS {
-            self.slowest_now = self.slowest_now.min(f64::from(pixels) / ms);
+            // One hitch counts little by little less.
+            let recovered = RECOVERY * self.slowest_now;
+            self.slowest_now = recovered.min(f64::from(pixels) / ms);
         }
+    }
+
+    /// For a picture without one before: what is measured counts as soon as it is telling, and parts grow until then.
+    pub(super) fn forget_before(&mut self) {
+        let telling = self.slowest_now.is_finite();
+        self.slowest_before = if telling { f64::INFINITY } else { 2.0 * self.slowest_before };
     }
 
     /// Pixels that are likely to fit into the target.

@@ -79,6 +79,7 @@ impl Pacing for Pace {
 
     fn took(&mut self, pixels: u32, span: Span) {
         self.learn(pixels, span);
+        self.forget_before();
     }
 }
 

@@ -60,8 +60,8 @@ impl App {
             scale.add_colored_rect(column, Color32::from_rgb(r, g, b));
         }
         painter.add(scale);
-        let least = if found.logarithmic { found.largest / 10_f32.powf(DECADES) } else { 0.0 };
-        let (y, sign) = (y + 0.5 * bar.y, if found.logarithmic { "≤ " } else { "" });
+        let least = if found.request.logarithmic { found.largest / 10_f32.powf(DECADES) } else { 0.0 };
+        let (y, sign) = (y + 0.5 * bar.y, if found.request.logarithmic { "≤ " } else { "" });
         painter.text(
             pos2(left - 6.0, y),
             Align2::RIGHT_CENTER,
@@ -81,7 +81,8 @@ impl App {
         let at = ui.input(|i| i.pointer.hover_pos()).filter(|p| rect.contains(*p))?;
         let found = self.difference.found.as_ref()?;
         let right = self.split.is_some_and(|share| at.x > rect.left() + share * rect.width());
-        let side = found.sides.get(usize::from(right)).or(found.sides.first())?;
+        let side = self.flicker_side(ui.ctx()).unwrap_or(usize::from(right));
+        let side = found.sides.get(side).or(found.sides.first())?;
         let (height, width) = side.map.errors.dim();
         let index = |share: f32, n: usize| ((share * n as f32) as usize).min(n.saturating_sub(1));
         let (x, y) = ((at.x - rect.left()) / rect.width(), (at.y - rect.top()) / rect.height());
