@@ -174,7 +174,7 @@ impl Engine {
                 return Ok(());
             };
             let Some(map) = request.view.errors(&self.renderer, loaded, transfer, shadow, &go_on)? else {
-                speaker.say(Event::DifferenceUnfinished);
+                speaker.say(Event::DifferenceUnfinished(Arc::clone(request)));
                 return Ok(());
             };
             found.push((spec, map));
@@ -284,9 +284,11 @@ impl App {
         }
     }
 
-    /// Asks again for what something else came before.
-    pub(super) fn difference_unfinished(&mut self) {
-        self.difference.asked = None;
+    /// Asks again for what something else came before, unless that was a newer request.
+    pub(super) fn difference_unfinished(&mut self, request: &Arc<DifferenceRequest>) {
+        if self.difference.asked.as_ref().is_some_and(|asked| Arc::ptr_eq(asked, request)) {
+            self.difference.asked = None;
+        }
     }
 
     /// Shows the picture again where a comparison has failed; why is said.

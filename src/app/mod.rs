@@ -377,7 +377,7 @@ impl App {
                         Err(e) => self.fail(&e),
                     }
                 }
-                Event::DifferenceUnfinished => self.difference_unfinished(),
+                Event::DifferenceUnfinished(request) => self.difference_unfinished(&request),
                 Event::Failed(error) => {
                     self.difference_failed();
                     self.view.settled = true;

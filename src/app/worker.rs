@@ -75,7 +75,7 @@ pub enum Event {
     Probed(Box<ProbeResult>),
     Differences(Box<Differences>),
     /// Something else came before the comparison was done.
-    DifferenceUnfinished,
+    DifferenceUnfinished(Arc<DifferenceRequest>),
     Thumbnail(Box<Thumbnail>),
     /// Share of the export that is done.
     ExportProgress(f32),

@@ -2,18 +2,7 @@
 
 use super::Bench;
 use eframe::egui::Key;
-use std::time::{Duration, Instant};
 use umbravox::measure::error_map::Quantity;
-
-/// Steps until the finest heat map is there.
-fn wait_for_difference(bench: &mut Bench) {
-    let start = Instant::now();
-    while !bench.app().difference.is_done() {
-        bench.harness.step();
-        assert!(start.elapsed() < super::PATIENCE, "{:?}", bench.app().messages);
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
 
 #[test]
 fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
@@ -26,7 +15,7 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
     bench.harness.key_press(Key::D);
     bench.harness.step();
     assert_eq!(bench.app().difference.shows, Some(Quantity::Light));
-    wait_for_difference(&mut bench);
+    bench.wait_for("the finest heat map", |app| app.difference.is_done());
     let scene = bench.app().document.as_ref().unwrap().scene.clone();
     let found = bench.app().difference.found.as_ref().unwrap();
     assert_eq!((found.view.scene.width, found.view.scene.height), (scene.width, scene.height));
@@ -46,7 +35,7 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
     bench.harness.step();
     assert!(bench.app().difference.found.is_none());
     bench.settle();
-    wait_for_difference(&mut bench);
+    bench.wait_for("the finest heat map", |app| app.difference.is_done());
     let after = bench.app().difference.found.as_ref().unwrap().sides[1].map.stats.unwrap();
     assert_ne!(before.rms, after.rms);
 
@@ -54,21 +43,14 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
     let answer = std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().view);
     bench.harness.key_press(Key::X);
     bench.settle();
-    wait_for_spec(&mut bench, "none");
+    bench.wait_for("the other method's", |app| {
+        app.difference.found.as_ref().is_some_and(|f| f.sides[0].spec == "none")
+    });
     assert_eq!(answer, std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().view));
 
     bench.app().difference.shows = None;
     bench.harness.step();
     assert!(bench.app().difference.found.is_none());
-}
-
-fn wait_for_spec(bench: &mut Bench, spec: &str) {
-    let start = Instant::now();
-    while bench.app().difference.found.as_ref().is_none_or(|f| f.sides[0].spec != spec) {
-        bench.harness.step();
-        assert!(start.elapsed() < super::PATIENCE, "{:?}", bench.app().messages);
-        std::thread::sleep(Duration::from_millis(5));
-    }
 }
 
 #[test]
@@ -78,12 +60,7 @@ fn pictures_are_compared_without_shading() {
     };
     bench.app().difference.shows = Some(Quantity::Picture);
     // The coarsest answer is enough; the finest would take a minute.
-    let start = Instant::now();
-    while bench.app().difference.found.is_none() {
-        bench.harness.step();
-        assert!(start.elapsed() < super::PATIENCE, "{:?}", bench.app().messages);
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    bench.wait_for("the coarsest heat map", |app| app.difference.found.is_some());
     let stats = bench.app().difference.found.as_ref().unwrap().sides[0].map.stats.unwrap();
     assert!(stats.rms < 0.02 && stats.count > 20, "{stats:?}");
     bench.app().difference.shows = None;

@@ -79,6 +79,16 @@ impl Bench {
         self.harness.step();
     }
 
+    /// Steps until `done`; `what` is said where it takes too long.
+    pub fn wait_for(&mut self, what: &str, done: impl Fn(&App) -> bool) {
+        let start = Instant::now();
+        while !done(self.harness.state()) {
+            self.harness.step();
+            assert!(start.elapsed() < PATIENCE, "{what}: {:?}", self.harness.state().messages);
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
     /// Presses, moves over a few frames and lets go.
     pub fn drag(&mut self, from: Pos2, to: Pos2, modifiers: Modifiers) {
         let button =

@@ -30,15 +30,6 @@ fn drop_files(bench: &mut Bench, paths: &[&Path]) {
     bench.harness.step();
 }
 
-fn wait(bench: &mut Bench, what: &str, done: impl Fn(&App) -> bool) {
-    let start = Instant::now();
-    while !done(bench.harness.state()) {
-        bench.harness.step();
-        assert!(start.elapsed() < Duration::from_secs(60), "{what}: {:?}", bench.harness.state().messages);
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
 #[test]
 fn what_is_dropped_is_opened_by_what_it_is() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
@@ -49,7 +40,7 @@ fn what_is_dropped_is_opened_by_what_it_is() {
     write_nifti(&Phantom::Shell.build(12).unwrap(), &volume).unwrap();
     drop_files(&mut bench, &[&volume]);
     let name = volume.display().to_string();
-    wait(&mut bench, "a volume", |app| source(app) == name);
+    bench.wait_for("a volume", |app| source(app) == name);
     bench.settle();
     assert_eq!(bench.app().document.as_ref().unwrap().volume.dims(), [12; 3]);
     assert_eq!(bench.app().settings.recent[0], name);
@@ -68,7 +59,7 @@ fn what_is_dropped_is_opened_by_what_it_is() {
     )
     .unwrap();
     drop_files(&mut bench, &[&scene]);
-    wait(&mut bench, "a scene", |app| source(app) == "phantom:comb:14");
+    bench.wait_for("a scene", |app| source(app) == "phantom:comb:14");
     bench.settle();
     let document = bench.app().document.clone().unwrap();
     assert_eq!((document.method.name, document.scene.ambient), ("rays", 0.25));
@@ -85,7 +76,7 @@ fn what_is_dropped_is_opened_by_what_it_is() {
         let path = dir.path().join(name);
         std::fs::write(&path, text).unwrap();
         drop_files(&mut bench, &[&path]);
-        wait(&mut bench, name, |app| app.messages.iter().any(|m| m.is_error && m.text.contains(reason)));
+        bench.wait_for(name, |app| app.messages.iter().any(|m| m.is_error && m.text.contains(reason)));
         assert_eq!(source(bench.harness.state()), "phantom:comb:14", "{name}");
     }
     assert_eq!(bench.pixels(), picture);
@@ -93,7 +84,7 @@ fn what_is_dropped_is_opened_by_what_it_is() {
     // Of several the first is taken, and that is said.
     drop_files(&mut bench, &[&volume, &tf]);
     assert!(bench.app().messages.iter().any(|m| m.text.starts_with("2 files were dropped")));
-    wait(&mut bench, "the first of two", |app| source(app) == name);
+    bench.wait_for("the first of two", |app| source(app) == name);
 }
 
 #[test]
@@ -129,5 +120,5 @@ fn a_reading_shows_how_far_it_is_and_its_cancel_ends_it() {
     let first = bench.app().loading().unwrap();
     bench.app().open_source("phantom:step:12");
     assert!(first.is_cancelled());
-    wait(&mut bench, "the second", |app| app.document.as_ref().unwrap().spec.source == "phantom:step:12");
+    bench.wait_for("the second", |app| app.document.as_ref().unwrap().spec.source == "phantom:step:12");
 }

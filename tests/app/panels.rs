@@ -3,21 +3,11 @@
 use super::Bench;
 use eframe::egui::{self, Modifiers, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use umbravox::app::curve::Edit;
 use umbravox::app::method_choice::MethodChoice;
 use umbravox::cli::load;
 use umbravox::strands::Kernel;
-
-/// Steps until `done`.
-fn wait(bench: &mut Bench, what: &str, done: impl Fn(&umbravox::app::App) -> bool) {
-    let start = Instant::now();
-    while !done(bench.harness.state()) {
-        bench.harness.step();
-        assert!(start.elapsed() < Duration::from_secs(60), "{what}: {:?}", bench.harness.state().messages);
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
 
 #[test]
 fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
@@ -43,7 +33,7 @@ fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
     assert_eq!(bench.app().document.as_ref().unwrap().volume.dims(), before.volume.dims(), "not yet");
 
     bench.click("Voxelise again");
-    wait(&mut bench, "voxelised", |app| {
+    bench.wait_for("voxelised", |app| {
         app.document.as_ref().unwrap().volume.dims().into_iter().max() == Some(40)
     });
     bench.settle();
@@ -76,7 +66,7 @@ fn a_fitted_preset_that_stays_is_saved_as_it_stays() {
     assert!(!before.tf_edited());
     bench.type_into("strands resolution", "32");
     bench.click("Voxelise again");
-    wait(&mut bench, "voxelised", |app| app.document.as_ref().unwrap().spec.strands.resolution == Some(32));
+    bench.wait_for("voxelised", |app| app.document.as_ref().unwrap().spec.strands.resolution == Some(32));
     let after = bench.app().document.clone().unwrap();
     assert_eq!(after.tf, before.tf);
     assert!(after.tf_edited(), "the preset would be stretched to the new values");
@@ -87,7 +77,7 @@ fn only_strands_have_that_section() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
     assert!(bench.harness.query_by_label("Voxelise again").is_none());
     bench.app().open_source("phantom:hair-fur:200");
-    wait(&mut bench, "opened", |app| app.document.as_ref().unwrap().spec.source.contains("hair"));
+    bench.wait_for("opened", |app| app.document.as_ref().unwrap().spec.source.contains("hair"));
     bench.settle();
     assert!(bench.harness.query_by_label("Voxelise again").is_some());
 }

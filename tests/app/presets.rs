@@ -1,7 +1,6 @@
 //! The list of presets with its pictures.
 
 use super::Bench;
-use std::time::{Duration, Instant};
 use umbravox::transfer::presets::PRESETS;
 
 #[test]
@@ -9,13 +8,9 @@ fn presets_are_shown_on_this_volume_and_chosen_by_a_click() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--tf=bone", "--shadow=none"]) else { return };
     let (work, picture) = (bench.app().frames, bench.pixels());
     bench.click("preset");
-    let start = Instant::now();
-    let there = |bench: &mut Bench| bench.app().presets.thumbnails.iter().filter(|t| t.is_some()).count();
-    while there(&mut bench) < PRESETS.len() {
-        bench.harness.step();
-        assert!(start.elapsed() < super::PATIENCE, "{:?}", bench.app().messages);
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    bench.wait_for("all pictures", |app| {
+        app.presets.thumbnails.iter().filter(|t| t.is_some()).count() == PRESETS.len()
+    });
     assert_eq!(bench.app().frames, work, "the view is not drawn again for them");
     let pixels = |bench: &mut Bench, name: &str| {
         let index = PRESETS.iter().position(|p| p.name == name).unwrap();
