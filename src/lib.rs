@@ -23,6 +23,7 @@ pub mod loading;
 pub mod measure;
 pub mod output;
 pub mod render;
+pub mod report;
 pub mod scene;
 pub mod shadow;
 pub mod strands;

@@ -5,7 +5,7 @@ use ndarray::{Array2, arr2};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use umbravox::measure::html::{Conditions, Entry, html};
+use umbravox::report::html::{Conditions, Entry, html};
 use umbravox::measure::table::Row;
 use umbravox::shadow::NodeMap;
 

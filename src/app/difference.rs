@@ -10,7 +10,7 @@ use super::{App, Asked};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::measure::error_map::{ErrorMap, ExactView, Quantity};
-use crate::measure::heat::{inferno, round_max};
+use crate::report::heat::{inferno, round_max};
 use crate::render::{DisplayTexture, Work};
 use crate::scene::Scene;
 use crate::transfer::TransferFunction;

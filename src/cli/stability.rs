@@ -3,8 +3,9 @@
 use super::{print_result, say};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::measure::stability::{Case, Row, Status, all, counted, markdown, run as run_cases};
-use crate::measure::writers::{csv, json};
+use crate::measure::stability::{Case, Row, Status, all, run as run_cases};
+use crate::report::stability::{counted, markdown};
+use crate::report::writers::{csv, json};
 use crate::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::render::Renderer;
 use crate::shadow::{parse_list, spec};

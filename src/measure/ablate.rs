@@ -2,7 +2,6 @@
 
 use super::compare::{Job, SLOW_FRAME_MS, name_of};
 use super::progress::{Progress, Stage, Step};
-use super::report::escape_markdown;
 use super::stats::{Spread, image_difference};
 use super::timing::{ClockSource, StageTimes, Timing, Turns, interleave};
 use crate::error::{Error, Result};
@@ -180,42 +179,4 @@ fn run(job: &Job, method: &dyn Method, forced: Forced) -> Result<Run> {
         bytes: report.bytes + transfer.bytes + march.map_or(0, |t| t.bytes),
         picture,
     })
-}
-
-/// The rows for reading: each figure without the work, and with it.
-pub fn markdown(rows: &[Ablation]) -> String {
-    let Some(first) = rows.first() else { return "No plan left anything out that can be forced.\n".into() };
-    let clock = first.clock.map_or("", ClockSource::name);
-    let mut out = format!(
-        "Work that the plan left out, and what it takes where it is forced back on. Medians on {}, {clock} clock.\n\n\
-        | scene | method | left out | tables ms | build ms | frame ms | MB | picture differs by |\n\
-        | --- | --- | --- | ---: | ---: | ---: | ---: | ---: |\n",
-        first.adapter
-    );
-    let pair = |a: Option<f64>, b: Option<f64>, digits: usize| {
-        let text = |v: Option<f64>| v.map_or("?".into(), |v| format!("{v:.digits$}"));
-        format!("{} → {}", text(a), text(b))
-    };
-    let megabytes = |bytes: Option<u64>| bytes.map(|b| b as f64 * 1e-6);
-    for row in rows {
-        let what = match row.omission {
-            "" => String::new(),
-            name => format!("{name}: {} ({})", row.what, row.why),
-        };
-        out += &format!(
-            "| {} | {} | {} | {} | {} | {} | {} | {} |\n",
-            escape_markdown(&row.scene),
-            escape_markdown([&*row.method, &*row.params].join(" ").trim_end()),
-            escape_markdown(&what),
-            pair(row.tables_ms, row.tables_ms_forced, 1),
-            pair(row.build_ms, row.build_ms_forced, 1),
-            pair(row.frame_ms, row.frame_ms_forced, 1),
-            pair(megabytes(row.bytes), megabytes(row.bytes_forced), 2),
-            row.picture_difference.map_or_else(
-                || escape_markdown(&row.note),
-                |d| if d == 0.0 { "0".into() } else { format!("{d:.0e}") }
-            ),
-        );
-    }
-    out
 }

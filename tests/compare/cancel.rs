@@ -8,7 +8,7 @@ use umbravox::error::Result;
 use umbravox::gpu::Gpu;
 use umbravox::measure::compare::{Effort, name_of};
 use umbravox::measure::journal::{JOURNAL, Journal};
-use umbravox::measure::make::{Made, Order, Subject, make};
+use umbravox::report::make::{Made, Order, Subject, make};
 use umbravox::measure::progress::{Progress, Stage, Status, Watch};
 use umbravox::measure::table::Row;
 use umbravox::render::{Forced, Renderer};

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::measure::compare::Effort;
 use crate::measure::journal::Journal;
-use crate::measure::make::{Files, Order, Subject, make, scene_name};
+use crate::report::make::{Files, Order, Subject, make, scene_name};
 use crate::measure::progress::{Progress, Stage, Status, Watch};
 use crate::measure::table::Row;
 use crate::output::prepare_output_dir;

@@ -3,7 +3,7 @@
 use super::DECADES;
 use crate::app::App;
 use crate::measure::error_map::Quantity;
-use crate::measure::heat::inferno;
+use crate::report::heat::inferno;
 use eframe::egui::{self, Align2, Color32, FontId, Rect, pos2, vec2};
 use std::sync::Arc;
 

@@ -9,11 +9,11 @@
 mod cases;
 mod fields;
 mod judge;
-mod report;
+mod row;
 
 pub use cases::{Case, Concerns, ORDINARY, all};
 pub use judge::{Findings, Status};
-pub use report::{Row, counted, markdown};
+pub use row::Row;
 
 use super::band::{Band, BandReport, Sanity};
 use super::errors::{RayTest, meets_extinction};

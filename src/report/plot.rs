@@ -13,7 +13,7 @@ mod label;
 mod style;
 
 use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, WHITE, encode_png, text_width};
-use super::table::Row;
+use crate::measure::table::Row;
 use crate::error::Result;
 use crate::output::write_whole;
 use axis::{LogAxis, Notation};
@@ -347,7 +347,7 @@ fn shorten(mut text: String, size: f64, width: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::tests::sample_rows;
+    use crate::measure::table::tests::sample_rows;
     use super::style::STYLES;
     use super::*;
 

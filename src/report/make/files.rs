@@ -1,10 +1,11 @@
 //! What a table is written with besides itself and the report: plots, pictures and what omissions are worth.
 
-use super::super::ablate::{self, Ablation};
-use super::super::compare::{Compared, file_name_part};
+use super::super::ablation;
+use crate::measure::ablate::Ablation;
+use crate::measure::compare::{Compared, file_name_part};
 use super::super::heat::{round_max, write_heat_map};
 use super::super::plot::write_plots;
-use super::super::table::Row;
+use crate::measure::table::Row;
 use super::super::writers;
 use crate::error::Result;
 use crate::output::write_whole;
@@ -59,7 +60,7 @@ pub fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBu
 
 /// Writes what omissions are worth: every column as CSV and JSON, and a table for reading; returns the paths.
 pub fn write_ablations(rows: &[Ablation], folder: &Path) -> Result<Vec<PathBuf>> {
-    let markdown = ablate::markdown(rows).into_bytes();
+    let markdown = ablation::markdown(rows).into_bytes();
     let files = [("csv", writers::csv(rows)?), ("json", writers::json(rows)?.into_bytes()), ("md", markdown)];
     let write = |(extension, bytes): (&str, Vec<u8>)| {
         let path = folder.join(format!("ablation.{extension}"));

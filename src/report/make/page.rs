@@ -1,12 +1,12 @@
 //! `report.html`: what the report needs beyond the rows.
 
-use super::super::compare::{Compared, Comparison, Job};
-use super::super::facts::REVISION;
+use crate::measure::compare::{Compared, Comparison, Job};
+use crate::measure::facts::REVISION;
 use super::super::heat::{heat_map_png, round_max};
 use super::super::html::{Conditions, Entry, write_report};
-use super::super::progress::Progress;
-use super::super::stats::image_difference;
-use super::super::table::Row;
+use crate::measure::progress::Progress;
+use crate::measure::stats::image_difference;
+use crate::measure::table::Row;
 use crate::error::Result;
 use crate::output::picture_png;
 use crate::shadow::{Method, NodeMap, ShadowRays, parse};

@@ -1,7 +1,7 @@
 //! False-colour pictures of errors, with a legend.
 
 use super::canvas::{Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, encode_png, text_width};
-use super::report::significant;
+use super::tables::significant;
 use crate::error::Result;
 use crate::output::write_whole;
 use image::{Rgb, RgbImage, imageops};

@@ -1,6 +1,6 @@
 //! What is written beside the points, and where.
 
-use crate::measure::canvas::{Point, Rect};
+use crate::report::canvas::{Point, Rect};
 use crate::measure::table::Row;
 
 /// A row's setting in as few words as tell it from the other rows of its method: the parameters that differ among

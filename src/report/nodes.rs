@@ -4,7 +4,7 @@
 use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png};
 use super::heat::{false_colour, with_legend};
 use super::plot::axis::LinearAxis;
-use super::report::significant;
+use super::tables::significant;
 use crate::error::Result;
 use crate::shadow::NodeMap;
 use image::imageops;
@@ -131,7 +131,7 @@ fn bars(histogram: &[u64]) -> (Vec<f64>, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::heat::inferno;
+    use crate::report::heat::inferno;
     use ndarray::{Array2, arr2};
 
     fn sample() -> NodeMap {

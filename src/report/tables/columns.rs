@@ -1,6 +1,6 @@
 //! The columns of the readable tables.
 
-use super::super::table::Row;
+use crate::measure::table::Row;
 use super::significant;
 
 /// A column of the readable tables.

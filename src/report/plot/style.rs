@@ -1,6 +1,6 @@
 //! A method's colour and marker, the same in every figure.
 
-use crate::measure::canvas::{Drawing, Point, Rgb, WHITE};
+use crate::report::canvas::{Drawing, Point, Rgb, WHITE};
 use crate::measure::table::Row;
 
 /// Radius of a marker in points.

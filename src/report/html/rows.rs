@@ -1,7 +1,7 @@
 //! The sortable table: every column of the rows.
 
 use super::escape;
-use crate::measure::report::significant;
+use crate::report::tables::significant;
 use crate::measure::table::{COLUMNS, Cell, Row};
 
 /// Texts longer than this get a wide column instead of a tall row.

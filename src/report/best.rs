@@ -4,7 +4,7 @@
 //! row with the smallest `point_err_rms` is best, whatever its method; of equally close ones the one that needs
 //! less.
 
-use super::table::Row;
+use crate::measure::table::Row;
 
 /// Whose rows set the budgets.
 pub const BUDGET_METHOD: &str = "dsm";

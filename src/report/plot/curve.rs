@@ -7,7 +7,7 @@ use super::axis::{LinearAxis, Tick};
 use super::style::{DASHES, Family, families, marker};
 use super::{GREY, GRID, SMALL, TEXT, TITLE, shorten};
 use crate::error::Result;
-use crate::measure::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png, text_width};
+use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png, text_width};
 use crate::measure::light_curve::{LightCurve, MethodCurve};
 use crate::measure::table::Row;
 

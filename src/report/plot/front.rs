@@ -1,7 +1,7 @@
 //! The Pareto front of what a panel shows, and its staircase.
 
 use super::Datum;
-use crate::measure::canvas::{Point, Rect};
+use crate::report::canvas::{Point, Rect};
 
 /// Rows that no other is at once cheaper than and closer than, by the cost and the error shown, cheapest first.
 pub fn front(data: &[Datum]) -> Vec<usize> {

@@ -9,7 +9,7 @@ mod rows;
 
 use super::nodes::{histogram_svg, summary, tile_png};
 use super::plot::{error_bytes_svg, error_time_svg};
-use super::table::Row;
+use crate::measure::table::Row;
 use crate::error::Result;
 use crate::output::write_whole;
 use crate::shadow::NodeMap;
@@ -170,14 +170,14 @@ fn inline(svg: &str, about: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::tests::sample_rows;
+    use crate::measure::table::tests::sample_rows;
     use super::*;
     use ndarray::{Array2, arr2};
 
     const EVIL: &str = "<script>alert(\"x\")</script> & 'y'";
 
     fn entries() -> Vec<Entry> {
-        let png = |side: u32| crate::measure::canvas::encode_png(&image::RgbImage::new(side, side)).unwrap();
+        let png = |side: u32| crate::report::canvas::encode_png(&image::RgbImage::new(side, side)).unwrap();
         let mut entries: Vec<Entry> =
             sample_rows().into_iter().map(|row| Entry { row, ..Entry::default() }).collect();
         entries[0].picture_png = Some(png(3));

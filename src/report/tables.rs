@@ -3,8 +3,8 @@
 mod columns;
 
 use super::best::{BUDGET_METHOD, Best, Held, best_within};
-use super::table::{Row, csv};
-use super::writers::json;
+use super::writers::{json, table_csv};
+use crate::measure::table::Row;
 use crate::error::Result;
 use crate::output::write_whole;
 use columns::{CAPTION_COLUMNS, SHOWN, Shown};
@@ -163,7 +163,7 @@ pub fn latex(rows: &[Row]) -> String {
 /// A file that cannot be written.
 pub fn write_tables(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
     let files = [
-        ("csv", csv(rows)?),
+        ("csv", table_csv(rows)?),
         ("json", json(rows)?.into_bytes()),
         ("md", markdown(rows).into_bytes()),
         ("tex", latex(rows).into_bytes()),
@@ -282,7 +282,7 @@ fn latex_number(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::tests::sample_rows;
+    use crate::measure::table::tests::sample_rows;
     use super::*;
 
     #[test]

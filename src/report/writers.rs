@@ -1,0 +1,104 @@
+//! Rows of any kind as CSV and JSON.
+
+use crate::error::{Error, Result};
+use crate::measure::table::{COLUMNS, Cell, Row};
+use serde::Serialize;
+use std::fmt;
+
+/// Every column of all rows with a header line; what was not measured is empty.
+///
+/// # Errors
+/// The writer's own, which memory does not give.
+pub fn csv<T: Serialize>(rows: &[T]) -> Result<Vec<u8>> {
+    let failed = |e: &dyn fmt::Display| Error::runtime("cannot write table", "CSV", e);
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for row in rows {
+        writer.serialize(row).map_err(|e| failed(&e))?;
+    }
+    writer.into_inner().map_err(|e| failed(&e))
+}
+
+/// The same as a JSON array of objects, keys in the order of the fields: what was not measured is `null`, and so is an
+/// infinite value, which JSON has not, such as the PSNR of identical pictures.
+///
+/// # Errors
+/// The writer's own, which memory does not give.
+pub fn json<T: Serialize>(rows: &[T]) -> Result<String> {
+    let text =
+        serde_json::to_string_pretty(rows).map_err(|e| Error::runtime("cannot write table", "JSON", e))?;
+    Ok(text + "\n")
+}
+
+/// All columns of all rows as CSV with a header line: empty cells are empty, flags `yes` or `no`, reals in the
+/// fewest digits that read back as the same number (`inf` for an infinite one).
+///
+/// # Errors
+/// The writer's own, which memory does not give.
+pub fn table_csv(rows: &[Row]) -> Result<Vec<u8>> {
+    let failed = |e: &dyn fmt::Display| Error::runtime("cannot write table", "CSV", e);
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(COLUMNS).map_err(|e| failed(&e))?;
+    for row in rows {
+        writer.write_record(row.cells().iter().map(Cell::to_string)).map_err(|e| failed(&e))?;
+    }
+    writer.into_inner().map_err(|e| failed(&e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::table::tests::sample_rows;
+
+    #[test]
+    fn csv_reads_back_to_the_same_values() {
+        let mut rows = sample_rows();
+        rows[0].point_err_max = Some(0.1 + 0.2);
+        rows[0].point_err_p99 = Some(5e-324);
+        rows[0].image_rmse = Some(1.0 / 3.0);
+        let written = table_csv(&rows).unwrap();
+        let mut reader = csv::Reader::from_reader(written.as_slice());
+        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), COLUMNS);
+        let records: Vec<_> = reader.records().map(|r| r.unwrap()).collect();
+        assert_eq!(records.len(), rows.len());
+        for (record, row) in records.iter().zip(&rows) {
+            for ((text, cell), column) in record.iter().zip(row.cells()).zip(COLUMNS) {
+                let same = match cell {
+                    Cell::Empty => text.is_empty(),
+                    Cell::Text(t) => text == t,
+                    Cell::Integer(n) => text.parse() == Ok(n),
+                    Cell::Real(x) => text.parse::<f64>().is_ok_and(|y| y.to_bits() == x.to_bits()),
+                    Cell::Flag(yes) => text == if yes { "yes" } else { "no" },
+                };
+                assert!(same, "{column}: {text}");
+            }
+        }
+        let column = |name: &str| COLUMNS.iter().position(|c| *c == name).unwrap();
+        let held: Vec<&str> = records.iter().map(|r| &r[column("bound_held")]).collect();
+        assert_eq!(held, ["", "", "yes", "", ""]);
+        assert_eq!(&records[1][column("image_psnr")], "inf");
+        assert_eq!(&records[2][column("left_out")], rows[2].left_out);
+    }
+
+    #[test]
+    fn json_holds_the_same_rows_in_the_same_order() {
+        let rows = sample_rows();
+        let text = json(&rows).unwrap();
+        let parsed: Vec<serde_json::Map<String, serde_json::Value>> = serde_json::from_str(&text).unwrap();
+        for (object, row) in parsed.iter().zip(&rows) {
+            assert_eq!(object.len(), COLUMNS.len());
+            for (cell, column) in row.cells().into_iter().zip(COLUMNS) {
+                let value = &object[*column];
+                match cell {
+                    Cell::Empty => assert!(value.is_null(), "{column}"),
+                    Cell::Text(t) => assert_eq!(value, &t),
+                    Cell::Integer(n) => assert_eq!(value, &n),
+                    Cell::Real(x) if x.is_infinite() => assert!(value.is_null(), "{column}"),
+                    Cell::Real(x) => assert_eq!(value, &x),
+                    Cell::Flag(yes) => assert_eq!(value, &yes),
+                }
+            }
+        }
+        let places: Vec<_> = COLUMNS.iter().map(|c| text.find(&format!("\"{c}\":")).unwrap()).collect();
+        assert!(places.is_sorted());
+    }
+}
