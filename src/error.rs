@@ -77,7 +77,7 @@ impl Error {
         self
     }
 
-    /// The process exit status that CONTRACT section 3 asks for.
+    /// The process exit status: 2 where the input or the command line is at fault, 1 for all else.
     pub fn exit_status(&self) -> u8 {
         match self.fault {
             Fault::Input => 2,

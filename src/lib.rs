@@ -14,14 +14,11 @@
 #[cfg(feature = "gui")]
 pub mod app;
 pub mod cli;
-pub mod color;
 pub mod error;
 pub mod exact;
+pub mod files;
 pub mod gpu;
-pub mod input;
-pub mod loading;
 pub mod measure;
-pub mod output;
 pub mod render;
 pub mod report;
 pub mod scene;

@@ -38,7 +38,7 @@ impl Camera {
         Self { eye: center + away * distance, target: center, up, fov_deg }
     }
 
-    /// The orthonormal frame of CONTRACT section 1.
+    /// The orthonormal frame: `forward` towards the target, `right` and `up` of the picture.
     pub fn frame(&self) -> CameraFrame {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(self.up).normalize();
@@ -98,7 +98,7 @@ impl Default for Light {
     }
 }
 
-/// The shading factor `f` of CONTRACT section 1.
+/// The factor on light that reaches a point: 1, or by the angle between the light and the gradient of the value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Shading {
@@ -137,7 +137,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The defaults of CONTRACT section 3, framing `volume`.
+    /// What every command starts from where nothing is asked for, framing `volume`.
     pub fn framing(volume: &Volume) -> Self {
         Self {
             camera: Camera::framing(volume, DVec3::Z, Camera::DEFAULT_FOV_DEG),

@@ -6,9 +6,9 @@ use cli::{refused, umbravox};
 use ndarray::Array3;
 use ndarray_npy::ReadNpyExt;
 use std::path::Path;
-use umbravox::color::{parse_hex, srgb8_from_linear};
+use umbravox::files::color::{parse_hex, srgb8_from_linear};
+use umbravox::files::picture::read_exr;
 use umbravox::gpu::Gpu;
-use umbravox::output::read_exr;
 
 const BACKGROUND: &str = "#4080c0";
 

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use umbravox::loading::{Loading, Progress, Stage};
+use umbravox::files::loading::{Loading, ReadingProgress, ReadingStage};
 use umbravox::strands::{StrandSet, write_hair};
 use umbravox::volume::{Histogram, VolumeSpec, load, load_with, write_nifti};
 
@@ -41,7 +41,10 @@ fn spec(source: &str) -> VolumeSpec {
 }
 
 /// What a window does: everything but the picture, watched from another thread.
-fn watched(source: &str, mut each: impl FnMut(&Loading, Progress)) -> (umbravox::Result<u64>, Arc<Loading>) {
+fn watched(
+    source: &str,
+    mut each: impl FnMut(&Loading, ReadingProgress),
+) -> (umbravox::Result<u64>, Arc<Loading>) {
     let loading = Arc::new(Loading::default());
     let (theirs, spec) = (Arc::clone(&loading), spec(source));
     let thread = std::thread::spawn(move || {
@@ -62,10 +65,14 @@ fn the_share_rises_to_one_and_the_volume_is_the_same() {
         files(dir.path(), 120).iter().map(|p| p.to_str().unwrap().to_owned()).collect();
     sources.extend(["phantom:thorax:96", "phantom:shell:96", "phantom:hair-fur:30000"].map(String::from));
     for source in sources {
-        let mut seen = vec![Progress::default()];
+        let mut seen = vec![ReadingProgress::default()];
         let (voxels, loading) = watched(&source, |_, progress| seen.push(progress));
         assert!(seen.windows(2).all(|w| w[0].share <= w[1].share), "{source}: {seen:?}");
-        assert_eq!(loading.progress(), Progress { stage: Stage::Counting, share: 1.0 }, "{source}");
+        assert_eq!(
+            loading.progress(),
+            ReadingProgress { stage: ReadingStage::Counting, share: 1.0 },
+            "{source}"
+        );
         let plain = load(&spec(&source)).unwrap();
         assert_eq!(voxels.unwrap(), plain.dims().iter().map(|n| *n as u64).product::<u64>(), "{source}");
         let again = load_with(&spec(&source), &Loading::default()).unwrap();
@@ -83,7 +90,11 @@ fn a_packed_file_is_as_far_as_its_packed_bytes() {
     std::fs::write(&half, &bytes[..bytes.len() / 2]).unwrap();
     let loading = Loading::default();
     assert!(load_with(&spec(half.to_str().unwrap()), &loading).is_err());
-    assert_eq!(loading.progress(), Progress { stage: Stage::Unpacking, share: 0.85 }, "all of it was read");
+    assert_eq!(
+        loading.progress(),
+        ReadingProgress { stage: ReadingStage::Unpacking, share: 0.85 },
+        "all of it was read"
+    );
     // Followed by as much again that is never looked at, the voxels are the first half.
     let mut more = std::fs::File::options().append(true).open(&path).unwrap();
     more.write_all(&noise(bytes.len())).unwrap();

@@ -5,8 +5,8 @@ use ndarray::{Array2, arr2};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use umbravox::report::html::{Conditions, Entry, html};
 use umbravox::measure::table::Row;
+use umbravox::report::html::{Conditions, Entry, html};
 use umbravox::shadow::NodeMap;
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];

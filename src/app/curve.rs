@@ -1,6 +1,6 @@
 //! Edits of a transfer function as a person makes them: every result is a function that its file could hold.
 
-use crate::color;
+use crate::files::color;
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
 use std::sync::Arc;
 

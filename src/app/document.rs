@@ -2,9 +2,9 @@
 
 use super::method_choice::MethodChoice;
 use super::open::{Beginning, Opened};
-use crate::color;
 use crate::error::Result;
-use crate::output::write_whole;
+use crate::files::color;
+use crate::files::output::write_whole;
 use crate::scene::{Light, Scene, Shading, Skip};
 use crate::transfer::{TransferFunction, presets};
 use crate::volume::{Histogram, Volume, VolumeSpec};

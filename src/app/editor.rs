@@ -5,7 +5,7 @@ mod paint;
 use super::curve::{AmountAxis, Edit, top_of};
 use super::prompt::Purpose;
 use super::{App, grips};
-use crate::color;
+use crate::files::color;
 use crate::transfer::Quantity;
 use eframe::egui::{self, Color32, FontId, Rect, Sense, Stroke, pos2, vec2};
 use eframe::egui_wgpu::RenderState;

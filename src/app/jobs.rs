@@ -5,7 +5,7 @@ use super::method_choice::MethodChoice;
 use super::worker::{Event, Speaker};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::output::{Backdrop, write_picture_as};
+use crate::files::picture::{Backdrop, write_picture_as};
 use crate::render::Work;
 use crate::scene::{Light, Scene};
 use crate::transfer::TransferFunction;

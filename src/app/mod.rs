@@ -51,8 +51,8 @@ pub use window::{Start, run};
 pub use worker::{Frame, Side};
 
 use crate::error::{Error, Result};
+use crate::files::picture::Backdrop;
 use crate::gpu::{DeviceLoss, Gpu};
-use crate::output::Backdrop;
 use crate::scene::{Camera, Scene};
 use crate::transfer::TransferFunction;
 use curve::{Edit, History};
@@ -276,7 +276,7 @@ impl App {
     /// Draws and writes a picture of any size, away from the window, with or without its background.
     pub fn export(&mut self, path: &Path, [width, height]: [u32; 2], backdrop: Backdrop) {
         let Some(document) = &self.document else { return };
-        if let Err(e) = crate::output::check_output(path, crate::output::PICTURE_EXTENSIONS) {
+        if let Err(e) = crate::files::output::check_output(path, crate::files::picture::PICTURE_EXTENSIONS) {
             return self.fail(&e);
         }
         // What is to go over another background is drawn over black: nothing has to be taken away again.

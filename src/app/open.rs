@@ -4,7 +4,7 @@ use super::Document;
 use super::worker::{Job, Worker};
 use crate::cli::scene_args::{SceneArgs, SceneRequest};
 use crate::error::{Error, Result};
-use crate::loading::{Loading, Progress};
+use crate::files::loading::{Loading, ReadingProgress};
 use crate::scene::{Light, Scene};
 use crate::transfer::TransferFunction;
 use crate::transfer::presets;
@@ -108,7 +108,7 @@ impl Opening {
         self.since.elapsed()
     }
 
-    pub fn progress(&self) -> Progress {
+    pub fn progress(&self) -> ReadingProgress {
         self.loading.progress()
     }
 

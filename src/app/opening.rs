@@ -5,7 +5,7 @@ use super::method_choice::MethodChoice;
 use super::open::{Beginning, Opened, Opening, With};
 use super::strands_panel::StrandsState;
 use super::{App, Document, window};
-use crate::loading::Loading;
+use crate::files::loading::Loading;
 use crate::volume::VolumeSpec;
 use eframe::egui::{self, Rect, vec2};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Asking for a path: typed, or chosen in the system's dialog.
 
 use super::App;
-use crate::output::Backdrop;
+use crate::files::picture::Backdrop;
 use eframe::egui;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};

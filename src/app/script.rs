@@ -18,8 +18,8 @@
 
 use super::App;
 use crate::error::{Error, Result};
-use crate::input::read_text;
-use crate::output::write_whole;
+use crate::files::input::read_text;
+use crate::files::output::write_whole;
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, pos2};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};

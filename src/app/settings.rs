@@ -3,7 +3,7 @@
 use super::camera::Orbit;
 use super::curve::AmountAxis;
 use super::flicker;
-use crate::output::write_whole;
+use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::env;
 use std::path::PathBuf;

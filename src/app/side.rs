@@ -4,7 +4,7 @@ use super::App;
 use super::camera::{self, AXIS_VIEWS, Orbit};
 use super::document::{name_of, settled_direction};
 use super::method_choice::MethodChoice;
-use crate::color;
+use crate::files::color;
 use crate::scene::{Light, Shading};
 use crate::shadow::{Key, METHODS};
 use eframe::egui::{self, Color32, Sense, Stroke, vec2};

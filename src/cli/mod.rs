@@ -52,7 +52,7 @@ enum Command {
     View(Box<view::ViewArgs>),
 }
 
-/// Runs a command line, program name first; prints what went wrong and gives the exit status of CONTRACT section 3.
+/// Runs a command line, program name first; prints what went wrong and gives the exit status: 0, or that of the error.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let args: Vec<OsString> = args.into_iter().collect();
     let result = match Cli::try_parse_from(&args) {

@@ -1,7 +1,7 @@
 //! `umbravox phantom`: a built-in volume or strand set as a file.
 
 use crate::error::Result;
-use crate::output::check_output;
+use crate::files::output::check_output;
 use crate::strands::{HAIR_EXTENSIONS, StrandSet, write_hair};
 use crate::volume::{NIFTI_EXTENSIONS, Phantom, write_nifti};
 use clap::Args;

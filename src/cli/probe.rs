@@ -6,7 +6,7 @@ use super::scene_args::SceneArgs;
 use super::{Loaded, load, print_result, values};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::input::read_text;
+use crate::files::input::read_text;
 use crate::render::Session;
 use clap::Args;
 use glam::DVec3;

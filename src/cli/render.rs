@@ -3,8 +3,9 @@
 use super::scene_args::SceneArgs;
 use super::{Loaded, print_result};
 use crate::error::{Error, Result};
+use crate::files::output::check_output;
+use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_as};
 use crate::gpu::Clock;
-use crate::output::{Backdrop, PICTURE_EXTENSIONS, check_output, write_picture_as};
 use crate::render::{Omission, Picture, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};

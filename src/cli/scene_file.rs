@@ -3,7 +3,7 @@
 use super::error::{self, Refusal};
 use super::scene_args::SceneArgs;
 use crate::error::{Error, Result};
-use crate::input::read_text;
+use crate::files::input::read_text;
 use clap::{ArgAction, CommandFactory, FromArgMatches, Parser};
 use std::path::Path;
 use toml::Value;

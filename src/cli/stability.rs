@@ -2,12 +2,12 @@
 
 use super::{print_result, say};
 use crate::error::{Error, Result};
+use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
 use crate::measure::stability::{Case, Row, Status, all, run as run_cases};
+use crate::render::Renderer;
 use crate::report::stability::{counted, markdown};
 use crate::report::writers::{csv, json};
-use crate::output::{check_output_dir, prepare_output_dir, write_whole};
-use crate::render::Renderer;
 use crate::shadow::{parse_list, spec};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};

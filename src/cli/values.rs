@@ -1,7 +1,7 @@
 //! Values of flags: text to typed, or why not, in one line.
 
-use crate::color;
 use crate::error::Error;
+use crate::files::color;
 use crate::render::Forced;
 use crate::scene::Light;
 use crate::volume::RawLayout;

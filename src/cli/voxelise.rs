@@ -2,7 +2,7 @@
 
 use super::{print_result, say};
 use crate::error::{Error, Result};
-use crate::output::check_output;
+use crate::files::output::check_output;
 use crate::scene::Light;
 use crate::strands::cylinders::{AgainstCylinders, MAX_BEAMS, against_cylinders};
 use crate::strands::{Conservation, Kernel, StrandFlags, StrandVolume, Strands, is_strand_source};

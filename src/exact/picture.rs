@@ -1,4 +1,5 @@
-//! The exact picture, for small sizes: CONTRACT section 1 with an exact shadow ray at every node of an adaptive rule.
+//! The exact picture, for small sizes: `C = ∫ T_eye sigma c (ambient + (1 - ambient) T_light) dt + T_eye background`
+//! along each pixel's ray, with an exact shadow ray at every node of an adaptive rule.
 
 use super::ExactField;
 use crate::error::{Error, Result};

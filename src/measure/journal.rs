@@ -7,7 +7,7 @@
 use super::table::Row;
 use super::timing::StageTimes;
 use crate::error::{Error, Result};
-use crate::output::{read_exr, write_picture};
+use crate::files::picture::{read_exr, write_picture};
 use crate::render::Omission;
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! What a viewer would see of the difference between two pictures.
 
-use crate::color::srgb_from_linear;
 use crate::error::{Error, Result};
+use crate::files::color::srgb_from_linear;
 use iqa::{Image, Srgb16, SsimOptions};
 use ndarray::ArrayView3;
 
@@ -35,7 +35,7 @@ pub fn ssim(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Result<Opti
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::color::linear_from_srgb;
+    use crate::files::color::linear_from_srgb;
     use ndarray::Array3;
 
     /// A picture from sRGB-encoded values in `[0, 1]`.

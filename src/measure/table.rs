@@ -13,8 +13,7 @@ use std::fmt;
 macro_rules! columns {
     ($($(#[$doc:meta])* $name:ident: $t:ty,)*) => {
         /// One method and setting. The fields are the columns, in the order in which every writer puts them:
-        /// those of CONTRACT section 4 in its order, each with what belongs to it right after it, and last on what and
-        /// by what the row was measured.
+        /// each main one with what belongs to it right after it, and last on what and by what the row was measured.
         #[derive(Debug, Clone, PartialEq, Default, Serialize)]
         pub struct Row {
             $($(#[$doc])* pub $name: $t,)*

@@ -3,7 +3,7 @@
 use super::canvas::{Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, encode_png, text_width};
 use super::tables::significant;
 use crate::error::Result;
-use crate::output::write_whole;
+use crate::files::output::write_whole;
 use image::{Rgb, RgbImage, imageops};
 use ndarray::Array2;
 use std::path::Path;

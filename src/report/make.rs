@@ -4,13 +4,13 @@
 mod files;
 mod page;
 
+use super::tables::write_tables;
+use crate::error::{Error, Result};
 use crate::measure::ablate::{self, Ablation};
 use crate::measure::compare::{Comparison, Effort, Job, compare, file_name_part, steps};
 use crate::measure::facts::Facts;
 use crate::measure::journal::Journal;
 use crate::measure::progress::Progress;
-use super::tables::write_tables;
-use crate::error::{Error, Result};
 use crate::render::{Forced, Renderer, Session};
 use crate::scene::Scene;
 use crate::shadow::Method;

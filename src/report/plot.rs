@@ -13,9 +13,9 @@ mod label;
 mod style;
 
 use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, WHITE, encode_png, text_width};
-use crate::measure::table::Row;
 use crate::error::Result;
-use crate::output::write_whole;
+use crate::files::output::write_whole;
+use crate::measure::table::Row;
 use axis::{LogAxis, Notation};
 use cost::Cost;
 use front::{front, staircase};
@@ -347,9 +347,9 @@ fn shorten(mut text: String, size: f64, width: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::measure::table::tests::sample_rows;
     use super::style::STYLES;
     use super::*;
+    use crate::measure::table::tests::sample_rows;
 
     #[test]
     fn svg_names_scene_adapter_units_methods_and_settings() {

@@ -4,9 +4,9 @@ mod columns;
 
 use super::best::{BUDGET_METHOD, Best, Held, best_within};
 use super::writers::{json, table_csv};
-use crate::measure::table::Row;
 use crate::error::Result;
-use crate::output::write_whole;
+use crate::files::output::write_whole;
+use crate::measure::table::Row;
 use columns::{CAPTION_COLUMNS, SHOWN, Shown};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -282,8 +282,8 @@ fn latex_number(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::measure::table::tests::sample_rows;
     use super::*;
+    use crate::measure::table::tests::sample_rows;
 
     #[test]
     fn significant_digits() {

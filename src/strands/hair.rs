@@ -9,8 +9,8 @@
 
 use super::{Attribute, Flaw, Part, StrandArrays, Strands};
 use crate::error::{Error, Result};
-use crate::loading::{Loading, Stage, Watched};
-use crate::output::{check_output, write_whole};
+use crate::files::loading::{Loading, ReadingStage, Watched};
+use crate::files::output::{check_output, write_whole};
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::Path;
@@ -108,7 +108,7 @@ pub fn read_hair(path: &Path) -> Result<Strands> {
 
 /// As [`read_hair`], watched and ended early through `loading`.
 pub(super) fn read_hair_with(path: &Path, loading: &Loading) -> Result<Strands> {
-    loading.begin(Stage::ReadingStrands);
+    loading.begin(ReadingStage::ReadingStrands);
     let at = |byte: u64, why: String| Error::input(WHAT, format!("{}: byte {byte}", path.display()), why);
     let refuse = |e: io::Error| Error::input(WHAT, path.display(), e);
     // Asked before it is opened: a pipe would wait for a writer for ever.

@@ -5,7 +5,7 @@ use super::{
     Conservation, DEFAULT_RESOLUTION, HAIR_EXTENSIONS, Kernel, StrandGrid, StrandSet, Strands, voxelise_with,
 };
 use crate::error::{Error, Result};
-use crate::loading::Loading;
+use crate::files::loading::Loading;
 use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
 use clap::Args;
 use ndarray::Array3;

@@ -7,7 +7,7 @@
 use super::random::Chance;
 use super::{Attribute, StrandArrays, Strands};
 use crate::error::{Error, Result};
-use crate::loading::{Loading, Stage};
+use crate::files::loading::{Loading, ReadingStage};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -126,7 +126,7 @@ impl StrandSet {
         let strands = segments.div_ceil(each);
         let last = segments - (strands - 1) * each;
         let count = |s: usize| if s + 1 == strands { last } else { each };
-        let pieces = loading.pieces(Stage::ReadingStrands, strands);
+        let pieces = loading.pieces(ReadingStage::ReadingStrands, strands);
         let grow = |s: usize| {
             if pieces.is_cancelled() {
                 return Vec::new();

@@ -17,7 +17,7 @@
 use super::walk::{Cells, Line};
 use super::{StrandGrid, Strands};
 use crate::error::{Error, Result};
-use crate::loading::{Loading, Stage};
+use crate::files::loading::{Loading, ReadingStage};
 use rayon::prelude::*;
 
 /// How a segment's length is shared among voxels.
@@ -86,7 +86,7 @@ pub fn voxelise_with(
     let per_mm3 = 1.0 / grid.voxel_mm3();
     let reach = chunk_reach(strands, grid);
     let slabs = nz.div_ceil(planes);
-    let pieces = loading.pieces(Stage::Voxelising, slabs * reach.len().div_ceil(CHUNKS_A_PIECE));
+    let pieces = loading.pieces(ReadingStage::Voxelising, slabs * reach.len().div_ceil(CHUNKS_A_PIECE));
     values.par_chunks_mut(planes * nx * ny).enumerate().for_each_init(Vec::new, |sums, (slab, out)| {
         let first = slab * planes;
         let mut target = Slab::new(grid, kernel, first, first + out.len() / (nx * ny), sums);

@@ -1,10 +1,11 @@
-//! The transfer-function file of CONTRACT section 2.
+//! The transfer-function file (`transfer_functions/*.json`): a name, units, `reference_length_mm`, and points by
+//! non-decreasing value, each with either an opacity or an extinction and a colour `#rrggbb`.
 
 use super::{ControlPoint, Quantity, TransferFunction};
-use crate::color;
 use crate::error::{Error, Result};
-use crate::input::read_text;
-use crate::output::write_whole;
+use crate::files::color;
+use crate::files::input::read_text;
+use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use super::{Volume, Voxel, Voxels};
 use crate::error::Result;
-use crate::loading::{Loading, Stage};
+use crate::files::loading::{Loading, ReadingStage};
 use crate::with_voxels;
 use rayon::prelude::*;
 
@@ -44,7 +44,7 @@ impl Histogram {
         let per_value = bins as f64 / (range[1] - range[0]).max(f64::MIN_POSITIVE);
         let bin_of = |value: f64| (((value - range[0]) * per_value) as usize).min(bins - 1);
         let empty = || (vec![0_u64; bins], vec![0.0_f64; bins]);
-        let pieces = loading.pieces(Stage::Counting, nz);
+        let pieces = loading.pieces(ReadingStage::Counting, nz);
         let (counts, gradients) = with_voxels!(volume.voxels(), array => {
             let values = array.as_slice().unwrap_or_default();
             (0..nz)

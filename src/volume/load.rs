@@ -2,7 +2,7 @@
 
 use super::{Phantom, RawLayout, Volume, nifti, raw};
 use crate::error::{Error, Result};
-use crate::loading::Loading;
+use crate::files::loading::Loading;
 use crate::strands::{self, StrandFlags, is_strand_source};
 use std::path::Path;
 

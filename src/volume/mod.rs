@@ -24,7 +24,7 @@ pub use phantom::Phantom;
 pub use raw::RawLayout;
 
 use crate::error::{Error, Result};
-use crate::loading::{Loading, Stage};
+use crate::files::loading::{Loading, ReadingStage};
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -281,7 +281,7 @@ fn finite_range(voxels: &Voxels, loading: &Loading) -> Option<[f64; 2]> {
     fn range<T: Voxel>(values: &[T], loading: &Loading) -> [f64; 2] {
         let join = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
         let empty = [f64::INFINITY, f64::NEG_INFINITY];
-        let pieces = loading.pieces(Stage::Checking, values.len().div_ceil(CHUNK));
+        let pieces = loading.pieces(ReadingStage::Checking, values.len().div_ceil(CHUNK));
         values
             .par_chunks(CHUNK)
             .map(|chunk| {

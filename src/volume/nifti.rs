@@ -1,13 +1,13 @@
 //! NIfTI-1 and NIfTI-2: `.nii`, `.hdr` with `.img`, each plain or gzipped.
 //!
-//! The header is parsed by the `nifti` crate (version 1); the voxels are read here, because the crate allocates what
-//! the header claims before it has seen any data.
+//! Read here and not by the `nifti` crate, which knows version 1 alone and allocates what the header claims before it
+//! has seen any data.
 
 use super::element::{Element, ReadFailure, data_bytes, read_full, read_voxels};
 use super::nifti_header::{self, HEADER_BYTES, Header};
 use super::{Provenance, Volume, Voxels};
 use crate::error::{Error, Result};
-use crate::loading::{Loading, Stage, Watched};
+use crate::files::loading::{Loading, ReadingStage, Watched};
 use flate2::bufread::MultiGzDecoder;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -231,7 +231,7 @@ impl<'a> Source<'a> {
         let bytes = metadata.len();
         let mut file = BufReader::with_capacity(1 << 16, Watched::new(file, bytes, loading));
         let gzipped = file.fill_buf().map_err(io_error)?.starts_with(&[0x1f, 0x8b]);
-        loading.begin(if gzipped { Stage::Unpacking } else { Stage::Reading });
+        loading.begin(if gzipped { ReadingStage::Unpacking } else { ReadingStage::Reading });
         Ok(if gzipped {
             Self::Gzip { stream: Box::new(MultiGzDecoder::new(file)), compressed_bytes: bytes }
         } else {

@@ -4,7 +4,7 @@
 
 use super::{Volume, Voxels};
 use crate::error::{Error, Result};
-use crate::output::{check_output, write_whole};
+use crate::files::output::{check_output, write_whole};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::{self, Write};

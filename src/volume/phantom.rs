@@ -16,7 +16,7 @@
 
 use super::{AffineSource, Provenance, Scaling, Volume, Voxels, thorax};
 use crate::error::{Error, Result};
-use crate::loading::{Loading, Stage};
+use crate::files::loading::{Loading, ReadingStage};
 use crate::strands::StrandSet;
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
@@ -207,7 +207,7 @@ fn cube<T: Copy + Default + Send + Sync>(
 ) -> Array3<T> {
     let mut voxels = Array3::default((size, size, size));
     let planes = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut(size * size);
-    let pieces = loading.pieces(Stage::Building, size);
+    let pieces = loading.pieces(ReadingStage::Building, size);
     planes.enumerate().for_each(|(k, plane)| {
         if pieces.is_cancelled() {
             return;

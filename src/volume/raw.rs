@@ -3,7 +3,7 @@
 use super::element::{ByteOrder, Element, data_bytes, read_voxels};
 use super::{AffineSource, Provenance, Scaling, Volume};
 use crate::error::{Error, Result};
-use crate::loading::{Loading, Stage, Watched};
+use crate::files::loading::{Loading, ReadingStage, Watched};
 use glam::{DAffine3, DVec3};
 use std::fs::File;
 use std::io::{Seek, SeekFrom};
@@ -98,7 +98,7 @@ pub fn read_with(
     offset_bytes: u64,
     loading: &Loading,
 ) -> Result<Volume> {
-    loading.begin(Stage::Reading);
+    loading.begin(ReadingStage::Reading);
     let source = path.display().to_string();
     let refuse = |why: String| Error::input("cannot read raw volume", &source, why);
     let mut warnings = Vec::new();

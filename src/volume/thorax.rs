@@ -5,7 +5,7 @@
 //! order. Every edge is a linear ramp about a voxel wide, as partial volumes make it.
 
 use super::thorax_anatomy::{Shape, shapes};
-use crate::loading::{Loading, Stage};
+use crate::files::loading::{Loading, ReadingStage};
 use glam::{Vec2, Vec3, vec2, vec3};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -32,7 +32,7 @@ pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
 
     let mut voxels = Array3::default((nz, ny, nx));
     let planes = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut(nx * ny);
-    let pieces = loading.pieces(Stage::Building, nz);
+    let pieces = loading.pieces(ReadingStage::Building, nz);
     planes.enumerate().for_each(|(k, plane)| {
         if pieces.is_cancelled() {
             return;

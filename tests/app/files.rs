@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use umbravox::app::Purpose;
 use umbravox::app::curve::Edit;
 use umbravox::cli::load;
-use umbravox::color::srgb8_from_linear;
-use umbravox::output::{Backdrop, read_exr};
+use umbravox::files::color::srgb8_from_linear;
+use umbravox::files::picture::{Backdrop, read_exr};
 use umbravox::render::{Forced, Picture, Session};
 
 /// Draws a scene file as `render --scene` does.

@@ -1,9 +1,9 @@
 //! The table's rows in the window.
 
 use super::super::method_choice::MethodChoice;
+use crate::measure::table::Row;
 use crate::report::best::{Held, best_within};
 use crate::report::tables::{best_at_equal, best_question, significant};
-use crate::measure::table::Row;
 use eframe::egui;
 use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;

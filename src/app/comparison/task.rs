@@ -2,14 +2,14 @@
 
 use super::super::worker::Wake;
 use crate::error::{Error, Result};
+use crate::files::output::prepare_output_dir;
 use crate::gpu::Gpu;
 use crate::measure::compare::Effort;
 use crate::measure::journal::Journal;
-use crate::report::make::{Files, Order, Subject, make, scene_name};
 use crate::measure::progress::{Progress, Stage, Status, Watch};
 use crate::measure::table::Row;
-use crate::output::prepare_output_dir;
 use crate::render::{Forced, Renderer};
+use crate::report::make::{Files, Order, Subject, make, scene_name};
 use crate::scene::Scene;
 use crate::shadow::Method;
 use crate::transfer::TransferFunction;

@@ -2,7 +2,7 @@
 
 use super::super::curve::AmountAxis;
 use crate::app::Settings;
-use crate::color;
+use crate::files::color;
 use crate::transfer::TransferFunction;
 use crate::volume::Histogram;
 use eframe::egui::{self, Color32, FontId, Mesh, Pos2, Rect, Stroke, pos2};

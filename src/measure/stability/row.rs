@@ -3,7 +3,7 @@
 use super::judge::Status;
 use serde::Serialize;
 
-/// One case and method; the fields are the columns of CONTRACT section 5, in order. Where a case has several lights,
+/// One case and method; the fields are the columns, in order. Where a case has several lights,
 /// counts are their sums, and errors and costs those of the worst.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {

@@ -9,9 +9,9 @@ mod rows;
 
 use super::nodes::{histogram_svg, summary, tile_png};
 use super::plot::{error_bytes_svg, error_time_svg};
-use crate::measure::table::Row;
 use crate::error::Result;
-use crate::output::write_whole;
+use crate::files::output::write_whole;
+use crate::measure::table::Row;
 use crate::shadow::NodeMap;
 use escape::{base64, escape};
 use rows::{name, table};
@@ -170,8 +170,8 @@ fn inline(svg: &str, about: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::measure::table::tests::sample_rows;
     use super::*;
+    use crate::measure::table::tests::sample_rows;
     use ndarray::{Array2, arr2};
 
     const EVIL: &str = "<script>alert(\"x\")</script> & 'y'";

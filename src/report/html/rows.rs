@@ -1,8 +1,8 @@
 //! The sortable table: every column of the rows.
 
 use super::escape;
-use crate::report::tables::significant;
 use crate::measure::table::{COLUMNS, Cell, Row};
+use crate::report::tables::significant;
 
 /// Texts longer than this get a wide column instead of a tall row.
 const LONG_TEXT: usize = 80;

@@ -1,14 +1,14 @@
 //! What a table is written with besides itself and the report: plots, pictures and what omissions are worth.
 
 use super::super::ablation;
-use crate::measure::ablate::Ablation;
-use crate::measure::compare::{Compared, file_name_part};
 use super::super::heat::{round_max, write_heat_map};
 use super::super::plot::write_plots;
-use crate::measure::table::Row;
 use super::super::writers;
 use crate::error::Result;
-use crate::output::write_whole;
+use crate::files::output::write_whole;
+use crate::measure::ablate::Ablation;
+use crate::measure::compare::{Compared, file_name_part};
+use crate::measure::table::Row;
 use std::path::{Path, PathBuf};
 
 /// Error against time and against bytes, a drawing of each a scene; returns the paths.

@@ -1,14 +1,14 @@
 //! `report.html`: what the report needs beyond the rows.
 
-use crate::measure::compare::{Compared, Comparison, Job};
-use crate::measure::facts::REVISION;
 use super::super::heat::{heat_map_png, round_max};
 use super::super::html::{Conditions, Entry, write_report};
+use crate::error::Result;
+use crate::files::picture::picture_png;
+use crate::measure::compare::{Compared, Comparison, Job};
+use crate::measure::facts::REVISION;
 use crate::measure::progress::Progress;
 use crate::measure::stats::image_difference;
 use crate::measure::table::Row;
-use crate::error::Result;
-use crate::output::picture_png;
 use crate::shadow::{Method, NodeMap, ShadowRays, parse};
 use ndarray::{Array2, Array3};
 use std::path::{Path, PathBuf};

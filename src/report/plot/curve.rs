@@ -7,9 +7,9 @@ use super::axis::{LinearAxis, Tick};
 use super::style::{DASHES, Family, families, marker};
 use super::{GREY, GRID, SMALL, TEXT, TITLE, shorten};
 use crate::error::Result;
-use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png, text_width};
 use crate::measure::light_curve::{LightCurve, MethodCurve};
 use crate::measure::table::Row;
+use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png, text_width};
 
 const WIDTH: f64 = 1000.0;
 const VALUES: Rect = Rect { left: 96.0, top: 76.0, right: 976.0, bottom: 406.0 };

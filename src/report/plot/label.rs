@@ -1,7 +1,7 @@
 //! What is written beside the points, and where.
 
-use crate::report::canvas::{Point, Rect};
 use crate::measure::table::Row;
+use crate::report::canvas::{Point, Rect};
 
 /// A row's setting in as few words as tell it from the other rows of its method: the parameters that differ among
 /// them (numbers as `key=value`, words as they are), or the method's name where none does.

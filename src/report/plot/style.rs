@@ -1,7 +1,7 @@
 //! A method's colour and marker, the same in every figure.
 
-use crate::report::canvas::{Drawing, Point, Rgb, WHITE};
 use crate::measure::table::Row;
+use crate::report::canvas::{Drawing, Point, Rgb, WHITE};
 
 /// Radius of a marker in points.
 pub const MARKER: f64 = 5.5;

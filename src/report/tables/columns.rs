@@ -1,7 +1,7 @@
 //! The columns of the readable tables.
 
-use crate::measure::table::Row;
 use super::significant;
+use crate::measure::table::Row;
 
 /// A column of the readable tables.
 pub struct Shown {

@@ -1,16 +1,14 @@
-//! Files that appear whole or not at all, and the picture formats.
+//! The picture formats: PNG, OpenEXR and NPY.
 
-use crate::color::srgb8_from_linear;
+use super::color::srgb8_from_linear;
+use super::output::{extension, write_whole};
 use crate::error::{Error, Result};
 use image::codecs::{openexr::OpenExrEncoder, png::PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use ndarray::Array3;
 use ndarray_npy::WriteNpyExt;
-use std::io::{self, BufWriter, Cursor, Write};
-use std::path::{Path, PathBuf};
-use tempfile::{Builder, NamedTempFile};
-
-const WHAT: &str = "cannot write file";
+use std::io::Cursor;
+use std::path::Path;
 
 /// File-name endings that [`write_picture`] knows.
 pub const PICTURE_EXTENSIONS: &[&str] = &["png", "exr", "npy"];
@@ -115,98 +113,6 @@ fn straight_srgb8([r, g, b, opacity]: [f64; 4]) -> [u8; 4] {
     [code(r), code(g), code(b), (opacity.clamp(0.0, 1.0) * 255.0).round() as u8]
 }
 
-/// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.
-///
-/// # Errors
-/// Whatever `write` meets, or the folder or disk refuses.
-pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let fail = |e: io::Error| Error::runtime(WHAT, path.display(), e);
-    let temporary = temporary_in(&folder_of(path)).map_err(fail)?;
-    let mut buffered = BufWriter::new(temporary);
-    write(&mut buffered).map_err(fail)?;
-    let temporary = buffered.into_inner().map_err(|e| fail(e.into_error()))?;
-    temporary.as_file().sync_all().map_err(fail)?;
-    temporary.persist(path).map_err(|e| fail(e.error))?;
-    Ok(())
-}
-
-/// Refuses an output file before any work is done for it: an ending that is not among `extensions`, a folder that
-/// is missing or cannot be written to, a name that is a folder.
-///
-/// # Errors
-/// Each of these, as a fault of the command line.
-pub fn check_output(path: &Path, extensions: &[&'static str]) -> Result<()> {
-    let refuse = |why: String| Error::input(WHAT, path.display(), why);
-    extension(path, extensions)?;
-    if path.is_dir() {
-        return Err(refuse("it is a folder".into()));
-    }
-    let folder = folder_of(path);
-    if !folder.is_dir() {
-        return Err(refuse(format!("there is no folder `{}`", folder.display())));
-    }
-    temporary_in(&folder)
-        .map_err(|e| refuse(format!("the folder `{}` cannot be written to: {e}", folder.display())))?;
-    Ok(())
-}
-
-/// Refuses an output folder whose name, or the name of a folder above it, is taken by a file. Makes nothing.
-///
-/// # Errors
-/// That, as a fault of the command line.
-pub fn check_output_dir(path: &Path) -> Result<()> {
-    match path.ancestors().find(|p| p.exists()) {
-        Some(file) if !file.is_dir() => Err(Error::input(
-            "cannot write to folder",
-            path.display(),
-            format!("`{}` is not a folder", file.display()),
-        )),
-        _ => Ok(()),
-    }
-}
-
-/// Makes an output folder, with those above it, when it is missing, and refuses one that cannot be written to.
-///
-/// # Errors
-/// It cannot be made or written to, as a fault of the command line.
-pub fn prepare_output_dir(path: &Path) -> Result<()> {
-    let refuse = |e: io::Error| Error::input("cannot write to folder", path.display(), e);
-    std::fs::create_dir_all(path).map_err(refuse)?;
-    temporary_in(path).map_err(refuse)?;
-    Ok(())
-}
-
-/// The one of `extensions` that the name ends in, letter case aside (`nii.gz` counts as one ending).
-fn extension(path: &Path, extensions: &[&'static str]) -> Result<&'static str> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let ends =
-        |e: &str| name.strip_suffix(e).and_then(|stem| stem.strip_suffix('.')).is_some_and(|s| !s.is_empty());
-    extensions.iter().copied().find(|e| ends(e)).ok_or_else(|| {
-        let known = extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ");
-        Error::input(WHAT, path.display(), format!("the name must end in one of {known}"))
-    })
-}
-
-fn folder_of(path: &Path) -> PathBuf {
-    match path.parent() {
-        Some(folder) if folder != Path::new("") => folder.into(),
-        _ => ".".into(),
-    }
-}
-
-fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
-    let mut builder = Builder::new();
-    builder.prefix(".umbravox-").suffix(".tmp");
-    #[cfg(unix)]
-    {
-        // A temporary file is private by default; the finished one must have what the umask leaves, like any other.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    // The library's own message ends in the temporary name, which nobody asked for.
-    builder.tempfile_in(folder).map_err(|e| e.kind().into())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -218,10 +124,6 @@ mod tests {
             3 => 0.25,
             _ => (j * 5 + i) as f32 / 7.0 + c as f32 * 0.01,
         })
-    }
-
-    fn entries(folder: &Path) -> usize {
-        std::fs::read_dir(folder).unwrap().count()
     }
 
     #[test]
@@ -236,7 +138,7 @@ mod tests {
         let read = reader.decode().unwrap().into_rgba32f();
         assert_eq!((read.width(), read.height()), (5, 3));
         assert_eq!(read.into_raw(), picture().into_raw_vec_and_offset().0);
-        assert_eq!(entries(dir.path()), 2);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
     }
 
     #[test]
@@ -274,7 +176,7 @@ mod tests {
                 let straight = if alpha > 0.0 { colors[at][c] } else { 0.0 };
                 assert_eq!(pixel[c], srgb8_from_linear(f64::from(straight)), "pixel {at}");
                 // What it is composed to over grey, to half a code of alpha and of colour.
-                let shown = crate::color::linear_from_srgb(f64::from(pixel[c]) / 255.0);
+                let shown = crate::files::color::linear_from_srgb(f64::from(pixel[c]) / 255.0);
                 let a8 = f64::from(pixel[3]) / 255.0;
                 let composed = a8 * shown + (1.0 - a8) * 0.5;
                 let exact = f64::from(colors[at][c] * alpha + (1.0 - alpha) * 0.5);
@@ -294,47 +196,5 @@ mod tests {
         assert_eq!(straight_srgb8([nan, 1e-30, 9.0, 1e-30]), [0, 255, 255, 0]);
         assert_eq!(straight_srgb8([0.5, 0.5, 0.5, nan]), [0; 4]);
         assert_eq!(straight_srgb8([2.0, 0.0, -1.0, 1.5]), [255, 0, 0, 255]);
-    }
-
-    #[test]
-    fn a_failed_write_leaves_nothing_and_keeps_the_old_file() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.csv");
-        write_whole(&path, |f| f.write_all(b"old")).unwrap();
-        let e = write_whole(&path, |f| {
-            f.write_all(b"new")?;
-            Err(io::Error::other("disk full"))
-        })
-        .unwrap_err();
-        assert_eq!((e.exit_status(), e.why.as_str()), (1, "disk full"));
-        assert_eq!(std::fs::read(&path).unwrap(), b"old");
-        assert_eq!(entries(dir.path()), 1);
-    }
-
-    #[test]
-    fn bad_outputs_are_refused_before_the_work() {
-        let dir = tempfile::tempdir().unwrap();
-        let check = |name: &str| check_output(&dir.path().join(name), PICTURE_EXTENSIONS);
-        check("a.png").unwrap();
-        check("b.NPY").unwrap();
-        assert!(check("a.jpg").unwrap_err().why.contains(".png, .exr, .npy"));
-        assert!(check(".png").unwrap_err().why.contains("must end in"));
-        assert!(check("apng").unwrap_err().why.contains("must end in"));
-        assert!(check("missing/a.png").unwrap_err().why.contains("no folder"));
-        std::fs::create_dir(dir.path().join("f.png")).unwrap();
-        assert!(check("f.png").unwrap_err().why.contains("is a folder"));
-        assert_eq!(entries(dir.path()), 1, "checking leaves nothing behind");
-        assert!(check_output(&dir.path().join("v.nii.gz"), &["nii", "nii.gz"]).is_ok());
-    }
-
-    #[test]
-    fn an_output_folder_is_made_or_refused() {
-        let dir = tempfile::tempdir().unwrap();
-        check_output_dir(&dir.path().join("a/b")).unwrap();
-        assert_eq!(entries(dir.path()), 0);
-        prepare_output_dir(&dir.path().join("a/b")).unwrap();
-        std::fs::write(dir.path().join("file"), "").unwrap();
-        assert_eq!(check_output_dir(&dir.path().join("file/b")).unwrap_err().exit_status(), 2);
-        assert_eq!(prepare_output_dir(&dir.path().join("file")).unwrap_err().exit_status(), 2);
     }
 }

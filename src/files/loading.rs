@@ -10,7 +10,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What is being done, in the order in which it happens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Stage {
+pub enum ReadingStage {
     /// Strands are read from their file, or grown.
     ReadingStrands,
     #[default]
@@ -25,7 +25,7 @@ pub enum Stage {
     Counting,
 }
 
-impl Stage {
+impl ReadingStage {
     /// For people.
     pub fn name(self) -> &'static str {
         match self {
@@ -53,8 +53,8 @@ impl Stage {
 
 /// How far a reading is.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Progress {
-    pub stage: Stage,
+pub struct ReadingProgress {
+    pub stage: ReadingStage,
     /// Of the whole, 0 to 1; it never falls. [`crate::volume::Histogram::of_with`] is the last part.
     pub share: f64,
 }
@@ -62,12 +62,12 @@ pub struct Progress {
 /// A reading that can be watched and ended from another thread.
 #[derive(Debug, Default)]
 pub struct Loading {
-    progress: Mutex<Progress>,
+    progress: Mutex<ReadingProgress>,
     cancelled: AtomicBool,
 }
 
 impl Loading {
-    pub fn progress(&self) -> Progress {
+    pub fn progress(&self) -> ReadingProgress {
         *self.lock()
     }
 
@@ -92,14 +92,14 @@ impl Loading {
     }
 
     /// Says what is done from now on.
-    pub fn begin(&self, stage: Stage) {
+    pub fn begin(&self, stage: ReadingStage) {
         let mut now = self.lock();
         now.stage = stage;
         now.share = now.share.max(stage.span()[0]);
     }
 
     /// Begins a stage of `total` equal pieces, which several threads may do.
-    pub fn pieces(&self, stage: Stage, total: usize) -> Pieces<'_> {
+    pub fn pieces(&self, stage: ReadingStage, total: usize) -> Pieces<'_> {
         self.begin(stage);
         Pieces { loading: self, total: total as u64, done: AtomicU64::new(0) }
     }
@@ -111,7 +111,7 @@ impl Loading {
         now.share = now.share.max(from + (to - from) * share.clamp(0.0, 1.0));
     }
 
-    fn lock(&self) -> MutexGuard<'_, Progress> {
+    fn lock(&self) -> MutexGuard<'_, ReadingProgress> {
         // Plain data, as good after a panic elsewhere as before.
         self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -185,16 +185,16 @@ mod tests {
     #[test]
     fn the_share_never_falls() {
         let loading = Loading::default();
-        loading.begin(Stage::Reading);
+        loading.begin(ReadingStage::Reading);
         loading.note(0.5);
-        assert_eq!(loading.progress(), Progress { stage: Stage::Reading, share: 0.425 });
+        assert_eq!(loading.progress(), ReadingProgress { stage: ReadingStage::Reading, share: 0.425 });
         loading.note(0.1);
         assert_eq!(loading.progress().share, 0.425);
-        let pieces = loading.pieces(Stage::Counting, 4);
-        assert_eq!(loading.progress(), Progress { stage: Stage::Counting, share: 0.9 });
+        let pieces = loading.pieces(ReadingStage::Counting, 4);
+        assert_eq!(loading.progress(), ReadingProgress { stage: ReadingStage::Counting, share: 0.9 });
         (0..4).for_each(|_| pieces.done());
         assert_eq!(loading.progress().share, 1.0);
-        loading.begin(Stage::Checking);
+        loading.begin(ReadingStage::Checking);
         assert_eq!(loading.progress().share, 1.0);
     }
 

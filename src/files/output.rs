@@ -1,0 +1,151 @@
+//! Files that appear whole or not at all.
+
+use crate::error::{Error, Result};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use tempfile::{Builder, NamedTempFile};
+
+const WHAT: &str = "cannot write file";
+
+/// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.
+///
+/// # Errors
+/// Whatever `write` meets, or the folder or disk refuses.
+pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    let fail = |e: io::Error| Error::runtime(WHAT, path.display(), e);
+    let temporary = temporary_in(&folder_of(path)).map_err(fail)?;
+    let mut buffered = BufWriter::new(temporary);
+    write(&mut buffered).map_err(fail)?;
+    let temporary = buffered.into_inner().map_err(|e| fail(e.into_error()))?;
+    temporary.as_file().sync_all().map_err(fail)?;
+    temporary.persist(path).map_err(|e| fail(e.error))?;
+    Ok(())
+}
+
+/// Refuses an output file before any work is done for it: an ending that is not among `extensions`, a folder that
+/// is missing or cannot be written to, a name that is a folder.
+///
+/// # Errors
+/// Each of these, as a fault of the command line.
+pub fn check_output(path: &Path, extensions: &[&'static str]) -> Result<()> {
+    let refuse = |why: String| Error::input(WHAT, path.display(), why);
+    extension(path, extensions)?;
+    if path.is_dir() {
+        return Err(refuse("it is a folder".into()));
+    }
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return Err(refuse(format!("there is no folder `{}`", folder.display())));
+    }
+    temporary_in(&folder)
+        .map_err(|e| refuse(format!("the folder `{}` cannot be written to: {e}", folder.display())))?;
+    Ok(())
+}
+
+/// Refuses an output folder whose name, or the name of a folder above it, is taken by a file. Makes nothing.
+///
+/// # Errors
+/// That, as a fault of the command line.
+pub fn check_output_dir(path: &Path) -> Result<()> {
+    match path.ancestors().find(|p| p.exists()) {
+        Some(file) if !file.is_dir() => Err(Error::input(
+            "cannot write to folder",
+            path.display(),
+            format!("`{}` is not a folder", file.display()),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Makes an output folder, with those above it, when it is missing, and refuses one that cannot be written to.
+///
+/// # Errors
+/// It cannot be made or written to, as a fault of the command line.
+pub fn prepare_output_dir(path: &Path) -> Result<()> {
+    let refuse = |e: io::Error| Error::input("cannot write to folder", path.display(), e);
+    std::fs::create_dir_all(path).map_err(refuse)?;
+    temporary_in(path).map_err(refuse)?;
+    Ok(())
+}
+
+/// The one of `extensions` that the name ends in, letter case aside (`nii.gz` counts as one ending).
+pub(super) fn extension(path: &Path, extensions: &[&'static str]) -> Result<&'static str> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let ends =
+        |e: &str| name.strip_suffix(e).and_then(|stem| stem.strip_suffix('.')).is_some_and(|s| !s.is_empty());
+    extensions.iter().copied().find(|e| ends(e)).ok_or_else(|| {
+        let known = extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ");
+        Error::input(WHAT, path.display(), format!("the name must end in one of {known}"))
+    })
+}
+
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder.into(),
+        _ => ".".into(),
+    }
+}
+
+fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = Builder::new();
+    builder.prefix(".umbravox-").suffix(".tmp");
+    #[cfg(unix)]
+    {
+        // A temporary file is private by default; the finished one must have what the umask leaves, like any other.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    // The library's own message ends in the temporary name, which nobody asked for.
+    builder.tempfile_in(folder).map_err(|e| e.kind().into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(folder: &Path) -> usize {
+        std::fs::read_dir(folder).unwrap().count()
+    }
+
+    #[test]
+    fn a_failed_write_leaves_nothing_and_keeps_the_old_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.csv");
+        write_whole(&path, |f| f.write_all(b"old")).unwrap();
+        let e = write_whole(&path, |f| {
+            f.write_all(b"new")?;
+            Err(io::Error::other("disk full"))
+        })
+        .unwrap_err();
+        assert_eq!((e.exit_status(), e.why.as_str()), (1, "disk full"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(entries(dir.path()), 1);
+    }
+
+    #[test]
+    fn bad_outputs_are_refused_before_the_work() {
+        let dir = tempfile::tempdir().unwrap();
+        let check = |name: &str| check_output(&dir.path().join(name), &["png", "exr", "npy"]);
+        check("a.png").unwrap();
+        check("b.NPY").unwrap();
+        assert!(check("a.jpg").unwrap_err().why.contains(".png, .exr, .npy"));
+        assert!(check(".png").unwrap_err().why.contains("must end in"));
+        assert!(check("apng").unwrap_err().why.contains("must end in"));
+        assert!(check("missing/a.png").unwrap_err().why.contains("no folder"));
+        std::fs::create_dir(dir.path().join("f.png")).unwrap();
+        assert!(check("f.png").unwrap_err().why.contains("is a folder"));
+        assert_eq!(entries(dir.path()), 1, "checking leaves nothing behind");
+        assert!(check_output(&dir.path().join("v.nii.gz"), &["nii", "nii.gz"]).is_ok());
+    }
+
+    #[test]
+    fn an_output_folder_is_made_or_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        check_output_dir(&dir.path().join("a/b")).unwrap();
+        assert_eq!(entries(dir.path()), 0);
+        prepare_output_dir(&dir.path().join("a/b")).unwrap();
+        std::fs::write(dir.path().join("file"), "").unwrap();
+        assert_eq!(check_output_dir(&dir.path().join("file/b")).unwrap_err().exit_status(), 2);
+        assert_eq!(prepare_output_dir(&dir.path().join("file")).unwrap_err().exit_status(), 2);
+    }
+}
