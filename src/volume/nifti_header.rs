@@ -3,7 +3,6 @@
 use super::element::{ByteOrder, Element};
 use super::{AffineSource, Scaling};
 use glam::{DAffine3, DMat3, DVec3};
-use nifti::NiftiHeader;
 
 /// Size in bytes of a NIfTI-1 and of a NIfTI-2 header.
 pub const HEADER_BYTES: [usize; 2] = [348, 540];
@@ -50,67 +49,34 @@ impl Header {
     /// From a whole header as [`recognise`] saw it.
     ///
     /// # Errors
-    /// The magic is missing or the header contradicts itself; the reason in words.
-    pub fn parse(bytes: &[u8], version: u8, order: ByteOrder) -> Result<Self, String> {
-        match version {
-            1 => Self::parse_1(bytes, order),
-            _ => Self::parse_2(bytes, order),
-        }
-    }
-
-    fn parse_1(bytes: &[u8], byte_order: ByteOrder) -> Result<Self, String> {
-        let h = NiftiHeader::from_reader(bytes)
-            .map_err(|_| "its header has no NIfTI magic (an Analyze 7.5 header?)".to_string())?;
-        // The crate tells the byte order from `dim[0]`; both signs must agree.
-        if h.sizeof_hdr as usize != HEADER_BYTES[0] {
-            return Err("its number of dimensions is not in 1..=7".into());
-        }
-        Ok(Self {
-            version: 1,
-            byte_order,
-            paired: h.magic == *nifti::header::MAGIC_CODE_NI1,
-            // The crate reads the signed sizes as unsigned ones.
-            dim: h.dim.map(|n| i64::from(n as i16)),
-            datatype: h.datatype,
-            bitpix: h.bitpix,
-            pixdim: h.pixdim.map(f64::from),
-            vox_offset: f64::from(h.vox_offset),
-            scl_slope: f64::from(h.scl_slope),
-            scl_inter: f64::from(h.scl_inter),
-            xyzt_units: i32::from(h.xyzt_units),
-            qform_code: i32::from(h.qform_code),
-            sform_code: i32::from(h.sform_code),
-            quatern: [h.quatern_b, h.quatern_c, h.quatern_d].map(f64::from),
-            qoffset: [h.quatern_x, h.quatern_y, h.quatern_z].map(f64::from),
-            srow: [h.srow_x, h.srow_y, h.srow_z].map(|row| row.map(f64::from)),
-        })
-    }
-
-    /// The crate knows NIfTI-1 only; NIfTI-2 is the same fields at other places.
-    fn parse_2(bytes: &[u8], byte_order: ByteOrder) -> Result<Self, String> {
-        let fields = Fields { bytes, byte_order };
-        let paired = match bytes.get(4..12) {
-            Some(b"n+2\0\r\n\x1a\n") => false,
-            Some(b"ni2\0\r\n\x1a\n") => true,
+    /// The magic is missing; the reason in words.
+    pub fn parse(bytes: &[u8], version: u8, byte_order: ByteOrder) -> Result<Self, String> {
+        let f = Fields { bytes, version, byte_order };
+        let magic: &[u8] = if version == 1 { &bytes[344..348] } else { &bytes[4..12] };
+        let paired = match magic {
+            b"n+1\0" | b"n+2\0\r\n\x1a\n" => false,
+            b"ni1\0" | b"ni2\0\r\n\x1a\n" => true,
+            _ if version == 1 => return Err("its header has no NIfTI magic (an Analyze 7.5 header?)".into()),
             _ => return Err("its header has no NIfTI-2 magic, or line ends were converted in it".into()),
         };
+        let first = version == 1;
         Ok(Self {
-            version: 2,
+            version,
             byte_order,
             paired,
-            dim: fields.array::<8, 8>(16).map(i64::from_le_bytes),
-            datatype: i16::from_le_bytes(fields.one(12)),
-            bitpix: i16::from_le_bytes(fields.one(14)),
-            pixdim: fields.array(104).map(f64::from_le_bytes),
-            vox_offset: i64::from_le_bytes(fields.one(168)) as f64,
-            scl_slope: f64::from_le_bytes(fields.one(176)),
-            scl_inter: f64::from_le_bytes(fields.one(184)),
-            xyzt_units: i32::from_le_bytes(fields.one(500)),
-            qform_code: i32::from_le_bytes(fields.one(344)),
-            sform_code: i32::from_le_bytes(fields.one(348)),
-            quatern: fields.array(352).map(f64::from_le_bytes),
-            qoffset: fields.array(376).map(f64::from_le_bytes),
-            srow: [400, 432, 464].map(|at| fields.array(at).map(f64::from_le_bytes)),
+            dim: std::array::from_fn(|i| if first { f.short(40 + 2 * i).into() } else { f.long(16 + 8 * i) }),
+            datatype: f.short(if first { 70 } else { 12 }),
+            bitpix: f.short(if first { 72 } else { 14 }),
+            pixdim: f.reals([76, 104]),
+            vox_offset: if first { f.reals::<1>([108, 0])[0] } else { f.long(168) as f64 },
+            scl_slope: f.reals::<1>([112, 176])[0],
+            scl_inter: f.reals::<1>([116, 184])[0],
+            xyzt_units: if first { bytes[123].into() } else { f.integer(500) },
+            qform_code: if first { f.short(252).into() } else { f.integer(344) },
+            sform_code: if first { f.short(254).into() } else { f.integer(348) },
+            quatern: f.reals([256, 352]),
+            qoffset: f.reals([268, 376]),
+            srow: std::array::from_fn(|row| f.reals([280 + 16 * row, 400 + 32 * row])),
         })
     }
 
@@ -306,15 +272,16 @@ impl Header {
     }
 }
 
-/// Fields of a NIfTI-2 header by their place, handed out in little-endian order.
+/// Numbers of a header by their place in it.
 struct Fields<'a> {
     bytes: &'a [u8],
+    version: u8,
     byte_order: ByteOrder,
 }
 
 impl Fields<'_> {
-    /// A field of `N` bytes; zeros beyond the header's end.
-    fn one<const N: usize>(&self, at: usize) -> [u8; N] {
+    /// `N` bytes in little-endian order; zeros beyond the header's end.
+    fn little_endian<const N: usize>(&self, at: usize) -> [u8; N] {
         let mut field = [0; N];
         if let Some(bytes) = self.bytes.get(at..at + N) {
             field.copy_from_slice(bytes);
@@ -325,8 +292,23 @@ impl Fields<'_> {
         field
     }
 
-    /// `M` neighbouring fields of `N` bytes.
-    fn array<const N: usize, const M: usize>(&self, at: usize) -> [[u8; N]; M] {
-        std::array::from_fn(|i| self.one(at + i * N))
+    fn short(&self, at: usize) -> i16 {
+        i16::from_le_bytes(self.little_endian(at))
+    }
+
+    fn integer(&self, at: usize) -> i32 {
+        i32::from_le_bytes(self.little_endian(at))
+    }
+
+    fn long(&self, at: usize) -> i64 {
+        i64::from_le_bytes(self.little_endian(at))
+    }
+
+    /// Neighbouring real numbers, by their place in either version: 32 bits wide in the first, 64 in the second.
+    fn reals<const M: usize>(&self, at: [usize; 2]) -> [f64; M] {
+        std::array::from_fn(|i| match self.version {
+            1 => f64::from(f32::from_le_bytes(self.little_endian(at[0] + 4 * i))),
+            _ => f64::from_le_bytes(self.little_endian(at[1] + 8 * i)),
+        })
     }
 }
