@@ -3,18 +3,11 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::path::PathBuf;
-use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
+use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Bricks, VolumeSpec, load};
 
 fn vessels() -> TransferFunction {
-    let point = |value, amount| ControlPoint { value, amount, color: [1.0; 3] };
-    TransferFunction {
-        name: "vessels".into(),
-        units: "HU".into(),
-        reference_length_mm: 1.0,
-        quantity: Quantity::Opacity,
-        points: vec![point(180.0, 0.0), point(300.0, 0.6)],
-    }
+    TransferFunction::new(Quantity::Opacity, &[(180.0, 0.0), (300.0, 0.6)])
 }
 
 fn bricks(criterion: &mut Criterion) {

@@ -8,7 +8,7 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use umbravox::exact::ExactField;
 use umbravox::scene::Scene;
-use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
+use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Volume, VolumeSpec, load};
 
 const RAYS: usize = 2_000;
@@ -25,30 +25,15 @@ fn volume() -> Volume {
 /// Transfer functions over shares of the volume's value range.
 fn transfer(quantity: Quantity, volume: &Volume, points: &[(f64, f64)]) -> TransferFunction {
     let [min, max] = volume.value_range();
-    let point = |&(share, amount): &(f64, f64)| ControlPoint {
-        value: min + share * (max - min),
-        amount,
-        color: [1.0; 3],
-    };
-    TransferFunction {
-        name: "bench".into(),
-        units: String::new(),
-        reference_length_mm: 1.0,
-        quantity,
-        points: points.iter().map(point).collect(),
-    }
+    TransferFunction::new(quantity, points).scale_values(|share| min + share * (max - min))
 }
 
 /// Segments right across the volume, in all directions, each through a point inside.
 fn segments(volume: &Volume) -> Vec<(DVec3, DVec3)> {
     let corners = volume.corners_mm();
     let diagonal_mm = corners[0].distance(corners[7]);
-    let mut state = 1u64;
-    let mut unit = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 53) as f64
-    };
-    let mut vector = || DVec3::new(unit(), unit(), unit());
+    let mut random = fastrand::Rng::with_seed(1);
+    let mut vector = || DVec3::new(random.f64(), random.f64(), random.f64());
     (0..RAYS)
         .map(|_| {
             let w = vector();

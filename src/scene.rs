@@ -7,17 +7,24 @@ use serde::{Deserialize, Serialize};
 /// A pinhole camera; world millimetres, vertical field of view in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
+    /// Where it stands, world mm.
     pub eye: DVec3,
+    /// What it looks at, world mm.
     pub target: DVec3,
+    /// What is up in the picture; of any length, not along the view.
     pub up: DVec3,
+    /// Vertical field of view, degrees.
     pub fov_deg: f64,
 }
 
 /// The camera's orthonormal frame: `forward`, `right = forward x up`, `up = right x forward`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
+    /// Along the view.
     pub forward: DVec3,
+    /// To the right in the picture.
     pub right: DVec3,
+    /// Up in the picture.
     pub up: DVec3,
 }
 
@@ -122,17 +129,23 @@ pub enum Skip {
 /// Everything about a picture but the volume, the transfer function and the shadow method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
+    /// Where it is seen from.
     pub camera: Camera,
+    /// The one light.
     pub light: Light,
     /// Share of the light that shadows do not touch, in `[0, 1]`.
     pub ambient: f64,
+    /// How surfaces are shaded.
     pub shading: Shading,
     /// Linear RGB.
     pub background: [f64; 3],
     /// Eye-ray step in units of the smallest voxel spacing.
     pub step: f64,
+    /// How empty space is passed over.
     pub skip: Skip,
+    /// Pixels a row.
     pub width: u32,
+    /// Rows.
     pub height: u32,
 }
 

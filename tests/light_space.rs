@@ -1,5 +1,6 @@
 //! Light space in float64: rays and points are each other's inverse, tiles cover what they must.
 
+use fastrand::Rng;
 use glam::{DVec2, DVec3};
 use umbravox::scene::Light;
 use umbravox::shadow::{LightSpace, Projection, TILE};
@@ -28,27 +29,18 @@ fn lights(volume: &Volume) -> [(Projection, Light); 5] {
     ]
 }
 
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
-
 #[test]
 fn rays_and_points_are_inverse() {
     let (volume, active) = chest();
-    let mut random = Random(1);
+    let mut random = Rng::with_seed(1);
     for (projection, light) in lights(&volume) {
         let space = LightSpace::fit(&volume, &active, light, 300);
         assert_eq!(space.projection, projection);
         let [near, far] = space.z_range;
         assert!(near < far);
         for _ in 0..2000 {
-            let texel = DVec2::new(random.unit(), random.unit()) * 299.0;
-            let z = near + (far - near) * (0.01 + 0.99 * random.unit());
+            let texel = DVec2::new(random.f64(), random.f64()) * 299.0;
+            let z = near + (far - near) * (0.01 + 0.99 * random.f64());
             let (origin, direction) = space.world_ray(texel);
             assert!((direction.length() - 1.0).abs() < 1e-12);
             let (found, depth) = space.light_point(origin + z * direction);
@@ -74,7 +66,7 @@ fn rays_and_points_are_inverse() {
 fn tiles_cover_every_active_brick() {
     let (volume, active) = chest();
     let dims = volume.dims();
-    let mut random = Random(2);
+    let mut random = Rng::with_seed(2);
     let [nx, ny, _] = active.counts;
     let bricks: Vec<[usize; 3]> = (0..active.distance.len())
         .filter(|&i| active.distance[i] == 0)
@@ -88,9 +80,9 @@ fn tiles_cover_every_active_brick() {
             let across = space.tiles_across();
             assert_eq!((across, tiles.len() as u32), (map.div_ceil(TILE), across * across));
             for _ in 0..4000 {
-                let brick = bricks[(random.unit() * bricks.len() as f64) as usize];
+                let brick = bricks[random.usize(..bricks.len())];
                 let index = DVec3::from_array(std::array::from_fn(|a| {
-                    let cell = (brick[a] * BRICK_CELLS) as f64 + random.unit() * BRICK_CELLS as f64;
+                    let cell = (brick[a] * BRICK_CELLS) as f64 + random.f64() * BRICK_CELLS as f64;
                     (cell - 1.0).clamp(-0.5, dims[a] as f64 - 0.5)
                 }));
                 let (texel, z) = space.light_point(volume.world_from_index().transform_point3(index));

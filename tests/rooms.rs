@@ -39,7 +39,6 @@ const KNOWN_IMPORTS: &[(&str, &str)] = &[
     ("shadow/layers/mod.rs", "render"),
     ("shadow/mod.rs", "render"),
     ("shadow/parts.rs", "render"),
-    ("strands/cylinders.rs", "exact"),
     ("transfer/presets.rs", "strands"),
     ("volume/bricks.rs", "transfer"),
     ("volume/load.rs", "strands"),
@@ -94,8 +93,6 @@ const KNOWN_CIRCLES: &[&str] = &[
     "shadow/layers/ratio.rs",
     "shadow/mod.rs",
     "shadow/plain.rs",
-    "volume/thorax.rs",
-    "volume/thorax_anatomy.rs",
 ];
 
 /// Rooms of shaders, the lowest first.

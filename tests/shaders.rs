@@ -5,7 +5,7 @@ use umbravox::gpu::{ShaderVariant, compose, sources};
 use umbravox::render::{FieldUniform, FrameUniform, IntervalTable};
 use umbravox::shadow::{Counters, LightUniform, TILE};
 use umbravox::transfer::{
-    ControlPoint, MAX_INTERVALS, PairTable, Quantity, TexelMapping, TransferFunction, TransferTables,
+    MAX_INTERVALS, PairTable, Quantity, TexelMapping, TransferFunction, TransferTables,
 };
 use umbravox::volume::BRICK_CELLS;
 use wgpu::naga;
@@ -215,14 +215,7 @@ fn number(name: &str) -> usize {
 }
 
 fn tables(points: &[(f64, f64)]) -> (TransferTables, PairTable) {
-    let point = |&(value, amount): &(f64, f64)| ControlPoint { value, amount, color: [1.0; 3] };
-    let tf = TransferFunction {
-        name: "test".into(),
-        units: String::new(),
-        reference_length_mm: 1.0,
-        quantity: Quantity::Extinction,
-        points: points.iter().map(point).collect(),
-    };
+    let tf = TransferFunction::new(Quantity::Extinction, points);
     let mapping = TexelMapping { scale: 1.0, offset: 0.0 };
     (TransferTables::build(&tf, mapping, [0.0, 100.0]), PairTable::build(&tf, mapping, 1.0))
 }

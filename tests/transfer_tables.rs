@@ -1,23 +1,16 @@
 //! The tables made from a transfer function: integrals, interval look-up, pre-compressed nodes.
 
-use umbravox::transfer::{ControlPoint, PairTable, Quantity, TexelMapping, TransferFunction, TransferTables};
+use umbravox::transfer::{PairTable, Quantity, TexelMapping, TransferFunction, TransferTables};
 
 /// Texels 0 to 1000 hold the values -200 to 300.
 const MAPPING: TexelMapping = TexelMapping { scale: 0.5, offset: -200.0 };
 const TEXELS: [f64; 2] = [0.0, 1000.0];
 
 fn tf(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {
+    let mut tf = TransferFunction { reference_length_mm: 2.0, ..TransferFunction::new(quantity, points) };
     let color = |v: f64| [0.5 + v / 1000.0, 0.25, (v / 50.0).sin().abs()];
-    TransferFunction {
-        name: "test".into(),
-        units: "HU".into(),
-        reference_length_mm: 2.0,
-        quantity,
-        points: points
-            .iter()
-            .map(|&(value, amount)| ControlPoint { value, amount, color: color(value) })
-            .collect(),
-    }
+    tf.points.iter_mut().for_each(|p| p.color = color(p.value));
+    tf
 }
 
 fn functions() -> [TransferFunction; 4] {

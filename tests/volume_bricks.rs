@@ -1,66 +1,33 @@
 //! Bricks: lossless ranges, classification and distances against brute force.
 
+use fastrand::Rng;
 use glam::DAffine3;
 use ndarray::Array3;
-use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
-use umbravox::volume::{
-    AffineSource, BRICK_CELLS, Bricks, Provenance, Scaling, Volume, Voxels, extinction_intervals,
-};
-
-/// A small generator of fixed pseudo-random numbers (xorshift64*).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-
-    /// In `0..n`.
-    fn below(&mut self, n: u64) -> u64 {
-        (self.next() >> 32) % n
-    }
-
-    /// In `[0, 1)`.
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
+use umbravox::transfer::{Quantity, TransferFunction};
+use umbravox::volume::{BRICK_CELLS, Bricks, Provenance, Scaling, Volume, Voxels, extinction_intervals};
 
 fn volume(voxels: Voxels, scaling: Scaling) -> Volume {
-    let provenance = Provenance {
-        source: "test".into(),
-        format: "test".into(),
-        stored_type: "test".into(),
-        affine_source: AffineSource::Spacing,
-        frames: 1,
-        frame: 0,
-        non_finite: 0,
-        warnings: vec![],
-    };
-    Volume::new(voxels, scaling, DAffine3::IDENTITY, provenance).unwrap()
+    Volume::new(voxels, scaling, DAffine3::IDENTITY, Provenance::new("test", "test", "test")).unwrap()
 }
 
 /// A random volume of any type, size and scaling.
-fn random_volume(random: &mut Random) -> Volume {
-    let dims = [0; 3].map(|_| 1 + random.below(26) as usize);
+fn random_volume(random: &mut Rng) -> Volume {
+    let dims = [0; 3].map(|_| 1 + random.usize(..26));
     let shape = (dims[2], dims[1], dims[0]);
-    let voxels = match random.below(5) {
-        0 => Voxels::U8(Array3::from_shape_simple_fn(shape, || random.next() as u8)),
-        1 => Voxels::I16(Array3::from_shape_simple_fn(shape, || random.next() as i16)),
-        2 => Voxels::U16(Array3::from_shape_simple_fn(shape, || random.next() as u16)),
-        3 => Voxels::F32(Array3::from_shape_simple_fn(shape, || random.unit() as f32 - 0.5)),
-        _ => Voxels::F64(Array3::from_shape_simple_fn(shape, || 1e6 * random.unit() - 3e5)),
+    let voxels = match random.u64(..5) {
+        0 => Voxels::U8(Array3::from_shape_simple_fn(shape, || random.u8(..))),
+        1 => Voxels::I16(Array3::from_shape_simple_fn(shape, || random.i16(..))),
+        2 => Voxels::U16(Array3::from_shape_simple_fn(shape, || random.u16(..))),
+        3 => Voxels::F32(Array3::from_shape_simple_fn(shape, || random.f64() as f32 - 0.5)),
+        _ => Voxels::F64(Array3::from_shape_simple_fn(shape, || 1e6 * random.f64() - 3e5)),
     };
-    let slope = [1.0, 2.2, -0.7][random.below(3) as usize];
-    volume(voxels, Scaling { slope, intercept: random.unit() * 100.0 })
+    let slope = [1.0, 2.2, -0.7][random.usize(..3)];
+    volume(voxels, Scaling { slope, intercept: random.f64() * 100.0 })
 }
 
 #[test]
 fn every_brick_holds_exactly_the_range_of_its_cells() {
-    let mut random = Random(7);
+    let mut random = Rng::with_seed(7);
     for _ in 0..60 {
         let volume = random_volume(&mut random);
         let n = volume.dims();
@@ -94,29 +61,20 @@ fn every_brick_holds_exactly_the_range_of_its_cells() {
 }
 
 fn transfer_function(points: &[(f64, f64)]) -> TransferFunction {
-    TransferFunction {
-        name: "test".into(),
-        units: String::new(),
-        reference_length_mm: 1.0,
-        quantity: Quantity::Opacity,
-        points: points
-            .iter()
-            .map(|&(value, amount)| ControlPoint { value, amount, color: [1.0; 3] })
-            .collect(),
-    }
+    TransferFunction::new(Quantity::Opacity, points)
 }
 
-fn random_transfer_function(random: &mut Random) -> TransferFunction {
-    let mut values: Vec<f64> = (0..1 + random.below(6)).map(|_| random.below(12) as f64).collect();
+fn random_transfer_function(random: &mut Rng) -> TransferFunction {
+    let mut values: Vec<f64> = (0..1 + random.u64(..6)).map(|_| random.u64(..12) as f64).collect();
     values.sort_by(f64::total_cmp);
     // At most two points of one value.
     values.dedup_by_key(|v| *v as u64);
-    let jump = values[random.below(values.len() as u64) as usize];
+    let jump = values[random.usize(..values.len())];
     values.push(jump);
     values.sort_by(f64::total_cmp);
     let points: Vec<(f64, f64)> = values
         .into_iter()
-        .map(|v| (v, if random.below(2) == 0 { 0.0 } else { 0.9 * random.unit() }))
+        .map(|v| (v, if random.u64(..2) == 0 { 0.0 } else { 0.9 * random.f64() }))
         .collect();
     transfer_function(&points)
 }
@@ -133,7 +91,7 @@ fn has_extinction(tf: &TransferFunction, value: f64) -> bool {
 
 #[test]
 fn classification_is_that_of_the_transfer_function() {
-    let mut random = Random(11);
+    let mut random = Rng::with_seed(11);
     let (mut seen_active, mut seen_empty) = (0, 0);
     for _ in 0..2000 {
         let tf = random_transfer_function(&mut random);
@@ -141,9 +99,9 @@ fn classification_is_that_of_the_transfer_function() {
         assert!(intervals.iter().all(|[lo, hi]| lo <= hi));
         assert!(intervals.windows(2).all(|w| w[0][1] < w[1][0]));
         // Ranges end on, just beside, and between the points.
-        let end = |random: &mut Random| {
-            let v = random.below(14) as f64 - 1.0;
-            match random.below(4) {
+        let end = |random: &mut Rng| {
+            let v = random.u64(..14) as f64 - 1.0;
+            match random.u64(..4) {
                 0 => v.next_up(),
                 1 => v.next_down(),
                 2 => v + 0.5,
@@ -204,12 +162,12 @@ fn seeded(counts: [usize; 3], is_active: impl FnMut(usize) -> bool) -> Bricks {
 
 #[test]
 fn distances_are_chebyshev() {
-    let mut random = Random(23);
+    let mut random = Rng::with_seed(23);
     let tf = transfer_function(&[(0.5, 0.0), (0.5, 1.0)]);
     for density in [1, 3, 30, 300] {
         for _ in 0..25 {
-            let counts = [0; 3].map(|_| 1 + random.below(17) as usize);
-            let bricks = seeded(counts, |_| random.below(300) < density);
+            let counts = [0; 3].map(|_| 1 + random.usize(..17));
+            let bricks = seeded(counts, |_| random.u64(..300) < density);
             let place =
                 |at: usize| [at % counts[0], at / counts[0] % counts[1], at / (counts[0] * counts[1])];
             let seeds: Vec<[usize; 3]> =

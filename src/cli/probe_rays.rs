@@ -85,32 +85,17 @@ fn parse_rows<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transfer::{ControlPoint, Quantity, TransferFunction};
-    use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
+    use crate::transfer::{Quantity, TransferFunction};
+    use crate::volume::{Provenance, Scaling, Volume, Voxels};
     use glam::DAffine3;
     use ndarray::Array3;
 
     #[test]
     fn answers_line_by_line() {
-        let provenance = Provenance {
-            source: "test".into(),
-            format: "phantom".into(),
-            stored_type: "uint8".into(),
-            affine_source: AffineSource::Spacing,
-            frames: 1,
-            frame: 0,
-            non_finite: 0,
-            warnings: Vec::new(),
-        };
+        let provenance = Provenance::new("test", "phantom", "uint8");
         let voxels = Voxels::U8(Array3::from_elem((4, 4, 4), 7));
         let volume = Volume::new(voxels, Scaling::IDENTITY, DAffine3::IDENTITY, provenance).unwrap();
-        let tf = TransferFunction {
-            name: "uniform".into(),
-            units: String::new(),
-            reference_length_mm: 1.0,
-            quantity: Quantity::Extinction,
-            points: vec![ControlPoint { value: 0.0, amount: 0.25, color: [1.0; 3] }],
-        };
+        let tf = TransferFunction::new(Quantity::Extinction, &[(0.0, 0.25)]);
         let field = ExactField::new(&volume, &tf);
         let answers =
             probe_rays(&field, "-9 1 1 9 1 1\n\n 1 1 1\t1 1 1 \r\n9 9 9 10 10 10", "rays.txt").unwrap();

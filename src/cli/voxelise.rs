@@ -3,8 +3,8 @@
 use super::{print_result, say};
 use crate::error::{Error, Result};
 use crate::files::output::check_output;
+use crate::measure::cylinders::{AgainstCylinders, MAX_BEAMS, against_cylinders};
 use crate::scene::Light;
-use crate::strands::cylinders::{AgainstCylinders, MAX_BEAMS, against_cylinders};
 use crate::strands::{Conservation, Kernel, StrandFlags, StrandVolume, Strands, is_strand_source};
 use crate::strands::{load_strands, load_volume};
 use crate::volume::{NIFTI_EXTENSIONS, write_nifti};
@@ -106,7 +106,7 @@ impl Report {
             voxelise_ms: made.voxelise_ms,
             segments_per_s: strands.segment_count() as f64 / (made.voxelise_ms * 1e-3),
             light: toward.to_array(),
-            against_cylinders: against_cylinders(strands, made, toward, beams),
+            against_cylinders: against_cylinders(strands, &made.volume, toward, beams),
         }
     }
 

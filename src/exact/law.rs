@@ -230,16 +230,7 @@ mod tests {
     use super::*;
 
     fn tf(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {
-        TransferFunction {
-            name: "test".into(),
-            units: String::new(),
-            reference_length_mm: 2.0,
-            quantity,
-            points: points
-                .iter()
-                .map(|&(value, amount)| ControlPoint { value, amount, color: [1.0; 3] })
-                .collect(),
-        }
+        TransferFunction { reference_length_mm: 2.0, ..TransferFunction::new(quantity, points) }
     }
 
     #[test]

@@ -51,10 +51,12 @@ impl<'a> ExactField<'a> {
         Self { volume, transfer_function, laws, blocks }
     }
 
+    /// The volume.
     pub fn volume(&self) -> &'a Volume {
         self.volume
     }
 
+    /// What it is seen through.
     pub fn transfer_function(&self) -> &'a TransferFunction {
         self.transfer_function
     }

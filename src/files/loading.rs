@@ -13,11 +13,14 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub enum ReadingStage {
     /// Strands are read from their file, or grown.
     ReadingStrands,
+    /// A file is read.
     #[default]
     Reading,
+    /// A compressed file is read.
     Unpacking,
     /// A built-in volume is computed.
     Building,
+    /// Strands become voxels.
     Voxelising,
     /// The range of the values is found.
     Checking,
@@ -54,6 +57,7 @@ impl ReadingStage {
 /// How far a reading is.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ReadingProgress {
+    /// What is being done.
     pub stage: ReadingStage,
     /// Of the whole, 0 to 1; it never falls. [`crate::volume::Histogram::of_with`] is the last part.
     pub share: f64,
@@ -67,6 +71,7 @@ pub struct Loading {
 }
 
 impl Loading {
+    /// How far it is.
     pub fn progress(&self) -> ReadingProgress {
         *self.lock()
     }
@@ -76,6 +81,7 @@ impl Loading {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
+    /// Whether it is to end.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
     }

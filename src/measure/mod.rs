@@ -22,6 +22,7 @@ pub mod ablate;
 pub mod band;
 mod cell;
 pub mod compare;
+pub mod cylinders;
 pub mod error_map;
 pub mod errors;
 pub mod facts;

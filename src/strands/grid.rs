@@ -22,6 +22,7 @@ const MIN_SPACING: f64 = 1e-6;
 pub struct StrandGrid {
     /// Voxels along x, y, z.
     pub dims: [usize; 3],
+    /// Edge of a voxel, mm.
     pub spacing_mm: f64,
     /// Centre of voxel (0, 0, 0), world mm.
     pub origin_mm: DVec3,
@@ -54,6 +55,7 @@ impl StrandGrid {
         Ok(Self { dims, spacing_mm, origin_mm })
     }
 
+    /// World mm from index coordinates.
     pub fn world_from_index(&self) -> DAffine3 {
         DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(self.spacing_mm)), self.origin_mm)
     }
@@ -64,10 +66,12 @@ impl StrandGrid {
         (p - self.origin_mm) * (1.0 / self.spacing_mm)
     }
 
+    /// Volume of a voxel, mm^3.
     pub fn voxel_mm3(&self) -> f64 {
         self.spacing_mm.powi(3)
     }
 
+    /// Number of voxels.
     pub fn voxels(&self) -> usize {
         self.dims.iter().product()
     }

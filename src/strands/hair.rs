@@ -135,15 +135,11 @@ pub(super) fn read_hair_with(path: &Path, loading: &Loading) -> Result<Strands> 
     }
     check_length(&header, length).map_err(|(byte, why)| at(byte, why))?;
 
-    let read = |input: &mut BufReader<Watched<'_, File>>, flag: u32| -> Result<Option<Raw>> {
-        let count = header.entries(flag);
-        (header.flags & flag != 0).then(|| Raw::read(input, flag, count)).transpose().map_err(refuse)
-    };
-    let segments = read(&mut input, SEGMENTS)?.map(Raw::into_counts);
-    let points = read(&mut input, POINTS)?.map(Raw::into_triples).unwrap_or_default();
-    let thickness = read(&mut input, THICKNESS)?.map(Raw::into_floats);
-    let transparency = read(&mut input, TRANSPARENCY)?.map(Raw::into_floats);
-    let color = read(&mut input, COLORS)?.map(Raw::into_triples);
+    let segments = read_array(&mut input, &header, SEGMENTS, u16::from_le_bytes).map_err(refuse)?;
+    let points = read_array(&mut input, &header, POINTS, triple).map_err(refuse)?.unwrap_or_default();
+    let thickness = read_array(&mut input, &header, THICKNESS, f32::from_le_bytes).map_err(refuse)?;
+    let transparency = read_array(&mut input, &header, TRANSPARENCY, f32::from_le_bytes).map_err(refuse)?;
+    let color = read_array(&mut input, &header, COLORS, triple).map_err(refuse)?;
     let arrays = StrandArrays {
         strands: header.strands,
         segments: Attribute { default: header.default_segments, values: segments },
@@ -183,45 +179,21 @@ fn check_length(header: &Header, length: u64) -> Result<(), (u64, String)> {
     Ok(())
 }
 
-/// An array's numbers before their names.
-enum Raw {
-    Counts(Vec<u16>),
-    Floats(Vec<f32>),
-    Triples(Vec<[f32; 3]>),
+fn triple(bytes: [u8; 12]) -> [f32; 3] {
+    [0, 4, 8].map(|i| f32::from_le_bytes([bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]]))
 }
 
-impl Raw {
-    fn read(input: &mut impl Read, flag: u32, count: u64) -> io::Result<Self> {
-        let float = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
-        match flag {
-            SEGMENTS => read_array(input, count, |b: [u8; 2]| u16::from_le_bytes(b)).map(Self::Counts),
-            POINTS | COLORS => {
-                let triple = |b: [u8; 12]| [float(&b[..4]), float(&b[4..8]), float(&b[8..])];
-                read_array(input, count, triple).map(Self::Triples)
-            }
-            _ => read_array(input, count, |b: [u8; 4]| f32::from_le_bytes(b)).map(Self::Floats),
-        }
-    }
-
-    fn into_counts(self) -> Vec<u16> {
-        if let Self::Counts(v) = self { v } else { Vec::new() }
-    }
-
-    fn into_floats(self) -> Vec<f32> {
-        if let Self::Floats(v) = self { v } else { Vec::new() }
-    }
-
-    fn into_triples(self) -> Vec<[f32; 3]> {
-        if let Self::Triples(v) = self { v } else { Vec::new() }
-    }
-}
-
+/// The array of a flag, where the header names it.
 fn read_array<T, const N: usize>(
     input: &mut impl Read,
-    count: u64,
+    header: &Header,
+    flag: u32,
     convert: impl Fn([u8; N]) -> T,
-) -> io::Result<Vec<T>> {
-    let count = usize::try_from(count).map_err(|_| io::ErrorKind::OutOfMemory)?;
+) -> io::Result<Option<Vec<T>>> {
+    if header.flags & flag == 0 {
+        return Ok(None);
+    }
+    let count = usize::try_from(header.entries(flag)).map_err(|_| io::ErrorKind::OutOfMemory)?;
     let mut values = Vec::new();
     values.try_reserve_exact(count).map_err(|_| io::ErrorKind::OutOfMemory)?;
     let mut bytes = vec![0; N * count.min(CHUNK)];
@@ -230,7 +202,7 @@ fn read_array<T, const N: usize>(
         input.read_exact(piece)?;
         values.extend(piece.as_chunks::<N>().0.iter().map(|&b| convert(b)));
     }
-    Ok(values)
+    Ok(Some(values))
 }
 
 /// Writes strands as a `.hair` file, whole or not at all; what was read comes back byte by byte.

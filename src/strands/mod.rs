@@ -8,10 +8,9 @@
 //! ```text
 //!  .hair file ─┐
 //!  built-in ───┴─> Strands ─> StrandGrid ─> voxelise ─> Volume (values are extinction, 1/mm)
-//!                     └─────────────> cylinders: how far the volume's transmittance is from the strands'
+//!                     └─────────────> measure::cylinders: how far the volume's transmittance is from the strands'
 //! ```
 
-pub mod cylinders;
 mod grid;
 mod hair;
 mod load;
@@ -26,6 +25,7 @@ pub use load::{
     STRANDS_FORMAT, StrandFlags, StrandVolume, is_strand_source, load_strands, load_strands_with,
     load_volume, load_volume_with, parse_resolution, parse_thickness_mm,
 };
+pub use random::Chance;
 pub use sets::StrandSet;
 pub use voxelise::{Conservation, Kernel, voxelise, voxelise_with};
 
@@ -41,6 +41,7 @@ pub const MAX_MM: f32 = 1e9;
 pub struct Attribute<D, T = D> {
     /// Holds where `values` is absent, and is kept where it is not.
     pub default: D,
+    /// One by one.
     pub values: Option<Vec<T>>,
 }
 
@@ -75,19 +76,26 @@ pub struct StrandArrays {
 pub enum Part {
     /// The number of points.
     Count,
+    /// Segments of each strand.
     Segments,
+    /// Positions.
     Points,
+    /// Diameters.
     Thickness,
+    /// Transparencies.
     Transparency,
+    /// Colours.
     Color,
 }
 
 /// What is wrong with [`StrandArrays`], and where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flaw {
+    /// Which quantity.
     pub part: Part,
     /// Which entry of the array; `None` for its default.
     pub entry: Option<usize>,
+    /// What is wrong, in one line.
     pub why: String,
 }
 
@@ -105,6 +113,7 @@ pub struct Strands {
 pub struct Segment {
     /// World mm.
     pub ends: [DVec3; 2],
+    /// Diameter, mm.
     pub diameter_mm: f64,
     /// 0 (opaque) to 1.
     pub transparency: f64,
@@ -144,10 +153,12 @@ impl Strands {
         &self.source
     }
 
+    /// What it was made of.
     pub fn arrays(&self) -> &StrandArrays {
         &self.arrays
     }
 
+    /// Number of segments of all strands.
     pub fn segment_count(&self) -> usize {
         self.first_points.len()
     }

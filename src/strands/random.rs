@@ -5,16 +5,17 @@ use std::f64::consts::TAU;
 
 /// A stream of numbers (`splitmix64`), the same on every machine.
 #[derive(Debug, Clone)]
-pub(super) struct Chance(u64);
+pub struct Chance(u64);
 
 impl Chance {
     /// The stream of one thing (`index`) of a kind (`seed`).
     pub fn new(seed: u64, index: u64) -> Self {
         let mut mixed = Self(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ index);
-        Self(mixed.next() ^ index.rotate_left(32))
+        Self(mixed.bits() ^ index.rotate_left(32))
     }
 
-    pub fn next(&mut self) -> u64 {
+    /// 64 random bits.
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -23,7 +24,7 @@ impl Chance {
 
     /// In `[0, 1)`.
     pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// In `[low, high)`.

@@ -16,9 +16,13 @@ use std::fmt;
 /// A built-in strand set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StrandSet {
+    /// Straight hair.
     Straight,
+    /// Curls.
     Curly,
+    /// Hair in locks.
     Clustered,
+    /// Short fur on a ball.
     Fur,
 }
 
@@ -32,6 +36,7 @@ const LOCK: usize = 24;
 const MAX_THICKNESS_MM: f64 = 1.0;
 
 impl StrandSet {
+    /// Every built-in set.
     pub const ALL: [Self; 4] = [Self::Straight, Self::Curly, Self::Clustered, Self::Fur];
 
     /// Segments where no number is given.

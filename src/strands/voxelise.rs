@@ -6,7 +6,7 @@
 //! is that sum too.
 //!
 //! The default is the box: over the built-in sets with 10^5 and 10^6 segments at 64 and 256 voxels, its transmittance
-//! was the closer to the strands' in 14 of 16 cases (rms, [`super::cylinders`]), by 0 to 3 %, and it takes 0.6 of the
+//! was the closer to the strands' in 14 of 16 cases (rms, `measure::cylinders`), by 0 to 3 %, and it takes 0.6 of the
 //! time. The tent blurs by a third more in variance, but a strand's extinction does not jump where it passes from voxel
 //! to voxel, so that near ones are drawn without beads.
 //!

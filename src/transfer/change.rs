@@ -77,13 +77,8 @@ mod tests {
 
     fn tf(points: &[(f64, f64, f64)]) -> TransferFunction {
         let point = |&(value, amount, red)| ControlPoint { value, amount, color: [red, 0.5, 0.0] };
-        TransferFunction {
-            name: "test".into(),
-            units: "HU".into(),
-            reference_length_mm: 1.0,
-            quantity: Quantity::Extinction,
-            points: points.iter().map(point).collect(),
-        }
+        let points = points.iter().map(point).collect();
+        TransferFunction { points, ..TransferFunction::new(Quantity::Extinction, &[]) }
     }
 
     fn change(old: &TransferFunction, new: &TransferFunction, values: [f64; 2]) -> TransferChange {

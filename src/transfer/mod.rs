@@ -37,17 +37,31 @@ pub struct ControlPoint {
 /// the later from it on), constant beyond the first and the last point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferFunction {
+    /// For people.
     pub name: String,
     /// Unit of `value`, e.g. `HU`.
     pub units: String,
     /// Length that an opacity refers to, mm.
     pub reference_length_mm: f64,
+    /// What the points give.
     pub quantity: Quantity,
     /// By non-decreasing value, at least one, at most two of one value.
     pub points: Vec<ControlPoint>,
 }
 
 impl TransferFunction {
+    /// White, through points of value and amount, by non-decreasing value; opacities are per mm. Without name and units.
+    pub fn new(quantity: Quantity, points: &[(f64, f64)]) -> Self {
+        let white = |&(value, amount): &(f64, f64)| ControlPoint { value, amount, color: [1.0; 3] };
+        Self {
+            name: String::new(),
+            units: String::new(),
+            reference_length_mm: 1.0,
+            quantity,
+            points: points.iter().map(white).collect(),
+        }
+    }
+
     /// Opacity or extinction at a value, as [`Self::quantity`] says.
     pub fn amount(&self, value: f64) -> f64 {
         self.interpolate(value, |p| p.amount)
@@ -115,16 +129,9 @@ mod tests {
     use super::*;
 
     fn tf(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {
-        let color = |v: f64| [v / 100.0, 0.5, 0.0];
-        let points =
-            points.iter().map(|&(value, amount)| ControlPoint { value, amount, color: color(value) });
-        TransferFunction {
-            name: "test".into(),
-            units: "HU".into(),
-            reference_length_mm: 2.0,
-            quantity,
-            points: points.collect(),
-        }
+        let mut tf = TransferFunction { reference_length_mm: 2.0, ..TransferFunction::new(quantity, points) };
+        tf.points.iter_mut().for_each(|p| p.color = [p.value / 100.0, 0.5, 0.0]);
+        tf
     }
 
     #[test]

@@ -19,15 +19,19 @@ pub(super) const FAR: f64 = 1e30;
 /// How texel values relate to the volume's scaled values: `value = texel * scale + offset`, `scale > 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TexelMapping {
+    /// Values a texel value.
     pub scale: f64,
+    /// Value where the texel value is 0.
     pub offset: f64,
 }
 
 impl TexelMapping {
+    /// Scaled value of a texel value.
     pub fn value_from_texel(&self, texel: f64) -> f64 {
         texel * self.scale + self.offset
     }
 
+    /// Texel value of a scaled value.
     pub fn texel_from_value(&self, value: f64) -> f64 {
         (value - self.offset) / self.scale
     }
@@ -44,10 +48,15 @@ pub struct TransferTables {
     pub integrals: Vec<[f32; 4]>,
     /// Texel values `<= first_value` and `>= last_value` have no extinction.
     pub first_value: f32,
+    /// See `first_value`.
     pub last_value: f32,
+    /// Texel value at which the first of [`VALUE_BINS`] bins begins.
     pub bin_origin: f32,
+    /// Of these bins, for each unit of the texel value.
     pub bins_per_value: f32,
+    /// Texel value at which the first of [`TABLE_BINS`] bins begins.
     pub table_origin: f32,
+    /// Of those bins, for each unit of the texel value.
     pub table_per_value: f32,
     /// 1/mm where opacity is given, 0 where extinction is.
     pub inv_reference_length: f32,

@@ -8,23 +8,35 @@ use std::io::{self, Read};
 /// Element type of the voxels in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Element {
+    /// 8-bit unsigned integers.
     U8,
+    /// 8-bit signed integers.
     I8,
+    /// 16-bit unsigned integers.
     U16,
+    /// 16-bit signed integers.
     I16,
+    /// 32-bit unsigned integers.
     U32,
+    /// 32-bit signed integers.
     I32,
+    /// 64-bit unsigned integers.
     U64,
+    /// 64-bit signed integers.
     I64,
+    /// 32-bit floats.
     F32,
+    /// 64-bit floats.
     F64,
 }
 
 /// Order of the bytes of an element in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ByteOrder {
+    /// Least significant byte first.
     #[default]
     Little,
+    /// Most significant byte first.
     Big,
 }
 
@@ -75,10 +87,12 @@ pub fn data_bytes(dims: [usize; 3], element: Element) -> Option<u64> {
 pub enum ReadFailure {
     /// The data end after this many bytes.
     Short {
+        /// Bytes that there are.
         got: u64,
     },
     /// The host has no memory for what did arrive.
     Memory,
+    /// The data cannot be read.
     Io(io::Error),
 }
 

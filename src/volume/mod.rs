@@ -13,7 +13,6 @@ mod nifti_write;
 mod phantom;
 pub mod raw;
 mod thorax;
-mod thorax_anatomy;
 
 pub use bricks::{ActiveBricks, BRICK_CELLS, Bricks, extinction_intervals};
 pub use element::{ByteOrder, Element};
@@ -35,10 +34,15 @@ use rayon::prelude::*;
 /// integers to `f64`).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Voxels {
+    /// 8-bit unsigned integers.
     U8(Array3<u8>),
+    /// 16-bit signed integers.
     I16(Array3<i16>),
+    /// 16-bit unsigned integers.
     U16(Array3<u16>),
+    /// 32-bit floats.
     F32(Array3<f32>),
+    /// 64-bit floats.
     F64(Array3<f64>),
 }
 
@@ -58,6 +62,7 @@ macro_rules! with_voxels {
 
 /// A stored voxel type; converts to `f64` without loss.
 pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
+    /// The same number.
     fn to_f64(self) -> f64;
 }
 
@@ -69,11 +74,14 @@ voxel!(u8, i16, u16, f32, f64);
 /// `value = stored * slope + intercept`, in `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Scaling {
+    /// Factor of the stored value.
     pub slope: f64,
+    /// What is added to the product.
     pub intercept: f64,
 }
 
 impl Scaling {
+    /// Stored values as they are.
     pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
 
     /// The scaled value of a stored one.
@@ -92,7 +100,9 @@ impl Scaling {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AffineSource {
+    /// The `sform` of a NIfTI file.
     Sform,
+    /// The `qform` of a NIfTI file.
     Qform,
     /// Voxel sizes only (also raw files and phantoms).
     Spacing,
@@ -107,14 +117,32 @@ pub struct Provenance {
     pub format: String,
     /// Element type in the file, e.g. `uint8`, `int16 big-endian`.
     pub stored_type: String,
+    /// What gave the affine.
     pub affine_source: AffineSource,
     /// Frames in a 4-D file (1 otherwise) and the one read.
     pub frames: usize,
+    /// The frame that was read, counted from 0.
     pub frame: usize,
     /// Non-finite voxels, replaced by the smallest finite value.
     pub non_finite: usize,
     /// One line each; shown by `info` and on stderr.
     pub warnings: Vec<String>,
+}
+
+impl Provenance {
+    /// One frame, placed by its voxel sizes alone, and nothing to warn of.
+    pub fn new(source: impl Into<String>, format: &str, stored_type: impl Into<String>) -> Self {
+        Self {
+            source: source.into(),
+            format: format.into(),
+            stored_type: stored_type.into(),
+            affine_source: AffineSource::Spacing,
+            frames: 1,
+            frame: 0,
+            non_finite: 0,
+            warnings: Vec::new(),
+        }
+    }
 }
 
 /// A volume: stored values, their scaling and the affine to world millimetres (RAS+).
@@ -125,6 +153,7 @@ pub struct Volume {
     world_from_index: DAffine3,
     index_from_world: DAffine3,
     stored_range: [f64; 2],
+    /// Where it came from.
     pub provenance: Provenance,
 }
 
@@ -194,10 +223,12 @@ impl Volume {
         [s.2, s.1, s.0]
     }
 
+    /// Stored values.
     pub fn voxels(&self) -> &Voxels {
         &self.voxels
     }
 
+    /// Values of stored ones.
     pub fn scaling(&self) -> Scaling {
         self.scaling
     }

@@ -14,7 +14,7 @@
 //!
 //! `sphere` and `shell` are `f32`, the others `i16`; the chest is `i16` in HU.
 
-use super::{AffineSource, Provenance, Scaling, Volume, Voxels, thorax};
+use super::{Provenance, Scaling, Volume, Voxels, thorax};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use crate::strands::StrandSet;
@@ -26,12 +26,18 @@ use std::fmt;
 /// A built-in volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Phantom {
+    /// A CT-like chest in HU.
     #[default]
     Thorax,
+    /// A slab of one value across z.
     Slab,
+    /// A value that falls with the radius squared.
     Sphere,
+    /// A hollow ball.
     Shell,
+    /// A half space across x.
     Step,
+    /// Thin layers across z.
     Comb,
 }
 
@@ -127,55 +133,21 @@ impl Phantom {
             let why = format!("size {size} is not in 1..={}", Self::MAX_SIZE);
             return Err(Error::input("cannot build phantom", source, why));
         }
-        let inside = |is: bool| if is { INSIDE as i16 } else { 0 };
-        let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
-        let radius_mm = |i, j, k| DVec3::new(centred(i), centred(j), centred(k)).length();
-        let (voxels, spacing_mm) = match self {
+        let mut spacing_mm = [CUBE_MM / size as f64; 3];
+        let voxels = match self {
             Self::Thorax => {
-                let (voxels, spacing_mm) = thorax::build(size, loading);
-                (Voxels::I16(voxels), spacing_mm)
+                let (voxels, spacing) = thorax::build(size, loading);
+                spacing_mm = spacing;
+                Voxels::I16(voxels)
             }
-            Self::Slab => {
-                let first = size / 4;
-                (
-                    Voxels::I16(cube(size, loading, |_, _, k| inside((first..size - first).contains(&k)))),
-                    cube_spacing(size),
-                )
-            }
-            Self::Step => {
-                (Voxels::I16(cube(size, loading, |i, _, _| inside(i >= size / 2))), cube_spacing(size))
-            }
-            Self::Comb => {
-                (Voxels::I16(cube(size, loading, |_, _, k| inside(k % 4 == 2))), cube_spacing(size))
-            }
-            Self::Sphere => {
-                let value = |r: f64| INSIDE * (1.0 - (r / (CUBE_MM / 2.0)).powi(2));
-                (
-                    Voxels::F32(cube(size, loading, |i, j, k| value(radius_mm(i, j, k)) as f32)),
-                    cube_spacing(size),
-                )
-            }
-            Self::Shell => {
-                let value = |r: f64| INSIDE * (1.0 - (r - 20.0).abs() / 8.0).max(0.0);
-                (
-                    Voxels::F32(cube(size, loading, |i, j, k| value(radius_mm(i, j, k)) as f32)),
-                    cube_spacing(size),
-                )
-            }
+            Self::Slab => solid(size, loading, |[_, _, k]| (size / 4..size - size / 4).contains(&k)),
+            Self::Step => solid(size, loading, |[i, _, _]| i >= size / 2),
+            Self::Comb => solid(size, loading, |[_, _, k]| k % 4 == 2),
+            Self::Sphere => radial(size, loading, |r| 1.0 - (r / (CUBE_MM / 2.0)).powi(2)),
+            Self::Shell => radial(size, loading, |r| (1.0 - (r - 20.0).abs() / 8.0).max(0.0)),
         };
-        let provenance = Provenance {
-            source,
-            format: "phantom".into(),
-            stored_type: match &voxels {
-                Voxels::I16(_) => "int16".into(),
-                _ => "float32".into(),
-            },
-            affine_source: AffineSource::Spacing,
-            frames: 1,
-            frame: 0,
-            non_finite: 0,
-            warnings: Vec::new(),
-        };
+        let stored_type = if matches!(voxels, Voxels::I16(_)) { "int16" } else { "float32" };
+        let provenance = Provenance::new(source, "phantom", stored_type);
         let dims = crate::with_voxels!(&voxels, a => { let (nz, ny, nx) = a.dim(); [nx, ny, nz] });
         Volume::new_with(voxels, Scaling::IDENTITY, centred_affine(dims, spacing_mm), provenance, loading)
     }
@@ -195,15 +167,23 @@ fn centred_affine(dims: [usize; 3], spacing_mm: [f64; 3]) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_diagonal(spacing), exact_in_f32(-(spacing * centre)))
 }
 
-fn cube_spacing(size: usize) -> [f64; 3] {
-    [CUBE_MM / size as f64; 3]
+/// The cube, [`INSIDE`] where `inside` says so and 0 elsewhere.
+fn solid(size: usize, loading: &Loading, inside: impl Fn([usize; 3]) -> bool + Sync) -> Voxels {
+    Voxels::I16(cube(size, loading, |at| if inside(at) { INSIDE as i16 } else { 0 }))
 }
 
-/// A cube of voxels from a function of `(i, j, k)`; unfinished once `loading` was cancelled.
+/// The cube of [`INSIDE`] times a function of the distance from its centre, mm.
+fn radial(size: usize, loading: &Loading, share: impl Fn(f64) -> f64 + Sync) -> Voxels {
+    let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
+    let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)).length())) as f32;
+    Voxels::F32(cube(size, loading, value))
+}
+
+/// A cube of voxels from a function of `[i, j, k]`; unfinished once `loading` was cancelled.
 fn cube<T: Copy + Default + Send + Sync>(
     size: usize,
     loading: &Loading,
-    value: impl Fn(usize, usize, usize) -> T + Sync,
+    value: impl Fn([usize; 3]) -> T + Sync,
 ) -> Array3<T> {
     let mut voxels = Array3::default((size, size, size));
     let planes = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut(size * size);
@@ -213,7 +193,7 @@ fn cube<T: Copy + Default + Send + Sync>(
             return;
         }
         for (at, v) in plane.iter_mut().enumerate() {
-            *v = value(at % size, at / size, k);
+            *v = value([at % size, at / size, k]);
         }
         pieces.done();
     });

@@ -1,7 +1,7 @@
 //! Raw files: voxels and nothing else; the layout comes from `--raw` or from the file's name.
 
 use super::element::{ByteOrder, Element, data_bytes, read_voxels};
-use super::{AffineSource, Provenance, Scaling, Volume};
+use super::{Provenance, Scaling, Volume};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
 use glam::{DAffine3, DVec3};
@@ -13,8 +13,11 @@ use std::str::FromStr;
 /// Grid and element type of a raw file, `DIMXxDIMYxDIMZ:TYPE[:be]`; x runs fastest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RawLayout {
+    /// Voxels along x, y, z.
     pub dims: [usize; 3],
+    /// Type of the voxels.
     pub element: Element,
+    /// Order of their bytes.
     pub byte_order: ByteOrder,
 }
 
@@ -133,16 +136,8 @@ pub fn read_with(
     file.seek(SeekFrom::Start(offset_bytes)).map_err(|e| refuse(e.to_string()))?;
     let voxels = read_voxels(&mut file, layout.dims, layout.element, layout.byte_order)
         .map_err(|e| refuse(e.to_string()))?;
-    let provenance = Provenance {
-        source: source.clone(),
-        format: "raw".into(),
-        stored_type: layout.element.describe(layout.byte_order),
-        affine_source: AffineSource::Spacing,
-        frames: 1,
-        frame: 0,
-        non_finite: 0,
-        warnings,
-    };
+    let stored_type = layout.element.describe(layout.byte_order);
+    let provenance = Provenance { warnings, ..Provenance::new(&source, "raw", stored_type) };
     let world_from_index = DAffine3::from_scale(DVec3::from_array(spacing_mm));
     Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
 }

@@ -13,7 +13,7 @@ use umbravox::measure::progress::Progress;
 use umbravox::render::{Forced, Session};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{BuildContext, Method, ShadowMap, parse, parse_list};
-use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
+use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Volume, VolumeSpec, load};
 
 const DELAY_MS: f64 = 250.0;
@@ -85,14 +85,7 @@ impl Method for Planted {
 const EXTINCTION: f64 = 0.05;
 
 fn haze(extinction: f64) -> TransferFunction {
-    let point = |value| ControlPoint { value, amount: extinction, color: [1.0; 3] };
-    TransferFunction {
-        name: "haze".into(),
-        units: "HU".into(),
-        reference_length_mm: 1.0,
-        quantity: Quantity::Extinction,
-        points: vec![point(-1e5), point(1e5)],
-    }
+    TransferFunction::new(Quantity::Extinction, &[(-1e5, extinction), (1e5, extinction)])
 }
 
 fn compared(volume: &Arc<Volume>, scene: &Scene, methods: &[Box<dyn Method>]) -> Option<Comparison> {

@@ -27,9 +27,10 @@ fn value_at(volume: &Volume, p: DVec3) -> Option<f64> {
 fn midpoint_sums() {
     const STEPS: usize = 40_000;
     let volume = rough_volume(oblique());
-    let mut random = Random(5);
+    let mut random = Rng::with_seed(5);
     for _ in 0..40 {
-        let [a, b] = std::array::from_fn(|_| random.in_box(DVec3::splat(-2.0), DVec3::new(10.0, 8.0, 7.0)));
+        let [a, b] =
+            std::array::from_fn(|_| in_box(&mut random, DVec3::splat(-2.0), DVec3::new(10.0, 8.0, 7.0)));
         let values: Vec<_> =
             (0..STEPS).map(|i| value_at(&volume, a.lerp(b, (i as f64 + 0.5) / STEPS as f64))).collect();
         let [a, b] = [a, b].map(|p| oblique().transform_point3(p));

@@ -129,10 +129,10 @@ fn sphere_chord() {
         volume([41, 41, 41], DAffine3::IDENTITY, |i, j, k| (DVec3::new(i, j, k) - center).length_squared());
     let tf = extinction(&[(225.0, 0.5), (225.0, 0.0)]);
     let field = ExactField::new(&field, &tf);
-    let mut random = Random(3);
+    let mut random = Rng::with_seed(3);
     for _ in 0..200 {
-        let toward = random.in_box(DVec3::NEG_ONE, DVec3::ONE).normalize();
-        let beside = toward.any_orthonormal_vector() * (14.0 * random.unit());
+        let toward = in_box(&mut random, DVec3::NEG_ONE, DVec3::ONE).normalize();
+        let beside = toward.any_orthonormal_vector() * (14.0 * random.f64());
         let (a, b) = (center + beside - toward * 30.0, center + beside + toward * 30.0);
         let chord = |radius2: f64| 2.0 * (radius2 - beside.length_squared()).max(0.0).sqrt();
         let got = field.optical_depth(a, b) / 0.5;
@@ -160,10 +160,10 @@ fn plateau_at_a_jump() {
         volume([7, 7, 7], DAffine3::IDENTITY, |i, j, k| if (i + j + k) % 4.0 == 0.0 { 97.3 } else { 0.0 });
     let tf_cut_above = extinction(&[(0.0, 0.0), (0.0, 0.2), (50.0, 0.2), (60.0, 0.2)]);
     let field_of_spots = ExactField::new(&spots, &tf_cut_above);
-    let mut random = Random(31);
+    let mut random = Rng::with_seed(31);
     for _ in 0..300 {
-        let corner = random.in_box(DVec3::ZERO, DVec3::splat(6.0)).round();
-        let other = random.in_box(DVec3::ZERO, DVec3::splat(6.0)).round();
+        let corner = in_box(&mut random, DVec3::ZERO, DVec3::splat(6.0)).round();
+        let other = in_box(&mut random, DVec3::ZERO, DVec3::splat(6.0)).round();
         assert_close(field_of_spots.optical_depth(corner, other), 0.2 * corner.distance(other), EXACT);
     }
     // A value that scaling rounds.

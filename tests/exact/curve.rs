@@ -6,7 +6,7 @@ use umbravox::exact::ExactField;
 #[test]
 fn curve_is_the_optical_depth_of_every_prefix() {
     let volume = rough_volume(oblique());
-    let mut random = Random(17);
+    let mut random = Rng::with_seed(17);
     let ray = (DVec3::new(-21.45, 29.35, 5.275), DVec3::new(-13.15, 40.4, 21.95));
     let inside = (DVec3::new(-17.47, 33.2, 9.975), DVec3::new(-16.2, 35.93, 16.3));
     for tf in transfer_functions() {
@@ -17,7 +17,7 @@ fn curve_is_the_optical_depth_of_every_prefix() {
             assert_eq!(curve.total(), field.optical_depth(a, b));
             assert_eq!(curve.optical_depth_at(length_mm * (1.0 + 1e-12)), curve.total());
             assert_eq!((curve.optical_depth_at(0.0), curve.optical_depth_at(-1.0)), (0.0, 0.0));
-            let mut depths: Vec<_> = (0..500).map(|_| length_mm * random.unit()).collect();
+            let mut depths: Vec<_> = (0..500).map(|_| length_mm * random.f64()).collect();
             depths.extend(curve.jumps());
             depths.sort_by(f64::total_cmp);
             let mut before = 0.0;

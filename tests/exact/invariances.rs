@@ -4,9 +4,9 @@ use super::*;
 use umbravox::exact::ExactField;
 
 fn random_segments(n: usize) -> Vec<(DVec3, DVec3)> {
-    let mut random = Random(11);
+    let mut random = Rng::with_seed(11);
     let (low, high) = (DVec3::splat(-3.0), DVec3::new(11.0, 9.0, 8.0));
-    (0..n).map(|_| (random.in_box(low, high), random.in_box(low, high))).collect()
+    (0..n).map(|_| (in_box(&mut random, low, high), in_box(&mut random, low, high))).collect()
 }
 
 /// Tolerance for fields that are the same but for rounding of positions.
@@ -133,7 +133,7 @@ fn a_voxel_in_empty_space() {
         let affine = DAffine3::from_translation(at - 1.0);
         volume([3, 3, 3], affine, |i, j, k| if [i, j, k] == [1.0; 3] { 60.0 } else { 0.0 })
     };
-    let mut random = Random(29);
+    let mut random = Rng::with_seed(29);
     for [i, j, k] in
         [[7, 7, 7], [8, 7, 6], [6, 15, 8], [16, 8, 7], [1, 23, 14], [22, 22, 22], [15, 16, 17], [23, 1, 24]]
     {
@@ -147,13 +147,13 @@ fn a_voxel_in_empty_space() {
         let alone = alone(at);
         let (in_sparse, by_itself) = (ExactField::new(&sparse, tf), ExactField::new(&alone, tf));
         for n in 0..200 {
-            let middle = at + random.in_box(DVec3::splat(-0.9), DVec3::splat(0.9));
+            let middle = at + in_box(&mut random, DVec3::splat(-0.9), DVec3::splat(0.9));
             let half = match n % 8 {
                 0 => DVec3::X,
                 1 => DVec3::Y,
                 2 => DVec3::NEG_Z,
                 3 => DVec3::new(1.0, -1.0, 0.0),
-                _ => random.in_box(DVec3::NEG_ONE, DVec3::ONE),
+                _ => in_box(&mut random, DVec3::NEG_ONE, DVec3::ONE),
             } * 40.0;
             // Every other ray along cell faces.
             let middle = if n % 16 < 8 { at + (middle - at).round() * 0.5 } else { middle };

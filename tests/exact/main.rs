@@ -8,26 +8,17 @@ mod phantoms;
 mod picture;
 mod real_scans;
 
+use fastrand::Rng;
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
-use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
-use umbravox::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
+use umbravox::transfer::{Quantity, TransferFunction};
+use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
 /// Relative error of the reference where a closed form is known: its promise of 1e-12 and some rounding.
 const EXACT: f64 = 2e-12;
 
 fn volume_of(voxels: Voxels, scaling: Scaling, world_from_index: DAffine3) -> Volume {
-    let provenance = Provenance {
-        source: "test".into(),
-        format: "phantom".into(),
-        stored_type: "test".into(),
-        affine_source: AffineSource::Spacing,
-        frames: 1,
-        frame: 0,
-        non_finite: 0,
-        warnings: Vec::new(),
-    };
-    Volume::new(voxels, scaling, world_from_index, provenance).unwrap()
+    Volume::new(voxels, scaling, world_from_index, Provenance::new("test", "phantom", "test")).unwrap()
 }
 
 /// A volume of `f(i, j, k)`.
@@ -37,14 +28,7 @@ fn volume([nx, ny, nz]: [usize; 3], affine: DAffine3, f: impl Fn(f64, f64, f64) 
 }
 
 fn transfer(quantity: Quantity, reference_length_mm: f64, points: &[(f64, f64)]) -> TransferFunction {
-    let white = |&(value, amount): &(f64, f64)| ControlPoint { value, amount, color: [1.0; 3] };
-    TransferFunction {
-        name: "test".into(),
-        units: String::new(),
-        reference_length_mm,
-        quantity,
-        points: points.iter().map(white).collect(),
-    }
+    TransferFunction { reference_length_mm, ..TransferFunction::new(quantity, points) }
 }
 
 fn extinction(points: &[(f64, f64)]) -> TransferFunction {
@@ -60,18 +44,8 @@ fn assert_close(got: f64, want: f64, tolerance: f64) {
     assert!((got - want).abs() <= tolerance * want.abs().max(1.0), "got {got}, want {want}");
 }
 
-/// Reproducible numbers in `[0, 1)` (Knuth's MMIX generator).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn in_box(&mut self, low: DVec3, high: DVec3) -> DVec3 {
-        low + (high - low) * DVec3::new(self.unit(), self.unit(), self.unit())
-    }
+fn in_box(random: &mut Rng, low: DVec3, high: DVec3) -> DVec3 {
+    low + (high - low) * DVec3::new(random.f64(), random.f64(), random.f64())
 }
 
 /// A rough field of values 0 to 100 and transfer functions of every kind over it.

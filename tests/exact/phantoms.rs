@@ -59,10 +59,10 @@ fn sphere_chord() {
     let tf = extinction(&[(400.0, 0.0), (400.0, 0.1)]);
     let field = ExactField::new(&volume, &tf);
     let radius2 = 32.0 * 32.0 * 0.6;
-    let mut random = Random(23);
+    let mut random = Rng::with_seed(23);
     for _ in 0..100 {
-        let toward = random.in_box(DVec3::NEG_ONE, DVec3::ONE).normalize();
-        let beside = toward.any_orthonormal_vector() * (20.0 * random.unit());
+        let toward = in_box(&mut random, DVec3::NEG_ONE, DVec3::ONE).normalize();
+        let beside = toward.any_orthonormal_vector() * (20.0 * random.f64());
         let chord = |r2: f64| 2.0 * (r2 - beside.length_squared()).max(0.0).sqrt();
         let got = field.optical_depth(beside - toward * 60.0, beside + toward * 60.0) / 0.1;
         // Voxels are f32, which moves the surface by 1e-6 of itself.

@@ -135,7 +135,8 @@ fn edits_that_follow_one_another() {
         edit(&mut state, change);
         if change == Change::Color {
             // A point between others moves the numbers of all intervals behind it.
-            let unused = ControlPoint { value: 5500.0, amount: 0.5, color: [0.1, 0.9, 0.4] };
+            let unused =
+                umbravox::transfer::ControlPoint { value: 5500.0, amount: 0.5, color: [0.1, 0.9, 0.4] };
             state.tf.points.insert(3, unused);
         }
         if let Some(picture) = session.show(&state).2 {

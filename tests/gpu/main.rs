@@ -25,8 +25,8 @@ use umbravox::gpu::Gpu;
 use umbravox::render::{DeviceTransfer, Forced, LoadedVolume, Renderer};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{self, ShadowMap};
-use umbravox::transfer::{ControlPoint, Quantity, TransferFunction};
-use umbravox::volume::{AffineSource, Provenance, Scaling, Volume, VolumeSpec, Voxels, load};
+use umbravox::transfer::{Quantity, TransferFunction};
+use umbravox::volume::{Provenance, Scaling, Volume, VolumeSpec, Voxels, load};
 
 /// Opened once: compiling pipelines takes longer than most tests.
 static RENDERER: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| match Gpu::open(None) {
@@ -109,16 +109,7 @@ fn scan(name: &str) -> Option<Arc<Volume>> {
 }
 
 fn volume_of(voxels: Voxels, world_from_index: DAffine3) -> Volume {
-    let provenance = Provenance {
-        source: "test".into(),
-        format: "phantom".into(),
-        stored_type: "test".into(),
-        affine_source: AffineSource::Spacing,
-        frames: 1,
-        frame: 0,
-        non_finite: 0,
-        warnings: Vec::new(),
-    };
+    let provenance = Provenance::new("test", "phantom", "test");
     Volume::new(voxels, Scaling::IDENTITY, world_from_index, provenance).unwrap()
 }
 
@@ -130,22 +121,12 @@ fn under(affine: DAffine3, name: &str) -> Arc<Volume> {
 fn transfer(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {
     // Colours that differ in every channel, so that no channel is checked by another.
     let last = points.len().max(2) as f64 - 1.0;
-    let color = |i: usize| {
+    let mut tf = TransferFunction::new(quantity, points);
+    for (i, point) in tf.points.iter_mut().enumerate() {
         let w = i as f64 / last;
-        [1.0 - 0.7 * w, 0.3 + 0.5 * w, 0.9 - 0.9 * (w - 0.5).abs()]
-    };
-    let points = points.iter().enumerate().map(|(i, &(value, amount))| ControlPoint {
-        value,
-        amount,
-        color: color(i),
-    });
-    TransferFunction {
-        name: "test".into(),
-        units: String::new(),
-        reference_length_mm: 1.0,
-        quantity,
-        points: points.collect(),
+        point.color = [1.0 - 0.7 * w, 0.3 + 0.5 * w, 0.9 - 0.9 * (w - 0.5).abs()];
     }
+    tf
 }
 
 fn extinction(points: &[(f64, f64)]) -> TransferFunction {

@@ -1,13 +1,13 @@
 //! The comparison with rays through the cylinders: places where its answer is known.
 
-use super::{chance, strands};
+use super::strands;
 use glam::DVec3;
-use umbravox::strands::cylinders::{AgainstCylinders, against_cylinders};
+use umbravox::measure::cylinders::{AgainstCylinders, against_cylinders};
 use umbravox::strands::{StrandFlags, Strands, load_volume};
 
 fn compared(strands: &Strands, toward: DVec3, resolution: usize) -> AgainstCylinders {
     let flags = StrandFlags { resolution: Some(resolution), ..StrandFlags::default() };
-    against_cylinders(strands, &load_volume(strands, &flags).unwrap(), toward, 1500).unwrap()
+    against_cylinders(strands, &load_volume(strands, &flags).unwrap().volume, toward, 1500).unwrap()
 }
 
 #[test]
@@ -40,11 +40,11 @@ fn strands_along_the_light_hide_nothing_of_it() {
 /// Thin straight strands at random places across the light: the medium that extinction assumes.
 #[test]
 fn scattered_strands_across_the_light_are_the_medium() {
-    let mut unit = chance();
+    let mut random = fastrand::Rng::with_seed(7);
     let mut lines = Vec::new();
     for _ in 0..8000 {
-        let center = DVec3::new(unit(), unit(), unit()) * 40.0;
-        let angle = std::f64::consts::PI * unit();
+        let center = DVec3::new(random.f64(), random.f64(), random.f64()) * 40.0;
+        let angle = std::f64::consts::PI * random.f64();
         let half = 1.5 * DVec3::new(angle.cos(), angle.sin(), 0.0);
         lines.push([center - half, center + half].map(|p| p.as_vec3().to_array()).to_vec());
     }
@@ -62,8 +62,8 @@ fn scattered_strands_across_the_light_are_the_medium() {
 fn nothing_is_compared_where_there_is_nothing() {
     let one = strands(&[vec![[0.0; 3], [1.0; 3]]], 0.1, 0.0);
     let made = load_volume(&one, &StrandFlags::default()).unwrap();
-    assert_eq!(against_cylinders(&one, &made, DVec3::Z, 0), None);
+    assert_eq!(against_cylinders(&one, &made.volume, DVec3::Z, 0), None);
     let point = strands(&[vec![[0.0; 3]]], 0.1, 0.0);
     let made = load_volume(&point, &StrandFlags::default()).unwrap();
-    assert_eq!(against_cylinders(&point, &made, DVec3::Z, 9), None);
+    assert_eq!(against_cylinders(&point, &made.volume, DVec3::Z, 9), None);
 }

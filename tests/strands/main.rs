@@ -26,12 +26,3 @@ fn arrays(lines: &[Vec<[f32; 3]>], thickness_mm: f32, transparency: f32) -> Stra
         info: [0; 88],
     }
 }
-
-/// Numbers in `[0, 1)`, the same on every run.
-fn chance() -> impl FnMut() -> f64 {
-    let mut state = 7u64;
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 53) as f64
-    }
-}

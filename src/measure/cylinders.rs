@@ -11,11 +11,11 @@
 //! scattered), and the foreshortening of segments that point at the light: extinction counts `d L` from whichever
 //! side, a light sees `d L sin(angle)`.
 
-use super::random::Chance;
-use super::{StrandVolume, Strands};
 use crate::exact::ExactField;
 use crate::scene::Light;
-use crate::transfer::presets;
+use crate::strands::{Chance, Strands};
+use crate::transfer::{Quantity, TransferFunction};
+use crate::volume::Volume;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use rstar::primitives::GeomWithData;
@@ -59,11 +59,11 @@ struct Beam {
     middle_mm: DVec3,
 }
 
-/// Compares the volume with the strands that it was made from, along `count` beams towards a directional light, the
+/// Compares a volume of cubic voxels with the strands that it was made from, along `count` beams towards a directional light, the
 /// same ones on every run. `None` where there is nothing to compare: no segments or no beams.
 pub fn against_cylinders(
     strands: &Strands,
-    made: &StrandVolume,
+    volume: &Volume,
     toward: DVec3,
     count: usize,
 ) -> Option<AgainstCylinders> {
@@ -74,7 +74,7 @@ pub fn against_cylinders(
     let toward = toward.normalize();
     let (across, up) = toward.any_orthonormal_pair();
     let in_light = |p: DVec3| DVec3::new(p.dot(across), p.dot(up), p.dot(toward));
-    let width_mm = made.grid.spacing_mm;
+    let width_mm = volume.min_spacing_mm();
     let beams: Vec<Beam> = (0..count)
         .map(|i| {
             let mut chance = Chance::new(200, i as u64);
@@ -94,8 +94,10 @@ pub fn against_cylinders(
         .collect();
     let depths = optical_depths(strands, &beams, &offsets, in_light, 0.5 * width_mm);
 
-    let tf = presets::find("hair").ok()?.suit(&made.volume).tf;
-    let field = ExactField::new(&made.volume, &tf);
+    // Values are extinction themselves.
+    let largest = volume.value_range()[1];
+    let tf = TransferFunction::new(Quantity::Extinction, &[(0.0, 0.0), (largest, largest)]);
+    let field = ExactField::new(volume, &tf);
     let light = Light::Directional { toward };
     let each: Vec<[f64; 3]> = beams
         .par_iter()
