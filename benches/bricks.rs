@@ -1,8 +1,10 @@
 //! Building and classifying min/max bricks, on the default phantom (256x192x128 `i16`) and on CT_AVM where it is at hand.
 
+#[path = "../tests/common/mod.rs"]
+mod common;
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
-use std::path::PathBuf;
 use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Bricks, VolumeSpec, load};
 
@@ -11,15 +13,8 @@ fn vessels() -> TransferFunction {
 }
 
 fn bricks(criterion: &mut Criterion) {
-    let data = std::env::var_os("UMBRAVOX_DATA")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let scan = data.join("CT_AVM.nii.gz");
     let mut sources = vec![("thorax", "phantom:thorax".to_string())];
-    if scan.exists() {
-        sources.push(("CT_AVM", scan.display().to_string()));
-    } else {
-        println!("skipped: {} is absent", scan.display());
-    }
+    sources.extend(common::scan("CT_AVM").map(|scan| ("CT_AVM", scan.display().to_string())));
     for (name, source) in sources {
         let volume = match load(&VolumeSpec::new(source)) {
             Ok(volume) => volume,

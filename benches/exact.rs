@@ -2,10 +2,12 @@
 //!
 //! On CT_AVM where it is to be had (`../shared/data` or `UMBRAVOX_DATA`), else on the built-in chest.
 
+#[path = "../tests/common/mod.rs"]
+mod common;
+
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
 use std::hint::black_box;
-use std::path::PathBuf;
 use umbravox::exact::ExactField;
 use umbravox::scene::Scene;
 use umbravox::transfer::{Quantity, TransferFunction};
@@ -14,10 +16,8 @@ use umbravox::volume::{Volume, VolumeSpec, load};
 const RAYS: usize = 2_000;
 
 fn volume() -> Volume {
-    let folder = std::env::var_os("UMBRAVOX_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    let scan = folder.join("CT_AVM.nii.gz");
-    let spec = if scan.exists() { VolumeSpec::new(scan.to_string_lossy()) } else { VolumeSpec::default() };
+    let spec = common::scan("CT_AVM")
+        .map_or_else(VolumeSpec::default, |scan| VolumeSpec::new(scan.to_string_lossy()));
     println!("volume: {}", spec.source);
     load(&spec).expect("the volume loads")
 }

@@ -1,9 +1,11 @@
 //! The device's hot stages: tables, deep shadow map, frames. On the built-in chest, and on CT_AVM where it is at hand
 //! (`../shared/data` or `UMBRAVOX_DATA`).
 
+#[path = "../tests/common/mod.rs"]
+mod common;
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
-use std::path::PathBuf;
 use std::sync::Arc;
 use umbravox::render::{Forced, Session};
 use umbravox::scene::Scene;
@@ -12,15 +14,8 @@ use umbravox::transfer::{PairTable, TransferTables, presets};
 use umbravox::volume::{VolumeSpec, load};
 
 fn stages(criterion: &mut Criterion) {
-    let data = std::env::var_os("UMBRAVOX_DATA")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let scan = data.join("CT_AVM.nii.gz");
     let mut sources = vec![("thorax", "phantom:thorax:128".to_string())];
-    if scan.exists() {
-        sources.push(("CT_AVM", scan.display().to_string()));
-    } else {
-        println!("skipped: {} is absent", scan.display());
-    }
+    sources.extend(common::scan("CT_AVM").map(|scan| ("CT_AVM", scan.display().to_string())));
     for (name, source) in sources {
         let volume = Arc::new(load(&VolumeSpec::new(source)).expect("the volume loads"));
         let tf = presets::resolve("vessels", &volume).expect("a preset").tf;

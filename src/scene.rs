@@ -66,10 +66,16 @@ impl Camera {
 /// The one light; world millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Light {
-    /// At infinity; `toward` points towards the light (need not be normalised).
-    Directional { toward: DVec3 },
+    /// At infinity.
+    Directional {
+        /// Towards the light; need not be normalised.
+        toward: DVec3,
+    },
     /// At a point.
-    Point { position: DVec3 },
+    Point {
+        /// Where, mm.
+        position: DVec3,
+    },
 }
 
 impl Light {
@@ -84,9 +90,7 @@ impl Light {
             }
         }
     }
-}
 
-impl Light {
     /// As `--light` takes it, to four decimals.
     pub fn text(&self) -> String {
         let (kind, v) = match self {
@@ -108,6 +112,7 @@ impl Default for Light {
 /// The factor on light that reaches a point: 1, or by the angle between the light and the gradient of the value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
+#[allow(missing_docs, reason = "a comment would be a line of `--help`")]
 pub enum Shading {
     #[default]
     None,

@@ -1,9 +1,10 @@
 //! `umbravox probe --curve`: against closed forms and the other questions of `probe`, and what it refuses.
 
 mod cli;
+mod common;
 
 use cli::{refused, umbravox};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
 use umbravox::measure::light_curve::LightCurve;
@@ -211,14 +212,8 @@ fn bad_curves_are_refused() {
 
 #[test]
 fn on_a_scan_the_curve_agrees_with_single_points() {
-    let folder = std::env::var_os("UMBRAVOX_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
     for name in ["CT_AVM", "engine"] {
-        let path = folder.join(format!("{name}.nii.gz"));
-        if !path.exists() {
-            println!("skipped: {} is not there", path.display());
-            continue;
-        }
+        let Some(path) = common::scan(name) else { continue };
         let volume = load(&VolumeSpec::new(path.to_string_lossy())).unwrap();
         let [low, high] = volume.value_range();
         let json = format!(

@@ -1,5 +1,6 @@
 //! NIfTI files of every kind and in every state of disrepair.
 
+mod common;
 mod nifti_bytes;
 
 use glam::{DVec3, dvec3};
@@ -508,8 +509,6 @@ fn flags_of_raw_files_are_refused() {
 
 #[test]
 fn real_scans() {
-    let data = std::env::var_os("UMBRAVOX_DATA")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
     // As an independent reader has them.
     for (name, dims, range, spacing) in [
         ("CT_AVM", [256, 242, 154], [0.0, 563.200_002_908_706_7], [0.719_942_57, 0.720_913_59, 1.0]),
@@ -517,11 +516,7 @@ fn real_scans() {
         ("engine", [256, 256, 128], [0.0, 255.0], [1.0; 3]),
         ("fuel", [64, 33, 32], [0.0, 255.0], [1.0; 3]),
     ] {
-        let path = data.join(format!("{name}.nii.gz"));
-        if !path.exists() {
-            println!("skipped: {} is absent", path.display());
-            continue;
-        }
+        let Some(path) = common::scan(name) else { continue };
         let volume = load(&VolumeSpec::new(path.to_str().unwrap())).unwrap();
         assert_eq!((volume.dims(), volume.value_range()), (dims, range), "{name}");
         for (ours, theirs) in volume.spacing_mm().into_iter().zip(spacing) {

@@ -2,6 +2,8 @@
 
 mod brute_force;
 mod closed_forms;
+#[path = "../common/mod.rs"]
+mod common;
 mod curve;
 mod invariances;
 mod phantoms;

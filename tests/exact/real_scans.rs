@@ -1,7 +1,6 @@
 //! Real scans, where they are to be had, against an independent implementation.
 
 use super::*;
-use std::path::PathBuf;
 use umbravox::exact::ExactField;
 use umbravox::volume::{VolumeSpec, load};
 
@@ -94,14 +93,8 @@ fn over_scans() -> [TransferFunction; 4] {
 
 #[test]
 fn agrees_on_real_scans() {
-    let folder = std::env::var_os("UMBRAVOX_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
     for (name, answered) in [("CT_AVM", CT_AVM), ("CT_pitch", CT_PITCH), ("engine", ENGINE)] {
-        let path = folder.join(format!("{name}.nii.gz"));
-        if !path.exists() {
-            println!("skipped: {} is not there", path.display());
-            continue;
-        }
+        let Some(path) = common::scan(name) else { continue };
         let volume = load(&VolumeSpec::new(path.to_string_lossy())).unwrap();
         for (n, tf) in over_scans().iter().enumerate() {
             let field = ExactField::new(&volume, tf);

@@ -3,6 +3,8 @@
 //! All tests share one device; where there is no adapter each says `skipped: no graphics adapter`.
 
 mod bound;
+#[path = "../common/mod.rs"]
+mod common;
 mod degenerate;
 mod exact_pictures;
 mod forced;
@@ -18,7 +20,6 @@ mod tolerance;
 
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
-use std::path::PathBuf;
 use std::sync::{Arc, LazyLock};
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
@@ -98,13 +99,7 @@ fn phantom(name: &str) -> Arc<Volume> {
 
 /// A real scan, or `None` and a visible line.
 fn scan(name: &str) -> Option<Arc<Volume>> {
-    let folder = std::env::var_os("UMBRAVOX_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    let path = folder.join(format!("{name}.nii.gz"));
-    if !path.exists() {
-        println!("skipped: {} is not there", path.display());
-        return None;
-    }
+    let path = common::scan(name)?;
     Some(Arc::new(load(&VolumeSpec::new(path.to_string_lossy())).unwrap()))
 }
 
