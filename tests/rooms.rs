@@ -42,7 +42,6 @@ const KNOWN_IMPORTS: &[(&str, &str)] = &[
     ("transfer/presets.rs", "strands"),
     ("volume/bricks.rs", "transfer"),
     ("volume/load.rs", "strands"),
-    ("volume/phantom.rs", "strands"),
 ];
 
 /// Files that still lie in a circle of their room: to become fewer, never more.

@@ -45,7 +45,7 @@ pub fn run(name: &str, output: &Path) -> Result<()> {
         })?;
         return write_hair(&set.build(segments)?, output);
     }
-    let (phantom, size) = Phantom::parse(name)?;
+    let (phantom, size) = Phantom::parse(name, &StrandSet::ALL.map(StrandSet::name))?;
     check_output(output, NIFTI_EXTENSIONS)?;
     write_nifti(&phantom.build(size)?, output)
 }

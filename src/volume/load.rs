@@ -3,7 +3,7 @@
 use super::{Phantom, RawLayout, Volume, nifti, raw};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::strands::{self, StrandFlags, is_strand_source};
+use crate::strands::{self, StrandFlags, StrandSet, is_strand_source};
 use std::path::Path;
 
 /// Which volume, and what its file does not say itself.
@@ -99,7 +99,7 @@ fn read(spec: &VolumeSpec, loading: &Loading) -> Result<Volume> {
     match (phantom, layout) {
         (Some(name), _) => {
             refuse_flag("--frame", spec.frame.is_some_and(|f| f > 0), "a built-in volume of one frame")?;
-            let (phantom, size) = Phantom::parse(name)?;
+            let (phantom, size) = Phantom::parse(name, &StrandSet::ALL.map(StrandSet::name))?;
             phantom.build_with(size, loading)
         }
         (None, Some(layout)) => {

@@ -17,7 +17,6 @@
 use super::{Provenance, Scaling, Volume, Voxels, thorax};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
-use crate::strands::StrandSet;
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -85,20 +84,20 @@ impl Phantom {
         }
     }
 
-    /// From `NAME[:SIZE]`.
+    /// From `NAME[:SIZE]`; `others` are the names of built-in things that are no volumes, for the hint.
     ///
     /// # Errors
     /// The name is unknown, or the size is not in `1..=1024`.
-    pub fn parse(text: &str) -> Result<(Self, usize)> {
+    pub fn parse(text: &str, others: &[&str]) -> Result<(Self, usize)> {
         let (name, size) = text.split_once(':').map_or((text, None), |(name, size)| (name, Some(size)));
         let phantom = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).into_iter().chain(StrandSet::ALL.map(StrandSet::name));
+            let names = [&Self::ALL.map(Self::name), others].concat();
             Error::input(
                 "cannot build phantom",
                 format!("phantom:{text}"),
                 format!("no phantom is named `{name}`"),
             )
-            .hint(format!("there are {}", names.collect::<Vec<_>>().join(", ")))
+            .hint(format!("there are {}", names.join(", ")))
         })?;
         let size = match size {
             None => phantom.default_size(),
