@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::scene::Light;
-use crate::transfer::{ControlPoint, Quantity, TransferFunction};
-use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
+use crate::transfer::{Quantity, TransferFunction};
+use crate::volume::{Provenance, Scaling, Volume, Voxels};
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use std::sync::Arc;
@@ -17,16 +17,7 @@ pub fn volume_under(
     let [nx, ny, nz] = dims;
     let voxels =
         Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| f(DVec3::new(i as f64, j as f64, k as f64)) as f32);
-    let provenance = Provenance {
-        source: "stability case".into(),
-        format: "phantom".into(),
-        stored_type: "float32".into(),
-        affine_source: AffineSource::Spacing,
-        frames: 1,
-        frame: 0,
-        non_finite: 0,
-        warnings: Vec::new(),
-    };
+    let provenance = Provenance::new("stability case", "phantom", "float32");
     Ok(Arc::new(Volume::new(Voxels::F32(voxels), Scaling::IDENTITY, world_from_index, provenance)?))
 }
 
@@ -74,14 +65,10 @@ pub fn opacity(points: &[(f64, f64)]) -> TransferFunction {
 }
 
 fn transfer(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {
-    let point = |&(value, amount): &(f64, f64)| ControlPoint { value, amount, color: [1.0, 0.8, 0.6] };
-    TransferFunction {
-        name: "stability case".into(),
-        units: String::new(),
-        reference_length_mm: 1.0,
-        quantity,
-        points: points.iter().map(point).collect(),
-    }
+    let mut tf =
+        TransferFunction { name: "stability case".into(), ..TransferFunction::new(quantity, points) };
+    tf.points.iter_mut().for_each(|p| p.color = [1.0, 0.8, 0.6]);
+    tf
 }
 
 /// The transfer function of the ordinary case, for values from 0 to `top`.
