@@ -5,6 +5,7 @@ mod common;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
+use umbravox::field::ActiveBricks;
 use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Bricks, VolumeSpec, load};
 
@@ -25,7 +26,7 @@ fn bricks(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group(format!("bricks/{name}"));
         group.sample_size(20);
         group.bench_function("build", |b| b.iter(|| Bricks::build(black_box(&volume))));
-        group.bench_function("classify", |b| b.iter(|| built.classify(black_box(&tf))));
+        group.bench_function("classify", |b| b.iter(|| ActiveBricks::of(&built, black_box(&tf))));
         group.finish();
     }
 }

@@ -16,6 +16,7 @@ pub mod app;
 pub mod cli;
 pub mod error;
 pub mod exact;
+pub mod field;
 pub mod files;
 pub mod gpu;
 pub mod measure;

@@ -2,15 +2,15 @@
 
 use fastrand::Rng;
 use glam::{DVec2, DVec3};
+use umbravox::field::{ActiveBricks, LightSpace, Projection, TILE};
 use umbravox::scene::Light;
-use umbravox::shadow::{LightSpace, Projection, TILE};
 use umbravox::transfer::presets;
-use umbravox::volume::{ActiveBricks, BRICK_CELLS, Bricks, Volume, VolumeSpec, load};
+use umbravox::volume::{BRICK_CELLS, Bricks, Volume, VolumeSpec, load};
 
 fn chest() -> (Volume, ActiveBricks) {
     let volume = load(&VolumeSpec::new("phantom:thorax:70")).unwrap();
     let tf = presets::resolve("bone", &volume).unwrap().tf;
-    let active = Bricks::build(&volume).classify(&tf);
+    let active = ActiveBricks::of(&Bricks::build(&volume), &tf);
     (volume, active)
 }
 

@@ -3,8 +3,9 @@
 use fastrand::Rng;
 use glam::DAffine3;
 use ndarray::Array3;
+use umbravox::field::{ActiveBricks, extinction_intervals};
 use umbravox::transfer::{Quantity, TransferFunction};
-use umbravox::volume::{BRICK_CELLS, Bricks, Provenance, Scaling, Volume, Voxels, extinction_intervals};
+use umbravox::volume::{BRICK_CELLS, Bricks, Provenance, Scaling, Volume, Voxels};
 
 fn volume(voxels: Voxels, scaling: Scaling) -> Volume {
     Volume::new(voxels, scaling, DAffine3::IDENTITY, Provenance::new("test", "test", "test")).unwrap()
@@ -117,7 +118,7 @@ fn classification_is_that_of_the_transfer_function() {
             min: ranges.iter().map(|r| r[0]).collect(),
             max: ranges.iter().map(|r| r[1]).collect(),
         };
-        let active = bricks.classify(&tf);
+        let active = ActiveBricks::of(&bricks, &tf);
         for ([min, max], distance) in ranges.into_iter().zip(&active.distance) {
             let expected = tf.points.iter().any(|p| p.value >= min && p.value <= max && p.amount > 0.0)
                 || has_extinction(&tf, min)
@@ -172,7 +173,7 @@ fn distances_are_chebyshev() {
                 |at: usize| [at % counts[0], at / counts[0] % counts[1], at / (counts[0] * counts[1])];
             let seeds: Vec<[usize; 3]> =
                 (0..bricks.len()).filter(|&at| bricks.min[at] > 0.0).map(place).collect();
-            let active = bricks.classify(&tf);
+            let active = ActiveBricks::of(&bricks, &tf);
             for at in 0..bricks.len() {
                 let here = place(at);
                 let nearest = seeds
@@ -200,7 +201,7 @@ fn distances_stop_at_255() {
     for axis in 0..3 {
         let mut counts = [1; 3];
         counts[axis] = 400;
-        let active = seeded(counts, |at| at == 3).classify(&tf);
+        let active = ActiveBricks::of(&seeded(counts, |at| at == 3), &tf);
         let expected: Vec<u8> = (0..400usize).map(|i| i.abs_diff(3).min(255) as u8).collect();
         assert_eq!(active.distance, expected, "axis {axis}");
     }
@@ -212,15 +213,15 @@ fn the_index_box_holds_everything_with_extinction() {
     voxels[[20, 8, 39]] = 9;
     let volume = volume(Voxels::U8(voxels), Scaling::IDENTITY);
     let bricks = Bricks::build(&volume);
-    let active = bricks.classify(&transfer_function(&[(0.0, 0.0), (9.0, 0.5)]));
+    let active = ActiveBricks::of(&bricks, &transfer_function(&[(0.0, 0.0), (9.0, 0.5)]));
     // The voxel's support is x [38, 39.5], y [7, 9], z [19, 21].
     let [low, high] = active.index_box(volume.dims()).unwrap();
     assert_eq!(low.to_array(), [35.0, 7.0, 19.0]);
     assert_eq!(high.to_array(), [39.5, 11.0, 23.0]);
-    let empty = bricks.classify(&transfer_function(&[(100.0, 0.0), (200.0, 1.0)]));
+    let empty = ActiveBricks::of(&bricks, &transfer_function(&[(100.0, 0.0), (200.0, 1.0)]));
     assert_eq!((empty.active, empty.bounds, empty.index_box(volume.dims())), (0, None, None));
     assert!(empty.distance.iter().all(|&d| d == 255));
-    let all = bricks.classify(&transfer_function(&[(0.0, 0.5)]));
+    let all = ActiveBricks::of(&bricks, &transfer_function(&[(0.0, 0.5)]));
     assert_eq!(all.active, bricks.len());
     let [low, high] = all.index_box(volume.dims()).unwrap();
     assert_eq!((low.to_array(), high.to_array()), ([-0.5; 3], [39.5; 3]));

@@ -5,7 +5,7 @@ use super::open::Opened;
 use super::worker::{Event, Frame, Mailbox, Side, Speaker, Wanted};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::render::{DisplayTexture, Kept, LoadedVolume, Pace, Renderer, Stage, Work};
+use crate::render::{DisplayTexture, Kept, LoadedVolume, Pace, Renderer, Screen, Stage, Work};
 use crate::scene::Scene;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -227,7 +227,8 @@ impl Engine {
             let transfer = self.kept.transfer().ok_or_else(missing)?;
             let shadow = self.kept.shadow(&spec, scene.light).ok_or_else(missing)?;
             let pace = if whole { &mut self.speeds.whole } else { &mut self.speeds.moving };
-            let drawn = self.renderer.draw_to(loaded, transfer, shadow, &scene, &texture, pace, &go_on)?;
+            let screen = Screen { target: &texture, pace };
+            let drawn = self.renderer.draw_to(screen, (loaded, transfer), shadow, &scene, &go_on)?;
             let Some(drawn) = drawn else { return Ok(None) };
             longest_band_ms = longest_band_ms.max(drawn.longest_band_ms);
             sides.push(Side {

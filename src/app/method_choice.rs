@@ -77,16 +77,14 @@ impl MethodChoice {
     /// what such texels show.
     #[must_use]
     pub fn coarse(&self, map: u32) -> Self {
-        const COARSE_EPSILON: f64 = 0.05;
         let mut coarse = self.clone();
-        if self.get("map").and_then(|m| m.parse::<u32>().ok()).is_some_and(|m| m > map) {
+        if self.map().is_some_and(|m| m > map) {
+            for (key, value) in self.entry().keys.iter().zip(&mut coarse.values) {
+                if let Some(now) = key.parse(value) {
+                    *value = key.coarser(now).to_string();
+                }
+            }
             coarse.set("map", map.to_string());
-            if self.get("epsilon").and_then(|e| e.parse::<f64>().ok()).is_some_and(|e| e < COARSE_EPSILON) {
-                coarse.set("epsilon", COARSE_EPSILON.to_string());
-            }
-            if self.get("prefilter").is_some() {
-                coarse.set("prefilter", "1".into());
-            }
         }
         coarse
     }

@@ -5,7 +5,7 @@ use super::engine::Engine;
 use super::shown::{self, Place};
 use super::worker::{Event, Job, Speaker};
 use crate::error::Result;
-use crate::render::{DisplayTexture, Forced, Pace};
+use crate::render::{DisplayTexture, Forced, Pace, Screen};
 use crate::scene::{Scene, Shading, Skip};
 use crate::shadow::NoShadows;
 use crate::transfer::TransferFunction;
@@ -63,8 +63,8 @@ impl Engine {
         let shadow = self.renderer.shadow(loaded, &transfer, &NoShadows, scene.light)?;
         let texture = Arc::new(DisplayTexture::new(self.renderer.gpu(), scene.width, scene.height)?);
         let mut pace = Pace::new(SUBMISSION_MS);
-        let drawn =
-            self.renderer.draw_to(loaded, &transfer, &shadow, &scene, &texture, &mut pace, || true)?;
+        let screen = Screen { target: &texture, pace: &mut pace };
+        let drawn = self.renderer.draw_to(screen, (loaded, &transfer), &shadow, &scene, || true)?;
         if drawn.is_some() {
             speaker.say(Event::Thumbnail(Box::new(Thumbnail { index, scene, volume, texture })));
         }

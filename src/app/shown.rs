@@ -7,7 +7,7 @@ use eframe::wgpu;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-const SHADER: &str = include_str!("../../shaders/window.wgsl");
+const SHADER: &str = include_str!("../../shaders/app/window.wgsl");
 
 /// Where in the window a picture is: each place keeps its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -6,7 +6,7 @@ use super::document::{name_of, settled_direction};
 use super::method_choice::MethodChoice;
 use crate::files::color;
 use crate::scene::{Light, Shading};
-use crate::shadow::{Key, METHODS};
+use crate::shadow::{Key, Kind, METHODS};
 use eframe::egui::{self, Color32, Sense, Stroke, vec2};
 use glam::DVec3;
 
@@ -284,15 +284,15 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
 
 /// One setting: a list where the registry names its values, a field with a slider's range otherwise.
 fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
-    let tooltip = format!("{} ({}) [default: {}]", key.help, key.values, key.default);
+    let tooltip = format!("{} ({}) [default: {}]", key.help, key.values(), key.default);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        let options: Vec<&str> = key.values.split('|').collect();
+        let options = if let Kind::Choice(names) = key.kind { names } else { &[] };
         if options.len() > MOST_ABREAST {
             let list = egui::ComboBox::from_id_salt((method, key.name)).selected_text(value.as_str());
             let list = list.show_ui(ui, |ui| {
                 for option in options {
-                    ui.selectable_value(value, option.to_owned(), option);
+                    ui.selectable_value(value, option.to_string(), *option);
                 }
             });
             list.response.on_hover_text(&tooltip).accessible_name(format!("{method} {}", key.name));
@@ -300,8 +300,8 @@ fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
         }
         if options.len() > 1 {
             for option in options {
-                if ui.selectable_label(value == option, option).on_hover_text(&tooltip).clicked() {
-                    *value = option.to_owned();
+                if ui.selectable_label(value == option, *option).on_hover_text(&tooltip).clicked() {
+                    *value = option.to_string();
                 }
             }
             return;

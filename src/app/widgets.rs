@@ -15,7 +15,7 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-const SHADER: &str = include_str!("../../shaders/widgets.wgsl");
+const SHADER: &str = include_str!("../../shaders/app/widgets.wgsl");
 
 /// A corner of a triangle: where in the window, 0 to 1, where in the texture, and its colour.
 #[repr(C)]

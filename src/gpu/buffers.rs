@@ -45,6 +45,31 @@ pub fn table_texture<T: Pod>(
     Ok(texture.create_view(&Default::default()))
 }
 
+/// A 2-D texture that one pass stores to and others load from; cleared, and so 0 where nothing is stored.
+///
+/// # Errors
+/// A side that the adapter cannot hold, or a device out of memory.
+pub fn store_texture(
+    gpu: &Gpu,
+    label: &str,
+    format: wgpu::TextureFormat,
+    [width, height]: [u32; 2],
+) -> Result<wgpu::TextureView> {
+    gpu.check_texture(label, [width, height])?;
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height: steady_side(gpu, height), depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING,
+        view_formats: &[],
+    });
+    gpu.take_error()?;
+    Ok(texture.create_view(&Default::default()))
+}
+
 /// A side with room for `side` texels that is no power of two, where the adapter's textures go on so far.
 ///
 /// llvmpipe compiles a shader anew, for half a second, when a side of its textures becomes a power of two or ceases to be
@@ -59,6 +84,9 @@ pub struct StorageBuffer;
 
 impl StorageBuffer {
     /// Holding `data`; an empty slice becomes 16 zero bytes, since nothing empty can be bound.
+    ///
+    /// # Errors
+    /// More bytes than the adapter can bind.
     pub fn from_slice<T: Pod>(gpu: &Gpu, label: &str, data: &[T]) -> Result<wgpu::Buffer> {
         gpu.check_storage(label, size_of_val(data) as u64)?;
         let bytes: &[u8] = bytemuck::cast_slice(data);
@@ -70,6 +98,9 @@ impl StorageBuffer {
     }
 
     /// Zeroed, of `bytes` (at least 16).
+    ///
+    /// # Errors
+    /// More bytes than the adapter can bind.
     pub fn zeroed(gpu: &Gpu, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
         gpu.check_storage(label, bytes)?;
         Ok(gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -82,17 +113,34 @@ impl StorageBuffer {
 }
 
 /// Copies the first `count` elements of a buffer to the host; waits for the device.
+///
+/// # Errors
+/// A lost device.
 pub fn read_back<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>> {
     let bytes = (count * size_of::<T>()) as u64;
-    let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+    let staging = staging_buffer(gpu, bytes);
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
+    read_staging(gpu, &staging, gpu.queue.submit([encoder.finish()]), bytes)
+}
+
+/// What a submission copies into so that the host can read it.
+pub(super) fn staging_buffer(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("read back"),
         size: bytes.max(16),
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-    let submission = gpu.queue.submit([encoder.finish()]);
+    })
+}
+
+/// Waits for a submission and reads what it has copied to a staging buffer.
+pub(super) fn read_staging<T: Pod>(
+    gpu: &Gpu,
+    staging: &wgpu::Buffer,
+    submission: wgpu::SubmissionIndex,
+    bytes: u64,
+) -> Result<Vec<T>> {
     let (send, receive) = std::sync::mpsc::channel();
     staging.map_async(wgpu::MapMode::Read, .., move |r| {
         let _ = send.send(r);

@@ -1,13 +1,21 @@
-//! The device and what every stage needs of it: limits, buffers, shaders, timestamps.
+//! The device and what every stage needs of it: limits, buffers, bind groups, pipelines, timestamps.
 
+mod bindings;
 mod buffers;
 mod device;
+mod kernels;
+#[cfg(test)]
+mod layout;
 mod pipeline_cache;
 mod shaders;
 mod timing;
 
-pub use buffers::{StorageBuffer, read_back, steady_side, table_texture, uniform_buffer};
+pub use bindings::{Group, Slot};
+pub use buffers::{StorageBuffer, read_back, steady_side, store_texture, table_texture, uniform_buffer};
 pub use device::{DeviceLoss, Gpu};
+pub use kernels::Kernels;
+#[cfg(test)]
+pub(crate) use layout::{assert_layout, wgsl_layout};
 pub use pipeline_cache::PipelineStore;
-pub use shaders::{ShaderVariant, compose, sources};
+pub use shaders::{Constant, ShaderVariant, compose, shader_paths};
 pub use timing::{Clock, PassTimer, Span};

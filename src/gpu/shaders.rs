@@ -1,81 +1,140 @@
 //! WGSL modules, put together by naga_oil: which files make a pipeline is decided here by name.
 
 use crate::error::{Error, Result};
+use include_dir::{Dir, include_dir};
 use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue, ShaderLanguage, ShaderType,
 };
+use wgpu::naga;
 
-macro_rules! shader {
-    ($path:literal) => {
-        ($path, include_str!(concat!("../../shaders/", $path)))
-    };
+static SHADERS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/shaders");
+
+/// A number that a shader writes as `#{NAME}` and the host knows by a constant of its own: one place for both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Constant {
+    name: &'static str,
+    value: Literal,
 }
 
-/// Every WGSL file: path under `shaders/` and text.
-pub const fn sources() -> &'static [(&'static str, &'static str)] {
-    &[
-        shader!("common/field.wgsl"),
-        shader!("common/transfer.wgsl"),
-        shader!("common/light.wgsl"),
-        shader!("common/march.wgsl"),
-        shader!("shadow/total.wgsl"),
-        shader!("shadow/rays.wgsl"),
-        shader!("shadow/deep_layout.wgsl"),
-        shader!("shadow/deep_nodes.wgsl"),
-        shader!("shadow/deep_sink.wgsl"),
-        shader!("shadow/deep.wgsl"),
-        shader!("shadow/deep_build.wgsl"),
-        shader!("shadow/deep_count.wgsl"),
-        shader!("shadow/layers_layout.wgsl"),
-        shader!("shadow/layers_read.wgsl"),
-        shader!("shadow/layers_sink.wgsl"),
-        shader!("shadow/layers_build.wgsl"),
-        shader!("shadow/start_sink.wgsl"),
-        shader!("shadow/layers_start.wgsl"),
-        shader!("shadow/mass_sink.wgsl"),
-        shader!("shadow/layers_mass.wgsl"),
-        shader!("shadow/opacity.wgsl"),
-        shader!("shadow/deep_opacity.wgsl"),
-        shader!("shadow/layers_ratio.wgsl"),
-        shader!("raycast.wgsl"),
-        shader!("query.wgsl"),
-        shader!("display.wgsl"),
-    ]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Literal {
+    Unsigned(u32),
+    Signed(i32),
+    /// Bits of a float32.
+    Float(u32),
 }
 
-/// Which files and definitions make one pipeline.
+impl Constant {
+    /// A `u32`.
+    pub const fn unsigned(name: &'static str, value: u32) -> Self {
+        Self { name, value: Literal::Unsigned(value) }
+    }
+
+    /// An `i32`.
+    pub const fn signed(name: &'static str, value: i32) -> Self {
+        Self { name, value: Literal::Signed(value) }
+    }
+
+    /// An `f32`.
+    pub const fn float(name: &'static str, value: f32) -> Self {
+        Self { name, value: Literal::Float(value.to_bits()) }
+    }
+
+    fn text(self) -> String {
+        match self.value {
+            Literal::Unsigned(value) => format!("{value}u"),
+            Literal::Signed(value) => format!("{value}i"),
+            // Rust's exponent form is the shortest text that reads back as the same float.
+            Literal::Float(bits) => format!("{:e}f", f32::from_bits(bits)),
+        }
+    }
+}
+
+/// Which files, definitions and constants make one pipeline.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct ShaderVariant {
-    /// File with the entry point, e.g. `raycast.wgsl`.
+    /// File with the entry point, e.g. `render/raycast.wgsl`.
     pub entry: &'static str,
     /// Modules added in order; two files may offer one import path (`umbravox::sink`, `umbravox::method`): the variant
     /// names the one it means.
     pub modules: Vec<&'static str>,
     /// Names defined for `#ifdef`.
     pub defs: Vec<&'static str>,
+    /// Values of `#{NAME}`.
+    pub constants: Vec<Constant>,
 }
 
-/// Composes a variant to a naga module.
+impl ShaderVariant {
+    /// A file that stands alone.
+    pub fn of(entry: &'static str) -> Self {
+        Self { entry, modules: Vec::new(), defs: Vec::new(), constants: Vec::new() }
+    }
+
+    /// With more modules, behind those that there are.
+    #[must_use]
+    pub fn modules(mut self, modules: &[&'static str]) -> Self {
+        self.modules.extend(modules);
+        self
+    }
+
+    /// With more definitions.
+    #[must_use]
+    pub fn defs(mut self, defs: impl IntoIterator<Item = &'static str>) -> Self {
+        self.defs.extend(defs);
+        self
+    }
+
+    /// With more constants.
+    #[must_use]
+    pub fn constants(mut self, constants: &[Constant]) -> Self {
+        self.constants.extend(constants);
+        self
+    }
+
+    /// The text of a file with its constants put in.
+    fn source(&self, path: &str) -> Result<String> {
+        let fail = |why: String| Error::runtime("cannot compose shader", path, why);
+        let file = SHADERS.get_file(path).and_then(|f| f.contents_utf8());
+        let mut parts = file.ok_or_else(|| fail("no such file".into()))?.split("#{");
+        let mut text = parts.next().unwrap_or_default().to_owned();
+        for part in parts {
+            let (name, rest) = part.split_once('}').ok_or_else(|| fail("`#{` without `}`".into()))?;
+            let value = self.constants.iter().find(|c| c.name == name);
+            text += &value.ok_or_else(|| fail(format!("no constant {name} is given")))?.text();
+            text += rest;
+        }
+        Ok(text)
+    }
+}
+
+/// Paths under `shaders/` of the files that pipelines of this crate are made of (the window's own are not among them).
+pub fn shader_paths() -> Vec<&'static str> {
+    let mut folders = vec![&SHADERS];
+    let mut paths = Vec::new();
+    while let Some(folder) = folders.pop() {
+        folders.extend(folder.dirs());
+        paths.extend(folder.files().filter_map(|f| f.path().to_str()));
+    }
+    paths.retain(|p| !p.starts_with("app/"));
+    paths.sort_unstable();
+    paths
+}
+
+/// Composes a variant to a naga module; with `live`, what it declares as uniforms of groups 1 and 2 is read as storage
+/// (see [`Kernels::new`](super::Kernels::new)).
 ///
 /// # Errors
 /// A shader that does not compose is a fault of this program: runtime error with naga's message.
-pub fn compose(variant: &ShaderVariant) -> Result<wgpu::naga::Module> {
+pub fn compose(variant: &ShaderVariant, live: bool) -> Result<naga::Module> {
     let fail = |file: &str, why: String| Error::runtime("cannot compose shader", file, why);
-    let source = |path: &str| {
-        sources()
-            .iter()
-            .find(|(p, _)| *p == path)
-            .map(|(_, text)| *text)
-            .ok_or_else(|| fail(path, "no such file".into()))
-    };
     let defs = || variant.defs.iter().map(|d| (d.to_string(), ShaderDefValue::Bool(true))).collect();
     // Half floats packed in words: a part of WebGPU, which only OpenGL's older adapters lack.
-    let capabilities = wgpu::naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+    let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
     let mut composer = Composer::default().with_capabilities(capabilities);
     for path in &variant.modules {
         composer
             .add_composable_module(ComposableModuleDescriptor {
-                source: source(path)?,
+                source: &variant.source(path)?,
                 file_path: path,
                 language: ShaderLanguage::Wgsl,
                 shader_defs: defs(),
@@ -84,13 +143,22 @@ pub fn compose(variant: &ShaderVariant) -> Result<wgpu::naga::Module> {
             .map(|_| ())
             .map_err(|e| fail(path, e.emit_to_string(&composer)))?;
     }
-    composer
+    let mut module = composer
         .make_naga_module(NagaModuleDescriptor {
-            source: source(variant.entry)?,
+            source: &variant.source(variant.entry)?,
             file_path: variant.entry,
             shader_type: ShaderType::Wgsl,
             shader_defs: defs(),
             ..Default::default()
         })
-        .map_err(|e| fail(variant.entry, e.emit_to_string(&composer)))
+        .map_err(|e| fail(variant.entry, e.emit_to_string(&composer)))?;
+    if live {
+        for (_, global) in module.global_variables.iter_mut() {
+            let moves = global.binding.is_some_and(|b| b.group > 0);
+            if moves && global.space == naga::AddressSpace::Uniform {
+                global.space = naga::AddressSpace::Storage { access: naga::StorageAccess::LOAD };
+            }
+        }
+    }
+    Ok(module)
 }

@@ -1,7 +1,9 @@
 //! Milliseconds of a compute pass: by the adapter's timestamps where it has them, by the wall clock otherwise.
 
-use super::{Gpu, read_back};
+use super::Gpu;
+use super::buffers::{read_staging, staging_buffer};
 use crate::error::Result;
+use std::sync::{Mutex, PoisonError};
 
 /// Which clock a duration is from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -23,7 +25,7 @@ impl std::fmt::Display for Clock {
 }
 
 /// A measured duration on both clocks.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Span {
     /// By timestamps, where the adapter has them.
     pub gpu_ms: Option<f64>,
@@ -46,10 +48,15 @@ impl Span {
 
 /// Times compute work, one submission at a time.
 pub struct PassTimer {
-    queries: Option<(wgpu::QuerySet, wgpu::Buffer)>,
+    /// Two timestamps and where they are resolved to: one pass at a time has them.
+    queries: Option<Mutex<(wgpu::QuerySet, wgpu::Buffer)>>,
 }
 
+/// Bytes of two timestamps.
+const TICKS_BYTES: u64 = 16;
+
 impl PassTimer {
+    /// With timestamps where the adapter has them.
     pub fn new(gpu: &Gpu) -> Self {
         let queries = gpu.timestamp_period_ns.map(|_| {
             let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -59,26 +66,33 @@ impl PassTimer {
             });
             let resolved = gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("resolved timestamps"),
-                size: 16,
+                size: TICKS_BYTES,
                 usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
                 mapped_at_creation: false,
             });
-            (set, resolved)
+            Mutex::new((set, resolved))
         });
         Self { queries }
     }
 
     /// Runs `record` inside one compute pass, submits it, waits, and says how long it took.
+    ///
+    /// Timestamps are copied by the same submission that they measure: reading them costs no second wait.
+    ///
+    /// # Errors
+    /// A lost device.
     pub fn compute(
         &self,
         gpu: &Gpu,
         label: &str,
         record: impl FnOnce(&mut wgpu::ComputePass<'_>),
     ) -> Result<Span> {
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let queries = self.queries.as_ref().map(|q| q.lock().unwrap_or_else(PoisonError::into_inner));
+        let mut encoder =
+            gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) });
         {
-            let timestamp_writes = self.queries.as_ref().map(|(set, _)| wgpu::ComputePassTimestampWrites {
-                query_set: set,
+            let timestamp_writes = queries.as_ref().map(|q| wgpu::ComputePassTimestampWrites {
+                query_set: &q.0,
                 beginning_of_pass_write_index: Some(0),
                 end_of_pass_write_index: Some(1),
             });
@@ -86,21 +100,24 @@ impl PassTimer {
                 .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes });
             record(&mut pass);
         }
-        if let Some((set, resolved)) = &self.queries {
-            encoder.resolve_query_set(set, 0..2, resolved, 0);
-        }
+        let staging = queries.as_ref().map(|q| {
+            let staging = staging_buffer(gpu, TICKS_BYTES);
+            encoder.resolve_query_set(&q.0, 0..2, &q.1, 0);
+            encoder.copy_buffer_to_buffer(&q.1, 0, &staging, 0, TICKS_BYTES);
+            staging
+        });
         let start = std::time::Instant::now();
-        gpu.submit_and_wait(encoder)?;
-        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let gpu_ms = match (&self.queries, gpu.timestamp_period_ns) {
-            (Some((_, resolved)), Some(period)) => {
-                let ticks = read_back::<u64>(gpu, resolved, 2)?;
-                let ms = ticks[1].wrapping_sub(ticks[0]) as f64 * f64::from(period) * 1e-6;
-                // Some drivers leave the query unwritten; a span longer than the wait is no measurement.
-                (ms > 0.0 && ms <= wall_ms * 1.5 + 1.0).then_some(ms)
-            }
-            _ => None,
+        let submission = gpu.queue.submit([encoder.finish()]);
+        let ticks = match &staging {
+            Some(staging) => Some(read_staging::<u64>(gpu, staging, submission, TICKS_BYTES)?),
+            None => gpu.wait_for(submission).map(|()| None)?,
         };
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        let gpu_ms = ticks.zip(gpu.timestamp_period_ns).and_then(|(ticks, period)| {
+            let ms = ticks[1].wrapping_sub(ticks[0]) as f64 * f64::from(period) * 1e-6;
+            // Some drivers leave the query unwritten; a span longer than the wait is no measurement.
+            (ms > 0.0 && ms <= wall_ms * 1.5 + 1.0).then_some(ms)
+        });
         Ok(Span { gpu_ms, wall_ms })
     }
 }

@@ -5,7 +5,7 @@ use super::progress::{Progress, Stage, Step};
 use super::stats::{Spread, image_difference};
 use super::timing::{ClockSource, StageTimes, Timing, Turns, interleave};
 use crate::error::{Error, Result};
-use crate::render::{Forced, Omission, Optional, Picture};
+use crate::render::{Forced, Omission, Omittable, Picture};
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use serde::Serialize;
 use std::cell::RefCell;
@@ -94,7 +94,7 @@ impl Ablation {
 fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
     let base = job.session.transfer.forced;
     let lean = run(job, method, base)?;
-    let omissions: Vec<(Optional, Omission)> =
+    let omissions: Vec<(Omittable, Omission)> =
         lean.picture.plan.left_out.iter().filter_map(|o| Some((o.optional?, o.clone()))).collect();
     let variants: Vec<Variant> = [base]
         .into_iter()

@@ -1,17 +1,17 @@
 //! Pictures on the screen: encoded to sRGB into a texture of the same device, band by band, with no copy to the host.
 
 use super::picture::Pacing;
-use super::{DeviceTransfer, LoadedVolume, Plan, Renderer};
+use super::{CONSTANTS, DeviceTransfer, LoadedVolume, Plan, Renderer, picture_workgroups};
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, ShaderVariant, Span, uniform_buffer};
+use crate::gpu::{Gpu, ShaderVariant, Slot, Span, uniform_buffer};
 use crate::scene::Scene;
 use crate::shadow::ShadowMap;
 use bytemuck::{Pod, Zeroable};
 
-/// `Band` of `shaders/display.wgsl`.
+/// `Band` of `shaders/render/display.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct BandUniform {
+struct BandUniform {
     pub size: [u32; 2],
     pub first_row: u32,
     pub padding: u32,
@@ -173,60 +173,53 @@ pub struct Drawn {
     pub longest_band_ms: f64,
 }
 
+pub(super) fn shader() -> ShaderVariant {
+    ShaderVariant::of("render/display.wgsl").constants(CONSTANTS)
+}
+
+/// A texture to draw into, and how fast.
+pub struct Screen<'a> {
+    /// What is drawn into.
+    pub target: &'a DisplayTexture,
+    /// How long a band may keep the queue.
+    pub pace: &'a mut Pace,
+}
+
 impl Renderer {
     /// Draws a picture of the texture's size into it, in bands of about `pace.target_ms`; `None` where `go_on` said no
     /// after a band (the texture is then part old, part new).
     ///
     /// # Errors
     /// A picture that the adapter cannot hold, or a lost device.
-    #[expect(clippy::too_many_arguments, reason = "what is drawn, where to, and how fast")]
     pub fn draw_to(
         &self,
-        loaded: &LoadedVolume,
-        transfer: &DeviceTransfer,
+        Screen { target, pace }: Screen<'_>,
+        (loaded, transfer): (&LoadedVolume, &DeviceTransfer),
         shadow: &ShadowMap,
         scene: &Scene,
-        target: &DisplayTexture,
-        pace: &mut Pace,
         go_on: impl FnMut() -> bool,
     ) -> Result<Option<Drawn>> {
         let scene = Scene { width: target.width, height: target.height, ..scene.clone() };
-        let variant = ShaderVariant { entry: "display.wgsl", modules: Vec::new(), defs: Vec::new() };
-        let pipeline = self.pipeline(&variant, &self.layouts.display)?;
+        let shader = shader();
         pace.begin();
-        let mut pacing = OnScreen { gpu: &self.gpu, pace, go_on, begun: false, longest_ms: 0.0 };
+        let mut pacing = OnScreen { gpu: self.gpu(), pace, go_on, begun: false, longest_ms: 0.0 };
         let mut encoded = None;
         let drawn = self.draw(loaded, transfer, shadow, &scene, &mut pacing, |band| {
             let size = [scene.width, band.rows];
             let uniform = BandUniform { size, first_row: band.first_row, padding: 0 };
-            let uniform = uniform_buffer(&self.gpu, "band", &uniform);
-            let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("display"),
-                layout: &self.layouts.display,
-                entries: &[
-                    wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() },
-                    wgpu::BindGroupEntry { binding: 1, resource: band.buffer.as_entire_binding() },
-                    wgpu::BindGroupEntry {
-                        binding: 2,
-                        resource: wgpu::BindingResource::TextureView(&target.view),
-                    },
-                ],
-            });
-            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            {
-                let mut pass = encoder.begin_compute_pass(&Default::default());
-                pass.set_pipeline(&pipeline);
-                pass.set_bind_group(0, transfer.bind_group(), &[]);
-                pass.set_bind_group(1, &shadow.bind_group, &[]);
-                pass.set_bind_group(2, &group, &[]);
-                pass.dispatch_workgroups(scene.width.div_ceil(8), band.rows.div_ceil(8), 1);
-            }
+            let uniform = uniform_buffer(self.gpu(), "band", &uniform);
+            let stage = [
+                (0, self.kernels.uniform(&uniform)),
+                (1, Slot::read(band.buffer.as_entire_binding())),
+                (2, Slot::store(&target.view, wgpu::TextureFormat::Rgba8Unorm)),
+            ];
+            let groups = [transfer.group(), &shadow.group, &self.kernels.group("display", &stage)];
             // The next band need not wait for this one to be encoded.
-            encoded = Some(self.gpu.queue.submit([encoder.finish()]));
+            encoded = Some(self.kernels.submit(&shader, &groups, picture_workgroups(size[0], size[1]))?);
             Ok(true)
         })?;
         if let Some(submission) = encoded {
-            self.gpu.wait_for(submission)?;
+            self.gpu().wait_for(submission)?;
         }
         let longest_band_ms = pacing.longest_ms;
         Ok(drawn.map(|(plan, span)| Drawn { plan, span, longest_band_ms }))
@@ -236,6 +229,12 @@ impl Renderer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::assert_layout;
+
+    #[test]
+    fn bands_have_one_layout() {
+        assert_layout!(&shader(), "Band", BandUniform: size, first_row);
+    }
 
     #[test]
     fn an_empty_band_makes_the_next_no_longer_than_a_full_one_may_be() {

@@ -1,92 +1,56 @@
-//! The renderer: pipelines (immutable, compiled when first needed) apart from what one volume, one transfer function,
-//! one light and one picture need.
+//! Eye rays: what a scene needs, casting them, showing pictures, asking for light at points, and what stays between
+//! pictures.
 
-mod device_transfer;
-mod device_volume;
 mod display;
-mod forced;
 mod kept;
-mod layouts;
 mod picture;
 mod plan;
 mod query;
 mod session;
 
-pub use device_transfer::{DeviceTransfer, FieldUniform, IntervalTable, MarchTable};
-pub use device_volume::{DeviceVolume, TexelFormat};
-pub use display::{BandUniform, DisplayTexture, Drawn, Pace};
-pub use forced::{Forced, Optional};
+pub use display::{DisplayTexture, Drawn, Pace, Screen};
 pub use kept::{Change, INVALIDATES, Kept, Stage, Work};
-pub use layouts::Layouts;
-pub use picture::{FrameUniform, Picture};
+pub use picture::Picture;
 pub use plan::{Omission, Plan, needs_shadows};
 pub use session::Session;
 
-use crate::error::{Error, Result};
-use crate::gpu::{Gpu, PassTimer, PipelineStore, ShaderVariant, compose};
+pub use crate::field::{DeviceTransfer, Forced, LoadedVolume, Omittable};
+
+use crate::error::Result;
+use crate::field::{LINE_THREADS, TilePace};
+use crate::gpu::{Constant, Gpu, Kernels, ShaderVariant};
 use crate::scene::Light;
-use crate::shadow::{BuildContext, Method, ShadowMap, TilePace};
+use crate::shadow::{BuildContext, Method, ShadowMap};
 use crate::transfer::TransferFunction;
-use crate::volume::{Bricks, Volume};
-use glam::{DAffine3, DVec3};
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
+use crate::volume::Volume;
+use std::sync::Arc;
 
-/// A volume with what the device holds of it.
-pub struct LoadedVolume {
-    pub volume: Arc<Volume>,
-    pub bricks: Bricks,
-    pub on_device: DeviceVolume,
-}
-
-/// Pipelines and layouts of one device.
+/// Everything that draws on one device: its pipelines, and how long one submission may keep its queue.
 pub struct Renderer {
-    gpu: Gpu,
-    layouts: Layouts,
-    timer: PassTimer,
-    store: Option<PipelineStore>,
-    /// Light and frame are read as storage.
-    live: bool,
+    kernels: Kernels,
     tile_pace: TilePace,
-    pipelines: Mutex<HashMap<ShaderVariant, Arc<wgpu::ComputePipeline>>>,
 }
 
 impl Renderer {
     /// For pictures that take as long as they take.
     pub fn new(gpu: Gpu) -> Self {
-        Self::with(gpu, false, f64::INFINITY)
+        Self { kernels: Kernels::new(gpu, false), tile_pace: TilePace::new(f64::INFINITY) }
     }
 
-    /// For a window whose light moves and whose own drawing goes through the same queue.
-    ///
-    /// Shadow maps are built in submissions of about `submission_ms`. Light, frame and band are read as storage: a software adapter (lavapipe) puts the values of uniforms into the code that it compiles, which makes a
-    /// picture faster, and the first one under every other light slower by hundreds of milliseconds.
+    /// For a window whose light moves and whose own drawing goes through the same queue: shadow maps are built in
+    /// submissions of about `submission_ms`, and what moves is read as storage (see [`Kernels::new`]).
     pub fn live(gpu: Gpu, submission_ms: f64) -> Self {
-        Self::with(gpu, true, submission_ms)
+        Self { kernels: Kernels::new(gpu, true), tile_pace: TilePace::new(submission_ms) }
     }
 
-    fn with(gpu: Gpu, live: bool, submission_ms: f64) -> Self {
-        let layouts = Layouts::new(&gpu, gpu.filters_float32, live);
-        let timer = PassTimer::new(&gpu);
-        let store = PipelineStore::open(&gpu.device, &gpu.info);
-        let tile_pace = TilePace::new(submission_ms);
-        Self { gpu, layouts, timer, store, live, tile_pace, pipelines: Mutex::default() }
-    }
-
-    pub(crate) fn tile_pace(&self) -> &TilePace {
-        &self.tile_pace
-    }
-
+    /// The device.
     pub fn gpu(&self) -> &Gpu {
-        &self.gpu
+        self.kernels.gpu()
     }
 
-    pub(crate) fn layouts(&self) -> &Layouts {
-        &self.layouts
-    }
-
-    pub(crate) fn timer(&self) -> &PassTimer {
-        &self.timer
+    /// The device's pipelines.
+    pub fn kernels(&self) -> &Kernels {
+        &self.kernels
     }
 
     /// Uploads a volume and makes its bricks.
@@ -94,8 +58,7 @@ impl Renderer {
     /// # Errors
     /// A volume that the adapter cannot hold.
     pub fn load(&self, volume: Arc<Volume>) -> Result<LoadedVolume> {
-        let on_device = DeviceVolume::upload(&self.gpu, &volume)?;
-        Ok(LoadedVolume { bricks: Bricks::build(&volume), volume, on_device })
+        LoadedVolume::new(self.gpu(), volume)
     }
 
     /// Tables and brick classes of a transfer function on a volume.
@@ -108,7 +71,7 @@ impl Renderer {
         tf: &TransferFunction,
         forced: Forced,
     ) -> Result<DeviceTransfer> {
-        DeviceTransfer::new(&self.gpu, &self.layouts, loaded, tf, forced)
+        DeviceTransfer::new(self.gpu(), loaded, tf, forced)
     }
 
     /// The same tables with the colours of `tf`, whose extinction must be theirs at all values that occur.
@@ -121,15 +84,7 @@ impl Renderer {
         transfer: &DeviceTransfer,
         tf: &TransferFunction,
     ) -> Result<DeviceTransfer> {
-        transfer.recolored(&self.gpu, &self.layouts, loaded, tf)
-    }
-
-    /// The pre-compressed table of a transfer function, for pipelines that march cell by cell; made when first asked for.
-    ///
-    /// # Errors
-    /// A device out of memory.
-    pub(crate) fn march_table<'t>(&self, transfer: &'t DeviceTransfer) -> Result<&'t MarchTable> {
-        transfer.make_march_table(&self.gpu, &self.layouts)
+        transfer.recolored(self.gpu(), loaded, tf)
     }
 
     /// Builds a shadow structure.
@@ -143,72 +98,27 @@ impl Renderer {
         method: &dyn Method,
         light: Light,
     ) -> Result<ShadowMap> {
-        method.build(&BuildContext { renderer: self, volume: &loaded.volume, transfer, light })
-    }
-
-    /// The pipeline of a variant, compiled when first asked for; `stage` is the layout of group 2.
-    pub(crate) fn pipeline(
-        &self,
-        variant: &ShaderVariant,
-        stage: &wgpu::BindGroupLayout,
-    ) -> Result<Arc<wgpu::ComputePipeline>> {
-        let mut variant = variant.clone();
-        if !self.gpu.filters_float32 {
-            variant.defs.push("MANUAL_TRILINEAR");
-        }
-        if self.live {
-            variant.defs.push("LIVE");
-        }
-        let poisoned =
-            || Error::runtime("cannot compile shader", variant.entry, "an earlier compilation panicked");
-        if let Some(found) = self.pipelines.lock().map_err(|_| poisoned())?.get(&variant) {
-            return Ok(Arc::clone(found));
-        }
-        let module = self.gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(variant.entry),
-            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(compose(&variant)?)),
-        });
-        let layout = self.gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(variant.entry),
-            bind_group_layouts: &[Some(&self.layouts.field), Some(&self.layouts.shadow), Some(stage)],
-            immediate_size: 0,
-        });
-        let pipeline = Arc::new(self.gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(variant.entry),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: None,
-            compilation_options: Default::default(),
-            cache: self.store.as_ref().map(|s| &s.cache),
-        }));
-        self.gpu.take_error()?;
-        self.pipelines.lock().map_err(|_| poisoned())?.insert(variant, Arc::clone(&pipeline));
-        Ok(pipeline)
-    }
-
-    /// Group 1: the light space and the two textures that a method's lookup reads.
-    pub(crate) fn shadow_bind_group(
-        &self,
-        light: &wgpu::Buffer,
-        first: &wgpu::TextureView,
-        second: &wgpu::TextureView,
-    ) -> wgpu::BindGroup {
-        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("shadow"),
-            layout: &self.layouts.shadow,
-            entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: light.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(first) },
-                wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::TextureView(second) },
-            ],
-        })
+        let (kernels, pace) = (&self.kernels, &self.tile_pace);
+        method.build(&BuildContext { kernels, pace, volume: &loaded.volume, transfer, light })
     }
 }
 
-/// Modules that every pipeline with a lookup starts from.
-pub(crate) const COMMON: [&str; 3] = ["common/field.wgsl", "common/transfer.wgsl", "common/light.wgsl"];
+/// Threads a side of a workgroup that works on pictures.
+const PICTURE_SIDE: u32 = 8;
 
-/// Grid space is index space plus one, so that cell `c` interpolates the voxels `c - 1` and `c`.
-fn grid_from_world(volume: &Volume) -> DAffine3 {
-    DAffine3::from_translation(DVec3::ONE) * volume.index_from_world()
+const CONSTANTS: &[Constant] =
+    &[Constant::unsigned("PICTURE_SIDE", PICTURE_SIDE), Constant::unsigned("LINE_THREADS", LINE_THREADS)];
+
+/// Workgroups for a part of a picture.
+fn picture_workgroups(width: u32, height: u32) -> [u32; 3] {
+    [width.div_ceil(PICTURE_SIDE), height.div_ceil(PICTURE_SIDE), 1]
+}
+
+/// Every pipeline of this room with a lookup, or with none, for tests of shaders: the ray caster by what its plan
+/// decides, queries, and what encodes pictures for the screen.
+pub fn shaders(lookup: Option<&crate::shadow::Lookup>) -> Vec<ShaderVariant> {
+    let mut list = plan::raycast_shaders(lookup);
+    list.extend(lookup.map(query::shader));
+    list.extend(lookup.is_none().then(display::shader));
+    list
 }

@@ -1,21 +1,21 @@
 //! Pictures: rays cast band by band, into host memory here and into a window's textures in [`super::display`].
 
 use super::display::Pace;
-use super::{DeviceTransfer, LoadedVolume, Plan, Renderer, grid_from_world};
+use super::{DeviceTransfer, LoadedVolume, PICTURE_SIDE, Plan, Renderer, picture_workgroups};
 use crate::error::{Error, Result};
-use crate::gpu::{Span, StorageBuffer, read_back, uniform_buffer};
+use crate::field::{FAR, grid_from_world};
+use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 use crate::scene::{Scene, Shading};
 use crate::shadow::ShadowMap;
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use ndarray::Array3;
-use std::sync::Arc;
 
-/// `Frame` of `shaders/raycast.wgsl`.
+/// `Frame` of `shaders/render/raycast.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct FrameUniform {
+struct FrameUniform {
     pub plane_center: [f32; 3],
     pub plane_distance_mm: f32,
     pub grid_forward: [f32; 3],
@@ -83,8 +83,8 @@ impl Pacing for Pace {
     }
 }
 
-/// `-FAR` of `shaders/common/field.wgsl`: a pixel that no dispatch has worked on.
-const NOT_STARTED: f32 = -1e30;
+/// A pixel that no dispatch has worked on.
+const NOT_STARTED: f32 = -FAR;
 
 impl Renderer {
     /// Renders one picture.
@@ -131,7 +131,7 @@ impl Renderer {
         let (width, height) = (scene.width as usize, scene.height as usize);
         let mut pixels = Vec::with_capacity(width * height * 4);
         let drawn = self.draw(loaded, transfer, shadow, scene, pacing, |band| {
-            pixels.extend(read_back::<f32>(&self.gpu, band.buffer, band.rows as usize * width * 4)?);
+            pixels.extend(read_back::<f32>(self.gpu(), band.buffer, band.rows as usize * width * 4)?);
             Ok(go_on((band.first_row + band.rows) as f32 / height as f32))
         })?;
         let Some((plan, span)) = drawn else { return Ok(None) };
@@ -151,20 +151,20 @@ impl Renderer {
         pacing: &mut dyn Pacing,
         mut finished: impl FnMut(&Band<'_>) -> Result<bool>,
     ) -> Result<Option<(Plan, Span)>> {
-        if shadow.lookup.as_ref().is_some_and(|l| l.marches) {
-            self.march_table(transfer)?;
+        if let Some(lookup) = &shadow.lookup {
+            // What the plan says of the pre-compressed table is of one that is made.
+            transfer.prepared(self.gpu(), lookup.within(""))?;
         }
         let plan = Plan::of(scene, loaded, transfer, shadow);
-        let variant = plan.raycast_variant(transfer, shadow);
-        let pipeline = self.pipeline(&variant, &self.layouts.frame)?;
-        let caster = Caster { loaded, transfer, shadow, scene, pipeline, resumable: plan.resumable(shadow) };
+        let shader = transfer.prepared(self.gpu(), plan.raycast_shader(transfer, shadow))?;
+        let caster = Caster { loaded, transfer, shadow, scene, shader, resumable: plan.resumable(shadow) };
         let (width, height) = (scene.width, scene.height);
         // Large pictures are drawn in bands that the adapter can bind.
         let row_bytes = u64::from(width) * 16;
-        let limits = self.gpu.device.limits();
+        let limits = self.gpu().device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX).clamp(1, height);
-        let mut span = Span { gpu_ms: self.gpu.timestamp_period_ns.map(|_| 0.0), wall_ms: 0.0 };
+        let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| 0.0), wall_ms: 0.0 };
         let mut made: Option<(wgpu::Buffer, u32)> = None;
         let mut first_row = 0;
         while first_row < height {
@@ -173,7 +173,7 @@ impl Renderer {
             let buffer = match &made {
                 Some((buffer, rows_made)) if *rows_made >= rows => buffer.clone(),
                 _ => {
-                    let buffer = StorageBuffer::zeroed(&self.gpu, "picture", row_bytes * u64::from(rows))?;
+                    let buffer = StorageBuffer::zeroed(self.gpu(), "picture", row_bytes * u64::from(rows))?;
                     made = Some((buffer.clone(), rows));
                     buffer
                 }
@@ -203,38 +203,31 @@ impl Renderer {
         let pixels_here = if caster.resumable { rows as usize * width as usize } else { 3 };
         let mut start = vec![f32::from_bits(0)];
         start.resize(pixels_here + 1, NOT_STARTED);
-        let progress = StorageBuffer::from_slice(&self.gpu, "progress", &start)?;
+        let progress = StorageBuffer::from_slice(self.gpu(), "progress", &start)?;
         let mut pixels = Some(pixels);
         let mut first_column = 0;
         while first_column < width {
             let Some(budget) = pixels.take().or_else(|| pacing.pixels_next()) else { return Ok(false) };
             let columns = pixels_to_columns(budget, rows).min(width - first_column);
             let uniform = frame_uniform(&caster.loaded.volume, caster.scene, [first_column, first_row], rows);
-            let uniform = uniform_buffer(&self.gpu, "frame", &uniform);
-            let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("frame"),
-                layout: &self.layouts.frame,
-                entries: &[
-                    wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() },
-                    wgpu::BindGroupEntry { binding: 1, resource: buffer.as_entire_binding() },
-                    wgpu::BindGroupEntry { binding: 2, resource: progress.as_entire_binding() },
-                ],
-            });
+            let uniform = uniform_buffer(self.gpu(), "frame", &uniform);
+            let stage = [
+                (0, self.kernels.uniform(&uniform)),
+                (1, Slot::read_write(buffer.as_entire_binding())),
+                (2, Slot::read_write(progress.as_entire_binding())),
+            ];
+            let stage = self.kernels.group("frame", &stage);
+            let groups = [caster.transfer.group(), &caster.shadow.group, &stage];
             let mut part: Option<Span> = None;
             let took = loop {
-                let took = self.timer.compute(&self.gpu, "ray cast", |pass| {
-                    pass.set_pipeline(&caster.pipeline);
-                    pass.set_bind_group(0, caster.transfer.bind_group(), &[]);
-                    pass.set_bind_group(1, &caster.shadow.bind_group, &[]);
-                    pass.set_bind_group(2, &group, &[]);
-                    pass.dispatch_workgroups(columns.div_ceil(8), rows.div_ceil(8), 1);
-                })?;
+                let workgroups = picture_workgroups(columns, rows);
+                let took = self.kernels.run("ray cast", &caster.shader, &groups, workgroups)?;
                 let so_far = part.map_or(took, |s| s.plus(took));
                 part = Some(so_far);
-                if !caster.resumable || read_back::<u32>(&self.gpu, &progress, 1)?[0] == 0 {
+                if !caster.resumable || read_back::<u32>(self.gpu(), &progress, 1)?[0] == 0 {
                     break so_far;
                 }
-                self.gpu.queue.write_buffer(&progress, 0, &0u32.to_le_bytes());
+                self.gpu().queue.write_buffer(&progress, 0, &0u32.to_le_bytes());
             };
             pacing.took(rows * columns, took);
             *span = span.plus(took);
@@ -250,23 +243,21 @@ struct Caster<'a> {
     transfer: &'a DeviceTransfer,
     shadow: &'a ShadowMap,
     scene: &'a Scene,
-    pipeline: Arc<wgpu::ComputePipeline>,
+    shader: ShaderVariant,
     resumable: bool,
 }
 
-/// Workgroups are eight pixels wide and high.
-const SIDE: u32 = 8;
 /// Parts are no narrower: shorter submissions cost more by themselves than they leave to others.
 const LEAST_COLUMNS: u32 = 64;
 
 /// As many whole workgroups of rows as hold so many pixels; one at least.
 fn pixels_to_rows(pixels: u32, width: u32) -> u32 {
-    (pixels / width.max(1) / SIDE).max(1) * SIDE
+    (pixels / width.max(1) / PICTURE_SIDE).max(1) * PICTURE_SIDE
 }
 
 /// As many whole workgroups of columns.
 fn pixels_to_columns(pixels: u32, rows: u32) -> u32 {
-    (pixels / rows.max(1) / SIDE * SIDE).max(LEAST_COLUMNS)
+    (pixels / rows.max(1) / PICTURE_SIDE * PICTURE_SIDE).max(LEAST_COLUMNS)
 }
 
 fn frame_uniform(
@@ -313,10 +304,19 @@ fn frame_uniform(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::assert_layout;
+
+    #[test]
+    fn frames_have_one_layout() {
+        let shader = &crate::render::shaders(None)[0];
+        assert_layout!(shader, "Frame", FrameUniform: plane_center, plane_distance_mm, grid_forward, step_mm, grid_right,
+            ambient, grid_up, first_row, background, rows, half_extent, size, world_x, shading_weight, world_y,
+            first_column, world_z);
+    }
 
     #[test]
     fn parts_are_whole_workgroups_and_no_sliver() {
-        assert_eq!(pixels_to_rows(u32::MAX, 512) % SIDE, 0);
+        assert_eq!(pixels_to_rows(u32::MAX, 512) % PICTURE_SIDE, 0);
         assert_eq!((pixels_to_rows(20_000, 1000), pixels_to_columns(20_000, 16)), (16, 1248));
         // Eight rows hold more than that: some of their columns then.
         assert_eq!((pixels_to_rows(1000, 1000), pixels_to_columns(1000, 8)), (8, 120));

@@ -1,9 +1,10 @@
 //! What a scene needs, and what is left out: every decision is a line of `--explain`.
 
-use super::{COMMON, DeviceTransfer, LoadedVolume, Optional};
+use super::{CONSTANTS, DeviceTransfer, LoadedVolume, Omittable};
+use crate::field::field_shader;
 use crate::gpu::ShaderVariant;
 use crate::scene::{Scene, Shading, Skip};
-use crate::shadow::ShadowMap;
+use crate::shadow::{Lookup, ShadowMap};
 use crate::transfer::{PAIR_BINS, TABLE_BINS};
 use crate::volume::Volume;
 use glam::DVec3;
@@ -17,7 +18,7 @@ pub struct Omission {
     /// Bytes or work saved, where known.
     pub saved: Option<String>,
     /// Its name for `--force`, where it can be forced.
-    pub optional: Option<Optional>,
+    pub optional: Option<Omittable>,
 }
 
 impl Omission {
@@ -49,7 +50,7 @@ pub struct Plan {
 /// Whether any light can be kept from a sample that is seen: the one decision that is made before a shadow map is built.
 /// The error is the reason why not.
 pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) -> Result<(), &'static str> {
-    if transfer.forced.has(Optional::Shadows) {
+    if transfer.forced.has(Omittable::Shadows) {
         return Ok(());
     }
     let Some(seen) = transfer.active.index_box(volume.dims()) else {
@@ -87,38 +88,38 @@ impl Plan {
     pub fn of(scene: &Scene, loaded: &LoadedVolume, transfer: &DeviceTransfer, shadow: &ShadowMap) -> Self {
         let forced = transfer.forced;
         let mut left_out = Vec::new();
-        let mut omit = |what: String, why: &str, saved: Option<String>, optional: Option<Optional>| {
+        let mut omit = |what: String, why: &str, saved: Option<String>, optional: Option<Omittable>| {
             left_out.push(Omission { what, why: why.into(), saved, optional });
         };
         if transfer.one_color {
             let saved = Some(megabytes(12 * (TABLE_BINS as u64 + 1)));
-            omit("colour in the tables".into(), "all has one colour", saved, Some(Optional::Colors));
+            omit("colour in the tables".into(), "all has one colour", saved, Some(Omittable::Colors));
         }
         match transfer.march_table() {
             None => {
                 let saved = Some(megabytes(8 * (PAIR_BINS as u64).pow(2)));
                 let why = "no light ray is marched cell by cell";
-                omit("pre-compressed table".into(), why, saved, Some(Optional::MarchTable));
+                omit("pre-compressed table".into(), why, saved, Some(Omittable::MarchTable));
             }
-            Some(table) if !table.many_breakpoints && !forced.has(Optional::BreakpointSearch) => {
+            Some(table) if !table.many_breakpoints && !forced.has(Omittable::BreakpointSearch) => {
                 let why = "the pre-compressed table holds all";
-                omit("search for breakpoints".into(), why, None, Some(Optional::BreakpointSearch));
+                omit("search for breakpoints".into(), why, None, Some(Omittable::BreakpointSearch));
             }
             Some(_) => {}
         }
         let bricks = loaded.bricks.len();
         let inactive = bricks - transfer.active.active;
-        let skip_bricks = scene.skip == Skip::Bricks && !forced.has(Optional::Bricks);
+        let skip_bricks = scene.skip == Skip::Bricks && !forced.has(Omittable::Bricks);
         if skip_bricks && inactive > 0 {
             let share = 100.0 * inactive as f64 / bricks as f64;
             let what = format!("{inactive} of {bricks} bricks");
             let saved = Some(format!("{share:.1} % of the volume"));
-            omit(what, "no extinction in them", saved, Some(Optional::Bricks));
+            omit(what, "no extinction in them", saved, Some(Omittable::Bricks));
         }
         let needed = needs_shadows(scene, &loaded.volume, transfer);
         let shadows = shadow.lookup.is_some() && needed.is_ok();
         match (&shadow.lookup, needed) {
-            (_, Err(why)) => omit("shadow pass".into(), why, None, Some(Optional::Shadows)),
+            (_, Err(why)) => omit("shadow pass".into(), why, None, Some(Omittable::Shadows)),
             (None, Ok(())) => omit("shadow pass".into(), "method none", None, None),
             _ => {}
         }
@@ -126,48 +127,61 @@ impl Plan {
         if shadows && report.tiles_left_out > 0 {
             let what = format!("{} of {} shadow tiles", report.tiles_left_out, report.tiles);
             let saved = Some(megabytes(report.bytes_left_out));
-            omit(what, "no active brick under them", saved, Some(Optional::Tiles));
+            omit(what, "no active brick under them", saved, Some(Omittable::Tiles));
         }
         for pass in report.passes_left_out.iter().filter(|_| shadows) {
             omit(pass.what.into(), pass.why, None, pass.optional);
         }
         let shading = match scene.shading {
-            Shading::None if forced.has(Optional::Gradients) => Shading::Lambert,
+            Shading::None if forced.has(Omittable::Gradients) => Shading::Lambert,
             shading => shading,
         };
         if shading == Shading::None {
             let saved = Some("6 samples a lit sample".into());
-            omit("gradients".into(), "shading none", saved, Some(Optional::Gradients));
+            omit("gradients".into(), "shading none", saved, Some(Omittable::Gradients));
         }
         Self { shadows, skip_bricks, shading, left_out }
     }
 
     /// Whether the picture is made in several dispatches.
     pub(super) fn resumable(&self, shadow: &ShadowMap) -> bool {
-        self.shadows && shadow.lookup.as_ref().is_some_and(|l| l.marches)
+        self.shadows && shadow.lookup.as_ref().is_some_and(Lookup::marches)
     }
 
     /// The ray caster that does just this.
-    pub(super) fn raycast_variant(&self, transfer: &DeviceTransfer, shadow: &ShadowMap) -> ShaderVariant {
-        let mut modules = COMMON.to_vec();
-        let mut defs = shading_defs(self.shading).to_vec();
-        if self.skip_bricks {
-            defs.push("SKIP_BRICKS");
-        }
-        if transfer.one_color {
-            defs.push("ONE_COLOR");
-        }
-        if let Some(lookup) = shadow.lookup.as_ref().filter(|_| self.shadows) {
-            modules.extend(lookup.modules);
-            defs.extend(&lookup.defs);
-            defs.push("SHADOWS");
-            if lookup.marches {
-                defs.extend(transfer.march_defs());
-                defs.push("RESUMABLE");
-            }
-        }
-        ShaderVariant { entry: "raycast.wgsl", modules, defs }
+    pub(super) fn raycast_shader(&self, transfer: &DeviceTransfer, shadow: &ShadowMap) -> ShaderVariant {
+        let lookup = shadow.lookup.as_ref().filter(|_| self.shadows);
+        raycast_shader(lookup, self.shading, self.skip_bricks, transfer.one_color)
     }
+}
+
+fn raycast_shader(
+    lookup: Option<&Lookup>,
+    shading: Shading,
+    skip_bricks: bool,
+    one_color: bool,
+) -> ShaderVariant {
+    let entry = "render/raycast.wgsl";
+    let shader = lookup.map_or_else(
+        || field_shader(entry),
+        |l| l.within(entry).defs(["SHADOWS"]).defs(l.marches().then_some("RESUMABLE")),
+    );
+    shader
+        .constants(CONSTANTS)
+        .defs(shading_defs(shading).iter().copied())
+        .defs(skip_bricks.then_some("SKIP_BRICKS"))
+        .defs(one_color.then_some("ONE_COLOR"))
+}
+
+/// Every ray caster that a plan can ask for.
+pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
+    let mut list = Vec::new();
+    for shading in [Shading::None, Shading::Lambert, Shading::BlinnPhong] {
+        for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
+            list.push(raycast_shader(lookup, shading, skip_bricks, one_color));
+        }
+    }
+    list
 }
 
 /// Definitions of a shading.

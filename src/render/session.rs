@@ -80,6 +80,6 @@ impl Session {
     /// # Errors
     /// As there.
     pub fn node_map(&self, shadow: &ShadowMap) -> Result<Option<NodeMap>> {
-        node_map(&self.renderer, &self.transfer, shadow)
+        node_map(self.renderer.kernels(), &self.transfer, shadow)
     }
 }

@@ -1,100 +1,111 @@
-//! Shadow methods: one narrow trait, one registry list, one file a method.
+//! Shadow methods: a folder each, and a line in [`registry`].
 //!
-//! A method says which shader modules look light up, builds what they read, and states what it promises. Everything
-//! else (light space, march, ray caster, queries, tables) is shared. Adding a method touches its own files and
-//! [`METHODS`].
+//! A method states its settings ([`settings`]), builds what its lookup reads, offers that lookup, and says what it
+//! promises. Everything else (light space, march, tiles, ray caster, queries, tables, plots, `--help`, the window)
+//! takes it as it is. `docs/adding-a-method.md` adds one step by step.
+//!
+//! # What a method's shaders find and offer
+//! * Group 0 is the field (`shaders/field/`), binding 0 of group 1 the light space (`umbravox::light`), which
+//!   [`BuildContext`] and [`TileMarch`] bind. The rest of group 1 is the method's own: numbers, textures of any kind,
+//!   samplers. A map of tiles has its table at binding 2.
+//! * A build is one or more passes, most over tiles through [`TileMarch`]. A pass that marches light rays
+//!   (`umbravox::march`) hands the pieces to the method's `umbravox::sink`, whose contract stands in
+//!   `shaders/field/march.wgsl`.
+//! * A lookup is a module `umbravox::method` with `fn transmittance(g: vec3<f32>) -> f32`, whose contract stands in
+//!   `shaders/render/raycast.wgsl`.
+//! * Constants that both sides know come from Rust, as `#{NAME}` ([`Constant`](crate::gpu::Constant)).
 
-mod deep;
-mod deep_count;
-mod layers;
-mod light_space;
-mod parts;
-mod plain;
+mod bom;
+mod dom;
+mod dsm;
+#[cfg(feature = "half")]
+mod half;
+mod layered;
+mod none;
+mod osm;
+mod rays;
+pub mod registry;
+pub mod settings;
 pub mod spec;
+mod style;
 
-pub use deep::{Counters, DeepShadowMap, Filter, Precompress};
-pub use deep_count::{NodeMap, node_map};
-pub use layers::{
-    Beyond, BoundingOpacityMap, BoundingSplit, DeepOpacityMap, Measure, OpacityShadowMap, Slicing,
-    SplitChoice,
-};
-pub use light_space::{LightSpace, LightUniform, Projection, TILE};
-pub(crate) use parts::TilePace;
-use parts::TileParts;
-pub use plain::{NoShadows, ShadowRays};
+pub use bom::{BoundingOpacityMap, BoundingSplit, Measure, SplitChoice};
+pub use dom::{Beyond, DeepOpacityMap};
+pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_map};
+pub use none::NoShadows;
+pub use osm::{OpacityShadowMap, Slicing};
+pub use rays::ShadowRays;
+pub use registry::{Entry, METHODS, default_rows, parse, parse_list};
+pub use settings::{Key, Kind, Value, When};
+pub use style::{Marker, Style};
 
-use crate::error::{Error, Result};
-use crate::gpu::Span;
-use crate::render::{DeviceTransfer, Optional, Renderer};
-use crate::scene::Light;
-use crate::volume::Volume;
-use spec::Setting;
+pub use crate::field::{BuildContext, LightSpace, Projection, TILE, TileMarch};
+
+use crate::error::Result;
+use crate::field::{Omittable, marching};
+use crate::gpu::{Group, ShaderVariant, Span};
+use settings::choices;
 
 /// What a method promises on light rays through texel centres, at every depth `z`:
 /// `T_exact(z + depth_mm) - transmittance <= T_method(z) <= T_exact(z - depth_mm) + transmittance`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bound {
+    /// Error in transmittance.
     pub transmittance: f64,
+    /// Error in depth, mm.
     pub depth_mm: f64,
 }
 
-/// Modules and definitions that offer `umbravox::method::transmittance`.
+/// Modules, definitions and constants that offer `umbravox::method::transmittance`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Lookup {
-    pub modules: &'static [&'static str],
-    pub defs: Vec<&'static str>,
-    /// A lookup marches a whole ray: pictures are then made in several dispatches.
-    pub marches: bool,
-}
+pub struct Lookup(ShaderVariant);
 
-/// What a method's build needs.
-pub struct BuildContext<'a> {
-    pub renderer: &'a Renderer,
-    pub volume: &'a Volume,
-    pub transfer: &'a DeviceTransfer,
-    pub light: Light,
-}
-
-impl BuildContext<'_> {
-    /// Whether each tile of the map is built: those with active bricks, or all where that is forced.
-    fn built_tiles(&self, light_space: &LightSpace) -> Vec<bool> {
-        let mut tiles = light_space.occupied_tiles(self.volume, &self.transfer.active);
-        if self.transfer.forced.has(Optional::Tiles) {
-            tiles.fill(true);
-        }
-        tiles
+impl Lookup {
+    /// Of what [`field_shader`](crate::field::field_shader) begins; its entry does not matter.
+    pub fn new(shader: ShaderVariant) -> Self {
+        Self(shader)
     }
 
-    /// Definitions of a pipeline with `common/march.wgsl`, whose table is made now where it has not been.
-    fn march_defs(&self) -> Result<Option<&'static str>> {
-        self.renderer.march_table(self.transfer)?;
-        Ok(self.transfer.march_defs())
+    /// The variant of a file with an entry point that looks light up.
+    pub fn within(&self, entry: &'static str) -> ShaderVariant {
+        ShaderVariant { entry, ..self.0.clone() }
+    }
+
+    /// A lookup marches a whole ray: pictures are then made in several dispatches.
+    pub fn marches(&self) -> bool {
+        marching(&self.0)
     }
 }
 
 /// A pass of a published method that nothing would have read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassLeftOut {
+    /// The pass.
     pub what: &'static str,
+    /// Why nothing would have read it.
     pub why: &'static str,
     /// Its name for `--force`, where it can be forced.
-    pub optional: Option<Optional>,
+    pub optional: Option<Omittable>,
 }
 
 /// What building cost and made.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BuildReport {
-    /// Host milliseconds before the device's work (fitting, tiles), and the device's own.
+    /// Host milliseconds before the device's work (fitting, tiles).
     pub host_ms: f64,
+    /// The device's own time.
     pub device: Option<Span>,
     /// Bytes of the structure that lookups read.
     pub bytes: u64,
-    /// Nodes stored, the most in one texel, and the texels whose ray meets extinction.
+    /// Nodes stored.
     pub nodes_total: Option<u64>,
+    /// The most nodes in one texel.
     pub nodes_max: Option<u64>,
+    /// Texels whose ray meets extinction.
     pub texels_hit: Option<u64>,
-    /// Tiles of the map, and those left out since no active brick lies under them.
+    /// Tiles of the map.
     pub tiles: u32,
+    /// Tiles left out since no active brick lies under them.
     pub tiles_left_out: u32,
     /// What these would have taken.
     pub bytes_left_out: u64,
@@ -115,22 +126,32 @@ impl BuildReport {
 
 /// A built shadow structure for one light.
 pub struct ShadowMap {
-    pub(crate) bind_group: wgpu::BindGroup,
+    /// Name of the method.
+    pub method: &'static str,
+    /// Group 1 of what looks it up.
+    pub(crate) group: Group,
     /// How it is looked up; `None`: everything is lit.
     pub lookup: Option<Lookup>,
+    /// Its projection.
     pub light_space: LightSpace,
+    /// What it cost.
     pub report: BuildReport,
+    /// What it promises, where it promises anything.
     pub bound: Option<Bound>,
 }
 
-/// A shadow method with its parameters.
+/// A shadow method with its settings.
 pub trait Method: std::fmt::Debug + Send + Sync {
-    /// Name on the command line and in tables.
-    fn name(&self) -> &'static str;
-    /// Its own parameters as `key=value` separated by spaces, for tables.
-    fn params(&self) -> String;
-    /// Texels a side, where it has a map.
-    fn map_size(&self) -> Option<u32>;
+    /// Its line of the registry.
+    fn entry(&self) -> &'static Entry;
+    /// Its settings: values of the entry's keys, in their order.
+    fn values(&self) -> Vec<Value>;
+    /// How what [`Self::build`] makes is looked up; `None`: everything is lit.
+    fn lookup(&self) -> Option<Lookup>;
+    /// The passes that [`Self::build`] may run, for tests of shaders.
+    fn passes(&self) -> Vec<ShaderVariant> {
+        Vec::new()
+    }
     /// Sub-texel rays whose mean a texel stands for.
     fn taps(&self) -> u32 {
         1
@@ -140,69 +161,72 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// # Errors
     /// A structure that the adapter cannot hold.
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap>;
-}
 
-/// A parameter as the command line and `--help` know it.
-#[derive(Debug, Clone, Copy)]
-pub struct Key {
-    pub name: &'static str,
-    pub values: &'static str,
-    pub default: &'static str,
-    pub help: &'static str,
-}
+    /// Name on the command line and in tables.
+    fn name(&self) -> &'static str {
+        self.entry().name
+    }
 
-/// A method as the registry knows it.
-pub struct Entry {
-    pub name: &'static str,
-    /// One line for `--help` and the window.
-    pub summary: &'static str,
-    pub keys: &'static [Key],
-    /// Parses one setting (each key with one value).
-    pub parse: fn(&Setting) -> Result<Box<dyn Method>>,
-}
+    /// Its own settings as `key=value` separated by spaces, for tables: the telling ones, and what differs from the
+    /// defaults; without the side of the map, which has a column of its own.
+    fn params(&self) -> String {
+        let (keys, values) = (self.entry().keys, self.values());
+        let shown = |(key, value): &(&Key, &Value)| {
+            key.name != MAP
+                && settings::applies(keys, &values, key)
+                && (key.telling || Some(**value) != key.parse(key.default))
+        };
+        let settings = keys.iter().zip(&values).filter(shown);
+        settings.map(|(key, value)| format!("{}={value}", key.name)).collect::<Vec<_>>().join(" ")
+    }
 
-/// Every method, in the order of tables and menus.
-pub const METHODS: &[&Entry] =
-    &[&plain::NONE, &plain::RAYS, &deep::ENTRY, &layers::OSM, &layers::DOM, &layers::BOM];
-
-/// Parses `METHOD[:key=value,...]`.
-///
-/// # Errors
-/// An unknown method or key, or a value out of range, naming it and what there is.
-pub fn parse(text: &str) -> Result<Box<dyn Method>> {
-    let mut methods = parse_list(text)?;
-    match (methods.pop(), methods.is_empty()) {
-        (Some(only), true) => Ok(only),
-        _ => Err(Error::input("bad shadow method", text, "one method with one value a key is meant here")),
+    /// Texels a side, where it has a map.
+    fn map_size(&self) -> Option<u32> {
+        let mut settings = self.entry().keys.iter().zip(self.values());
+        settings.find_map(|(key, value)| match value {
+            Value::Whole(side) if key.name == MAP => Some(side),
+            _ => None,
+        })
     }
 }
 
-/// Parses a list of methods (`;` apart), a row for every combination of values.
-///
-/// # Errors
-/// As [`parse`].
-pub fn parse_list(text: &str) -> Result<Vec<Box<dyn Method>>> {
-    let mut methods = Vec::new();
-    for spec in spec::parse_list(text)? {
-        for setting in spec.expand()? {
-            methods.push(from_setting(&setting)?);
-        }
+/// Name of the key for texels a side.
+const MAP: &str = "map";
+/// Key of methods that have a map.
+const MAP_KEY: Key = Key::whole([1, 8192], "512", "texels a side");
+
+choices! {
+    /// How the four texels around a point are used.
+    pub enum Filter {
+        /// The nearest one.
+        Nearest = "nearest",
+        /// All of them, by how near they are.
+        Bilinear = "bilinear",
     }
-    Ok(methods)
 }
 
-fn from_setting(setting: &Setting) -> Result<Box<dyn Method>> {
-    let entry = METHODS.iter().find(|m| m.name == setting.name).ok_or_else(|| {
-        let names = METHODS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
-        Error::input("unknown shadow method", format!("`{}`", setting.name), format!("there is: {names}"))
-    })?;
-    for (key, _) in &setting.params {
-        if !entry.keys.iter().any(|k| k.name == key) {
-            let keys = entry.keys.iter().map(|k| k.name).collect::<Vec<_>>().join(", ");
-            let why =
-                if keys.is_empty() { "the method has no keys".into() } else { format!("there is: {keys}") };
-            return Err(Error::input("unknown key", format!("{}:{key}", setting.name), why));
-        }
+/// Key of methods whose maps are filtered.
+const FILTER_KEY: Key = Key::choice(Filter::NAMES, "bilinear", "texels used for a point");
+
+/// Optical depth at which a light ray is over (a transmittance of 2^-11).
+const OPAQUE_DEPTH: f32 = 7.6246;
+/// What the polyline that a march hands to a sink may stray from the curve between its points, in transmittance.
+const CHORD_TOLERANCE: f64 = 0.002;
+/// Slope against the light up to which neighbouring texels are taken to see one surface.
+const STEEPEST_SURFACE: f64 = 4.0;
+
+/// Optical depth whose chord stays within [`CHORD_TOLERANCE`] at transmittance 1: a chord of length `h` strays by at
+/// most `h^2 sigma^2 / 8`.
+fn longest_depth() -> f32 {
+    (8.0 * CHORD_TOLERANCE).sqrt() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ray_is_over_at_the_stated_transmittance() {
+        assert!((f64::from(-OPAQUE_DEPTH).exp() * 2048.0 - 1.0).abs() < 1e-4);
     }
-    (entry.parse)(setting)
 }

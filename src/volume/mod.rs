@@ -14,7 +14,7 @@ mod phantom;
 pub mod raw;
 mod thorax;
 
-pub use bricks::{ActiveBricks, BRICK_CELLS, Bricks, extinction_intervals};
+pub use bricks::{BRICK_CELLS, Bricks};
 pub use element::{ByteOrder, Element};
 pub use histogram::Histogram;
 pub use load::{VolumeSpec, load, load_with};

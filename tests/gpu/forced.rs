@@ -1,12 +1,12 @@
 //! What a plan leaves out, forced back on: the omission is gone, and no picture changes.
 
 use super::*;
-use umbravox::render::Optional;
+use umbravox::render::Omittable;
 use umbravox::scene::{Camera, Shading};
 
 /// A scene in which something is left out.
 struct Case {
-    what: Optional,
+    what: Omittable,
     volume: Arc<Volume>,
     tf: TransferFunction,
     methods: &'static [&'static str],
@@ -27,19 +27,19 @@ fn cases(volume: &Arc<Volume>, range: [f64; 2]) -> Vec<Case> {
     };
     let maps: &[_] = &["dsm:map=192", "osm:layers=8,map=192", "dom:layers=7,map=192", "bom:layers=7,map=192"];
     vec![
-        case(Optional::Bricks, &jumps, maps, same),
-        case(Optional::Tiles, &jumps, maps, same),
-        case(Optional::Gradients, &ramp, &["none", "dsm:map=64"], same),
-        case(Optional::MarchTable, &ramp, &["none", "dsm:map=64,precompress=off"], same),
-        case(Optional::BreakpointSearch, &jumps, &["dsm:map=64", "rays", "dom:layers=7,map=64"], same),
-        case(Optional::Colors, &gray, &["none", "dsm:map=64"], same),
-        case(Optional::Shadows, &gray, &["none", "dsm:map=64"], |s| Scene { ambient: 1.0, ..s }),
-        case(Optional::DepthPass, &jumps, &["dom:layers=7,map=64", "bom:layers=7,map=64"], same),
+        case(Omittable::Bricks, &jumps, maps, same),
+        case(Omittable::Tiles, &jumps, maps, same),
+        case(Omittable::Gradients, &ramp, &["none", "dsm:map=64"], same),
+        case(Omittable::MarchTable, &ramp, &["none", "dsm:map=64,precompress=off"], same),
+        case(Omittable::BreakpointSearch, &jumps, &["dsm:map=64", "rays", "dom:layers=7,map=64"], same),
+        case(Omittable::Colors, &gray, &["none", "dsm:map=64"], same),
+        case(Omittable::Shadows, &gray, &["none", "dsm:map=64"], |s| Scene { ambient: 1.0, ..s }),
+        case(Omittable::DepthPass, &jumps, &["dom:layers=7,map=64", "bom:layers=7,map=64"], same),
     ]
 }
 
 /// What was left out before it was forced.
-fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) -> Vec<Optional> {
+fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) -> Vec<Omittable> {
     let mut seen = Vec::new();
     for Case { what, volume, tf, methods, edit } in cases(volume, range) {
         let Some(lean) = Setup::open(&volume, &tf) else { return seen };
@@ -65,7 +65,7 @@ fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) ->
 fn forcing_phantoms() {
     let mut seen = forcing_changes_nothing(&phantom("thorax:96"), [-900.0, 1200.0], "thorax");
     seen.extend(forcing_changes_nothing(&phantom("shell:64"), [0.0, 1000.0], "shell"));
-    let never: Vec<_> = Optional::ALL.into_iter().filter(|o| !seen.contains(o)).collect();
+    let never: Vec<_> = Omittable::ALL.into_iter().filter(|o| !seen.contains(o)).collect();
     assert!(RENDERER.is_none() || never.is_empty(), "nothing was left out by {never:?}");
 }
 
@@ -117,7 +117,7 @@ fn shading_counts_where_it_is_asked_for() {
     let volume = phantom("shell:40");
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);
     let Some(plain) = Setup::open(&volume, &ramp) else { return };
-    let Some(forced) = Setup::forced(&volume, &ramp, Forced::only(Optional::Gradients)) else { return };
+    let Some(forced) = Setup::forced(&volume, &ramp, Forced::only(Omittable::Gradients)) else { return };
     let scene = Scene { shading: Shading::Lambert, ..plain.scene(40, 30) };
     let [lambert, also] = [&plain, &forced].map(|s| s.picture("none", &scene));
     assert_eq!(largest_difference(&lambert, &also), 0.0);

@@ -4,7 +4,7 @@ use super::*;
 use umbravox::shadow::{NodeMap, TILE, node_map};
 
 fn nodes_of(setup: &Setup, map: &ShadowMap) -> Option<NodeMap> {
-    node_map(setup.renderer, &setup.transfer, map).unwrap()
+    node_map(setup.renderer.kernels(), &setup.transfer, map).unwrap()
 }
 
 #[test]
@@ -31,7 +31,7 @@ fn counts_add_up_to_the_builds_own() {
 
 #[test]
 fn a_map_that_ends_within_a_tile_counts_its_own_texels_only() {
-    // The build fills whole tiles, also beyond the map.
+    // Workgroups are whole tiles, also where the map ends within one.
     let tf = extinction(&[(300.0, 0.0), (500.0, 0.04), (700.0, 0.0), (1000.0, 0.0)]);
     let Some(setup) = Setup::open(&phantom("comb:48"), &tf) else { return };
     for (side, method) in [(70, "dsm:map=70"), (1, "dsm:map=1"), (17, "dsm:map=17")] {
@@ -40,7 +40,10 @@ fn a_map_that_ends_within_a_tile_counts_its_own_texels_only() {
             let found = nodes_of(&setup, &map).unwrap();
             assert_eq!(found.nodes.dim(), (side, side));
             let total: u64 = found.nodes.iter().map(|&n| u64::from(n)).sum();
-            assert!(total <= map.report.nodes_total.unwrap(), "{method}, {name}");
+            assert_eq!(Some(total), map.report.nodes_total, "{method}, {name}");
+            let histogram = found.histogram();
+            assert_eq!(Some(histogram.len() as u64 - 1), map.report.nodes_max, "{method}, {name}");
+            assert_eq!(Some((side * side) as u64 - histogram[0]), map.report.texels_hit, "{method}, {name}");
             assert!(side < 17 || total > 0, "{method}, {name}");
             let left_out = found.stored.iter().filter(|s| !**s).count();
             assert_eq!(left_out as u32, map.report.tiles_left_out, "{method}, {name}");

@@ -206,7 +206,7 @@ fn count(ui: &mut egui::Ui, value: &mut usize, range: RangeInclusive<i64>, name:
 /// A family's keys, a line each.
 fn settings_text(entry: &Entry) -> String {
     let keys =
-        entry.keys.iter().map(|k| format!("{}={} [default: {}] {}", k.name, k.values, k.default, k.help));
+        entry.keys.iter().map(|k| format!("{}={} [default: {}] {}", k.name, k.values(), k.default, k.help));
     let keys = keys.collect::<Vec<_>>().join("\n");
     if keys.is_empty() { format!("{}: {}", entry.name, entry.summary) } else { keys }
 }

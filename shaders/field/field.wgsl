@@ -1,0 +1,105 @@
+// The scalar field on the device: values, bricks and their distances. No transfer function in here.
+//
+// Grid space: g = index + 1, so that cell c = floor(g) interpolates the voxels c - 1 and c (clamped to the edge), the
+// domain is [0.5, n + 0.5]^3 and brick b holds the cells BRICK_CELLS b .. BRICK_CELLS (b + 1) - 1.
+#define_import_path umbravox::field
+
+const BRICK_CELLS: i32 = #{BRICK_CELLS};
+// log2 of it.
+const BRICK_SHIFT: vec3<u32> = vec3<u32>(#{BRICK_SHIFT});
+const FAR: f32 = #{FAR};
+
+struct Field {
+    // Voxels along each axis.
+    size: vec3<u32>,
+    // Smallest voxel spacing, mm.
+    min_spacing_mm: f32,
+    inv_size: vec3<f32>,
+    // Intervals of the transfer function (umbravox::transfer).
+    intervals: u32,
+    // Grid-space box of the active bricks, clipped to the domain.
+    active_lo: vec3<f32>,
+    // Values at or below this one have no extinction, nor have those at or above `last_value`.
+    first_value: f32,
+    active_hi: vec3<f32>,
+    last_value: f32,
+    // Value bins and pair bins start at `bin_origin`; the integrals' bins at `table_origin`.
+    bin_origin: f32,
+    bins_per_value: f32,
+    table_origin: f32,
+    table_per_value: f32,
+    // 1 / reference length (1/mm) where opacity is given, 0 where extinction is.
+    inv_reference_length: f32,
+    // Linear RGB of everything with extinction, where that is one colour (ONE_COLOR).
+    color_r: f32,
+    color_g: f32,
+    color_b: f32,
+}
+
+@group(0) @binding(0) var<uniform> field: Field;
+@group(0) @binding(1) var volume: texture_3d<f32>;
+@group(0) @binding(2) var linear_clamp: sampler;
+// Chebyshev distance of each brick to the nearest active one, in bricks: 0 is active.
+@group(0) @binding(3) var brick_distance: texture_3d<u32>;
+
+// The eight values that a cell interpolates, x fastest: lo = z - 1 layer, hi = z layer; (x-y-, x+y-, x-y+, x+y+).
+struct Cell {
+    lo: vec4<f32>,
+    hi: vec4<f32>,
+}
+
+fn cell_values(cell: vec3<i32>) -> Cell {
+    let last = vec3<i32>(field.size) - 1;
+    let a = clamp(cell - 1, vec3<i32>(0), last);
+    let b = clamp(cell, vec3<i32>(0), last);
+    return Cell(
+        vec4<f32>(
+            textureLoad(volume, a, 0).x,
+            textureLoad(volume, vec3<i32>(b.x, a.y, a.z), 0).x,
+            textureLoad(volume, vec3<i32>(a.x, b.y, a.z), 0).x,
+            textureLoad(volume, vec3<i32>(b.x, b.y, a.z), 0).x,
+        ),
+        vec4<f32>(
+            textureLoad(volume, vec3<i32>(a.x, a.y, b.z), 0).x,
+            textureLoad(volume, vec3<i32>(b.x, a.y, b.z), 0).x,
+            textureLoad(volume, vec3<i32>(a.x, b.y, b.z), 0).x,
+            textureLoad(volume, b, 0).x,
+        ),
+    );
+}
+
+// The field at a grid-space point inside the domain.
+fn value_at(g: vec3<f32>) -> f32 {
+#ifdef MANUAL_TRILINEAR
+    let base = floor(g);
+    let w = g - base;
+    let c = cell_values(vec3<i32>(base));
+    let xy = mix(c.lo, c.hi, w.z);
+    let y = mix(xy.xz, xy.yw, w.x);
+    return mix(y.x, y.y, w.y);
+#else
+    return textureSampleLevel(volume, linear_clamp, (g - 0.5) * field.inv_size, 0.0).x;
+#endif
+}
+
+fn brick_distance_at(brick: vec3<i32>) -> i32 {
+    return i32(textureLoad(brick_distance, brick, 0).x);
+}
+
+// 1 / d with a finite stand-in where d vanishes.
+fn safe_inverse(d: vec3<f32>) -> vec3<f32> {
+    let tiny = abs(d) < vec3<f32>(1e-20);
+    return select(1.0 / d, vec3<f32>(FAR), tiny);
+}
+
+// Entry and exit parameter of the line o + t d with a box; entry > exit where it misses.
+fn box_span(o: vec3<f32>, inv_d: vec3<f32>, d: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>) -> vec2<f32> {
+    let a = (lo - o) * inv_d;
+    let b = (hi - o) * inv_d;
+    // A ray parallel to a slab is inside it for ever or never.
+    let parallel = abs(d) < vec3<f32>(1e-20);
+    let outside = (o < lo) | (o > hi);
+    let near = select(min(a, b), select(vec3<f32>(-FAR), vec3<f32>(FAR), outside), parallel);
+    let far = select(max(a, b), select(vec3<f32>(FAR), vec3<f32>(-FAR), outside), parallel);
+    return vec2<f32>(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
+}

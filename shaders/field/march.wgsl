@@ -1,0 +1,207 @@
+// The light march that every shadow method shares: cell by cell through the active bricks of one ray.
+//
+// Inside a cell the value along the ray is a cubic, which is formed exactly; it is cut at its extrema and where it
+// passes a breakpoint of the transfer function, found through the pre-compressed table (Hadwiger et al. 2006, 3.2) and
+// placed on the cubic. Each piece is smooth: two-point Gauss integrates it.
+//
+// The sink, a module that defines `umbravox::sink`, takes the pieces. It offers
+//   struct Sink                                     what one ray has gathered
+//   fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool
+//       takes the optical depth between two depths (mm); pieces come in the order of the march, none overlap, stretches
+//       without extinction may be left out or come with depth 0; true ends the ray
+//   fn longest_depth(sink: ptr<function, Sink>) -> f32
+//       the optical depth that the next piece may span, for sinks that look inside pieces
+//
+// Control flow: an inner loop walks to the next cell with extinction, the outer one takes a single piece a turn. Lanes
+// of a subgroup then wait for each other only there, and what is expensive stands in the program once.
+#define_import_path umbravox::march
+
+#import umbravox::field::{field, Cell, cell_values, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::transfer::{interval_start, interval_at, extinction_in, nodes_between, NO_NODE, MORE_NODES}
+#import umbravox::sink::{Sink, sink_piece, longest_depth}
+
+const GAUSS_LOW: f32 = 0.21132487;
+const GAUSS_HIGH: f32 = 0.78867513;
+// Cells that a lane walks through before those of its subgroup that have found something go on (best of 2, 4 and no
+// limit on llvmpipe).
+const WALK_STEPS: u32 = 4u;
+const NEWTON_STEPS: i32 = 8;
+// A chord's share below which a piece is not worth its own turn.
+const LEAST_PIECE: f32 = 1e-6;
+
+// c.x + u (c.y + u (c.z + u c.w))
+fn cubic(c: vec4<f32>, u: f32) -> f32 {
+    return c.x + u * (c.y + u * (c.z + u * c.w));
+}
+
+fn cubic_slope(c: vec4<f32>, u: f32) -> f32 {
+    return c.y + u * (2.0 * c.z + 3.0 * u * c.w);
+}
+
+// The value along a cell's chord from f to f + e (cell coordinates in [0, 1]).
+fn chord_cubic(cell: Cell, f: vec3<f32>, e: vec3<f32>) -> vec4<f32> {
+    let c0 = cell.lo.x;
+    let cx = cell.lo.y - cell.lo.x;
+    let cy = cell.lo.z - cell.lo.x;
+    let cz = cell.hi.x - cell.lo.x;
+    let cxy = (cell.lo.w - cell.lo.z) - cx;
+    let cxz = (cell.hi.y - cell.hi.x) - cx;
+    let cyz = (cell.hi.z - cell.hi.x) - cy;
+    let cxyz = ((cell.hi.w - cell.hi.z) - (cell.hi.y - cell.hi.x)) - cxy;
+    return vec4<f32>(
+        c0 + f.x * (cx + f.y * (cxy + f.z * cxyz) + f.z * cxz) + f.y * (cy + f.z * cyz) + f.z * cz,
+        e.x * (cx + f.y * (cxy + f.z * cxyz) + f.z * cxz)
+            + e.y * (cy + f.x * (cxy + f.z * cxyz) + f.z * cyz)
+            + e.z * (cz + f.x * (cxz + f.y * cxyz) + f.y * cyz),
+        e.x * e.y * (cxy + f.z * cxyz) + e.x * e.z * (cxz + f.y * cxyz) + e.y * e.z * (cyz + f.x * cxyz),
+        e.x * e.y * e.z * cxyz,
+    );
+}
+
+// Where the cubic, monotone from a to b with the values va and vb there, passes v.
+fn crossing(c: vec4<f32>, a: f32, b: f32, va: f32, vb: f32, v: f32) -> f32 {
+    var lo = a;
+    var hi = b;
+    let rising = vb > va;
+    var u = a + (b - a) * clamp((v - va) / (vb - va), 0.0, 1.0);
+    for (var i = 0; i < NEWTON_STEPS; i++) {
+        let excess = cubic(c, u) - v;
+        if abs(excess) <= 1e-6 * abs(vb - va) { break; }
+        if (excess > 0.0) == rising { hi = u; } else { lo = u; }
+        let slope = cubic_slope(c, u);
+        var next = u - excess / select(slope, 1.0, slope == 0.0);
+        if !(next >= lo && next <= hi) { next = 0.5 * (lo + hi); }
+        u = next;
+    }
+    return clamp(u, a, b);
+}
+
+// Extrema of the cubic inside (0, 1), ascending; 2 stands for none.
+fn extrema(c: vec4<f32>) -> vec2<f32> {
+    let a = 3.0 * c.w;
+    let b = c.z;
+    let size = abs(c.y) + abs(c.z) + abs(c.w);
+    var roots = vec2<f32>(2.0);
+    if size == 0.0 { return roots; }
+    let disc = b * b - a * c.y;
+    if disc > 0.0 {
+        let q = -(b + select(-1.0, 1.0, b >= 0.0) * sqrt(disc));
+        if q != 0.0 { roots.x = c.y / q; }
+        if abs(a) > 1e-7 * size { roots.y = q / a; }
+    }
+    roots = select(vec2<f32>(2.0), roots, (roots > vec2<f32>(0.0)) & (roots < vec2<f32>(1.0)));
+    return vec2<f32>(min(roots.x, roots.y), max(roots.x, roots.y));
+}
+
+// Marches the ray o + z d (grid space, d per mm) over the depths [z_from, z_to].
+fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) {
+    let inv_d = safe_inverse(d);
+    let span = box_span(o, inv_d, d, field.active_lo, field.active_hi);
+    let end = min(span.y, z_to);
+    let forward = d > vec3<f32>(0.0);
+    let ahead = select(vec3<i32>(0), vec3<i32>(1), forward);
+    let moves = abs(d) >= vec3<f32>(1e-20);
+    let top = vec3<i32>(field.size);
+    // Where the walk stands: the cell not yet looked at, and the depth at which the ray enters it.
+    var z = max(span.x, z_from);
+    var cell = clamp(vec3<i32>(floor(o + z * d)), vec3<i32>(0), top);
+    var walking = z < end;
+    // The cell that is being taken apart: its chord's start and length, the cubic, and how far it is done.
+    var chord_z = 0.0;
+    var chord_mm = 0.0;
+    var c = vec4<f32>(0.0);
+    var u = 1.0;
+    var value = 0.0;
+    // The cell's values have no breakpoint among them: it is one piece, whatever turns the cubic takes.
+    var plain = false;
+    loop {
+        var steps = 0u;
+        loop {
+            if u < 1.0 || !walking || steps >= WALK_STEPS { break; }
+            steps += 1u;
+            let brick = cell >> BRICK_SHIFT;
+            let distance = brick_distance_at(brick);
+            // Through one cell, or out of the cube of bricks that are known to be empty.
+            let lo = select(cell, (brick - (distance - 1)) * BRICK_CELLS, distance > 0);
+            let hi = select(cell + 1, (brick + distance) * BRICK_CELLS, distance > 0);
+            let exits = select(vec3<f32>(FAR), (vec3<f32>(select(lo, hi, forward)) - o) * inv_d, moves);
+            let exit = max(min(min(exits.x, exits.y), min(exits.z, end)), z);
+            let p = o + exit * d;
+            if distance == 0 && exit > z {
+                let values = cell_values(cell);
+                let lo4 = min(values.lo, values.hi);
+                let hi4 = max(values.lo, values.hi);
+                let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));
+                let most = max(max(hi4.x, hi4.y), max(hi4.z, hi4.w));
+                if most > field.first_value && least < field.last_value {
+                    let f = clamp(o + z * d - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0));
+                    let e = clamp(p - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0)) - f;
+                    c = chord_cubic(values, f, e);
+                    chord_z = z;
+                    chord_mm = exit - z;
+                    u = 0.0;
+                    value = c.x;
+                    let inside = nodes_between(least, most);
+                    plain = inside.x == NO_NODE && inside.w != MORE_NODES;
+                }
+            }
+            z = exit;
+            // On the face that is left the next cell is known; rounding must not put it back.
+            let past = select(lo - 1, hi, forward);
+            cell = select(clamp(vec3<i32>(floor(p)), lo, hi - 1), past, exits <= vec3<f32>(exit));
+            walking = z < end && all(cell >= vec3<i32>(0)) && all(cell <= top);
+        }
+        if u >= 1.0 {
+            if !walking { break; }
+            continue;
+        }
+
+        // The monotone stretch ahead, and the first breakpoint on it.
+        let cuts = extrema(c);
+        let next_cut = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
+        let turn = select(next_cut, 1.0, plain);
+        let turn_value = cubic(c, turn);
+        var piece_end = turn;
+        var end_value = turn_value;
+        let nodes = nodes_between(value, turn_value);
+        var node = 0.0;
+        var crosses = false;
+        for (var k = 3; k >= 0; k--) {
+            let v = interval_start(nodes[k]);
+            if !plain && nodes[k] < MORE_NODES && (v - value) * (v - turn_value) < 0.0 {
+                node = v;
+                crosses = true;
+            }
+        }
+#ifdef MANY_BREAKPOINTS
+        // More breakpoints than the table holds: the next one ahead ends the value's own interval.
+        if !plain && nodes.w == MORE_NODES {
+            let here = interval_at(value);
+            let falling = select(here, here - 1u, interval_start(here) >= value && here > 0u);
+            node = select(interval_start(falling), interval_start(here + 1u), turn_value > value);
+            crosses = (node - value) * (node - turn_value) < 0.0;
+        }
+#endif
+        if crosses {
+            piece_end = crossing(c, u, turn, value, turn_value, node);
+            end_value = node;
+        }
+        let j = interval_at(0.5 * (value + end_value));
+        let sigma_a = extinction_in(j, value);
+        let sigma_b = extinction_in(j, end_value);
+        // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8.
+        let sigma = max(sigma_a, sigma_b);
+        let piece_mm = (piece_end - u) * chord_mm;
+        let bend = sqrt(sigma * sigma + abs(sigma_b - sigma_a) / max(piece_mm, 1e-9));
+        let parts = clamp(ceil(piece_mm * bend / longest_depth(sink)), 1.0, 64.0);
+        if parts > 1.0 {
+            piece_end = u + (piece_end - u) / parts;
+            end_value = cubic(c, piece_end);
+        }
+        let h = piece_end - u;
+        let mean = 0.5 * (extinction_in(j, cubic(c, u + GAUSS_LOW * h)) + extinction_in(j, cubic(c, u + GAUSS_HIGH * h)));
+        if sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm) { break; }
+        u = select(piece_end, 1.0, piece_end > 1.0 - LEAST_PIECE);
+        value = end_value;
+    }
+}

@@ -1,0 +1,28 @@
+// The layout table of a tiled map (Hadwiger et al. 2006, 3.4): where a texel's record lies.
+#define_import_path umbravox::tile_table
+
+#import umbravox::light::{light, OCTAHEDRAL}
+
+const TILE: u32 = #{TILE};
+const NO_TILE: u32 = #{NO_TILE};
+
+// First record of each tile, or NO_TILE where it holds no active brick; a texel a tile. The records of a tile lie side
+// by side.
+@group(1) @binding(2) var tile_table: texture_2d<u32>;
+
+// The record of a texel, NO_TILE where it has none.
+fn record_of(texel: vec2<u32>) -> u32 {
+    let first = textureLoad(tile_table, texel / TILE, 0).x;
+    return select(first + (texel.y % TILE) * TILE + texel.x % TILE, NO_TILE, first == NO_TILE);
+}
+
+// A texel that may lie outside the map: an octahedral map goes on at the mirrored place of the same edge.
+fn wrapped_texel(texel: vec2<i32>) -> vec2<u32> {
+    let last = i32(light.map_size) - 1;
+    var t = texel;
+    if light.projection == OCTAHEDRAL {
+        if t.x < 0 || t.x > last { t = vec2<i32>(clamp(t.x, 0, last), last - t.y); }
+        if t.y < 0 || t.y > last { t = vec2<i32>(last - t.x, clamp(t.y, 0, last)); }
+    }
+    return vec2<u32>(clamp(t, vec2<i32>(0), vec2<i32>(last)));
+}

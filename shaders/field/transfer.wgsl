@@ -1,0 +1,115 @@
+// The transfer function on the device, over texel values (what the volume texture holds).
+#define_import_path umbravox::transfer
+
+#import umbravox::field::field
+
+const MAX_OPACITY: f32 = #{MAX_OPACITY};
+const VALUE_BINS: u32 = #{VALUE_BINS};
+const TABLE_BINS: u32 = #{TABLE_BINS};
+const PAIR_BINS: u32 = #{PAIR_BINS};
+const NO_NODE: u32 = #{NO_NODE};
+const MORE_NODES: u32 = #{MORE_NODES};
+const MAX_INTERVALS: u32 = #{MAX_INTERVALS};
+
+struct IntervalTable {
+    // (start value, amount at the start, slope of the amount, start of the next interval); interval 0 is everything
+    // below the first point.
+    intervals: array<vec4<f32>, #{MAX_INTERVALS}>,
+    // The interval at the lower end of each value bin, four bins a vector.
+    of_bin: array<vec4<u32>, #{VALUE_BIN_VECTORS}>,
+}
+
+// Small tables are uniforms and large ones textures: on software adapters storage buffers are read lane by lane.
+@group(0) @binding(4) var<uniform> interval_table: IntervalTable;
+// Integrals over the value up to each bin edge: extinction times colour (rgb), extinction (w); with ONE_COLOR extinction
+// alone.
+@group(0) @binding(5) var integrals: texture_2d<f32>;
+// Pre-compressed visibility: up to four interval starts at which it bends between two values, four u16 in a pair.
+@group(0) @binding(6) var pair_nodes: texture_2d<u32>;
+
+fn interval_start(j: u32) -> f32 {
+    return interval_table.intervals[min(j, MAX_INTERVALS - 1u)].x;
+}
+
+fn interval_at(value: f32) -> u32 {
+    let bin = clamp((value - field.bin_origin) * field.bins_per_value, 0.0, f32(VALUE_BINS - 1u));
+    let bin_index = u32(bin);
+    var j = interval_table.of_bin[bin_index >> 2u][bin_index & 3u];
+    loop {
+        if j + 1u >= field.intervals || value < interval_table.intervals[j].w { break; }
+        j += 1u;
+    }
+    return j;
+}
+
+// Extinction (1/mm) at a value inside the interval j.
+fn extinction_in(j: u32, value: f32) -> f32 {
+    let piece = interval_table.intervals[j];
+    let amount = piece.y + piece.z * (value - piece.x);
+    if field.inv_reference_length > 0.0 {
+        return -log(1.0 - clamp(amount, 0.0, MAX_OPACITY)) * field.inv_reference_length;
+    }
+    return max(amount, 0.0);
+}
+
+fn extinction_at(value: f32) -> f32 {
+    return extinction_in(interval_at(value), value);
+}
+
+#ifdef ONE_COLOR
+// Extinction alone: its colour is one.
+fn integral_edge(i: u32) -> f32 {
+    return textureLoad(integrals, vec2<u32>(i, 0u), 0).x;
+}
+
+fn colored(mean: f32) -> vec4<f32> {
+    return vec4<f32>(field.color_r, field.color_g, field.color_b, 1.0) * max(mean, 0.0);
+}
+#else
+fn integral_edge(i: u32) -> vec4<f32> {
+    return textureLoad(integrals, vec2<u32>(i, 0u), 0);
+}
+
+fn colored(mean: vec4<f32>) -> vec4<f32> {
+    return max(mean, vec4<f32>(0.0));
+}
+#endif
+
+// The integrals at a value, linear between bin edges.
+#ifdef ONE_COLOR
+fn integral_at(value: f32) -> f32 {
+#else
+fn integral_at(value: f32) -> vec4<f32> {
+#endif
+    let x = clamp((value - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
+    let i = min(u32(x), TABLE_BINS - 1u);
+    // Written so that it is exact where the integrals are equal: no extinction must stay none.
+    let low = integral_edge(i);
+    return low + (integral_edge(i + 1u) - low) * (x - f32(i));
+}
+
+// Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) over a stretch on which the value goes linearly from a to b.
+#ifdef ONE_COLOR
+fn mean_over(a: f32, b: f32, integral_a: f32, integral_b: f32) -> vec4<f32> {
+#else
+fn mean_over(a: f32, b: f32, integral_a: vec4<f32>, integral_b: vec4<f32>) -> vec4<f32> {
+#endif
+    // Below half a bin the difference of integrals is mostly rounding: the bin's own slope stands in.
+    if abs(b - a) * field.table_per_value < 0.5 {
+        let x = clamp((0.5 * (a + b) - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
+        let i = min(u32(x), TABLE_BINS - 1u);
+        return colored((integral_edge(i + 1u) - integral_edge(i)) * field.table_per_value);
+    }
+    return colored((integral_b - integral_a) / (b - a));
+}
+
+fn pair_bin(value: f32) -> u32 {
+    return u32(clamp((value - field.bin_origin) * field.bins_per_value * (f32(PAIR_BINS) / f32(VALUE_BINS)), 0.0, f32(PAIR_BINS - 1u)));
+}
+
+// Four interval indices, NO_NODE past the last, in the order in which a value going from a to b meets them; MORE_NODES
+// in the last place where there are more than the table holds.
+fn nodes_between(a: f32, b: f32) -> vec4<u32> {
+    let packed = textureLoad(pair_nodes, vec2<u32>(pair_bin(b), pair_bin(a)), 0);
+    return vec4<u32>(packed.x & 0xffffu, packed.x >> 16u, packed.y & 0xffffu, packed.y >> 16u);
+}

@@ -1,0 +1,13 @@
+// Points in, transmittance from the light to each out, by the very lookup that pictures use.
+
+#import umbravox::method::transmittance
+
+@group(2) @binding(0) var<storage, read> points: array<vec4<f32>>;
+@group(2) @binding(1) var<storage, read_write> results: array<f32>;
+
+@compute @workgroup_size(#{LINE_THREADS})
+fn query(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let i = id.y * groups.x * #{LINE_THREADS} + id.x;
+    if i >= arrayLength(&results) { return; }
+    results[i] = transmittance(points[i].xyz);
+}

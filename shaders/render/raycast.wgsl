@@ -1,0 +1,393 @@
+// The ray caster: pre-integrated extinction along eye rays, brick skipping, early end, shadows through one lookup.
+//
+// A ray is walked from sample to sample; between two of them lies a stretch. Only stretches with extinction are
+// gathered. With shadows a stretch is cut into parts, parts make a run, and a run asks the lookup once for the light at
+// its end. What is expensive stands in the program once, and lanes of a subgroup wait for each other only there.
+//
+// The lookup, a module that defines `umbravox::method`, offers
+//   fn transmittance(g: vec3<f32>) -> f32           from the light to a grid-space point of the domain; 1 where nothing
+//                                                   lies between. Whatever it reads is bound in group 1 from binding 1
+//                                                   on; binding 0 is the light space for all methods.
+
+#import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::transfer::{integral_at, mean_over}
+#ifdef SHADOWS
+#import umbravox::method::transmittance
+#endif
+#ifdef SHADING
+#import umbravox::light::{light_point, light_ray}
+#endif
+
+struct Frame {
+    // Grid-space centre of a plane across the view near the volume (keeps float32 rays exact for far eyes).
+    plane_center: vec3<f32>,
+    plane_distance_mm: f32,
+    // Grid units per mm along the camera's axes.
+    grid_forward: vec3<f32>,
+    step_mm: f32,
+    grid_right: vec3<f32>,
+    ambient: f32,
+    grid_up: vec3<f32>,
+    // First row of this band of the picture.
+    first_row: u32,
+    background: vec3<f32>,
+    rows: u32,
+    // Half extents of the picture at unit distance: (W/H) tan(fov/2), tan(fov/2).
+    half_extent: vec2<f32>,
+    size: vec2<u32>,
+    // World mm per grid unit (columns), for shading.
+    world_x: vec3<f32>,
+    // 1 where the shading counts, 0 where it is only computed (forced).
+    shading_weight: f32,
+    world_y: vec3<f32>,
+    // First column of this part of the band.
+    first_column: u32,
+    world_z: vec3<f32>,
+    padding_c: f32,
+}
+
+@group(2) @binding(0) var<uniform> frame: Frame;
+@group(2) @binding(1) var<storage, read_write> picture: array<vec4<f32>>;
+#ifdef RESUMABLE
+// A picture made in several dispatches, since one would loop longer than some adapters allow (software ones end every
+// loop of an invocation after 65,536 turns in all).
+struct Resumption {
+    // Pixels that are not finished.
+    unfinished: atomic<u32>,
+    // The sample to go on from, a pixel: -FAR before the first dispatch, FAR when the pixel is finished.
+    resume: array<f32>,
+}
+@group(2) @binding(2) var<storage, read_write> resumption: Resumption;
+// Shadow lookups a pixel and dispatch.
+const LOOKUPS: u32 = 8u;
+#endif
+
+// Transmittance below which the eye ray is over.
+const EYE_OVER: f32 = 5e-4;
+// Optical depth of the parts of a stretch that is thicker than `THICKEST_PART`.
+const LIT_DEPTH: f32 = 0.75;
+const THICKEST_PART: f32 = 1.0;
+const MAX_PARTS: f32 = 16.0;
+// A run of parts shares its lookups until it has so many parts or such optical depth.
+const RUN_PARTS: u32 = 4u;
+const FULL_RUN: f32 = 0.25;
+// Optical depth of a run whose start may be lit as its end is.
+const FAINT_RUN: f32 = 0.05;
+const DARKEST: f32 = 1e-6;
+
+// ---- The ray of a pixel ----
+
+struct EyeRay {
+    // Grid space: the point of depth 0, where the ray crosses the frame's plane, and the way per mm.
+    o: vec3<f32>,
+    d: vec3<f32>,
+    inv_d: vec3<f32>,
+    // Depths between which it lies in the domain, mm, and between which samples are taken.
+    t_in: f32,
+    t_out: f32,
+    start: f32,
+    end: f32,
+}
+
+fn eye_ray(pixel: vec2<u32>) -> EyeRay {
+    let ndc = (2.0 * (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.size) - 1.0) * vec2<f32>(1.0, -1.0) * frame.half_extent;
+    let across = ndc.x * frame.grid_right + ndc.y * frame.grid_up;
+    let slant = sqrt(1.0 + dot(ndc, ndc));
+    let o = frame.plane_center + frame.plane_distance_mm * across;
+    let d = (frame.grid_forward + across) / slant;
+    let inv_d = safe_inverse(d);
+    let domain = box_span(o, inv_d, d, vec3<f32>(0.5), vec3<f32>(field.size) + 0.5);
+    let t_in = max(domain.x, -frame.plane_distance_mm * slant);
+#ifdef SKIP_BRICKS
+    let occupied = box_span(o, inv_d, d, field.active_lo, field.active_hi);
+    return EyeRay(o, d, inv_d, t_in, domain.y, max(occupied.x, t_in), min(occupied.y, domain.y));
+#else
+    return EyeRay(o, d, inv_d, t_in, domain.y, t_in, domain.y);
+#endif
+}
+
+// ---- Walking from sample to sample ----
+
+struct Walk {
+    // The sample ahead; samples sit on the lattice t = k step, whatever is skipped, and on the ends of the domain.
+    k: f32,
+    walking: bool,
+    // The last sample and its value; `valid`: there is one.
+    b: f32,
+    value_b: f32,
+    valid: bool,
+    // A stretch with extinction has been found: its part that is not gathered yet starts at u and ends at b.
+    found: bool,
+    u: f32,
+    value_u: f32,
+#ifdef SKIP_BRICKS
+    // The last sample that was leapt over comes next, since the stretch behind it has extinction.
+    stepped_back: bool,
+    leapt: bool,
+    // The last sample lies in an inactive brick.
+    leaving: bool,
+#endif
+}
+
+fn start_walk(ray: EyeRay) -> Walk {
+    let k = floor(ray.start / frame.step_mm);
+#ifdef SKIP_BRICKS
+    return Walk(k, ray.start < ray.end, ray.t_in, 0.0, false, false, 0.0, 0.0, false, false, false);
+#else
+    return Walk(k, ray.start < ray.end, ray.t_in, 0.0, false, false, 0.0, 0.0);
+#endif
+}
+
+#ifdef SKIP_BRICKS
+// The first sample past the cube of `distance` empty bricks around a brick.
+fn past_empty_bricks(ray: EyeRay, brick: vec3<i32>, distance: i32) -> f32 {
+    let reach = distance - 1;
+    let forward = ray.d > vec3<f32>(0.0);
+    let face = select((brick - reach) * BRICK_CELLS, (brick + reach + 1) * BRICK_CELLS, forward);
+    let moves = abs(ray.d) >= vec3<f32>(1e-20);
+    let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - ray.o) * ray.inv_d, moves);
+    return min(exits.x, min(exits.y, exits.z));
+}
+#endif
+
+// Walks until a stretch with extinction lies behind the last sample, or the ray ends.
+fn walk_on(walk: ptr<function, Walk>, ray: EyeRay) {
+    let h = frame.step_mm;
+    loop {
+        if (*walk).found || !(*walk).walking { break; }
+        let t = clamp((*walk).k * h, ray.t_in, ray.t_out);
+        let g = ray.o + t * ray.d;
+#ifdef SKIP_BRICKS
+        let brick = clamp(vec3<i32>(floor(g)), vec3<i32>(0), vec3<i32>(field.size)) >> BRICK_SHIFT;
+        let distance = brick_distance_at(brick);
+        if distance > 0 && ((*walk).leaving || !(*walk).valid) && !(*walk).stepped_back {
+            // A stretch between two inactive bricks is empty as well: they touch, and so share a value.
+            let exit = past_empty_bricks(ray, brick, distance);
+            // Rounding may put the last face before the end for ever; the sample itself has passed it.
+            (*walk).walking = max(exit, t) < ray.end;
+            (*walk).k = max(floor(exit / h), (*walk).k) + 1.0;
+            (*walk).leapt = true;
+            (*walk).valid = false;
+            continue;
+        }
+        if (*walk).leapt {
+            (*walk).leapt = false;
+            (*walk).stepped_back = true;
+            (*walk).k -= 1.0;
+            continue;
+        }
+#endif
+        let value = value_at(g);
+        let last = (*walk).value_b;
+        if (*walk).valid && min(last, value) < field.last_value && max(last, value) > field.first_value {
+            (*walk).found = true;
+            (*walk).u = (*walk).b;
+            (*walk).value_u = last;
+        }
+        (*walk).b = t;
+        (*walk).value_b = value;
+        (*walk).walking = t < ray.end;
+        (*walk).k += 1.0;
+#ifdef SKIP_BRICKS
+        // A sample in an inactive brick may still start a stretch into the next, active one.
+        (*walk).leaving = distance > 0 && !(*walk).stepped_back;
+        (*walk).stepped_back = false;
+#endif
+        (*walk).valid = true;
+    }
+}
+
+// Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) where the value goes from a to b.
+fn mean_between(a: f32, b: f32) -> vec4<f32> {
+    return mean_over(a, b, integral_at(a), integral_at(b));
+}
+
+// ---- Shading and light ----
+
+#ifdef SHADING
+// Shading factor at a grid-space point; surfaces are lit from both sides, shadows decide which one light reaches.
+fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
+    let gradient_grid = vec3<f32>(
+        value_at(g + vec3<f32>(0.5, 0.0, 0.0)) - value_at(g - vec3<f32>(0.5, 0.0, 0.0)),
+        value_at(g + vec3<f32>(0.0, 0.5, 0.0)) - value_at(g - vec3<f32>(0.0, 0.5, 0.0)),
+        value_at(g + vec3<f32>(0.0, 0.0, 0.5)) - value_at(g - vec3<f32>(0.0, 0.0, 0.5)),
+    );
+    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
+    // Gradients transform with the inverse transpose; its scale does not matter to a direction.
+    let gradient = cross(to_world[1], to_world[2]) * gradient_grid.x
+        + cross(to_world[2], to_world[0]) * gradient_grid.y
+        + cross(to_world[0], to_world[1]) * gradient_grid.z;
+    // No early return where there is no gradient: a software adapter (llvmpipe of Mesa 22.3) crashes on it.
+    let size = length(gradient);
+    let n = gradient / max(size, 1e-30);
+    let l = -normalize(to_world * light_ray(light_point(g).texel).d);
+    let diffuse = abs(dot(n, l));
+#ifdef BLINN_PHONG
+    let h = normalize(l - normalize(to_world * eye_direction));
+    let factor = diffuse + 0.3 * pow(abs(dot(n, h)), 32.0);
+#else
+    let factor = diffuse;
+#endif
+    return select(1.0, mix(1.0, factor, frame.shading_weight), size > 0.0);
+}
+#endif
+
+#ifdef SHADOWS
+// Mean of the light over a stretch of optical depth, where the light's transmittance goes from a to b as exponentials of
+// the eye's own optical depth do: exact through any layered medium, whatever the step.
+fn mean_light(a: f32, b: f32, depth: f32) -> f32 {
+    let x = depth + log(max(a, DARKEST) / max(b, DARKEST));
+    let weight = select((1.0 - exp(-x)) / x, 1.0 - 0.5 * x, abs(x) < 1e-3);
+    let own = select((1.0 - exp(-depth)) / depth, 1.0 - 0.5 * depth, depth < 1e-3);
+    return a * weight / own;
+}
+#endif
+
+#ifdef SHADOWS
+// ---- Runs of parts that wait for their light ----
+
+struct Run {
+    parts: u32,
+    // Depths between which it lies, mm, its optical depth and its colour.
+    start: f32,
+    end: f32,
+    depth: f32,
+    color: vec3<f32>,
+    shaded: vec3<f32>,
+    // Length of a stretch's parts where it is too thick to be lit as a whole.
+    part_mm: f32,
+    // Complete: nothing more is gathered before it is lit.
+    closing: bool,
+}
+
+// Gathers parts of stretches until the run is complete; `left` is the transmittance to the eye.
+fn gather(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function, f32>, ray: EyeRay) {
+    loop {
+        if (*run).closing { break; }
+        walk_on(walk, ray);
+        // A run ends where the extinction does, and at the end of the ray.
+        (*run).closing = (*run).parts > 0u && (!(*walk).found || (*walk).u != (*run).end);
+        if (*run).closing || !(*walk).found { break; }
+        let begin = (*walk).u;
+        let b = (*walk).b;
+        let to = select(begin + (*run).part_mm, b, begin + 1.5 * (*run).part_mm > b);
+        let value_to = mix((*walk).value_u, (*walk).value_b, select((to - begin) / (b - begin), 1.0, to == b));
+        let mean = mean_between((*walk).value_u, value_to);
+        let depth = mean.w * (to - begin);
+        if depth > THICKEST_PART && (*run).part_mm == FAR {
+            (*run).part_mm = (to - begin) / clamp(ceil(depth / LIT_DEPTH), 1.0, MAX_PARTS);
+            continue;
+        }
+        (*walk).u = to;
+        (*walk).found = to < b;
+        (*run).part_mm = select(FAR, (*run).part_mm, (*walk).found);
+        (*walk).value_u = value_to;
+        let alpha = 1.0 - exp(-depth);
+        let emitted = *left * alpha * mean.rgb / max(mean.w, 1e-30);
+        *left *= 1.0 - alpha;
+        (*run).color += emitted;
+#ifdef SHADING
+        (*run).shaded += emitted * shading_factor(ray.o + 0.5 * (begin + to) * ray.d, ray.d);
+#endif
+        // Whether a part without extinction is come upon depends on what is skipped: a run must not.
+        if depth > 0.0 {
+            (*run).start = select((*run).start, begin, (*run).parts == 0u);
+            (*run).end = to;
+            (*run).depth += depth;
+            (*run).parts += 1u;
+        }
+        (*run).closing = (*run).parts >= RUN_PARTS || (*run).depth >= FULL_RUN || *left < EYE_OVER;
+    }
+}
+#endif
+
+@compute @workgroup_size(#{PICTURE_SIDE}, #{PICTURE_SIDE})
+fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
+    let column = id.x + frame.first_column;
+    if column >= frame.size.x || id.y >= frame.rows { return; }
+    let index = id.y * frame.size.x + column;
+    let ray = eye_ray(vec2<u32>(column, id.y + frame.first_row));
+    var walk = start_walk(ray);
+    var color = vec3<f32>(0.0);
+    // Transmittance to the eye.
+    var left = 1.0;
+#ifdef RESUMABLE
+    let resume = resumption.resume[index];
+    if resume == FAR { return; }
+    var lookups = 0u;
+    var interrupted = false;
+    if resume != -FAR {
+        color = picture[index].rgb;
+        left = picture[index].a;
+        walk.k = resume;
+#ifdef SKIP_BRICKS
+        walk.stepped_back = true;
+#endif
+    }
+#endif
+#ifdef SHADOWS
+    var run = Run(0u, 0.0, 0.0, 0.0, vec3<f32>(0.0), vec3<f32>(0.0), FAR, false);
+    // The light at `lit_t`.
+    var lit = 1.0;
+    var lit_t = -FAR;
+    loop {
+#ifdef RESUMABLE
+        if !walk.found && run.parts == 0u && lookups >= LOOKUPS && walk.walking {
+            interrupted = true;
+            break;
+        }
+        lookups += 1u;
+#endif
+        gather(&run, &walk, &left, ray);
+        if !run.closing { break; }
+        // One lookup a turn: where the start of a run has no light yet, that is this turn's.
+        let fresh = lit_t != run.start && run.depth > FAINT_RUN;
+        let light_here = transmittance(ray.o + select(run.end, run.start, fresh) * ray.d);
+        if fresh {
+            lit = light_here;
+            lit_t = run.start;
+            continue;
+        }
+        lit = select(light_here, lit, lit_t == run.start);
+        let light = (1.0 - frame.ambient) * mean_light(lit, light_here, max(run.depth, 1e-12));
+#ifdef SHADING
+        color += frame.ambient * run.color + light * run.shaded;
+        run.shaded = vec3<f32>(0.0);
+#else
+        color += (frame.ambient + light) * run.color;
+#endif
+        run.color = vec3<f32>(0.0);
+        run.depth = 0.0;
+        run.parts = 0u;
+        run.closing = false;
+        lit = light_here;
+        lit_t = run.end;
+        if left < EYE_OVER { break; }
+    }
+#else
+    loop {
+        walk_on(&walk, ray);
+        if !walk.found { break; }
+        walk.found = false;
+        let mean = mean_between(walk.value_u, walk.value_b);
+        let alpha = 1.0 - exp(-mean.w * (walk.b - walk.u));
+        var light = 1.0;
+#ifdef SHADING
+        light = shading_factor(ray.o + 0.5 * (walk.u + walk.b) * ray.d, ray.d);
+#endif
+        color += left * alpha * mean.rgb / max(mean.w, 1e-30) * (frame.ambient + (1.0 - frame.ambient) * light);
+        left *= 1.0 - alpha;
+        if left < EYE_OVER { break; }
+    }
+#endif
+#ifdef RESUMABLE
+    if interrupted {
+        picture[index] = vec4<f32>(color, left);
+        resumption.resume[index] = walk.k - 1.0;
+        atomicAdd(&resumption.unfinished, 1u);
+        return;
+    }
+    resumption.resume[index] = FAR;
+#endif
+    picture[index] = vec4<f32>(color + left * frame.background, 1.0 - left);
+}

@@ -1,0 +1,123 @@
+// Builds a tiled deep shadow map: a workgroup a tile, a thread a texel.
+
+#import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::transfer::extinction_at
+#import umbravox::light::{light, light_ray}
+#import umbravox::tiles::tile_texel
+#import umbravox::tile_table::record_of
+#import umbravox::dsm_nodes::{start_writer, push, finish, cut_short}
+#import umbravox::dsm_layout::{own, DEPTH_STEPS}
+#ifdef MARCH_CELLS
+#import umbravox::march::march
+#import umbravox::sink::Sink
+#endif
+
+const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
+
+#ifndef MARCH_CELLS
+// Optical depth between two depths by the trapezoid rule over point samples of the extinction (`precompress=off`).
+fn sampled_depth(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> f32 {
+    let size = vec3<f32>(field.size);
+    let span = box_span(o, safe_inverse(d), d, vec3<f32>(0.5), size + 0.5);
+    let a = max(z_from, span.x);
+    let b = min(z_to, span.y);
+    if !(a < b) { return 0.0; }
+    return 0.5 * (b - a) * (extinction_at(value_at(o + a * d)) + extinction_at(value_at(o + b * d)));
+}
+#endif
+
+#ifndef WHOLE_CURVE
+// Depth up to which the ray from z on crosses only inactive bricks (z itself where it is in an active one).
+fn next_active(o: vec3<f32>, d: vec3<f32>, z: f32, z_end: f32) -> f32 {
+    let inv_d = safe_inverse(d);
+    let span = box_span(o, inv_d, d, field.active_lo, field.active_hi);
+    if span.x >= min(span.y, z_end) { return z_end; }
+    var at = max(z, span.x);
+    let forward = d > vec3<f32>(0.0);
+    loop {
+        if at >= min(span.y, z_end) { return z_end; }
+        let cell = clamp(vec3<i32>(floor(o + at * d)), vec3<i32>(0), vec3<i32>(field.size));
+        let brick = cell >> BRICK_SHIFT;
+        let distance = brick_distance_at(brick);
+        if distance == 0 { return at; }
+        let face = select((brick - (distance - 1)) * BRICK_CELLS, (brick + distance) * BRICK_CELLS, forward);
+        let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - o) * inv_d, abs(d) >= vec3<f32>(1e-20));
+        // A hair past the face, so that rounding does not stop the walk; regular sampling has no finer promise.
+        at = max(min(exits.x, min(exits.y, exits.z)), at) + 1e-3 * field.min_spacing_mm;
+    }
+    return z_end;
+}
+
+fn tap_offset(tap: u32) -> vec2<f32> {
+    if own.taps == 9u { return (vec2<f32>(f32(tap % 3u), f32(tap / 3u)) - 1.0) / 3.0; }
+    if own.taps == 5u && tap > 0u {
+        return vec2<f32>(f32((tap - 1u) & 1u), f32((tap - 1u) >> 1u)) * 0.5 - 0.25;
+    }
+    return vec2<f32>(0.0);
+}
+
+// The mean of `taps` visibility functions on a regular lattice of depths.
+fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
+    var depths: array<f32, 9>;
+    for (var tap = 0u; tap < 9u; tap++) { depths[tap] = 0.0; }
+    // Lattice steps done: the lattice is the same whatever is skipped.
+    var k = 0.0;
+    var over = false;
+    loop {
+        var resume = z_end;
+        for (var tap = 0u; tap < own.taps; tap++) {
+            let ray = light_ray(texel + tap_offset(tap));
+            resume = min(resume, next_active(ray.o, ray.d, z_start + k * own.step_mm, z_end));
+        }
+        over = resume >= z_end;
+        if over { break; }
+        k = max(k, floor((resume - z_start) / own.step_mm));
+        let z = z_start + k * own.step_mm;
+        let z_next = z_start + (k + 1.0) * own.step_mm;
+        var mean = 0.0;
+        var step_depth = 0.0;
+        for (var tap = 0u; tap < own.taps; tap++) {
+            let ray = light_ray(texel + tap_offset(tap));
+#ifdef MARCH_CELLS
+            var sink = Sink(0.0);
+            march(&sink, ray.o, ray.d, z, z_next);
+            let depth = sink.optical_depth;
+#else
+            let depth = sampled_depth(ray.o, ray.d, z, z_next);
+#endif
+            depths[tap] += depth;
+            step_depth += depth;
+            mean += exp(-depths[tap]);
+        }
+        mean /= f32(own.taps);
+        if step_depth > 0.0 {
+            push(z, z_next, mean);
+            over = mean < exp(-OPAQUE_DEPTH);
+            if over { break; }
+        }
+        k += 1.0;
+    }
+    if !over { cut_short(); }
+}
+#endif
+
+@compute @workgroup_size(#{TILE}, #{TILE})
+fn build(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+) {
+    let here = tile_texel(group, groups, local);
+    if !here.inside { return; }
+    let texel = vec2<f32>(here.texel);
+    let z_end = light.depth_start_mm + DEPTH_STEPS / own.depth_steps_per_mm;
+    start_writer(record_of(here.texel));
+#ifdef WHOLE_CURVE
+    let ray = light_ray(texel);
+    var sink = Sink(0.0, own.longest_depth);
+    march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);
+#else
+    regular_curve(texel, light.depth_start_mm, z_end);
+#endif
+    finish();
+}

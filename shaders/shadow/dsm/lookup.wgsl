@@ -1,0 +1,102 @@
+// `dsm`: lookup in a tiled deep shadow map (Hadwiger et al. 2006, 3.5).
+#define_import_path umbravox::method
+
+#import umbravox::light::{light, light_point}
+#import umbravox::tile_table::{record_of, wrapped_texel, NO_TILE}
+#import umbravox::dsm_layout::{own, row_texel, NO_ROW, FILLER, DEPTH_STEPS}
+
+// Two texels a row: seven nodes and the link to the next row.
+@group(1) @binding(3) var node_rows: texture_2d<u32>;
+
+// One texel's visibility function: its first row, and the first four nodes of it.
+struct Texel {
+    row: u32,
+    head: vec4<u32>,
+}
+
+// The last step that a lookup asks for: half a step past the map's end, before the filler.
+const LAST_STEP: f32 = DEPTH_STEPS + 0.5;
+
+fn texel_at(texel: vec2<u32>) -> Texel {
+    let row = record_of(texel);
+    if row == NO_TILE { return Texel(NO_ROW, vec4<u32>(0xffffffffu)); }
+    return Texel(row, textureLoad(node_rows, row_texel(row), 0));
+}
+
+// Transmittance stored for one texel at a depth in steps.
+fn texel_transmittance(texel: Texel, step: f32) -> f32 {
+    let limit = u32(step);
+    var row = texel.row;
+    var head = texel.head;
+    if (head.x >> 16u) > limit || row == NO_ROW { return 1.0; }
+    // The nodes before and after the depth; before the first one all light arrives.
+    var before = FILLER;
+    var after = FILLER;
+    // Linear search by rows, without branches inside one: rows are short, and few texels have a second.
+    loop {
+        let tail = textureLoad(node_rows, row_texel(row) + vec2<u32>(1u, 0u), 0);
+        let head_passed = (head >> vec4<u32>(16u)) <= vec4<u32>(limit);
+        let tail_passed = (tail.xyz >> vec3<u32>(16u)) <= vec3<u32>(limit);
+        before = select(before, head.x, head_passed.x);
+        before = select(before, head.y, head_passed.y);
+        before = select(before, head.z, head_passed.z);
+        before = select(before, head.w, head_passed.w);
+        before = select(before, tail.x, tail_passed.x);
+        before = select(before, tail.y, tail_passed.y);
+        before = select(before, tail.z, tail_passed.z);
+        after = select(tail.z, tail.y, !tail_passed.y);
+        after = select(after, tail.x, !tail_passed.x);
+        after = select(after, head.w, !head_passed.w);
+        after = select(after, head.z, !head_passed.z);
+        after = select(after, head.y, !head_passed.y);
+        after = select(after, head.x, !head_passed.x);
+        row = tail.w;
+        if !tail_passed.z || row == NO_ROW { break; }
+        head = textureLoad(node_rows, row_texel(row), 0);
+    }
+    let a = f32(before >> 16u);
+    let b = f32(after >> 16u);
+    let w = clamp((step - a) / max(b - a, 1e-6), 0.0, 1.0);
+    return mix(f32(before & 0xffffu), f32(after & 0xffffu), w) / 65535.0;
+}
+
+// Transmittance from the light to a grid-space point.
+fn transmittance(g: vec3<f32>) -> f32 {
+    let p = light_point(g);
+    let step = clamp((p.z + own.depth_offset_mm - light.depth_start_mm) * own.depth_steps_per_mm, 0.0, LAST_STEP);
+    // Nothing with extinction lies between the light and what its map does not cover.
+    let last = f32(light.map_size) - 0.5;
+    if !(all(p.texel >= vec2<f32>(-0.5)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
+#ifdef FILTER_BILINEAR
+    let base = vec2<i32>(floor(p.texel));
+    let w = p.texel - vec2<f32>(base);
+    let a = texel_at(wrapped_texel(base));
+    let b = texel_at(wrapped_texel(base + vec2<i32>(1, 0)));
+    let c = texel_at(wrapped_texel(base + vec2<i32>(0, 1)));
+    let d = texel_at(wrapped_texel(base + vec2<i32>(1, 1)));
+    let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
+    // The surface that the light meets first lies at another depth in each texel of a slanted wall: the functions are
+    // laid over each other there before they are averaged, or the wall would shadow itself by halves.
+    let starts = vec4<u32>(a.head.x, b.head.x, c.head.x, d.head.x) >> vec4<u32>(16u);
+    let first = vec4<f32>(starts);
+    let meets = starts < vec4<u32>(FILLER);
+    let nearest = select(vec4<f32>(1e9), first, meets);
+    let farthest = select(vec4<f32>(-1e9), first, meets);
+    let spread = max(max(farthest.x, farthest.y), max(farthest.z, farthest.w))
+        - min(min(nearest.x, nearest.y), min(nearest.z, nearest.w));
+    let share = select(vec4<f32>(0.0), weights, meets);
+    let here = dot(share, first) / max(dot(share, vec4<f32>(1.0)), 1e-6);
+    // Further behind, other things decide; the shift fades so slowly that depths keep their order.
+    let fade = clamp(1.0 - (step - here) / (4.0 * own.same_surface_steps), 0.0, 1.0);
+    let shift = select(vec4<f32>(0.0), (first - here) * fade, meets & vec4<bool>(spread < own.same_surface_steps));
+    let steps = clamp(step + shift, vec4<f32>(0.0), vec4<f32>(LAST_STEP));
+    return dot(weights, vec4<f32>(
+        texel_transmittance(a, steps.x),
+        texel_transmittance(b, steps.y),
+        texel_transmittance(c, steps.z),
+        texel_transmittance(d, steps.w),
+    ));
+#else
+    return texel_transmittance(texel_at(wrapped_texel(vec2<i32>(round(p.texel)))), step);
+#endif
+}

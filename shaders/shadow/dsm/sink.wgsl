@@ -1,0 +1,27 @@
+// Sink that hands the visibility function of one ray to the compression, piece by piece.
+#define_import_path umbravox::sink
+
+#import umbravox::dsm_nodes::push
+#import umbravox::dsm_layout::own
+
+// Optical depth at which the ray is over (a stated term of the bound).
+const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
+
+struct Sink {
+    optical_depth: f32,
+    // Optical depth whose chord stays within the tolerance at the present transmittance.
+    longest_depth: f32,
+}
+
+fn longest_depth(sink: ptr<function, Sink>) -> f32 {
+    return (*sink).longest_depth;
+}
+
+fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
+    if depth <= 0.0 { return false; }
+    (*sink).optical_depth += depth;
+    let half = exp(-0.5 * (*sink).optical_depth);
+    (*sink).longest_depth = own.longest_depth / half;
+    push(z_from, z_to, half * half);
+    return (*sink).optical_depth > OPAQUE_DEPTH;
+}

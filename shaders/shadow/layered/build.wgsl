@@ -1,0 +1,54 @@
+// Builds a layered map: a workgroup a tile, a thread a texel.
+
+#import umbravox::light::{light, light_ray, depth_end_mm}
+#import umbravox::tiles::tile_texel
+#import umbravox::tile_table::record_of
+#import umbravox::layers::own
+#import umbravox::march::march
+#import umbravox::sink::{Sink, start_writer, seek_end, met_something, finish}
+
+struct Stage {
+    // Texels whose ray meets extinction.
+    texels_hit: atomic<u32>,
+    // Side of a region in texels, regions a side, and the split that each region has chosen.
+    region_texels: u32,
+    regions_across: u32,
+    rows: array<u32>,
+}
+
+@group(2) @binding(2) var<storage, read_write> stage: Stage;
+
+@compute @workgroup_size(#{TILE}, #{TILE})
+fn build(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+) {
+    let here = tile_texel(group, groups, local);
+    if !here.inside { return; }
+    var row = 0u;
+#ifdef SPLIT_ROWS
+    let region = min(here.texel / stage.region_texels, vec2<u32>(stage.regions_across - 1u));
+    row = stage.rows[region.y * stage.regions_across + region.x];
+#endif
+    start_writer(record_of(here.texel), row);
+    let ray = light_ray(vec2<f32>(here.texel));
+    let z_end = depth_end_mm();
+    var sink = Sink(0.0, own.longest_depth);
+#ifdef ENDS
+    // Once from behind for the end, once from the light for the layers: a loop, so that the march stands here once.
+    var behind = true;
+    loop {
+        seek_end(behind);
+        let first = select(light.depth_start_mm, -z_end, behind);
+        let to = select(z_end, -light.depth_start_mm, behind);
+        march(&sink, ray.o, select(ray.d, -ray.d, behind), first, to);
+        if !behind || !met_something() { break; }
+        behind = false;
+    }
+#else
+    march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);
+#endif
+    finish(sink.optical_depth);
+    if met_something() { atomicAdd(&stage.texels_hit, 1u); }
+}

@@ -1,0 +1,16 @@
+// Sink that ends a ray where it first meets extinction.
+#define_import_path umbravox::sink
+
+struct Sink {
+    start_mm: f32,
+    longest_depth: f32,
+}
+
+fn longest_depth(sink: ptr<function, Sink>) -> f32 {
+    return (*sink).longest_depth;
+}
+
+fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
+    if depth > 0.0 { (*sink).start_mm = z_from; }
+    return depth > 0.0;
+}

@@ -1,0 +1,16 @@
+// `rays`: a shadow ray per sample, marched cell by cell to the light.
+#define_import_path umbravox::method
+
+#import umbravox::light::{light, light_point, light_ray}
+#import umbravox::march::march
+#import umbravox::sink::Sink
+
+// Transmittance from the light to a grid-space point.
+fn transmittance(g: vec3<f32>) -> f32 {
+    let p = light_point(g);
+    let d = light_ray(p.texel).d;
+    // Walked from the point towards the light: away from where it matters least, towards the end of the ray.
+    var sink = Sink(0.0);
+    march(&sink, g, -d, 0.0, p.z + light.light_distance);
+    return exp(-sink.optical_depth);
+}

@@ -1,0 +1,54 @@
+//! What building a shadow structure needs: a volume under a light on a device.
+
+use super::{DeviceTransfer, LightSpace, TilePace};
+use crate::error::Result;
+use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Span, uniform_buffer};
+use crate::scene::Light;
+use crate::volume::Volume;
+
+/// A volume under a light on a device.
+#[derive(Clone, Copy)]
+pub struct BuildContext<'a> {
+    /// The device's pipelines.
+    pub kernels: &'a Kernels,
+    /// How much of a map is built in one submission.
+    pub pace: &'a TilePace,
+    /// The volume that casts shadows.
+    pub volume: &'a Volume,
+    /// Its transfer function on the device.
+    pub transfer: &'a DeviceTransfer,
+    /// The light that it stands in.
+    pub light: Light,
+}
+
+impl BuildContext<'_> {
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        self.kernels.gpu()
+    }
+
+    /// A map of `map_size` texels a side, fitted to the active bricks.
+    pub fn light_space(&self, map_size: u32) -> LightSpace {
+        LightSpace::fit(self.volume, &self.transfer.active, self.light, map_size)
+    }
+
+    /// Binding 0 of group 1.
+    pub fn light_uniform(&self, light_space: &LightSpace) -> wgpu::Buffer {
+        uniform_buffer(self.gpu(), "light space", &light_space.uniform())
+    }
+
+    /// Runs a pass that reads the field; `shadow` and `stage` are its groups 1 and 2.
+    ///
+    /// # Errors
+    /// A device out of memory, or a lost one.
+    pub fn run(
+        &self,
+        label: &str,
+        variant: &ShaderVariant,
+        [shadow, stage]: [&Group; 2],
+        workgroups: [u32; 3],
+    ) -> Result<Span> {
+        let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
+        self.kernels.run(label, &variant, &[self.transfer.group(), shadow, stage], workgroups)
+    }
+}

@@ -1,0 +1,376 @@
+//! Light space: the projection of a shadow map, fitted to the active bricks.
+//!
+//! The light frame is in millimetres, `(a, b, h)` with `h` away from the light; depth `z` is distance along the light
+//! ray. Everything is composed here in `f64`; `shaders/field/light.wgsl` is the same mapping in `f32`.
+
+use super::shader::FAR;
+use super::{ActiveBricks, grid_from_world};
+use crate::scene::Light;
+use crate::volume::{BRICK_CELLS, Volume};
+use bytemuck::{Pod, Zeroable};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+
+/// Texels a side of a tile (Hadwiger et al. 2006, 3.4).
+pub const TILE: u32 = 16;
+
+/// A perspective map wider than this (tangent of the half angle) becomes octahedral: its corner texels would be far
+/// coarser than its centre.
+const WIDEST_TANGENT: f64 = 2.0;
+
+/// How light rays map to texels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Projection {
+    /// Light at infinity: parallel rays.
+    Orthographic = 0,
+    /// Point light that sees the active bricks within a cone.
+    Perspective = 1,
+    /// Point light inside or close to the active bricks: all directions.
+    Octahedral = 2,
+}
+
+/// `LightSpace` of `shaders/field/light.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct LightUniform {
+    pub frame_from_grid: [[f32; 4]; 3],
+    pub grid_per_a: [f32; 3],
+    pub light_distance: f32,
+    pub grid_per_b: [f32; 3],
+    pub projection: u32,
+    pub grid_per_h: [f32; 3],
+    pub map_size: u32,
+    pub grid_origin: [f32; 3],
+    pub tiles_across: u32,
+    pub texel_scale: [f32; 2],
+    pub texel_offset: [f32; 2],
+    pub depth_start_mm: f32,
+    pub depth_range_mm: f32,
+    pub padding: [f32; 2],
+}
+
+/// A fitted projection.
+#[derive(Debug, Clone)]
+pub struct LightSpace {
+    pub projection: Projection,
+    /// Texels a side.
+    pub map_size: u32,
+    /// World mm from light-frame mm.
+    world_from_frame: DAffine3,
+    frame_from_world: DAffine3,
+    grid_from_world: DAffine3,
+    /// Distance from the light to the frame's origin, mm (perspective).
+    light_distance: f64,
+    /// Texel coordinate (centres at whole numbers) = plane coordinate * scale + offset.
+    texel_scale: DVec2,
+    texel_offset: DVec2,
+    /// Depths between which all active bricks lie, mm.
+    pub z_range: [f64; 2],
+}
+
+/// A box of cells in grid space (`index + 1`).
+#[derive(Clone, Copy)]
+struct GridBox {
+    center: DVec3,
+    half: DVec3,
+}
+
+impl LightSpace {
+    /// Fits a map of `map_size` texels a side to the active bricks, one empty texel around them.
+    pub fn fit(volume: &Volume, active: &ActiveBricks, light: Light, map_size: u32) -> Self {
+        let grid_from_world = grid_from_world(volume);
+        let world_from_grid = grid_from_world.inverse();
+        let bounds = active_box(active, volume.dims());
+        let center = world_from_grid.transform_point3(bounds.center);
+        let (axis, distance) = match light {
+            Light::Directional { toward } => (-toward.normalize(), f64::from(FAR)),
+            Light::Point { position } => {
+                let d = center - position;
+                let axis = if d.length() > 1e-9 { d.normalize() } else { DVec3::Z };
+                (axis, d.length())
+            }
+        };
+        let a = axis.any_orthonormal_vector();
+        let b = axis.cross(a);
+        let mut space = Self {
+            projection: Projection::Orthographic,
+            map_size,
+            world_from_frame: DAffine3::from_mat3_translation(DMat3::from_cols(a, b, axis), center),
+            frame_from_world: DAffine3::IDENTITY,
+            grid_from_world,
+            light_distance: distance,
+            texel_scale: DVec2::ONE,
+            texel_offset: DVec2::ZERO,
+            z_range: [0.0, 0.0],
+        };
+        space.frame_from_world = space.world_from_frame.inverse();
+        let corners = bounds
+            .corners()
+            .map(|g| space.frame_from_world.transform_point3(world_from_grid.transform_point3(g)));
+        if let Light::Point { position } = light {
+            let nearest = corners.iter().map(|c| c.z + distance).fold(f64::INFINITY, f64::min);
+            let widest = corners
+                .iter()
+                .map(|c| c.truncate().abs().max_element() / (c.z + distance))
+                .fold(0.0, f64::max);
+            if nearest > 1e-3 * volume.min_spacing_mm() && widest < WIDEST_TANGENT {
+                space.projection = Projection::Perspective;
+            } else {
+                space.projection = Projection::Octahedral;
+                space.light_distance = 0.0;
+                space.world_from_frame.translation = position;
+                space.frame_from_world = space.world_from_frame.inverse();
+            }
+        }
+        let (lo, hi) = if space.projection == Projection::Octahedral {
+            (DVec2::NEG_ONE, DVec2::ONE)
+        } else {
+            let plane = corners.map(|c| space.plane(c));
+            plane.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(lo, hi), p| (lo.min(*p), hi.max(*p)))
+        };
+        let size = f64::from(map_size);
+        // A border of empty texels makes the map meet the full light around it without a seam.
+        let border = if space.projection == Projection::Octahedral || map_size < 8 { 0.0 } else { 1.0 };
+        let extent = (hi - lo).max(DVec2::splat(1e-9));
+        space.texel_scale = DVec2::splat(size - 2.0 * border) / extent;
+        space.texel_offset = DVec2::splat(border - 0.5) - lo * space.texel_scale;
+        let [near, far] = space.depths(&world_from_grid, bounds);
+        space.z_range = [near, far];
+        space
+    }
+
+    /// Texel coordinates (centres at whole numbers) and depth (mm) of a world point.
+    pub fn light_point(&self, world: DVec3) -> (DVec2, f64) {
+        let p = self.frame_from_world.transform_point3(world);
+        (self.plane(p) * self.texel_scale + self.texel_offset, self.depth(p))
+    }
+
+    /// World point of depth 0 on the ray through texel coordinates, and the ray's unit direction away from the light.
+    pub fn world_ray(&self, texel: DVec2) -> (DVec3, DVec3) {
+        let plane = (texel - self.texel_offset) / self.texel_scale;
+        let (start, w) = match self.projection {
+            Projection::Orthographic => (plane.extend(0.0), DVec3::Z),
+            Projection::Perspective => {
+                let w = plane.extend(1.0).normalize();
+                (self.light_distance * (w - DVec3::Z), w)
+            }
+            Projection::Octahedral => (DVec3::ZERO, direction_from_octahedral(plane)),
+        };
+        (self.world_from_frame.transform_point3(start), self.world_from_frame.transform_vector3(w))
+    }
+
+    /// The smallest depth that a ray has: where it leaves a point light, or far outside for a directional one.
+    pub fn ray_start(&self) -> f64 {
+        match self.projection {
+            Projection::Orthographic => self.z_range[0],
+            Projection::Perspective => (-self.light_distance).max(self.z_range[0]),
+            Projection::Octahedral => 0.0,
+        }
+    }
+
+    /// How far apart the ends of [`Self::z_range`] lie, mm; above 0.
+    pub fn depth_range_mm(&self) -> f64 {
+        (self.z_range[1] - self.z_range[0]).max(1e-9)
+    }
+
+    /// Width of a texel in the middle of the map, mm.
+    pub fn texel_mm(&self) -> f64 {
+        let plane = (1.0 / self.texel_scale).max_element();
+        match self.projection {
+            Projection::Orthographic => plane,
+            Projection::Perspective => plane * self.light_distance,
+            Projection::Octahedral => plane * self.z_range[1],
+        }
+    }
+
+    /// Tiles along a side of the map.
+    pub fn tiles_across(&self) -> u32 {
+        self.map_size.div_ceil(TILE)
+    }
+
+    /// Whether active bricks lie under each tile: row-major, [`Self::tiles_across`] squared. Never misses one; boxes
+    /// stand in for bricks.
+    pub fn occupied_tiles(&self, volume: &Volume, active: &ActiveBricks) -> Vec<bool> {
+        let across = self.tiles_across();
+        if self.projection == Projection::Octahedral {
+            return vec![active.active > 0; (across * across) as usize];
+        }
+        let world_from_grid = self.grid_from_world.inverse();
+        let mut tiles = vec![false; (across * across) as usize];
+        for brick in active_boxes(active, volume.dims()) {
+            let (lo, hi) = self.texels(&world_from_grid, brick);
+            let last = i64::from(across) - 1;
+            // Taps of the pre-filter and rounding reach a little past a brick's own texels.
+            let tile = |t: f64| ((t / f64::from(TILE)).floor() as i64).clamp(0, last) as usize;
+            for y in tile(lo.y - 1.0)..=tile(hi.y + 1.0) {
+                for x in tile(lo.x - 1.0)..=tile(hi.x + 1.0) {
+                    tiles[y * across as usize + x] = true;
+                }
+            }
+        }
+        tiles
+    }
+
+    /// The uniform for the device, binding 0 of group 1.
+    pub(super) fn uniform(&self) -> LightUniform {
+        let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
+        let grid_from_frame = self.grid_from_world * self.world_from_frame;
+        let m = frame_from_grid.matrix3.transpose();
+        let row = |r: DVec3, t: f64| [r.x as f32, r.y as f32, r.z as f32, t as f32];
+        let t = frame_from_grid.translation;
+        let g = grid_from_frame.matrix3;
+        LightUniform {
+            frame_from_grid: [row(m.x_axis, t.x), row(m.y_axis, t.y), row(m.z_axis, t.z)],
+            grid_per_a: g.x_axis.as_vec3().to_array(),
+            light_distance: self.light_distance as f32,
+            grid_per_b: g.y_axis.as_vec3().to_array(),
+            projection: self.projection as u32,
+            grid_per_h: g.z_axis.as_vec3().to_array(),
+            map_size: self.map_size,
+            grid_origin: grid_from_frame.translation.as_vec3().to_array(),
+            tiles_across: self.tiles_across(),
+            texel_scale: self.texel_scale.as_vec2().to_array(),
+            texel_offset: self.texel_offset.as_vec2().to_array(),
+            depth_start_mm: self.z_range[0] as f32,
+            depth_range_mm: self.depth_range_mm() as f32,
+            padding: [0.0; 2],
+        }
+    }
+
+    fn plane(&self, p: DVec3) -> DVec2 {
+        match self.projection {
+            Projection::Orthographic => p.truncate(),
+            Projection::Perspective => p.truncate() / (p.z + self.light_distance),
+            Projection::Octahedral => octahedral_from_direction(p),
+        }
+    }
+
+    fn depth(&self, p: DVec3) -> f64 {
+        match self.projection {
+            Projection::Orthographic => p.z,
+            Projection::Perspective => {
+                let d = self.light_distance;
+                // |x - light| - d without cancellation.
+                (p.length_squared() + 2.0 * d * p.z) / ((p + DVec3::Z * d).length() + d)
+            }
+            Projection::Octahedral => p.length(),
+        }
+    }
+
+    /// Texel rectangle that a box covers.
+    fn texels(&self, world_from_grid: &DAffine3, bounds: GridBox) -> (DVec2, DVec2) {
+        let frame_from_grid = self.frame_from_world * *world_from_grid;
+        let mut lo = DVec2::INFINITY;
+        let mut hi = DVec2::NEG_INFINITY;
+        for g in bounds.corners() {
+            let t = self.plane(frame_from_grid.transform_point3(g)) * self.texel_scale + self.texel_offset;
+            lo = lo.min(t);
+            hi = hi.max(t);
+        }
+        (lo, hi)
+    }
+
+    /// Depth range of a box, never too small.
+    fn depths(&self, world_from_grid: &DAffine3, bounds: GridBox) -> [f64; 2] {
+        let frame_from_grid = self.frame_from_world * *world_from_grid;
+        let center = frame_from_grid.transform_point3(bounds.center);
+        let m = frame_from_grid.matrix3;
+        if self.projection == Projection::Orthographic {
+            let reach = (m.x_axis.z * bounds.half.x).abs()
+                + (m.y_axis.z * bounds.half.y).abs()
+                + (m.z_axis.z * bounds.half.z).abs();
+            return [center.z - reach, center.z + reach];
+        }
+        // Distance to the light changes by no more than the way to the centre.
+        let radius = bounds
+            .corners()
+            .iter()
+            .map(|g| frame_from_grid.transform_point3(*g).distance(center))
+            .fold(0.0, f64::max);
+        let z = self.depth(center);
+        [(z - radius).max(-self.light_distance), z + radius]
+    }
+}
+
+impl GridBox {
+    fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|c| {
+            let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };
+            self.center + self.half * DVec3::new(sign(0), sign(1), sign(2))
+        })
+    }
+}
+
+fn octahedral_from_direction(w: DVec3) -> DVec2 {
+    let p = w.truncate() / (w.x.abs() + w.y.abs() + w.z.abs()).max(1e-300);
+    if w.z >= 0.0 { p } else { fold(p) }
+}
+
+fn direction_from_octahedral(p: DVec2) -> DVec3 {
+    let z = 1.0 - p.x.abs() - p.y.abs();
+    let p = if z >= 0.0 { p } else { fold(p) };
+    p.extend(z).normalize()
+}
+
+fn fold(p: DVec2) -> DVec2 {
+    let sign = |v: f64| if v >= 0.0 { 1.0 } else { -1.0 };
+    DVec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y))
+}
+
+fn clipped(lo: [usize; 3], hi: [usize; 3], dims: [usize; 3]) -> GridBox {
+    let low = DVec3::from_array(lo.map(|b| ((b * BRICK_CELLS) as f64).max(0.5)));
+    let high = DVec3::from_array(std::array::from_fn(|a| {
+        (((hi[a] + 1) * BRICK_CELLS) as f64).min(dims[a] as f64 + 0.5)
+    }));
+    GridBox { center: 0.5 * (low + high), half: 0.5 * (high - low) }
+}
+
+/// Box of all active bricks (of the whole domain where there is none).
+fn active_box(active: &ActiveBricks, dims: [usize; 3]) -> GridBox {
+    let [lo, hi] = active.bounds.unwrap_or([[0; 3], active.counts.map(|n| n - 1)]);
+    clipped(lo, hi, dims)
+}
+
+fn active_boxes(active: &ActiveBricks, dims: [usize; 3]) -> impl Iterator<Item = GridBox> + '_ {
+    let [nx, ny, _] = active.counts;
+    active.distance.iter().enumerate().filter(|(_, d)| **d == 0).map(move |(i, _)| {
+        let at = [i % nx, i / nx % ny, i / (nx * ny)];
+        clipped(at, at, dims)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::field_shader;
+    use crate::gpu::wgsl_layout;
+    use std::mem::offset_of;
+
+    #[test]
+    fn the_uniform_has_one_layout() {
+        let shader =
+            field_shader("render/query.wgsl").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
+        // The rows of the affine are an array in Rust and three vectors in WGSL.
+        let (size, mut members) = wgsl_layout(&shader, "LightSpace");
+        let rows: Vec<_> = members.drain(..3).collect();
+        for (row, axis) in ["a", "b", "h"].iter().enumerate() {
+            let at = offset_of!(LightUniform, frame_from_grid) + row * size_of::<[f32; 4]>();
+            assert_eq!(rows[row], (format!("frame_from_grid_{axis}"), at));
+        }
+        let offsets = [
+            ("grid_per_a", offset_of!(LightUniform, grid_per_a)),
+            ("light_distance", offset_of!(LightUniform, light_distance)),
+            ("grid_per_b", offset_of!(LightUniform, grid_per_b)),
+            ("projection", offset_of!(LightUniform, projection)),
+            ("grid_per_h", offset_of!(LightUniform, grid_per_h)),
+            ("map_size", offset_of!(LightUniform, map_size)),
+            ("grid_origin", offset_of!(LightUniform, grid_origin)),
+            ("tiles_across", offset_of!(LightUniform, tiles_across)),
+            ("texel_scale", offset_of!(LightUniform, texel_scale)),
+            ("texel_offset", offset_of!(LightUniform, texel_offset)),
+            ("depth_start_mm", offset_of!(LightUniform, depth_start_mm)),
+            ("depth_range_mm", offset_of!(LightUniform, depth_range_mm)),
+        ];
+        let expected = offsets.map(|(name, at)| (name.to_string(), at)).to_vec();
+        assert_eq!((size, members), (size_of::<LightUniform>(), expected));
+    }
+}

@@ -1,0 +1,72 @@
+//! The shader modules of this room, the constants that they share with the host, and how a variant takes them in.
+
+use super::light_space::{Projection, TILE};
+use super::tile_march::NO_TILE;
+use crate::gpu::{Constant, ShaderVariant};
+use crate::transfer::{MAX_INTERVALS, MAX_OPACITY, MORE_NODES, NO_NODE, PAIR_BINS, TABLE_BINS, VALUE_BINS};
+use crate::volume::BRICK_CELLS;
+
+/// Stands for infinity on the device.
+pub const FAR: f32 = 1e30;
+/// Threads a workgroup of passes over a line of things.
+pub const LINE_THREADS: u32 = 64;
+
+/// The module that marches light rays.
+const MARCH: &str = "field/march.wgsl";
+
+const CONSTANTS: &[Constant] = &[
+    Constant::signed("BRICK_CELLS", BRICK_CELLS as i32),
+    Constant::unsigned("BRICK_SHIFT", BRICK_CELLS.ilog2()),
+    Constant::float("FAR", FAR),
+    Constant::float("MAX_OPACITY", MAX_OPACITY as f32),
+    Constant::unsigned("VALUE_BINS", VALUE_BINS as u32),
+    Constant::unsigned("VALUE_BIN_VECTORS", VALUE_BINS as u32 / 4),
+    Constant::unsigned("TABLE_BINS", TABLE_BINS as u32),
+    Constant::unsigned("PAIR_BINS", PAIR_BINS as u32),
+    Constant::unsigned("NO_NODE", NO_NODE as u32),
+    Constant::unsigned("MORE_NODES", MORE_NODES as u32),
+    Constant::unsigned("MAX_INTERVALS", MAX_INTERVALS as u32),
+    Constant::unsigned("PERSPECTIVE", Projection::Perspective as u32),
+    Constant::unsigned("OCTAHEDRAL", Projection::Octahedral as u32),
+    Constant::unsigned("TILE", TILE),
+    Constant::unsigned("NO_TILE", NO_TILE),
+    Constant::unsigned("LINE_THREADS", LINE_THREADS),
+];
+
+/// A variant that reads the field and the light space; methods with tiles have the tile table too.
+pub fn field_shader(entry: &'static str) -> ShaderVariant {
+    let modules = ["field/field.wgsl", "field/transfer.wgsl", "field/light.wgsl"];
+    ShaderVariant::of(entry).modules(&modules).constants(CONSTANTS)
+}
+
+impl ShaderVariant {
+    /// With the tile table, which lookups and passes over tiles find their records by.
+    #[must_use]
+    pub fn with_tile_table(self) -> Self {
+        self.modules(&["field/tile_table.wgsl"])
+    }
+
+    /// With the march, which hands its pieces to the sink that comes last before it.
+    #[must_use]
+    pub fn with_march(self, sink: &'static str) -> Self {
+        self.modules(&[sink, MARCH])
+    }
+
+    /// With the march and the sink that only adds up optical depth.
+    #[must_use]
+    pub fn with_depth_march(self) -> Self {
+        self.with_march("field/depth_sink.wgsl")
+    }
+}
+
+/// Whether a variant marches light rays, and so needs the pre-compressed table.
+pub fn marching(variant: &ShaderVariant) -> bool {
+    variant.modules.contains(&MARCH)
+}
+
+/// Workgroups of [`LINE_THREADS`] for so many things, in two dimensions, since one holds no more than 65,535.
+pub fn line_of_workgroups(things: usize) -> [u32; 3] {
+    let groups = (things as u32).div_ceil(LINE_THREADS);
+    let across = groups.clamp(1, 1024);
+    [across, groups.div_ceil(across), 1]
+}

@@ -1,0 +1,130 @@
+//! A tiled map in the making: which tiles are built, where their records lie, and passes over them.
+
+use super::{BuildContext, LightSpace, Omittable, TILE};
+use crate::error::Result;
+use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
+use std::time::Instant;
+
+/// Stands in the tile table for a tile that is left out.
+pub const NO_TILE: u32 = u32::MAX;
+/// Texels, and so records, of a tile.
+pub const TILE_TEXELS: u32 = TILE * TILE;
+
+/// Passes over the tiles of a map under which active bricks lie (Hadwiger et al. 2006, 3.4).
+///
+/// A shader of such a pass imports `umbravox::tiles` (and has `tile_texel` find its texel) and `umbravox::tile_table`
+/// (whose `record_of` says which record is the texel's). Group 1: 0 the light space, 2 the tile table, the method's own
+/// at 1 and from 3 on. Group 2: 0 the list of tiles, the pass's own from 1 on.
+pub struct TileMarch<'a> {
+    context: BuildContext<'a>,
+    /// The projection of the map.
+    pub light_space: LightSpace,
+    light: wgpu::Buffer,
+    table: wgpu::TextureView,
+    list: wgpu::Buffer,
+    /// Tiles of the map, and those that are built.
+    pub tiles: u32,
+    /// Tiles that are built: all with active bricks, or all where that is forced.
+    pub built: u32,
+    /// Milliseconds on the host to fit the map and to find its tiles.
+    pub host_ms: f64,
+}
+
+impl<'a> TileMarch<'a> {
+    /// Of a map of `map_size` texels a side.
+    ///
+    /// # Errors
+    /// A map that the adapter cannot hold.
+    pub fn fit(context: &BuildContext<'a>, map_size: u32) -> Result<Self> {
+        let start = Instant::now();
+        let gpu = context.gpu();
+        let light_space = context.light_space(map_size);
+        let mut occupied = light_space.occupied_tiles(context.volume, &context.transfer.active);
+        if context.transfer.forced.has(Omittable::Tiles) {
+            occupied.fill(true);
+        }
+        let (entries, list) = layout(&occupied);
+        let across = light_space.tiles_across();
+        let table =
+            table_texture(gpu, "tile table", wgpu::TextureFormat::R32Uint, [across, across], &entries)?;
+        Ok(Self {
+            context: *context,
+            light: context.light_uniform(&light_space),
+            light_space,
+            table,
+            tiles: entries.len() as u32,
+            built: list.len() as u32,
+            list: StorageBuffer::from_slice(gpu, "tile list", &list)?,
+            host_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+
+    /// Records of all built tiles.
+    pub fn records(&self) -> u32 {
+        self.built * TILE_TEXELS
+    }
+
+    /// Bytes of the tile table.
+    pub fn table_bytes(&self) -> u64 {
+        u64::from(self.tiles) * 4
+    }
+
+    /// Group 1 with the method's own slots, for passes and for lookups.
+    pub fn group(&self, label: &str, own: &[(u32, Slot<'_>)]) -> Group {
+        let kernels = self.context.kernels;
+        let shared = [(0, kernels.uniform(&self.light)), (2, Slot::words(&self.table))];
+        kernels.group(label, &[&shared, own].concat())
+    }
+
+    /// Runs a pass over all built tiles, in submissions as long as the pace has it; `own` and `stage` are the method's
+    /// slots of groups 1 and 2.
+    ///
+    /// # Errors
+    /// A device out of memory, or a lost one.
+    pub fn run(
+        &self,
+        label: &'static str,
+        variant: &ShaderVariant,
+        own: &[(u32, Slot<'_>)],
+        stage: &[(u32, Slot<'_>)],
+    ) -> Result<Span> {
+        let context = &self.context;
+        let group = self.group(label, own);
+        let mut span: Option<Span> = None;
+        let mut last = None;
+        let mut parts = context.pace.parts(context.gpu(), label, self.built);
+        while let Some(part) = parts.next(context.gpu(), last) {
+            let list = (0, Slot::read(part.binding(&self.list)));
+            let stage = context.kernels.group(label, &[&[list][..], stage].concat());
+            let took = context.run(label, variant, [&group, &stage], part.workgroups())?;
+            span = Some(span.map_or(took, |s| s.plus(took)));
+            last = Some(took);
+        }
+        Ok(span.unwrap_or_default())
+    }
+}
+
+/// The tile table (first record of each tile, or none), and the tiles that have records.
+fn layout(occupied: &[bool]) -> (Vec<u32>, Vec<u32>) {
+    let mut list = Vec::new();
+    let entry = |(tile, occupied): (usize, &bool)| {
+        if !occupied {
+            return NO_TILE;
+        }
+        list.push(tile as u32);
+        (list.len() as u32 - 1) * TILE_TEXELS
+    };
+    let entries = occupied.iter().enumerate().map(entry).collect();
+    (entries, list)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_that_are_left_out_have_no_records() {
+        assert_eq!(layout(&[true, false, true]), (vec![0, NO_TILE, 256], vec![0, 2]));
+        assert_eq!(layout(&[false]), (vec![NO_TILE], Vec::new()));
+    }
+}

@@ -1,0 +1,238 @@
+//! `bom`: bounding opacity maps.
+//!
+//! The thesis *Bounding Opacity Maps* (2011), chapter 5, an extension of Yuksel and Keyser 2008. Symbols: `z_0` and
+//! `z_1` the depths at which matter begins and ends in a texel, `K` layers from `z_0 + d_(k-1)` to `z_0 + d_k`,
+//! `z_0 + d_K = z_1`.
+//!
+//! Deviations from the thesis, and why:
+//! * Two marches in one pass instead of three passes: one from behind that stops at the first matter, which is
+//!   `z_1`, and one from the light, which meets `z_0` before the layers.
+//! * A lookup is linear between the two planes around it; the thesis reads one layer.
+//! * The lookup texture of the hybrid split (5.2.2, 5.2.3, sections 7 and 9 of its appendix) has 1024 bins of float32
+//!   instead of 256 of 8 bits, and a second row with the planes themselves, which the build cuts at.
+//! * `split=auto` chooses as 5.2.3 does, from eleven ratios over whole images, but on the device and from a coarse
+//!   map. Images are opacities `1 - T`, not rounded to 8 bits: rounded images of few levels look unlike each other
+//!   (`measure=difference` does round). Two images without contrast count as fully correlated.
+//! * `split=texel` is chapter 7's splitting texture, a ratio for every region of 4 x 4 texels. The sum of absolute
+//!   differences that it proposes telescopes on a single ray, whose opacity never falls; what is chosen is the
+//!   ratio whose greatest step between neighbouring planes is least, which bounds the error.
+//! * Depths are rounded away from the light; `filter=bilinear` as in `dom`, ends like starts.
+
+mod ratio;
+
+pub use ratio::SplitChoice;
+
+use super::layered::{
+    BITS_KEY, DEPTH_BITS_KEY, LAYERS, NO_DEPTH_PASS, Recipe, Record, Split, depth_pass_shader,
+};
+use super::settings::{choices, settings};
+use super::{
+    BuildContext, Entry, FILTER_KEY, Filter, Key, Lookup, MAP_KEY, Marker, Method, PassLeftOut, ShadowMap,
+    Style, TileMarch, Value, When,
+};
+use crate::error::Result;
+use crate::gpu::ShaderVariant;
+use ratio::{all_splits, choose, choose_by_region, hybrid};
+
+choices! {
+    /// How layers share a texel's extent.
+    pub enum BoundingSplit {
+        /// Evenly.
+        Linear = "linear",
+        /// By the logarithm of the depth.
+        Log = "log",
+        /// Between these two.
+        Hybrid = "hybrid",
+        /// By the hybrid ratio that suits the whole map.
+        Auto = "auto",
+        /// By the hybrid ratio that suits each region.
+        Texel = "texel",
+    }
+}
+
+choices! {
+    /// What layers shall have least, or most, of.
+    pub enum Measure {
+        /// Least correlation between neighbouring layers (Equation 5.2.3.1), the mean over all pairs.
+        Correlation = "correlation",
+        /// Greatest sum of absolute differences between neighbouring layers. Opacity never falls from one plane to the
+        /// next, so that this sum telescopes: what is chosen is the ratio with least in the first layer. On 8-bit
+        /// images, as there, ratios that leave it equally empty tie, and the most linear of them is taken.
+        Difference = "difference",
+    }
+}
+
+settings! {
+    /// Settings of a bounding opacity map.
+    pub struct BoundingOpacityMap {
+        /// Layers, `K` of the thesis.
+        layers: u32 = Key::whole(LAYERS, "15", "layers").telling(),
+        /// How layers share a texel's extent.
+        split: BoundingSplit = Key::choice(
+            BoundingSplit::NAMES,
+            "hybrid",
+            "how layers share the extent; auto and texel choose the ratio, for all or by region",
+        ),
+        /// From linear (0) to logarithmic (1).
+        ratio: f64 = Key::number([0.0, 1.0], "0.5", "from linear to log (split=hybrid)")
+            .telling()
+            .when(When::Is("split", "hybrid")),
+        /// By what a ratio is chosen.
+        measure: Measure = Key::choice(
+            Measure::NAMES,
+            "correlation",
+            "least correlation or greatest difference between neighbouring layers (split=auto)",
+        )
+        .when(When::Is("split", "auto")),
+        /// Bits of the stored depths: 8, 16 or 32.
+        depth_bits: u32 = DEPTH_BITS_KEY,
+        /// Bits of a stored optical depth: 8, 16 or 32.
+        bits: u32 = BITS_KEY,
+        /// Texels a side.
+        map: u32 = MAP_KEY,
+        /// How texels around a point are used.
+        filter: Filter = FILTER_KEY,
+    }
+}
+
+pub(super) static ENTRY: Entry = Entry {
+    name: "bom",
+    summary: "bounding opacity maps (2011): layers from where matter begins to where it ends",
+    keys: BoundingOpacityMap::KEYS,
+    make: |values| Some(Box::new(BoundingOpacityMap::from_values(values)?)),
+    compared: "bom:layers=3,7,15",
+    curve: "bom:layers=15",
+    stability: "bom:map=64",
+    style: Style { color: [213, 94, 0], marker: Marker::Diamond },
+};
+
+const NO_SEARCH: PassLeftOut =
+    PassLeftOut { what: "search for the ratio", why: "a single layer is not split", optional: None };
+
+impl BoundingOpacityMap {
+    fn recipe(&self, split: Split) -> Recipe {
+        let Self { layers, bits, depth_bits, filter, .. } = *self;
+        let own_split = self.split == BoundingSplit::Texel && layers > 1;
+        let record = Record { layers, bits, depths: 2, depth_bits, own_split };
+        Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, kernel: 1 }
+    }
+
+    /// The split where nothing has to be chosen.
+    fn plain_split(&self) -> Option<Split> {
+        match self.split {
+            BoundingSplit::Linear => Some(Split::Power(1.0)),
+            BoundingSplit::Log => Some(Split::Tables(vec![hybrid(1.0)])),
+            BoundingSplit::Hybrid => Some(Split::Tables(vec![hybrid(self.ratio)])),
+            BoundingSplit::Auto | BoundingSplit::Texel => (self.layers == 1).then_some(Split::Power(1.0)),
+        }
+    }
+
+    /// The recipe as far as shaders go.
+    fn any_recipe(&self) -> Recipe {
+        self.recipe(self.plain_split().unwrap_or(Split::Tables(Vec::new())))
+    }
+}
+
+impl Method for BoundingOpacityMap {
+    fn entry(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn values(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        Some(self.any_recipe().lookup("shadow/layered/lookup.wgsl"))
+    }
+
+    fn passes(&self) -> Vec<ShaderVariant> {
+        let mut passes = vec![self.any_recipe().build_shader(), depth_pass_shader()];
+        passes.extend(ratio::shaders());
+        passes
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        let tiles = TileMarch::fit(context, self.map)?;
+        let (mut choice, mut regions, mut search) = (None, None, None);
+        let plain = self.plain_split();
+        let searched = plain.is_none();
+        let split = match (plain, self.split) {
+            (Some(split), _) => split,
+            (None, BoundingSplit::Texel) => {
+                let (rows, took) = choose_by_region(context, self.layers, self.map)?;
+                (regions, search) = (Some(rows), Some(took));
+                Split::Tables(all_splits())
+            }
+            (None, _) => {
+                let (row, chosen, took): (u32, SplitChoice, _) = choose(context, self.layers, self.measure)?;
+                tracing::info!(
+                    "bom: ratio {:.1}, correlation {:.4} over {} layers",
+                    chosen.ratio,
+                    chosen.correlation,
+                    self.layers
+                );
+                (choice, search) = (Some(chosen), Some(took));
+                Split::Tables(vec![all_splits().swap_remove(row as usize)])
+            }
+        };
+        let mut built = self.recipe(split).build(context, tiles, regions.as_ref())?;
+        if let Some((host_ms, span)) = search {
+            built.after(host_ms, Some(span));
+        }
+        built.report.split_choice = choice;
+        let chooses = matches!(self.split, BoundingSplit::Auto | BoundingSplit::Texel);
+        if chooses && !searched {
+            built.report.passes_left_out = match built.report.passes_left_out {
+                [] => &[NO_SEARCH],
+                _ => &[NO_DEPTH_PASS, NO_SEARCH],
+            };
+        }
+        Ok(built.into_map(context, self))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+
+    #[test]
+    fn every_key_is_read_and_shown() {
+        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
+        assert_eq!(shown("bom"), ["layers=15 ratio=0.5"]);
+        assert_eq!(
+            shown("bom:layers=7,split=linear,log,hybrid,auto,texel"),
+            [
+                "layers=7 split=linear",
+                "layers=7 split=log",
+                "layers=7 ratio=0.5",
+                "layers=7 split=auto",
+                "layers=7 split=texel"
+            ]
+        );
+        assert_eq!(shown("bom:ratio=0,0.25"), ["layers=15 ratio=0", "layers=15 ratio=0.25"]);
+        assert_eq!(
+            shown("bom:split=auto,measure=difference,depth_bits=32,bits=8,filter=nearest"),
+            ["layers=15 split=auto measure=difference depth_bits=32 bits=8 filter=nearest"]
+        );
+    }
+
+    #[test]
+    fn what_is_out_of_range_or_idle_is_refused_by_name() {
+        for (text, why) in [
+            ("bom:layers=600", "bom:layers=600): expected 1..512"),
+            ("bom:ratio=1.1", "expected 0..1"),
+            ("bom:split=quadratic", "expected linear|log|hybrid|auto|texel"),
+            ("bom:split=auto,measure=entropy", "expected correlation|difference"),
+            ("bom:split=log,ratio=0.5", "bom:ratio): it is of split=hybrid only"),
+            ("bom:split=auto,ratio=0.5", "bom:ratio): it is of split=hybrid only"),
+            ("bom:measure=correlation", "bom:measure): it is of split=auto only"),
+            ("bom:split=texel,measure=difference", "bom:measure): it is of split=auto only"),
+            ("bom:beyond=extend", "there is: layers, split, ratio"),
+        ] {
+            let error = parse_list(text).unwrap_err();
+            assert!(error.to_string().contains(why), "{error}");
+            assert_eq!(error.exit_status(), 2);
+        }
+    }
+}

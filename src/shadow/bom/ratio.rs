@@ -1,0 +1,218 @@
+//! Choosing the ratio of the hybrid split (the thesis on bounding opacity maps, 5.2.3, 5.2.4 and 7).
+//!
+//! The thesis renders the map with each of eleven ratios, reads the images back and compares neighbouring ones.
+//! Here a coarse map with many layers is made once and stands for the exact curves; the sums over its texels are
+//! taken on the device, and only they are read (16 bytes a layer and ratio).
+
+use super::Measure;
+use crate::error::Result;
+use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
+use crate::shadow::layered::{Built, Recipe, Record, Split, SplitTable};
+use crate::shadow::{BuildContext, Filter, TileMarch};
+
+/// Ratios 0, 0.1, ... 1.
+pub const RATIOS: u32 = 11;
+/// Size of the thesis' lookup texture: logarithms are taken over `[1, 256]`.
+const LOG_RANGE: f64 = 256.0;
+/// Layers of the coarse map, and texels a side where one ratio is chosen for all.
+const CURVE_LAYERS: u32 = 128;
+const CURVE_MAP: u32 = 64;
+/// Texels a side of a region that chooses its own ratio.
+pub const REGION_TEXELS: u32 = 4;
+
+/// What was chosen for a whole map, and what the layers are then like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SplitChoice {
+    /// From linear (0) to logarithmic (1).
+    pub ratio: f64,
+    /// Mean correlation of neighbouring layers; 1 where they are the same.
+    pub correlation: f64,
+}
+
+/// The split at a ratio from linear (0) to logarithmic (1).
+pub fn hybrid(ratio: f64) -> SplitTable {
+    let log = |x: f64| (1.0 + (LOG_RANGE - 1.0) * x).log2() / LOG_RANGE.log2();
+    SplitTable::of(|x| (1.0 - ratio) * x + ratio * log(x))
+}
+
+fn ratio_of(row: u32) -> f64 {
+    f64::from(row) / f64::from(RATIOS - 1)
+}
+
+/// The splits of all ratios.
+pub fn all_splits() -> Vec<SplitTable> {
+    (0..RATIOS).map(|row| hybrid(ratio_of(row))).collect()
+}
+
+/// The coarse map whose records stand for the exact curves.
+fn curve_recipe() -> Recipe {
+    Recipe {
+        record: Record { layers: CURVE_LAYERS, bits: 16, depths: 2, depth_bits: 32, own_split: false },
+        // Planes are needed wherever one of the ratios may put them: closest near the start.
+        split: Split::Tables(vec![hybrid(0.5)]),
+        reach: 0.0,
+        last_takes_rest: true,
+        filter: Filter::Nearest,
+        kernel: 1,
+    }
+}
+
+fn curves<'a>(context: &BuildContext<'a>, map: u32) -> Result<Built<'a>> {
+    curve_recipe().build(context, TileMarch::fit(context, map)?, None)
+}
+
+/// The passes of a search: for a whole map, and by region.
+pub fn shaders() -> [ShaderVariant; 2] {
+    let constants = [Constant::unsigned("RATIOS", RATIOS)];
+    let whole = curve_recipe().read_shader("shadow/bom/ratio.wgsl").constants(&constants);
+    [whole.clone(), whole.defs(["PER_REGION"])]
+}
+
+fn pass(
+    context: &BuildContext<'_>,
+    layers: u32,
+    curves: &Built<'_>,
+    stage: &wgpu::Buffer,
+    shader: &ShaderVariant,
+    [across, down]: [u32; 2],
+) -> Result<Span> {
+    let planes: Vec<f32> = all_splits()
+        .iter()
+        .flat_map(|split| {
+            let [_, planes] = split.rows(layers);
+            planes.into_iter().skip(1)
+        })
+        .collect();
+    let planes = StorageBuffer::from_slice(context.gpu(), "planes of all ratios", &planes)?;
+    let stage =
+        [(0, Slot::read(planes.as_entire_binding())), (1, Slot::read_write(stage.as_entire_binding()))];
+    let groups = [&curves.group(context), &context.kernels.group("split ratio", &stage)];
+    context.run("split ratio", shader, groups, [across, down, 1])
+}
+
+/// Device time of both, and the host's added to it by the wall clock that the build counts on.
+fn time(built: &Built<'_>, search: Span) -> (f64, Span) {
+    let device = built.report.device.map_or(search, |build| build.plus(search));
+    (built.report.host_ms, device)
+}
+
+/// The ratio for a whole map of so many layers, with its host milliseconds and device time.
+pub fn choose(
+    context: &BuildContext<'_>,
+    layers: u32,
+    measure: Measure,
+) -> Result<(u32, SplitChoice, (f64, Span))> {
+    let gpu = context.gpu();
+    let curves = curves(context, CURVE_MAP)?;
+    let count = (RATIOS * layers) as usize;
+    let stage = StorageBuffer::zeroed(gpu, "sums over layers", 16 * count as u64)?;
+    let span = pass(context, layers, &curves, &stage, &shaders()[0], [layers, RATIOS])?;
+    let sums = read_back::<[f32; 4]>(gpu, &stage, count)?;
+    let (row, correlation) = best(&sums, layers as usize, f64::from(CURVE_MAP).powi(2), measure);
+    Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, time(&curves, span)))
+}
+
+/// A buffer for the build in which the device has put the ratio of every region, with its host milliseconds and
+/// device time.
+pub fn choose_by_region(
+    context: &BuildContext<'_>,
+    layers: u32,
+    map: u32,
+) -> Result<(wgpu::Buffer, (f64, Span))> {
+    let regions = map.div_ceil(REGION_TEXELS);
+    let curves = curves(context, regions)?;
+    let mut words = vec![0, REGION_TEXELS, regions];
+    words.resize(3 + (regions * regions) as usize, 0);
+    let stage = StorageBuffer::from_slice(context.gpu(), "ratios of regions", &words)?;
+    let span = pass(context, layers, &curves, &stage, &shaders()[1], [regions.div_ceil(8); 2])?;
+    Ok((stage, time(&curves, span)))
+}
+
+/// The best ratio's row, and the mean correlation of neighbouring layers there. `sums` holds, a ratio and layer,
+/// the sums over `texels` texels of `I_k`, `I_k^2`, `I_k I_(k+1)` and `|I_(k+1) - I_k|`; of equal ratios the most
+/// linear is best.
+fn best(sums: &[[f32; 4]], layers: usize, texels: f64, measure: Measure) -> (u32, f64) {
+    let mut best = (0, 1.0, f64::INFINITY);
+    for (row, sums) in (0..).zip(sums.chunks(layers)) {
+        let pairs = sums.windows(2).map(|w| correlation(w[0], w[1], texels));
+        let correlation = if layers > 1 { pairs.sum::<f64>() / (layers - 1) as f64 } else { 1.0 };
+        // The last layer has none behind it: its own difference is 0.
+        let difference: f64 = sums.iter().map(|s| f64::from(s[3])).sum();
+        tracing::debug!(
+            "ratio {:.1}: correlation {correlation:.4}, difference {difference:.1}",
+            ratio_of(row)
+        );
+        let cost = match measure {
+            Measure::Correlation => correlation,
+            Measure::Difference => -difference,
+        };
+        if cost < best.2 - 1e-9 {
+            best = (row, correlation, cost);
+        }
+    }
+    (best.0, best.1)
+}
+
+/// Correlation of two images from sums in one pass (5.2.4); images without contrast show nothing new.
+fn correlation(a: [f32; 4], b: [f32; 4], texels: f64) -> f64 {
+    let [sum_a, square_a, product, _] = a.map(f64::from);
+    let [sum_b, square_b, ..] = b.map(f64::from);
+    let covariance = product - sum_a * sum_b / texels;
+    let variances = (square_a - sum_a * sum_a / texels) * (square_b - sum_b * sum_b / texels);
+    if variances <= 1e-12 * texels * texels { 1.0 } else { (covariance / variances.sqrt()).clamp(-1.0, 1.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums over images, `images[ratio][layer][texel]`.
+    fn sums(images: &[Vec<Vec<f32>>]) -> Vec<[f32; 4]> {
+        let of = |layers: &Vec<Vec<f32>>, k: usize| {
+            let next = &layers[(k + 1).min(layers.len() - 1)];
+            layers[k]
+                .iter()
+                .zip(next)
+                .fold([0.0; 4], |s, (a, b)| [s[0] + a, s[1] + a * a, s[2] + a * b, s[3] + (b - a).abs()])
+        };
+        images.iter().flat_map(|layers| (0..layers.len()).map(move |k| of(layers, k))).collect()
+    }
+
+    #[test]
+    fn correlation_by_hand() {
+        let image = |texels: &[f32]| texels.to_vec();
+        let of = |a: &[f32], b: &[f32]| {
+            let s = sums(&[vec![image(a), image(b)]]);
+            correlation(s[0], s[1], a.len() as f64)
+        };
+        assert!((of(&[0.0, 0.5, 1.0], &[0.1, 0.3, 0.5]) - 1.0).abs() < 1e-6, "a straight line");
+        assert!((of(&[0.0, 0.5, 1.0], &[1.0, 0.5, 0.0]) + 1.0).abs() < 1e-6);
+        assert!(of(&[0.0, 1.0, 0.0, 1.0], &[0.0, 0.0, 1.0, 1.0]).abs() < 1e-6);
+        assert_eq!(of(&[0.5, 0.5], &[0.0, 1.0]), 1.0, "no contrast");
+    }
+
+    #[test]
+    fn the_ratio_with_the_least_alike_layers_is_found() {
+        let alike = vec![vec![0.0, 0.5, 1.0, 0.5], vec![0.0, 0.5, 1.0, 0.5]];
+        let apart = vec![vec![0.0, 1.0, 0.0, 1.0], vec![0.0, 0.0, 1.0, 1.0]];
+        let images = [alike.clone(), apart.clone(), alike.clone(), apart];
+        let (row, c) = best(&sums(&images), 2, 4.0, Measure::Correlation);
+        assert_eq!((row, c.abs() < 1e-6), (1, true), "of two alike the more linear");
+        assert_eq!(best(&sums(&images), 2, 4.0, Measure::Difference).0, 1);
+        let same = [alike.clone(), alike];
+        assert_eq!(best(&sums(&same), 2, 4.0, Measure::Difference).0, 0);
+        assert_eq!(best(&sums(&[vec![vec![1.0]], vec![vec![0.5]]]), 1, 1.0, Measure::Correlation), (0, 1.0));
+    }
+
+    #[test]
+    fn the_hybrid_split_goes_from_linear_to_logarithmic() {
+        let planes = |ratio: f64| hybrid(ratio).rows(4)[1].clone();
+        assert_eq!(planes(0.0), [0.0, 0.25, 0.5, 0.75, 1.0]);
+        // log2(1 + 255 x) / 8 = 1/4, 1/2, 3/4: x = (4 - 1) / 255, ...
+        for (got, exact) in planes(1.0).iter().zip([0.0, 3.0 / 255.0, 15.0 / 255.0, 63.0 / 255.0, 1.0]) {
+            assert!((got - exact as f32).abs() < 1e-5, "{got} {exact}");
+        }
+        let middle = planes(0.5);
+        assert!((1..4).all(|k| middle[k] < planes(0.0)[k] && middle[k] > planes(1.0)[k]));
+    }
+}

@@ -1,0 +1,103 @@
+//! How many nodes each texel of a deep shadow map has, read back only when asked for (Hadwiger et al. 2006, Figure 5).
+
+use super::{ENTRY, ShadowMap};
+use crate::error::{Error, Result};
+use crate::field::{DeviceTransfer, NO_TILE, TILE, line_of_workgroups};
+use crate::gpu::{Kernels, ShaderVariant, Slot, StorageBuffer, read_back};
+use ndarray::Array2;
+
+/// Texels counted in one dispatch, which bounds the buffers.
+const TEXELS_AT_ONCE: usize = 1 << 22;
+
+/// Nodes by texel, and which tiles are stored at all.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NodeMap {
+    /// Rows by columns of texels; 0 where a texel meets nothing or its tile is left out.
+    pub nodes: Array2<u32>,
+    /// Rows by columns of tiles of [`TILE`] texels a side.
+    pub stored: Array2<bool>,
+}
+
+impl NodeMap {
+    /// From a value a texel, row by row, [`NO_TILE`] where there is none.
+    fn from_counts(map_size: u32, counts: Vec<u32>) -> Result<Self> {
+        let (side, across) = (map_size as usize, map_size.div_ceil(TILE) as usize);
+        let broken =
+            |e: ndarray::ShapeError| Error::runtime("cannot count nodes", "deep shadow map", e.to_string());
+        let mut nodes = Array2::from_shape_vec((side, side), counts).map_err(broken)?;
+        let tile = TILE as usize;
+        let stored = Array2::from_shape_fn((across, across), |(y, x)| nodes[[y * tile, x * tile]] != NO_TILE);
+        nodes.mapv_inplace(|n| if n == NO_TILE { 0 } else { n });
+        Ok(Self { nodes, stored })
+    }
+
+    /// The most nodes of any texel of each tile: the layers that the paper's blocks must hold there.
+    pub fn most_by_tile(&self) -> Array2<u32> {
+        let tile = TILE as usize;
+        let mut most = Array2::zeros(self.stored.dim());
+        for ((y, x), &n) in self.nodes.indexed_iter() {
+            let entry = &mut most[[y / tile, x / tile]];
+            *entry = n.max(*entry);
+        }
+        most
+    }
+
+    /// How many texels have 0, 1, 2, ... nodes, up to the largest number there is.
+    pub fn histogram(&self) -> Vec<u64> {
+        let most = self.nodes.iter().copied().max().unwrap_or(0);
+        let mut texels = vec![0; most as usize + 1];
+        self.nodes.iter().for_each(|&n| texels[n as usize] += 1);
+        texels
+    }
+}
+
+pub(super) fn shader() -> ShaderVariant {
+    super::shader("shadow/dsm/count.wgsl")
+}
+
+/// Counts the nodes of a built deep shadow map; `None` for a structure that has none.
+///
+/// # Errors
+/// A lost device, or one out of memory.
+pub fn node_map(kernels: &Kernels, transfer: &DeviceTransfer, shadow: &ShadowMap) -> Result<Option<NodeMap>> {
+    if shadow.method != ENTRY.name {
+        return Ok(None);
+    }
+    let gpu = kernels.gpu();
+    let map_size = shadow.light_space.map_size;
+    let texels = map_size as usize * map_size as usize;
+    let mut counts = Vec::with_capacity(texels);
+    for first in (0..texels).step_by(TEXELS_AT_ONCE) {
+        let here = TEXELS_AT_ONCE.min(texels - first);
+        let start = StorageBuffer::from_slice(gpu, "first texel", &[first as u32; 4])?;
+        let found = StorageBuffer::zeroed(gpu, "nodes by texel", here as u64 * 4)?;
+        let stage =
+            [(0, Slot::read(start.as_entire_binding())), (1, Slot::read_write(found.as_entire_binding()))];
+        let groups = [transfer.group(), &shadow.group, &kernels.group("node count", &stage)];
+        kernels.run("node count", &shader(), &groups, line_of_workgroups(here))?;
+        counts.extend(read_back::<u32>(gpu, &found, here)?);
+    }
+    NodeMap::from_counts(map_size, counts).map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_take_their_fullest_texel_and_the_histogram_counts_every_texel() {
+        // 20 x 20 texels: four tiles, three of them cut by the border, one left out.
+        let mut counts = vec![0; 400];
+        counts[3 * 20 + 5] = 7;
+        counts[15 * 20 + 15] = 9;
+        counts[16 * 20 + 19] = 4;
+        (0..16).for_each(|y| (16..20).for_each(|x| counts[y * 20 + x] = NO_TILE));
+        let map = NodeMap::from_counts(20, counts).unwrap();
+        assert_eq!(map.most_by_tile(), ndarray::arr2(&[[9, 0], [0, 4]]));
+        assert_eq!(map.stored, ndarray::arr2(&[[true, false], [true, true]]));
+        let histogram = map.histogram();
+        assert_eq!(histogram.len(), 10);
+        assert_eq!((histogram[0], histogram[4], histogram[7], histogram[9]), (397, 1, 1, 1));
+        assert!(NodeMap::from_counts(20, vec![0; 399]).is_err());
+    }
+}

@@ -1,0 +1,308 @@
+//! `dsm`: tiled deep shadow maps.
+//!
+//! Hadwiger, Kratz, Sigg, Bühler 2006, *GPU-Accelerated Deep Shadow Maps for Direct Volume Rendering*; compression after
+//! Lokovic and Veach 2000. Symbols: `epsilon` is the paper's error bound on transmittance.
+//!
+//! Deviations from the paper, and why:
+//! * One compute pass builds the map. The paper's passes of eight nodes each become rows of seven nodes and a link:
+//!   every texel of a tile that holds active bricks has a first row, further rows come from a pool shared by all tiles
+//!   (an atomic counter), so that one long texel does not lengthen its whole tile.
+//! * Rays are marched cell by cell instead of at regular steps: inside a cell the field along a ray is a cubic, and the
+//!   pre-compressed table tells at which values visibility bends; no peak or grazing touch is stepped over.
+//! * The stored slope is clamped to be no more than zero, which never leaves the window: output is monotone.
+//! * `filter=bilinear` lays the four functions over each other at the depth where each first meets extinction (where
+//!   these are close enough to be one surface) before it averages them: without that, slanted lit walls shadow
+//!   themselves. On rays through texel centres it changes nothing, and so neither the promise.
+//! * A node is 4 bytes: 16-bit depth within the map's range and 16-bit transmittance.
+//! * `precompress=off` samples at regular steps with point samples of the extinction, as the paper's Figure 3 (left).
+
+mod count;
+
+pub use count::{NodeMap, node_map};
+
+use super::settings::{choices, settings};
+use super::{
+    Bound, BuildContext, BuildReport, CHORD_TOLERANCE, Entry, FILTER_KEY, Filter, Key, Lookup, MAP_KEY,
+    Marker, Method, OPAQUE_DEPTH, STEEPEST_SURFACE, ShadowMap, Style, TileMarch, Value, longest_depth,
+};
+use crate::error::{Error, Result};
+use crate::field::{TILE_TEXELS, field_shader};
+use crate::gpu::{
+    Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, uniform_buffer,
+};
+use bytemuck::{Pod, Zeroable};
+
+/// Transmittance at which a ray is taken to be over ([`OPAQUE_DEPTH`]).
+const OVER: f64 = 1.0 / 2048.0;
+/// Rounding to 16 bits, once at a line's start and once at its end.
+const STORAGE: f64 = 1.0 / 65535.0;
+/// What float32 positions, table selection and quadrature may add.
+const ARITHMETIC: f64 = 0.001;
+/// Share of a voxel by which float32 may misplace a surface along the ray.
+pub(super) const POSITION_TOLERANCE: f64 = 0.02;
+/// Depth steps of the map's range; the step after them fills rows behind their last node.
+const DEPTH_STEPS: u32 = 65534;
+/// Nodes of a row, which ends with a link to the next, and its bytes.
+const ROW_NODES: u32 = 7;
+const ROW_BYTES: u64 = (ROW_NODES as u64 + 1) * 4;
+/// Texels across the texture of nodes, of which a row takes two.
+const NODE_TEXTURE_WIDTH: u32 = 4096;
+const NODE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+
+const CONSTANTS: &[Constant] = &[
+    Constant::unsigned("NO_ROW", u32::MAX),
+    Constant::unsigned("ROW_NODES", ROW_NODES),
+    Constant::unsigned("NODE_TEXTURE_WIDTH", NODE_TEXTURE_WIDTH),
+    Constant::float("DEPTH_STEPS", DEPTH_STEPS as f32),
+    Constant::unsigned("FILLER", DEPTH_STEPS + 1),
+    Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
+];
+
+choices! {
+    /// Whether the light march uses the pre-compressed table.
+    pub enum Precompress {
+        /// It does: every cell exactly.
+        Table = "table",
+        /// Regular point samples instead.
+        Off = "off",
+    }
+}
+
+settings! {
+    /// Settings of a deep shadow map.
+    pub struct DeepShadowMap {
+        /// Error in transmittance that the compression may make.
+        epsilon: f64 = Key::number([0.0, 1.0], "0.02", "error that compression may make in transmittance")
+            .telling()
+            .coarse("0.05"),
+        /// Sub-texel rays whose mean a texel stores: 1, 5 or 9.
+        prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel").coarse("1"),
+        /// Whether every cell is taken exactly.
+        precompress: Precompress = Key::choice(
+            Precompress::NAMES,
+            "table",
+            "pre-compressed transfer-function table, or regular point samples",
+        ),
+        /// Texels a side.
+        map: u32 = MAP_KEY,
+        /// How texels around a point are used.
+        filter: Filter = FILTER_KEY,
+        /// Distance of regular samples along the light ray (`precompress=off`, and twice that of pre-filtered
+        /// lattices), in units of the smallest voxel spacing.
+        step: f64 = Key::number(
+            [0.01, 8.0],
+            "0.5",
+            "regular light step, in smallest spacings (precompress=off, prefilter)",
+        ),
+        /// Added to a point's depth before it is looked up, in units of the smallest voxel spacing.
+        offset: f64 = Key::number([-8.0, 8.0], "0", "added to a point's depth, in smallest spacings"),
+    }
+}
+
+pub(super) static ENTRY: Entry = Entry {
+    name: "dsm",
+    summary: "tiled deep shadow maps (Hadwiger et al. 2006), error-bounded",
+    keys: DeepShadowMap::KEYS,
+    make: |values| Some(Box::new(DeepShadowMap::from_values(values)?)),
+    compared: "dsm:epsilon=0.06,0.02,0.005",
+    curve: "dsm:epsilon=0.06,0.02",
+    stability: "dsm:map=64",
+    style: Style { color: [0, 114, 178], marker: Marker::Circle },
+};
+
+/// `Own` of `shaders/shadow/dsm/layout.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Own {
+    epsilon: f32,
+    longest_depth: f32,
+    step_mm: f32,
+    tile_rows: u32,
+    pool_rows: u32,
+    taps: u32,
+    depth_offset_mm: f32,
+    depth_steps_per_mm: f32,
+    same_surface_steps: f32,
+    padding: [f32; 3],
+}
+
+/// `Counters` of `shaders/shadow/dsm/nodes.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Counters {
+    overflow_rows: u32,
+    nodes_total: u32,
+    nodes_max: u32,
+    texels_hit: u32,
+    texels_cut: u32,
+}
+
+/// A variant that knows how nodes are stored.
+fn shader(entry: &'static str) -> ShaderVariant {
+    field_shader(entry).with_tile_table().modules(&["shadow/dsm/layout.wgsl"]).constants(CONSTANTS)
+}
+
+impl DeepShadowMap {
+    /// Cell by cell with a single ray: the whole curve goes to the compression as it comes.
+    fn whole_curve(&self) -> bool {
+        self.precompress == Precompress::Table && self.prefilter == 1
+    }
+
+    /// Distance of the regular lattice, in smallest voxel spacings; half a step where means of exact curves are taken, so
+    /// that the lattice itself stays within half a step of depth.
+    fn lattice(&self) -> f64 {
+        if self.precompress == Precompress::Table { 0.5 * self.step } else { self.step }
+    }
+
+    fn bound(&self, context: &BuildContext<'_>, depth_range_mm: f64) -> Option<Bound> {
+        if self.precompress == Precompress::Off {
+            return None;
+        }
+        let spacing = context.volume.min_spacing_mm();
+        let (chord, lattice) =
+            if self.whole_curve() { (CHORD_TOLERANCE, 0.0) } else { (0.0, self.lattice() * spacing) };
+        Some(Bound {
+            transmittance: self.epsilon + chord + OVER + STORAGE + ARITHMETIC,
+            depth_mm: POSITION_TOLERANCE * spacing
+                + 0.5 * depth_range_mm / f64::from(DEPTH_STEPS)
+                + lattice
+                + self.offset.abs() * spacing,
+        })
+    }
+
+    fn build_shader(&self) -> ShaderVariant {
+        let shader = shader("shadow/dsm/build.wgsl").modules(&["field/tiles.wgsl", "shadow/dsm/nodes.wgsl"]);
+        let shader = shader.defs((self.prefilter > 1).then_some("PREFILTER"));
+        match (self.precompress, self.whole_curve()) {
+            (Precompress::Off, _) => shader,
+            (_, true) => shader.defs(["WHOLE_CURVE", "MARCH_CELLS"]).with_march("shadow/dsm/sink.wgsl"),
+            (_, false) => shader.defs(["MARCH_CELLS"]).with_depth_march(),
+        }
+    }
+
+    fn own(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Own {
+        let spacing = context.volume.min_spacing_mm();
+        let steps_per_mm = f64::from(DEPTH_STEPS) / tiles.light_space.depth_range_mm();
+        Own {
+            epsilon: self.epsilon as f32,
+            longest_depth: longest_depth(),
+            step_mm: (self.lattice() * spacing) as f32,
+            tile_rows: tiles.records(),
+            pool_rows: 0,
+            taps: self.prefilter,
+            depth_offset_mm: (self.offset * spacing) as f32,
+            depth_steps_per_mm: steps_per_mm as f32,
+            same_surface_steps: (STEEPEST_SURFACE * tiles.light_space.texel_mm() * steps_per_mm) as f32,
+            padding: [0.0; 3],
+        }
+    }
+
+    /// One build with the pool of rows that `own` says.
+    fn fill(
+        &self,
+        context: &BuildContext<'_>,
+        tiles: &TileMarch<'_>,
+        own: &Own,
+        nodes: &wgpu::TextureView,
+    ) -> Result<(Span, Counters)> {
+        let gpu = context.gpu();
+        let own = uniform_buffer(gpu, "deep shadow map", own);
+        let counters = StorageBuffer::zeroed(gpu, "deep shadow map counters", size_of::<Counters>() as u64)?;
+        let stage =
+            [(1, Slot::store(nodes, NODE_FORMAT)), (2, Slot::read_write(counters.as_entire_binding()))];
+        let own = [(1, context.kernels.uniform(&own))];
+        let span = tiles.run("deep shadow map build", &self.build_shader(), &own, &stage)?;
+        let counters = read_back::<Counters>(gpu, &counters, 1)?[0];
+        if counters.texels_cut > 0 {
+            let why = format!("the adapter ended {} light rays before they were done", counters.texels_cut);
+            return Err(Error::runtime("cannot build the deep shadow map", self.params(), why)
+                .hint("software adapters limit loops: fewer pre-filter taps or a longer step will do"));
+        }
+        Ok((span, counters))
+    }
+}
+
+impl Method for DeepShadowMap {
+    fn entry(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn values(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
+    fn taps(&self) -> u32 {
+        self.prefilter
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
+        Some(Lookup::new(shader("").modules(&["shadow/dsm/lookup.wgsl"]).defs(bilinear)))
+    }
+
+    fn passes(&self) -> Vec<ShaderVariant> {
+        vec![self.build_shader(), count::shader()]
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        let gpu = context.gpu();
+        let tiles = TileMarch::fit(context, self.map)?;
+        let mut own = self.own(context, &tiles);
+        // A quarter more rows than texels does for most scenes; the counter says what this one needs.
+        let mut pool_rows = own.tile_rows + own.tile_rows / 4;
+        let mut pool_growths = 0;
+        let (nodes, device, counters) = loop {
+            // Whole lines of the texture; a map without tiles keeps one.
+            own.pool_rows = pool_rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
+            let size = [NODE_TEXTURE_WIDTH, own.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
+            let nodes = store_texture(gpu, "deep shadow map nodes", NODE_FORMAT, size)?;
+            let (device, counters) = self.fill(context, &tiles, &own, &nodes)?;
+            let needed = own.tile_rows + counters.overflow_rows;
+            if needed <= own.pool_rows {
+                break (nodes, device, counters);
+            }
+            pool_rows = needed + needed / 16;
+            pool_growths += 1;
+        };
+        let uniform = uniform_buffer(gpu, "deep shadow map", &own);
+        let left_out = tiles.tiles - tiles.built;
+        Ok(ShadowMap {
+            method: ENTRY.name,
+            group: tiles.group(
+                "deep shadow map",
+                &[(1, context.kernels.uniform(&uniform)), (3, Slot::words(&nodes))],
+            ),
+            lookup: self.lookup(),
+            report: BuildReport {
+                host_ms: tiles.host_ms,
+                device: Some(device),
+                bytes: u64::from(own.pool_rows) * ROW_BYTES + tiles.table_bytes(),
+                nodes_total: Some(u64::from(counters.nodes_total)),
+                nodes_max: Some(u64::from(counters.nodes_max)),
+                texels_hit: Some(u64::from(counters.texels_hit)),
+                tiles: tiles.tiles,
+                tiles_left_out: left_out,
+                bytes_left_out: u64::from(left_out * TILE_TEXELS) * ROW_BYTES,
+                pool_growths,
+                passes_left_out: &[],
+                split_choice: None,
+            },
+            bound: self.bound(context, tiles.light_space.depth_range_mm()),
+            light_space: tiles.light_space,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::assert_layout;
+
+    #[test]
+    fn structs_have_one_layout() {
+        let build = DeepShadowMap::default().build_shader();
+        assert_layout!(&build, "Counters", Counters: overflow_rows, nodes_total, nodes_max, texels_hit, texels_cut);
+        assert_layout!(&build, "Own", Own: epsilon, longest_depth, step_mm, tile_rows, pool_rows, taps,
+            depth_offset_mm, depth_steps_per_mm, same_surface_steps);
+    }
+}

@@ -1,0 +1,50 @@
+//! `half`: light behind anything is a fixed share of it; the method that `docs/adding-a-method.md` adds and removes,
+//! compiled under the feature of its name alone.
+
+use super::none::without_map;
+use super::settings::settings;
+use super::{BuildContext, Entry, Key, Lookup, Marker, Method, ShadowMap, Style, Value};
+use crate::error::Result;
+use crate::field::field_shader;
+use crate::gpu::{Group, uniform_buffer};
+
+settings! {
+    /// Settings of `half`.
+    pub struct Half {
+        /// Of the light that is left behind the first surface.
+        share: f64 = Key::number([0.0, 1.0], "0.5", "of the light that is left behind the first surface").telling(),
+    }
+}
+
+pub(super) static ENTRY: Entry = Entry {
+    name: "half",
+    summary: "light behind the first surface is a fixed share: an example",
+    keys: Half::KEYS,
+    make: |values| Some(Box::new(Half::from_values(values)?)),
+    compared: "half:share=0.25,0.5",
+    curve: "half",
+    stability: "half",
+    style: Style { color: [86, 180, 233], marker: Marker::Down },
+};
+
+impl Method for Half {
+    fn entry(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn values(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        Some(Lookup::new(field_shader("").with_depth_march().modules(&["shadow/half/lookup.wgsl"])))
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        let map = without_map(self, context);
+        let light = context.light_uniform(&map.light_space);
+        let own = uniform_buffer(context.gpu(), "half", &[self.share as f32, 0.0, 0.0, 0.0]);
+        let slots = [(0, context.kernels.uniform(&light)), (1, context.kernels.uniform(&own))];
+        Ok(ShadowMap { group: Group::new(context.gpu(), "half", &slots), ..map })
+    }
+}

@@ -1,0 +1,280 @@
+//! Layered maps: what `osm`, `dom` and `bom` share.
+//!
+//! All three keep the optical depth at planes across each texel's light ray, and read it linearly between them;
+//! they differ in where the planes lie. They share one build (`shaders/shadow/layered/build.wgsl`, a thread a texel,
+//! which cuts the march's exact pieces at the planes), one packing ([`record::Record`]) and one way of splitting a
+//! depth ([`split::Split`]).
+//!
+//! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along
+//! the light ray, and what filters average, as theirs do. A texel's layers lie side by side, since a lookup reads
+//! two neighbouring ones; tiles without active bricks have no records.
+//!
+//! Averaging `Ω` is what makes `filter=bilinear` unsteady in stiff scenes: where neighbouring texels' optical depths
+//! differ by `D`, the rounding of a point's texel coordinates (1e-6 to 1e-5 of a texel) moves the depth by up to
+//! `1e-5 D`, and transmittance along a ray may rise by as much (`umbravox stability`: by 1e-4 at 17 to 0.1 at 1e6 per
+//! mm). `filter=nearest` has none of it.
+
+mod record;
+mod split;
+
+pub(super) use record::Record;
+pub(super) use split::{SPLIT_BINS, Split, SplitTable};
+
+use super::{
+    BuildContext, BuildReport, Filter, Key, Lookup, Method, OPAQUE_DEPTH, PassLeftOut, STEEPEST_SURFACE,
+    ShadowMap, TileMarch, longest_depth,
+};
+use crate::error::Result;
+use crate::field::{LightSpace, Omittable, TILE_TEXELS, field_shader};
+use crate::gpu::{
+    Constant, Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, table_texture,
+    uniform_buffer,
+};
+use bytemuck::{Pod, Zeroable};
+use record::RECORD_TEXTURE_WIDTH;
+use std::time::Instant;
+
+/// The pass of which `dom` and `bom` have no need here.
+pub(super) const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
+    what: "depth pass",
+    why: "the march meets the start before the layers",
+    optional: Some(Omittable::DepthPass),
+};
+
+/// Keys that several layered maps have.
+pub(super) const LAYERS: [u32; 2] = [1, 512];
+pub(super) const BITS_KEY: Key = Key::choice(
+    &["8", "16", "32"],
+    "16",
+    "of a stored optical depth: 8 is a share of kappa, 16 and 32 are floats",
+);
+pub(super) const DEPTH_BITS_KEY: Key = Key::choice(
+    &["8", "16", "32"],
+    "16",
+    "of a texel's stored depths: 8 and 16 are steps of the map's range, 32 a float",
+);
+
+const CONSTANTS: &[Constant] = &[
+    Constant::unsigned("RECORD_TEXTURE_WIDTH", RECORD_TEXTURE_WIDTH),
+    Constant::unsigned("SPLIT_BINS", SPLIT_BINS as u32),
+    Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
+];
+const READ: &str = "shadow/layered/read.wgsl";
+
+/// What one layered map is to be.
+pub(super) struct Recipe {
+    pub record: Record,
+    pub split: Split,
+    /// Depth that the layers span where texels store no end, as a share of the map's depth range.
+    pub reach: f64,
+    /// Whether the last layer gets what lies behind it too.
+    pub last_takes_rest: bool,
+    pub filter: Filter,
+    /// Texels a side that a lookup averages.
+    pub kernel: u32,
+}
+
+/// `Own` of `shaders/shadow/layered/layout.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct Own {
+    layers: u32,
+    first_slot: u32,
+    record_blocks: u32,
+    block_mask: u32,
+    block_slot_shift: u32,
+    header_bits: u32,
+    planes_passed: u32,
+    split_exponent: f32,
+    reach_mm: f32,
+    depth_steps_per_mm: f32,
+    kappa: f32,
+    longest_depth: f32,
+    same_surface_mm: f32,
+    kernel: u32,
+    filter_side: u32,
+    padding: u32,
+}
+
+/// A built map, before it is put behind a lookup.
+pub(super) struct Built<'a> {
+    pub tiles: TileMarch<'a>,
+    pub report: BuildReport,
+    own: wgpu::Buffer,
+    splits: Option<wgpu::TextureView>,
+    records: wgpu::TextureView,
+}
+
+/// A variant that knows how records are laid out.
+pub(super) fn shader(entry: &'static str) -> ShaderVariant {
+    field_shader(entry).with_tile_table().modules(&["shadow/layered/layout.wgsl"]).constants(CONSTANTS)
+}
+
+/// The papers' depth pass, which nothing here reads.
+pub(super) fn depth_pass_shader() -> ShaderVariant {
+    let start = shader("shadow/layered/start.wgsl").modules(&["field/tiles.wgsl"]);
+    start.with_march("shadow/layered/start_sink.wgsl")
+}
+
+impl Recipe {
+    /// A variant that reads records.
+    pub fn read_shader(&self, entry: &'static str) -> ShaderVariant {
+        shader(entry).modules(&[READ]).defs(self.record.read_defs()).defs(self.split.def())
+    }
+
+    /// The lookup that a module offers.
+    pub fn lookup(&self, module: &'static str) -> Lookup {
+        let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
+        Lookup::new(self.read_shader("").modules(&[module]).defs(bilinear))
+    }
+
+    /// The pass that marches.
+    pub fn build_shader(&self) -> ShaderVariant {
+        let shader = shader("shadow/layered/build.wgsl").modules(&["field/tiles.wgsl"]);
+        let shader = shader.defs(self.record.write_defs()).defs(self.split.def());
+        shader.with_march("shadow/layered/sink.wgsl")
+    }
+
+    /// The numbers of a map.
+    pub fn own(&self, light_space: &LightSpace) -> Own {
+        let record = self.record;
+        let range_mm = light_space.depth_range_mm();
+        Own {
+            layers: record.layers,
+            first_slot: record.first_slot(),
+            record_blocks: record.blocks(),
+            block_mask: record.block_words() - 1,
+            block_slot_shift: (32 / record.bits * record.block_words()).ilog2(),
+            header_bits: record.depth_bits,
+            planes_passed: record.layers - u32::from(self.last_takes_rest),
+            split_exponent: if let Split::Power(exponent) = self.split { exponent as f32 } else { 1.0 },
+            reach_mm: (self.reach * range_mm).max(1e-9) as f32,
+            depth_steps_per_mm: (record.depth_steps() / f64::from(range_mm as f32)) as f32,
+            // The optical depth at which d bits end: exp(-kappa) = 2^-d.
+            kappa: record.bits as f32 * std::f32::consts::LN_2,
+            longest_depth: longest_depth(),
+            same_surface_mm: (STEEPEST_SURFACE * light_space.texel_mm()) as f32,
+            kernel: self.kernel,
+            filter_side: self.kernel + u32::from(self.filter == Filter::Bilinear),
+            padding: 0,
+        }
+    }
+
+    /// Size and values of the texture of tabulated splits, two rows each.
+    fn split_rows(&self) -> Option<([u32; 2], Vec<f32>)> {
+        let Split::Tables(splits) = &self.split else { return None };
+        let width = (SPLIT_BINS + 1).max(self.record.layers as usize + 1);
+        let mut values = Vec::new();
+        for row in splits.iter().flat_map(|s| s.rows(self.record.layers)) {
+            values.extend(row);
+            values.resize(values.len().next_multiple_of(width), 0.0);
+        }
+        Some(([width as u32, 2 * splits.len() as u32], values))
+    }
+
+    /// Builds the map over tiles. `stage` holds what the build reads and counts: its first word is the texels hit; `None`
+    /// where texels choose no split of their own.
+    ///
+    /// # Errors
+    /// A map that the adapter cannot hold.
+    pub fn build<'a>(
+        &self,
+        context: &BuildContext<'a>,
+        tiles: TileMarch<'a>,
+        stage: Option<&wgpu::Buffer>,
+    ) -> Result<Built<'a>> {
+        let gpu = context.gpu();
+        let start = Instant::now();
+        let rows = self.split_rows();
+        let format = wgpu::TextureFormat::R32Float;
+        let splits =
+            rows.as_ref().map(|(size, rows)| table_texture(gpu, "splits of layers", format, *size, rows));
+        let splits = splits.transpose()?;
+        let own = uniform_buffer(gpu, "layered map", &self.own(&tiles.light_space));
+        let count = u64::from(tiles.records());
+        let size = self.record.texture_size(count);
+        let records = store_texture(gpu, "layered shadow map", self.record.format(), size)?;
+        let own_stage = StorageBuffer::zeroed(gpu, "layered map stage", 16)?;
+        let stage = stage.unwrap_or(&own_stage);
+        let host_ms = tiles.host_ms + start.elapsed().as_secs_f64() * 1e3;
+
+        let mut built = Built { tiles, report: BuildReport::default(), own, splits, records };
+        let store = (1, Slot::store(&built.records, self.record.format()));
+        let counted = (2, Slot::read_write(stage.as_entire_binding()));
+        let slots = built.slots(context);
+        let own_slots = &slots[1..];
+        let mut device =
+            built.tiles.run("layered map build", &self.build_shader(), own_slots, &[store, counted])?;
+        let with_depth_pass = self.record.depths > 0 && context.transfer.forced.has(Omittable::DepthPass);
+        if with_depth_pass {
+            let starts = StorageBuffer::zeroed(gpu, "starts", 4 * count)?;
+            let stage = [(1, Slot::read_write(starts.as_entire_binding()))];
+            device = device.plus(built.tiles.run("depth pass", &depth_pass_shader(), own_slots, &stage)?);
+        }
+        let left_out = built.tiles.tiles - built.tiles.built;
+        let split_bytes = rows.map_or(0, |(_, values)| size_of_val(&values[..]) as u64);
+        let left_out_passes: &[_] =
+            if self.record.depths > 0 && !with_depth_pass { &[NO_DEPTH_PASS] } else { &[] };
+        built.report = BuildReport {
+            host_ms,
+            device: Some(device),
+            // Whole lines of the texture, as they are allocated.
+            bytes: self.record.texture_bytes(count) + built.tiles.table_bytes() + split_bytes,
+            texels_hit: Some(u64::from(read_back::<u32>(gpu, stage, 1)?[0])),
+            tiles: built.tiles.tiles,
+            tiles_left_out: left_out,
+            bytes_left_out: u64::from(left_out * TILE_TEXELS) * self.record.bytes(),
+            passes_left_out: left_out_passes,
+            ..Default::default()
+        };
+        Ok(built)
+    }
+}
+
+impl Built<'_> {
+    /// Slots of group 1: the records, which a build leaves out, first.
+    fn slots(&self, context: &BuildContext<'_>) -> Vec<(u32, Slot<'_>)> {
+        let mut slots = vec![(3, Slot::words(&self.records)), (1, context.kernels.uniform(&self.own))];
+        slots.extend(self.splits.as_ref().map(|splits| (4, Slot::floats(splits))));
+        slots
+    }
+
+    /// Group 1 of what reads the map.
+    pub fn group(&self, context: &BuildContext<'_>) -> Group {
+        self.tiles.group("layered map", &self.slots(context))
+    }
+
+    /// Adds what was done before the build.
+    pub fn after(&mut self, host_ms: f64, device: Option<Span>) {
+        self.report.host_ms += host_ms;
+        self.report.device = match (self.report.device, device) {
+            (Some(build), Some(before)) => Some(before.plus(build)),
+            (build, _) => build,
+        };
+    }
+
+    /// The map of a method.
+    pub fn into_map(self, context: &BuildContext<'_>, method: &dyn Method) -> ShadowMap {
+        ShadowMap {
+            method: method.name(),
+            group: self.group(context),
+            lookup: method.lookup(),
+            light_space: self.tiles.light_space,
+            report: self.report,
+            bound: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::assert_layout;
+
+    #[test]
+    fn numbers_of_a_map_have_one_layout() {
+        assert_layout!(&depth_pass_shader(), "Own", Own: layers, first_slot, record_blocks, block_mask,
+            block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,
+            longest_depth, same_surface_mm, kernel, filter_side);
+    }
+}

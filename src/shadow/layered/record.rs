@@ -1,0 +1,127 @@
+//! How one texel's layers are packed: the sizes that `shaders/shadow/layered/layout.wgsl` reads and writes by.
+
+/// Texels across the texture of records.
+pub const RECORD_TEXTURE_WIDTH: u32 = 8192;
+
+/// One texel's record: depths and the row of its own split first, then a slot a layer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Record {
+    pub layers: u32,
+    /// Bits of an optical depth: 8 (a share of `kappa`), 16 or 32 (floats).
+    pub bits: u32,
+    /// Depths stored a texel: 0, 1 (start) or 2 (start and end).
+    pub depths: u32,
+    /// Bits of each: 8 or 16 (steps of the map's range) or 32 (float, mm).
+    pub depth_bits: u32,
+    /// Whether a texel states the row of its own split, in 8 bits.
+    pub own_split: bool,
+}
+
+impl Record {
+    /// The first slot that holds a layer.
+    pub fn first_slot(self) -> u32 {
+        (self.depths * self.depth_bits + 8 * u32::from(self.own_split)).div_ceil(self.bits)
+    }
+
+    fn words(self) -> u32 {
+        ((self.first_slot() + self.layers) * self.bits).div_ceil(32)
+    }
+
+    /// Words of a texel of the texture: the most of 4, 2 and 1 that a record fills without a rest, but enough for
+    /// what comes before the layers, which is read as one.
+    pub fn block_words(self) -> u32 {
+        let header = (self.first_slot() * self.bits).div_ceil(32).next_power_of_two();
+        let fits = |words: &u32| self.words().is_multiple_of(*words);
+        [4, 2, 1].into_iter().find(fits).unwrap_or(1).max(header)
+    }
+
+    /// Texels of the texture that a record takes.
+    pub fn blocks(self) -> u32 {
+        self.words().div_ceil(self.block_words())
+    }
+
+    pub fn bytes(self) -> u64 {
+        4 * u64::from(self.block_words()) * u64::from(self.blocks())
+    }
+
+    /// Words of unsigned integers: WebGPU's storage textures have no 8-bit or 16-bit single channels, and no
+    /// adapter has to filter or blend these.
+    pub fn format(self) -> wgpu::TextureFormat {
+        match self.block_words() {
+            1 => wgpu::TextureFormat::R32Uint,
+            2 => wgpu::TextureFormat::Rg32Uint,
+            _ => wgpu::TextureFormat::Rgba32Uint,
+        }
+    }
+
+    /// Size of a texture of so many records; at least one line.
+    pub fn texture_size(self, records: u64) -> [u32; 2] {
+        let blocks = (records * u64::from(self.blocks())).max(1);
+        let lines = blocks.div_ceil(u64::from(RECORD_TEXTURE_WIDTH));
+        [RECORD_TEXTURE_WIDTH, u32::try_from(lines).unwrap_or(u32::MAX)]
+    }
+
+    /// Bytes of that texture.
+    pub fn texture_bytes(self, records: u64) -> u64 {
+        let [width, height] = self.texture_size(records);
+        u64::from(width) * u64::from(height) * 4 * u64::from(self.block_words())
+    }
+
+    /// Definitions for shaders that write, and for those that read.
+    pub fn write_defs(self) -> Vec<&'static str> {
+        let mut defs = self.read_defs();
+        defs.extend(match self.block_words() {
+            1 => Some("WORDS_1"),
+            2 => Some("WORDS_2"),
+            _ => None,
+        });
+        defs.extend((self.depths > 0).then_some("STARTS"));
+        defs
+    }
+
+    pub fn read_defs(self) -> Vec<&'static str> {
+        let mut defs = Vec::new();
+        defs.extend((self.depths > 1).then_some("ENDS"));
+        defs.extend(self.own_split.then_some("SPLIT_ROWS"));
+        defs.extend(match self.bits {
+            8 => Some("BITS_8"),
+            16 => Some("BITS_16"),
+            _ => None,
+        });
+        defs
+    }
+
+    /// Steps that stored depths divide the map's range into; 1 for floats, which have none.
+    pub fn depth_steps(self) -> f64 {
+        // The first stands for none, and the last for the end.
+        if self.depth_bits < 32 { (1_u64 << self.depth_bits) as f64 - 2.0 } else { 1.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_are_no_larger_than_what_is_in_them() {
+        let record =
+            |layers, bits, depths, depth_bits| Record { layers, bits, depths, depth_bits, own_split: false };
+        // Three layers and a depth are four channels (Yuksel & Keyser 2008, 3).
+        for (bits, bytes) in [(8, 4), (16, 8), (32, 16)] {
+            assert_eq!(record(3, bits, 1, bits).bytes(), bytes);
+        }
+        assert_eq!(record(128, 16, 0, 16).bytes(), 256);
+        assert_eq!(record(128, 8, 0, 16).bytes(), 128);
+        assert_eq!(record(512, 32, 0, 16).bytes(), 2048);
+        assert_eq!(record(1, 8, 0, 16).bytes(), 4);
+        let with_depths = record(7, 16, 1, 32);
+        assert_eq!((with_depths.first_slot(), with_depths.bytes()), (2, 20));
+        let own = Record { own_split: true, ..record(31, 16, 2, 16) };
+        assert_eq!((own.first_slot(), own.block_words(), own.blocks(), own.bytes()), (3, 2, 9, 72));
+        assert_eq!(own.texture_size(0), [8192, 1]);
+        assert_eq!(own.texture_size(512 * 512), [8192, 288]);
+        // What comes before the layers is one block, even where that wastes some.
+        let exact = Record { own_split: true, ..record(2, 8, 2, 32) };
+        assert_eq!((exact.first_slot(), exact.block_words(), exact.bytes()), (9, 4, 16));
+    }
+}

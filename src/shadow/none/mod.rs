@@ -1,0 +1,56 @@
+//! `none`: every point sees the light.
+
+use super::{BuildContext, BuildReport, Entry, Lookup, Marker, Method, ShadowMap, Style, Value};
+use crate::error::Result;
+use std::time::Instant;
+
+/// `none`: every point sees the light.
+#[derive(Debug, Clone, Copy)]
+pub struct NoShadows;
+
+pub(super) static ENTRY: Entry = Entry {
+    name: "none",
+    summary: "no shadows: every point sees the light",
+    keys: &[],
+    make: |_| Some(Box::new(NoShadows)),
+    compared: "none",
+    curve: "",
+    stability: "none",
+    style: Style { color: [0, 0, 0], marker: Marker::Cross },
+};
+
+impl Method for NoShadows {
+    fn entry(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn values(&self) -> Vec<Value> {
+        Vec::new()
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        None
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        Ok(without_map(self, context))
+    }
+}
+
+/// Texels of the light space that methods without a map are tested on.
+const TEST_MAP: u32 = 512;
+
+/// A structure of the light space alone.
+pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>) -> ShadowMap {
+    let start = Instant::now();
+    let light_space = context.light_space(TEST_MAP);
+    let light = context.light_uniform(&light_space);
+    ShadowMap {
+        method: method.name(),
+        group: context.kernels.group("light space", &[(0, context.kernels.uniform(&light))]),
+        lookup: method.lookup(),
+        light_space,
+        report: BuildReport { host_ms: start.elapsed().as_secs_f64() * 1e3, ..Default::default() },
+        bound: None,
+    }
+}

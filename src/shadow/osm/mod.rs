@@ -1,0 +1,196 @@
+//! `osm`: opacity shadow maps.
+//!
+//! Kim and Neumann 2001, *Opacity Shadow Maps*. Symbols: `D_i` (`1 <= i <= N`) the depth of the i-th map, `D_0` the
+//! least depth of the volume, `Ω` the opacity thickness stored at a texel of a map, `κ` the scale of stored
+//! opacities with `exp(-κ) = 2^-d` for `d` bits. `T = exp(-κ Ω)`, `Ω` linear between `D_(i-1)` and `D_i`.
+//!
+//! Deviations from the paper, and why:
+//! * A map's planes are spheres around a point light: depth is distance along the light ray, as for every method
+//!   here.
+//! * All maps are made in one pass by marching each texel's ray, not by drawing primitives once a map.
+//! * `slicing=density` is the paper's 1-D BSP carried to its end: planes at equal shares of the optical mass by
+//!   depth, weighed over 128 x 128 rays in 1024 bins, from the first bin in which one of them meets any: what is in
+//!   front of it and narrower than their spacing casts no shadow there. `slicing=gamma` puts plane `i` at the share `(i / N)^2.2`.
+//! * Maps are stored together, since a ray caster asks for depths in any order; the paper keeps two at a time.
+//! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
+
+use super::layered::{self, BITS_KEY, LAYERS, Recipe, Record, SPLIT_BINS, Split, SplitTable};
+use super::settings::{choices, settings};
+use super::{
+    BuildContext, Entry, FILTER_KEY, Filter, Key, Lookup, MAP_KEY, Marker, Method, PassLeftOut, ShadowMap,
+    Style, TileMarch, Value,
+};
+use crate::error::Result;
+use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
+
+/// Exponent of `slicing=gamma`.
+const GAMMA: f64 = 2.2;
+/// Rays a side of the weighing pass, 8 a workgroup.
+const MASS_RAYS: u32 = 128;
+
+choices! {
+    /// Where the planes lie.
+    pub enum Slicing {
+        /// Evenly spaced.
+        Uniform = "uniform",
+        /// At equal shares of the optical mass.
+        Density = "density",
+        /// Further apart behind.
+        Gamma = "gamma",
+    }
+}
+
+settings! {
+    /// Settings of an opacity shadow map.
+    pub struct OpacityShadowMap {
+        /// Maps, `N` of the paper.
+        layers: u32 = Key::whole(LAYERS, "32", "planes").telling(),
+        /// Where the planes lie.
+        slicing: Slicing = Key::choice(
+            Slicing::NAMES,
+            "uniform",
+            "planes evenly spaced, at equal shares of optical mass, or further apart behind",
+        ),
+        /// Texels a side that a lookup averages: 1 or 3.
+        kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged"),
+        /// Bits of a stored optical depth: 8, 16 or 32.
+        bits: u32 = BITS_KEY,
+        /// Texels a side.
+        map: u32 = MAP_KEY,
+        /// How texels around a point are used.
+        filter: Filter = FILTER_KEY,
+    }
+}
+
+pub(super) static ENTRY: Entry = Entry {
+    name: "osm",
+    summary: "opacity shadow maps (Kim and Neumann 2001): planes across the light",
+    keys: OpacityShadowMap::KEYS,
+    make: |values| Some(Box::new(OpacityShadowMap::from_values(values)?)),
+    compared: "osm:layers=8,32,128",
+    curve: "osm:layers=16",
+    stability: "osm:layers=32,map=64",
+    style: Style { color: [230, 159, 0], marker: Marker::Square },
+};
+
+/// A single plane lies at the far end whatever lies before it.
+const NOT_WEIGHED: PassLeftOut =
+    PassLeftOut { what: "weighing the volume", why: "a single plane lies at its far side", optional: None };
+
+fn mass_shader() -> ShaderVariant {
+    let shader =
+        layered::shader("shadow/osm/mass.wgsl").constants(&[Constant::unsigned("MASS_RAYS", MASS_RAYS)]);
+    shader.with_march("shadow/osm/mass_sink.wgsl")
+}
+
+impl OpacityShadowMap {
+    fn recipe(&self, split: Split) -> Recipe {
+        let Self { layers, bits, filter, kernel, .. } = *self;
+        let record = Record { layers, bits, depths: 0, depth_bits: 0, own_split: false };
+        Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, kernel }
+    }
+
+    /// The split where the volume need not be weighed.
+    fn plain_split(&self) -> Option<Split> {
+        match self.slicing {
+            Slicing::Uniform => Some(Split::Power(1.0)),
+            Slicing::Gamma => Some(Split::Power(GAMMA)),
+            Slicing::Density => (self.layers == 1).then_some(Split::Power(1.0)),
+        }
+    }
+
+    /// Optical mass by depth, in fixed point.
+    fn weigh(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(Vec<u32>, Span)> {
+        let gpu = context.gpu();
+        let own = self.recipe(Split::Power(1.0)).own(&tiles.light_space);
+        let own = uniform_buffer(gpu, "optical mass", &own);
+        let mass = StorageBuffer::zeroed(gpu, "optical mass", 4 * SPLIT_BINS as u64)?;
+        let groups = [
+            &tiles.group("optical mass", &[(1, context.kernels.uniform(&own))]),
+            &context.kernels.group("optical mass", &[(0, Slot::read_write(mass.as_entire_binding()))]),
+        ];
+        let span = context.run("optical mass", &mass_shader(), groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
+        Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
+    }
+}
+
+impl Method for OpacityShadowMap {
+    fn entry(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn values(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
+        Some(self.recipe(split).lookup("shadow/osm/lookup.wgsl"))
+    }
+
+    fn passes(&self) -> Vec<ShaderVariant> {
+        let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
+        vec![self.recipe(split).build_shader(), mass_shader()]
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        let tiles = TileMarch::fit(context, self.map)?;
+        let (split, weighing) = match self.plain_split() {
+            Some(split) => (split, None),
+            None => {
+                let (mass, span) = self.weigh(context, &tiles)?;
+                (Split::Tables(vec![SplitTable::of_mass(&mass)]), Some(span))
+            }
+        };
+        let mut built = self.recipe(split).build(context, tiles, None)?;
+        built.after(0.0, weighing);
+        if self.slicing == Slicing::Density && weighing.is_none() {
+            built.report.passes_left_out = &[NOT_WEIGHED];
+        }
+        Ok(built.into_map(context, self))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+
+    #[test]
+    fn every_key_is_read_and_shown() {
+        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
+        assert_eq!(shown("osm"), ["layers=32"]);
+        assert_eq!(
+            shown("osm:layers=8,512,slicing=density,gamma"),
+            [
+                "layers=8 slicing=density",
+                "layers=8 slicing=gamma",
+                "layers=512 slicing=density",
+                "layers=512 slicing=gamma",
+            ]
+        );
+        assert_eq!(
+            shown("osm:kernel=3,bits=8,filter=nearest,map=64"),
+            ["layers=32 kernel=3 bits=8 filter=nearest"]
+        );
+        assert_eq!(parse_list("osm:map=64").unwrap()[0].map_size(), Some(64));
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused_by_name() {
+        for (text, why) in [
+            ("osm:layers=0", "osm:layers=0): expected 1..512"),
+            ("osm:layers=513", "expected 1..512"),
+            ("osm:layers=2.5", "expected 1..512"),
+            ("osm:slicing=bsp", "expected uniform|density|gamma"),
+            ("osm:kernel=2", "expected 1|3"),
+            ("osm:bits=24", "expected 8|16|32"),
+            ("osm:map=0", "expected 1..8192"),
+            ("osm:filter=linear", "expected nearest|bilinear"),
+            ("osm:epsilon=0.1", "there is: layers, slicing, kernel, bits, map, filter"),
+        ] {
+            let error = parse_list(text).unwrap_err();
+            assert!(error.to_string().contains(why), "{error}");
+            assert_eq!(error.exit_status(), 2);
+        }
+    }
+}

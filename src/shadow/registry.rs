@@ -1,0 +1,119 @@
+//! Every shadow method, a line each, and what all front doors ask of the list.
+
+use super::settings::{self, Key, Value};
+use super::spec::{self, Setting};
+use super::style::Style;
+use super::{Method, bom, dom, dsm, none, osm, rays};
+use crate::error::{Error, Result};
+
+/// Every method, in the order of tables and menus.
+pub const METHODS: &[&Entry] = &[
+    &none::ENTRY,
+    &rays::ENTRY,
+    &dsm::ENTRY,
+    &osm::ENTRY,
+    &dom::ENTRY,
+    &bom::ENTRY,
+    #[cfg(feature = "half")]
+    &super::half::ENTRY,
+];
+
+/// A method as all others know it.
+pub struct Entry {
+    /// Its name on the command line and in tables.
+    pub name: &'static str,
+    /// One line for `--help` and the window.
+    pub summary: &'static str,
+    /// What can be set.
+    pub keys: &'static [Key],
+    /// Its settings from values of the keys, in their order; `None` where they do not fit.
+    pub make: fn(&[Value]) -> Option<Box<dyn Method>>,
+    /// Its rows in the default comparison, as on the command line; empty for none.
+    pub compared: &'static str,
+    /// Its curves in a default `probe --curve`; empty for none.
+    pub curve: &'static str,
+    /// How it is put to the stability cases.
+    pub stability: &'static str,
+    /// How it looks in every figure.
+    pub style: Style,
+}
+
+impl Entry {
+    /// The method of a name.
+    pub fn of(name: &str) -> Option<&'static Self> {
+        METHODS.iter().copied().find(|m| m.name == name)
+    }
+
+    /// With settings as written (each key with one value).
+    ///
+    /// # Errors
+    /// An unknown key, or a value out of range, naming it and what there is.
+    pub fn with(&self, setting: &Setting) -> Result<Box<dyn Method>> {
+        let values = settings::read(self, setting)?;
+        (self.make)(&values)
+            .ok_or_else(|| Error::runtime("cannot set", self.name, "values do not fit the keys"))
+    }
+}
+
+/// One of the registry's own lists: all methods' rows, apart by `;`.
+pub fn default_rows(rows: impl Fn(&Entry) -> &'static str) -> String {
+    METHODS.iter().map(|m| rows(m)).filter(|r| !r.is_empty()).collect::<Vec<_>>().join(";")
+}
+
+/// Parses `METHOD[:key=value,...]`.
+///
+/// # Errors
+/// An unknown method or key, or a value out of range, naming it and what there is.
+pub fn parse(text: &str) -> Result<Box<dyn Method>> {
+    let mut methods = parse_list(text)?;
+    match (methods.pop(), methods.is_empty()) {
+        (Some(only), true) => Ok(only),
+        _ => Err(Error::input("bad shadow method", text, "one method with one value a key is meant here")),
+    }
+}
+
+/// Parses a list of methods, with `;` between them; every combination of values is a row.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_list(text: &str) -> Result<Vec<Box<dyn Method>>> {
+    let mut methods = Vec::new();
+    for spec in spec::parse_list(text)? {
+        for setting in spec.expand()? {
+            let entry = Entry::of(&setting.name).ok_or_else(|| {
+                let names = METHODS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
+                let place = format!("`{}`", setting.name);
+                Error::input("unknown shadow method", place, format!("there is: {names}"))
+            })?;
+            methods.push(entry.with(&setting)?);
+        }
+    }
+    Ok(methods)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_method_has_its_defaults_and_stands_in_no_others_way() {
+        for (i, entry) in METHODS.iter().enumerate() {
+            let method = parse(entry.name).unwrap();
+            assert_eq!((method.name(), method.values().len()), (entry.name, entry.keys.len()));
+            for (key, value) in entry.keys.iter().zip(method.values()) {
+                assert_eq!(Some(value), key.parse(key.default), "{}:{}", entry.name, key.name);
+                let coarse = key.coarser(value).to_string();
+                assert!(key.parse(&coarse).is_some(), "{}:{}={coarse}", entry.name, key.name);
+            }
+            for other in &METHODS[..i] {
+                assert!(other.name != entry.name && other.style != entry.style, "{}", entry.name);
+            }
+            let own = |rows: &str| {
+                let names = parse_list(rows).unwrap().iter().map(|m| m.name()).collect::<Vec<_>>();
+                assert!(names.iter().all(|n| *n == entry.name), "{rows}");
+            };
+            own(entry.stability);
+            [entry.compared, entry.curve].into_iter().filter(|r| !r.is_empty()).for_each(own);
+        }
+    }
+}
