@@ -238,7 +238,10 @@ impl DeviceTransfer {
     }
 
     /// The pre-compressed table, made when it is first asked for.
-    fn make_march_table(&self, gpu: &Gpu) -> Result<&MarchTable> {
+    ///
+    /// # Errors
+    /// A device out of memory.
+    pub fn make_march_table(&self, gpu: &Gpu) -> Result<&MarchTable> {
         if let Some(made) = self.march.get() {
             return Ok(made);
         }

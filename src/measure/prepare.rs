@@ -90,7 +90,7 @@ impl<'a> Errors<'a> {
             let transfer = job.session.fresh_transfer(job.tf)?;
             bricks.push(transfer.classify_ms);
             tables.push(transfer.table_ms);
-            march_tables.push(job.session.renderer.march_table(&transfer)?.table_ms);
+            march_tables.push(transfer.make_march_table(job.session.renderer.gpu())?.table_ms);
         }
         let median = |ms: Vec<f64>| Spread::of(&ms).map(|s| s.median);
         Ok(Self {
@@ -122,10 +122,10 @@ impl<'a> Errors<'a> {
         let used = if needed.is_ok() { method } else { &NoShadows };
         let Session { renderer, loaded, .. } = job.session;
         let shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
-        let marched = transfer.march_table().is_some() || shadow.lookup.as_ref().is_some_and(|l| l.marches);
+        let marched = transfer.march_table().is_some() || shadow.lookup.as_ref().is_some_and(|l| l.marches());
         if marched {
             // Timed runs use the session's own tables, which must not be made in the first of them.
-            renderer.march_table(&job.session.transfer)?;
+            job.session.transfer.make_march_table(renderer.gpu())?;
         }
         let march_table_ms = self.march_table_ms.filter(|_| marched).unwrap_or_default();
         progress.check(&format!("{name}: drawing"))?;

@@ -35,7 +35,7 @@ pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_map};
 pub use none::NoShadows;
 pub use osm::{OpacityShadowMap, Slicing};
 pub use rays::ShadowRays;
-pub use registry::{Entry, METHODS, default_rows, parse, parse_list};
+pub use registry::{COMPARED, CURVES, Entry, METHODS, STABILITY, parse, parse_list};
 pub use settings::{Key, Kind, Value, When};
 pub use style::{Marker, Style};
 

@@ -5,6 +5,7 @@ use super::spec::{self, Setting};
 use super::style::Style;
 use super::{Method, bom, dom, dsm, none, osm, rays};
 use crate::error::{Error, Result};
+use std::sync::LazyLock;
 
 /// Every method, in the order of tables and menus.
 pub const METHODS: &[&Entry] = &[
@@ -55,9 +56,16 @@ impl Entry {
     }
 }
 
-/// One of the registry's own lists: all methods' rows, apart by `;`.
-pub fn default_rows(rows: impl Fn(&Entry) -> &'static str) -> String {
-    METHODS.iter().map(|m| rows(m)).filter(|r| !r.is_empty()).collect::<Vec<_>>().join(";")
+/// Rows of the default comparison, of a default `probe --curve`, and of the stability cases.
+pub static COMPARED: LazyLock<String> = LazyLock::new(|| rows(|m| m.compared));
+/// See [`COMPARED`].
+pub static CURVES: LazyLock<String> = LazyLock::new(|| rows(|m| m.curve));
+/// See [`COMPARED`].
+pub static STABILITY: LazyLock<String> = LazyLock::new(|| rows(|m| m.stability));
+
+/// What all methods have of one list, with `;` between them.
+fn rows(own: impl Fn(&Entry) -> &'static str) -> String {
+    METHODS.iter().map(|m| own(m)).filter(|r| !r.is_empty()).collect::<Vec<_>>().join(";")
 }
 
 /// Parses `METHOD[:key=value,...]`.

@@ -10,9 +10,9 @@ use umbravox::gpu::Gpu;
 use umbravox::measure::compare::{Comparison, Effort, Job, compare};
 use umbravox::measure::journal::Journal;
 use umbravox::measure::progress::Progress;
-use umbravox::render::{Forced, Session};
+use umbravox::render::{DeviceTransfer, Forced, LoadedVolume, Session};
 use umbravox::scene::{Light, Scene};
-use umbravox::shadow::{BuildContext, Method, ShadowMap, parse, parse_list};
+use umbravox::shadow::{BuildContext, Entry, Lookup, Method, ShadowMap, Value, parse, parse_list};
 use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Volume, VolumeSpec, load};
 
@@ -45,16 +45,20 @@ impl Planted {
 }
 
 impl Method for Planted {
+    fn entry(&self) -> &'static Entry {
+        self.inner.entry()
+    }
+
     fn name(&self) -> &'static str {
         "planted"
     }
 
-    fn params(&self) -> String {
-        self.inner.params()
+    fn values(&self) -> Vec<Value> {
+        self.inner.values()
     }
 
-    fn map_size(&self) -> Option<u32> {
-        self.inner.map_size()
+    fn lookup(&self) -> Option<Lookup> {
+        self.inner.lookup()
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
@@ -65,9 +69,9 @@ impl Method for Planted {
             }
             Fault::FailsFrom(_) => self.inner.build(context),
             Fault::LateAndDark => {
-                let renderer = context.renderer;
-                let loaded = renderer.load(Arc::new(context.volume.clone()))?;
-                let transfer = renderer.transfer(&loaded, &haze(2.0 * EXTINCTION), Forced::NOTHING)?;
+                let loaded = LoadedVolume::new(context.gpu(), Arc::new(context.volume.clone()))?;
+                let dark = haze(2.0 * EXTINCTION);
+                let transfer = DeviceTransfer::new(context.gpu(), &loaded, &dark, Forced::NOTHING)?;
                 // As methods do: the host's work counts from here.
                 let start = Instant::now();
                 let late = if build < FIRST_BUILDS { FIRST_DELAY_MS } else { DELAY_MS };

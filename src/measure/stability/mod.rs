@@ -255,7 +255,7 @@ impl Lit<'_> {
             depths: DEPTHS,
             default_depth_mm: DEFAULT_DEPTH * self.case.volume.min_spacing_mm(),
         };
-        let rise = if shadow.lookup.as_ref().is_some_and(|l| l.marches) { RAYS_RISE } else { MAP_RISE };
+        let rise = if shadow.lookup.as_ref().is_some_and(|l| l.marches()) { RAYS_RISE } else { MAP_RISE };
         let (mut band, mut rays) = (BandReport::default(), Sanity::default());
         let [near, far] = [self.case.volume.corners_mm()[0], self.case.volume.corners_mm()[7]];
         let apart_mm = DEPTHS_APART * near.distance(far);
