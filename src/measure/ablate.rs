@@ -1,9 +1,9 @@
 //! What each omission of the plan is worth: times and bytes with the work forced back on, beside those without.
 
-use super::compare::{Job, SLOW_FRAME_MS, name_of};
-use super::progress::{Progress, Stage, Step};
+use super::job::{Job, SLOW_FRAME_MS, name_of};
+use super::progress::{Progress, Step, StepKind};
 use super::stats::{Spread, image_difference};
-use super::timing::{ClockSource, StageTimes, Timing, Turns, interleave};
+use super::timing::{StageTimes, Timing, Turns, clock_name, interleave};
 use crate::error::{Error, Result};
 use crate::render::{Forced, Omission, Omittable, Picture};
 use crate::shadow::{Method, NoShadows, ShadowMap};
@@ -14,25 +14,37 @@ use std::time::Instant;
 /// One method and one thing that its plan left out; medians of rounds in which all variants of the method took turns.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Ablation {
+    /// As in the main table.
     pub scene: String,
+    /// As in the main table.
     pub adapter: String,
     /// Whose clock build and frame are from; tables are made by the host.
-    pub clock: Option<ClockSource>,
+    pub clock: Option<&'static str>,
+    /// As in the main table.
     pub method: String,
+    /// As in the main table.
     pub params: String,
     /// Name for `--force`.
     pub omission: &'static str,
+    /// What the plan left out.
     pub what: String,
+    /// Why it could.
     pub why: String,
     /// Tables of the transfer function and the bricks' classes.
     pub tables_ms: Option<f64>,
+    /// The same with the work forced back on.
     pub tables_ms_forced: Option<f64>,
+    /// Time to make the shadow structure, ms.
     pub build_ms: Option<f64>,
+    /// The same with the work forced back on.
     pub build_ms_forced: Option<f64>,
+    /// Time of one picture with the structure made, ms.
     pub frame_ms: Option<f64>,
+    /// The same with the work forced back on.
     pub frame_ms_forced: Option<f64>,
     /// Shadow structure, tables and bricks.
     pub bytes: Option<u64>,
+    /// The same with the work forced back on.
     pub bytes_forced: Option<u64>,
     /// Largest channel difference of the two pictures.
     pub picture_difference: Option<f64>,
@@ -75,7 +87,7 @@ pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -
 
 /// What [`ablate`] tells `progress` once a method.
 pub fn step(method: &dyn Method) -> Step {
-    Step::new(Stage::Ablation, &name_of(method))
+    Step::new(StepKind::Ablation, &name_of(method))
 }
 
 impl Ablation {
@@ -127,7 +139,7 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
         .unwrap_or_else(|| Err(Error::runtime("cannot time", name_of(method), "no run was counted")))?;
     let rows = omissions.iter().zip(first).zip(medians).map(|(((optional, omission), first), forced)| {
         let mut row = Ablation {
-            clock: Some(own.clock),
+            clock: Some(clock_name(own.clock)),
             omission: optional.name(),
             what: omission.what.clone(),
             why: omission.why.clone(),

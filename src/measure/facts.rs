@@ -1,7 +1,8 @@
 //! On what and by what a row is measured: facts that stand in the row, and the key by which a row kept on disk is known
 //! to be the one asked for.
 
-use super::compare::Job;
+use super::defaults::settings;
+use super::job::Job;
 use super::table::{OK, Row};
 use crate::gpu::Gpu;
 use crate::shadow::Method;
@@ -16,6 +17,7 @@ pub const REVISION: &str = env!("UMBRAVOX_REVISION");
 /// The machine and the program.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Facts {
+    /// Name of the graphics adapter.
     pub adapter: String,
     /// The adapter's driver with its version.
     pub driver: String,
@@ -23,7 +25,9 @@ pub struct Facts {
     pub threads: u32,
     /// `release` or `debug`.
     pub profile: &'static str,
+    /// Of this program.
     pub version: &'static str,
+    /// [`REVISION`].
     pub revision: &'static str,
 }
 
@@ -48,6 +52,7 @@ impl Facts {
             method: method.name().into(),
             params: method.params(),
             map: method.map_size(),
+            settings: settings(method),
             width,
             height,
             driver: self.driver.clone(),

@@ -2,36 +2,22 @@
 
 use super::stats::Spread;
 use crate::error::{Error, Result};
-use crate::gpu::Span;
+use crate::gpu::{Clock, Span};
 use serde::{Deserialize, Serialize};
 
-/// What a time was read from: the column `clock`.
-///
-/// The two disagree on software adapters, and only the second holds submission and waiting.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ClockSource {
-    /// Timestamps written by the GPU.
-    Gpu,
-    /// The host's clock around submission and completion.
-    Wall,
+/// A clock as tables name it in the column `clock`.
+pub fn clock_name(clock: Clock) -> &'static str {
+    match clock {
+        Clock::GpuTimestamps => "gpu",
+        Clock::Wall => "wall",
+    }
 }
 
-impl ClockSource {
-    /// As written in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Gpu => "gpu",
-            Self::Wall => "wall",
-        }
-    }
-
-    /// What this clock read; `None` where it read nothing.
-    fn of(self, span: Span) -> Option<f64> {
-        match self {
-            Self::Gpu => span.gpu_ms,
-            Self::Wall => Some(span.wall_ms),
-        }
+/// What a clock read; `None` where it read nothing.
+fn read(clock: Clock, span: Span) -> Option<f64> {
+    match clock {
+        Clock::GpuTimestamps => span.gpu_ms,
+        Clock::Wall => Some(span.wall_ms),
     }
 }
 
@@ -50,10 +36,10 @@ pub struct StageTimes {
 
 impl StageTimes {
     /// To make the structure by a clock; `None` where that clock read nothing.
-    fn build_ms(&self, clock: ClockSource) -> Option<f64> {
+    fn build_ms(&self, clock: Clock) -> Option<f64> {
         match self.build_device {
             None => Some(0.0),
-            Some(span) => Some(self.build_host_ms + clock.of(span)?),
+            Some(span) => Some(self.build_host_ms + read(clock, span)?),
         }
     }
 }
@@ -61,14 +47,21 @@ impl StageTimes {
 /// One method's stages over all repeats, in ms; medians where no spread is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
+    /// To make the shadow structure.
     pub build_ms: Spread,
+    /// One picture with it made.
     pub frame_ms: Spread,
     /// Whose clock these two are from.
-    pub clock: ClockSource,
+    pub clock: Clock,
+    /// `build_ms` by the adapter's timestamps.
     pub build_gpu_ms: Option<f64>,
+    /// From asking for the structure to having it, by the host's clock.
     pub build_wall_ms: f64,
+    /// `frame_ms` by the adapter's timestamps.
     pub frame_gpu_ms: Option<f64>,
+    /// The picture by the host's clock.
     pub frame_wall_ms: f64,
+    /// Runs that the medians are of.
     pub repeats: usize,
 }
 
@@ -83,11 +76,10 @@ impl Timing {
         };
         let median = |stage: &dyn Fn(&StageTimes) -> Option<f64>| spread(stage).map(|s| s.median);
         let none = || Error::runtime("cannot time", "timing", "no run was counted");
-        let by = |clock: ClockSource| {
-            Some((clock, spread(&|t| t.build_ms(clock))?, spread(&|t| clock.of(t.frame))?))
-        };
+        let by =
+            |clock: Clock| Some((clock, spread(&|t| t.build_ms(clock))?, spread(&|t| read(clock, t.frame))?));
         let (clock, build_ms, frame_ms) =
-            by(ClockSource::Gpu).or_else(|| by(ClockSource::Wall)).ok_or_else(none)?;
+            by(Clock::GpuTimestamps).or_else(|| by(Clock::Wall)).ok_or_else(none)?;
         Ok(Self {
             build_ms,
             frame_ms,
@@ -106,8 +98,11 @@ pub type TimedRun<'a> = Box<dyn FnMut() -> Result<StageTimes> + 'a>;
 
 /// Something to time: first `warmup` runs that do not count, then `rounds` that do.
 pub struct Turns<'a> {
+    /// Runs once.
     pub run: TimedRun<'a>,
+    /// Runs that do not count.
     pub warmup: usize,
+    /// Runs that count.
     pub rounds: usize,
 }
 
@@ -243,14 +238,11 @@ mod tests {
         let timing = Timing::of(&[run(Some(10.0)), run(Some(10.0))]).unwrap();
         assert_eq!(
             (timing.clock, timing.build_ms.median, timing.frame_ms.median),
-            (ClockSource::Gpu, 4.0, 10.0)
+            (Clock::GpuTimestamps, 4.0, 10.0)
         );
         assert_eq!((timing.build_gpu_ms, timing.build_wall_ms), (Some(1.0), 6.0));
         let timing = Timing::of(&[run(Some(10.0)), run(None)]).unwrap();
-        assert_eq!(
-            (timing.clock, timing.build_ms.median, timing.frame_ms.median),
-            (ClockSource::Wall, 5.0, 20.0)
-        );
+        assert_eq!((timing.clock, timing.build_ms.median, timing.frame_ms.median), (Clock::Wall, 5.0, 20.0));
         assert_eq!((timing.frame_gpu_ms, timing.frame_wall_ms), (None, 20.0));
         // A method without a structure takes no time to build, whatever the host did.
         let none = StageTimes { build_device: None, ..run(Some(10.0)) };

@@ -5,10 +5,12 @@ mod files;
 mod page;
 
 use super::tables::write_tables;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::measure::ablate::{self, Ablation};
-use crate::measure::compare::{Comparison, Effort, Job, compare, file_name_part, steps};
+use crate::measure::compare::{compare, steps};
+use crate::measure::comparison::Comparison;
 use crate::measure::facts::Facts;
+use crate::measure::job::{Effort, Job, file_name_part};
 use crate::measure::journal::Journal;
 use crate::measure::progress::Progress;
 use crate::render::{Forced, Renderer, Session};
@@ -23,7 +25,9 @@ use std::sync::Arc;
 
 /// What is measured on every scene.
 pub struct Order<'a> {
+    /// A row each.
     pub methods: &'a [Box<dyn Method>],
+    /// How much to measure.
     pub effort: Effort,
     /// Measure as well what each omission of the plan is worth.
     pub ablate: bool,
@@ -33,8 +37,11 @@ pub struct Order<'a> {
 
 /// What a scene's rows are of.
 pub struct Subject {
+    /// The voxels.
     pub volume: Arc<Volume>,
+    /// What is seen of them.
     pub tf: TransferFunction,
+    /// Camera, light, and size of the picture.
     pub scene: Scene,
     /// What is done although the scene does not need it.
     pub forced: Forced,
@@ -42,6 +49,7 @@ pub struct Subject {
 
 /// A comparison of which everything is measured and nothing written but the journal.
 pub struct Made {
+    /// Rows, pictures, notes and failures of all scenes.
     pub comparison: Comparison,
     ablations: Option<Vec<Ablation>>,
     names: Vec<String>,
@@ -51,9 +59,13 @@ pub struct Made {
 /// The files of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Files {
+    /// `compare.csv` and its like, and `columns.md`.
     pub tables: Vec<PathBuf>,
+    /// Error against time and memory.
     pub plots: Vec<PathBuf>,
+    /// Of each row, with where they differ, and `pictures.md`.
     pub pictures: Vec<PathBuf>,
+    /// `report.html`.
     pub report: PathBuf,
     /// Empty unless they were asked for.
     pub ablations: Vec<PathBuf>,
@@ -69,7 +81,7 @@ pub fn make(
     order: &Order,
     names: &[String],
     read: &mut dyn FnMut(usize) -> Result<Subject>,
-    mut renderer: Renderer,
+    renderer: &Arc<Renderer>,
     journal: &mut Journal,
     progress: &mut Progress,
 ) -> Result<Made> {
@@ -84,7 +96,7 @@ pub fn make(
     let mut page = Page::of(names.len());
     for (i, name) in names.iter().enumerate() {
         let Subject { volume, tf, scene, forced } = read(i)?;
-        match session(renderer, Arc::clone(&volume), &tf, forced) {
+        match Session::on(renderer, Arc::clone(&volume), &tf, forced) {
             Ok(session) => {
                 let job = Job {
                     session: &session,
@@ -100,19 +112,14 @@ pub fn make(
                 if several {
                     compared.name_scene(name);
                 }
-                page.add(&job, &compared.compared, progress)?;
+                page.add(&job, methods, &compared.compared, progress)?;
                 all.append(compared);
                 if let Some(ablations) = &mut ablations {
                     ablations.append(&mut ablate::ablate(&job, methods, progress)?);
                 }
-                renderer = session.renderer;
             }
-            Err(failed) => {
-                let (back, error) = *failed;
-                if !several {
-                    return Err(error);
-                }
-                renderer = back;
+            Err(error) if !several => return Err(error),
+            Err(error) => {
                 steps(methods, &effort).iter().for_each(|(step, times)| progress.spare(step, *times));
                 let facts = Facts::of(renderer.gpu());
                 let failed = Comparison::failed(&facts, name, [scene.width, scene.height], methods, &error);
@@ -141,23 +148,6 @@ impl Made {
                 .ablations
                 .map_or_else(|| Ok(Vec::new()), |rows| write_ablations(&rows, folder))?,
         })
-    }
-}
-
-/// A volume and a transfer function on the device; the renderer comes back where that cannot hold them.
-fn session(
-    renderer: Renderer,
-    volume: Arc<Volume>,
-    tf: &TransferFunction,
-    forced: Forced,
-) -> std::result::Result<Session, Box<(Renderer, Error)>> {
-    let ready = renderer.load(volume).and_then(|loaded| {
-        let transfer = renderer.transfer(&loaded, tf, forced)?;
-        Ok((loaded, transfer))
-    });
-    match ready {
-        Ok((loaded, transfer)) => Ok(Session { renderer, loaded, transfer }),
-        Err(e) => Err(Box::new((renderer, e))),
     }
 }
 

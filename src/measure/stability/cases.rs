@@ -8,7 +8,7 @@ use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DAffine3, DMat3, DVec3};
 use std::sync::Arc;
 
-/// Whom a case's settings concern.
+/// Which methods a case with settings concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Concerns {
     /// Every method; those that know a setting's key take it.
@@ -19,13 +19,19 @@ pub enum Concerns {
 
 /// One case: everything but the method.
 pub struct Case {
+    /// As `--case` takes it.
     pub name: String,
+    /// What is stiff or extreme in it.
     pub about: &'static str,
+    /// The voxels.
     pub volume: Arc<Volume>,
+    /// What is seen of them.
     pub tf: TransferFunction,
+    /// Each with its name.
     pub lights: Vec<(&'static str, Light)>,
     /// Put over those of the methods.
     pub settings: Vec<(&'static str, String)>,
+    /// Which methods the settings concern.
     pub concerns: Concerns,
     /// Eye-ray step, in units of the smallest voxel spacing.
     pub step: f64,

@@ -7,7 +7,8 @@ use super::super::writers;
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::measure::ablate::Ablation;
-use crate::measure::compare::{Compared, file_name_part};
+use crate::measure::comparison::Compared;
+use crate::measure::job::file_name_part;
 use crate::measure::table::Row;
 use std::path::{Path, PathBuf};
 
