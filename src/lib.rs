@@ -19,6 +19,7 @@ pub mod exact;
 pub mod files;
 pub mod gpu;
 pub mod measure;
+pub mod open;
 pub mod render;
 pub mod report;
 pub mod scene;

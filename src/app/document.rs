@@ -3,14 +3,12 @@
 use super::method_choice::MethodChoice;
 use super::open::{Beginning, Opened};
 use crate::error::Result;
-use crate::files::color;
 use crate::files::output::write_whole;
-use crate::scene::{Light, Scene, Shading, Skip};
-use crate::transfer::{TransferFunction, presets};
-use crate::volume::{Histogram, Volume, VolumeSpec};
-use clap::ValueEnum;
+use crate::open::{SceneSettings, VolumeSpec, presets};
+use crate::scene::{Scene, Shading};
+use crate::transfer::TransferFunction;
+use crate::volume::{Histogram, Volume};
 use glam::DVec3;
-use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -72,55 +70,16 @@ impl Document {
     }
 
     /// The scene as a file that `--scene` takes; `tf` is a preset or a path.
-    pub fn scene_text(&self, tf: &str) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let mut key = |key: &str, value: String| _ = writeln!(text, "{key} = {value}");
-        let string = |s: &str| toml::Value::String(s.to_owned()).to_string();
-        let vector = |v: DVec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);
-        let spec = &self.spec;
-        key("volume", string(&spec.source));
-        if let Some(raw) = spec.raw {
-            key("raw", string(&raw.to_string()));
-        }
-        if let Some(spacing) = spec.spacing_mm {
-            key("spacing", vector(DVec3::from_array(spacing)));
-        }
-        if let Some(offset) = spec.offset_bytes {
-            key("offset", offset.to_string());
-        }
-        if let Some(frame) = spec.frame {
-            key("frame", frame.to_string());
-        }
-        if let Some(resolution) = spec.strands.resolution {
-            key("resolution", resolution.to_string());
-        }
-        if let Some(kernel) = spec.strands.kernel.and_then(|k| k.to_possible_value()) {
-            key("kernel", string(kernel.get_name()));
-        }
-        if let Some(thickness) = spec.strands.thickness {
-            key("thickness", format!("{thickness:?}"));
-        }
-        let scene = &self.scene;
-        key("tf", string(tf));
-        key("shadow", string(&self.method.spec()));
-        key("size", string(&format!("{}x{}", scene.width, scene.height)));
-        key("eye", vector(scene.camera.eye));
-        key("target", vector(scene.camera.target));
-        key("up", vector(scene.camera.up));
-        key("fov", format!("{:?}", scene.camera.fov_deg));
-        let light = match scene.light {
-            Light::Directional { toward: v } => format!("dir:{:?},{:?},{:?}", v.x, v.y, v.z),
-            Light::Point { position: v } => format!("point:{:?},{:?},{:?}", v.x, v.y, v.z),
+    ///
+    /// # Errors
+    /// As [`SceneSettings::to_toml`].
+    pub fn scene_text(&self, tf: &str) -> Result<String> {
+        let settings = SceneSettings {
+            tf: Some(tf.to_owned()),
+            shadow: Some(self.method.spec()),
+            ..SceneSettings::of_scene(&self.spec, &self.scene, self.transparent)
         };
-        key("light", string(&light));
-        key("ambient", format!("{:?}", scene.ambient));
-        key("shading", string(name_of(scene.shading)));
-        let background = if self.transparent { "none".to_owned() } else { color::to_hex(scene.background) };
-        key("background", string(&background));
-        key("step", format!("{:?}", scene.step));
-        key("skip", string(if scene.skip == Skip::Bricks { "bricks" } else { "none" }));
-        text
+        settings.to_toml()
     }
 
     /// Writes a scene file; a function that was edited goes into a `.json` beside it.
@@ -135,7 +94,7 @@ impl Document {
         } else {
             self.tf_source.0.clone()
         };
-        let text = self.scene_text(&tf);
+        let text = self.scene_text(&tf)?;
         write_whole(path, |file| file.write_all(text.as_bytes()))
     }
 }
@@ -147,17 +106,4 @@ pub fn name_of(shading: Shading) -> &'static str {
         Shading::Lambert => "lambert",
         Shading::BlinnPhong => "blinn-phong",
     }
-}
-
-/// A unit vector that normalising again leaves as it is: what a scene file says comes back to the last bit.
-pub fn settled_direction(v: DVec3) -> DVec3 {
-    let mut now = v.normalize_or(DVec3::Z);
-    for _ in 0..8 {
-        let next = now.normalize();
-        if next == now {
-            break;
-        }
-        now = next;
-    }
-    now
 }

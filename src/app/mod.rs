@@ -238,7 +238,7 @@ impl App {
         let Some(document) = &self.document else {
             return self.note("open a volume first: a transfer function has no meaning without one");
         };
-        match crate::transfer::presets::resolve(name_or_path, &document.volume) {
+        match crate::open::presets::resolve(name_or_path, &document.volume) {
             Ok(found) => {
                 self.replace_tf(found.tf, Some(name_or_path.to_owned()));
                 self.messages.extend(found.note.map(|text| Message {

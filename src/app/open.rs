@@ -2,13 +2,12 @@
 
 use super::Document;
 use super::worker::{Job, Worker};
-use crate::cli::scene_args::{SceneArgs, SceneRequest};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingProgress};
+use crate::open::{self, Loaded, Remark, SceneSettings, VolumeSpec};
 use crate::scene::{Light, Scene};
 use crate::transfer::TransferFunction;
-use crate::transfer::presets;
-use crate::volume::{self, Histogram, Volume, VolumeSpec};
+use crate::volume::{Histogram, Volume};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
@@ -45,7 +44,7 @@ pub struct Beginning {
 #[derive(Debug, Clone)]
 pub enum With {
     /// Exactly what a command line or a scene file says.
-    Request(Box<SceneRequest>),
+    Settings(Box<SceneSettings>),
     /// Another volume in a window that is open: what suits it, but light, ambient and the like as they are.
     Scene(Box<Scene>),
     /// The same strands as other voxels: transfer function, camera, light and method stay as they are.
@@ -135,38 +134,30 @@ impl Drop for Opening {
 }
 
 fn read(spec: VolumeSpec, with: With, loading: &Loading) -> Result<Opened> {
-    let wanted_tf = match &with {
-        With::Request(request) => request.tf.clone(),
-        With::Scene(_) | With::Again => None,
-    };
-    // What the command line would refuse is refused before the long reading.
-    let found = wanted_tf.as_deref().map(presets::find).transpose()?;
-    let volume = volume::load_with(&spec, loading)?;
-    let mut notes = volume.provenance.warnings.clone();
-    let begin = |wanted_tf: Option<String>, scene, transparent| -> Result<Beginning> {
-        let tf_source = wanted_tf.unwrap_or_else(|| presets::default_name(&volume).to_owned());
-        let found = match found {
-            Some(found) => found,
-            None => presets::find(&tf_source)?,
-        };
-        let presets::ResolvedTransferFunction { tf, note } = found.suit(&volume);
-        notes.extend(note);
-        Ok(Beginning { tf, tf_source, scene, transparent })
-    };
-    let beginning = match with {
-        With::Request(request) => {
-            let (scene, transparent) = (request.resolve(&volume)?, Some(request.is_transparent()));
-            Some(begin(wanted_tf, scene, transparent)?)
+    let (volume, notes, beginning) = match with {
+        With::Again => {
+            let volume = open::load_with(&spec, loading)?;
+            let notes = volume.provenance.warnings.clone();
+            (volume, notes, None)
         }
-        With::Scene(scene) => {
-            let framed = SceneArgs::default().into_request()?.resolve(&volume)?;
-            let light = as_direction(&scene, &framed);
-            Some(begin(None, Scene { camera: framed.camera, light, ..*scene }, None)?)
+        With::Settings(settings) => {
+            let Loaded { volume, tf, tf_source, scene, remarks } = settings.load(loading)?;
+            let transparent = Some(settings.is_transparent());
+            (volume, texts(remarks), Some(Beginning { tf, tf_source, scene, transparent }))
         }
-        With::Again => None,
+        With::Scene(old) => {
+            let settings = SceneSettings::of_volume(&spec);
+            let Loaded { volume, tf, tf_source, scene, remarks } = settings.load(loading)?;
+            let scene = Scene { camera: scene.camera, light: as_direction(&old, &scene), ..*old };
+            (volume, texts(remarks), Some(Beginning { tf, tf_source, scene, transparent: None }))
+        }
     };
     let histogram = Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?;
     Ok(Opened { spec, volume: Arc::new(volume), histogram, beginning, bricks: 0, notes })
+}
+
+fn texts(remarks: Vec<Remark>) -> Vec<String> {
+    remarks.into_iter().map(|(_, text)| text).collect()
 }
 
 /// A light at infinity suits any volume; a point light is somewhere in the old one.

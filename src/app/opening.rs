@@ -6,7 +6,7 @@ use super::open::{Beginning, Opened, Opening, With};
 use super::strands_panel::StrandsState;
 use super::{App, Document, window};
 use crate::files::loading::Loading;
-use crate::volume::VolumeSpec;
+use crate::open::{DEFAULT_SHADOW, SceneSettings, VolumeSpec};
 use eframe::egui::{self, Rect, vec2};
 use std::path::Path;
 use std::sync::Arc;
@@ -17,11 +17,9 @@ const WIDTH: f32 = 360.0;
 impl App {
     /// Starts to open a volume; the one that is open stays until the new one is there.
     pub fn open(&mut self, spec: VolumeSpec, with: With) {
-        if let With::Request(request) = &with {
+        if let With::Settings(settings) = &with {
             // Bad settings are said at once, not after a long reading.
-            match MethodChoice::parse(
-                request.shadow.as_deref().unwrap_or(crate::cli::scene_args::DEFAULT_SHADOW),
-            ) {
+            match MethodChoice::parse(settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW)) {
                 Ok(choice) => self.view.next_method = Some(choice),
                 Err(e) => return self.fail(&e),
             }
@@ -55,19 +53,18 @@ impl App {
     fn open_as_is(&mut self, spec: VolumeSpec) {
         let with = match &self.document {
             Some(document) => With::Scene(Box::new(document.scene.clone())),
-            None => match window::default_request() {
-                Ok(request) => With::Request(Box::new(request)),
-                Err(e) => return self.fail(&e),
-            },
+            None => With::Settings(Box::new(SceneSettings {
+                shading: Some(window::SHADING),
+                ..SceneSettings::of_volume(&spec)
+            })),
         };
         self.open(spec, with);
     }
 
     /// Opens what a scene file says.
     pub fn open_scene(&mut self, path: &Path) {
-        let args = crate::cli::scene_args::SceneArgs { scene: vec![path.into()], ..Default::default() };
-        match args.into_request() {
-            Ok(request) => self.open(request.volume.clone(), With::Request(Box::new(request))),
+        match SceneSettings::read(path) {
+            Ok(settings) => self.open(settings.spec(), With::Settings(Box::new(settings))),
             Err(e) => self.fail(&e),
         }
     }

@@ -1,7 +1,8 @@
 //! Asking for a path: typed, or chosen in the system's dialog.
 
 use super::App;
-use crate::files::picture::Backdrop;
+use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
+use crate::open::FORMATS;
 use eframe::egui;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -35,14 +36,15 @@ impl Purpose {
     }
 
     /// Name and endings of the files meant.
-    fn filter(self) -> (&'static str, &'static [&'static str]) {
+    fn filter(self) -> (&'static str, Vec<&'static str>) {
         match self {
             Self::OpenVolume => {
-                ("Volumes, strands, scenes", &["nii", "gz", "hdr", "img", "raw", "hair", "toml"])
+                let volumes = FORMATS.iter().flat_map(|f| f.endings);
+                ("Volumes, strands, scenes", volumes.chain(&["toml"]).copied().collect())
             }
-            Self::LoadTransfer | Self::SaveTransfer => ("Transfer functions", &["json"]),
-            Self::SaveScene => ("Scenes", &["toml"]),
-            Self::ExportPicture => ("Pictures", &["png", "exr", "npy"]),
+            Self::LoadTransfer | Self::SaveTransfer => ("Transfer functions", vec!["json"]),
+            Self::SaveScene => ("Scenes", vec!["toml"]),
+            Self::ExportPicture => ("Pictures", PICTURE_EXTENSIONS.to_vec()),
         }
     }
 
@@ -203,7 +205,7 @@ impl App {
 fn browse(purpose: Purpose, path: &str, context: &egui::Context) -> Option<Dialog> {
     let (send, chosen) = channel();
     let (name, endings) = purpose.filter();
-    let mut dialog = rfd::FileDialog::new().set_title(purpose.title()).add_filter(name, endings);
+    let mut dialog = rfd::FileDialog::new().set_title(purpose.title()).add_filter(name, &endings);
     let path = Path::new(path);
     if let Some(folder) = path.parent().filter(|p| p.is_dir()) {
         dialog = dialog.set_directory(folder);

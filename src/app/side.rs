@@ -2,7 +2,7 @@
 
 use super::App;
 use super::camera::{self, AXIS_VIEWS, Orbit};
-use super::document::{name_of, settled_direction};
+use super::document::name_of;
 use super::method_choice::MethodChoice;
 use crate::files::color;
 use crate::scene::{Light, Shading};
@@ -120,10 +120,10 @@ impl App {
             ui.vertical(|ui| {
                 let is_point = matches!(light, Light::Point { .. });
                 if ui.radio(!is_point, "At infinity").clicked() && is_point {
-                    *light = Light::Directional { toward: settled_direction(toward) };
+                    *light = Light::Directional { toward: toward.normalize_or(DVec3::Z) };
                 }
                 if ui.radio(is_point, "At a point").clicked() && !is_point {
-                    *light = Light::Point { position: center + settled_direction(toward) * 1.6 * radius };
+                    *light = Light::Point { position: center + toward.normalize_or(DVec3::Z) * 1.6 * radius };
                 }
                 let (mut v, speed, unit, names) = match *light {
                     Light::Directional { toward } => (toward, 0.01, "", ["light R", "light A", "light S"]),
@@ -143,7 +143,7 @@ impl App {
                 }
                 if changed {
                     *light = match light {
-                        Light::Directional { .. } => Light::Directional { toward: settled_direction(v) },
+                        Light::Directional { .. } => Light::Directional { toward: v.normalize_or(DVec3::Z) },
                         Light::Point { .. } => Light::Point { position: v },
                     };
                 }

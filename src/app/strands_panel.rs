@@ -2,9 +2,8 @@
 
 use super::open::With;
 use super::{App, Document};
-use crate::strands::{DEFAULT_RESOLUTION, Kernel, RESOLUTIONS, STRANDS_FORMAT, StrandFlags};
-use crate::strands::{parse_resolution, parse_thickness_mm};
-use crate::volume::VolumeSpec;
+use crate::open::{StrandFlags, parse_resolution, parse_thickness_mm};
+use crate::strands::{DEFAULT_RESOLUTION, Kernel, RESOLUTIONS, STRANDS_FORMAT};
 use clap::ValueEnum;
 use eframe::egui;
 
@@ -21,7 +20,7 @@ pub struct StrandsState {
 impl StrandsState {
     /// What the open volume was voxelised with.
     pub fn of(document: &Document) -> Self {
-        let StrandFlags { resolution, kernel, thickness } = document.spec.strands;
+        let StrandFlags { resolution, kernel, thickness } = document.spec.flags.strands;
         let text = |value: Option<String>| value.unwrap_or_default();
         Self {
             resolution: text(resolution.map(|n| n.to_string())),
@@ -93,7 +92,9 @@ impl App {
         if button.clicked()
             && let Some(document) = &self.document
         {
-            self.open(VolumeSpec { strands: wanted, ..document.spec.clone() }, With::Again);
+            let mut spec = document.spec.clone();
+            spec.flags.strands = wanted;
+            self.open(spec, With::Again);
         }
     }
 }

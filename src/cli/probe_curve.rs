@@ -1,11 +1,11 @@
 //! `umbravox probe --curve`: transmittance against depth along a light ray, of several methods and exact.
 
-use super::scene_args::SceneRequest;
-use super::{Loaded, load, print_result, say};
+use super::told::{load, print_json, print_result, say};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::output::{check_output, check_output_dir, prepare_output_dir, write_whole};
 use crate::measure::light_curve::{LightCurve, MethodCurve};
+use crate::open::{Loaded, SceneSettings};
 use crate::render::Session;
 use crate::report::make::scene_name;
 use crate::report::plot::curve::{curve_png, curve_svg};
@@ -42,24 +42,24 @@ struct Json<'a> {
 /// # Errors
 /// Bad input, or a failure of the device or disk.
 pub fn run(
-    request: &SceneRequest,
+    settings: &SceneSettings,
     point_mm: DVec3,
     methods: Option<&str>,
     output: Option<&Path>,
 ) -> Result<()> {
     // The method of `--shadow` is the one asked for where no list is given.
-    let (flag, list) = match (methods, request.shadow.as_deref()) {
+    let (flag, list) = match (methods, settings.shadow.as_deref()) {
         (Some(list), _) => ("--methods", list),
         (None, Some(one)) => ("--shadow", one),
         (None, None) => ("--methods", DEFAULT_METHODS),
     };
     let methods = parse_list(list).map_err(|e| e.at(flag))?;
     let destination = destination(output)?;
-    let Loaded { volume, tf, scene } = load(request)?;
+    let Loaded { volume, tf, scene, .. } = load(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light, point_mm)
         .map_err(|e| e.at("--curve"))?;
     let volume = Arc::new(volume);
-    let session = Session::open(request.adapter.as_deref(), Arc::clone(&volume), &tf, request.forced)?;
+    let session = Session::open(settings.adapter.as_deref(), Arc::clone(&volume), &tf, settings.forced())?;
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());
     for method in &methods {
@@ -93,9 +93,8 @@ pub fn run(
         }
     }
     let broken = |e: &dyn std::fmt::Display| Error::runtime("cannot print result", "stdout", e);
-    if request.json {
-        let json = serde_json::to_string_pretty(&Json { curve: &curve, methods: &found });
-        return print_result(&(json.map_err(|e| broken(&e))? + "\n"));
+    if settings.json {
+        return print_json(&Json { curve: &curve, methods: &found });
     }
     match destination {
         Destination::Stdout => print_result(&String::from_utf8(file("csv")?).map_err(|e| broken(&e))?),

@@ -1,6 +1,6 @@
 //! `umbravox stability`: the stiff and extreme cases, every method.
 
-use super::{print_result, say};
+use super::told::{print_result, say};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;

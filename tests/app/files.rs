@@ -1,21 +1,22 @@
 //! Files in and out: what cannot be read, scenes that the command line draws alike, pictures.
 
-use super::{Bench, scene_args};
+use super::Bench;
 use ndarray::Array3;
 use ndarray_npy::ReadNpyExt;
 use std::time::{Duration, Instant};
 use umbravox::app::Purpose;
 use umbravox::app::curve::Edit;
-use umbravox::cli::load;
 use umbravox::files::color::srgb8_from_linear;
+use umbravox::files::loading::Loading;
 use umbravox::files::picture::{Backdrop, read_exr};
+use umbravox::open::SceneSettings;
 use umbravox::render::{Forced, Picture, Session};
 
 /// Draws a scene file as `render --scene` does.
 fn drawn_by_the_command_line(scene: &std::path::Path) -> Picture {
-    let request = scene_args(&["--scene", scene.to_str().unwrap()]).into_request().unwrap();
-    let method = request.method().unwrap();
-    let loaded = load(&request).unwrap();
+    let settings = SceneSettings::read(scene).unwrap();
+    let method = settings.method().unwrap();
+    let loaded = settings.load(&Loading::default()).unwrap();
     let session = Session::open(None, loaded.volume.into(), &loaded.tf, Forced::NOTHING).unwrap();
     let shadow = session.shadow(method.as_ref(), loaded.scene.light).unwrap();
     session.render(&shadow, &loaded.scene).unwrap()

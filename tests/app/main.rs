@@ -15,8 +15,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::time::{Duration, Instant};
 use umbravox::app::{App, Settings, With};
-use umbravox::cli::scene_args::SceneArgs;
 use umbravox::gpu::Gpu;
+use umbravox::open::SceneArgs;
 use umbravox::render::DisplayTexture;
 
 /// Long enough for a busy machine without a GPU.
@@ -36,8 +36,8 @@ impl Bench {
     /// Opens `line`, as on the command line of `view`; `None`, said aloud, where there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
         let mut bench = Self::empty()?;
-        let request = scene_args(line).into_request().unwrap();
-        bench.app().open(request.volume.clone(), With::Request(Box::new(request)));
+        let settings = scene_args(line).into_settings().unwrap();
+        bench.app().open(settings.spec(), With::Settings(Box::new(settings)));
         bench.settle();
         Some(bench)
     }

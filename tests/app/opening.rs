@@ -63,7 +63,7 @@ fn what_is_dropped_is_opened_by_what_it_is() {
     bench.settle();
     let document = bench.app().document.clone().unwrap();
     assert_eq!((document.method.name, document.scene.ambient), ("rays", 0.25));
-    assert!(document.transparent && document.scene_text("ct").contains("background = \"none\""));
+    assert!(document.transparent && document.scene_text("ct").unwrap().contains("background = \"none\""));
 
     // Broken ones: the reason is said, what was open stays.
     let picture = bench.pixels();

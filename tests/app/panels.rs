@@ -6,7 +6,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use std::time::Duration;
 use umbravox::app::curve::Edit;
 use umbravox::app::method_choice::MethodChoice;
-use umbravox::cli::load;
+use umbravox::files::loading::Loading;
+use umbravox::open::SceneSettings;
 use umbravox::strands::Kernel;
 
 #[test]
@@ -38,12 +39,12 @@ fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
     });
     bench.settle();
     let after = bench.app().document.clone().unwrap();
-    let flags = after.spec.strands;
+    let flags = after.spec.flags.strands;
     assert_eq!((flags.resolution, flags.kernel, flags.thickness), (Some(40), Some(Kernel::Tent), Some(0.75)));
     assert_eq!((&after.tf, &after.method), (&before.tf, &before.method));
     assert_eq!((after.scene.camera, after.scene.light), (before.scene.camera, before.scene.light));
     assert_ne!(bench.pixels(), picture);
-    let text = after.scene_text("hair");
+    let text = after.scene_text("hair").unwrap();
     for key in ["resolution = 40", "kernel = \"tent\"", "thickness = 0.75"] {
         assert!(text.lines().any(|l| l == key), "{text}");
     }
@@ -51,8 +52,8 @@ fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("scene.toml");
     bench.app().save_scene(&scene);
-    let request = super::scene_args(&["--scene", scene.to_str().unwrap()]).into_request().unwrap();
-    let read = load(&request).unwrap();
+    let settings = SceneSettings::read(&scene).unwrap();
+    let read = settings.load(&Loading::default()).unwrap();
     assert_eq!(read.volume.voxels(), after.volume.voxels());
     assert_eq!(read.tf, *after.tf);
 }
@@ -66,7 +67,9 @@ fn a_fitted_preset_that_stays_is_saved_as_it_stays() {
     assert!(!before.tf_edited());
     bench.type_into("strands resolution", "32");
     bench.click("Voxelise again");
-    bench.wait_for("voxelised", |app| app.document.as_ref().unwrap().spec.strands.resolution == Some(32));
+    bench.wait_for("voxelised", |app| {
+        app.document.as_ref().unwrap().spec.flags.strands.resolution == Some(32)
+    });
     let after = bench.app().document.clone().unwrap();
     assert_eq!(after.tf, before.tf);
     assert!(after.tf_edited(), "the preset would be stretched to the new values");

@@ -10,11 +10,12 @@ use umbravox::gpu::Gpu;
 use umbravox::measure::compare::{Comparison, Effort, Job, compare};
 use umbravox::measure::journal::Journal;
 use umbravox::measure::progress::Progress;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::render::{Forced, Session};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{BuildContext, Method, ShadowMap, parse, parse_list};
 use umbravox::transfer::{Quantity, TransferFunction};
-use umbravox::volume::{Volume, VolumeSpec, load};
+use umbravox::volume::Volume;
 
 const DELAY_MS: f64 = 250.0;
 /// Of the first builds: the one that errors are measured on, and the warm-up.

@@ -6,12 +6,16 @@ use crate::render::Forced;
 use crate::scene::Light;
 use crate::volume::RawLayout;
 use glam::DVec3;
+use serde::{Serialize, Serializer};
 
 /// Beyond a thousand kilometres 32-bit positions, and their squares, mean nothing.
 const MAX_COORDINATE: f64 = 1e9;
 
 /// A direction shorter than this has no direction worth normalising.
 const MIN_DIRECTION: f64 = 1e-9;
+
+/// What normalising leaves of a length's square beside 1.
+const ROUNDING: f64 = 1e-14;
 
 /// The largest picture side, the common limit of 2-D textures.
 const MAX_PICTURE_SIDE: u32 = 16_384;
@@ -23,6 +27,12 @@ pub struct Size {
     pub height: u32,
 }
 
+impl Serialize for Size {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(&format_args!("{}x{}", self.width, self.height))
+    }
+}
+
 /// What is behind the volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Background {
@@ -30,6 +40,15 @@ pub enum Background {
     Color([f64; 3]),
     /// Nothing: picture files are transparent there.
     None,
+}
+
+impl Serialize for Background {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Color(rgb) => serializer.serialize_str(&color::to_hex(*rgb)),
+            Self::None => serializer.serialize_str("none"),
+        }
+    }
 }
 
 /// `WxH`, each 1 to 16384.
@@ -71,13 +90,13 @@ pub fn point(text: &str) -> Result<DVec3, String> {
     Ok(v)
 }
 
-/// A direction `x,y,z` of any length but 0; normalised.
+/// A direction `x,y,z` of any length but 0; normalised. One that was written normalised comes back to the last bit.
 pub fn direction(text: &str) -> Result<DVec3, String> {
     let v = point(text)?;
     if v.length() < MIN_DIRECTION {
         return Err("its length is 0".into());
     }
-    Ok(v.normalize())
+    Ok(if (v.length_squared() - 1.0).abs() < ROUNDING { v } else { v.normalize() })
 }
 
 /// `dir:x,y,z` or `point:x,y,z`.
