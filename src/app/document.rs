@@ -1,11 +1,12 @@
 //! What a person works on: one volume with its transfer function, method and scene; what a scene file says of it.
 
+use super::curve::{Edit, History, apply};
 use super::method_choice::MethodChoice;
-use super::open::{Beginning, Opened};
+use super::reading::{Beginning, Opened};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::{SceneSettings, VolumeSpec, presets};
-use crate::scene::{Scene, Shading};
+use crate::scene::{Camera, Scene, Shading};
 use crate::transfer::TransferFunction;
 use crate::volume::{Histogram, Volume};
 use glam::DVec3;
@@ -21,10 +22,17 @@ pub struct Document {
     pub tf: Arc<TransferFunction>,
     /// The preset or file that the function was, and what it was then.
     pub tf_source: (String, Arc<TransferFunction>),
+    pub history: History,
+    /// The point of the function that is selected in the editor.
+    pub selected: Option<usize>,
+    /// Values at the editor's left and right edge; `None`: all of the volume's.
+    pub value_window: Option<[f64; 2]>,
     pub method: MethodChoice,
     /// The method on the right of the split.
     pub other: MethodChoice,
     pub scene: Scene,
+    /// The camera that reset goes back to.
+    pub home: Camera,
     /// Pictures are written without their background, which is black then.
     pub transparent: bool,
 }
@@ -36,11 +44,15 @@ impl Document {
         Self {
             spec: opened.spec,
             volume: opened.volume,
-            histogram: Arc::new(opened.histogram),
+            histogram: opened.histogram,
             tf_source: (begin.tf_source, Arc::clone(&tf)),
             tf,
+            history: History::default(),
+            selected: None,
+            value_window: None,
             method,
             other,
+            home: begin.scene.camera,
             scene: begin.scene,
             transparent: begin.transparent.unwrap_or(false),
         }
@@ -50,11 +62,43 @@ impl Document {
     pub fn take_voxels(&mut self, opened: Opened) {
         self.spec = opened.spec;
         self.volume = opened.volume;
-        self.histogram = Arc::new(opened.histogram);
+        self.histogram = opened.histogram;
         // A preset that is fitted to the values is another function now: the one that stays counts as edited.
         if let Ok(found) = presets::resolve(&self.tf_source.0, &self.volume) {
             self.tf_source.1 = Arc::new(found.tf);
         }
+    }
+
+    /// Its volume, to be taken onto another device.
+    pub fn opened(&self) -> Opened {
+        Opened {
+            spec: self.spec.clone(),
+            volume: Arc::clone(&self.volume),
+            histogram: Arc::clone(&self.histogram),
+            beginning: None,
+            notes: Vec::new(),
+        }
+    }
+
+    /// Edits the transfer function; edits of one kind in quick succession are one step of undo.
+    ///
+    /// # Errors
+    /// An edit that no file could hold.
+    pub fn edit(&mut self, edit: Edit) -> std::result::Result<(), &'static str> {
+        let tf = apply(&self.tf, edit)?;
+        if tf != *self.tf {
+            self.history.note_edit(Arc::clone(&self.tf), edit);
+            self.tf = Arc::new(tf);
+        }
+        Ok(())
+    }
+
+    /// Puts another transfer function in place, as one step of undo.
+    pub fn replace_tf(&mut self, tf: TransferFunction, source: String) {
+        self.history.note(Arc::clone(&self.tf));
+        self.tf = Arc::new(tf);
+        self.tf_source = (source, Arc::clone(&self.tf));
+        self.selected = None;
     }
 
     /// Whether the function differs from the preset or file that it came from.

@@ -11,6 +11,13 @@ pub struct MethodChoice {
     pub values: Vec<String>,
 }
 
+impl Default for MethodChoice {
+    /// The first of the registry.
+    fn default() -> Self {
+        Self::of(METHODS[0])
+    }
+}
+
 impl MethodChoice {
     /// A method with its defaults.
     pub fn of(entry: &Entry) -> Self {
@@ -24,10 +31,8 @@ impl MethodChoice {
     pub fn parse(text: &str) -> Result<Self> {
         shadow::parse(text)?;
         let spec = spec::parse_spec(text)?;
-        let mut choice = METHODS
-            .iter()
-            .find(|m| m.name == spec.name)
-            .map_or_else(|| Self::of(METHODS[0]), |entry| Self::of(entry));
+        let mut choice =
+            METHODS.iter().find(|m| m.name == spec.name).map_or_else(Self::default, |entry| Self::of(entry));
         for (key, values) in spec.params {
             if let Some(value) = values.into_iter().next() {
                 choice.set(&key, value);

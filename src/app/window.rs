@@ -1,11 +1,15 @@
 //! The window itself: eframe's, on the device that pictures are drawn with.
 
-use super::widgets::Widgets;
-use super::{App, Resume, Script, Settings, With};
+use super::contents::App;
+use super::model::SHADING;
+use super::paint::widgets::Widgets;
+use super::reading::With;
+use super::resume::Resume;
+use super::script::Script;
+use super::settings::Settings;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::open::SceneSettings;
-use crate::scene::Shading;
 use eframe::{egui, egui_wgpu, wgpu};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -21,9 +25,6 @@ pub struct Start {
     /// Input to replay, after which the window closes.
     pub script: Option<Script>,
 }
-
-/// The shading of the window, where nothing is said: surfaces read better while they turn.
-pub const SHADING: Shading = Shading::Lambert;
 
 /// A scene file that was kept is no larger.
 const MAX_SCENE_BYTES: usize = 1 << 20;
@@ -125,7 +126,7 @@ fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
             app.resume(resume);
         }
         if let Some(scene) = scene {
-            app.open(scene.spec(), With::Settings(Box::new(scene)));
+            app.model.open(scene.spec(), With::Settings(Box::new(scene)));
         }
         let kept = (!clean).then(Instant::now);
         Ok(Box::new(Window { app, kept, script, outcome: theirs, ended: false }))
@@ -172,9 +173,9 @@ impl Window {
     fn keep(&mut self, context: &egui::Context) {
         let size = context.input(|i| i.viewport().inner_rect.map(|r| r.size()));
         if let Some(size) = size {
-            self.app.settings.window = [size.x, size.y];
+            self.app.model.settings.window = [size.x, size.y];
         }
-        if let Some(document) = &self.app.document {
+        if let Some(document) = &self.app.model.document {
             // A function that was edited lives in a file beside the settings.
             let beside = Settings::path().map(|p| p.with_file_name("last.tf.json"));
             let tf = match beside.filter(|_| document.tf_edited()) {
@@ -182,10 +183,10 @@ impl Window {
                 None => Some(document.tf_source.0.clone()),
             };
             if let Some(Ok(text)) = tf.map(|tf| document.scene_text(&tf)) {
-                self.app.settings.last_scene = text;
+                self.app.model.settings.last_scene = text;
             }
         }
-        self.app.settings.write();
+        self.app.model.settings.write();
     }
 }
 
@@ -194,7 +195,7 @@ const KEEP_EVERY: Duration = Duration::from_secs(20);
 
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut egui::Ui, frame: &mut eframe::Frame) {
-        if let Some(why) = self.app.lost().filter(|_| !self.ended) {
+        if let Some(why) = self.app.model.lost().filter(|_| !self.ended) {
             self.ended = true;
             let resume = Box::new(self.app.into_resume(why));
             *lock(&self.outcome) = Ended::Lost(resume, self.script.take().map(Box::new));
