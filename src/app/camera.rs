@@ -19,10 +19,13 @@ const POLE_MARGIN: f64 = 0.01;
 
 /// A direction to look from, named as a radiologist would.
 pub struct AxisView {
+    /// Where the eye is, as a word.
     pub name: &'static str,
+    /// The same as an anatomical letter.
     pub mark: &'static str,
     /// From the target to the eye, RAS+.
     pub away: DVec3,
+    /// What is up in the picture, RAS+.
     pub up: DVec3,
 }
 

@@ -21,7 +21,9 @@ use std::time::Duration;
 
 /// What the window shows and does.
 pub struct App {
+    /// What is open, and what is asked of other threads.
     pub model: Model,
+    /// What is opened over the view.
     pub windows: Windows,
     /// Heat maps of the shown methods' errors.
     pub difference: Difference,

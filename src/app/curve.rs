@@ -18,31 +18,44 @@ const LEAST_TOP: f64 = 1e-6;
 pub enum Edit {
     /// A point to a value and an amount; it stays between its neighbours.
     Move {
+        /// Which point.
         index: usize,
+        /// The scalar value.
         value: f64,
+        /// Opacity, or extinction in 1/mm.
         amount: f64,
     },
     /// A new point; its colour is the one that the function has there.
     Add {
+        /// The scalar value.
         value: f64,
+        /// Opacity, or extinction in 1/mm.
         amount: f64,
     },
+    /// A point goes.
     Remove {
+        /// Which point.
         index: usize,
     },
     /// Linear RGB, rounded to what a file holds.
     Color {
+        /// Which point.
         index: usize,
+        /// Linear RGB, 0 to 1.
         color: [f64; 3],
     },
     /// A point becomes a jump: a second one of its value, from the point's amount to `amount`.
     Jump {
+        /// Which point.
         index: usize,
+        /// Beyond the jump: opacity, or extinction in 1/mm.
         amount: f64,
     },
     /// Every value shifted, and spread about the middle of the points.
     Window {
+        /// Added to every value.
         shift: f64,
+        /// Factor of the distance to the middle.
         spread: f64,
     },
 }
@@ -134,6 +147,7 @@ pub fn top_of(tf: &TransferFunction) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AmountAxis {
+    /// As it is.
     Linear,
     /// Four decades below the top, and nothing at the bottom: low opacities are set finely.
     Logarithmic,
@@ -200,10 +214,12 @@ impl History {
         self.future.clear();
     }
 
+    /// Whether there is something to take back.
     pub fn can_undo(&self) -> bool {
         !self.past.is_empty()
     }
 
+    /// Whether something was taken back.
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()
     }

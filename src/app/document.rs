@@ -16,20 +16,27 @@ use std::sync::Arc;
 /// An open volume and all that decides its picture.
 #[derive(Debug, Clone)]
 pub struct Document {
+    /// Where the volume came from, and how it was read.
     pub spec: VolumeSpec,
+    /// The voxels.
     pub volume: Arc<Volume>,
+    /// How often each value occurs.
     pub histogram: Arc<Histogram>,
+    /// The transfer function as it is now.
     pub tf: Arc<TransferFunction>,
     /// The preset or file that the function was, and what it was then.
     pub tf_source: (String, Arc<TransferFunction>),
+    /// What it was before, to be taken back.
     pub history: History,
     /// The point of the function that is selected in the editor.
     pub selected: Option<usize>,
     /// Values at the editor's left and right edge; `None`: all of the volume's.
     pub value_window: Option<[f64; 2]>,
+    /// The shadow method.
     pub method: MethodChoice,
     /// The method on the right of the split.
     pub other: MethodChoice,
+    /// Camera, light and picture settings.
     pub scene: Scene,
     /// The camera that reset goes back to.
     pub home: Camera,

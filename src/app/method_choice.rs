@@ -6,6 +6,7 @@ use crate::shadow::{self, Entry, METHODS, Method, spec};
 /// A method of the registry with a text for every key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MethodChoice {
+    /// Its name in the registry.
     pub name: &'static str,
     /// As many as the method has keys, in their order.
     pub values: Vec<String>,

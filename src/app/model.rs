@@ -34,28 +34,38 @@ pub const SHADING: Shading = Shading::Lambert;
 /// A line at the bottom of the view.
 #[derive(Debug, Clone)]
 pub struct Message {
+    /// What happened.
     pub text: String,
+    /// A way out.
     pub hint: Option<String>,
+    /// It stays until it is closed.
     pub is_error: bool,
     since: Instant,
 }
 
 /// An export that is running: its file and the share that is done.
 pub struct Exporting {
+    /// The file.
     pub path: String,
+    /// Of the picture, 0 to 1.
     pub share: f32,
 }
 
 /// The window's state as far as more than one panel knows it.
 pub struct Model {
     thread: RenderThread,
+    /// Called by other threads when there is news.
     pub wake: Wake,
+    /// The graphics adapter's whole name.
     pub adapter: String,
     loss: DeviceLoss,
+    /// What is remembered from one run to the next.
     pub settings: Settings,
+    /// What is open.
     pub document: Option<Document>,
     /// A volume that is being read.
     pub reading: Option<Reading>,
+    /// An export that is running.
     pub exporting: Option<Exporting>,
     /// The last finished picture.
     pub frame: Option<Frame>,
@@ -63,10 +73,13 @@ pub struct Model {
     pub asked: Option<Subject>,
     /// The last picture is whole and of what is wanted.
     pub settled: bool,
+    /// How the view is divided between two methods.
     pub split: Split,
+    /// The probe's last answer.
     pub probe: Option<ProbeResult>,
     /// What was shown when the probe was asked last.
     probed: Option<Subject>,
+    /// What is said below the view.
     pub messages: Vec<Message>,
     /// The view on screen, points.
     pub view: Option<Rect>,

@@ -12,7 +12,9 @@ use std::path::PathBuf;
 pub struct Resume {
     /// The driver's reason.
     pub why: String,
+    /// The window's.
     pub settings: Settings,
+    /// The document, how the view was divided, and whether errors were shown.
     pub open: Option<(Document, Split, Difference)>,
 }
 

@@ -17,12 +17,19 @@ const MOST_RECENT: usize = 10;
 pub struct Settings {
     /// Inner size of the window, points.
     pub window: [f32; 2],
+    /// Light on dark.
     pub dark: bool,
+    /// How dragging turns the camera.
     pub orbit: Orbit,
+    /// The editor's vertical axis.
     pub amount_axis: AmountAxis,
+    /// Counts on a logarithmic scale.
     pub log_histogram: bool,
+    /// Voxels weigh as much as the value changes there.
     pub gradient_histogram: bool,
+    /// Slices beside the view.
     pub slices: bool,
+    /// Anatomical letters and axes.
     pub marks: bool,
     /// Changes a second of the flicker.
     pub flicker_hz: f64,

@@ -19,6 +19,7 @@ use std::time::{Duration, Instant};
 pub struct Start {
     /// What to open; `None` opens what was open last.
     pub scene: Option<SceneSettings>,
+    /// Part of the adapter's name; `None`: the system's choice.
     pub adapter: Option<String>,
     /// Neither read nor keep settings.
     pub clean: bool,

@@ -13,10 +13,15 @@ const NO_DIALOG_TEXT: &str = "The system shows no file dialog: type the path abo
 /// What a path is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
+    /// A volume, strands or a scene, to be opened.
     OpenVolume,
+    /// A transfer function, to be taken.
     LoadTransfer,
+    /// Where the transfer function is to be written.
     SaveTransfer,
+    /// Where the scene is to be written.
     SaveScene,
+    /// Where a picture is to be written.
     ExportPicture,
 }
 
