@@ -6,8 +6,9 @@ mod common;
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use umbravox::field::ActiveBricks;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::transfer::{Quantity, TransferFunction};
-use umbravox::volume::{Bricks, VolumeSpec, load};
+use umbravox::volume::Bricks;
 
 fn vessels() -> TransferFunction {
     TransferFunction::new(Quantity::Opacity, &[(180.0, 0.0), (300.0, 0.6)])

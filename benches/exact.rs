@@ -9,9 +9,10 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
 use std::hint::black_box;
 use umbravox::exact::ExactField;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::scene::Scene;
 use umbravox::transfer::{Quantity, TransferFunction};
-use umbravox::volume::{Volume, VolumeSpec, load};
+use umbravox::volume::Volume;
 
 const RAYS: usize = 2_000;
 

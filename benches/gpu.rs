@@ -7,11 +7,12 @@ mod common;
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::sync::Arc;
+use umbravox::open::presets;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::render::{Forced, Session};
 use umbravox::scene::Scene;
 use umbravox::shadow;
-use umbravox::transfer::{PairTable, TransferTables, presets};
-use umbravox::volume::{VolumeSpec, load};
+use umbravox::transfer::{PairTable, TransferTables};
 
 fn stages(criterion: &mut Criterion) {
     let mut sources = vec![("thorax", "phantom:thorax:128".to_string())];

@@ -50,6 +50,7 @@ pub mod field;
 pub mod files;
 pub mod gpu;
 pub mod measure;
+pub mod open;
 pub mod render;
 pub mod report;
 pub mod scene;

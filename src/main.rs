@@ -2,10 +2,38 @@
 
 use std::env;
 use std::process::ExitCode;
+use umbravox::Result;
+use umbravox::cli::view::ViewArgs;
 
 fn main() -> ExitCode {
     quiet_device_selection();
-    umbravox::cli::main(env::args_os())
+    umbravox::cli::main(env::args_os(), view)
+}
+
+/// Opens the window.
+#[cfg(feature = "gui")]
+fn view(args: ViewArgs) -> Result<()> {
+    use umbravox::app::{Script, Start, run};
+    use umbravox::open::SceneArgs;
+    use umbravox::scene::Shading;
+
+    let script = args.script.as_deref().map(Script::read).transpose()?;
+    let asked = args.scene != SceneArgs::default();
+    let mut settings = args.scene.into_settings()?;
+    // Said before a window opens, as any other command would.
+    settings.method()?;
+    settings.shading.get_or_insert(Shading::Lambert);
+    let adapter = settings.adapter.clone();
+    let scene = (asked || args.clean).then_some(settings);
+    run(Start { scene, adapter, clean: args.clean, script })
+}
+
+/// Refuses: this build has no window.
+#[cfg(not(feature = "gui"))]
+fn view(_args: ViewArgs) -> Result<()> {
+    let why = "the window was left out of this build (cargo feature `gui`)";
+    Err(umbravox::Error::input("cannot open the window", "view", why)
+        .hint("build without --no-default-features, or use `render`"))
 }
 
 /// Keeps Mesa's device-selection layer out where it could only complain: without `XDG_RUNTIME_DIR` there is no Wayland

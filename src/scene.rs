@@ -2,7 +2,7 @@
 
 use crate::volume::Volume;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// A pinhole camera; world millimetres, vertical field of view in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -64,7 +64,7 @@ impl Camera {
 }
 
 /// The one light; world millimetres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
     /// At infinity.
     Directional {
@@ -100,6 +100,17 @@ impl Light {
         // A direction was normalised: its digits beyond these say nothing.
         let [x, y, z] = v.to_array().map(|c| (c * 1e4).round() / 1e4 + 0.0);
         format!("{kind}:{x},{y},{z}")
+    }
+}
+
+/// As `--light` takes it, to the last bit.
+impl Serialize for Light {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let (kind, v) = match self {
+            Self::Directional { toward } => ("dir", toward),
+            Self::Point { position } => ("point", position),
+        };
+        serializer.collect_str(&format_args!("{kind}:{:?},{:?},{:?}", v.x, v.y, v.z))
     }
 }
 

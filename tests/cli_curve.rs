@@ -8,9 +8,9 @@ use std::path::Path;
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
 use umbravox::measure::light_curve::LightCurve;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::scene::Light;
 use umbravox::transfer::TransferFunction;
-use umbravox::volume::{VolumeSpec, load};
 
 use glam::DVec3;
 

@@ -4,8 +4,6 @@ mod cli;
 
 use cli::{refused, umbravox};
 
-const COMMANDS: [&str; 6] = ["info", "render", "probe", "compare", "voxelise", "phantom"];
-
 fn stdout(args: &[&str]) -> String {
     let output = umbravox(std::env::temp_dir().as_path(), args);
     assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -16,9 +14,15 @@ fn stdout(args: &[&str]) -> String {
 #[test]
 fn help_names_every_command_and_the_version_is_the_crates() {
     let help = stdout(&["--help"]);
-    for command in COMMANDS {
-        assert!(help.contains(&format!("\n  {command}")), "{command} is missing:\n{help}");
+    let all = umbravox::cli::command();
+    for command in all.get_subcommands() {
+        let (name, about) =
+            (command.get_name(), command.get_about().expect("it says what it does").to_string());
+        let words = |s: &str| s.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(words(&help).contains(&format!("{name} {about}")), "{name} is missing:\n{help}");
+        assert!(stdout(&[name, "-h"]).starts_with(&about));
     }
+    assert!(all.get_subcommands().count() >= 8);
     assert_eq!(stdout(&["--version"]), format!("umbravox {}\n", env!("CARGO_PKG_VERSION")));
 }
 

@@ -3,9 +3,10 @@
 use fastrand::Rng;
 use glam::{DVec2, DVec3};
 use umbravox::field::{ActiveBricks, LightSpace, Projection, TILE};
+use umbravox::open::presets;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::scene::Light;
-use umbravox::transfer::presets;
-use umbravox::volume::{BRICK_CELLS, Bricks, Volume, VolumeSpec, load};
+use umbravox::volume::{BRICK_CELLS, Bricks, Volume};
 
 fn chest() -> (Volume, ActiveBricks) {
     let volume = load(&VolumeSpec::new("phantom:thorax:70")).unwrap();

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use umbravox::files::loading::{Loading, ReadingProgress, ReadingStage};
+use umbravox::open::{VolumeSpec, load, load_with};
 use umbravox::strands::{StrandSet, write_hair};
-use umbravox::volume::{Histogram, VolumeSpec, load, load_with, write_nifti};
+use umbravox::volume::{Histogram, write_nifti};
 
 /// Values that a compressor makes little of.
 fn noise(bytes: usize) -> Vec<u8> {
@@ -35,7 +36,7 @@ fn files(folder: &Path, n: usize) -> Vec<PathBuf> {
 fn spec(source: &str) -> VolumeSpec {
     let mut spec = VolumeSpec::new(source);
     if source.contains("hair") {
-        spec.strands.resolution = Some(64);
+        spec.flags.strands.resolution = Some(64);
     }
     spec
 }

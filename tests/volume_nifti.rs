@@ -7,7 +7,8 @@ use glam::{DVec3, dvec3};
 use nifti_bytes::{NiftiBytes, gzip};
 use std::fs;
 use std::path::PathBuf;
-use umbravox::volume::{AffineSource, Volume, VolumeSpec, load};
+use umbravox::open::{ReadFlags, VolumeSpec, load};
+use umbravox::volume::{AffineSource, Volume};
 use umbravox::{Error, Result};
 
 struct Folder(tempfile::TempDir);
@@ -271,8 +272,12 @@ fn frames() {
         let folder = Folder::new();
         let file = NiftiBytes::new([2, 3, 4]).with(|f| f.dim = [4, 2, 3, 2, 2, 1, 1, 1]);
         folder.write("a.nii", &if zipped { gzip(&file.bytes()) } else { file.bytes() });
-        let frame =
-            |n| load(&VolumeSpec { frame: n, ..VolumeSpec::new(folder.path("a.nii").to_str().unwrap()) });
+        let frame = |n| {
+            load(&VolumeSpec {
+                flags: ReadFlags { frame: n, ..Default::default() },
+                ..VolumeSpec::new(folder.path("a.nii").to_str().unwrap())
+            })
+        };
         assert_eq!(values(&frame(None).unwrap())[0], 0.0);
         let second = frame(Some(1)).unwrap();
         assert_eq!(values(&second), (12..24).map(f64::from).collect::<Vec<_>>());
@@ -503,8 +508,17 @@ fn flags_of_raw_files_are_refused() {
     let folder = Folder::new();
     folder.write("a.nii", &NiftiBytes::new([2, 2, 2]).bytes());
     let spec = VolumeSpec::new(folder.path("a.nii").to_str().unwrap());
-    refused(load(&VolumeSpec { spacing_mm: Some([1.0; 3]), ..spec.clone() }), "--spacing");
-    refused(load(&VolumeSpec { offset_bytes: Some(0), ..spec }), "--offset");
+    refused(
+        load(&VolumeSpec {
+            flags: ReadFlags { spacing: Some([1.0; 3]), ..Default::default() },
+            ..spec.clone()
+        }),
+        "--spacing",
+    );
+    refused(
+        load(&VolumeSpec { flags: ReadFlags { offset: Some(0), ..Default::default() }, ..spec }),
+        "--offset",
+    );
 }
 
 #[test]

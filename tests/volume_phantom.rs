@@ -2,7 +2,8 @@
 
 use std::fs;
 use umbravox::cli::{info::Info, phantom};
-use umbravox::volume::{AffineSource, Phantom, Volume, VolumeSpec, load, write_nifti};
+use umbravox::open::{ReadFlags, VolumeSpec, load};
+use umbravox::volume::{AffineSource, Phantom, Volume, write_nifti};
 
 fn build(spec: &str) -> Volume {
     load(&VolumeSpec::new(spec)).unwrap()
@@ -45,9 +46,15 @@ fn names_and_sizes() {
     for size in [0, 1025, usize::MAX] {
         assert!(Phantom::Comb.build(size).is_err());
     }
-    let with_flag = VolumeSpec { raw: Some("2x2x2:u8".parse().unwrap()), ..VolumeSpec::new("phantom:slab") };
+    let with_flag = VolumeSpec {
+        flags: ReadFlags { raw: Some("2x2x2:u8".parse().unwrap()), ..Default::default() },
+        ..VolumeSpec::new("phantom:slab")
+    };
     assert!(load(&with_flag).unwrap_err().to_string().contains("--raw"));
-    let with_frame = VolumeSpec { frame: Some(1), ..VolumeSpec::new("phantom:slab") };
+    let with_frame = VolumeSpec {
+        flags: ReadFlags { frame: Some(1), ..Default::default() },
+        ..VolumeSpec::new("phantom:slab")
+    };
     assert!(load(&with_frame).unwrap_err().to_string().contains("--frame"));
 }
 

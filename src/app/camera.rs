@@ -1,6 +1,5 @@
 //! What a hand does to the camera and the light.
 
-use super::document::settled_direction;
 use crate::scene::{Camera, Light};
 use glam::{DQuat, DVec3};
 use std::f64::consts::FRAC_PI_2;
@@ -20,10 +19,13 @@ const POLE_MARGIN: f64 = 0.01;
 
 /// A direction to look from, named as a radiologist would.
 pub struct AxisView {
+    /// Where the eye is, as a word.
     pub name: &'static str,
+    /// The same as an anatomical letter.
     pub mark: &'static str,
     /// From the target to the eye, RAS+.
     pub away: DVec3,
+    /// What is up in the picture, RAS+.
     pub up: DVec3,
 }
 
@@ -53,7 +55,7 @@ pub fn orbit(camera: &mut Camera, how: Orbit, right: f64, down: f64) {
         Orbit::Trackball => {
             let turn = DQuat::from_axis_angle(frame.up, -right) * DQuat::from_axis_angle(frame.right, -down);
             camera.eye = camera.target + turn * offset;
-            camera.up = settled_direction(turn * frame.up);
+            camera.up = (turn * frame.up).normalize_or(DVec3::Z);
         }
     }
 }
@@ -93,7 +95,7 @@ pub fn drag_light(light: &mut Light, camera: &Camera, right: f64, down: f64) {
     match light {
         Light::Directional { toward } => {
             let turn = DQuat::from_axis_angle(frame.up, right) * DQuat::from_axis_angle(frame.right, down);
-            *toward = settled_direction(turn * *toward);
+            *toward = (turn * *toward).normalize_or(DVec3::Z);
         }
         Light::Point { position } => {
             let depth = (*position - camera.eye).dot(frame.forward).abs().max(1e-3);
@@ -119,7 +121,8 @@ pub fn direction_from_disc(camera: &Camera, [x, y]: [f64; 2]) -> DVec3 {
     let radius = x.hypot(y).min(1.0);
     let angle = radius * std::f64::consts::PI;
     let (x, y) = if radius < 1e-9 { (0.0, 0.0) } else { (x / x.hypot(y), y / x.hypot(y)) };
-    settled_direction(angle.sin() * (x * frame.right + y * frame.up) - angle.cos() * frame.forward)
+    let toward = angle.sin() * (x * frame.right + y * frame.up) - angle.cos() * frame.forward;
+    toward.normalize_or(DVec3::Z)
 }
 
 /// The anatomical letters of a direction, strongest first: `L`, `PS`, ...

@@ -2,10 +2,14 @@
 
 use crate::files::color;
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
+use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Steps that can be undone.
 const MOST_STEPS: usize = 200;
+/// Two edits of one kind within this time are one step of undo.
+const ONE_EDIT: Duration = Duration::from_millis(700);
 /// Extinction at the top of the editor where a function gives extinction and none is higher, 1/mm.
 const LEAST_TOP: f64 = 1e-6;
 
@@ -14,31 +18,44 @@ const LEAST_TOP: f64 = 1e-6;
 pub enum Edit {
     /// A point to a value and an amount; it stays between its neighbours.
     Move {
+        /// Which point.
         index: usize,
+        /// The scalar value.
         value: f64,
+        /// Opacity, or extinction in 1/mm.
         amount: f64,
     },
     /// A new point; its colour is the one that the function has there.
     Add {
+        /// The scalar value.
         value: f64,
+        /// Opacity, or extinction in 1/mm.
         amount: f64,
     },
+    /// A point goes.
     Remove {
+        /// Which point.
         index: usize,
     },
     /// Linear RGB, rounded to what a file holds.
     Color {
+        /// Which point.
         index: usize,
+        /// Linear RGB, 0 to 1.
         color: [f64; 3],
     },
     /// A point becomes a jump: a second one of its value, from the point's amount to `amount`.
     Jump {
+        /// Which point.
         index: usize,
+        /// Beyond the jump: opacity, or extinction in 1/mm.
         amount: f64,
     },
     /// Every value shifted, and spread about the middle of the points.
     Window {
+        /// Added to every value.
         shift: f64,
+        /// Factor of the distance to the middle.
         spread: f64,
     },
 }
@@ -130,6 +147,7 @@ pub fn top_of(tf: &TransferFunction) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AmountAxis {
+    /// As it is.
     Linear,
     /// Four decades below the top, and nothing at the bottom: low opacities are set finely.
     Logarithmic,
@@ -169,11 +187,23 @@ impl AmountAxis {
 pub struct History {
     past: Vec<Arc<TransferFunction>>,
     future: Vec<Arc<TransferFunction>>,
+    last: Option<(Discriminant<Edit>, Instant)>,
 }
 
 impl History {
-    /// Notes the function before an edit; a drag is one edit.
+    /// Notes the function before an edit, unless that goes on with the last one: a drag is one edit.
+    pub fn note_edit(&mut self, before: Arc<TransferFunction>, edit: Edit) {
+        let kind = discriminant(&edit);
+        let goes_on = self.last.is_some_and(|(last, when)| last == kind && when.elapsed() < ONE_EDIT);
+        if !goes_on {
+            self.note(before);
+        }
+        self.last = Some((kind, Instant::now()));
+    }
+
+    /// Notes the function before it is replaced.
     pub fn note(&mut self, before: Arc<TransferFunction>) {
+        self.last = None;
         if self.past.last().is_some_and(|last| **last == *before) {
             return;
         }
@@ -184,26 +214,28 @@ impl History {
         self.future.clear();
     }
 
+    /// Whether there is something to take back.
     pub fn can_undo(&self) -> bool {
         !self.past.is_empty()
     }
 
+    /// Whether something was taken back.
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()
     }
 
-    /// The function before the last edit.
-    pub fn undo(&mut self, now: &Arc<TransferFunction>) -> Option<Arc<TransferFunction>> {
-        let before = self.past.pop()?;
-        self.future.push(Arc::clone(now));
-        Some(before)
+    /// Back to the function before the last edit.
+    pub fn undo(&mut self, now: &mut Arc<TransferFunction>) {
+        let Some(before) = self.past.pop() else { return };
+        self.future.push(std::mem::replace(now, before));
+        self.last = None;
     }
 
-    /// The function that was undone last.
-    pub fn redo(&mut self, now: &Arc<TransferFunction>) -> Option<Arc<TransferFunction>> {
-        let after = self.future.pop()?;
-        self.past.push(Arc::clone(now));
-        Some(after)
+    /// Forward to the function that was undone last.
+    pub fn redo(&mut self, now: &mut Arc<TransferFunction>) {
+        let Some(after) = self.future.pop() else { return };
+        self.past.push(std::mem::replace(now, after));
+        self.last = None;
     }
 }
 
@@ -268,9 +300,11 @@ mod tests {
         history.note(Arc::clone(&first));
         history.note(Arc::clone(&first));
         let second = Arc::new(apply(&first, Edit::Remove { index: 0 }).unwrap());
-        let back = history.undo(&second).unwrap();
-        assert_eq!(back, first);
+        let mut now = Arc::clone(&second);
+        history.undo(&mut now);
+        assert_eq!(now, first);
         assert!(!history.can_undo() && history.can_redo());
-        assert_eq!(history.redo(&back).unwrap(), second);
+        history.redo(&mut now);
+        assert_eq!(now, second);
     }
 }

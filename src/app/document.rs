@@ -1,32 +1,45 @@
 //! What a person works on: one volume with its transfer function, method and scene; what a scene file says of it.
 
+use super::curve::{Edit, History, apply};
 use super::method_choice::MethodChoice;
-use super::open::{Beginning, Opened};
+use super::reading::{Beginning, Opened};
 use crate::error::Result;
-use crate::files::color;
 use crate::files::output::write_whole;
-use crate::scene::{Light, Scene, Shading, Skip};
-use crate::transfer::{TransferFunction, presets};
-use crate::volume::{Histogram, Volume, VolumeSpec};
-use clap::ValueEnum;
+use crate::open::{SceneSettings, VolumeSpec, presets};
+use crate::scene::{Camera, Scene, Shading};
+use crate::transfer::TransferFunction;
+use crate::volume::{Histogram, Volume};
 use glam::DVec3;
-use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
 /// An open volume and all that decides its picture.
 #[derive(Debug, Clone)]
 pub struct Document {
+    /// Where the volume came from, and how it was read.
     pub spec: VolumeSpec,
+    /// The voxels.
     pub volume: Arc<Volume>,
+    /// How often each value occurs.
     pub histogram: Arc<Histogram>,
+    /// The transfer function as it is now.
     pub tf: Arc<TransferFunction>,
     /// The preset or file that the function was, and what it was then.
     pub tf_source: (String, Arc<TransferFunction>),
+    /// What it was before, to be taken back.
+    pub history: History,
+    /// The point of the function that is selected in the editor.
+    pub selected: Option<usize>,
+    /// Values at the editor's left and right edge; `None`: all of the volume's.
+    pub value_window: Option<[f64; 2]>,
+    /// The shadow method.
     pub method: MethodChoice,
     /// The method on the right of the split.
     pub other: MethodChoice,
+    /// Camera, light and picture settings.
     pub scene: Scene,
+    /// The camera that reset goes back to.
+    pub home: Camera,
     /// Pictures are written without their background, which is black then.
     pub transparent: bool,
 }
@@ -38,11 +51,15 @@ impl Document {
         Self {
             spec: opened.spec,
             volume: opened.volume,
-            histogram: Arc::new(opened.histogram),
+            histogram: opened.histogram,
             tf_source: (begin.tf_source, Arc::clone(&tf)),
             tf,
+            history: History::default(),
+            selected: None,
+            value_window: None,
             method,
             other,
+            home: begin.scene.camera,
             scene: begin.scene,
             transparent: begin.transparent.unwrap_or(false),
         }
@@ -52,11 +69,43 @@ impl Document {
     pub fn take_voxels(&mut self, opened: Opened) {
         self.spec = opened.spec;
         self.volume = opened.volume;
-        self.histogram = Arc::new(opened.histogram);
+        self.histogram = opened.histogram;
         // A preset that is fitted to the values is another function now: the one that stays counts as edited.
         if let Ok(found) = presets::resolve(&self.tf_source.0, &self.volume) {
             self.tf_source.1 = Arc::new(found.tf);
         }
+    }
+
+    /// Its volume, to be taken onto another device.
+    pub fn opened(&self) -> Opened {
+        Opened {
+            spec: self.spec.clone(),
+            volume: Arc::clone(&self.volume),
+            histogram: Arc::clone(&self.histogram),
+            beginning: None,
+            notes: Vec::new(),
+        }
+    }
+
+    /// Edits the transfer function; edits of one kind in quick succession are one step of undo.
+    ///
+    /// # Errors
+    /// An edit that no file could hold.
+    pub fn edit(&mut self, edit: Edit) -> std::result::Result<(), &'static str> {
+        let tf = apply(&self.tf, edit)?;
+        if tf != *self.tf {
+            self.history.note_edit(Arc::clone(&self.tf), edit);
+            self.tf = Arc::new(tf);
+        }
+        Ok(())
+    }
+
+    /// Puts another transfer function in place, as one step of undo.
+    pub fn replace_tf(&mut self, tf: TransferFunction, source: String) {
+        self.history.note(Arc::clone(&self.tf));
+        self.tf = Arc::new(tf);
+        self.tf_source = (source, Arc::clone(&self.tf));
+        self.selected = None;
     }
 
     /// Whether the function differs from the preset or file that it came from.
@@ -72,55 +121,16 @@ impl Document {
     }
 
     /// The scene as a file that `--scene` takes; `tf` is a preset or a path.
-    pub fn scene_text(&self, tf: &str) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let mut key = |key: &str, value: String| _ = writeln!(text, "{key} = {value}");
-        let string = |s: &str| toml::Value::String(s.to_owned()).to_string();
-        let vector = |v: DVec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);
-        let spec = &self.spec;
-        key("volume", string(&spec.source));
-        if let Some(raw) = spec.raw {
-            key("raw", string(&raw.to_string()));
-        }
-        if let Some(spacing) = spec.spacing_mm {
-            key("spacing", vector(DVec3::from_array(spacing)));
-        }
-        if let Some(offset) = spec.offset_bytes {
-            key("offset", offset.to_string());
-        }
-        if let Some(frame) = spec.frame {
-            key("frame", frame.to_string());
-        }
-        if let Some(resolution) = spec.strands.resolution {
-            key("resolution", resolution.to_string());
-        }
-        if let Some(kernel) = spec.strands.kernel.and_then(|k| k.to_possible_value()) {
-            key("kernel", string(kernel.get_name()));
-        }
-        if let Some(thickness) = spec.strands.thickness {
-            key("thickness", format!("{thickness:?}"));
-        }
-        let scene = &self.scene;
-        key("tf", string(tf));
-        key("shadow", string(&self.method.spec()));
-        key("size", string(&format!("{}x{}", scene.width, scene.height)));
-        key("eye", vector(scene.camera.eye));
-        key("target", vector(scene.camera.target));
-        key("up", vector(scene.camera.up));
-        key("fov", format!("{:?}", scene.camera.fov_deg));
-        let light = match scene.light {
-            Light::Directional { toward: v } => format!("dir:{:?},{:?},{:?}", v.x, v.y, v.z),
-            Light::Point { position: v } => format!("point:{:?},{:?},{:?}", v.x, v.y, v.z),
+    ///
+    /// # Errors
+    /// As [`SceneSettings::to_toml`].
+    pub fn scene_text(&self, tf: &str) -> Result<String> {
+        let settings = SceneSettings {
+            tf: Some(tf.to_owned()),
+            shadow: Some(self.method.spec()),
+            ..SceneSettings::of_scene(&self.spec, &self.scene, self.transparent)
         };
-        key("light", string(&light));
-        key("ambient", format!("{:?}", scene.ambient));
-        key("shading", string(name_of(scene.shading)));
-        let background = if self.transparent { "none".to_owned() } else { color::to_hex(scene.background) };
-        key("background", string(&background));
-        key("step", format!("{:?}", scene.step));
-        key("skip", string(if scene.skip == Skip::Bricks { "bricks" } else { "none" }));
-        text
+        settings.to_toml()
     }
 
     /// Writes a scene file; a function that was edited goes into a `.json` beside it.
@@ -135,7 +145,7 @@ impl Document {
         } else {
             self.tf_source.0.clone()
         };
-        let text = self.scene_text(&tf);
+        let text = self.scene_text(&tf)?;
         write_whole(path, |file| file.write_all(text.as_bytes()))
     }
 }
@@ -147,17 +157,4 @@ pub fn name_of(shading: Shading) -> &'static str {
         Shading::Lambert => "lambert",
         Shading::BlinnPhong => "blinn-phong",
     }
-}
-
-/// A unit vector that normalising again leaves as it is: what a scene file says comes back to the last bit.
-pub fn settled_direction(v: DVec3) -> DVec3 {
-    let mut now = v.normalize_or(DVec3::Z);
-    for _ in 0..8 {
-        let next = now.normalize();
-        if next == now {
-            break;
-        }
-        now = next;
-    }
-    now
 }

@@ -6,9 +6,17 @@ use crate::shadow::{self, Entry, METHODS, Method, spec};
 /// A method of the registry with a text for every key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MethodChoice {
+    /// Its name in the registry.
     pub name: &'static str,
     /// As many as the method has keys, in their order.
     pub values: Vec<String>,
+}
+
+impl Default for MethodChoice {
+    /// The first of the registry.
+    fn default() -> Self {
+        Self::of(METHODS[0])
+    }
 }
 
 impl MethodChoice {
@@ -24,10 +32,8 @@ impl MethodChoice {
     pub fn parse(text: &str) -> Result<Self> {
         shadow::parse(text)?;
         let spec = spec::parse_spec(text)?;
-        let mut choice = METHODS
-            .iter()
-            .find(|m| m.name == spec.name)
-            .map_or_else(|| Self::of(METHODS[0]), |entry| Self::of(entry));
+        let mut choice =
+            METHODS.iter().find(|m| m.name == spec.name).map_or_else(Self::default, |entry| Self::of(entry));
         for (key, values) in spec.params {
             if let Some(value) = values.into_iter().next() {
                 choice.set(&key, value);

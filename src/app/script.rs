@@ -16,7 +16,7 @@
 //! ```
 //! `#` starts a comment.
 
-use super::App;
+use super::contents::App;
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
 use crate::files::output::write_whole;
@@ -124,7 +124,7 @@ impl Script {
         let now = Instant::now();
         let since = *self.since.get_or_insert(now);
         let whole = input.screen_rect.unwrap_or(context.content_rect());
-        let view = app.view_rect().unwrap_or(whole);
+        let view = app.model.view.unwrap_or(whole);
         let place = |[x, y]: [f32; 2], screen: bool| -> Pos2 {
             let rect = if screen { whole } else { view };
             pos2(rect.left() + x * rect.width(), rect.top() + y * rect.height())
@@ -194,7 +194,7 @@ impl Script {
         }
         let done = match step {
             Step::Window { .. } => true,
-            Step::Settle => app.is_settled() && app.frame.is_some() && self.frame > 2,
+            Step::Settle => app.model.is_settled() && app.model.frame.is_some() && self.frame > 2,
             Step::Drag { name, seconds, .. } => {
                 let empty = || Measured {
                     name,
@@ -204,15 +204,15 @@ impl Script {
                     latency_ms: Vec::new(),
                 };
                 if self.frame == 0 {
-                    self.pictures_before = app.frames;
+                    self.pictures_before = app.model.frames;
                 }
                 let running = self.running.get_or_insert_with(empty);
                 if self.frame > 0 {
                     running.interface_ms.extend(interval_ms);
                 }
-                let pictures = app.frames - self.pictures_before;
+                let pictures = app.model.frames - self.pictures_before;
                 if pictures > running.pictures
-                    && let Some(frame) = &app.frame
+                    && let Some(frame) = &app.model.frame
                 {
                     running.latency_ms.push(frame.latency_ms);
                 }
@@ -227,7 +227,7 @@ impl Script {
             Step::Pause { seconds } => elapsed.as_secs_f32() >= seconds,
             Step::Open { source } => {
                 if self.frame == 0 {
-                    app.open_source(&source);
+                    app.model.open_source(&source);
                 }
                 self.frame > 0
             }

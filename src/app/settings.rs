@@ -2,7 +2,7 @@
 
 use super::camera::Orbit;
 use super::curve::AmountAxis;
-use super::flicker;
+use super::split;
 use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::env;
@@ -17,12 +17,19 @@ const MOST_RECENT: usize = 10;
 pub struct Settings {
     /// Inner size of the window, points.
     pub window: [f32; 2],
+    /// Light on dark.
     pub dark: bool,
+    /// How dragging turns the camera.
     pub orbit: Orbit,
+    /// The editor's vertical axis.
     pub amount_axis: AmountAxis,
+    /// Counts on a logarithmic scale.
     pub log_histogram: bool,
+    /// Voxels weigh as much as the value changes there.
     pub gradient_histogram: bool,
+    /// Slices beside the view.
     pub slices: bool,
+    /// Anatomical letters and axes.
     pub marks: bool,
     /// Changes a second of the flicker.
     pub flicker_hz: f64,
@@ -43,7 +50,7 @@ impl Default for Settings {
             gradient_histogram: false,
             slices: false,
             marks: true,
-            flicker_hz: flicker::DEFAULT_RATE_HZ,
+            flicker_hz: split::DEFAULT_RATE_HZ,
             recent: Vec::new(),
             last_scene: String::new(),
         }
@@ -69,8 +76,8 @@ impl Settings {
         let text = Self::path().and_then(|path| std::fs::read_to_string(path).ok());
         let mut settings: Self = text.and_then(|t| toml::from_str(&t).ok()).unwrap_or_default();
         settings.window = settings.window.map(|s| if s.is_finite() { s.clamp(480.0, 8192.0) } else { 900.0 });
-        if !flicker::RATES_HZ.contains(&settings.flicker_hz) {
-            settings.flicker_hz = flicker::DEFAULT_RATE_HZ;
+        if !split::RATES_HZ.contains(&settings.flicker_hz) {
+            settings.flicker_hz = split::DEFAULT_RATE_HZ;
         }
         settings.recent.truncate(MOST_RECENT);
         settings

@@ -1,11 +1,15 @@
 //! The window itself: eframe's, on the device that pictures are drawn with.
 
-use super::widgets::Widgets;
-use super::{App, Resume, Script, Settings, With};
-use crate::cli::scene_args::{SceneArgs, SceneRequest};
+use super::contents::App;
+use super::model::SHADING;
+use super::paint::widgets::Widgets;
+use super::reading::With;
+use super::resume::Resume;
+use super::script::Script;
+use super::settings::Settings;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::scene::Shading;
+use crate::open::SceneSettings;
 use eframe::{egui, egui_wgpu, wgpu};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -14,7 +18,8 @@ use std::time::{Duration, Instant};
 #[derive(Debug, Clone)]
 pub struct Start {
     /// What to open; `None` opens what was open last.
-    pub request: Option<SceneRequest>,
+    pub scene: Option<SceneSettings>,
+    /// Part of the adapter's name; `None`: the system's choice.
     pub adapter: Option<String>,
     /// Neither read nor keep settings.
     pub clean: bool,
@@ -22,20 +27,8 @@ pub struct Start {
     pub script: Option<Script>,
 }
 
-/// The shading of the window, where nothing is said: surfaces read better while they turn.
-const SHADING: Shading = Shading::Lambert;
-
 /// A scene file that was kept is no larger.
 const MAX_SCENE_BYTES: usize = 1 << 20;
-
-/// What an empty window opens a volume with.
-///
-/// # Errors
-/// None that is known of.
-pub fn default_request() -> Result<SceneRequest> {
-    let request = SceneArgs::default().into_request()?;
-    Ok(SceneRequest { shading: Some(SHADING), ..request })
-}
 
 /// How a window ended.
 enum Ended {
@@ -48,7 +41,7 @@ enum Ended {
 #[derive(Default)]
 struct Begin {
     settings: Settings,
-    request: Option<SceneRequest>,
+    scene: Option<SceneSettings>,
     script: Option<Script>,
     resume: Option<Resume>,
 }
@@ -66,9 +59,9 @@ const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 /// No display, no adapter, a system that refuses the window, or a device that is lost again at once.
 pub fn run(start: Start) -> Result<()> {
     let settings = if start.clean { Settings::default() } else { Settings::read() };
-    let request =
-        start.request.or_else(|| last_scene(&settings.last_scene)).or_else(|| default_request().ok());
-    let mut begin = Begin { settings, request, script: start.script, resume: None };
+    let scene = start.scene.or_else(|| last_scene(&settings.last_scene));
+    let scene = scene.unwrap_or_else(|| SceneSettings { shading: Some(SHADING), ..Default::default() });
+    let mut begin = Begin { settings, scene: Some(scene), script: start.script, resume: None };
     let mut losses: Vec<Instant> = Vec::new();
     loop {
         let since = Instant::now();
@@ -82,14 +75,14 @@ pub fn run(start: Start) -> Result<()> {
                 }
                 let settings = resume.settings.clone();
                 let script = script.map(|script| *script);
-                begin = Begin { settings, request: None, script, resume: Some(*resume) };
+                begin = Begin { settings, scene: None, script, resume: Some(*resume) };
             }
         }
     }
 }
 
 fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
-    let Begin { settings, request, script, resume } = begin;
+    let Begin { settings, scene, script, resume } = begin;
     let setup = egui_wgpu::WgpuSetupCreateNew {
         native_adapter_selector: adapter.map(select_by_name),
         device_descriptor: Arc::new(Gpu::device_descriptor),
@@ -133,8 +126,8 @@ fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
         if let Some(resume) = lock(&to_resume).take() {
             app.resume(resume);
         }
-        if let Some(request) = request {
-            app.open(request.volume.clone(), With::Request(Box::new(request)));
+        if let Some(scene) = scene {
+            app.model.open(scene.spec(), With::Settings(Box::new(scene)));
         }
         let kept = (!clean).then(Instant::now);
         Ok(Box::new(Window { app, kept, script, outcome: theirs, ended: false }))
@@ -152,14 +145,8 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// The scene that was kept, where it can still be read.
-fn last_scene(text: &str) -> Option<SceneRequest> {
-    if text.is_empty() || text.len() > MAX_SCENE_BYTES {
-        return None;
-    }
-    let folder = tempfile::tempdir().ok()?;
-    let path = folder.path().join("last.toml");
-    std::fs::write(&path, text).ok()?;
-    SceneArgs { scene: vec![path], ..Default::default() }.into_request().ok()
+fn last_scene(text: &str) -> Option<SceneSettings> {
+    if text.is_empty() || text.len() > MAX_SCENE_BYTES { None } else { SceneSettings::from_toml(text).ok() }
 }
 
 /// The adapter whose name contains `name`, any case.
@@ -187,20 +174,20 @@ impl Window {
     fn keep(&mut self, context: &egui::Context) {
         let size = context.input(|i| i.viewport().inner_rect.map(|r| r.size()));
         if let Some(size) = size {
-            self.app.settings.window = [size.x, size.y];
+            self.app.model.settings.window = [size.x, size.y];
         }
-        if let Some(document) = &self.app.document {
+        if let Some(document) = &self.app.model.document {
             // A function that was edited lives in a file beside the settings.
             let beside = Settings::path().map(|p| p.with_file_name("last.tf.json"));
             let tf = match beside.filter(|_| document.tf_edited()) {
                 Some(path) => document.tf.write(&path).ok().map(|()| path.display().to_string()),
                 None => Some(document.tf_source.0.clone()),
             };
-            if let Some(tf) = tf {
-                self.app.settings.last_scene = document.scene_text(&tf);
+            if let Some(Ok(text)) = tf.map(|tf| document.scene_text(&tf)) {
+                self.app.model.settings.last_scene = text;
             }
         }
-        self.app.settings.write();
+        self.app.model.settings.write();
     }
 }
 
@@ -209,7 +196,7 @@ const KEEP_EVERY: Duration = Duration::from_secs(20);
 
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut egui::Ui, frame: &mut eframe::Frame) {
-        if let Some(why) = self.app.lost().filter(|_| !self.ended) {
+        if let Some(why) = self.app.model.lost().filter(|_| !self.ended) {
             self.ended = true;
             let resume = Box::new(self.app.into_resume(why));
             *lock(&self.outcome) = Ended::Lost(resume, self.script.take().map(Box::new));

@@ -1,20 +1,20 @@
 //! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
 
-use super::scene_args::{SceneArgs, SceneRequest};
-use super::{Loaded, print_result, say};
+use super::told::{load, print_result, say};
 use crate::error::{Error, Result};
+use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::gpu::Gpu;
-use crate::measure::defaults::compare_methods;
 use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, spoken};
 use crate::measure::table::Row;
+use crate::open::{Loaded, SceneArgs, SceneSettings};
 use crate::render::Renderer;
-use crate::report::make::{Order, Subject, make, scene_name};
+use crate::report::make::{Made, Order, Subject, make, scene_name};
 use crate::report::tables::summary;
 use crate::report::writers::json;
-use crate::shadow::parse_list;
+use crate::shadow::{COMPARED, parse_list};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ pub struct CompareArgs {
     #[arg(long)]
     pub resume: bool,
     /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
-    #[arg(long, value_name = "METHODS", default_value_t = compare_methods())]
+    #[arg(long, value_name = "METHODS", default_value_t = COMPARED.clone())]
     pub methods: String,
     /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on
     #[arg(long)]
@@ -70,23 +70,12 @@ pub fn run(args: CompareArgs) -> Result<()> {
         depths: args.depths as usize,
     };
     let paths = args.scene.scene.clone();
-    let requests = args.scene.into_requests()?;
-    let adapter = one_adapter(&requests)?;
-    if requests.iter().any(|r| r.shadow.is_some()) {
+    let scenes = args.scene.into_each()?;
+    let adapter = one_adapter(&scenes)?;
+    if scenes.iter().any(|s| s.shadow.is_some()) {
         say("note", &"--shadow is not used by compare; --methods is");
     }
-    // Every scene is read before anything is done: a mistake in the last is not found hours later.
-    let (mut first, mut names) = (None, Vec::new());
-    for (i, request) in requests.iter().enumerate() {
-        let loaded = super::load(request)?;
-        names.push(unused_name(
-            paths.get(i).map_or_else(|| scene_name(&loaded.volume, &loaded.tf), |path| stem(path)),
-            &names,
-        ));
-        if i == 0 {
-            first = Some(loaded);
-        }
-    }
+    let (names, first) = read_all(&scenes, &paths)?;
     let renderer = Arc::new(Renderer::new(Gpu::open(adapter.as_deref())?));
     // Made last: what is refused before leaves no empty folder.
     prepare_output_dir(&args.output)?;
@@ -104,38 +93,55 @@ pub fn run(args: CompareArgs) -> Result<()> {
         bar.set_message(format!("{left}{}", status.what));
     });
     let order = Order { methods: &methods, effort, ablate: args.ablate, remark: "" };
+    let mut first = Some(first);
     let mut read = |i: usize| {
-        let Loaded { volume, tf, scene } = match first.take() {
-            Some(loaded) => loaded,
-            None => super::read(&requests[i])?.0,
-        };
-        Ok(Subject { volume: Arc::new(volume), tf, scene, forced: requests[i].forced })
+        let loaded = first.take().map_or_else(|| scenes[i].load(&Loading::default()), Ok)?;
+        let Loaded { volume, tf, scene, .. } = loaded;
+        Ok(Subject { volume: Arc::new(volume), tf, scene, forced: scenes[i].forced() })
     };
     let made = make(&order, &names, &mut read, &renderer, &mut journal, &mut progress)?;
     drop(progress);
     bar.finish_and_clear();
+    publish(made, &scenes, &args.output)
+}
 
+/// Reads every scene before anything is done: a mistake in the last is not found hours later. Gives their names, and the
+/// first one itself.
+fn read_all(scenes: &[SceneSettings], paths: &[PathBuf]) -> Result<(Vec<String>, Loaded)> {
+    let (mut names, mut first) = (Vec::new(), None);
+    for (i, settings) in scenes.iter().enumerate() {
+        let loaded = load(settings)?;
+        let name = paths.get(i).map_or_else(|| scene_name(&loaded.volume, &loaded.tf), |path| stem(path));
+        names.push(unused_name(name, &names));
+        first.get_or_insert(loaded);
+    }
+    let none = || Error::input("bad command line", "--scene", "no scene");
+    Ok((names, first.ok_or_else(none)?))
+}
+
+/// Writes what was measured, prints the table and says what files there are.
+fn publish(made: Made, scenes: &[SceneSettings], folder: &Path) -> Result<()> {
     let all = &made.comparison;
     all.notes.iter().for_each(|note| say("note", note));
     for (name, e) in &all.failures {
         say("warning", &format_args!("{name} failed: {e}"));
     }
-    if requests.iter().any(|r| r.explain) {
+    if scenes.iter().any(|s| s.explain) {
         for c in &all.compared {
             c.left_out.iter().for_each(|o| say("plan", &format_args!("{}: {o}", c.slug)));
         }
     }
     let rows = all.rows();
-    let files = made.write(&args.output)?;
+    let files = made.write(folder)?;
     files.ablations.iter().for_each(|path| say("ablation", &path.display()));
-    if requests.iter().any(|r| r.json) {
+    if scenes.iter().any(|s| s.json) {
         print_result(&json(&rows)?)?;
     } else {
         print_result(&summary(&rows))?;
     }
-    let report = vec![files.report];
+    let report = [files.report];
     for (what, paths) in [
-        ("tables", &files.tables),
+        ("tables", &files.tables[..]),
         ("plots", &files.plots),
         ("pictures", &files.pictures),
         ("report", &report),
@@ -143,12 +149,12 @@ pub fn run(args: CompareArgs) -> Result<()> {
         let names: Vec<_> = paths.iter().map(|p| p.display().to_string()).collect();
         say(what, &names.join(" "));
     }
-    verdict(&rows, &args.output)
+    verdict(&rows, folder)
 }
 
 /// The one adapter that all scenes are drawn on: times of several make no table.
-fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
-    let mut named = requests.iter().map(|r| &r.adapter);
+fn one_adapter(scenes: &[SceneSettings]) -> Result<Option<String>> {
+    let mut named = scenes.iter().map(|s| &s.adapter);
     let first = named.next().cloned().flatten();
     if named.any(|a| *a != first) {
         let why = "scene files name different ones, and a table is of one";

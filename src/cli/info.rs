@@ -1,9 +1,9 @@
 //! `umbravox info`: what was read.
 
-use super::print_result;
-use super::scene_args::VolumeFlags;
-use crate::error::{Error, Result};
-use crate::volume::{AffineSource, Bricks, Scaling, Volume, Voxels, load};
+use super::told::{print_json, print_result};
+use crate::error::Result;
+use crate::open::{ReadFlags, VolumeSpec, load};
+use crate::volume::{AffineSource, Bricks, Scaling, Volume, Voxels};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -15,7 +15,7 @@ pub struct InfoArgs {
     #[arg(value_name = "VOLUME")]
     pub volume: String,
     #[command(flatten)]
-    pub volume_flags: VolumeFlags,
+    pub volume_flags: ReadFlags,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
@@ -184,14 +184,8 @@ fn bytes(count: u64) -> String {
 /// # Errors
 /// The volume cannot be read, or stdout cannot be written to.
 pub fn run(args: &InfoArgs) -> Result<()> {
-    let info = Info::of(&load(&args.volume_flags.spec(&args.volume))?);
-    if args.json {
-        let json = serde_json::to_string_pretty(&info)
-            .map_err(|e| Error::runtime("cannot write result", "stdout", e))?;
-        print_result(&(json + "\n"))
-    } else {
-        print_result(&info.to_text())
-    }
+    let info = Info::of(&load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?);
+    if args.json { print_json(&info) } else { print_result(&info.to_text()) }
 }
 
 #[cfg(test)]

@@ -8,25 +8,18 @@ pub mod probe;
 mod probe_curve;
 pub mod probe_rays;
 pub mod render;
-pub mod scene_args;
-mod scene_file;
 pub mod stability;
-pub mod values;
+mod told;
 pub mod view;
 pub mod voxelise;
 
-use crate::error::{Error, Result};
-use crate::scene::Scene;
-use crate::shadow::METHODS;
-use crate::transfer::TransferFunction;
-use crate::transfer::presets::{self, PRESETS};
-use crate::volume::{self, Volume};
+use crate::error::Result;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
-use scene_args::SceneRequest;
 use std::ffi::OsString;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::process::ExitCode;
+use told::{print_result, say};
 use tracing_subscriber::EnvFilter;
 
 /// Volumetric shadows for CT volumes, each method with its error against an exact answer.
@@ -52,18 +45,21 @@ enum Command {
     View(Box<view::ViewArgs>),
 }
 
-/// The command line's definition, to be asked what it accepts.
+/// The command line as clap knows it: every command, flag and help.
 pub fn command() -> clap::Command {
     Cli::command()
 }
 
+/// What opens the window for `view`: the window is no part of the command line.
+pub type Window = fn(view::ViewArgs) -> Result<()>;
+
 /// Runs a command line, program name first; prints what went wrong and gives the exit status: 0, or that of the error.
-pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCode {
     let args: Vec<OsString> = args.into_iter().collect();
     let result = match Cli::try_parse_from(&args) {
         Ok(cli) => {
             log_to_stderr(cli.verbose);
-            run(cli.command)
+            run(cli.command, window)
         }
         Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             print_result(&e.render())
@@ -82,7 +78,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
 }
 
-fn run(command: Command) -> Result<()> {
+fn run(command: Command, window: Window) -> Result<()> {
     match command {
         Command::Info(args) => info::run(&args),
         Command::Render(args) => render::run(args),
@@ -91,7 +87,7 @@ fn run(command: Command) -> Result<()> {
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),
-        Command::View(args) => view::run(*args),
+        Command::View(args) => window(*args),
     }
 }
 
@@ -99,77 +95,6 @@ fn run(command: Command) -> Result<()> {
 fn named_command(args: &[OsString]) -> Option<String> {
     let named = |a: &OsString| Cli::command().find_subcommand(a).map(|c| c.get_name().to_owned());
     args.iter().skip(1).find_map(named)
-}
-
-/// Prints a result to stdout. A reader that has gone away (`| head`) is no error.
-///
-/// # Errors
-/// stdout cannot be written, e.g. because the disk is full.
-pub fn print_result(text: &impl std::fmt::Display) -> Result<()> {
-    let mut stdout = io::stdout().lock();
-    match write!(stdout, "{text}").and_then(|()| stdout.flush()) {
-        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::runtime("cannot print result", "stdout", e))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Prints `KIND: TEXT` to stderr, even where stderr is closed.
-pub fn say(kind: &str, text: &impl std::fmt::Display) {
-    // There is nowhere left to say that stderr is gone.
-    let _ = writeln!(io::stderr(), "{kind}: {text}");
-}
-
-/// A volume, the transfer function in its units and the scene: what every drawing command starts from.
-pub struct Loaded {
-    pub volume: Volume,
-    pub tf: TransferFunction,
-    pub scene: Scene,
-}
-
-/// Reads what a request names, cheap things first, and says on stderr what was assumed.
-///
-/// # Errors
-/// Whatever of it cannot be read or does not go together.
-pub fn load(request: &SceneRequest) -> Result<Loaded> {
-    let (loaded, remarks) = read(request)?;
-    remarks.iter().for_each(|(kind, remark)| say(kind, remark));
-    Ok(loaded)
-}
-
-/// What is said of an input, and as what: `note` or `warning`.
-type Remark = (&'static str, String);
-
-/// As [`load`], but hands over what there is to say.
-///
-/// # Errors
-/// As there.
-pub fn read(request: &SceneRequest) -> Result<(Loaded, Vec<Remark>)> {
-    let found = request.tf.as_deref().map(presets::find).transpose()?;
-    let volume = volume::load(&request.volume)?;
-    let mut remarks: Vec<Remark> =
-        volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
-    let found = match found {
-        Some(found) => found,
-        None => presets::find(presets::default_name(&volume))?,
-    };
-    let presets::ResolvedTransferFunction { tf, note } = found.suit(&volume);
-    remarks.extend(note.map(|note| ("note", note)));
-    let scene = request.resolve(&volume)?;
-    Ok((Loaded { volume, tf, scene }, remarks))
-}
-
-/// Reads a volume and says its warnings on stderr.
-///
-/// # Errors
-/// The volume cannot be read.
-pub fn load_volume(spec: &volume::VolumeSpec) -> Result<Volume> {
-    let volume = volume::load(spec)?;
-    for warning in &volume.provenance.warnings {
-        say("warning", warning);
-    }
-    Ok(volume)
 }
 
 fn log_to_stderr(verbose: u8) {
@@ -189,34 +114,6 @@ fn log_to_stderr(verbose: u8) {
         .log_internal_errors(false);
     // Only a second call in one process can fail, and the first one's settings are as good.
     let _ = subscriber.try_init();
-}
-
-/// The long help of `--tf`: the presets.
-fn tf_help() -> String {
-    let mut help = String::from(
-        "Transfer function: a preset, or the path of a .json file\n\
-         [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]\n\n\
-         A file is used as it is. A preset in HU is used as it is on a volume in HU (one whose values span more than \
-         300 within -32768 to 32767); on any other, -1000 to 800 HU are laid over the value range. A preset in \
-         fractions is laid over the value range of every volume. `hair` takes values as extinction in 1/mm.\n\nPresets:",
-    );
-    for preset in PRESETS {
-        help += &format!("\n  {:<12} {}", preset.name, preset.about);
-    }
-    help
-}
-
-/// The long help of `--shadow`: the methods, their keys and every default.
-fn shadow_help() -> String {
-    let mut help =
-        String::from("Shadow method and its settings, METHOD[:key=value,...] [default: dsm]\n\nMethods:");
-    for method in METHODS {
-        help += &format!("\n  {:<12} {}", method.name, method.summary);
-        for key in method.keys {
-            help += &format!("\n    {}={} [default: {}] {}", key.name, key.values(), key.default, key.help);
-        }
-    }
-    help
 }
 
 #[cfg(test)]

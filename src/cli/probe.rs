@@ -2,11 +2,11 @@
 
 use super::probe_curve::{self, CurveFlags};
 use super::probe_rays::{parse_points, probe_rays};
-use super::scene_args::SceneArgs;
-use super::{Loaded, load, print_result, values};
+use super::told::{load, print_result};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::input::read_text;
+use crate::open::{Loaded, SceneArgs, values};
 use crate::render::Session;
 use clap::Args;
 use glam::DVec3;
@@ -46,10 +46,10 @@ pub struct What {
 /// # Errors
 /// Bad input, or a failure of the device.
 pub fn run(args: ProbeArgs) -> Result<()> {
-    let request = args.scene.into_request()?;
+    let settings = args.scene.into_settings()?;
     if let Some(point_mm) = args.what.curve {
         let CurveFlags { methods, output } = &args.curve_flags;
-        return probe_curve::run(&request, point_mm, methods.as_deref(), output.as_deref());
+        return probe_curve::run(&settings, point_mm, methods.as_deref(), output.as_deref());
     }
     let CurveFlags { methods, output } = &args.curve_flags;
     for (flag, given) in [("--methods", methods.is_some()), ("--output", output.is_some())] {
@@ -60,20 +60,20 @@ pub fn run(args: ProbeArgs) -> Result<()> {
     // Read before the volume: it is the quicker one to find wanting.
     if let Some(path) = &args.what.rays {
         let text = read_text(path, "cannot read rays")?;
-        let loaded = load(&request)?;
+        let loaded = load(&settings)?;
         let field = ExactField::new(&loaded.volume, &loaded.tf);
         print_result(&probe_rays(&field, &text, &path.display().to_string())?)?;
     }
     if let Some(path) = &args.what.points {
-        let method = request.method()?;
+        let method = settings.method()?;
         let points = parse_points(&read_text(path, "cannot read points")?, &path.display().to_string())?;
-        let Loaded { volume, tf, scene } = load(&request)?;
+        let Loaded { volume, tf, scene, .. } = load(&settings)?;
         let exact = {
             let field = ExactField::new(&volume, &tf);
             let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light);
             points.par_iter().map(to_light).collect::<Vec<_>>()
         };
-        let session = Session::open(request.adapter.as_deref(), Arc::new(volume), &tf, request.forced)?;
+        let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?;
         let shadow = session.shadow(method.as_ref(), scene.light)?;
         let found = session.query(&shadow, &points)?;
         let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));

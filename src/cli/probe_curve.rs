@@ -1,16 +1,15 @@
 //! `umbravox probe --curve`: transmittance against depth along a light ray, of several methods and exact.
 
-use super::scene_args::SceneRequest;
-use super::{Loaded, load, print_result, say};
+use super::told::{load, print_json, print_result, say};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::output::{check_output, check_output_dir, prepare_output_dir, write_whole};
-use crate::measure::defaults::curve_methods;
 use crate::measure::light_curve::{LightCurve, MethodCurve};
+use crate::open::{Loaded, SceneSettings};
 use crate::render::Session;
 use crate::report::make::scene_name;
 use crate::report::plot::curve::{curve_png, curve_svg};
-use crate::shadow::parse_list;
+use crate::shadow::{CURVES, parse_list};
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -40,25 +39,25 @@ struct Json<'a> {
 /// # Errors
 /// Bad input, or a failure of the device or disk.
 pub fn run(
-    request: &SceneRequest,
+    settings: &SceneSettings,
     point_mm: DVec3,
     methods: Option<&str>,
     output: Option<&Path>,
 ) -> Result<()> {
-    let default = curve_methods();
+    let default = CURVES.clone();
     // The method of `--shadow` is the one asked for where no list is given.
-    let (flag, list) = match (methods, request.shadow.as_deref()) {
+    let (flag, list) = match (methods, settings.shadow.as_deref()) {
         (Some(list), _) => ("--methods", list),
         (None, Some(one)) => ("--shadow", one),
         (None, None) => ("--methods", default.as_str()),
     };
     let methods = parse_list(list).map_err(|e| e.at(flag))?;
     let destination = destination(output)?;
-    let Loaded { volume, tf, scene } = load(request)?;
+    let Loaded { volume, tf, scene, .. } = load(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light, point_mm)
         .map_err(|e| e.at("--curve"))?;
     let volume = Arc::new(volume);
-    let session = Session::open(request.adapter.as_deref(), Arc::clone(&volume), &tf, request.forced)?;
+    let session = Session::open(settings.adapter.as_deref(), Arc::clone(&volume), &tf, settings.forced())?;
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());
     for method in &methods {
@@ -92,9 +91,8 @@ pub fn run(
         }
     }
     let broken = |e: &dyn std::fmt::Display| Error::runtime("cannot print result", "stdout", e);
-    if request.json {
-        let json = serde_json::to_string_pretty(&Json { curve: &curve, methods: &found });
-        return print_result(&(json.map_err(|e| broken(&e))? + "\n"));
+    if settings.json {
+        return print_json(&Json { curve: &curve, methods: &found });
     }
     match destination {
         Destination::Stdout => print_result(&String::from_utf8(file("csv")?).map_err(|e| broken(&e))?),
@@ -149,7 +147,7 @@ fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
 #[derive(Debug, clap::Args)]
 pub struct CurveFlags {
     #[arg(long, value_name = "METHODS", help = format!("With --curve: methods separated by `;`; a value without `=` \
-        is one more for the key before it [default: the method of --shadow, or {}]", curve_methods()))]
+        is one more for the key before it [default: the method of --shadow, or {}]", CURVES.as_str()))]
     pub methods: Option<String>,
     /// With --curve: a .csv, .svg or .png file, or a folder for curve.csv, curve.svg and curve.png [default: CSV on
     /// stdout]
@@ -183,6 +181,6 @@ mod tests {
         let help =
             crate::cli::Cli::command().find_subcommand_mut("probe").map(|c| c.render_long_help().to_string());
         let words = |s: &str| s.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(words(&help.unwrap()).contains(&format!("or {}]", curve_methods())));
+        assert!(words(&help.unwrap()).contains(&format!("or {}]", CURVES.as_str())));
     }
 }

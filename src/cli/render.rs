@@ -1,11 +1,11 @@
 //! `umbravox render`: one picture.
 
-use super::scene_args::SceneArgs;
-use super::{Loaded, print_result};
-use crate::error::{Error, Result};
+use super::told::{load, print_json, say};
+use crate::error::Result;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_as};
 use crate::gpu::Clock;
+use crate::open::{Loaded, SceneArgs};
 use crate::render::{Omission, Picture, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};
@@ -30,23 +30,21 @@ pub struct RenderArgs {
 /// Bad input, or a failure of the device or disk.
 pub fn run(args: RenderArgs) -> Result<()> {
     check_output(&args.output, PICTURE_EXTENSIONS)?;
-    let request = args.scene.into_request()?;
-    let method = request.method()?;
-    let Loaded { volume, tf, scene } = super::load(&request)?;
-    let session = Session::open(request.adapter.as_deref(), Arc::new(volume), &tf, request.forced)?;
+    let settings = args.scene.into_settings()?;
+    let method = settings.method()?;
+    let Loaded { volume, tf, scene, .. } = load(&settings)?;
+    let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?;
     let method = needed_method(&session, &scene, method);
     let shadow = session.shadow(method.as_ref(), scene.light)?;
     let picture = session.render(&shadow, &scene)?;
-    let backdrop = if request.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
+    let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     write_picture_as(&args.output, &picture.pixels, backdrop)?;
     let summary = Summary::of(&args.output, &session, method.as_ref(), &shadow, &picture);
-    if request.explain {
+    if settings.explain {
         summary.explain();
     }
-    if request.json {
-        let json = serde_json::to_string_pretty(&summary)
-            .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
-        print_result(&format_args!("{json}\n"))?;
+    if settings.json {
+        print_json(&summary)?;
     }
     Ok(())
 }
@@ -116,7 +114,7 @@ impl Summary {
     }
 
     fn explain(&self) {
-        let say = |line: String| super::say("plan", &line);
+        let say = |line: String| say("plan", &line);
         say(format!("adapter {}, times by {}", self.adapter, self.clock));
         let march_table = self.march_table_ms.map(|ms| format!(", pre-compressed table {ms:.1} ms"));
         let tables = format!("tables {:.1} ms{}", self.table_ms, march_table.unwrap_or_default());

@@ -1,15 +1,14 @@
 //! `umbravox stability`: the stiff and extreme cases, every method.
 
-use super::{print_result, say};
+use super::told::{print_result, say};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
-use crate::measure::defaults::stability_methods;
 use crate::measure::stability::{Case, Row, Status, all, run as run_cases};
 use crate::render::Renderer;
 use crate::report::stability::{counted, markdown};
 use crate::report::writers::{csv, json};
-use crate::shadow::{parse_list, spec};
+use crate::shadow::{STABILITY, parse_list, spec};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
@@ -22,7 +21,7 @@ pub struct StabilityArgs {
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
-    #[arg(long, value_name = "METHODS", default_value_t = stability_methods())]
+    #[arg(long, value_name = "METHODS", default_value_t = STABILITY.clone())]
     pub methods: String,
     /// Cases, separated by commas [default: all]
     #[arg(long = "case", value_name = "NAME", value_delimiter = ',')]

@@ -1,12 +1,13 @@
 //! `umbravox voxelise`: strands as an extinction volume, and what that costs in truth.
 
-use super::{print_result, say};
+use super::told::{print_json, print_result, say};
 use crate::error::{Error, Result};
+use crate::files::loading::Loading;
 use crate::files::output::check_output;
 use crate::measure::cylinders::{AgainstCylinders, MAX_BEAMS, against_cylinders};
+use crate::open::{StrandFlags, is_strand_source, load_strands};
 use crate::scene::Light;
-use crate::strands::{Conservation, Kernel, StrandFlags, StrandVolume, Strands, is_strand_source};
-use crate::strands::{load_strands, load_volume};
+use crate::strands::{Conservation, Kernel, StrandVolume, Strands};
 use crate::volume::{NIFTI_EXTENSIONS, write_nifti};
 use clap::Args;
 use glam::DVec3;
@@ -74,20 +75,14 @@ pub fn run(args: &VoxeliseArgs) -> Result<()> {
         return Err(Error::input("cannot read strands", &source, "it is no strand file or set")
             .hint("a path that ends in .hair, or hair-NAME[:SEGMENTS]"));
     }
-    let strands = load_strands(&source, args.flags.thickness)?;
-    let made = load_volume(&strands, &args.flags)?;
+    let strands = load_strands(&source, args.flags.thickness, &Loading::default())?;
+    let made = args.flags.voxelise(&strands, &Loading::default())?;
     made.volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
     if let Some(output) = &args.output {
         write_nifti(&made.volume, output)?;
     }
     let report = Report::of(&strands, &made, args.rays as usize);
-    if args.json {
-        let json = serde_json::to_string_pretty(&report)
-            .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
-        print_result(&(json + "\n"))
-    } else {
-        print_result(&report.to_text())
-    }
+    if args.json { print_json(&report) } else { print_result(&report.to_text()) }
 }
 
 impl Report {

@@ -1,7 +1,7 @@
 //! The work that a plan may leave out, by name, and which of it is forced back on.
 
 use crate::error::Error;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
@@ -79,6 +79,14 @@ impl Forced {
 
     pub fn has(self, one: Omittable) -> bool {
         self.0 & Self::only(one).0 != 0
+    }
+}
+
+/// As `--force` takes it.
+impl Serialize for Forced {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let names = Optional::ALL.into_iter().filter(|one| self.has(*one)).map(Optional::name);
+        serializer.serialize_str(&names.collect::<Vec<_>>().join(","))
     }
 }
 

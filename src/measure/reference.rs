@@ -221,11 +221,11 @@ fn small_scene(scene: &Scene) -> Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{VolumeSpec, load};
+    use crate::volume::Phantom;
 
     #[test]
     fn the_exact_picture_has_the_shape_of_the_picture() {
-        let scene = Scene::framing(&load(&VolumeSpec::new("phantom:slab:8")).unwrap());
+        let scene = Scene::framing(&Phantom::Slab.build(8).unwrap());
         for (size, small) in
             [((512, 512), (39, 39)), ((1920, 1280), (48, 32)), ((20, 30), (20, 30)), ((9000, 1), (3718, 1))]
         {

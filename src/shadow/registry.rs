@@ -37,6 +37,8 @@ pub struct Entry {
     pub stability: &'static str,
     /// How it looks in every figure.
     pub style: Style,
+    /// Its rows set the budgets within which others are compared: it follows an error bound.
+    pub sets_budgets: bool,
 }
 
 impl Entry {

@@ -107,7 +107,7 @@ pub fn read_hair(path: &Path) -> Result<Strands> {
 }
 
 /// As [`read_hair`], watched and ended early through `loading`.
-pub(super) fn read_hair_with(path: &Path, loading: &Loading) -> Result<Strands> {
+pub fn read_hair_with(path: &Path, loading: &Loading) -> Result<Strands> {
     loading.begin(ReadingStage::ReadingStrands);
     let at = |byte: u64, why: String| Error::input(WHAT, format!("{}: byte {byte}", path.display()), why);
     let refuse = |e: io::Error| Error::input(WHAT, path.display(), e);

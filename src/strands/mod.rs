@@ -13,20 +13,17 @@
 
 mod grid;
 mod hair;
-mod load;
 mod random;
 mod sets;
+mod volume;
 mod voxelise;
 mod walk;
 
 pub use grid::{DEFAULT_RESOLUTION, RESOLUTIONS, StrandGrid};
-pub use hair::{HAIR_EXTENSIONS, HEADER_BYTES, read_hair, write_hair};
-pub use load::{
-    STRANDS_FORMAT, StrandFlags, StrandVolume, is_strand_source, load_strands, load_strands_with,
-    load_volume, load_volume_with, parse_resolution, parse_thickness_mm,
-};
+pub use hair::{HAIR_EXTENSIONS, HEADER_BYTES, read_hair, read_hair_with, write_hair};
 pub use random::Chance;
 pub use sets::StrandSet;
+pub use volume::{STRANDS_FORMAT, StrandVolume};
 pub use voxelise::{Conservation, Kernel, voxelise, voxelise_with};
 
 use crate::error::{Error, Result};

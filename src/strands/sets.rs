@@ -121,7 +121,7 @@ impl StrandSet {
     }
 
     /// As [`Self::build`], watched and ended early through `loading`.
-    pub(super) fn build_with(self, segments: usize, loading: &Loading) -> Result<Strands> {
+    pub fn build_with(self, segments: usize, loading: &Loading) -> Result<Strands> {
         let source = format!("phantom:{self}:{segments}");
         let refuse = |why: String| Error::input("cannot build strands", &source, why);
         if !(1..=Self::MAX_SEGMENTS).contains(&segments) {

@@ -99,11 +99,11 @@ fn bins_of(volume: &Volume, most: usize) -> ([f64; 2], usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{VolumeSpec, load};
+    use crate::volume::{Phantom, raw};
 
     #[test]
     fn every_voxel_is_counted_once_and_edges_weigh_at_their_values() {
-        let volume = load(&VolumeSpec::new("phantom:step:16")).unwrap();
+        let volume = Phantom::Step.build(16).unwrap();
         let histogram = Histogram::of(&volume, 64);
         assert_eq!(histogram.counts.iter().sum::<u64>(), 16 * 16 * 16);
         let [lo, hi] = volume.value_range();
@@ -116,9 +116,9 @@ mod tests {
     #[test]
     fn bins_of_integers_hold_equally_many_of_them() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("all_16x16x1_uint8.raw");
+        let path = dir.path().join("all.raw");
         std::fs::write(&path, (0..=255).collect::<Vec<u8>>()).unwrap();
-        let volume = load(&VolumeSpec::new(path.to_str().unwrap())).unwrap();
+        let volume = raw::read(&path, "16x16x1:u8".parse().unwrap(), None, 0).unwrap();
         for most in [512, 256, 255, 100, 7, 1] {
             let histogram = Histogram::of(&volume, most);
             let (last, full) = histogram.counts.split_last().unwrap();
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn one_value_alone_is_no_trouble() {
-        let volume = load(&VolumeSpec::new("phantom:slab:4")).unwrap();
+        let volume = Phantom::Slab.build(4).unwrap();
         let histogram = Histogram::of(&volume, 8);
         assert_eq!(histogram.counts.iter().sum::<u64>(), 64);
         assert!(histogram.gradients.iter().all(|g| g.is_finite()));

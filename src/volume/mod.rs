@@ -6,7 +6,6 @@
 mod bricks;
 mod element;
 mod histogram;
-mod load;
 pub mod nifti;
 mod nifti_header;
 mod nifti_write;
@@ -17,7 +16,6 @@ mod thorax;
 pub use bricks::{BRICK_CELLS, Bricks};
 pub use element::{ByteOrder, Element};
 pub use histogram::Histogram;
-pub use load::{VolumeSpec, load, load_with};
 pub use nifti_write::{NIFTI_EXTENSIONS, write_nifti};
 pub use phantom::Phantom;
 pub use raw::RawLayout;

@@ -13,9 +13,6 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-const FORMATS_HINT: &str = "accepted are NIfTI (.nii, .nii.gz, .hdr with .img), raw files with \
-     --raw DIMXxDIMYxDIMZ:TYPE, and phantom:NAME[:SIZE]";
-
 /// Reads one frame (0 is the first) of a NIfTI file; of a pair either file may be named.
 ///
 /// # Errors
@@ -99,6 +96,15 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
 }
 
+/// Whether a file's first bytes are those of a NIfTI header, gzipped or not.
+pub fn is_nifti(path: &Path) -> bool {
+    let loading = Loading::default();
+    let path = Pair::of(path).map_or_else(|| path.to_path_buf(), |pair| pair.header());
+    let mut start = [0; 4];
+    let read = |start: &mut [u8]| read_full(&mut Source::open(&path, &loading).ok()?, start).ok();
+    read(&mut start) == Some(4) && nifti_header::recognise(start).is_some()
+}
+
 /// The header and the number of bytes taken from the source for it.
 fn read_header(source: &mut Source<'_>, path: &Path) -> Result<(Header, u64)> {
     let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
@@ -106,20 +112,19 @@ fn read_header(source: &mut Source<'_>, path: &Path) -> Result<(Header, u64)> {
     let (start, rest) = bytes.split_at_mut(4);
     let got = read_full(source, start).map_err(|e| refuse(e.to_string()))?;
     if got == 0 {
-        return Err(refuse("it is empty".into()).hint(FORMATS_HINT));
+        return Err(refuse("it is empty".into()));
     }
     let (version, order) = <[u8; 4]>::try_from(&*start)
         .ok()
         .filter(|_| got == 4)
         .and_then(nifti_header::recognise)
-        .ok_or_else(|| refuse("it is not a NIfTI file".into()).hint(FORMATS_HINT))?;
+        .ok_or_else(|| refuse("it is not a NIfTI file".into()))?;
     let length = HEADER_BYTES[usize::from(version) - 1];
     let got = 4 + read_full(source, &mut rest[..length - 4]).map_err(|e| refuse(e.to_string()))?;
     if got < length {
         return Err(refuse(format!("its header ends after {got} of {length} bytes")));
     }
-    let header =
-        Header::parse(&bytes[..length], version, order).map_err(|why| refuse(why).hint(FORMATS_HINT))?;
+    let header = Header::parse(&bytes[..length], version, order).map_err(refuse)?;
     Ok((header, length as u64))
 }
 
@@ -226,7 +231,7 @@ impl<'a> Source<'a> {
         let file = File::open(path).map_err(io_error)?;
         let metadata = file.metadata().map_err(io_error)?;
         if metadata.is_dir() {
-            return Err(refuse("it is a folder".into()).hint(FORMATS_HINT));
+            return Err(refuse("it is a folder".into()));
         }
         let bytes = metadata.len();
         let mut file = BufReader::with_capacity(1 << 16, Watched::new(file, bytes, loading));

@@ -52,6 +52,12 @@ impl std::fmt::Display for RawLayout {
     }
 }
 
+impl serde::Serialize for RawLayout {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
 impl RawLayout {
     /// From a file name such as `foot_256x256x256_uint8.raw` (also `_be`, and the short type names); `None` where the
     /// name does not say it.

@@ -1,6 +1,6 @@
 //! The table of several methods, made beside the window.
 
-use super::{Bench, PATIENCE};
+use super::Bench;
 use eframe::egui::{self, Modifiers};
 use egui_kittest::kittest::Queryable;
 use std::collections::BTreeMap;
@@ -8,6 +8,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use umbravox::measure::journal::JOURNAL;
 use umbravox::measure::table::Row;
+use umbravox::shadow::METHODS;
 
 impl Bench {
     /// Opens the comparison, and asks for little: small pictures, few points and rays, of the families named.
@@ -15,7 +16,7 @@ impl Bench {
         self.harness.key_press(egui::Key::T);
         self.harness.step();
         self.harness.step();
-        for name in ["none", "rays", "dsm", "osm", "dom", "bom"] {
+        for name in METHODS.iter().map(|entry| entry.name) {
             match families.iter().find(|(family, _)| *family == name) {
                 Some((_, spec)) => self.type_into(&format!("settings of {name}"), spec),
                 None => self.click(&format!("compare {name}")),
@@ -40,18 +41,6 @@ impl Bench {
         self.harness.step();
     }
 
-    /// Steps until `done`.
-    fn wait(&mut self, what: &str, done: impl Fn(&Self) -> bool) {
-        let start = Instant::now();
-        while !done(self) {
-            assert!(start.elapsed() < PATIENCE, "{what}: {:?}", self.harness.state().messages);
-            self.harness.step();
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        self.harness.step();
-        self.harness.step();
-    }
-
     fn shows(&self, label: &str) -> bool {
         self.harness.query_all_by_label_contains(label).next().is_some()
     }
@@ -70,22 +59,22 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("made/for it");
     // What is compared is what was shown at the start.
-    let scene = bench.app().document.as_ref().unwrap().scene.clone();
+    let scene = bench.app().model.document.as_ref().unwrap().scene.clone();
     bench.ask_for_little(&folder, &[("none", "none"), ("dsm", "dsm:map=64,epsilon=0.1,0.05")], "2");
     assert!(bench.shows("3 rows"));
     bench.click("Start");
-    assert_eq!(bench.app().comparison.share(), Some(0.0));
-    bench.wait("a step", |b| b.harness.state().comparison.share().is_none_or(|share| share > 0.0));
+    assert_eq!(bench.app().windows.comparison.share(), Some(0.0));
+    bench.wait_for("a step", |app| app.windows.comparison.share().is_none_or(|share| share > 0.0));
     bench.harness.get_by_label("comparison progress");
     // The window goes on meanwhile.
-    bench.app().look_from(2);
-    bench.wait("a row", |b| !b.harness.state().comparison.rows().is_empty());
-    bench.wait("the table", |b| b.harness.state().comparison.outcome().is_some());
-    let comparison = &bench.app().comparison;
+    bench.app().model.look_from(2);
+    bench.wait_for("a row", |app| !app.windows.comparison.rows().is_empty());
+    bench.wait_for("the table", |app| app.windows.comparison.outcome().is_some());
+    let comparison = &bench.app().windows.comparison;
     assert!(comparison.outcome().unwrap().is_ok(), "{:?}", comparison.outcome());
     assert_eq!(comparison.share(), None);
 
-    let rows = bench.app().comparison.rows();
+    let rows = bench.app().windows.comparison.rows();
     assert_eq!(rows, csv_rows(&folder), "what is shown is what is written");
     let named: Vec<_> = rows.iter().map(|r| format!("{} {}", r.method, r.params)).collect();
     assert_eq!(named, ["none ", "dsm epsilon=0.1", "dsm epsilon=0.05"]);
@@ -110,9 +99,9 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
     bench.settle();
     bench.click("epsilon=0.05");
     bench.settle();
-    assert_eq!(bench.app().document.as_ref().unwrap().method.spec(), "dsm:epsilon=0.05,map=64");
-    assert_eq!(bench.app().frame.as_ref().unwrap().main.spec, "dsm:epsilon=0.05,map=64");
-    assert!(bench.app().split.is_none());
+    assert_eq!(bench.app().model.document.as_ref().unwrap().method.spec(), "dsm:epsilon=0.05,map=64");
+    assert_eq!(bench.app().model.frame.as_ref().unwrap().main.spec, "dsm:epsilon=0.05,map=64");
+    assert!(bench.app().model.split.share.is_none());
     bench.harness.event(egui::Event::ModifiersChanged(Modifiers::SHIFT));
     let at = bench.harness.get_by_label("epsilon=0.1").rect().center();
     bench.harness.event(egui::Event::PointerMoved(at));
@@ -124,7 +113,7 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
     }
     bench.harness.event(egui::Event::ModifiersChanged(Modifiers::NONE));
     bench.settle();
-    let frame = bench.app().frame.clone().unwrap();
+    let frame = bench.app().model.frame.clone().unwrap();
     let specs = (frame.main.spec.as_str(), frame.other.as_ref().unwrap().spec.as_str());
     assert_eq!(specs, ("dsm:epsilon=0.05,map=64", "dsm:epsilon=0.1,map=64"));
 
@@ -139,11 +128,11 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
 
     // All of it is there already: going on measures nothing anew, and gives the very same rows.
     let journal = std::fs::read(folder.join(JOURNAL)).unwrap();
-    bench.app().document.as_mut().unwrap().scene = scene;
+    bench.app().model.document.as_mut().unwrap().scene = scene;
     bench.settle();
     bench.click("Start");
-    bench.wait("the table again", |b| b.harness.state().comparison.outcome().is_some());
-    assert_eq!(bench.app().comparison.rows(), rows);
+    bench.wait_for("the table again", |app| app.windows.comparison.outcome().is_some());
+    assert_eq!(bench.app().windows.comparison.rows(), rows);
     assert_eq!(std::fs::read(folder.join(JOURNAL)).unwrap(), journal);
 }
 
@@ -155,15 +144,15 @@ fn a_table_that_is_cancelled_leaves_its_journal_and_goes_on_from_there() {
     bench.ask_for_little(dir.path(), &[("none", "none"), ("dsm", "dsm:map=64")], "1000");
     bench.click("Start");
     let lines = || std::fs::read_to_string(dir.path().join(JOURNAL)).unwrap_or_default().lines().count();
-    bench.wait("a round", |_| lines() > 2);
+    bench.wait_for("a round", |_| lines() > 2);
     bench.click("Cancel comparison");
     let asked = Instant::now();
-    bench.wait("the end", |b| b.harness.state().comparison.outcome().is_some());
+    bench.wait_for("the end", |app| app.windows.comparison.outcome().is_some());
     assert!(asked.elapsed() < Duration::from_secs(20), "{:?}", asked.elapsed());
-    let outcome = bench.app().comparison.outcome().unwrap();
+    let outcome = bench.app().windows.comparison.outcome().unwrap();
     assert!(outcome.as_ref().is_err_and(|e| e.is_cancelled()), "{outcome:?}");
     assert!(bench.shows("Cancelled at") && bench.shows("2 rows are kept"));
-    assert_eq!(bench.app().comparison.rows().len(), 2, "what was measured is still shown");
+    assert_eq!(bench.app().windows.comparison.rows().len(), 2, "what was measured is still shown");
     assert!(!dir.path().join("compare.csv").exists());
     let names = std::fs::read_dir(dir.path()).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap());
     assert!(names.into_iter().all(|n| n == JOURNAL || n.starts_with("picture_")), "no half-written file");
@@ -171,13 +160,15 @@ fn a_table_that_is_cancelled_leaves_its_journal_and_goes_on_from_there() {
     // As many rounds as there are: the rows are taken as they are.
     let kept = lines();
     bench.click("What to compare");
-    bench.wait("the form", |b| b.harness.query_by_label("table repeats").is_some());
+    while bench.harness.query_by_label("table repeats").is_none() {
+        bench.harness.step();
+    }
     bench.type_number("table repeats", "1");
     bench.click("Start");
-    bench.wait("the table", |b| b.harness.state().comparison.outcome().is_some());
-    assert!(bench.app().comparison.outcome().unwrap().is_ok());
+    bench.wait_for("the table", |app| app.windows.comparison.outcome().is_some());
+    assert!(bench.app().windows.comparison.outcome().unwrap().is_ok());
     assert_eq!(lines(), kept, "nothing is measured again");
-    assert_eq!(csv_rows(dir.path()), bench.app().comparison.rows());
+    assert_eq!(csv_rows(dir.path()), bench.app().windows.comparison.rows());
 }
 
 #[test]
@@ -192,7 +183,7 @@ fn bad_settings_and_folders_are_said_beside_their_fields() {
         n.rect().top() >= field.bottom() - 1.0 && n.rect().top() < field.bottom() + 30.0
     }));
     bench.click("Start");
-    let comparison = &bench.app().comparison;
+    let comparison = &bench.app().windows.comparison;
     assert!(comparison.share().is_none() && comparison.outcome().is_none(), "it does not start");
     bench.type_into("settings of dsm", "osm");
     assert!(bench.shows("the settings of `dsm` belong here"));
@@ -200,7 +191,7 @@ fn bad_settings_and_folders_are_said_beside_their_fields() {
     assert!(bench.shows("2 rows"));
     // A folder that is a file.
     bench.click("Start");
-    assert!(bench.app().comparison.share().is_none());
+    assert!(bench.app().windows.comparison.share().is_none());
     assert!(bench.shows("is not a folder"));
     assert_eq!(std::fs::read(&file).unwrap(), b"");
 }

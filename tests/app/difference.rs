@@ -16,9 +16,12 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
     bench.harness.step();
     assert_eq!(bench.app().difference.shows, Some(Quantity::Light));
     bench.wait_for("the finest heat map", |app| app.difference.is_done());
-    let scene = bench.app().document.as_ref().unwrap().scene.clone();
+    let scene = bench.app().model.document.as_ref().unwrap().scene.clone();
     let found = bench.app().difference.found.as_ref().unwrap();
-    assert_eq!((found.view.scene.width, found.view.scene.height), (scene.width, scene.height));
+    assert_eq!(
+        (found.request.view.scene.width, found.request.view.scene.height),
+        (scene.width, scene.height)
+    );
     let [rays, none] = &found.sides[..] else { panic!("two methods") };
     assert_eq!((rays.spec.as_str(), none.spec.as_str()), ("rays", "none"));
     let (rays, none) = (rays.map.stats.unwrap(), none.map.stats.unwrap());
@@ -30,7 +33,7 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
 
     // Another light is another answer; the old one goes at once.
     let before = none;
-    bench.app().document.as_mut().unwrap().scene.light =
+    bench.app().model.document.as_mut().unwrap().scene.light =
         umbravox::scene::Light::Directional { toward: glam::DVec3::new(-1.0, 0.2, 0.1).normalize() };
     bench.harness.step();
     assert!(bench.app().difference.found.is_none());
@@ -40,13 +43,13 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
     assert_ne!(before.rms, after.rms);
 
     // Another method is compared with the same answer.
-    let answer = std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().view);
+    let answer = std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().request.view);
     bench.harness.key_press(Key::X);
     bench.settle();
     bench.wait_for("the other method's", |app| {
         app.difference.found.as_ref().is_some_and(|f| f.sides[0].spec == "none")
     });
-    assert_eq!(answer, std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().view));
+    assert_eq!(answer, std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().request.view));
 
     bench.app().difference.shows = None;
     bench.harness.step();

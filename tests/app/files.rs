@@ -1,21 +1,20 @@
 //! Files in and out: what cannot be read, scenes that the command line draws alike, pictures.
 
-use super::{Bench, scene_args};
+use super::Bench;
 use ndarray::Array3;
 use ndarray_npy::ReadNpyExt;
-use std::time::{Duration, Instant};
-use umbravox::app::Purpose;
 use umbravox::app::curve::Edit;
-use umbravox::cli::load;
 use umbravox::files::color::srgb8_from_linear;
+use umbravox::files::loading::Loading;
 use umbravox::files::picture::{Backdrop, read_exr};
+use umbravox::open::SceneSettings;
 use umbravox::render::{Forced, Picture, Session};
 
 /// Draws a scene file as `render --scene` does.
 fn drawn_by_the_command_line(scene: &std::path::Path) -> Picture {
-    let request = scene_args(&["--scene", scene.to_str().unwrap()]).into_request().unwrap();
-    let method = request.method().unwrap();
-    let loaded = load(&request).unwrap();
+    let settings = SceneSettings::read(scene).unwrap();
+    let method = settings.method().unwrap();
+    let loaded = settings.load(&Loading::default()).unwrap();
     let session = Session::open(None, loaded.volume.into(), &loaded.tf, Forced::NOTHING).unwrap();
     let shadow = session.shadow(method.as_ref(), loaded.scene.light).unwrap();
     session.render(&shadow, &loaded.scene).unwrap()
@@ -26,19 +25,19 @@ fn a_scene_file_is_drawn_to_the_very_pixels_of_the_window() {
     let line = ["phantom:thorax:32", "--shadow=dsm:map=64,epsilon=0.03", "--light=dir:0.3,-0.2,0.7"];
     let Some(mut bench) = Bench::open(&line) else { return };
     let app = bench.app();
-    app.look_from(2);
-    app.edit(Edit::Color { index: 1, color: [0.3, 0.62, 0.1] });
-    let amount = app.document.as_ref().unwrap().tf.points[1].amount;
-    app.edit(Edit::Move { index: 1, value: 11.0 / 3.0, amount: amount + 0.123 });
+    app.model.look_from(2);
+    app.model.edit(Edit::Color { index: 1, color: [0.3, 0.62, 0.1] });
+    let amount = app.model.document.as_ref().unwrap().tf.points[1].amount;
+    app.model.edit(Edit::Move { index: 1, value: 11.0 / 3.0, amount: amount + 0.123 });
     bench.settle();
     let dir = tempfile::tempdir().unwrap();
     let (scene, picture) = (dir.path().join("scene.toml"), dir.path().join("picture.npy"));
     let (width, height) = {
-        let scene = &bench.app().document.as_ref().unwrap().scene;
+        let scene = &bench.app().model.document.as_ref().unwrap().scene;
         (scene.width, scene.height)
     };
-    bench.app().save_scene(&scene);
-    bench.app().export(&picture, [width, height], Backdrop::Drawn);
+    bench.app().model.save_scene(&scene);
+    bench.app().model.export(&picture, [width, height], Backdrop::Drawn);
     bench.settle();
     let exported = Array3::<f32>::read_npy(std::fs::File::open(&picture).unwrap()).unwrap();
     let drawn = drawn_by_the_command_line(&scene);
@@ -67,7 +66,7 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
     let size = [90, 70];
     let mut export = |name: &str, backdrop: Backdrop| {
         let path = dir.path().join(name);
-        bench.app().export(&path, size, backdrop);
+        bench.app().model.export(&path, size, backdrop);
         bench.settle();
         path
     };
@@ -75,7 +74,7 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
     let without = read_exr(&export("without.exr", Backdrop::LeftOut)).unwrap();
     let png = image::open(export("without.png", Backdrop::LeftOut)).unwrap();
     assert_eq!(png.color(), image::ColorType::Rgba8);
-    let background = bench.app().document.as_ref().unwrap().scene.background;
+    let background = bench.app().model.document.as_ref().unwrap().scene.background;
     let (mut clear, mut solid) = (0, 0);
     for (i, (over, bare)) in with.rows().into_iter().zip(without.rows()).enumerate() {
         let alpha = f64::from(bare[3]);
@@ -96,9 +95,8 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
     }
     assert!(clear > 100 && solid > 100, "{clear} {solid}");
     // The window's own picture keeps its background, and the dialog asks for either.
-    assert_eq!(bench.app().document.as_ref().unwrap().scene.background, background);
-    bench.app().ask_path(Purpose::ExportPicture);
-    bench.harness.run_steps(2);
+    assert_eq!(bench.app().model.document.as_ref().unwrap().scene.background, background);
+    bench.ask_export();
     bench.click("Transparent");
     let path = dir.path().join("asked.png");
     bench.type_into("path", path.to_str().unwrap());
@@ -107,13 +105,22 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
     assert_eq!(image::open(path).unwrap().color(), image::ColorType::Rgba8);
     // Escape closes the dialog, with the cursor in its field or not.
     for _ in 0..2 {
-        bench.app().ask_path(Purpose::ExportPicture);
-        bench.harness.run_steps(3);
-        assert!(bench.app().is_asking());
+        bench.ask_export();
+        bench.harness.step();
+        assert!(bench.app().windows.prompt.is_open());
         bench.harness.key_press(eframe::egui::Key::Escape);
         bench.harness.run_steps(2);
-        assert!(!bench.app().is_asking());
+        assert!(!bench.app().windows.prompt.is_open());
     }
+    // Enter in its field is the button.
+    bench.ask_export();
+    let path = dir.path().join("entered.png");
+    bench.type_into("path", path.to_str().unwrap());
+    bench.harness.key_press(eframe::egui::Key::Enter);
+    bench.harness.run_steps(2);
+    assert!(!bench.app().windows.prompt.is_open());
+    bench.settle();
+    assert!(path.is_file());
 }
 
 #[test]
@@ -124,31 +131,26 @@ fn what_cannot_be_opened_is_said_and_the_old_volume_stays() {
     let broken = dir.path().join("broken.nii");
     std::fs::write(&broken, b"this is no volume").unwrap();
     for source in [broken.to_str().unwrap(), "/nowhere/at/all.nii.gz", "phantom:nothing", "missing.toml"] {
-        bench.app().messages.clear();
-        bench.app().open_source(source);
-        let start = Instant::now();
-        while bench.app().messages.is_empty() {
-            bench.harness.step();
-            assert!(start.elapsed() < Duration::from_secs(30), "{source}: nothing was said");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        assert!(bench.app().messages[0].is_error, "{source}: {:?}", bench.app().messages);
-        let document = bench.app().document.as_ref().unwrap();
+        bench.app().model.messages.clear();
+        bench.app().model.open_source(source);
+        bench.wait_for(source, |app| !app.model.messages.is_empty());
+        assert!(bench.app().model.messages[0].is_error, "{source}: {:?}", bench.app().model.messages);
+        let document = bench.app().model.document.as_ref().unwrap();
         assert!(document.spec.source.starts_with("phantom:sphere"));
     }
     assert_eq!(bench.pixels(), picture);
     // A transfer function that is none.
     let tf = dir.path().join("broken.json");
     std::fs::write(&tf, "{\"points\": []}").unwrap();
-    let before = bench.app().document.as_ref().unwrap().tf.clone();
-    bench.app().messages.clear();
-    bench.app().load_tf(tf.to_str().unwrap());
-    assert!(bench.app().messages[0].text.contains("`points` is empty"));
-    assert_eq!(bench.app().document.as_ref().unwrap().tf, before);
+    let before = bench.app().model.document.as_ref().unwrap().tf.clone();
+    bench.app().model.messages.clear();
+    bench.app().model.load_tf(tf.to_str().unwrap());
+    assert!(bench.app().model.messages[0].text.contains("`points` is empty"));
+    assert_eq!(bench.app().model.document.as_ref().unwrap().tf, before);
     // A picture where none can be written.
-    bench.app().messages.clear();
-    bench.app().export(&dir.path().join("no/such/folder.png"), [8, 8], Backdrop::Drawn);
-    assert!(bench.app().messages[0].is_error);
+    bench.app().model.messages.clear();
+    bench.app().model.export(&dir.path().join("no/such/folder.png"), [8, 8], Backdrop::Drawn);
+    assert!(bench.app().model.messages[0].is_error);
 }
 
 #[test]
@@ -158,9 +160,9 @@ fn degenerate_volumes_open_and_can_be_edited() {
     let one = dir.path().join("one.raw");
     std::fs::write(&one, [7_u8]).unwrap();
     let Some(mut bench) = Bench::open(&[one.to_str().unwrap(), "--raw=1x1x1:u8"]) else { return };
-    bench.app().settings.slices = true;
-    bench.app().edit(Edit::Add { value: 7.0, amount: 0.5 });
-    bench.app().edit(Edit::Window { shift: 1e9, spread: 0.0 });
+    bench.app().model.settings.slices = true;
+    bench.app().model.edit(Edit::Add { value: 7.0, amount: 0.5 });
+    bench.app().model.edit(Edit::Window { shift: 1e9, spread: 0.0 });
     bench.settle();
     let bytes: Vec<u8> = [f32::NAN, f32::INFINITY, 1e30, -1e30, 0.0, 1.0, 2.0, 3.0]
         .iter()
@@ -168,15 +170,10 @@ fn degenerate_volumes_open_and_can_be_edited() {
         .collect();
     let odd = dir.path().join("odd_2x2x2_float32.raw");
     std::fs::write(&odd, bytes).unwrap();
-    bench.app().open_source(odd.to_str().unwrap());
-    let start = Instant::now();
-    while !bench.app().document.as_ref().unwrap().spec.source.contains("odd") {
-        bench.harness.step();
-        assert!(start.elapsed() < Duration::from_secs(30), "{:?}", bench.app().messages);
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    bench.app().model.open_source(odd.to_str().unwrap());
+    bench.wait_for("odd values", |app| app.model.document.as_ref().unwrap().spec.source.contains("odd"));
     bench.settle();
-    let center = bench.app().view_rect().unwrap().center();
+    let center = bench.app().model.view.unwrap().center();
     bench.click_at(center);
     bench.settle();
 }

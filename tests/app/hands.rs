@@ -12,7 +12,7 @@ const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
 #[test]
 fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_it_back() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
-    let before = bench.app().document.clone().unwrap();
+    let before = bench.app().model.document.clone().unwrap();
     let picture = bench.pixels();
     // The highest point that the histogram's range shows: no other is near it.
     let range = before.volume.value_range();
@@ -20,10 +20,10 @@ fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_i
     let grip = bench.harness.get_by_label(&format!("point {}", last + 1)).rect().center();
     bench.drag(grip, grip + vec2(0.0, 30.0), Modifiers::NONE);
     bench.settle();
-    let edited = bench.app().document.clone().unwrap().tf;
+    let edited = bench.app().model.document.clone().unwrap().tf;
     assert!(edited.points[last].amount < before.tf.points[last].amount, "the point went down");
     assert_ne!(bench.pixels(), picture);
-    let frame = bench.app().frame.clone().unwrap();
+    let frame = bench.app().model.frame.clone().unwrap();
     assert!(frame.whole && frame.main.report.bytes > 0);
 
     let dir = tempfile::tempdir().unwrap();
@@ -32,35 +32,35 @@ fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_i
     bench.type_into("path", path.to_str().unwrap());
     bench.click("Save");
     assert_eq!(TransferFunction::read(&path).unwrap(), *edited);
-    assert!(!bench.app().document.as_ref().unwrap().tf_edited());
+    assert!(!bench.app().model.document.as_ref().unwrap().tf_edited());
 
     bench.click("Undo");
     bench.settle();
-    assert_eq!(bench.app().document.as_ref().unwrap().tf, before.tf, "a drag is one step");
+    assert_eq!(bench.app().model.document.as_ref().unwrap().tf, before.tf, "a drag is one step");
     assert_eq!(bench.pixels(), picture);
     bench.click("Redo");
-    assert_eq!(bench.app().document.as_ref().unwrap().tf, edited);
+    assert_eq!(bench.app().model.document.as_ref().unwrap().tf, edited);
 }
 
 #[test]
 fn an_edit_does_no_more_than_it_must() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
-    let range = bench.app().document.as_ref().unwrap().volume.value_range();
+    let range = bench.app().model.document.as_ref().unwrap().volume.value_range();
     // A colour: tables, but no shadow work.
     let picture = bench.pixels();
-    bench.app().edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
+    bench.app().model.edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
     bench.settle();
-    let work = bench.app().frame.as_ref().unwrap().work;
+    let work = bench.app().model.frame.as_ref().unwrap().work;
     assert!(work.table_ms.is_some() && work.build_ms.is_none(), "{work:?}");
     assert_ne!(bench.pixels(), picture);
     // A point beyond every value: nothing at all, not even a picture.
-    bench.app().edit(Edit::Add { value: range[1] + 1000.0, amount: 0.0 });
+    bench.app().model.edit(Edit::Add { value: range[1] + 1000.0, amount: 0.0 });
     bench.settle();
-    let (frames, unchanged) = (bench.app().frames, bench.app().unchanged);
-    let before = bench.app().document.clone().unwrap();
-    bench.app().edit(Edit::Add { value: range[1] + 2000.0, amount: 0.7 });
+    let (frames, unchanged) = (bench.app().model.frames, bench.app().model.unchanged);
+    let before = bench.app().model.document.clone().unwrap();
+    bench.app().model.edit(Edit::Add { value: range[1] + 2000.0, amount: 0.7 });
     bench.settle();
-    let after = bench.app().document.clone().unwrap();
+    let after = bench.app().model.document.clone().unwrap();
     assert_eq!(before.scene, after.scene);
     assert_eq!(
         TransferChange::between(&before.tf, &after.tf, |[lo, hi]| lo <= range[1] && hi >= range[0]),
@@ -69,12 +69,12 @@ fn an_edit_does_no_more_than_it_must() {
         before.tf,
         after.tf
     );
-    let now = (bench.app().frames, bench.app().unchanged);
+    let now = (bench.app().model.frames, bench.app().model.unchanged);
     assert_eq!(now, (frames, unchanged + 1), "no voxel has such a value");
     // The camera alone: no tables, no map.
-    bench.app().look_from(2);
+    bench.app().model.look_from(2);
     bench.settle();
-    assert_eq!(bench.app().frame.as_ref().unwrap().work, Default::default());
+    assert_eq!(bench.app().model.frame.as_ref().unwrap().work, Default::default());
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn methods_are_switched_by_their_list_and_a_bad_value_is_said_beside_it() {
     bench.click("method");
     bench.click("none");
     bench.settle();
-    assert_eq!(bench.app().frame.as_ref().unwrap().main.spec, "none");
+    assert_eq!(bench.app().model.frame.as_ref().unwrap().main.spec, "none");
     let lit = brightness(&bench.pixels());
     assert!(lit > shadowed * 1.02, "without shadows it is brighter: {lit} {shadowed}");
 
@@ -93,7 +93,7 @@ fn methods_are_switched_by_their_list_and_a_bad_value_is_said_beside_it() {
     bench.settle();
     let picture = bench.pixels();
     bench.type_into("method epsilon", "-3");
-    assert!(bench.app().document.as_ref().unwrap().method.method().is_err());
+    assert!(bench.app().model.document.as_ref().unwrap().method.method().is_err());
     assert!(
         bench.harness.query_by_label_contains("epsilon:").is_some()
             || bench.harness.query_by_label_contains("-3").is_some()
@@ -101,53 +101,53 @@ fn methods_are_switched_by_their_list_and_a_bad_value_is_said_beside_it() {
     assert_eq!(bench.pixels(), picture, "what was shown stays");
     bench.type_into("method epsilon", "0.1");
     bench.settle();
-    assert_eq!(bench.app().frame.as_ref().unwrap().main.spec, "dsm:epsilon=0.1");
+    assert_eq!(bench.app().model.frame.as_ref().unwrap().main.spec, "dsm:epsilon=0.1");
 }
 
 #[test]
 fn the_split_view_shows_two_methods() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
-    assert!(bench.app().frame.as_ref().unwrap().other.is_none());
+    assert!(bench.app().model.frame.as_ref().unwrap().other.is_none());
     bench.harness.key_press(egui::Key::C);
     bench.settle();
-    let frame = bench.app().frame.clone().unwrap();
+    let frame = bench.app().model.frame.clone().unwrap();
     let other = frame.other.expect("a second picture");
     assert_eq!((frame.main.spec.as_str(), other.spec.as_str()), ("dsm:map=64", "none"));
     assert_ne!(bench.read(&frame.main.texture), bench.read(&other.texture));
     bench.harness.key_press(egui::Key::X);
     bench.settle();
-    assert_eq!(bench.app().frame.as_ref().unwrap().main.spec, "none");
+    assert_eq!(bench.app().model.frame.as_ref().unwrap().main.spec, "none");
 }
 
 #[test]
 fn the_light_and_the_camera_follow_the_hand() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
-    let before = bench.app().document.as_ref().unwrap().scene.clone();
-    let center = bench.app().view_rect().unwrap().center();
+    let before = bench.app().model.document.as_ref().unwrap().scene.clone();
+    let center = bench.app().model.view.unwrap().center();
     bench.drag(center, center + vec2(60.0, 20.0), Modifiers::SHIFT);
     bench.settle();
-    let lit = bench.app().document.as_ref().unwrap().scene.clone();
+    let lit = bench.app().model.document.as_ref().unwrap().scene.clone();
     assert!(lit.light != before.light && lit.camera == before.camera);
     bench.drag(center, center + vec2(60.0, 20.0), Modifiers::NONE);
     bench.settle();
-    let turned = bench.app().document.as_ref().unwrap().scene.clone();
+    let turned = bench.app().model.document.as_ref().unwrap().scene.clone();
     assert!(turned.light == lit.light && turned.camera != lit.camera);
     let sphere = bench.harness.get_by_label("light direction").rect().center();
     bench.drag(sphere, sphere + vec2(20.0, -10.0), Modifiers::NONE);
     bench.settle();
-    assert_ne!(bench.app().document.as_ref().unwrap().scene.light, turned.light);
+    assert_ne!(bench.app().model.document.as_ref().unwrap().scene.light, turned.light);
 }
 
 #[test]
 fn a_probe_while_a_picture_is_refined_leaves_it_whole() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     for turn in 0..4 {
-        let middle = bench.app().view_rect().unwrap().center();
+        let middle = bench.app().model.view.unwrap().center();
         let to = middle + vec2(40.0, 25.0 - 12.0 * turn as f32);
         bench.drag(middle, to, Modifiers::SHIFT);
         bench.click_at(middle);
         bench.settle();
-        assert!(bench.app().frame.as_ref().unwrap().whole);
+        assert!(bench.app().model.frame.as_ref().unwrap().whole);
     }
 }
 
@@ -156,16 +156,10 @@ fn a_click_probes_what_is_seen_there() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:32", "--tf=uniform", "--shadow=rays"]) else {
         return;
     };
-    let center = bench.app().view_rect().unwrap().center();
+    let center = bench.app().model.view.unwrap().center();
     bench.click_at(center);
-    for _ in 0..500 {
-        bench.harness.step();
-        if bench.app().probe.is_some() {
-            break;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
-    let probe = bench.app().probe.clone().expect("an answer");
+    bench.wait_for("an answer", |app| app.model.probe.is_some());
+    let probe = bench.app().model.probe.clone().expect("an answer");
     assert!(probe.exact.windows(2).all(|w| w[1][1] <= w[0][1] + 1e-12), "transmittance never rises");
     let rays = &probe.methods[0];
     assert!(

@@ -7,36 +7,36 @@ use umbravox::app::curve::Edit;
 #[test]
 fn what_was_open_goes_on_on_another_device() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--shadow=dsm:map=64"]) else { return };
-    bench.app().edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
-    bench.app().look_from(2);
+    bench.app().model.edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
+    bench.app().model.look_from(2);
     bench.settle();
-    let (before, picture) = (bench.app().document.clone().unwrap(), bench.pixels());
-    assert!(bench.app().lost().is_none());
+    let (before, picture) = (bench.app().model.document.clone().unwrap(), bench.pixels());
+    assert!(bench.app().model.lost().is_none());
     bench.device.destroy();
     let start = Instant::now();
-    while bench.app().lost().is_none() {
+    while bench.app().model.lost().is_none() {
         let _ = bench.device.poll(eframe::wgpu::PollType::Poll);
         // A hand that goes on moves nothing any more, and harms nothing.
-        bench.app().look_from(1);
+        bench.app().model.look_from(1);
         bench.harness.step();
         assert!(start.elapsed() < super::PATIENCE);
         std::thread::sleep(Duration::from_millis(5));
     }
-    bench.app().document.as_mut().unwrap().scene = before.scene.clone();
-    let why = bench.app().lost().unwrap();
+    bench.app().model.document.as_mut().unwrap().scene = before.scene.clone();
+    let why = bench.app().model.lost().unwrap();
     let resume = bench.app().into_resume(why.clone());
     drop(bench);
 
     let Some(mut bench) = Bench::empty() else { return };
     bench.app().resume(resume);
     bench.settle();
-    let after = bench.app().document.clone().unwrap();
+    let after = bench.app().model.document.clone().unwrap();
     assert!(std::sync::Arc::ptr_eq(&before.volume, &after.volume), "it is not read again");
     assert_eq!((&before.tf, &before.scene, &before.method), (&after.tf, &after.scene, &after.method));
     assert_eq!(bench.pixels(), picture);
-    assert!(bench.app().messages.iter().any(|m| m.text.contains("lost") && m.text.contains(&why)));
-    bench.app().undo();
-    assert_ne!(bench.app().document.as_ref().unwrap().tf, before.tf, "edits can still be taken back");
+    assert!(bench.app().model.messages.iter().any(|m| m.text.contains("lost") && m.text.contains(&why)));
+    bench.app().model.undo();
+    assert_ne!(bench.app().model.document.as_ref().unwrap().tf, before.tf, "edits can still be taken back");
 }
 
 #[test]

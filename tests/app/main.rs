@@ -14,9 +14,9 @@ use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::time::{Duration, Instant};
-use umbravox::app::{App, Settings, With};
-use umbravox::cli::scene_args::SceneArgs;
+use umbravox::app::{App, Purpose, Settings, With};
 use umbravox::gpu::Gpu;
+use umbravox::open::SceneArgs;
 use umbravox::render::DisplayTexture;
 
 /// Long enough for a busy machine without a GPU.
@@ -36,8 +36,8 @@ impl Bench {
     /// Opens `line`, as on the command line of `view`; `None`, said aloud, where there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
         let mut bench = Self::empty()?;
-        let request = scene_args(line).into_request().unwrap();
-        bench.app().open(request.volume.clone(), With::Request(Box::new(request)));
+        let settings = scene_args(line).into_settings().unwrap();
+        bench.app().model.open(settings.spec(), With::Settings(Box::new(settings)));
         bench.settle();
         Some(bench)
     }
@@ -62,6 +62,13 @@ impl Bench {
         self.harness.state_mut()
     }
 
+    /// Asks for the path of a picture.
+    pub fn ask_export(&mut self) {
+        let App { model, windows, .. } = self.app();
+        windows.prompt.ask(model, Purpose::ExportPicture);
+        self.harness.run_steps(2);
+    }
+
     /// Steps until the picture is whole and of what is wanted.
     pub fn settle(&mut self) {
         let start = Instant::now();
@@ -69,10 +76,10 @@ impl Bench {
         loop {
             self.harness.step();
             let app = self.harness.state();
-            if app.is_settled() && app.frame.is_some() {
+            if app.model.is_settled() && app.model.frame.is_some() {
                 break;
             }
-            assert!(start.elapsed() < PATIENCE, "no picture: {:?}", app.messages);
+            assert!(start.elapsed() < PATIENCE, "no picture: {:?}", app.model.messages);
             std::thread::sleep(Duration::from_millis(10));
         }
         // What came last is shown, too.
@@ -84,9 +91,11 @@ impl Bench {
         let start = Instant::now();
         while !done(self.harness.state()) {
             self.harness.step();
-            assert!(start.elapsed() < PATIENCE, "{what}: {:?}", self.harness.state().messages);
+            assert!(start.elapsed() < PATIENCE, "{what}: {:?}", self.harness.state().model.messages);
             std::thread::sleep(Duration::from_millis(5));
         }
+        // What came last is shown, too.
+        self.harness.run_steps(2);
     }
 
     /// Presses, moves over a few frames and lets go.
@@ -142,7 +151,7 @@ impl Bench {
 
     /// The picture as it is on screen: sRGB codes.
     pub fn pixels(&self) -> Vec<u8> {
-        let frame = self.harness.state().frame.as_ref().unwrap();
+        let frame = self.harness.state().model.frame.as_ref().unwrap();
         self.read(&frame.main.texture)
     }
 

@@ -23,7 +23,7 @@ impl egui::DroppedFile for Dropped {
 }
 
 fn drop_files(bench: &mut Bench, paths: &[&Path]) {
-    bench.app().messages.clear();
+    bench.app().model.messages.clear();
     for path in paths {
         bench.harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_path_buf())));
     }
@@ -34,7 +34,7 @@ fn drop_files(bench: &mut Bench, paths: &[&Path]) {
 fn what_is_dropped_is_opened_by_what_it_is() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
     let dir = tempfile::tempdir().unwrap();
-    let source = |app: &App| app.document.as_ref().unwrap().spec.source.clone();
+    let source = |app: &App| app.model.document.as_ref().unwrap().spec.source.clone();
 
     let volume = dir.path().join("shell.nii.gz");
     write_nifti(&Phantom::Shell.build(12).unwrap(), &volume).unwrap();
@@ -42,14 +42,14 @@ fn what_is_dropped_is_opened_by_what_it_is() {
     let name = volume.display().to_string();
     bench.wait_for("a volume", |app| source(app) == name);
     bench.settle();
-    assert_eq!(bench.app().document.as_ref().unwrap().volume.dims(), [12; 3]);
-    assert_eq!(bench.app().settings.recent[0], name);
+    assert_eq!(bench.app().model.document.as_ref().unwrap().volume.dims(), [12; 3]);
+    assert_eq!(bench.app().model.settings.recent[0], name);
 
     let tf = dir.path().join("mine.JSON");
     let text = r#"{"name": "mine", "units": "", "points": [{"value": 1, "extinction": 0}, {"value": 900, "extinction": 0.5}]}"#;
     std::fs::write(&tf, text).unwrap();
     drop_files(&mut bench, &[&tf]);
-    let document = bench.app().document.clone().unwrap();
+    let document = bench.app().model.document.clone().unwrap();
     assert_eq!((document.tf.name.as_str(), document.spec.source.as_str()), ("mine", name.as_str()));
 
     let scene = dir.path().join("scene.toml");
@@ -61,9 +61,9 @@ fn what_is_dropped_is_opened_by_what_it_is() {
     drop_files(&mut bench, &[&scene]);
     bench.wait_for("a scene", |app| source(app) == "phantom:comb:14");
     bench.settle();
-    let document = bench.app().document.clone().unwrap();
+    let document = bench.app().model.document.clone().unwrap();
     assert_eq!((document.method.name, document.scene.ambient), ("rays", 0.25));
-    assert!(document.transparent && document.scene_text("ct").contains("background = \"none\""));
+    assert!(document.transparent && document.scene_text("ct").unwrap().contains("background = \"none\""));
 
     // Broken ones: the reason is said, what was open stays.
     let picture = bench.pixels();
@@ -76,22 +76,22 @@ fn what_is_dropped_is_opened_by_what_it_is() {
         let path = dir.path().join(name);
         std::fs::write(&path, text).unwrap();
         drop_files(&mut bench, &[&path]);
-        bench.wait_for(name, |app| app.messages.iter().any(|m| m.is_error && m.text.contains(reason)));
+        bench.wait_for(name, |app| app.model.messages.iter().any(|m| m.is_error && m.text.contains(reason)));
         assert_eq!(source(bench.harness.state()), "phantom:comb:14", "{name}");
     }
     assert_eq!(bench.pixels(), picture);
 
     // Of several the first is taken, and that is said.
     drop_files(&mut bench, &[&volume, &tf]);
-    assert!(bench.app().messages.iter().any(|m| m.text.starts_with("2 files were dropped")));
+    assert!(bench.app().model.messages.iter().any(|m| m.text.starts_with("2 files were dropped")));
     bench.wait_for("the first of two", |app| source(app) == name);
 }
 
 #[test]
 fn a_reading_shows_how_far_it_is_and_its_cancel_ends_it() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
-    bench.app().open_source("phantom:thorax:700");
-    let loading = bench.app().loading().expect("it is being read");
+    bench.app().model.open_source("phantom:thorax:700");
+    let loading = bench.app().model.loading().expect("it is being read");
     let start = Instant::now();
     while loading.progress().share < 0.02 {
         bench.harness.step();
@@ -103,7 +103,7 @@ fn a_reading_shows_how_far_it_is_and_its_cancel_ends_it() {
     assert!(bench.harness.query_by_label("share read").is_some());
     bench.click("Cancel");
     let cancelled = Instant::now();
-    assert!(bench.app().loading().is_none());
+    assert!(bench.app().model.loading().is_none());
     // The thread lets go of its end when it ends.
     while Arc::strong_count(&loading) > 1 {
         assert!(cancelled.elapsed() < Duration::from_secs(10), "it reads on");
@@ -113,12 +113,12 @@ fn a_reading_shows_how_far_it_is_and_its_cancel_ends_it() {
     assert!(loading.progress().share < 0.85, "{:?}", loading.progress());
     bench.harness.run_steps(3);
     let app = bench.app();
-    assert!(app.messages.iter().all(|m| !m.is_error), "{:?}", app.messages);
-    assert_eq!(app.document.as_ref().unwrap().spec.source, "phantom:sphere:16");
+    assert!(app.model.messages.iter().all(|m| !m.is_error), "{:?}", app.model.messages);
+    assert_eq!(app.model.document.as_ref().unwrap().spec.source, "phantom:sphere:16");
     // Another one ends the first in the same way.
-    bench.app().open_source("phantom:thorax:700");
-    let first = bench.app().loading().unwrap();
-    bench.app().open_source("phantom:step:12");
+    bench.app().model.open_source("phantom:thorax:700");
+    let first = bench.app().model.loading().unwrap();
+    bench.app().model.open_source("phantom:step:12");
     assert!(first.is_cancelled());
-    bench.wait_for("the second", |app| app.document.as_ref().unwrap().spec.source == "phantom:step:12");
+    bench.wait_for("the second", |app| app.model.document.as_ref().unwrap().spec.source == "phantom:step:12");
 }

@@ -6,17 +6,18 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use std::time::Duration;
 use umbravox::app::curve::Edit;
 use umbravox::app::method_choice::MethodChoice;
-use umbravox::cli::load;
+use umbravox::files::loading::Loading;
+use umbravox::open::SceneSettings;
 use umbravox::strands::Kernel;
 
 #[test]
 fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
     let line = ["phantom:hair-curly:2000", "--resolution=24", "--shadow=dom:map=64"];
     let Some(mut bench) = Bench::open(&line) else { return };
-    bench.app().look_from(2);
-    bench.app().edit(Edit::Color { index: 1, color: [0.1, 0.6, 0.2] });
+    bench.app().model.look_from(2);
+    bench.app().model.edit(Edit::Color { index: 1, color: [0.1, 0.6, 0.2] });
     bench.settle();
-    let before = bench.app().document.clone().unwrap();
+    let before = bench.app().model.document.clone().unwrap();
     assert_eq!(before.volume.dims().into_iter().max(), Some(24));
     let picture = bench.pixels();
 
@@ -24,35 +25,35 @@ fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
     bench.type_into("strands resolution", "5000");
     assert!(bench.harness.query_by_label_contains("from 4 to 1024").is_some());
     bench.click("Voxelise again");
-    assert!(bench.app().loading().is_none());
+    assert!(bench.app().model.loading().is_none());
     bench.type_into("strands resolution", "40");
     bench.type_into("strands thickness", "-1");
     assert!(bench.harness.query_by_label_contains("above 0").is_some());
     bench.type_into("strands thickness", "0.75");
     bench.click("strands kernel tent");
-    assert_eq!(bench.app().document.as_ref().unwrap().volume.dims(), before.volume.dims(), "not yet");
+    assert_eq!(bench.app().model.document.as_ref().unwrap().volume.dims(), before.volume.dims(), "not yet");
 
     bench.click("Voxelise again");
     bench.wait_for("voxelised", |app| {
-        app.document.as_ref().unwrap().volume.dims().into_iter().max() == Some(40)
+        app.model.document.as_ref().unwrap().volume.dims().into_iter().max() == Some(40)
     });
     bench.settle();
-    let after = bench.app().document.clone().unwrap();
-    let flags = after.spec.strands;
+    let after = bench.app().model.document.clone().unwrap();
+    let flags = after.spec.flags.strands;
     assert_eq!((flags.resolution, flags.kernel, flags.thickness), (Some(40), Some(Kernel::Tent), Some(0.75)));
     assert_eq!((&after.tf, &after.method), (&before.tf, &before.method));
     assert_eq!((after.scene.camera, after.scene.light), (before.scene.camera, before.scene.light));
     assert_ne!(bench.pixels(), picture);
-    let text = after.scene_text("hair");
+    let text = after.scene_text("hair").unwrap();
     for key in ["resolution = 40", "kernel = \"tent\"", "thickness = 0.75"] {
         assert!(text.lines().any(|l| l == key), "{text}");
     }
     // The scene file is that very volume with that very function.
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("scene.toml");
-    bench.app().save_scene(&scene);
-    let request = super::scene_args(&["--scene", scene.to_str().unwrap()]).into_request().unwrap();
-    let read = load(&request).unwrap();
+    bench.app().model.save_scene(&scene);
+    let settings = SceneSettings::read(&scene).unwrap();
+    let read = settings.load(&Loading::default()).unwrap();
     assert_eq!(read.volume.voxels(), after.volume.voxels());
     assert_eq!(read.tf, *after.tf);
 }
@@ -62,12 +63,14 @@ fn a_fitted_preset_that_stays_is_saved_as_it_stays() {
     let Some(mut bench) = Bench::open(&["phantom:hair-fur:600", "--resolution=16", "--shadow=none"]) else {
         return;
     };
-    let before = bench.app().document.clone().unwrap();
+    let before = bench.app().model.document.clone().unwrap();
     assert!(!before.tf_edited());
     bench.type_into("strands resolution", "32");
     bench.click("Voxelise again");
-    bench.wait_for("voxelised", |app| app.document.as_ref().unwrap().spec.strands.resolution == Some(32));
-    let after = bench.app().document.clone().unwrap();
+    bench.wait_for("voxelised", |app| {
+        app.model.document.as_ref().unwrap().spec.flags.strands.resolution == Some(32)
+    });
+    let after = bench.app().model.document.clone().unwrap();
     assert_eq!(after.tf, before.tf);
     assert!(after.tf_edited(), "the preset would be stretched to the new values");
 }
@@ -76,8 +79,8 @@ fn a_fitted_preset_that_stays_is_saved_as_it_stays() {
 fn only_strands_have_that_section() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
     assert!(bench.harness.query_by_label("Voxelise again").is_none());
-    bench.app().open_source("phantom:hair-fur:200");
-    bench.wait_for("opened", |app| app.document.as_ref().unwrap().spec.source.contains("hair"));
+    bench.app().model.open_source("phantom:hair-fur:200");
+    bench.wait_for("opened", |app| app.model.document.as_ref().unwrap().spec.source.contains("hair"));
     bench.settle();
     assert!(bench.harness.query_by_label("Voxelise again").is_some());
 }
@@ -85,11 +88,11 @@ fn only_strands_have_that_section() {
 #[test]
 fn flicker_shows_the_two_pictures_in_turn_and_draws_none() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--shadow=dsm:map=64"]) else { return };
-    bench.app().settings.flicker_hz = 1.0;
+    bench.app().model.settings.flicker_hz = 1.0;
     bench.harness.key_press(egui::Key::F);
     bench.settle();
-    assert!(bench.app().split.is_some(), "there must be two pictures");
-    let (frames, frame) = (bench.app().frames, bench.app().frame.clone().unwrap());
+    assert!(bench.app().model.split.share.is_some(), "there must be two pictures");
+    let (frames, frame) = (bench.app().model.frames, bench.app().model.frame.clone().unwrap());
     let other = frame.other.unwrap().spec;
     assert_eq!((frame.main.spec.as_str(), other.as_str()), ("dsm:map=64", "none"));
     // Steps are 0.25 s of the interface's clock: at 1 Hz four of them to a change.
@@ -108,17 +111,17 @@ fn flicker_shows_the_two_pictures_in_turn_and_draws_none() {
     let runs: Vec<usize> = shown.chunk_by(|a, b| a == b).map(<[bool]>::len).collect();
     assert!(runs[1..runs.len() - 1].iter().all(|n| *n == 4), "{runs:?}");
     assert!(runs.len() >= 10, "{runs:?}");
-    assert_eq!(bench.app().frames, frames, "nothing was drawn for it");
+    assert_eq!(bench.app().model.frames, frames, "nothing was drawn for it");
     // Off again: the wipe is back, and nobody is woken.
     bench.harness.key_press(egui::Key::F);
     bench.harness.run_steps(4);
     assert!(bench.harness.query_by_label_contains("shown: ").is_none());
-    assert!(bench.app().split.is_some());
+    assert!(bench.app().model.split.share.is_some());
 }
 
 /// Every widget in the side panel lies within it.
 fn nothing_is_cut(bench: &Bench, what: &str) {
-    let view = bench.harness.state().view_rect().unwrap();
+    let view = bench.harness.state().model.view.unwrap();
     let mut seen = 0;
     for node in bench.harness.root().children_recursive() {
         // The tree's own root has no place.
@@ -140,10 +143,10 @@ fn nothing_in_the_side_panel_is_cut() {
     for spec in
         ["dsm:epsilon=0.0123,map=96,prefilter=5,precompress=off", "bom:map=96,layers=16", "osm:map=64"]
     {
-        let document = bench.app().document.as_mut().unwrap();
+        let document = bench.app().model.document.as_mut().unwrap();
         document.method = MethodChoice::parse(spec).unwrap();
         document.other = MethodChoice::parse("dom:map=96,layers=12").unwrap();
-        bench.app().split = Some(0.5);
+        bench.app().model.split.share = Some(0.5);
         bench.settle();
         // Layout settles a frame after its contents.
         bench.harness.run_steps(4);
@@ -154,14 +157,14 @@ fn nothing_in_the_side_panel_is_cut() {
 #[test]
 fn of_points_that_overlap_the_one_under_the_hand_is_taken() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--shadow=none"]) else { return };
-    let document = bench.app().document.clone().unwrap();
+    let document = bench.app().model.document.clone().unwrap();
     let range = document.volume.value_range();
     let first = document.tf.points.iter().rposition(|p| p.value < range[1]).unwrap();
     let beside = document.tf.points[first];
     // A second point four screen points to the right of the first: later ones used to lie on top of earlier ones.
     let width = bench.harness.get_by_label("opacity curve").rect().width();
     let value = beside.value + 4.0 * 1.04 * (range[1] - range[0]) / f64::from(width);
-    bench.app().edit(Edit::Add { value, amount: beside.amount });
+    bench.app().model.edit(Edit::Add { value, amount: beside.amount });
     bench.settle();
     let place = |bench: &Bench, n: usize| bench.harness.get_by_label(&format!("point {n}")).rect().center();
     let (left, right) = (place(&bench, first + 1), place(&bench, first + 2));
@@ -175,7 +178,7 @@ fn of_points_that_overlap_the_one_under_the_hand_is_taken() {
     // The selected one stays the one that is meant, a little beyond the other's middle, too.
     bench.drag(right, right + vec2(0.0, 20.0), Modifiers::NONE);
     assert!(selected(&bench, first + 1));
-    let tf = bench.app().document.clone().unwrap().tf;
+    let tf = bench.app().model.document.clone().unwrap().tf;
     assert!(tf.points[first].amount < beside.amount && tf.points[first + 1].amount == beside.amount);
     bench.click_at(place(&bench, first + 2));
     bench.harness.step();

@@ -10,12 +10,12 @@ use umbravox::measure::job::{Effort, name_of};
 use umbravox::measure::journal::{JOURNAL, Journal};
 use umbravox::measure::progress::{Progress, Status, StepKind, Watch};
 use umbravox::measure::table::Row;
+use umbravox::open::presets;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::render::{Forced, Renderer};
 use umbravox::report::make::{Made, Order, Subject, make};
 use umbravox::scene::Scene;
 use umbravox::shadow::parse_list;
-use umbravox::transfer::presets;
-use umbravox::volume::{VolumeSpec, load};
 
 const METHODS: &str = "none;rays;dsm:map=64,epsilon=0.06,0.02";
 

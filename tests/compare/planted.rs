@@ -12,11 +12,12 @@ use umbravox::measure::comparison::Comparison;
 use umbravox::measure::job::{Effort, Job};
 use umbravox::measure::journal::Journal;
 use umbravox::measure::progress::Progress;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::render::{DeviceTransfer, Forced, LoadedVolume, Session};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{BuildContext, Entry, Lookup, Method, ShadowMap, Value, parse, parse_list};
 use umbravox::transfer::{Quantity, TransferFunction};
-use umbravox::volume::{Volume, VolumeSpec, load};
+use umbravox::volume::Volume;
 
 const DELAY_MS: f64 = 250.0;
 /// Of the first builds: the one that errors are measured on, and the warm-up.

@@ -2,7 +2,7 @@
 
 use super::*;
 use umbravox::exact::ExactField;
-use umbravox::volume::{VolumeSpec, load};
+use umbravox::open::{VolumeSpec, load};
 
 /// A segment `x0 y0 z0 x1 y1 z1` (world mm) and its optical depth under each of [`over_scans`], from a Python
 /// implementation (numpy and nibabel; roots by companion matrix, adaptive 12-point Gauss-Legendre).

@@ -23,11 +23,12 @@ use ndarray::Array3;
 use std::sync::{Arc, LazyLock};
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
+use umbravox::open::{VolumeSpec, load};
 use umbravox::render::{Forced, Renderer, Session};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{self, ShadowMap};
 use umbravox::transfer::{Quantity, TransferFunction};
-use umbravox::volume::{Provenance, Scaling, Volume, VolumeSpec, Voxels, load};
+use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
 /// Opened once: compiling pipelines takes longer than most tests.
 static RENDERER: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| match Gpu::open(None) {

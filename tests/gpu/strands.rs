@@ -1,16 +1,16 @@
 //! Strands from a file on the device: pictures with their default transfer function against the exact ones.
 
 use super::*;
-use umbravox::strands::{StrandFlags, StrandSet, write_hair};
-use umbravox::transfer::presets;
+use umbravox::open::presets;
+use umbravox::strands::{StrandSet, write_hair};
 
 #[test]
 fn a_hair_file_is_drawn_like_any_volume() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.hair");
     write_hair(&StrandSet::Curly.build(4000).unwrap(), &path).unwrap();
-    let strands = StrandFlags { resolution: Some(48), ..StrandFlags::default() };
-    let spec = VolumeSpec { strands, ..VolumeSpec::new(path.to_string_lossy()) };
+    let mut spec = VolumeSpec::new(path.to_string_lossy());
+    spec.flags.strands.resolution = Some(48);
     let volume = Arc::new(load(&spec).unwrap());
     let name = presets::default_name(&volume);
     assert_eq!(name, "hair");

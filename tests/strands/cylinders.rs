@@ -3,11 +3,11 @@
 use super::strands;
 use glam::DVec3;
 use umbravox::measure::cylinders::{AgainstCylinders, against_cylinders};
-use umbravox::strands::{StrandFlags, Strands, load_volume};
+use umbravox::strands::{DEFAULT_RESOLUTION, Kernel, StrandVolume, Strands};
 
 fn compared(strands: &Strands, toward: DVec3, resolution: usize) -> AgainstCylinders {
-    let flags = StrandFlags { resolution: Some(resolution), ..StrandFlags::default() };
-    against_cylinders(strands, &load_volume(strands, &flags).unwrap().volume, toward, 1500).unwrap()
+    let made = StrandVolume::of(strands, resolution, Kernel::Box).unwrap();
+    against_cylinders(strands, &made.volume, toward, 1500).unwrap()
 }
 
 #[test]
@@ -61,9 +61,9 @@ fn scattered_strands_across_the_light_are_the_medium() {
 #[test]
 fn nothing_is_compared_where_there_is_nothing() {
     let one = strands(&[vec![[0.0; 3], [1.0; 3]]], 0.1, 0.0);
-    let made = load_volume(&one, &StrandFlags::default()).unwrap();
+    let made = StrandVolume::of(&one, DEFAULT_RESOLUTION, Kernel::Box).unwrap();
     assert_eq!(against_cylinders(&one, &made.volume, DVec3::Z, 0), None);
     let point = strands(&[vec![[0.0; 3]]], 0.1, 0.0);
-    let made = load_volume(&point, &StrandFlags::default()).unwrap();
+    let made = StrandVolume::of(&point, DEFAULT_RESOLUTION, Kernel::Box).unwrap();
     assert_eq!(against_cylinders(&point, &made.volume, DVec3::Z, 9), None);
 }

@@ -3,9 +3,9 @@
 use super::arrays;
 use std::fs;
 use std::path::{Path, PathBuf};
-use umbravox::strands::{
-    Attribute, StrandFlags, StrandVolume, Strands, load_strands, load_volume, read_hair, write_hair,
-};
+use umbravox::files::loading::Loading;
+use umbravox::open::load_strands;
+use umbravox::strands::{Attribute, Kernel, StrandVolume, Strands, read_hair, write_hair};
 
 struct Folder(tempfile::TempDir);
 
@@ -180,8 +180,7 @@ fn any_cut_and_any_changed_byte_is_an_answer_and_no_panic() {
             bytes[at] = (256.0 * random.f64()) as u8;
         }
         if let Ok(strands) = folder.read(&bytes) {
-            let flags = StrandFlags { resolution: Some(16), ..StrandFlags::default() };
-            let StrandVolume { volume, .. } = load_volume(&strands, &flags).unwrap();
+            let StrandVolume { volume, .. } = StrandVolume::of(&strands, 16, Kernel::Box).unwrap();
             assert!(volume.value_range().iter().all(|v| v.is_finite() && *v >= 0.0));
         }
     }
@@ -189,8 +188,7 @@ fn any_cut_and_any_changed_byte_is_an_answer_and_no_panic() {
 
 #[test]
 fn degenerate_strands_have_grids_too() {
-    let flags = |resolution: usize| StrandFlags { resolution: Some(resolution), ..StrandFlags::default() };
-    let volume = |arrays| load_volume(&Strands::new("test", arrays).unwrap(), &flags(20));
+    let volume = |arrays| StrandVolume::of(&Strands::new("test", arrays).unwrap(), 20, Kernel::Box);
     let one_point = vec![vec![[5.0f32, 6.0, 7.0]]];
     let same_place = vec![vec![[5.0f32, 6.0, 7.0]; 4]];
     let in_a_plane = vec![vec![[0.0f32, 0.0, 3.0], [10.0, 0.0, 3.0], [10.0, 4.0, 3.0]]];
@@ -219,12 +217,13 @@ fn a_file_without_thickness_needs_one() {
     let folder = Folder::new();
     fs::write(folder.path(), patched(3, 20, &[0; 4])).unwrap();
     let path = folder.path().display().to_string();
-    let e = load_strands(&path, None).unwrap_err();
+    let load = |thickness_mm| load_strands(&path, thickness_mm, &Loading::default());
+    let e = load(None).unwrap_err();
     assert!(e.hint.unwrap().contains("--thickness"));
-    assert_eq!(load_strands(&path, Some(0.5)).unwrap().segment(0).diameter_mm, 0.5);
+    assert_eq!(load(Some(0.5)).unwrap().segment(0).diameter_mm, 0.5);
     fs::write(folder.path(), file(7)).unwrap();
-    assert_eq!(load_strands(&path, Some(0.5)).unwrap().arrays().thickness_mm, Attribute::constant(0.5));
+    assert_eq!(load(Some(0.5)).unwrap().arrays().thickness_mm, Attribute::constant(0.5));
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 2e9] {
-        assert!(load_strands(&path, Some(bad)).is_err());
+        assert!(load(Some(bad)).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! The built-in strand sets.
 
-use umbravox::strands::{StrandFlags, StrandSet, load_volume};
+use umbravox::strands::{StrandSet, StrandVolume};
 
 #[test]
 fn every_set_has_exactly_the_segments_asked_for_and_is_the_same_every_time() {
@@ -59,8 +59,7 @@ fn every_set_is_conserved() {
     for set in StrandSet::ALL {
         for kernel in ["box", "tent"] {
             let kernel = clap::ValueEnum::from_str(kernel, false).unwrap();
-            let flags = StrandFlags { resolution: Some(96), kernel: Some(kernel), thickness: None };
-            let made = load_volume(&set.build(30_000).unwrap(), &flags).unwrap();
+            let made = StrandVolume::of(&set.build(30_000).unwrap(), 96, kernel).unwrap();
             let c = made.conservation;
             assert!(c.relative_error < 1e-6 && c.area_mm2 > 1000.0, "{set} {kernel:?}: {c:?}");
             assert_eq!(c.area_mm2, c.area_inside_mm2, "{set} {kernel:?}: something was clipped");

@@ -144,7 +144,7 @@ fn pictures(number: usize, pictured: &Pictured, error_caption: &str) -> Result<M
                         "nodes per tile, as Hadwiger et al. 2006, Figure 5; grey: tiles left out",
                     ))
                     (figure(
-                        histogram(nodes, style(&row.method).map_or(INK, |s| s.0)).svg(Some(&format!("Histogram of nodes per texel of {name}"))),
+                        histogram(nodes, style(&row.method).map_or(INK, |s| s.color)).svg(Some(&format!("Histogram of nodes per texel of {name}"))),
                         &summary(nodes),
                     ))
                 }

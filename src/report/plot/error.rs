@@ -366,7 +366,7 @@ mod tests {
         let picture = image::open(&paths[0]).unwrap().to_rgb8();
         assert_eq!(picture.dimensions(), (2480, 1220));
         for name in ["none", "rays", "dsm", "osm"] {
-            let (color, _) = style(name).unwrap();
+            let color = style(name).unwrap().color;
             assert!(picture.pixels().any(|p| p.0 == color), "{name}");
         }
         assert_eq!(picture.get_pixel(0, 0).0, WHITE);

@@ -1,14 +1,17 @@
 //! A method's colour and marker, the same in every figure.
 
-use crate::measure::defaults::{Marker, Style, style};
+use crate::measure::defaults::style;
 use crate::report::canvas::{Drawing, Point, Rgb, WHITE};
-use crate::shadow::METHODS;
+use crate::shadow::{METHODS, Marker, Style};
 
 /// Radius of a marker in points.
 pub const MARKER: f64 = 5.5;
 
 /// For methods that have no style of their own.
-const OTHERS: [Style; 2] = [([86, 180, 233], Marker::Down), ([110, 110, 110], Marker::Plus)];
+const OTHERS: [Style; 2] = [
+    Style { color: [86, 180, 233], marker: Marker::Down },
+    Style { color: [110, 110, 110], marker: Marker::Plus },
+];
 
 /// A method's colour and marker.
 pub struct Family {
@@ -28,7 +31,7 @@ pub fn families<'a>(methods: impl Iterator<Item = &'a str>) -> Vec<Family> {
     names.sort_by_key(|name| METHODS.iter().position(|e| e.name == *name).unwrap_or(METHODS.len()));
     let mut others = OTHERS.into_iter().cycle();
     let family = |name: &str| {
-        let (color, marker) = style(name).or_else(|| others.next()).unwrap_or(OTHERS[0]);
+        let Style { color, marker } = style(name).or_else(|| others.next()).unwrap_or(OTHERS[0]);
         Family { name: name.into(), color, marker }
     };
     names.into_iter().map(family).collect()

@@ -104,6 +104,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "bom:layers=15",
     stability: "bom:map=64",
     style: Style { color: [213, 94, 0], marker: Marker::Diamond },
+    sets_budgets: false,
 };
 
 const NO_SEARCH: PassLeftOut =

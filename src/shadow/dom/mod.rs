@@ -75,6 +75,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "dom:layers=15",
     stability: "dom:map=64",
     style: Style { color: [0, 158, 115], marker: Marker::Up },
+    sets_budgets: false,
 };
 
 impl DeepOpacityMap {

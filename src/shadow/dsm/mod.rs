@@ -108,6 +108,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "dsm:epsilon=0.06,0.02",
     stability: "dsm:map=64",
     style: Style { color: [0, 114, 178], marker: Marker::Circle },
+    sets_budgets: true,
 };
 
 /// `Own` of `shaders/shadow/dsm/layout.wgsl`.

@@ -25,6 +25,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "half",
     stability: "half",
     style: Style { color: [86, 180, 233], marker: Marker::Down },
+    sets_budgets: false,
 };
 
 impl Method for Half {

@@ -71,6 +71,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "osm:layers=16",
     stability: "osm:layers=32,map=64",
     style: Style { color: [230, 159, 0], marker: Marker::Square },
+    sets_budgets: false,
 };
 
 /// A single plane lies at the far end whatever lies before it.

@@ -1,0 +1,159 @@
+//! The window's contents, apart from the window itself: the model and the panels, and how news reach them.
+
+use super::model::Model;
+use super::panels::difference::Difference;
+use super::panels::presets::Presets;
+use super::panels::slices::Slices;
+use super::panels::strands::StrandsForm;
+use super::panels::times::Times;
+use super::panels::windows::Windows;
+use super::panels::{editor, flicker, help, keys, probe, side, top_bar, view};
+use super::reading::Opened;
+use super::render_thread::messages::Event;
+use super::resume::Resume;
+use super::settings::Settings;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use eframe::egui;
+use eframe::egui_wgpu::RenderState;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What the window shows and does.
+pub struct App {
+    /// What is open, and what is asked of other threads.
+    pub model: Model,
+    /// What is opened over the view.
+    pub windows: Windows,
+    /// Heat maps of the shown methods' errors.
+    pub difference: Difference,
+    /// Small pictures of the presets.
+    pub presets: Presets,
+    slices: Slices,
+    strands: StrandsForm,
+    times: Times,
+}
+
+impl App {
+    /// Starts the render thread on `gpu`; `context` is woken when there is news.
+    ///
+    /// # Errors
+    /// The system has no thread left.
+    pub fn new(gpu: Gpu, context: &egui::Context, settings: Settings) -> Result<Self> {
+        let context = context.clone();
+        Ok(Self {
+            model: Model::new(gpu, Arc::new(move || context.request_repaint()), settings)?,
+            windows: Windows::default(),
+            difference: Difference::default(),
+            presets: Presets::default(),
+            slices: Slices::default(),
+            strands: StrandsForm::default(),
+            times: Times::default(),
+        })
+    }
+
+    /// One frame of the interface. Without a `render_state` pictures are drawn but not shown (tests).
+    pub fn show(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
+        self.take_news();
+        let context = ui.ctx().clone();
+        self.windows.comparison.take_news(&mut self.model, &context);
+        let Self { model, windows, difference, presets, slices, strands, times } = self;
+        context.set_theme(if model.settings.dark { egui::Theme::Dark } else { egui::Theme::Light });
+        take_dropped_files(model, &context);
+        keys::shortcuts(&context, model, windows, difference);
+        top_bar::show(ui, model, windows);
+        side::show(ui, model, difference, strands, times);
+        editor::show(ui, model, presets, &mut windows.prompt, render_state);
+        view::show(ui, model, difference, slices, render_state);
+        windows.comparison.show(&context, model);
+        windows.prompt.show(&context, model);
+        probe::show(&context, model);
+        help::show(&context, &mut windows.help);
+        model.ask();
+        difference.follow(model);
+        flicker::wake(model, &context);
+        if model.reading.is_some() {
+            context.request_repaint_after(Duration::from_millis(100));
+        }
+    }
+
+    /// Takes what other threads have done.
+    fn take_news(&mut self) {
+        self.model.take_reading();
+        for event in self.model.events() {
+            let model = &mut self.model;
+            match event {
+                Event::Uploaded(opened) => self.take_volume(*opened),
+                Event::Frame(frame) => {
+                    self.times.note(&frame);
+                    model.take_frame(*frame);
+                }
+                Event::Unchanged { revision } => model.take_unchanged(revision),
+                Event::Probed(result) => {
+                    self.slices.go_to(model.document.as_ref(), result.point);
+                    model.probe = Some(*result);
+                }
+                Event::Thumbnail(thumbnail) => self.presets.take(*thumbnail),
+                Event::Differences(found) => self.difference.take(*found),
+                Event::DifferenceUnfinished(request) => self.difference.ask_again(&request),
+                Event::ExportProgress(share) => {
+                    if let Some(exporting) = &mut model.exporting {
+                        exporting.share = share;
+                    }
+                }
+                Event::Exported(exported) => model.take_exported(exported),
+                Event::Failed(error) => {
+                    self.difference.fail();
+                    model.settled = true;
+                    model.fail(&error);
+                }
+            }
+        }
+        self.model.forget_notes();
+    }
+
+    fn take_volume(&mut self, opened: Opened) {
+        if !self.model.take_volume(opened) {
+            return;
+        }
+        let document = self.model.document.as_ref();
+        self.strands = document.map(StrandsForm::of).unwrap_or_default();
+        self.presets = Presets::default();
+        self.difference = self.difference.only_choices();
+        self.slices.reset(document);
+    }
+
+    /// Takes what is open, to go on with it on another device.
+    pub fn into_resume(&mut self, why: String) -> Resume {
+        let model = &mut self.model;
+        let open = model.document.take().map(|d| (d, model.split, self.difference.only_choices()));
+        Resume { why, settings: model.settings.clone(), open }
+    }
+
+    /// Goes on with what was open on a device that was lost.
+    pub fn resume(&mut self, resume: Resume) {
+        let said = format!("the graphics device was lost ({}); this is a new one", resume.why);
+        self.model.say(said, None, true);
+        let Some((document, split, difference)) = resume.open else { return };
+        self.model.split = split.without_flicker();
+        self.difference = difference;
+        self.model.resume(document);
+    }
+}
+
+/// Opens what was dropped, by what it is.
+fn take_dropped_files(model: &mut Model, context: &egui::Context) {
+    let names = context.input(|i| {
+        let path = |f: &egui::DroppedFileHandle| f.path().display().to_string();
+        i.raw.dropped_files.iter().map(path).collect::<Vec<_>>()
+    });
+    let Some(name) = names.first() else { return };
+    if names.len() > 1 {
+        model.note(format!("{} files were dropped: only {name} was taken", names.len()));
+    }
+    if name.to_lowercase().ends_with(".json") {
+        model.load_tf(name);
+    } else {
+        model.open_source(name);
+    }
+}

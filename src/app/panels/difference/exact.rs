@@ -1,0 +1,90 @@
+//! The exact answer on a thread of its own, coarse first.
+
+use crate::app::render_thread::mailbox::Wake;
+use crate::error::{Error, Result};
+use crate::exact::ExactField;
+use crate::measure::error_map::{ExactView, Quantity};
+use crate::scene::Scene;
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+/// Pixels of the view that one pixel of the heat map covers across, one after the other.
+const LIGHT_DIVISORS: [f64; 5] = [16.0, 8.0, 4.0, 2.0, 1.0];
+/// Exact pictures take a hundred times as long.
+const PICTURE_DIVISORS: [f64; 6] = [24.0, 12.0, 6.0, 3.0, 2.0, 1.0];
+
+/// What the exact answer depends on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Question {
+    pub tf: Arc<TransferFunction>,
+    pub scene: Scene,
+    pub quantity: Quantity,
+}
+
+/// An exact answer on its way.
+pub struct Computing {
+    views: Receiver<ExactView>,
+    cancelled: Arc<AtomicBool>,
+}
+
+impl Drop for Computing {
+    fn drop(&mut self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Computing {
+    /// Starts the thread; `wake` is called at every finer answer.
+    ///
+    /// # Errors
+    /// The system has no thread left.
+    pub fn start(volume: Arc<Volume>, what: Question, wake: Wake) -> Result<Self> {
+        let (send, views) = channel();
+        let cancelled = Arc::new(AtomicBool::new(false));
+        let theirs = Arc::clone(&cancelled);
+        // One core is left to whoever moves the mouse.
+        let threads = std::thread::available_parallelism().map_or(1, |n| n.get().saturating_sub(1).max(1));
+        let failed = |why: String| Error::runtime("cannot compute the exact answer", "window", why);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| failed(e.to_string()))?;
+        let work = move || {
+            let field = ExactField::new(&volume, &what.tf);
+            let divisors: &[f64] = match what.quantity {
+                Quantity::Light => &LIGHT_DIVISORS,
+                Quantity::Picture => &PICTURE_DIVISORS,
+            };
+            for divisor in divisors {
+                let side = |n: u32| ((f64::from(n) / divisor).round() as u32).max(1);
+                let scene = Scene {
+                    width: side(what.scene.width),
+                    height: side(what.scene.height),
+                    ..what.scene.clone()
+                };
+                let go_on = || !theirs.load(Ordering::Relaxed);
+                let view = pool.install(|| ExactView::new(&field, &scene, what.quantity, go_on));
+                let Ok(Some(view)) = view else { return };
+                if send.send(view).is_err() {
+                    return;
+                }
+                wake();
+            }
+            drop(send);
+            wake();
+        };
+        std::thread::Builder::new().name("exact".into()).spawn(work).map_err(|e| failed(e.to_string()))?;
+        Ok(Self { views, cancelled })
+    }
+
+    /// The next answer that is there, and whether more will come.
+    pub fn poll(&self) -> (Option<ExactView>, bool) {
+        match self.views.try_recv() {
+            Ok(view) => (Some(view), true),
+            Err(e) => (None, e == TryRecvError::Empty),
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! The transfer-function editor: the volume's histogram with the opacity curve over it, points to drag, a colour bar.
+
+mod grips;
+mod paint;
+mod plot;
+
+use super::parts::unfilled;
+use super::presets::Presets;
+use super::prompt::{Prompt, Purpose};
+use crate::app::curve::{AmountAxis, Edit, History, top_of};
+use crate::app::model::Model;
+use crate::files::color;
+use crate::transfer::Quantity;
+use eframe::egui;
+use eframe::egui_wgpu::RenderState;
+use std::sync::Arc;
+
+/// The panel, while a volume is open.
+pub fn show(
+    ui: &mut egui::Ui,
+    model: &mut Model,
+    presets: &mut Presets,
+    prompt: &mut Prompt,
+    render_state: Option<&RenderState>,
+) {
+    if model.document.is_none() {
+        return;
+    }
+    egui::Panel::bottom("editor")
+        .frame(unfilled(ui))
+        .resizable(true)
+        .default_size(250.0)
+        .min_size(170.0)
+        .show(ui, |ui| {
+            ui.add_space(4.0);
+            tools(ui, model, presets, prompt, render_state);
+            point_row(ui, model);
+            ui.add_space(2.0);
+            plot::show(ui, model);
+        });
+}
+
+fn tools(
+    ui: &mut egui::Ui,
+    model: &mut Model,
+    presets: &mut Presets,
+    prompt: &mut Prompt,
+    render_state: Option<&RenderState>,
+) {
+    let history =
+        |can: fn(&History) -> bool, model: &Model| model.document.as_ref().is_some_and(|d| can(&d.history));
+    ui.horizontal_wrapped(|ui| {
+        ui.strong("Transfer function");
+        presets.show(ui, model, render_state);
+        if ui.button("Load…").on_hover_text("Read a .json file").clicked() {
+            prompt.ask(model, Purpose::LoadTransfer);
+        }
+        if ui.button("Save…").on_hover_text("Write the function as a .json file").clicked() {
+            prompt.ask(model, Purpose::SaveTransfer);
+        }
+        ui.separator();
+        let undo = ui.add_enabled(history(History::can_undo, model), egui::Button::new("Undo"));
+        if undo.on_hover_text("Ctrl+Z").clicked() {
+            model.undo();
+        }
+        let redo = ui.add_enabled(history(History::can_redo, model), egui::Button::new("Redo"));
+        if redo.on_hover_text("Ctrl+Shift+Z").clicked() {
+            model.redo();
+        }
+        ui.separator();
+        let log = &mut model.settings.amount_axis;
+        ui.label("Axis");
+        ui.selectable_value(log, AmountAxis::Linear, "linear").on_hover_text("Opacity from 0 to the top");
+        ui.selectable_value(log, AmountAxis::Logarithmic, "log")
+            .on_hover_text("Four decades of opacity: low ones are set finely");
+        ui.separator();
+        ui.label("Histogram");
+        ui.toggle_value(&mut model.settings.log_histogram, "log")
+            .on_hover_text("Counts on a logarithmic scale");
+        ui.toggle_value(&mut model.settings.gradient_histogram, "gradient").on_hover_text(
+            "Each voxel weighs as much as the value changes there, per mm: peaks are boundaries",
+        );
+        ui.separator();
+        if ui.button("Fit").on_hover_text("Show all values of the volume (the wheel zooms)").clicked()
+            && let Some(document) = &mut model.document
+        {
+            document.value_window = None;
+        }
+    });
+}
+
+/// Exact values of the selected point.
+fn point_row(ui: &mut egui::Ui, model: &mut Model) {
+    let Some(document) = &mut model.document else { return };
+    let tf = Arc::clone(&document.tf);
+    let [lo, hi] = document.volume.value_range();
+    let mut edits = Vec::new();
+    let mut selected = document.selected.filter(|i| *i < tf.points.len());
+    ui.horizontal(|ui| {
+        let Some(index) = selected else {
+            let hint = "Drag a point; double-click to add one; drag beside them to shift (left, right) and spread (up, down) all. \
+                Right-click a point for more.";
+            ui.weak(hint);
+            return;
+        };
+        let point = tf.points[index];
+        ui.label(format!("Point {} of {}", index + 1, tf.points.len()));
+        let mut value = point.value;
+        let speed = ((hi - lo) / 500.0).max(1e-9);
+        let unit = if tf.units.is_empty() { String::new() } else { format!(" {}", tf.units) };
+        let drag = egui::DragValue::new(&mut value).speed(speed).max_decimals(4).suffix(unit);
+        if ui.add(drag).accessible_name("point value").on_hover_text("Value").changed() {
+            edits.push(Edit::Move { index, value, amount: point.amount });
+        }
+        let mut amount = point.amount;
+        let (what, unit) = match tf.quantity {
+            Quantity::Opacity => ("Opacity per reference length, 0 to 1", ""),
+            Quantity::Extinction => ("Extinction, 1/mm", " /mm"),
+        };
+        let speed = (0.01 * point.amount).clamp(1e-5 * top_of(&tf), 0.01 * top_of(&tf));
+        let drag = egui::DragValue::new(&mut amount)
+            .speed(speed)
+            .range(0.0..=if tf.quantity == Quantity::Opacity { 1.0 } else { 1e6 })
+            .min_decimals(3)
+            .max_decimals(6)
+            .suffix(unit);
+        if ui.add(drag).accessible_name("point opacity").on_hover_text(what).changed() {
+            edits.push(Edit::Move { index, value: point.value, amount });
+        }
+        let mut rgb = point.color.map(color::srgb8_from_linear);
+        if ui.color_edit_button_srgb(&mut rgb).on_hover_text("Colour").changed() {
+            let color = rgb.map(|c| color::linear_from_srgb(f64::from(c) / 255.0));
+            edits.push(Edit::Color { index, color });
+        }
+        if ui.button("Jump").on_hover_text("Add a second point of this value: the curve jumps there").clicked() {
+            let amount = if point.amount > 0.5 * top_of(&tf) { 0.0 } else { (2.0 * point.amount).max(0.1 * top_of(&tf)) };
+            edits.push(Edit::Jump { index, amount });
+        }
+        let remove = ui.add_enabled(tf.points.len() > 1, egui::Button::new("Remove"));
+        if remove.on_hover_text("Delete").clicked() {
+            edits.push(Edit::Remove { index });
+            selected = None;
+        }
+        ui.separator();
+        ui.weak(format!("{:.5} /mm", tf.extinction_of_amount(point.amount)))
+            .on_hover_text("Extinction at this point");
+        ui.weak(format!("{} mm", tf.reference_length_mm)).on_hover_text("Reference length of an opacity");
+    });
+    document.selected = selected;
+    edits.into_iter().for_each(|edit| model.edit(edit));
+}

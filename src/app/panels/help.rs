@@ -1,0 +1,39 @@
+//! The overlay that lists keys and hands.
+
+use super::keys::KEYS;
+use eframe::egui;
+
+const HANDS: [(&str, &str); 10] = [
+    ("Drag", "turn the camera"),
+    ("Shift + drag", "move the light"),
+    ("Right or middle drag, Ctrl + drag", "pan"),
+    ("Wheel", "zoom to the cursor"),
+    ("Click", "probe: transmittance against depth there"),
+    ("Drag the line (split view)", "wipe between the two methods"),
+    ("Editor: drag a point", "change value and opacity"),
+    ("Editor: double-click", "add a point"),
+    ("Editor: drag beside the points", "window and level"),
+    ("Drop a file", "open a volume, strands or a scene; load a transfer function"),
+];
+
+/// Shows the list while it is `open`.
+pub fn show(context: &egui::Context, open: &mut bool) {
+    egui::Window::new("Keys and hands")
+        .open(open)
+        .collapsible(false)
+        .resizable(false)
+        .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
+        .show(context, |ui| {
+            for (title, rows) in [("Hands", &HANDS[..]), ("Keys", &KEYS[..])] {
+                ui.strong(title);
+                egui::Grid::new(title).num_columns(2).striped(true).spacing([24.0, 4.0]).show(ui, |ui| {
+                    for (what, does) in rows {
+                        ui.monospace(*what);
+                        ui.label(*does);
+                        ui.end_row();
+                    }
+                });
+                ui.add_space(6.0);
+            }
+        });
+}

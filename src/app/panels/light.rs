@@ -1,0 +1,108 @@
+//! Where the light is, and what surfaces make of it.
+
+use crate::app::camera;
+use crate::app::document::name_of;
+use crate::app::model::Model;
+use crate::scene::{Camera, Light, Shading};
+use eframe::egui::{self, Color32, Sense, Stroke, vec2};
+use glam::DVec3;
+
+/// The section of the light and its share of the picture.
+pub fn show(ui: &mut egui::Ui, model: &mut Model) {
+    let Some(document) = &mut model.document else { return };
+    let (center, radius) = document.bounding_sphere();
+    let camera = document.scene.camera;
+    ui.horizontal(|ui| {
+        let light = &mut document.scene.light;
+        let toward = match *light {
+            Light::Directional { toward } => toward,
+            Light::Point { position } => position - center,
+        };
+        ui.vertical(|ui| {
+            if let Some(dragged) = sphere(ui, &camera, toward) {
+                *light = match *light {
+                    Light::Directional { .. } => Light::Directional { toward: dragged },
+                    Light::Point { position } => {
+                        Light::Point { position: center + dragged * position.distance(center).max(1e-6) }
+                    }
+                };
+            }
+        });
+        ui.vertical(|ui| {
+            let is_point = matches!(light, Light::Point { .. });
+            if ui.radio(!is_point, "At infinity").clicked() && is_point {
+                *light = Light::Directional { toward: toward.normalize_or(DVec3::Z) };
+            }
+            if ui.radio(is_point, "At a point").clicked() && !is_point {
+                *light = Light::Point { position: center + toward.normalize_or(DVec3::Z) * 1.6 * radius };
+            }
+            let (mut v, speed, unit, names) = match *light {
+                Light::Directional { toward } => (toward, 0.01, "", ["light R", "light A", "light S"]),
+                Light::Point { position } => {
+                    (position, 0.005 * radius, " mm", ["light x", "light y", "light z"])
+                }
+            };
+            let mut changed = false;
+            for (axis, name) in [&mut v.x, &mut v.y, &mut v.z].into_iter().zip(names) {
+                let drag =
+                    egui::DragValue::new(axis).speed(speed).max_decimals(3).suffix(unit).range(-1e6..=1e6);
+                changed |= ui.add(drag.prefix(format!("{} ", &name[6..]))).accessible_name(name).changed();
+            }
+            if changed {
+                *light = match light {
+                    Light::Directional { .. } => Light::Directional { toward: v.normalize_or(DVec3::Z) },
+                    Light::Point { .. } => Light::Point { position: v },
+                };
+            }
+        });
+    });
+    ui.horizontal(|ui| {
+        ui.label("Ambient").on_hover_text("Share of the light that shadows do not touch, 0 to 1");
+        ui.add(egui::Slider::new(&mut document.scene.ambient, 0.0..=1.0).max_decimals(3))
+            .accessible_name("ambient");
+    });
+    ui.horizontal(|ui| {
+        ui.label("Shading").on_hover_text("Surface shading by the gradient");
+        for shading in [Shading::None, Shading::Lambert, Shading::BlinnPhong] {
+            ui.selectable_value(&mut document.scene.shading, shading, name_of(shading))
+                .accessible_name(format!("shading {}", name_of(shading)));
+        }
+    });
+    ui.weak("Shift-drag in the view moves the light");
+}
+
+/// The light on a sphere as seen from the camera; a new direction while it is dragged.
+fn sphere(ui: &mut egui::Ui, camera: &Camera, toward: DVec3) -> Option<DVec3> {
+    let (rect, response) = ui.allocate_exact_size(vec2(104.0, 104.0), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, true, "light direction"));
+    let (center, radius) = (rect.center(), 48.0_f32);
+    let painter = ui.painter();
+    let visuals = ui.visuals();
+    painter.circle(center, radius, visuals.extreme_bg_color, Stroke::new(1.0, visuals.weak_text_color()));
+    painter.circle_filled(center, 0.5 * radius, visuals.faint_bg_color.gamma_multiply(1.5));
+    painter.circle_stroke(
+        center,
+        0.5 * radius,
+        Stroke::new(1.0, visuals.weak_text_color().gamma_multiply(0.6)),
+    );
+    if let Some([x, y]) = camera::disc_from_direction(camera, toward) {
+        let at = center + vec2(x as f32, -y as f32) * radius;
+        let behind = x.hypot(y) > 0.5;
+        let color = Color32::from_rgb(255, 205, 70);
+        painter.line_segment([center, at], Stroke::new(1.5, color.gamma_multiply(0.6)));
+        painter.circle(
+            at,
+            6.5,
+            if behind { visuals.extreme_bg_color } else { color },
+            Stroke::new(2.0, color),
+        );
+    }
+    let p = response.interact_pointer_pos().filter(|_| response.dragged() || response.clicked());
+    let tooltip = "Where the light comes from, seen from the camera: the middle is behind the eye, the inner circle is \
+        square to the view, the rim is behind the volume";
+    response.on_hover_text(tooltip);
+    p.map(|p| {
+        let offset = (p - center) / radius;
+        camera::direction_from_disc(camera, [f64::from(offset.x), f64::from(-offset.y)])
+    })
+}

@@ -1,0 +1,23 @@
+//! What is seen: each panel paints its part of the window from the model, and changes it.
+
+pub mod comparison;
+pub mod difference;
+pub mod editor;
+pub mod flicker;
+mod hands;
+pub mod help;
+pub mod keys;
+mod light;
+mod overlays;
+mod parts;
+pub mod presets;
+pub mod probe;
+pub mod prompt;
+mod shadows;
+pub mod side;
+pub mod slices;
+pub mod strands;
+pub mod times;
+pub mod top_bar;
+pub mod view;
+pub mod windows;

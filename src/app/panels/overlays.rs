@@ -1,0 +1,94 @@
+//! What lies over the picture: anatomical letters, axes, the light, the probed point, and how the picture stands.
+
+use super::difference::{Difference, legend};
+use super::parts::shadowed_text;
+use crate::app::camera;
+use crate::app::model::Model;
+use crate::scene::{Camera, Light};
+use eframe::egui::{self, Align2, Color32, Pos2, Rect, Stroke, Vec2, vec2};
+use glam::DVec3;
+
+/// Anatomical letters, the light while it is dragged, the probed point, and how the picture stands.
+pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) {
+    let painter = &ui.painter_at(rect);
+    let Some(document) = &model.document else { return };
+    let camera = document.scene.camera;
+    let frame = camera.frame();
+    if model.settings.marks {
+        let c = rect.center();
+        for (at, align, direction) in [
+            (egui::pos2(rect.left() + 10.0, c.y), Align2::LEFT_CENTER, -frame.right),
+            (egui::pos2(rect.right() - 10.0, c.y), Align2::RIGHT_CENTER, frame.right),
+            (egui::pos2(c.x, rect.top() + 10.0), Align2::CENTER_TOP, frame.up),
+            (egui::pos2(c.x, rect.bottom() - 10.0), Align2::CENTER_BOTTOM, -frame.up),
+        ] {
+            let letters = camera::marks(direction);
+            shadowed_text(painter, at, align, &letters, 15.0, Color32::from_gray(225));
+        }
+        axes(painter, egui::pos2(rect.left() + 42.0, rect.bottom() - 44.0), &camera);
+    }
+    if let Some(p) = model.probe.as_ref().and_then(|probe| project(&camera, rect, probe.point)) {
+        painter.circle_stroke(p, 7.0, Stroke::new(3.0, Color32::from_black_alpha(160)));
+        painter.circle_stroke(p, 7.0, Stroke::new(1.5, Color32::from_rgb(255, 200, 60)));
+    }
+    if let Light::Point { position } = document.scene.light
+        && let Some(p) = project(&camera, rect, position)
+    {
+        painter.circle_filled(p, 6.0, Color32::from_rgb(255, 230, 140));
+        painter.circle_stroke(p, 9.0, Stroke::new(1.5, Color32::from_rgb(255, 230, 140)));
+    }
+    legend::paint(difference, model, ui, rect);
+    let Some(picture) = &model.frame else { return };
+    let (w, h) = (picture.main.texture.width, picture.main.texture.height);
+    let quality = if picture.whole { format!("{w} x {h}") } else { format!("{w} x {h}, refining …") };
+    let at = rect.right_bottom() - vec2(10.0, 10.0);
+    shadowed_text(painter, at, Align2::RIGHT_BOTTOM, &quality, 11.5, Color32::from_gray(170));
+    let shift = ui.input(|i| i.modifiers.shift);
+    if shift && let Light::Directional { toward } = document.scene.light {
+        light_arrow(painter, rect, &camera, toward);
+    }
+}
+
+/// Where a world point is on screen; `None` behind the eye.
+fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
+    let frame = camera.frame();
+    let d = point - camera.eye;
+    let depth = d.dot(frame.forward);
+    if depth <= 0.0 {
+        return None;
+    }
+    let half = f64::from(0.5 * rect.height()) / (0.5 * camera.fov_deg.to_radians()).tan() / depth;
+    let offset = vec2((d.dot(frame.right) * half) as f32, (-d.dot(frame.up) * half) as f32);
+    Some(rect.center() + offset).filter(|p| rect.contains(*p))
+}
+
+/// The patient's axes, seen as the volume is.
+fn axes(painter: &egui::Painter, center: Pos2, camera: &Camera) {
+    const LENGTH: f32 = 26.0;
+    let frame = camera.frame();
+    let on_screen = |v: DVec3| vec2(v.dot(frame.right) as f32, -v.dot(frame.up) as f32) * LENGTH;
+    let mut arms = [
+        (DVec3::X, "R", Color32::from_rgb(235, 95, 85)),
+        (DVec3::Y, "A", Color32::from_rgb(110, 200, 100)),
+        (DVec3::Z, "S", Color32::from_rgb(95, 150, 245)),
+    ];
+    // What points away is painted first.
+    arms.sort_by(|a, b| b.0.dot(frame.forward).total_cmp(&a.0.dot(frame.forward)));
+    for (axis, letter, color) in arms {
+        let end = on_screen(axis);
+        painter.line_segment([center, center + end], Stroke::new(2.0, color));
+        shadowed_text(painter, center + end * 1.3, Align2::CENTER_CENTER, letter, 12.0, color);
+    }
+}
+
+/// Where the light comes from, while it is dragged.
+fn light_arrow(painter: &egui::Painter, rect: Rect, camera: &Camera, toward: DVec3) {
+    let Some([x, y]) = camera::disc_from_direction(camera, toward) else { return };
+    let radius = 0.4 * rect.height().min(rect.width());
+    let color = Color32::from_rgb(255, 220, 110);
+    let from = rect.center() + Vec2::new(x as f32, -y as f32) * radius;
+    painter.line_segment([rect.center(), from], Stroke::new(1.0, color.gamma_multiply(0.6)));
+    let behind = x.hypot(y) > 0.5;
+    let fill = if behind { Color32::from_black_alpha(120) } else { color };
+    painter.circle(from, 8.0, fill, Stroke::new(2.0, color));
+}

@@ -1,0 +1,34 @@
+//! Small parts that several panels paint.
+
+use crate::error::Error;
+use eframe::egui::{self, Align2, Color32, FontId, Painter, Pos2, vec2};
+
+/// The frame of a panel without its fill: the window is cleared to that colour.
+pub fn unfilled(ui: &egui::Ui) -> egui::Frame {
+    egui::Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT)
+}
+
+/// Text that can be read over any picture.
+pub fn shadowed_text(painter: &Painter, at: Pos2, align: Align2, text: &str, size: f32, color: Color32) {
+    let font = FontId::proportional(size);
+    painter.text(at + vec2(1.0, 1.0), align, text, font.clone(), Color32::from_black_alpha(200));
+    painter.text(at, align, text, font, color);
+}
+
+/// A method's name, or a figure, on a dark plate.
+pub fn tag(painter: &Painter, at: Pos2, align: Align2, text: &str) {
+    let galley = painter.layout_no_wrap(text.to_owned(), FontId::monospace(12.0), Color32::from_gray(235));
+    let rect = align.anchor_size(at, galley.size());
+    painter.rect_filled(rect.expand(4.0), 3.0, Color32::from_black_alpha(150));
+    painter.galley(rect.min, galley, Color32::WHITE);
+}
+
+/// An error beside the field that it is about.
+pub fn complaint(ui: &mut egui::Ui, e: &Error) {
+    ui.colored_label(ui.visuals().error_fg_color, format!("{}: {}", e.place, e.why));
+}
+
+/// The last part of a path or a source.
+pub fn file_name(source: &str) -> &str {
+    source.rsplit(['/', '\\']).next().unwrap_or(source)
+}

@@ -1,0 +1,140 @@
+//! The list of presets, each with a small picture of this very volume.
+
+use super::parts::file_name;
+use crate::app::model::Model;
+use crate::app::paint::shown::{Place, shape};
+use crate::app::render_thread::messages::{Job, Thumbnail, ThumbnailRequest};
+use crate::open::presets::{self, PRESETS, Preset};
+use crate::render::DisplayTexture;
+use crate::scene::{Scene, Shading, Skip};
+use eframe::egui::{self, Color32, FontId, Sense, vec2};
+use eframe::egui_wgpu::RenderState;
+use std::sync::Arc;
+
+/// Pixels of a thumbnail.
+const WIDTH: u32 = 96;
+const HEIGHT: u32 = 72;
+/// A scene that fits the view leaves room for the eye; a thumbnail has none to spare.
+const CLOSER: f64 = 0.75;
+/// Lit from the front half way, so that shape shows without shadows.
+const AMBIENT: f64 = 0.35;
+
+/// What is remembered of them.
+#[derive(Default)]
+pub struct Presets {
+    /// By preset.
+    pub thumbnails: Vec<Option<Thumbnail>>,
+    /// The one that is being drawn.
+    waiting: Option<usize>,
+}
+
+impl Presets {
+    /// A list of all presets under the name of the function that is shown.
+    pub fn show(&mut self, ui: &mut egui::Ui, model: &mut Model, state: Option<&RenderState>) {
+        let Some(document) = &model.document else { return };
+        let name = &document.tf_source.0;
+        let edited = if document.tf_edited() { " (edited)" } else { "" };
+        let mut chosen = None;
+        let list = egui::ComboBox::from_id_salt("preset")
+            .selected_text(format!("{}{edited}", file_name(name)))
+            .width(150.0)
+            .height(460.0)
+            .show_ui(ui, |ui| {
+                for (index, preset) in PRESETS.iter().enumerate() {
+                    let texture = self.thumbnail(index, model).map(|t| &t.texture);
+                    if preset_row(ui, preset, preset.name == name, (index, texture), state) {
+                        chosen = Some(preset.name);
+                    }
+                }
+            });
+        list.response.accessible_name("preset");
+        if list.inner.is_some() {
+            self.ask(model);
+        }
+        if let Some(preset) = chosen {
+            model.load_tf(preset);
+        }
+    }
+
+    /// The picture of a preset, where it is of what is open now.
+    fn thumbnail(&self, index: usize, model: &Model) -> Option<&Thumbnail> {
+        let document = model.document.as_ref()?;
+        let found = self.thumbnails.get(index)?.as_ref()?;
+        Arc::ptr_eq(&found.volume, &document.volume).then_some(found)
+    }
+
+    /// Asks for the next picture that is missing or seen from elsewhere, one at a time.
+    fn ask(&mut self, model: &Model) {
+        let Some(document) = &model.document else { return };
+        // What the view needs comes first.
+        if self.waiting.is_some() || !model.settled {
+            return;
+        }
+        let mut camera = document.scene.camera;
+        camera.fov_deg *= CLOSER;
+        let scene = Scene {
+            camera,
+            width: WIDTH,
+            height: HEIGHT,
+            step: 1.0,
+            ambient: AMBIENT,
+            shading: Shading::Lambert,
+            skip: Skip::Bricks,
+            ..document.scene.clone()
+        };
+        let missing = |index: &usize| self.thumbnail(*index, model).is_none_or(|t| t.scene != scene);
+        let Some(index) = (0..PRESETS.len()).find(missing) else { return };
+        let volume = Arc::clone(&document.volume);
+        let Ok(found) = presets::resolve(PRESETS[index].name, &volume) else { return };
+        self.waiting = Some(index);
+        model.push(Job::Thumbnail(Box::new(ThumbnailRequest { index, tf: found.tf, scene, volume })));
+    }
+
+    /// Takes a picture.
+    pub fn take(&mut self, thumbnail: Thumbnail) {
+        self.waiting = None;
+        self.thumbnails.resize_with(PRESETS.len(), || None);
+        let index = thumbnail.index;
+        if let Some(place) = self.thumbnails.get_mut(index) {
+            *place = Some(thumbnail);
+        }
+    }
+}
+
+/// A row of the list: whether it was chosen.
+fn preset_row(
+    ui: &mut egui::Ui,
+    preset: &Preset,
+    is_shown: bool,
+    (index, texture): (usize, Option<&Arc<DisplayTexture>>),
+    state: Option<&RenderState>,
+) -> bool {
+    let size = vec2(64.0, 48.0);
+    let (row, response) = ui.allocate_exact_size(vec2(430.0, size.y + 4.0), Sense::click());
+    response.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, is_shown, preset.name));
+    if !ui.is_rect_visible(row) {
+        return response.clicked();
+    }
+    let visuals = ui.style().interact_selectable(&response, is_shown);
+    if is_shown || response.hovered() {
+        ui.painter().rect_filled(row, 3.0, visuals.weak_bg_fill);
+    }
+    let place = egui::Rect::from_min_size(row.min + vec2(2.0, 2.0), size);
+    match (texture, state) {
+        (Some(texture), Some(state)) => {
+            ui.painter().add(shape(place, texture, Place::Preset(index), state));
+        }
+        _ => _ = ui.painter().rect_filled(place, 0.0, Color32::from_gray(12)),
+    }
+    let text = place.right_top() + vec2(10.0, 6.0);
+    let color = visuals.text_color();
+    ui.painter().text(text, egui::Align2::LEFT_TOP, preset.name, FontId::proportional(13.5), color);
+    let about = ui.painter().layout(
+        preset.about.to_owned(),
+        FontId::proportional(11.0),
+        ui.visuals().weak_text_color(),
+        row.right() - text.x,
+    );
+    ui.painter().galley(text + vec2(0.0, 18.0), about, color);
+    response.clicked()
+}

@@ -1,0 +1,64 @@
+//! The probe's answer: transmittance against depth along the light ray, by the methods and exactly.
+
+use crate::app::model::Model;
+use eframe::egui::{self, Color32};
+use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
+
+/// Colours of the methods' curves; the exact one is in the text's colour.
+const COLORS: [Color32; 2] = [Color32::from_rgb(240, 150, 50), Color32::from_rgb(80, 165, 245)];
+
+/// Shows the answer while there is one.
+pub fn show(context: &egui::Context, model: &mut Model) {
+    let Some(probe) = &model.probe else { return };
+    let units = model.document.as_ref().map_or("", |d| d.tf.units.as_str());
+    let mut open = true;
+    let rect = model.view.unwrap_or(context.content_rect());
+    egui::Window::new("Probe")
+        .open(&mut open)
+        .default_pos(rect.left_top() + egui::vec2(12.0, 12.0))
+        .default_size([430.0, 320.0])
+        .show(context, |ui| {
+            let p = probe.point;
+            ui.label(format!(
+                "{:.2}, {:.2}, {:.2} mm (RAS) · value {:.2} {units} · {:.2} mm into the light ray",
+                p.x, p.y, p.z, probe.value, probe.depth_mm
+            ));
+            egui::Grid::new("probe").num_columns(3).striped(true).spacing([18.0, 3.0]).show(ui, |ui| {
+                ui.weak("method");
+                ui.weak("T here").on_hover_text("Transmittance from the light to the point");
+                ui.weak("error").on_hover_text("T of the method less the exact one");
+                ui.end_row();
+                ui.strong("exact");
+                ui.monospace(format!("{:.5}", probe.exact_at_point));
+                ui.end_row();
+                for (i, curve) in probe.methods.iter().enumerate() {
+                    ui.colored_label(COLORS[i % 2], &curve.spec);
+                    ui.monospace(format!("{:.5}", curve.at_point));
+                    ui.monospace(format!("{:+.5}", curve.at_point - probe.exact_at_point));
+                    ui.end_row();
+                }
+            });
+            let exact = ui.visuals().strong_text_color();
+            Plot::new("transmittance")
+                .legend(Legend::default())
+                .include_y(0.0)
+                .include_y(1.0)
+                .x_axis_label("depth from where the light comes in, mm")
+                .y_axis_label("T")
+                .allow_scroll(false)
+                .show(ui, |plot| {
+                    for (i, curve) in probe.methods.iter().enumerate() {
+                        let points = PlotPoints::from(curve.points.clone());
+                        plot.line(Line::new(curve.spec.clone(), points).color(COLORS[i % 2]).width(2.0));
+                    }
+                    let points = PlotPoints::from(probe.exact.clone());
+                    plot.line(Line::new("exact", points).color(exact).width(1.2));
+                    plot.vline(
+                        VLine::new("the point", probe.depth_mm).color(Color32::from_rgb(255, 200, 60)),
+                    );
+                });
+        });
+    if !open {
+        model.probe = None;
+    }
+}

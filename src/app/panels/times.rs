@@ -1,0 +1,125 @@
+//! What pictures have cost lately.
+
+use crate::app::model::Model;
+use crate::app::render_thread::messages::Frame;
+use eframe::egui;
+use std::collections::VecDeque;
+
+/// Pictures that the running plots show.
+const MOST: usize = 120;
+
+/// A running series of one cost.
+#[derive(Default)]
+pub struct Series(VecDeque<f64>);
+
+/// How a cost is written.
+type Text = fn(f64) -> String;
+
+fn milliseconds(ms: f64) -> String {
+    format!("{ms:.1} ms")
+}
+
+fn megabytes(bytes: f64) -> String {
+    format!("{:.2} MB", bytes * 1e-6)
+}
+
+fn count(n: f64) -> String {
+    format!("{n:.0}")
+}
+
+/// Name, tooltip and writing of each series.
+const ROWS: [(&str, &str, Text); 7] = [
+    ("tables", "Tables made from the transfer function, host ms", milliseconds),
+    ("bricks", "Bricks classified as empty or not, host ms", milliseconds),
+    ("map", "Shadow map built, ms", milliseconds),
+    ("frame", "Rays cast, ms", milliseconds),
+    ("hand to picture", "From the hand's movement to the finished picture, ms", milliseconds),
+    ("memory", "Bytes of the shadow map (both, where the view is split)", megabytes),
+    ("nodes", "Nodes of the deep shadow map (both, where the view is split)", count),
+];
+
+impl Series {
+    fn push(&mut self, value: f64) {
+        self.0.push_back(value);
+        if self.0.len() > MOST {
+            self.0.pop_front();
+        }
+    }
+
+    /// Draws the series as a small line, the largest at the top.
+    fn show(&self, ui: &mut egui::Ui, name: &str, tooltip: &str, text: Text) {
+        let last = self.0.back().map_or("–".to_owned(), |value| text(*value));
+        ui.label(name).on_hover_text(tooltip);
+        ui.label(egui::RichText::new(last).monospace());
+        let (rect, response) =
+            ui.allocate_exact_size(egui::vec2(ui.available_width().max(60.0), 18.0), egui::Sense::hover());
+        let largest = self.0.iter().copied().fold(0.0, f64::max);
+        let (pictures, most) = (self.0.len(), text(largest));
+        response.on_hover_text(format!("{tooltip}; the last {pictures} pictures, at most {most}"));
+        let visuals = ui.visuals();
+        ui.painter().rect_filled(rect, 2.0, visuals.extreme_bg_color);
+        if self.0.len() > 1 && largest > 0.0 {
+            let point = |(i, v): (usize, &f64)| {
+                let x = rect.left() + rect.width() * i as f32 / (MOST - 1) as f32;
+                egui::pos2(x, rect.bottom() - 1.0 - (rect.height() - 3.0) * (*v / largest) as f32)
+            };
+            let line = self.0.iter().enumerate().map(point).collect();
+            ui.painter().line(line, egui::Stroke::new(1.2, visuals.selection.bg_fill));
+        }
+        ui.end_row();
+    }
+}
+
+/// The series that the side panel shows, in the order of [`ROWS`].
+#[derive(Default)]
+pub struct Times {
+    series: [Series; ROWS.len()],
+    /// Whether the last picture made tables, bricks and map anew.
+    last_made: [bool; 3],
+}
+
+impl Times {
+    /// Notes what a picture has cost.
+    pub fn note(&mut self, frame: &Frame) {
+        let sides = || frame.sides();
+        let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
+        self.last_made = made.map(|ms| ms.is_some());
+        let waited = (!frame.whole || frame.work != Default::default()).then_some(frame.latency_ms);
+        let nodes: Vec<u64> = sides().filter_map(|side| side.report.nodes_total).collect();
+        let costs = [
+            made[0],
+            made[1],
+            made[2],
+            Some(sides().map(|side| side.frame_ms).sum()),
+            waited,
+            Some(sides().map(|side| side.report.bytes as f64).sum()),
+            (!nodes.is_empty()).then(|| nodes.iter().sum::<u64>() as f64),
+        ];
+        for (series, cost) in self.series.iter_mut().zip(costs) {
+            cost.into_iter().for_each(|cost| series.push(cost));
+        }
+    }
+
+    /// The series, and what the last picture cost.
+    pub fn show(&self, ui: &mut egui::Ui, model: &Model) {
+        egui::Grid::new("times").num_columns(3).show(ui, |ui| {
+            for (i, ((name, tooltip, text), series)) in ROWS.iter().zip(&self.series).enumerate() {
+                let idle = self.last_made.get(i).is_some_and(|made| !made);
+                let needed_none = if idle { "; the last picture needed none" } else { "" };
+                series.show(ui, name, &format!("{tooltip}{needed_none}"), *text);
+            }
+        });
+        if let Some(frame) = &model.frame {
+            let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
+            let said = |ms: Option<f64>| ms.map_or("kept".to_owned(), milliseconds);
+            ui.weak(format!(
+                "Last: tables {}, bricks {}, map {}, frame {}",
+                said(made[0]),
+                said(made[1]),
+                said(made[2]),
+                milliseconds(frame.main.frame_ms)
+            ));
+        }
+        ui.weak(&model.adapter).on_hover_text("Graphics adapter");
+    }
+}

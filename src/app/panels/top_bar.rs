@@ -1,0 +1,135 @@
+//! The menus, and what is open.
+
+use super::parts::{file_name, unfilled};
+use super::prompt::Purpose;
+use super::windows::Windows;
+use crate::app::camera::AXIS_VIEWS;
+use crate::app::model::Model;
+use crate::strands::StrandSet;
+use crate::volume::Phantom;
+use eframe::egui;
+
+/// The bar at the top of the window.
+pub fn show(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
+    egui::Panel::top("menu").frame(unfilled(ui)).show(ui, |ui| {
+        egui::MenuBar::new().ui(ui, |ui| {
+            ui.menu_button("File", |ui| file_menu(ui, model, windows));
+            ui.menu_button("View", |ui| view_menu(ui, model));
+            if ui.button("Help").on_hover_text("Keys and hands (F1)").clicked() {
+                windows.help = !windows.help;
+            }
+            ui.separator();
+            if let Some(document) = &model.document {
+                let source = &document.volume.provenance.source;
+                ui.add(egui::Label::new(egui::RichText::new(file_name(source)).strong()).truncate())
+                    .on_hover_text(source);
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let icon = if model.settings.dark { "Light" } else { "Dark" };
+                if ui.button(icon).on_hover_text("Light or dark appearance").clicked() {
+                    model.settings.dark = !model.settings.dark;
+                }
+                if let Some(exporting) = &model.exporting {
+                    if ui.button("Cancel").clicked() {
+                        model.cancel_export();
+                    }
+                    let bar = egui::ProgressBar::new(exporting.share).desired_width(160.0).show_percentage();
+                    ui.add(bar).on_hover_text(&exporting.path);
+                    ui.label("Exporting");
+                }
+                if let Some(share) = windows.comparison.share() {
+                    let text = format!("Comparing {:.0} %", 100.0 * share);
+                    if ui.button(text).on_hover_text("Shows the comparison (T)").clicked() {
+                        windows.comparison.open = !windows.comparison.open;
+                    }
+                }
+            });
+        });
+    });
+}
+
+fn file_menu(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
+    let has_document = model.document.is_some();
+    if ui.add(egui::Button::new("Open…").shortcut_text("Ctrl+O")).clicked() {
+        windows.prompt.ask(model, Purpose::OpenVolume);
+        ui.close();
+    }
+    let mut chosen = None;
+    ui.menu_button("Built-in", |ui| {
+        for phantom in Phantom::ALL {
+            if ui.button(phantom.name()).on_hover_text(phantom.description()).clicked() {
+                chosen = Some(format!("phantom:{}", phantom.name()));
+            }
+        }
+        ui.separator();
+        for set in StrandSet::ALL {
+            if ui.button(set.name()).on_hover_text(set.description()).clicked() {
+                chosen = Some(format!("phantom:{}", set.name()));
+            }
+        }
+    });
+    ui.add_enabled_ui(!model.settings.recent.is_empty(), |ui| {
+        ui.menu_button("Recent", |ui| {
+            for source in &model.settings.recent {
+                if ui.button(source).clicked() {
+                    chosen = Some(source.clone());
+                }
+            }
+        });
+    });
+    if let Some(source) = chosen {
+        model.open_source(&source);
+        ui.close();
+    }
+    ui.separator();
+    let mut item = |text: &str, keys: &str, tooltip: &str, purpose: Purpose| {
+        let button = egui::Button::new(text).shortcut_text(keys);
+        if ui.add_enabled(has_document, button).on_hover_text(tooltip).clicked() {
+            windows.prompt.ask(model, purpose);
+            ui.close();
+        }
+    };
+    item(
+        "Save scene…",
+        "Ctrl+S",
+        "A .toml file that the command line draws to the same pixels",
+        Purpose::SaveScene,
+    );
+    item("Export picture…", "Ctrl+E", "PNG, EXR or NPY of any size", Purpose::ExportPicture);
+    let compare = egui::Button::new("Compare methods…").shortcut_text("T");
+    let tooltip = "Errors and times of several methods on what is shown, as tables, plots and a report";
+    if ui.add_enabled(has_document, compare).on_hover_text(tooltip).clicked() {
+        windows.comparison.open = !windows.comparison.open;
+        ui.close();
+    }
+    ui.separator();
+    if ui.button("Quit").clicked() {
+        ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
+    }
+}
+
+fn view_menu(ui: &mut egui::Ui, model: &mut Model) {
+    for (i, view) in AXIS_VIEWS.iter().enumerate() {
+        if ui
+            .add(
+                egui::Button::new(format!("From {}", view.name.to_lowercase()))
+                    .shortcut_text((i + 1).to_string()),
+            )
+            .clicked()
+        {
+            model.look_from(i);
+            ui.close();
+        }
+    }
+    if ui.add(egui::Button::new("Reset camera").shortcut_text("Home")).clicked() {
+        model.reset_camera();
+        ui.close();
+    }
+    ui.separator();
+    ui.checkbox(&mut model.settings.slices, "Slices");
+    ui.checkbox(&mut model.settings.marks, "Anatomical marks");
+    let mut split = model.split.share.is_some();
+    if ui.checkbox(&mut split, "Split view").changed() {
+        model.split.set(split);
+    }
+}

@@ -1,0 +1,171 @@
+//! The view: the picture, what lies over it, and what is said below it.
+
+use super::difference::Difference;
+use super::parts::file_name;
+use super::slices::Slices;
+use super::{flicker, hands, overlays};
+use crate::app::model::Model;
+use crate::app::paint::shown::{Place, shape as shown};
+use crate::app::panels::parts::tag;
+use crate::app::render_thread::messages::Side;
+use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, pos2, vec2};
+use eframe::egui_wgpu::RenderState;
+
+/// No picture on screen is larger, whatever the display.
+const MOST_PIXELS: u32 = 8192;
+/// Width of what says how far the reading is, points.
+const READING_WIDTH: f32 = 360.0;
+
+/// The view in what the panels leave, with the slices beside it.
+pub fn show(
+    ui: &mut egui::Ui,
+    model: &mut Model,
+    difference: &Difference,
+    slices: &mut Slices,
+    render_state: Option<&RenderState>,
+) {
+    egui::CentralPanel::no_frame().show(ui, |ui| {
+        let mut rect = ui.available_rect_before_wrap();
+        if model.settings.slices && model.document.is_some() {
+            let left = pos2(rect.right() - rect.width() * 0.3, rect.top());
+            let column = Rect::from_min_max(left, rect.max);
+            rect.max.x = column.left() - 2.0;
+            slices.show(ui, column, model);
+        }
+        view(ui, rect, model, difference, render_state);
+    });
+}
+
+fn view(
+    ui: &mut egui::Ui,
+    rect: Rect,
+    model: &mut Model,
+    difference: &Difference,
+    render_state: Option<&RenderState>,
+) {
+    model.view = Some(rect);
+    let response = ui.interact(rect, ui.scope_id().with("view"), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "3-D view"));
+    let painter = ui.painter_at(rect);
+    // Where a picture will cover it all, a software adapter is spared the pixels below.
+    if model.frame.is_none() || render_state.is_none() {
+        painter.rect_filled(rect, CornerRadius::ZERO, Color32::from_gray(12));
+    }
+    if let Some(document) = &mut model.document {
+        let pixels = rect.size() * ui.ctx().pixels_per_point();
+        let side = |n: f32| (n.round().max(1.0) as u32).min(MOST_PIXELS);
+        document.scene.width = side(pixels.x);
+        document.scene.height = side(pixels.y);
+        hands::follow(ui, rect, model, &response);
+    }
+    pictures(ui, rect, model, difference, render_state);
+    flicker::paint(model, ui, rect);
+    if model.document.is_some() {
+        overlays::paint(ui, rect, model, difference);
+    } else if model.reading.is_none() {
+        let text = "Drop a volume here, or choose File › Open";
+        let font = FontId::proportional(18.0);
+        painter.text(rect.center(), Align2::CENTER_CENTER, text, font, Color32::GRAY);
+    }
+    reading(ui, rect, model);
+    messages(ui, rect, model);
+}
+
+/// The picture, or both; heat maps of the error take their places.
+fn pictures(
+    ui: &egui::Ui,
+    rect: Rect,
+    model: &Model,
+    difference: &Difference,
+    render_state: Option<&RenderState>,
+) {
+    let (Some(frame), Some(state)) = (&model.frame, render_state) else { return };
+    let painter = ui.painter_at(rect);
+    // A picture of another shape (the view was resized) fills the height until the next comes.
+    let size = vec2(frame.main.texture.width as f32, frame.main.texture.height as f32);
+    let place = Rect::from_center_size(rect.center(), vec2(rect.height() * size.x / size.y, rect.height()));
+    let place = if (place.width() / rect.width() - 1.0).abs() < 0.02 { rect } else { place };
+    let errors = |side: usize| {
+        let found = difference.found.as_ref().filter(|_| difference.shows.is_some())?;
+        found.sides.get(side).map(|s| &s.texture)
+    };
+    let shape = |side: usize, drawn: &Side| {
+        let texture = errors(side).unwrap_or(&drawn.texture);
+        shown(place, texture, Place::Side(side), state)
+    };
+    if let Some(side) = flicker::side(model, ui.ctx()) {
+        frame.sides().nth(side).into_iter().for_each(|drawn| _ = painter.add(shape(side, drawn)));
+        return;
+    }
+    painter.add(shape(0, &frame.main));
+    let (Some(other), Some(share)) = (&frame.other, model.split.share) else { return };
+    let x = rect.left() + share * rect.width();
+    let right = ui.painter_at(Rect::from_min_max(egui::pos2(x, rect.top()), rect.max));
+    right.add(shape(1, other));
+    painter.vline(x, rect.y_range(), Stroke::new(1.5, Color32::from_white_alpha(200)));
+    painter.circle_filled(egui::pos2(x, rect.center().y), 5.0, Color32::from_white_alpha(220));
+    let label = |at: Pos2, align, side: &Side| tag(&painter, at, align, &side.spec);
+    label(egui::pos2(x - 8.0, rect.top() + 8.0), Align2::RIGHT_TOP, &frame.main);
+    label(egui::pos2(x + 8.0, rect.top() + 8.0), Align2::LEFT_TOP, other);
+}
+
+/// What is being read, how far that is, and its end.
+fn reading(ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
+    let Some(reading) = &model.reading else { return };
+    let progress = reading.loading.progress();
+    let source = reading.source.as_str();
+    let name = file_name(source);
+    let seconds = reading.since.elapsed().as_secs_f64();
+    let mut cancelled = false;
+    egui::Area::new(ui.scope_id().with("opening"))
+        .fixed_pos(rect.center_top() + vec2(-0.5 * READING_WIDTH, 24.0))
+        .order(egui::Order::Foreground)
+        .show(ui.ctx(), |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.set_width(READING_WIDTH);
+                ui.add(egui::Label::new(format!("{name}: {}", progress.stage.name())).truncate())
+                    .on_hover_text(source);
+                ui.horizontal(|ui| {
+                    cancelled = ui.button("Cancel").on_hover_text("End the reading").clicked();
+                    ui.weak(format!("{seconds:.0} s"));
+                    let bar = egui::ProgressBar::new(progress.share as f32).show_percentage();
+                    ui.add(bar).accessible_name("share read");
+                });
+            });
+        });
+    if cancelled {
+        model.reading = None;
+    }
+}
+
+fn messages(ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
+    if model.messages.is_empty() {
+        return;
+    }
+    let mut closed = None;
+    egui::Area::new(ui.scope_id().with("messages"))
+        .pivot(Align2::LEFT_BOTTOM)
+        .fixed_pos(rect.left_bottom() + vec2(96.0, -10.0))
+        .order(egui::Order::Foreground)
+        .show(ui.ctx(), |ui| {
+            for (i, message) in model.messages.iter().enumerate() {
+                egui::Frame::popup(ui.style()).show(ui, |ui| {
+                    ui.set_max_width((rect.width() - 140.0).max(200.0));
+                    ui.horizontal_wrapped(|ui| {
+                        if ui.small_button("×").on_hover_text("Close").clicked() {
+                            closed = Some(i);
+                        }
+                        let text = egui::RichText::new(&message.text);
+                        let color = ui.visuals().error_fg_color;
+                        ui.label(if message.is_error { text.color(color) } else { text });
+                        if let Some(hint) = &message.hint {
+                            ui.label(egui::RichText::new(format!("hint: {hint}")).weak());
+                        }
+                    });
+                });
+            }
+        });
+    if let Some(i) = closed {
+        model.messages.remove(i);
+    }
+}

@@ -1,0 +1,13 @@
+//! The windows that are opened over the view from the menus and by keys.
+
+use super::comparison::Comparison;
+use super::prompt::Prompt;
+
+/// Each is open or not.
+#[derive(Default)]
+pub struct Windows {
+    pub prompt: Prompt,
+    pub comparison: Comparison,
+    /// The list of keys and hands.
+    pub help: bool,
+}

@@ -1,0 +1,149 @@
+//! Reading a volume away from the window: its voxels, their histogram, what suits it.
+
+use super::method_choice::MethodChoice;
+use crate::error::{Error, Result};
+use crate::files::loading::Loading;
+use crate::open::{self, DEFAULT_SHADOW, Loaded, Remark, SceneSettings, VolumeSpec};
+use crate::scene::{Light, Scene};
+use crate::transfer::TransferFunction;
+use crate::volume::{Histogram, Volume};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::Instant;
+
+/// Bins of the histogram behind the editor.
+const HISTOGRAM_BINS: usize = 512;
+
+/// A volume that has been read, with what was asked for beside it.
+#[derive(Debug, Clone)]
+pub struct Opened {
+    pub spec: VolumeSpec,
+    pub volume: Arc<Volume>,
+    pub histogram: Arc<Histogram>,
+    /// `None`: everything but the volume stays as it is.
+    pub beginning: Option<Beginning>,
+    /// What was assumed, one line each.
+    pub notes: Vec<String>,
+}
+
+/// What a volume begins with.
+#[derive(Debug, Clone)]
+pub struct Beginning {
+    pub tf: TransferFunction,
+    /// The preset or file that `tf` is.
+    pub tf_source: String,
+    pub scene: Scene,
+    /// `None`: as before.
+    pub method: Option<MethodChoice>,
+    /// Whether pictures are to be written without their background; `None`: as before.
+    pub transparent: Option<bool>,
+}
+
+/// What a volume is opened with.
+#[derive(Debug, Clone)]
+pub enum With {
+    /// Exactly what a command line or a scene file says.
+    Settings(Box<SceneSettings>),
+    /// Another volume in a window that is open: what suits it, but light, ambient and the like as they are.
+    Scene(Box<Scene>),
+    /// The same strands as other voxels: transfer function, camera, light and method stay as they are.
+    Again,
+}
+
+/// A reading that is under way; it ends early once nobody waits for it any more.
+pub struct Reading {
+    pub source: String,
+    pub since: Instant,
+    pub loading: Arc<Loading>,
+    result: Receiver<Result<Opened>>,
+}
+
+impl Reading {
+    /// Starts to read; `wake` is called when that is done.
+    ///
+    /// # Errors
+    /// A request for no shadow method, or a system that has no thread left.
+    pub fn start(spec: VolumeSpec, with: With, wake: impl Fn() + Send + 'static) -> Result<Self> {
+        let method = match &with {
+            // Bad settings are said at once, not after a long reading.
+            With::Settings(settings) => {
+                Some(MethodChoice::parse(settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW))?)
+            }
+            With::Scene(_) | With::Again => None,
+        };
+        let (send, result) = channel();
+        let source = spec.source.clone();
+        let place = source.clone();
+        let loading = Arc::new(Loading::default());
+        let theirs = Arc::clone(&loading);
+        std::thread::Builder::new()
+            .name("open".into())
+            .spawn(move || {
+                let work = std::panic::AssertUnwindSafe(|| read(spec, with, method, &theirs));
+                let outcome = std::panic::catch_unwind(work).unwrap_or_else(|_| {
+                    Err(Error::runtime(
+                        "cannot read volume",
+                        place,
+                        "the program met a fault while reading it",
+                    ))
+                });
+                // Nobody waits any more once the opening was cancelled.
+                let _ = send.send(outcome);
+                wake();
+            })
+            .map_err(|e| Error::runtime("cannot read volume", "window", e))?;
+        Ok(Self { source, since: Instant::now(), loading, result })
+    }
+
+    /// What has been read; `None` while it is being read.
+    pub fn poll(&self) -> Option<Result<Opened>> {
+        match self.result.try_recv() {
+            Ok(outcome) => Some(outcome),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => {
+                Some(Err(Error::runtime("cannot read volume", &self.source, "its thread ended")))
+            }
+        }
+    }
+}
+
+impl Drop for Reading {
+    fn drop(&mut self) {
+        self.loading.cancel();
+    }
+}
+
+fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Loading) -> Result<Opened> {
+    let (volume, notes, beginning) = match with {
+        With::Again => {
+            let volume = open::load_with(&spec, loading)?;
+            let notes = volume.provenance.warnings.clone();
+            (volume, notes, None)
+        }
+        With::Settings(settings) => {
+            let Loaded { volume, tf, tf_source, scene, remarks } = settings.load(loading)?;
+            let transparent = Some(settings.is_transparent());
+            (volume, texts(remarks), Some(Beginning { tf, tf_source, scene, method, transparent }))
+        }
+        With::Scene(old) => {
+            let settings = SceneSettings::of_volume(&spec);
+            let Loaded { volume, tf, tf_source, scene, remarks } = settings.load(loading)?;
+            let scene = Scene { camera: scene.camera, light: as_direction(&old, &scene), ..*old };
+            (volume, texts(remarks), Some(Beginning { tf, tf_source, scene, method, transparent: None }))
+        }
+    };
+    let histogram = Arc::new(Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?);
+    Ok(Opened { spec, volume: Arc::new(volume), histogram, beginning, notes })
+}
+
+fn texts(remarks: Vec<Remark>) -> Vec<String> {
+    remarks.into_iter().map(|(_, text)| text).collect()
+}
+
+/// A light at infinity suits any volume; a point light is somewhere in the old one.
+fn as_direction(scene: &Scene, framed: &Scene) -> Light {
+    match scene.light {
+        light @ Light::Directional { .. } => light,
+        Light::Point { .. } => framed.light,
+    }
+}

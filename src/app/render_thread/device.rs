@@ -1,0 +1,72 @@
+//! The open volume on the device, with tables and shadow maps that are kept from one picture to the next.
+
+use crate::app::method_choice::MethodChoice;
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
+use crate::render::{Change, DeviceTransfer, Kept, LoadedVolume, Renderer, Work};
+use crate::scene::Scene;
+use crate::shadow::ShadowMap;
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use std::sync::Arc;
+
+/// What the render thread draws from.
+pub struct OnDevice {
+    pub renderer: Renderer,
+    pub loaded: Option<LoadedVolume>,
+    kept: Kept,
+}
+
+/// What a picture, or a query, of one method reads.
+pub struct Prepared<'a> {
+    pub renderer: &'a Renderer,
+    pub loaded: &'a LoadedVolume,
+    pub transfer: &'a DeviceTransfer,
+    pub shadow: &'a ShadowMap,
+    pub spec: String,
+}
+
+impl OnDevice {
+    /// No volume; a submission keeps the queue no longer than about `submission_ms`.
+    pub fn new(gpu: Gpu, submission_ms: f64) -> Self {
+        Self { renderer: Renderer::live(gpu, submission_ms), loaded: None, kept: Kept::default() }
+    }
+
+    /// Lets go of everything that may be half made.
+    pub fn forget(&mut self) {
+        self.loaded = None;
+        self.kept = Kept::default();
+    }
+
+    /// Takes a volume onto the device; where that fails the old one stays.
+    pub fn load(&mut self, volume: &Arc<Volume>) -> Result<()> {
+        self.loaded = Some(self.renderer.load(Arc::clone(volume))?);
+        self.kept = Kept::default();
+        Ok(())
+    }
+
+    /// Makes the tables of `tf`, as far as it differs from the function before: what of it reaches pictures.
+    pub fn set_transfer(&mut self, tf: &TransferFunction, work: &mut Work) -> Result<Option<Change>> {
+        let Some(loaded) = &self.loaded else { return Ok(None) };
+        self.kept.set_transfer(&self.renderer, loaded, tf, work)
+    }
+
+    /// Whether [`Self::prepare`] would build nothing.
+    pub fn has(&self, choice: &MethodChoice, scene: &Scene) -> bool {
+        self.loaded.as_ref().is_some_and(|loaded| self.kept.has(loaded, &choice.spec(), scene))
+    }
+
+    /// Builds the shadow structure of a method, unless it is kept.
+    ///
+    /// # Errors
+    /// Settings out of range, a structure that the adapter cannot hold, or no volume or tables to make it of.
+    pub fn prepare(&mut self, choice: &MethodChoice, scene: &Scene, work: &mut Work) -> Result<Prepared<'_>> {
+        let nothing = || Error::runtime("cannot draw", "render thread", "no volume is open");
+        let loaded = self.loaded.as_ref().ok_or_else(nothing)?;
+        let (spec, method) = (choice.spec(), choice.method()?);
+        self.kept.prepare(&self.renderer, loaded, (&spec, method.as_ref()), scene, work)?;
+        let transfer = self.kept.transfer().ok_or_else(nothing)?;
+        let shadow = self.kept.shadow(&spec, scene.light).ok_or_else(nothing)?;
+        Ok(Prepared { renderer: &self.renderer, loaded, transfer, shadow, spec })
+    }
+}

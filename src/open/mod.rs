@@ -1,0 +1,14 @@
+//! What a user names, on the command line, in a scene file or in the window, becomes what the program works on.
+
+mod file;
+pub mod formats;
+pub mod presets;
+mod refusal;
+pub mod settings;
+mod strands;
+pub mod values;
+
+pub use formats::{FORMATS, ReadFlags, VolumeSpec, load, load_with};
+pub use refusal::{Refusal, refusal};
+pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, Remark, SceneArgs, SceneSettings};
+pub use strands::{StrandFlags, is_strand_source, load_strands, parse_resolution, parse_thickness_mm};

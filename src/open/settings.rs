@@ -1,0 +1,374 @@
+//! One description of a scene: command line, scene file and the window's document are views of [`SceneSettings`].
+
+use super::presets::{self, PRESETS, ResolvedTransferFunction};
+use super::values::{self, Background, Size};
+use super::{ReadFlags, VolumeSpec, load_with};
+use crate::error::{Error, Result};
+use crate::files::loading::Loading;
+use crate::render::Forced;
+use crate::scene::{Camera, Light, Scene, Shading, Skip};
+use crate::shadow::{self, METHODS, Method};
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use clap::Args;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::ops::Not;
+use std::path::PathBuf;
+
+/// Which volume, where nothing is said.
+pub const DEFAULT_VOLUME: &str = "phantom:thorax";
+
+/// The shadow method, where nothing is said.
+pub const DEFAULT_SHADOW: &str = "dsm";
+
+/// Below this sine of the angle between two directions they count as parallel in 32-bit arithmetic.
+const MIN_SINE: f64 = 1e-5;
+
+/// A scene as a user describes it; `None` is the default. One field is all of a setting: its doc comment is the help of
+/// its flag, its name the key of a scene file, its parser reads both.
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(try_from = "toml::Table")]
+pub struct SceneSettings {
+    /// A volume file (NIfTI, raw), strands (.hair) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
+    #[arg(value_name = "VOLUME")]
+    pub volume: Option<String>,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub read_flags: ReadFlags,
+
+    /// Transfer function: a preset or a .json file [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]
+    #[arg(long, value_name = "FILE|PRESET", help_heading = "Scene", long_help = tf_help())]
+    pub tf: Option<String>,
+    /// Shadow method and its settings, METHOD[:key=value,...] [default: dsm]
+    #[arg(long, value_name = "METHOD", help_heading = "Scene", long_help = shadow_help())]
+    pub shadow: Option<String>,
+    /// Picture size, pixels [default: 512x512]
+    #[arg(long, value_name = "WxH", value_parser = values::size, allow_hyphen_values = true, help_heading = "Scene")]
+    pub size: Option<Size>,
+    /// Where the camera is, world mm [default: frames the volume]
+    #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, help_heading = "Scene")]
+    pub eye: Option<DVec3>,
+    /// What the camera looks at, world mm [default: the centre of the volume]
+    #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, help_heading = "Scene")]
+    pub target: Option<DVec3>,
+    /// Which direction is up in the picture [default: 0,0,1]
+    #[arg(long, value_name = "X,Y,Z", value_parser = values::direction, allow_hyphen_values = true, help_heading = "Scene")]
+    pub up: Option<DVec3>,
+    /// Vertical field of view, degrees [default: 40]
+    #[arg(long, value_name = "DEG", value_parser = values::fov_deg, allow_hyphen_values = true, help_heading = "Scene")]
+    pub fov: Option<f64>,
+    /// The light: dir:x,y,z towards one at infinity, or point:x,y,z in world mm [default: dir:0.5,0.5,0.7071]
+    #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
+    pub light: Option<Light>,
+    /// Share of the light that shadows do not touch, 0 to 1 [default: 0.1]
+    #[arg(long, value_name = "A", value_parser = values::ambient, allow_hyphen_values = true, help_heading = "Scene")]
+    pub ambient: Option<f64>,
+    /// Surface shading by the gradient [default: none]
+    #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
+    pub shading: Option<Shading>,
+    /// Background colour, sRGB, or none: black behind it, and picture files are transparent there [default: #000000]
+    #[arg(long, value_name = "#RRGGBB|none", value_parser = values::background, help_heading = "Scene")]
+    pub background: Option<Background>,
+    /// Eye-ray step in units of the smallest voxel spacing, 0.01 to 8 [default: 0.5]
+    #[arg(long, value_name = "VOXELS", value_parser = values::step, allow_hyphen_values = true, help_heading = "Scene")]
+    pub step: Option<f64>,
+    /// How empty space is passed over [default: bricks]
+    #[arg(long, value_enum, value_name = "HOW", help_heading = "Scene")]
+    pub skip: Option<Skip>,
+    /// Do work that the scene does not need: names apart by commas, which --explain shows in square brackets, or all
+    #[arg(long, value_name = "NAMES", value_parser = values::forced, help_heading = "Scene")]
+    pub force: Option<Forced>,
+
+    /// Say what runs, what is left out and why
+    #[arg(long)]
+    #[serde(skip_serializing_if = "Not::not")]
+    pub explain: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    #[serde(skip_serializing_if = "Not::not")]
+    pub json: bool,
+    /// Use the graphics adapter whose name contains NAME [default: the fastest]
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+}
+
+/// The shared flags: a scene, and scene files below it.
+#[derive(Debug, Clone, Default, PartialEq, Args)]
+pub struct SceneArgs {
+    #[command(flatten)]
+    pub settings: SceneSettings,
+    /// A TOML file with any of these flags as keys, and `volume`; flags win. `compare` takes several, each with its own
+    /// --scene
+    #[arg(long, value_name = "FILE.toml", help_heading = "Scene")]
+    pub scene: Vec<PathBuf>,
+}
+
+impl SceneArgs {
+    /// What was asked for: the flags over the scene file.
+    ///
+    /// # Errors
+    /// The scene file cannot be read, or there is more than one.
+    pub fn into_settings(self) -> Result<SceneSettings> {
+        if self.scene.len() > 1 {
+            return Err(Error::input("bad command line", "--scene", "only `compare` takes more than one"));
+        }
+        Ok(self.into_each()?.swap_remove(0))
+    }
+
+    /// Settings for each scene file, in their order; the flags alone where there is none.
+    ///
+    /// # Errors
+    /// A scene file cannot be read.
+    pub fn into_each(self) -> Result<Vec<SceneSettings>> {
+        let Self { settings, scene } = self;
+        if scene.is_empty() {
+            return Ok(vec![settings]);
+        }
+        scene.iter().map(|path| settings.over(&SceneSettings::read(path)?)).collect()
+    }
+}
+
+/// What is said of an input, and as what: `note` or `warning`.
+pub type Remark = (&'static str, String);
+
+/// A volume, the transfer function in its units and the scene: what every drawing command starts from.
+#[derive(Debug)]
+pub struct Loaded {
+    pub volume: Volume,
+    pub tf: TransferFunction,
+    /// The preset or file that `tf` is.
+    pub tf_source: String,
+    pub scene: Scene,
+    /// What was assumed.
+    pub remarks: Vec<Remark>,
+}
+
+impl SceneSettings {
+    /// A volume, and the defaults for all else.
+    pub fn of_volume(spec: &VolumeSpec) -> Self {
+        Self { volume: Some(spec.source.clone()), read_flags: spec.flags, ..Self::default() }
+    }
+
+    /// The volume, and how to read it.
+    pub fn spec(&self) -> VolumeSpec {
+        VolumeSpec {
+            source: self.volume.clone().unwrap_or_else(|| DEFAULT_VOLUME.into()),
+            flags: self.read_flags,
+        }
+    }
+
+    /// The shadow method of `--shadow`.
+    ///
+    /// # Errors
+    /// An unknown method or key, or a value out of range.
+    pub fn method(&self) -> Result<Box<dyn Method>> {
+        shadow::parse(self.shadow.as_deref().unwrap_or(DEFAULT_SHADOW)).map_err(|e| e.at("--shadow"))
+    }
+
+    /// The work to do although the scene does not need it.
+    pub fn forced(&self) -> Forced {
+        self.force.unwrap_or_default()
+    }
+
+    /// Whether picture files are to be transparent where there is nothing.
+    pub fn is_transparent(&self) -> bool {
+        self.background == Some(Background::None)
+    }
+
+    /// Reads what is named, cheap things first; watched and ended early through `loading`.
+    ///
+    /// # Errors
+    /// Whatever of it cannot be read or does not go together, or it was cancelled.
+    pub fn load(&self, loading: &Loading) -> Result<Loaded> {
+        let found = self.tf.as_deref().map(presets::find).transpose()?;
+        let volume = load_with(&self.spec(), loading)?;
+        let mut remarks: Vec<Remark> =
+            volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
+        let tf_source = self.tf.clone().unwrap_or_else(|| presets::default_name(&volume).into());
+        let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
+        let ResolvedTransferFunction { tf, note } = found.suit(&volume);
+        remarks.extend(note.map(|note| ("note", note)));
+        let scene = self.scene(&volume)?;
+        Ok(Loaded { volume, tf, tf_source, scene, remarks })
+    }
+
+    /// The scene for a volume.
+    ///
+    /// # Errors
+    /// A camera that looks nowhere: eye at the target, or up along the view.
+    pub fn scene(&self, volume: &Volume) -> Result<Scene> {
+        let default = Scene::framing(volume);
+        let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
+        Ok(Scene {
+            camera: self.camera(volume, size)?,
+            light: self.light.unwrap_or(default.light),
+            ambient: self.ambient.unwrap_or(default.ambient),
+            shading: self.shading.unwrap_or(default.shading),
+            background: match self.background {
+                Some(Background::Color(rgb)) => rgb,
+                Some(Background::None) => [0.0; 3],
+                None => default.background,
+            },
+            step: self.step.unwrap_or(default.step),
+            skip: self.skip.unwrap_or(default.skip),
+            width: size.width,
+            height: size.height,
+        })
+    }
+
+    /// What describes a volume and a scene, the other way than [`Self::spec`] and [`Self::scene`].
+    pub fn of_scene(spec: &VolumeSpec, scene: &Scene, is_transparent: bool) -> Self {
+        let Scene { camera, light, ambient, shading, background, step, skip, width, height } = *scene;
+        let Camera { eye, target, up, fov_deg } = camera;
+        let background = if is_transparent { Background::None } else { Background::Color(background) };
+        Self {
+            size: Some(Size { width, height }),
+            eye: Some(eye),
+            target: Some(target),
+            up: Some(up),
+            fov: Some(fov_deg),
+            light: Some(light),
+            ambient: Some(ambient),
+            shading: Some(shading),
+            background: Some(background),
+            step: Some(step),
+            skip: Some(skip),
+            ..Self::of_volume(spec)
+        }
+    }
+
+    fn camera(&self, volume: &Volume, size: Size) -> Result<Camera> {
+        let (up, fov_deg) = (self.up.unwrap_or(DVec3::Z), self.fov.unwrap_or(Camera::DEFAULT_FOV_DEG));
+        // A picture higher than wide is framed by its width.
+        let aspect = (f64::from(size.width) / f64::from(size.height)).min(1.0);
+        let narrow_deg = 2.0 * (aspect * (0.5 * fov_deg).to_radians().tan()).atan().to_degrees();
+        let framing = Camera::framing(volume, up, narrow_deg);
+        let target = self.target.unwrap_or(framing.target);
+        let eye = self.eye.unwrap_or(target + (framing.eye - framing.target));
+        let view = target - eye;
+        // Nearer than this the direction drowns in the rounding of 32-bit positions.
+        if view.length() <= 1e-6 * eye.abs().max_element().max(1.0) {
+            return Err(Error::input("bad camera", "--eye, --target", "the eye is at the target"));
+        }
+        if view.normalize().cross(up).length() < MIN_SINE {
+            let other = if up.y.abs() < 0.9 { "--up 0,1,0" } else { "--up 0,0,1" };
+            return Err(Error::input("bad camera", "--up", "up is along the direction of view")
+                .hint(format!("give another, e.g. {other}")));
+        }
+        Ok(Camera { eye, target, up, fov_deg })
+    }
+}
+
+/// The long help of `--tf`: the presets.
+fn tf_help() -> String {
+    let mut help = String::from(
+        "Transfer function: a preset, or the path of a .json file\n\
+         [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]\n\n\
+         A file is used as it is. A preset in HU is used as it is on a volume in HU (one whose values span more than \
+         300 within -32768 to 32767); on any other, -1000 to 800 HU are laid over the value range. A preset in \
+         fractions is laid over the value range of every volume. `hair` takes values as extinction in 1/mm.\n\nPresets:",
+    );
+    for preset in PRESETS {
+        help += &format!("\n  {:<12} {}", preset.name, preset.about);
+    }
+    help
+}
+
+/// The long help of `--shadow`: the methods, their keys and every default.
+fn shadow_help() -> String {
+    let mut help =
+        String::from("Shadow method and its settings, METHOD[:key=value,...] [default: dsm]\n\nMethods:");
+    for method in METHODS {
+        help += &format!("\n  {:<12} {}", method.name, method.summary);
+        for key in method.keys {
+            help += &format!("\n    {}={} [default: {}] {}", key.name, key.values, key.default, key.help);
+        }
+    }
+    help
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::open::load;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        settings: SceneSettings,
+    }
+
+    fn scene(line: &[&str]) -> Result<Scene> {
+        let settings = Line::try_parse_from([&["test"], line].concat()).unwrap().settings;
+        settings.scene(&load(&VolumeSpec::new("phantom:slab:8"))?)
+    }
+
+    #[test]
+    fn the_defaults_are_the_contracts() {
+        let scene = scene(&[]).unwrap();
+        let volume = load(&VolumeSpec::new("phantom:slab:8")).unwrap();
+        assert_eq!(scene, Scene::framing(&volume));
+        assert_eq!((scene.width, scene.height, scene.camera.fov_deg), (512, 512, 40.0));
+        assert_eq!((scene.ambient, scene.step, scene.background), (0.1, 0.5, [0.0; 3]));
+        assert_eq!((scene.shading, scene.skip), (Shading::None, Skip::Bricks));
+    }
+
+    #[test]
+    fn a_scene_and_its_settings_are_two_views_of_one_thing() {
+        let volume = load(&VolumeSpec::new("phantom:slab:8")).unwrap();
+        for (transparent, background) in [(false, "#336699"), (true, "none")] {
+            let line = [
+                "--size=9x8",
+                "--eye=9,8,7",
+                "--target=1,2,3",
+                "--up=0,1,0.5",
+                "--fov=33.3",
+                "--ambient=0.7",
+            ];
+            let more =
+                ["--light=point:1,2,3", "--shading=lambert", "--step=0.7", "--skip=none", "--background"];
+            let scene = scene(&[&line[..], &more, &[background]].concat()).unwrap();
+            let spec = VolumeSpec::new("phantom:slab:8");
+            let settings = SceneSettings::of_scene(&spec, &scene, transparent);
+            assert_eq!(settings.spec(), spec);
+            assert_eq!(settings.scene(&volume).unwrap(), scene);
+            assert_eq!(settings.is_transparent(), transparent);
+        }
+    }
+
+    #[test]
+    fn a_target_alone_moves_the_eye_along() {
+        let (framed, moved) = (scene(&[]).unwrap().camera, scene(&["--target=5,6,7"]).unwrap().camera);
+        let offset = DVec3::new(5.0, 6.0, 7.0) - framed.target;
+        assert!((moved.eye - framed.eye - offset).length() < 1e-9);
+        let eye = scene(&["--eye", "-90,0,1"]).unwrap().camera;
+        assert_eq!((eye.eye, eye.target), (DVec3::new(-90.0, 0.0, 1.0), framed.target));
+    }
+
+    #[test]
+    fn a_framed_volume_is_inside_the_picture_whatever_its_shape() {
+        let volume = load(&VolumeSpec::new("phantom:slab:8")).unwrap();
+        for size in ["512x512", "100x900", "900x100"] {
+            let scene = scene(&["--size", size]).unwrap();
+            let frame = scene.camera.frame();
+            let tan = (0.5 * scene.camera.fov_deg).to_radians().tan();
+            let aspect = f64::from(scene.width) / f64::from(scene.height);
+            for corner in volume.corners_mm() {
+                let d = corner - scene.camera.eye;
+                let (x, y, z) = (d.dot(frame.right), d.dot(frame.up), d.dot(frame.forward));
+                assert!(z > 0.0 && x.abs() <= z * tan * aspect && y.abs() <= z * tan, "{size}: {corner}");
+            }
+        }
+    }
+
+    #[test]
+    fn cameras_that_look_nowhere_are_refused() {
+        assert!(scene(&["--eye=1,2,3", "--target=1,2,3"]).is_err());
+        let e = scene(&["--eye=0,0,9", "--target=0,0,0"]).unwrap_err();
+        assert!(e.place == "--up" && e.hint.unwrap().contains("0,1,0"));
+        let e = scene(&["--eye=0,9,0", "--target=0,0,0", "--up=0,-2,0"]).unwrap_err();
+        assert!(e.hint.unwrap().contains("0,0,1"));
+    }
+}

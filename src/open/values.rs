@@ -1,0 +1,202 @@
+//! Values of flags: text to typed, or why not, in one line.
+
+use crate::error::Error;
+use crate::files::color;
+use crate::render::Forced;
+use crate::scene::Light;
+use crate::volume::RawLayout;
+use glam::DVec3;
+use serde::{Serialize, Serializer};
+
+/// Beyond a thousand kilometres 32-bit positions, and their squares, mean nothing.
+const MAX_COORDINATE: f64 = 1e9;
+
+/// A direction shorter than this has no direction worth normalising.
+const MIN_DIRECTION: f64 = 1e-9;
+
+/// What normalising leaves of a length's square beside 1.
+const ROUNDING: f64 = 1e-14;
+
+/// The largest picture side, the common limit of 2-D textures.
+const MAX_PICTURE_SIDE: u32 = 16_384;
+
+/// Width and height of a picture, pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Size {
+    pub width: u32,
+    pub height: u32,
+}
+
+impl Serialize for Size {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(&format_args!("{}x{}", self.width, self.height))
+    }
+}
+
+/// What is behind the volume.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Background {
+    /// Linear RGB.
+    Color([f64; 3]),
+    /// Nothing: picture files are transparent there.
+    None,
+}
+
+impl Serialize for Background {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Color(rgb) => serializer.serialize_str(&color::to_hex(*rgb)),
+            Self::None => serializer.serialize_str("none"),
+        }
+    }
+}
+
+/// `WxH`, each 1 to 16384.
+pub fn size(text: &str) -> Result<Size, String> {
+    let side = |s: &str| s.parse().ok().filter(|n| (1..=MAX_PICTURE_SIDE).contains(n));
+    match text.split_once(['x', 'X']).map(|(w, h)| (side(w), side(h))) {
+        Some((Some(width), Some(height))) => Ok(Size { width, height }),
+        _ => Err(format!("expected WxH, each a whole number from 1 to {MAX_PICTURE_SIDE}")),
+    }
+}
+
+/// Names of [`Forced`] work.
+pub fn forced(text: &str) -> Result<Forced, String> {
+    text.parse().map_err(|e: Error| format!("{} {}: {}", e.what, e.place, e.why))
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        Ok(_) => Err("it must be a finite number".into()),
+        Err(_) => Err(format!("`{text}` is not a number")),
+    }
+}
+
+fn vector(text: &str) -> Result<DVec3, String> {
+    let parts: Vec<&str> = text.split(',').collect();
+    let [x, y, z] = parts[..] else {
+        return Err("expected three numbers x,y,z".into());
+    };
+    Ok(DVec3::new(number(x)?, number(y)?, number(z)?))
+}
+
+/// A point `x,y,z` in world mm.
+pub fn point(text: &str) -> Result<DVec3, String> {
+    let v = vector(text)?;
+    if v.abs().max_element() > MAX_COORDINATE {
+        return Err(format!("a coordinate is beyond {MAX_COORDINATE:e} mm"));
+    }
+    Ok(v)
+}
+
+/// A direction `x,y,z` of any length but 0; normalised. One that was written normalised comes back to the last bit.
+pub fn direction(text: &str) -> Result<DVec3, String> {
+    let v = point(text)?;
+    if v.length() < MIN_DIRECTION {
+        return Err("its length is 0".into());
+    }
+    Ok(if (v.length_squared() - 1.0).abs() < ROUNDING { v } else { v.normalize() })
+}
+
+/// `dir:x,y,z` or `point:x,y,z`.
+pub fn light(text: &str) -> Result<Light, String> {
+    match text.split_once(':') {
+        Some(("dir", v)) => Ok(Light::Directional { toward: direction(v)? }),
+        Some(("point", v)) => Ok(Light::Point { position: point(v)? }),
+        _ => Err("expected dir:x,y,z or point:x,y,z".into()),
+    }
+}
+
+/// A vertical field of view, degrees, between 0 and 180.
+pub fn fov_deg(text: &str) -> Result<f64, String> {
+    // At the very ends the tangent, or the distance that frames a volume, leaves 32-bit floats.
+    number(text).and_then(|x| {
+        if (0.001..=179.9).contains(&x) {
+            Ok(x)
+        } else {
+            Err("it must be from 0.001 to 179.9 degrees".into())
+        }
+    })
+}
+
+/// A share of the light in `[0, 1]`.
+pub fn ambient(text: &str) -> Result<f64, String> {
+    number(text)
+        .and_then(|x| if (0.0..=1.0).contains(&x) { Ok(x) } else { Err("it must be in [0, 1]".into()) })
+}
+
+/// An eye-ray step in voxels; below 1/100 a frame takes minutes, beyond 8 whole structures are missed.
+pub fn step(text: &str) -> Result<f64, String> {
+    number(text).and_then(|x| {
+        if (0.01..=8.0).contains(&x) { Ok(x) } else { Err("it must be from 0.01 to 8 voxels".into()) }
+    })
+}
+
+/// `#rrggbb`, or `none`.
+pub fn background(text: &str) -> Result<Background, String> {
+    match text {
+        "none" => Ok(Background::None),
+        _ => color::parse_hex(text).map(Background::Color).map_err(|why| format!("{why} or `none`")),
+    }
+}
+
+/// Voxel spacing `x,y,z` of a raw file, mm.
+pub fn spacing_mm(text: &str) -> Result<[f64; 3], String> {
+    let v = point(text)?;
+    if v.min_element() <= 0.0 {
+        return Err("each spacing must be greater than 0".into());
+    }
+    Ok(v.to_array())
+}
+
+/// The layout of a raw file.
+pub fn raw_layout(text: &str) -> Result<RawLayout, String> {
+    text.parse().map_err(|e: crate::error::Error| e.why)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn good_values() {
+        assert_eq!(size("640x480"), Ok(Size { width: 640, height: 480 }));
+        assert_eq!(point("-1,2.5, 3e2"), Ok(DVec3::new(-1.0, 2.5, 300.0)));
+        assert_eq!(direction("0,0,-4"), Ok(-DVec3::Z));
+        assert_eq!(light("dir:0,2,0"), Ok(Light::Directional { toward: DVec3::Y }));
+        assert_eq!(light("point:0,2,0"), Ok(Light::Point { position: DVec3::Y * 2.0 }));
+        assert_eq!(spacing_mm("1,2,0.5"), Ok([1.0, 2.0, 0.5]));
+        assert_eq!(background("#ff0000"), Ok(Background::Color([1.0, 0.0, 0.0])));
+        assert_eq!(background("none"), Ok(Background::None));
+        assert_eq!((fov_deg("40"), ambient("0"), step("8")), (Ok(40.0), Ok(0.0), Ok(8.0)));
+    }
+
+    #[test]
+    fn bad_values_say_why() {
+        for bad in ["", "512", "0x5", "5x0", "16385x1", "-1x5", "5x5x5", "1.5x2", "99999999999x1"] {
+            assert!(size(bad).unwrap_err().contains("WxH"), "{bad}");
+        }
+        for bad in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan", "1,inf,3", "1,2,1e10", "1;2;3"] {
+            assert!(point(bad).is_err(), "{bad}");
+        }
+        for bad in ["0,0,0", "1e-300,0,0"] {
+            assert!(direction(bad).unwrap_err().contains("length"), "{bad}");
+        }
+        for bad in ["", "dir", "dir:", "dir:0,0,0", "sun:1,2,3", "1,2,3", "point:1,2"] {
+            assert!(light(bad).is_err(), "{bad}");
+        }
+        for bad in ["0", "180", "-5", "nan", "inf", "x", "360"] {
+            assert!(fov_deg(bad).is_err(), "{bad}");
+        }
+        for bad in ["-0.1", "1.1", "nan"] {
+            assert!(ambient(bad).is_err(), "{bad}");
+        }
+        for bad in ["0", "-1", "8.1", "nan", "1e-9"] {
+            assert!(step(bad).is_err(), "{bad}");
+        }
+        for bad in ["1,1,0", "-1,1,1", "1,1"] {
+            assert!(spacing_mm(bad).is_err(), "{bad}");
+        }
+    }
+}
