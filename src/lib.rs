@@ -10,6 +10,36 @@
 //!
 //! Lengths are world millimetres, extinction is 1/mm, optical depth its line integral, transmittance
 //! `exp(-optical depth)`.
+//!
+//! A picture with shadows, and how wrong they are at a point:
+//! ```no_run
+//! use std::{path::Path, sync::Arc};
+//! use umbravox::exact::ExactField;
+//! use umbravox::files::picture::write_picture;
+//! use umbravox::render::{Forced, Session};
+//! use umbravox::scene::Scene;
+//! use umbravox::shadow;
+//! use umbravox::transfer::presets;
+//! use umbravox::volume::{self, VolumeSpec};
+//!
+//! # fn main() -> umbravox::Result<()> {
+//! let volume = Arc::new(volume::load(&VolumeSpec::new("phantom:thorax:96"))?);
+//! let tf = presets::resolve("ct", &volume)?.tf;
+//! let scene = Scene::framing(&volume);
+//! let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
+//!
+//! let method = shadow::parse("dsm:epsilon=0.01,map=256")?;
+//! let map = session.shadow(method.as_ref(), scene.light)?;
+//! write_picture(Path::new("thorax.png"), &session.render(&map, &scene)?.pixels)?;
+//!
+//! let point = scene.camera.target;
+//! let exact = ExactField::new(&volume, &tf).transmittance_to_light(point, &scene.light);
+//! println!("{} found, {exact} exact", session.query(&map, &[point])?[0]);
+//! # Ok(())
+//! # }
+//! ```
+//! `examples/shadow_error.rs` is a whole program. What is computed, and how each method deviates from its paper, is in
+//! the repository's `docs/`.
 
 #[cfg(feature = "gui")]
 pub mod app;

@@ -52,6 +52,11 @@ enum Command {
     View(Box<view::ViewArgs>),
 }
 
+/// The command line's definition, to be asked what it accepts.
+pub fn command() -> clap::Command {
+    Cli::command()
+}
+
 /// Runs a command line, program name first; prints what went wrong and gives the exit status: 0, or that of the error.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let args: Vec<OsString> = args.into_iter().collect();

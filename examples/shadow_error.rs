@@ -1,0 +1,50 @@
+//! How wrong is a shadow method on a volume? Draws a picture with it, and asks it for the light at the points that the
+//! camera sees, where the exact answer is known.
+//!
+//! ```text
+//! cargo run --release --example shadow_error -- [VOLUME [METHOD [PICTURE]]]
+//! cargo run --release --example shadow_error -- ct.nii.gz dsm:epsilon=0.01,map=256 ct.png
+//! ```
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use umbravox::exact::ExactField;
+use umbravox::files::picture::write_picture;
+use umbravox::render::{Forced, Session};
+use umbravox::scene::Scene;
+use umbravox::shadow;
+use umbravox::transfer::presets;
+use umbravox::volume::{self, VolumeSpec};
+
+fn main() -> umbravox::Result<()> {
+    let mut args = std::env::args().skip(1);
+    let source = args.next().unwrap_or_else(|| "phantom:thorax:96".into());
+    let method = shadow::parse(&args.next().unwrap_or_else(|| "dsm:epsilon=0.02,map=256".into()))?;
+    let path = PathBuf::from(args.next().unwrap_or_else(|| "shadow_error.png".into()));
+
+    // A preset that suits the values; a camera that frames the volume, and the default light.
+    let volume = Arc::new(volume::load(&VolumeSpec::new(source))?);
+    let tf = presets::resolve(presets::default_name(&volume), &volume)?.tf;
+    let scene = Scene::framing(&volume);
+
+    // The volume goes to the device once; each light and method makes a shadow structure of its own.
+    let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
+    let shadow = session.shadow(method.as_ref(), scene.light)?;
+    write_picture(&path, &session.render(&shadow, &scene)?.pixels)?;
+    println!("{} {}: {} bytes, {}", method.name(), method.params(), shadow.report.bytes, path.display());
+
+    // Points that the camera sees (world mm), each with a weight, and the exact transmittance from the light to it.
+    let field = ExactField::new(&volume, &tf);
+    let seen = field.seen_points(&scene, 1000, 1);
+    let points: Vec<_> = seen.iter().map(|p| p.position).collect();
+    let (mut squares, mut weights, mut worst) = (0.0, 0.0, 0.0_f64);
+    for (point, transmittance) in seen.iter().zip(session.query(&shadow, &points)?) {
+        let error = f64::from(transmittance) - field.transmittance_to_light(point.position, &scene.light);
+        squares += point.weight * error * error;
+        weights += point.weight;
+        worst = worst.max(error.abs());
+    }
+    let rms = (squares / weights).sqrt();
+    println!("error of transmittance at {} points: rms {rms:.4}, largest {worst:.4}", points.len());
+    Ok(())
+}
