@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use umbravox::measure::table::Row;
-use umbravox::report::html::{Conditions, Entry, html};
+use umbravox::report::html::{Conditions, Pictured, html};
 use umbravox::shadow::NodeMap;
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
@@ -94,14 +94,14 @@ fn report() -> String {
         row("dsm", 80.0, Some(0.001)),
         row("osm", 10.0, None),
     ];
-    let mut entries: Vec<Entry> = rows
+    let mut pictured: Vec<Pictured> = rows
         .into_iter()
-        .map(|row| Entry { row, picture_png: Some(png.clone()), ..Entry::default() })
+        .map(|row| Pictured { row, picture_png: Some(png.clone()), ..Pictured::default() })
         .collect();
-    entries[0].error_png = Some(png);
-    entries[2].nodes = Some(NodeMap { nodes: Array2::from_elem((16, 16), 3), stored: arr2(&[[true]]) });
+    pictured[0].error_png = Some(png);
+    pictured[2].nodes = Some(NodeMap { nodes: Array2::from_elem((16, 16), 3), stored: arr2(&[[true]]) });
     let conditions = Conditions { title: "A & B".into(), ..Conditions::default() };
-    html(&conditions, &entries).unwrap()
+    html(&conditions, &pictured).unwrap()
 }
 
 /// Opens a page, with more script behind its own, and gives the document as it then is.

@@ -5,10 +5,12 @@ use super::{Loaded, print_result, say};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::gpu::Gpu;
-use crate::measure::compare::{DEFAULT_METHODS, Effort, file_name_part};
+use crate::measure::defaults::compare_methods;
+use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, spoken};
 use crate::measure::table::Row;
+use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::render::Renderer;
 use crate::report::make::{Order, Subject, make, scene_name};
 use crate::report::tables::summary;
@@ -32,7 +34,7 @@ pub struct CompareArgs {
     #[arg(long)]
     pub resume: bool,
     /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
-    #[arg(long, value_name = "METHODS", default_value = DEFAULT_METHODS)]
+    #[arg(long, value_name = "METHODS", default_value_t = compare_methods())]
     pub methods: String,
     /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on
     #[arg(long)]
@@ -86,7 +88,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
             first = Some(loaded);
         }
     }
-    let renderer = Renderer::new(Gpu::open(adapter.as_deref())?);
+    let renderer = Arc::new(Renderer::new(Gpu::open(adapter.as_deref())?));
     // Made last: what is refused before leaves no empty folder.
     prepare_output_dir(&args.output)?;
     let mut journal = Journal::open(&args.output, args.resume)?;
@@ -110,7 +112,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         };
         Ok(Subject { volume: Arc::new(volume), tf, scene, forced: requests[i].forced })
     };
-    let made = make(&order, &names, &mut read, renderer, &mut journal, &mut progress)?;
+    let made = make(&order, &names, &mut read, &renderer, &mut journal, &mut progress)?;
     drop(progress);
     bar.finish_and_clear();
 

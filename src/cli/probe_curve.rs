@@ -4,8 +4,9 @@ use super::scene_args::SceneRequest;
 use super::{Loaded, load, print_result, say};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::files::output::{check_output, check_output_dir, prepare_output_dir, write_whole};
+use crate::measure::defaults::curve_methods;
 use crate::measure::light_curve::{LightCurve, MethodCurve};
+use crate::files::output::{check_output, check_output_dir, prepare_output_dir, write_whole};
 use crate::render::Session;
 use crate::report::make::scene_name;
 use crate::report::plot::curve::{curve_png, curve_svg};
@@ -14,9 +15,6 @@ use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// One of each kind of map, and two error bounds.
-pub const DEFAULT_METHODS: &str = "dsm:epsilon=0.06,0.02;osm:layers=16;dom:layers=15;bom:layers=15";
 
 /// Files that can be asked for by their ending; any other name is a folder for all of them.
 const ENDINGS: &[&str] = &["csv", "svg", "png"];
@@ -47,11 +45,12 @@ pub fn run(
     methods: Option<&str>,
     output: Option<&Path>,
 ) -> Result<()> {
+    let default = curve_methods();
     // The method of `--shadow` is the one asked for where no list is given.
     let (flag, list) = match (methods, request.shadow.as_deref()) {
         (Some(list), _) => ("--methods", list),
         (None, Some(one)) => ("--shadow", one),
-        (None, None) => ("--methods", DEFAULT_METHODS),
+        (None, None) => ("--methods", default.as_str()),
     };
     let methods = parse_list(list).map_err(|e| e.at(flag))?;
     let destination = destination(output)?;
@@ -73,7 +72,7 @@ pub fn run(
     }
     let about = format!("{}; light {}", scene_name(&volume, &tf), scene.light.text());
     let file = |ending: &str| match ending {
-        "svg" => Ok(curve_svg(&curve, &found, &about)?.into_bytes()),
+        "svg" => Ok(curve_svg(&curve, &found, &about).into_bytes()),
         "png" => curve_png(&curve, &found, &about),
         _ => curve.csv(&found),
     };
@@ -149,9 +148,8 @@ fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
 /// The flags that only `--curve` takes.
 #[derive(Debug, clap::Args)]
 pub struct CurveFlags {
-    /// With --curve: methods apart by `;`; a value without `=` is one more for the key before it
-    /// [default: the method of --shadow, or dsm:epsilon=0.06,0.02;osm:layers=16;dom:layers=15;bom:layers=15]
-    #[arg(long, value_name = "METHODS")]
+    #[arg(long, value_name = "METHODS", help = format!("With --curve: methods separated by `;`; a value without `=` \
+        is one more for the key before it [default: the method of --shadow, or {}]", curve_methods()))]
     pub methods: Option<String>,
     /// With --curve: a .csv, .svg or .png file, or a folder for curve.csv, curve.svg and curve.png [default: CSV on
     /// stdout]
@@ -185,6 +183,6 @@ mod tests {
         let help =
             crate::cli::Cli::command().find_subcommand_mut("probe").map(|c| c.render_long_help().to_string());
         let words = |s: &str| s.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(words(&help.unwrap()).contains(&format!("or {DEFAULT_METHODS}]")));
+        assert!(words(&help.unwrap()).contains(&format!("or {}]", curve_methods())));
     }
 }

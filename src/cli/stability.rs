@@ -4,7 +4,9 @@ use super::{print_result, say};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
+use crate::measure::defaults::stability_methods;
 use crate::measure::stability::{Case, Row, Status, all, run as run_cases};
+use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::render::Renderer;
 use crate::report::stability::{counted, markdown};
 use crate::report::writers::{csv, json};
@@ -12,9 +14,7 @@ use crate::shadow::{parse_list, spec};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
-
-/// One row of each family.
-const DEFAULT_METHODS: &str = "none;rays;dsm:map=64;osm:layers=32,map=64;dom:map=64;bom:map=64";
+use std::sync::Arc;
 
 /// Take every shadow method through stiff and extreme cases; exit status 1 where one is not well
 #[derive(Debug, Args)]
@@ -23,7 +23,7 @@ pub struct StabilityArgs {
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
-    #[arg(long, value_name = "METHODS", default_value = DEFAULT_METHODS)]
+    #[arg(long, value_name = "METHODS", default_value_t = stability_methods())]
     pub methods: String,
     /// Cases, apart by commas [default: all]
     #[arg(long = "case", value_name = "NAME", value_delimiter = ',')]
@@ -51,10 +51,10 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}")
         .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
     let bar = ProgressBar::new(cases.len() as u64 + 1).with_style(style);
-    let renderer = Renderer::new(Gpu::open(args.adapter.as_deref())?);
+    let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
     // Made last: what is refused before leaves no empty folder.
     prepare_output_dir(&args.output)?;
-    let rows = run_cases(renderer, &methods, &cases, &mut |what| {
+    let rows = run_cases(&renderer, &methods, &cases, &mut |what| {
         bar.set_message(what.to_owned());
         bar.inc(1);
     });

@@ -1,9 +1,9 @@
 //! What each omission of the plan is worth: times and bytes with the work forced back on, beside those without.
 
-use super::compare::{Job, SLOW_FRAME_MS, name_of};
-use super::progress::{Progress, Stage, Step};
+use super::job::{Job, SLOW_FRAME_MS, name_of};
+use super::progress::{Progress, Step, StepKind};
 use super::stats::{Spread, image_difference};
-use super::timing::{ClockSource, StageTimes, Timing, Turns, interleave};
+use super::timing::{StageTimes, Timing, Turns, clock_name, interleave};
 use crate::error::{Error, Result};
 use crate::render::{Forced, Omission, Optional, Picture};
 use crate::shadow::{Method, NoShadows, ShadowMap};
@@ -17,7 +17,7 @@ pub struct Ablation {
     pub scene: String,
     pub adapter: String,
     /// Whose clock build and frame are from; tables are made by the host.
-    pub clock: Option<ClockSource>,
+    pub clock: Option<&'static str>,
     pub method: String,
     pub params: String,
     /// Name for `--force`.
@@ -75,7 +75,7 @@ pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -
 
 /// What [`ablate`] tells `progress` once a method.
 pub fn step(method: &dyn Method) -> Step {
-    Step::new(Stage::Ablation, &name_of(method))
+    Step::new(StepKind::Ablation, &name_of(method))
 }
 
 impl Ablation {
@@ -127,7 +127,7 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
         .unwrap_or_else(|| Err(Error::runtime("cannot time", name_of(method), "no run was counted")))?;
     let rows = omissions.iter().zip(first).zip(medians).map(|(((optional, omission), first), forced)| {
         let mut row = Ablation {
-            clock: Some(own.clock),
+            clock: Some(clock_name(own.clock)),
             omission: optional.name(),
             what: omission.what.clone(),
             why: omission.why.clone(),

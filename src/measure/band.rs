@@ -4,6 +4,7 @@
 //! `T_exact(z + d) - b <= T_method(z) <= T_exact(z - d) + b`. At a jump of the transfer function no sampled
 //! method can hold a purely vertical bound; the depth tolerance is what makes a promise possible there.
 
+use crate::shadow::Bound;
 use serde::Serialize;
 
 /// Slack for the exact curve's own rounding, in transmittance.
@@ -33,15 +34,6 @@ impl<C: Curve> Curve for MeanCurve<C> {
         }
         self.0.iter().map(|c| c.transmittance(z)).sum::<f64>() / self.0.len() as f64
     }
-}
-
-/// What a method promises on light rays through texel centres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Band {
-    /// `b`: tolerance in transmittance.
-    pub bound: f64,
-    /// `d`: tolerance in depth, mm.
-    pub depth_mm: f64,
 }
 
 /// One depth of one ray, and how far off the method is there.
@@ -85,7 +77,7 @@ impl BandReport {
         exact: &impl Curve,
         depths_mm: &[f64],
         values: &[f32],
-        band: Option<Band>,
+        band: Option<Bound>,
     ) -> Self {
         assert_eq!(depths_mm.len(), values.len(), "one value a depth");
         let mut report =
@@ -100,7 +92,7 @@ impl BandReport {
                 amount: if amount.is_nan() { f64::INFINITY } else { amount },
             };
             report.largest = worse(report.largest, Some(miss((t_method - t_exact).abs())));
-            let Some(Band { bound, depth_mm }) = band else { continue };
+            let Some(Bound { transmittance: bound, depth_mm }) = band else { continue };
             let lowest = exact.transmittance(z + depth_mm) - bound;
             let highest = exact.transmittance(z - depth_mm) + bound;
             // NaN fails this comparison, so it counts as outside.
@@ -279,7 +271,7 @@ fn sort_distinct(depths: &mut Vec<f64>) {
 mod tests {
     use super::*;
 
-    const BAND: Band = Band { bound: 0.02, depth_mm: 0.1 };
+    const BAND: Bound = Bound { transmittance: 0.02, depth_mm: 0.1 };
 
     /// A uniform slab of 0.2/mm from 2 to 12 mm behind a thin sheet at 1 mm that stops half of the light.
     fn exact(z: f64) -> f64 {
@@ -291,7 +283,7 @@ mod tests {
         test_depths([0.0, 14.0], &[1.0, 2.0, 12.0], 200, BAND.depth_mm)
     }
 
-    fn report(method: impl Fn(f64) -> f64, band: Option<Band>) -> BandReport {
+    fn report(method: impl Fn(f64) -> f64, band: Option<Bound>) -> BandReport {
         let values: Vec<f32> = depths().iter().map(|&z| method(z) as f32).collect();
         BandReport::of_ray(7, &exact, &depths(), &values, band)
     }

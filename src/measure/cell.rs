@@ -1,17 +1,23 @@
 //! The values of a table's columns, and their texts, which read back as the same values.
 
-use super::timing::ClockSource;
+use super::timing::clock_name;
+use crate::gpu::Clock;
+use serde::Serialize;
 use std::fmt;
 
 /// One value of a row, as written.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Cell {
     /// Not measured, or nothing to say.
     Empty,
+    /// Words.
     Text(String),
+    /// A count.
     Integer(u64),
+    /// A measure.
     Real(f64),
-    /// `yes` or `no`.
+    /// `true` or `false`.
     Flag(bool),
 }
 
@@ -23,7 +29,7 @@ impl fmt::Display for Cell {
             Self::Text(text) => f.write_str(text),
             Self::Integer(n) => write!(f, "{n}"),
             Self::Real(x) => write!(f, "{x:?}"),
-            Self::Flag(yes) => f.write_str(if *yes { "yes" } else { "no" }),
+            Self::Flag(yes) => write!(f, "{yes}"),
         }
     }
 }
@@ -34,7 +40,7 @@ macro_rules! cell_from {
 cell_from!(
     String => Cell::Text, u64 => Cell::Integer, f64 => Cell::Real, bool => Cell::Flag,
     u32 => |n| Cell::Integer(u64::from(n)),
-    ClockSource => |c: ClockSource| Cell::Text(c.name().to_string())
+    Clock => |clock| Cell::Text(clock_name(clock).into())
 );
 
 impl<T: Into<Cell>> From<Option<T>> for Cell {
@@ -48,33 +54,34 @@ pub(super) trait FromText: Sized {
     fn from_text(text: &str) -> Option<Self>;
 }
 
-impl FromText for String {
-    fn from_text(text: &str) -> Option<Self> {
-        Some(text.into())
-    }
-}
-
 macro_rules! parsed {
     ($($t:ty),*) => { $(impl FromText for $t {
         fn from_text(text: &str) -> Option<Self> { text.parse().ok() }
     })* };
 }
-parsed!(u32, u64, f64);
+parsed!(String, u32, u64, f64, bool);
 
-impl FromText for bool {
+impl FromText for Clock {
     fn from_text(text: &str) -> Option<Self> {
-        [("yes", true), ("no", false)].into_iter().find_map(|(name, flag)| (name == text).then_some(flag))
-    }
-}
-
-impl FromText for ClockSource {
-    fn from_text(text: &str) -> Option<Self> {
-        [Self::Gpu, Self::Wall].into_iter().find(|c| c.name() == text)
+        [Self::GpuTimestamps, Self::Wall].into_iter().find(|c| clock_name(*c) == text)
     }
 }
 
 impl<T: FromText> FromText for Option<T> {
     fn from_text(text: &str) -> Option<Self> {
         if text.is_empty() { Some(None) } else { T::from_text(text).map(Some) }
+    }
+}
+
+/// A value of unknown kind is the narrowest that its text can be.
+impl FromText for Cell {
+    fn from_text(text: &str) -> Option<Self> {
+        let integer = || text.parse().ok().map(Self::Integer);
+        let real = || text.parse().ok().map(Self::Real);
+        let flag = || text.parse().ok().map(Self::Flag);
+        Some(integer().or_else(real).or_else(flag).unwrap_or_else(|| match text {
+            "" => Self::Empty,
+            _ => Self::Text(text.into()),
+        }))
     }
 }

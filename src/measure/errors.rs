@@ -1,7 +1,7 @@
 //! Transmittance errors of a built shadow structure against the exact field: at points that the camera sees, and
 //! along light rays through texel centres.
 
-use super::band::{Band, BandReport, Curve, MeanCurve, test_depths};
+use super::band::{BandReport, Curve, MeanCurve, test_depths};
 use super::rays::pick_texels;
 use super::stats::ErrorStats;
 use crate::error::Result;
@@ -80,12 +80,7 @@ pub fn texels_to_test(
 }
 
 /// Whether the light ray through texel coordinates meets any extinction.
-pub(super) fn meets_extinction(
-    field: &ExactField,
-    light: Light,
-    light_space: &LightSpace,
-    texel: DVec2,
-) -> bool {
+pub fn meets_extinction(field: &ExactField, light: Light, light_space: &LightSpace, texel: DVec2) -> bool {
     let ray = LightRay::new(light_space, light, texel);
     field.meets_extinction(ray.at(ray.start_mm), ray.direction, f64::INFINITY)
 }
@@ -130,7 +125,7 @@ impl RayTest<'_> {
         shadow: &ShadowMap,
         mut visit: impl FnMut(BandReport, &[f64], &[f32]),
     ) -> Result<()> {
-        let band = shadow.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
+        let band = shadow.bound;
         let tolerance_mm = band.map_or(self.default_depth_mm, |b| b.depth_mm);
         let space = &shadow.light_space;
         for (chunk, texels) in self.texels.chunks(RAYS_AT_ONCE).enumerate() {

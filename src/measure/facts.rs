@@ -1,7 +1,8 @@
 //! On what and by what a row is measured: facts that stand in the row, and the key by which a row kept on disk is known
 //! to be the one asked for.
 
-use super::compare::Job;
+use super::defaults::settings;
+use super::job::Job;
 use super::table::{OK, Row};
 use crate::gpu::Gpu;
 use crate::shadow::Method;
@@ -48,6 +49,7 @@ impl Facts {
             method: method.name().into(),
             params: method.params(),
             map: method.map_size(),
+            settings: settings(method),
             width,
             height,
             driver: self.driver.clone(),

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 /// A kind of work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Stage {
+pub enum StepKind {
     /// Exact transmittance at the points that the camera sees.
     Points,
     ExactPicture,
@@ -25,14 +25,14 @@ pub enum Stage {
 /// One piece of work; steps of one kind and one method are taken to last as long as each other, in every scene.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Step {
-    pub stage: Stage,
+    pub kind: StepKind,
     /// Name and settings; empty where the step is for all methods.
     pub method: String,
 }
 
 impl Step {
-    pub fn new(stage: Stage, method: &str) -> Self {
-        Self { stage, method: method.into() }
+    pub fn new(kind: StepKind, method: &str) -> Self {
+        Self { kind, method: method.into() }
     }
 }
 
@@ -181,10 +181,10 @@ impl<'a> Progress<'a> {
         let of = |step: &Step| {
             mean(&|s| s == step)
                 .or_else(|| {
-                    let drawn = Step { stage: Stage::Draw, method: step.method.clone() };
-                    (step.stage == Stage::Run).then(|| mean(&|s| *s == drawn)).flatten()
+                    let drawn = Step { kind: StepKind::Draw, method: step.method.clone() };
+                    (step.kind == StepKind::Run).then(|| mean(&|s| *s == drawn)).flatten()
                 })
-                .or_else(|| mean(&|s| s.stage == step.stage))
+                .or_else(|| mean(&|s| s.kind == step.kind))
                 .or_else(|| mean(&|_| true))
         };
         self.left
@@ -214,22 +214,22 @@ mod tests {
         let mut progress = Progress::unseen();
         let step = Step::new;
         for method in ["dsm", "rays"] {
-            for (stage, times) in [(Stage::Draw, 1), (Stage::Errors, 1), (Stage::Run, 6)] {
+            for (stage, times) in [(StepKind::Draw, 1), (StepKind::Errors, 1), (StepKind::Run, 6)] {
                 progress.expect(step(stage, method), times);
             }
         }
         assert_eq!(progress.left_s(), None);
-        progress.finished(step(Stage::Draw, "dsm"), 2.0);
+        progress.finished(step(StepKind::Draw, "dsm"), 2.0);
         // All else is like the one that is known.
         assert_eq!(progress.left_s(), Some(15.0 * 2.0));
-        progress.finished(step(Stage::Errors, "dsm"), 10.0);
-        progress.finished(step(Stage::Draw, "rays"), 4.0);
+        progress.finished(step(StepKind::Errors, "dsm"), 10.0);
+        progress.finished(step(StepKind::Draw, "rays"), 4.0);
         // Runs of dsm as its drawing, 6 x 2; of rays 6 x 4; errors of rays as those of dsm.
         assert_eq!(progress.left_s(), Some(12.0 + 24.0 + 10.0));
-        progress.finished(step(Stage::Run, "dsm"), 1.0);
+        progress.finished(step(StepKind::Run, "dsm"), 1.0);
         assert_eq!(progress.left_s(), Some(5.0 + 24.0 + 10.0));
-        progress.spare(&step(Stage::Run, "rays"), 5);
-        progress.spare(&step(Stage::Errors, "rays"), usize::MAX);
+        progress.spare(&step(StepKind::Run, "rays"), 5);
+        progress.spare(&step(StepKind::Errors, "rays"), usize::MAX);
         assert_eq!(progress.left_s(), Some(5.0 + 4.0));
     }
 
@@ -238,10 +238,10 @@ mod tests {
         let mut shown = Vec::new();
         let mut progress =
             Progress::new(|s| shown.push((s.what.to_owned(), s.done, s.total, s.left_s.is_some())));
-        progress.expect(Step::new(Stage::Points, ""), 1);
-        progress.expect(Step::new(Stage::Run, "dsm"), 2);
-        progress.begin(Step::new(Stage::Points, ""), "points").unwrap();
-        progress.begin(Step::new(Stage::Run, "dsm"), "timing").unwrap();
+        progress.expect(Step::new(StepKind::Points, ""), 1);
+        progress.expect(Step::new(StepKind::Run, "dsm"), 2);
+        progress.begin(Step::new(StepKind::Points, ""), "points").unwrap();
+        progress.begin(Step::new(StepKind::Run, "dsm"), "timing").unwrap();
         progress.end();
         drop(progress);
         assert_eq!(shown, [("points".to_owned(), 0, 3, false), ("timing".to_owned(), 1, 3, true)]);
@@ -251,12 +251,12 @@ mod tests {
     fn a_watcher_hears_of_steps_and_rows_and_ends_it() {
         #[derive(Default)]
         struct Heard {
-            shares: Vec<(Stage, String, f32)>,
+            shares: Vec<(StepKind, String, f32)>,
             places: Vec<usize>,
         }
         impl Watch for &mut Heard {
             fn starts(&mut self, status: &Status) {
-                self.shares.push((status.step.stage, status.step.method.clone(), status.share()));
+                self.shares.push((status.step.kind, status.step.method.clone(), status.share()));
             }
             fn row(&mut self, place: usize, _row: &Row) {
                 self.places.push(place);
@@ -267,16 +267,16 @@ mod tests {
         }
         let mut heard = Heard::default();
         let mut progress = Progress::watched(&mut heard);
-        progress.expect(Step::new(Stage::Draw, "dsm"), 4);
-        progress.begin(Step::new(Stage::Draw, "dsm"), "drawing").unwrap();
+        progress.expect(Step::new(StepKind::Draw, "dsm"), 4);
+        progress.begin(Step::new(StepKind::Draw, "dsm"), "drawing").unwrap();
         progress.row(1, &Row::default());
         progress.next_scene(3);
         progress.row(1, &Row::default());
-        progress.begin(Step::new(Stage::Draw, "dsm"), "drawing").unwrap();
-        let ended = progress.begin(Step::new(Stage::Draw, "dsm"), "dsm: drawing").unwrap_err();
+        progress.begin(Step::new(StepKind::Draw, "dsm"), "drawing").unwrap();
+        let ended = progress.begin(Step::new(StepKind::Draw, "dsm"), "dsm: drawing").unwrap_err();
         assert!(ended.is_cancelled() && ended.place == "dsm: drawing" && ended.exit_status() == 1, "{ended}");
         drop(progress);
-        let draw = |share| (Stage::Draw, "dsm".to_owned(), share);
+        let draw = |share| (StepKind::Draw, "dsm".to_owned(), share);
         assert_eq!((heard.shares, heard.places), (vec![draw(0.0), draw(0.25)], vec![1, 4]));
     }
 

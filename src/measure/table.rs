@@ -1,31 +1,55 @@
 //! The rows that `compare` makes, and their Pareto front.
 
-use super::band::{Band, BandReport};
+use super::band::BandReport;
 pub use super::cell::Cell;
 use super::cell::FromText;
+use super::defaults::setting_columns;
 use super::stats::{ErrorStats, ImageError};
-use super::timing::{ClockSource, Timing};
-use serde::Serialize;
+use super::timing::Timing;
+use crate::gpu::Clock;
+use crate::shadow::Bound;
+use serde::ser::{Serialize, SerializeMap, Serializer};
+use std::borrow::BorrowMut;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::LazyLock;
 
-/// One list gives the fields, the columns and their order.
+/// A column of the table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Column {
+    /// As in the header line.
+    pub name: &'static str,
+    /// Of its numbers; empty where they have none.
+    pub unit: &'static str,
+    /// What it is, in one line.
+    pub about: String,
+}
+
+/// One list gives the fields, the columns, their order, and what each is.
 macro_rules! columns {
-    ($($(#[$doc:meta])* $name:ident: $t:ty,)*) => {
-        /// One method and setting. The fields are the columns, in the order in which every writer puts them:
-        /// each main one with what belongs to it right after it, and last on what and by what the row was measured.
-        #[derive(Debug, Clone, PartialEq, Default, Serialize)]
+    ($($(#[doc = $about:literal])+ $name:ident [$unit:literal]: $t:ty,)*) => {
+        /// One method and setting. The fields are the first columns, in the order in which every writer puts them, each
+        /// with what belongs to it right after it, and last on what and by what the row was measured.
+        #[derive(Debug, Clone, PartialEq, Default)]
         pub struct Row {
-            $($(#[$doc])* pub $name: $t,)*
+            $($(#[doc = $about])+ pub $name: $t,)*
+            /// The method's settings by their keys: columns of their own behind the others.
+            pub settings: Vec<(&'static str, Cell)>,
         }
 
-        /// Column names, in order.
-        pub const COLUMNS: &[&str] = &[$(stringify!($name)),*];
+        /// Every column, in order: the fields of [`Row`], then a column for each key of every method.
+        pub static COLUMNS: LazyLock<Vec<Column>> = LazyLock::new(|| {
+            let fields = [$((stringify!($name), $unit, concat!($($about),+).trim().to_owned())),*];
+            let settings = setting_columns().into_iter().map(|(name, about)| (name, "", about));
+            fields.into_iter().chain(settings).map(|(name, unit, about)| Column { name, unit, about }).collect()
+        });
 
         impl Row {
             /// The row's values, one a column of [`COLUMNS`].
             pub fn cells(&self) -> Vec<Cell> {
-                vec![$(self.$name.clone().into()),*]
+                let mut cells = vec![$(self.$name.clone().into()),*];
+                cells.extend(COLUMNS[cells.len()..].iter().map(|c| self.setting(c.name)));
+                cells
             }
 
             /// The row whose cells, written as text, are these by their columns; a missing one is empty.
@@ -34,93 +58,122 @@ macro_rules! columns {
             /// The first column whose text is no value of it.
             pub fn from_texts(texts: &BTreeMap<String, String>) -> Result<Self, &'static str> {
                 let text = |column: &str| texts.get(column).map_or("", String::as_str);
-                Ok(Self { $($name: FromText::from_text(text(stringify!($name))).ok_or(stringify!($name))?,)* })
+                let setting = |(key, _)| texts.get(key).and_then(|t| Some((key, Cell::from_text(t)?)));
+                Ok(Self {
+                    $($name: FromText::from_text(text(stringify!($name))).ok_or(stringify!($name))?,)*
+                    settings: setting_columns().into_iter().filter_map(setting).collect(),
+                })
             }
         }
     };
 }
 
 columns! {
-    /// Volume and transfer function.
-    scene: String,
-    /// Name of the adapter that the times are from.
-    adapter: String,
-    method: String,
-    /// `key=value` texts separated by spaces.
-    params: String,
+    /// Volume and transfer function, or the name of the scene file.
+    scene [""]: String,
+    /// Graphics adapter that the times are from.
+    adapter [""]: String,
+    /// Shadow method.
+    method [""]: String,
+    /// Its settings as `key=value` texts separated by spaces, those by which it is told from others of its method.
+    params [""]: String,
     /// Texels a side of the shadow map.
-    map: Option<u32>,
-    /// Picture size in pixels.
-    width: u32,
-    height: u32,
-    /// Median time to make the shadow structure.
-    build_ms: Option<f64>,
-    build_ms_min: Option<f64>,
-    build_ms_max: Option<f64>,
-    /// Median time of one picture with the structure made.
-    frame_ms: Option<f64>,
-    frame_ms_min: Option<f64>,
-    frame_ms_max: Option<f64>,
-    /// Whose clock these times are from.
-    clock: Option<ClockSource>,
-    /// The device's part of `build_ms`, and `frame_ms`, by the GPU's timestamps; empty where the adapter has none.
-    build_gpu_ms: Option<f64>,
-    /// By the host's clock: from asking for the structure to having it, and from submitting a picture's work to its end.
-    build_wall_ms: Option<f64>,
-    frame_gpu_ms: Option<f64>,
-    frame_wall_ms: Option<f64>,
-    /// Median host times of what a transfer-function edit makes anew: classes of bricks, tables.
-    bricks_ms: Option<f64>,
-    tables_ms: Option<f64>,
+    map ["texels"]: Option<u32>,
+    /// Width of the picture.
+    width ["pixels"]: u32,
+    /// Height of the picture.
+    height ["pixels"]: u32,
+    /// Time to make the shadow structure, median of the repeats.
+    build_ms ["ms"]: Option<f64>,
+    /// The same, fastest repeat.
+    build_ms_min ["ms"]: Option<f64>,
+    /// The same, slowest repeat.
+    build_ms_max ["ms"]: Option<f64>,
+    /// Time of one picture with the structure made, median of the repeats.
+    frame_ms ["ms"]: Option<f64>,
+    /// The same, fastest repeat.
+    frame_ms_min ["ms"]: Option<f64>,
+    /// The same, slowest repeat.
+    frame_ms_max ["ms"]: Option<f64>,
+    /// Whose clock these times are from: `gpu` (timestamps of the adapter) or `wall` (the host's).
+    clock [""]: Option<Clock>,
+    /// `build_ms` by the adapter's timestamps, the host's part added; empty where it has none.
+    build_gpu_ms ["ms"]: Option<f64>,
+    /// From asking for the structure to having it, by the host's clock.
+    build_wall_ms ["ms"]: Option<f64>,
+    /// `frame_ms` by the adapter's timestamps; empty where it has none.
+    frame_gpu_ms ["ms"]: Option<f64>,
+    /// From submitting a picture's work to its end, by the host's clock.
+    frame_wall_ms ["ms"]: Option<f64>,
+    /// Time to classify the bricks anew after the transfer function was edited, by the host's clock.
+    bricks_ms ["ms"]: Option<f64>,
+    /// Time to make the tables anew after the transfer function was edited, by the host's clock.
+    tables_ms ["ms"]: Option<f64>,
     /// Timed rounds that the medians are of.
-    repeats: Option<u32>,
-    /// `1000 / frame_ms`: the light stands still.
-    fps_static: Option<f64>,
-    /// `1000 / (build_ms + frame_ms)`: the light moves.
-    fps_moving: Option<f64>,
-    /// Memory of the shadow structure.
-    bytes: Option<u64>,
-    /// Nodes in all, and in the fullest texel, where the method has nodes.
-    nodes_total: Option<u64>,
-    nodes_max: Option<u64>,
-    /// Largest `|T_method - T_exact|` along light rays.
-    ray_err_max: Option<f64>,
-    /// `|T_method - T_exact|` at points that the camera sees, weighted as it sees them.
-    point_err_max: Option<f64>,
-    point_err_rms: Option<f64>,
-    point_err_p99: Option<f64>,
-    /// Weighted mean of `T_method - T_exact`: negative where the method is too dark.
-    point_err_mean_signed: Option<f64>,
-    /// Against the exact picture, linear RGBA.
-    image_rmse: Option<f64>,
-    /// Peak 1, in dB; infinite for identical pictures.
-    image_psnr: Option<f64>,
-    /// Mean structural similarity of the sRGB-encoded pictures, 1 for identical ones.
-    image_ssim: Option<f64>,
+    repeats [""]: Option<u32>,
+    /// Pictures a second while the light stands still: `1000 / frame_ms`.
+    fps_static ["1/s"]: Option<f64>,
+    /// Pictures a second while the light moves: `1000 / (build_ms + frame_ms)`.
+    fps_moving ["1/s"]: Option<f64>,
+    /// Memory of the shadow structure, in bytes.
+    bytes [""]: Option<u64>,
+    /// Nodes stored, where the method has nodes.
+    nodes_total [""]: Option<u64>,
+    /// Nodes of the fullest texel.
+    nodes_max [""]: Option<u64>,
+    /// Largest `|T_method - T_exact|` at depths along light rays through texel centres (T: transmittance, 0 to 1).
+    ray_err_max [""]: Option<f64>,
+    /// Largest `|T_method - T_exact|` at points that the camera sees.
+    point_err_max [""]: Option<f64>,
+    /// Root mean square of `T_method - T_exact` at points that the camera sees, weighted as it sees them.
+    point_err_rms [""]: Option<f64>,
+    /// 99th percentile of `|T_method - T_exact|` at these points, weighted alike.
+    point_err_p99 [""]: Option<f64>,
+    /// Mean of `T_method - T_exact` at these points, weighted alike: negative where the method is too dark.
+    point_err_mean_signed [""]: Option<f64>,
+    /// Root mean square difference from the exact picture, over all channels of linear RGBA.
+    image_rmse [""]: Option<f64>,
+    /// The same as peak signal-to-noise ratio for a peak of 1; infinite for identical pictures.
+    image_psnr ["dB"]: Option<f64>,
+    /// Mean structural similarity with the exact picture, of sRGB-encoded channels; 1 for identical pictures.
+    image_ssim [""]: Option<f64>,
     /// How far the exact picture itself may be off: the largest change of a channel, linear, when it is made finer.
-    image_exact_err: Option<f64>,
-    /// What the method promises on light rays: tolerance in transmittance, and in depth (mm).
-    bound: Option<f64>,
-    bound_depth_mm: Option<f64>,
-    /// Whether it held at every depth tested; empty where nothing is promised.
-    bound_held: Option<bool>,
-    /// Whether no other row is at once faster and closer, see [`mark_pareto`].
-    pareto: Option<bool>,
-    /// What the plan left out, and what that saved.
-    left_out: String,
+    image_exact_err [""]: Option<f64>,
+    /// What the method promises on light rays: tolerance in transmittance; empty where nothing is promised.
+    bound [""]: Option<f64>,
+    /// What the method promises on light rays: tolerance in depth.
+    bound_depth_mm ["mm"]: Option<f64>,
+    /// Whether the promise held at every depth tested; empty where nothing is promised.
+    bound_held [""]: Option<bool>,
+    /// Whether no other row of the scene is at once faster (`fps_moving`) and closer (`point_err_rms`).
+    pareto [""]: Option<bool>,
+    /// What the plan left out since the scene does not need it, why, and what that saved.
+    left_out [""]: String,
     /// The adapter's driver with its version.
-    driver: String,
+    driver [""]: String,
     /// Threads of the host's parallel work.
-    threads: Option<u32>,
-    /// `release` or `debug`.
-    profile: String,
-    /// Of this program, and the commit that it was built from.
-    version: String,
-    revision: String,
+    threads [""]: Option<u32>,
+    /// How the program was built: `release` or `debug`.
+    profile [""]: String,
+    /// Version of the program.
+    version [""]: String,
+    /// Commit that the program was built from.
+    revision [""]: String,
     /// `ok` or `failed`.
-    status: String,
+    status [""]: String,
     /// Why it failed, or what else a reader of the row should know.
-    note: String,
+    note [""]: String,
+}
+
+/// As JSON: an object with a key for each column.
+impl Serialize for Row {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(COLUMNS.len()))?;
+        for (column, cell) in COLUMNS.iter().zip(self.cells()) {
+            map.serialize_entry(column.name, &cell)?;
+        }
+        map.end()
+    }
 }
 
 /// The column `status`.
@@ -169,10 +222,16 @@ impl Row {
 
     /// `METHOD[:key=value,...]` that the row is of, as [`crate::shadow::parse`] takes it.
     pub fn spec(&self) -> String {
-        let map = self.map.map(|map| format!("map={map}"));
-        let settings: Vec<_> = self.params.split_whitespace().map(String::from).chain(map).collect();
+        let map = self.map.map_or(String::new(), |map| format!("map={map}"));
+        let settings: Vec<_> =
+            [self.params.replace(' ', ","), map].into_iter().filter(|s| !s.is_empty()).collect();
         let colon = if settings.is_empty() { "" } else { ":" };
         format!("{}{colon}{}", self.method, settings.join(","))
+    }
+
+    /// The value of one of the method's settings.
+    pub fn setting(&self, key: &str) -> Cell {
+        self.settings.iter().find(|(k, _)| *k == key).map_or(Cell::Empty, |(_, value)| value.clone())
     }
 
     /// Whether the row is not what was asked for.
@@ -183,14 +242,14 @@ impl Row {
     /// The cells that are not empty, as text, by their columns; [`Self::from_texts`] reads them back.
     pub fn texts(&self) -> BTreeMap<String, String> {
         let texts =
-            COLUMNS.iter().zip(self.cells()).map(|(column, cell)| (column.to_string(), cell.to_string()));
-        texts.filter(|(_, text)| !text.is_empty()).collect()
+            COLUMNS.iter().zip(self.cells()).map(|(column, cell)| (column.name.into(), cell.to_string()));
+        texts.filter(|(_, text): &(_, String)| !text.is_empty()).collect()
     }
 
     /// Fills `ray_err_max`, `bound`, `bound_depth_mm` and `bound_held`.
-    pub fn set_ray_errors(&mut self, report: &BandReport, promise: Option<Band>) {
+    pub fn set_ray_errors(&mut self, report: &BandReport, promise: Option<Bound>) {
         self.ray_err_max = report.ray_err_max();
-        self.bound = promise.map(|p| p.bound);
+        self.bound = promise.map(|p| p.transmittance);
         self.bound_depth_mm = promise.map(|p| p.depth_mm);
         self.bound_held = report.held();
     }
@@ -206,17 +265,18 @@ impl Row {
 ///
 /// Both are strict: of two equally fast rows, or two equally close ones, neither puts the other off the front.
 /// Rows that lack either figure (or hold NaN) get no answer and put nobody off.
-pub fn mark_pareto(rows: &mut [Row]) {
+pub fn mark_pareto(rows: &mut [impl BorrowMut<Row>]) {
     let place = |row: &Row| (row.scene.clone(), row.adapter.clone(), row.width, row.height);
     let points: Vec<_> = rows
         .iter()
         .map(|row| {
+            let row: &Row = row.borrow();
             let (fps, error) = (row.fps_moving?, row.point_err_rms?);
             (!fps.is_nan() && !error.is_nan()).then(|| (place(row), fps, error))
         })
         .collect();
     for (row, point) in rows.iter_mut().zip(&points) {
-        row.pareto = point.as_ref().map(|(here, fps, error)| {
+        row.borrow_mut().pareto = point.as_ref().map(|(here, fps, error)| {
             !points.iter().flatten().any(|(there, other_fps, other_error)| {
                 here == there && other_fps > fps && other_error < error
             })
@@ -227,8 +287,9 @@ pub fn mark_pareto(rows: &mut [Row]) {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::measure::defaults::{settings, settings_of};
     use crate::measure::stats::Spread;
-    use crate::shadow::{parse, parse_list};
+    use crate::shadow::{METHODS, parse, parse_list};
 
     /// Rows as `compare` would make them, every kind of cell among them.
     pub(crate) fn sample_rows() -> Vec<Row> {
@@ -238,6 +299,7 @@ pub(crate) mod tests {
                 adapter: "llvmpipe (LLVM 19.1, 256 bits)".into(),
                 method: method.into(),
                 params: params.into(),
+                settings: settings_of(method, params),
                 width: 512,
                 height: 512,
                 ..Row::default()
@@ -246,7 +308,7 @@ pub(crate) mod tests {
             let timing = Timing {
                 build_ms: spread(build),
                 frame_ms: spread(frame),
-                clock: ClockSource::Wall,
+                clock: Clock::Wall,
                 build_gpu_ms: None,
                 build_wall_ms: build,
                 frame_gpu_ms: None,
@@ -266,8 +328,14 @@ pub(crate) mod tests {
         ];
         rows[1].image_psnr = Some(f64::INFINITY);
         rows[2].set_ray_errors(
-            &BandReport::of_ray(0, &|_: f64| 1.0, &[0.0], &[0.95], Some(Band { bound: 0.06, depth_mm: 0.1 })),
-            Some(Band { bound: 0.06, depth_mm: 0.1 }),
+            &BandReport::of_ray(
+                0,
+                &|_: f64| 1.0,
+                &[0.0],
+                &[0.95],
+                Some(Bound { transmittance: 0.06, depth_mm: 0.1 }),
+            ),
+            Some(Bound { transmittance: 0.06, depth_mm: 0.1 }),
         );
         rows[2].map = Some(512);
         rows[2].bytes = Some(3_355_443);
@@ -283,12 +351,14 @@ pub(crate) mod tests {
             fps_moving, bytes, nodes_total, nodes_max, ray_err_max, point_err_max, point_err_rms, point_err_p99, \
             image_rmse, image_psnr, bound, bound_depth_mm, bound_held, pareto, left_out";
         let contract: Vec<&str> = contract.split(", ").collect();
-        let without: Vec<&str> = COLUMNS.iter().copied().filter(|c| contract.contains(c)).collect();
+        let names: Vec<&str> = COLUMNS.iter().map(|c| c.name).collect();
+        let without: Vec<&str> = names.iter().copied().filter(|c| contract.contains(c)).collect();
         assert_eq!(without, contract);
-        let distinct: std::collections::HashSet<_> = COLUMNS.iter().collect();
-        assert_eq!(distinct.len(), COLUMNS.len());
+        let distinct: std::collections::HashSet<_> = names.iter().collect();
+        assert_eq!(distinct.len(), names.len());
+        assert!(COLUMNS.iter().all(|c| c.about.ends_with('.') && !c.about.contains('\n')));
         assert_eq!(
-            COLUMNS[7..14],
+            names[7..14],
             ["build_ms", "build_ms_min", "build_ms_max", "frame_ms", "frame_ms_min", "frame_ms_max", "clock"]
         );
     }
@@ -316,8 +386,14 @@ pub(crate) mod tests {
                 method: method.name().into(),
                 params: method.params(),
                 map: method.map_size(),
+                settings: settings(method.as_ref()),
                 ..Row::default()
             };
+            for key in
+                METHODS.iter().find(|e| e.name == row.method).unwrap().keys.iter().filter(|k| k.name != "map")
+            {
+                assert_ne!(row.setting(key.name), Cell::Empty, "{} has a column of its own", key.name);
+            }
             let again = parse(&row.spec()).unwrap();
             assert_eq!(format!("{again:?}"), format!("{method:?}"));
         }

@@ -2,36 +2,22 @@
 
 use super::stats::Spread;
 use crate::error::{Error, Result};
-use crate::gpu::Span;
+use crate::gpu::{Clock, Span};
 use serde::{Deserialize, Serialize};
 
-/// What a time was read from: the column `clock`.
-///
-/// The two disagree on software adapters, and only the second holds submission and waiting.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ClockSource {
-    /// Timestamps written by the GPU.
-    Gpu,
-    /// The host's clock around submission and completion.
-    Wall,
+/// A clock as tables name it in the column `clock`.
+pub fn clock_name(clock: Clock) -> &'static str {
+    match clock {
+        Clock::GpuTimestamps => "gpu",
+        Clock::Wall => "wall",
+    }
 }
 
-impl ClockSource {
-    /// As written in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Gpu => "gpu",
-            Self::Wall => "wall",
-        }
-    }
-
-    /// What this clock read; `None` where it read nothing.
-    fn of(self, span: Span) -> Option<f64> {
-        match self {
-            Self::Gpu => span.gpu_ms,
-            Self::Wall => Some(span.wall_ms),
-        }
+/// What a clock read; `None` where it read nothing.
+fn read(clock: Clock, span: Span) -> Option<f64> {
+    match clock {
+        Clock::GpuTimestamps => span.gpu_ms,
+        Clock::Wall => Some(span.wall_ms),
     }
 }
 
@@ -50,10 +36,10 @@ pub struct StageTimes {
 
 impl StageTimes {
     /// To make the structure by a clock; `None` where that clock read nothing.
-    fn build_ms(&self, clock: ClockSource) -> Option<f64> {
+    fn build_ms(&self, clock: Clock) -> Option<f64> {
         match self.build_device {
             None => Some(0.0),
-            Some(span) => Some(self.build_host_ms + clock.of(span)?),
+            Some(span) => Some(self.build_host_ms + read(clock, span)?),
         }
     }
 }
@@ -64,7 +50,7 @@ pub struct Timing {
     pub build_ms: Spread,
     pub frame_ms: Spread,
     /// Whose clock these two are from.
-    pub clock: ClockSource,
+    pub clock: Clock,
     pub build_gpu_ms: Option<f64>,
     pub build_wall_ms: f64,
     pub frame_gpu_ms: Option<f64>,
@@ -83,11 +69,10 @@ impl Timing {
         };
         let median = |stage: &dyn Fn(&StageTimes) -> Option<f64>| spread(stage).map(|s| s.median);
         let none = || Error::runtime("cannot time", "timing", "no run was counted");
-        let by = |clock: ClockSource| {
-            Some((clock, spread(&|t| t.build_ms(clock))?, spread(&|t| clock.of(t.frame))?))
-        };
+        let by =
+            |clock: Clock| Some((clock, spread(&|t| t.build_ms(clock))?, spread(&|t| read(clock, t.frame))?));
         let (clock, build_ms, frame_ms) =
-            by(ClockSource::Gpu).or_else(|| by(ClockSource::Wall)).ok_or_else(none)?;
+            by(Clock::GpuTimestamps).or_else(|| by(Clock::Wall)).ok_or_else(none)?;
         Ok(Self {
             build_ms,
             frame_ms,
@@ -243,14 +228,11 @@ mod tests {
         let timing = Timing::of(&[run(Some(10.0)), run(Some(10.0))]).unwrap();
         assert_eq!(
             (timing.clock, timing.build_ms.median, timing.frame_ms.median),
-            (ClockSource::Gpu, 4.0, 10.0)
+            (Clock::GpuTimestamps, 4.0, 10.0)
         );
         assert_eq!((timing.build_gpu_ms, timing.build_wall_ms), (Some(1.0), 6.0));
         let timing = Timing::of(&[run(Some(10.0)), run(None)]).unwrap();
-        assert_eq!(
-            (timing.clock, timing.build_ms.median, timing.frame_ms.median),
-            (ClockSource::Wall, 5.0, 20.0)
-        );
+        assert_eq!((timing.clock, timing.build_ms.median, timing.frame_ms.median), (Clock::Wall, 5.0, 20.0));
         assert_eq!((timing.frame_gpu_ms, timing.frame_wall_ms), (None, 20.0));
         // A method without a structure takes no time to build, whatever the host did.
         let none = StageTimes { build_device: None, ..run(Some(10.0)) };

@@ -12,7 +12,8 @@ use std::sync::Arc;
 
 /// One volume and one transfer function on one device.
 pub struct Session {
-    pub renderer: Renderer,
+    /// The device with its pipelines, which several sessions may share.
+    pub renderer: Arc<Renderer>,
     pub loaded: LoadedVolume,
     pub transfer: DeviceTransfer,
 }
@@ -29,10 +30,22 @@ impl Session {
         tf: &TransferFunction,
         forced: Forced,
     ) -> Result<Self> {
-        let renderer = Renderer::new(Gpu::open(adapter)?);
+        Self::on(&Arc::new(Renderer::new(Gpu::open(adapter)?)), volume, tf, forced)
+    }
+
+    /// The same on a renderer that is open already.
+    ///
+    /// # Errors
+    /// A volume that it cannot hold.
+    pub fn on(
+        renderer: &Arc<Renderer>,
+        volume: Arc<Volume>,
+        tf: &TransferFunction,
+        forced: Forced,
+    ) -> Result<Self> {
         let loaded = renderer.load(volume)?;
         let transfer = renderer.transfer(&loaded, tf, forced)?;
-        Ok(Self { renderer, loaded, transfer })
+        Ok(Self { renderer: Arc::clone(renderer), loaded, transfer })
     }
 
     /// Tables and bricks made anew, with the same work forced.

@@ -2,12 +2,11 @@
 
 use super::tables::escape_markdown;
 use crate::measure::ablate::Ablation;
-use crate::measure::timing::ClockSource;
 
 /// The rows for reading: each figure without the work, and with it.
 pub fn markdown(rows: &[Ablation]) -> String {
     let Some(first) = rows.first() else { return "No plan left anything out that can be forced.\n".into() };
-    let clock = first.clock.map_or("", ClockSource::name);
+    let clock = first.clock.unwrap_or_default();
     let mut out = format!(
         "Work that the plan left out, and what it takes where it is forced back on. Medians on {}, {clock} clock.\n\n\
         | scene | method | left out | tables ms | build ms | frame ms | MB | picture differs by |\n\

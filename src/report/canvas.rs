@@ -1,15 +1,11 @@
-//! A list of shapes in points, painted by plotters' bitmap or SVG backend.
+//! A drawing in points: an SVG document, and that same document as pixels.
 
 use crate::error::{Error, Result};
-use plotters::coord::Shift;
-use plotters::prelude::{
-    BitMapBackend, DrawingArea, DrawingBackend, FontDesc, FontFamily, FontStyle, IntoDrawingArea,
-    IntoTextStyle, PathElement, Polygon, RGBColor, SVGBackend,
-};
-use plotters::style::FontTransform;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, register_font};
-use std::sync::Once;
+use maud::{Markup, PreEscaped, html};
+use resvg::{tiny_skia, usvg};
+use skrifa::instance::{LocationRef, Size};
+use skrifa::{FontRef, MetadataProvider};
+use std::sync::{Arc, LazyLock};
 
 pub type Rgb = [u8; 3];
 
@@ -69,7 +65,7 @@ impl Rect {
     }
 }
 
-/// Which part of a text lies at its place; vertically it is always the middle.
+/// Which part of a text lies at its place; vertically it is always the middle of its digits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Anchor {
     Start,
@@ -77,36 +73,45 @@ pub enum Anchor {
     End,
 }
 
-#[derive(Debug, Clone)]
-enum Shape {
-    Line { points: Vec<Point>, width: f64, color: Rgb },
-    Polygon { points: Vec<Point>, color: Rgb },
-    Text { at: Point, anchor: Anchor, size: f64, color: Rgb, text: String, upwards: bool },
-}
-
-/// Units of the backends a point: their coordinates are integers, so finer ones place things better.
-const UNITS: f64 = 4.0;
-/// Bitmaps are painted at [`UNITS`] pixels a point and averaged over squares of this side, which smooths edges.
-const SMOOTHING: u32 = 2;
 /// Of [`Drawing::bitmap`].
-pub const PIXELS_PER_POINT: u32 = UNITS as u32 / SMOOTHING;
+pub const PIXELS_PER_POINT: u32 = 2;
+/// The family as SVG viewers see it; pixels are drawn in its first, which is compiled in.
+const FONT_FAMILY: &str = "Ubuntu, Helvetica, Arial, sans-serif";
+/// Half the height of a digit, in font sizes.
+const HALF_DIGIT: f64 = 0.35;
 
 /// Shapes on a white page, later ones over earlier ones.
 #[derive(Debug, Clone)]
 pub struct Drawing {
     width: f64,
     height: f64,
-    shapes: Vec<Shape>,
+    shapes: String,
 }
 
 impl Drawing {
     /// An empty page of a size in points.
     pub fn new(width: f64, height: f64) -> Self {
-        Self { width, height, shapes: Vec::new() }
+        Self { width, height, shapes: String::new() }
+    }
+
+    fn add(&mut self, shape: Markup) {
+        self.shapes += &shape.into_string();
     }
 
     pub fn line(&mut self, points: &[Point], width: f64, color: Rgb) {
-        self.shapes.push(Shape::Line { points: points.to_vec(), width, color });
+        self.stroke(points, width, color, None);
+    }
+
+    /// A path in dashes and gaps of these lengths, which run on around corners.
+    pub fn dashed(&mut self, path: &[Point], width: f64, color: Rgb, [dash, gap]: [f64; 2]) {
+        self.stroke(path, width, color, Some(format!("{dash} {gap}")));
+    }
+
+    fn stroke(&mut self, path: &[Point], width: f64, color: Rgb, dashes: Option<String>) {
+        self.add(html! {
+            polyline points=(list(path)) fill="none" stroke=(hex(color)) stroke-width=(width)
+                stroke-linejoin="round" stroke-dasharray=[dashes] {}
+        });
     }
 
     pub fn outline(&mut self, r: Rect, width: f64, color: Rgb) {
@@ -114,145 +119,107 @@ impl Drawing {
         self.line(&[a, b, c, d, a], width, color);
     }
 
-    pub fn polygon(&mut self, points: Vec<Point>, color: Rgb) {
-        self.shapes.push(Shape::Polygon { points, color });
+    pub fn polygon(&mut self, points: &[Point], color: Rgb) {
+        self.add(html! { polygon points=(list(points)) fill=(hex(color)) {} });
     }
 
-    /// A path in dashes and gaps of these lengths, running on around corners; a dash is one line however many corners
-    /// it has.
-    pub fn dashed(&mut self, path: &[Point], width: f64, color: Rgb, [dash, gap]: [f64; 2]) {
-        let (mut drawing, mut left) = (true, dash);
-        let mut line: Vec<Point> = path.first().copied().into_iter().collect();
-        for pair in path.windows(2) {
-            let (dx, dy) = (pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
-            let length = dx.hypot(dy);
-            let mut done = 0.0;
-            while length - done >= left {
-                done += left;
-                line.push(Point(pair[0].0 + dx * done / length, pair[0].1 + dy * done / length));
-                if drawing {
-                    self.line(&line, width, color);
-                }
-                line.drain(..line.len() - 1);
-                drawing = !drawing;
-                left = if drawing { dash } else { gap };
-            }
-            left -= length - done;
-            if drawing {
-                line.push(pair[1]);
-            }
-        }
-        if drawing && line.len() > 1 {
-            self.line(&line, width, color);
-        }
-    }
-
-    pub fn text(&mut self, at: Point, anchor: Anchor, size: f64, color: Rgb, text: String) {
-        self.shapes.push(Shape::Text { at, anchor, size, color, text, upwards: false });
+    pub fn text(&mut self, at: Point, anchor: Anchor, size: f64, color: Rgb, text: &str) {
+        self.letters(at, anchor, size, color, text, None);
     }
 
     /// Text that reads upwards, centred at its place.
-    pub fn rotated_text(&mut self, at: Point, size: f64, color: Rgb, text: String) {
-        self.shapes.push(Shape::Text { at, anchor: Anchor::Middle, size, color, text, upwards: true });
+    pub fn rotated_text(&mut self, at: Point, size: f64, color: Rgb, text: &str) {
+        let turn = format!("rotate(-90 {} {})", short(at.0), short(at.1));
+        self.letters(at, Anchor::Middle, size, color, text, Some(turn));
     }
 
-    /// The page as an SVG document.
-    ///
-    /// # Errors
-    /// The backend's own.
-    pub fn svg(&self) -> Result<String> {
-        let mut document = String::new();
-        let (width, height) = self.units();
-        let area = SVGBackend::with_string(&mut document, (width, height)).into_drawing_area();
-        self.paint(&area, 0.09)?;
-        drop(area);
-        // The page has its size in points; the finer units stay inside, in the viewBox.
-        Ok(document.replacen(
-            &format!("width=\"{width}\" height=\"{height}\""),
-            &format!("width=\"{}\" height=\"{}\"", self.width, self.height),
-            1,
-        ))
+    fn letters(
+        &mut self,
+        at: Point,
+        anchor: Anchor,
+        size: f64,
+        color: Rgb,
+        text: &str,
+        turn: Option<String>,
+    ) {
+        let anchor = match anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        // XML has no control characters.
+        let text = text.replace(char::is_control, "\u{fffd}");
+        self.add(html! {
+            text x=(short(at.0)) y=(short(at.1 + HALF_DIGIT * size)) text-anchor=(anchor) font-size=(size)
+                fill=(hex(color)) transform=[turn] { (text) }
+        });
+    }
+
+    /// The page as an SVG document, or as an element of another document that says what it is `about`.
+    pub fn svg(&self, about: Option<&str>) -> Markup {
+        html! {
+            svg xmlns="http://www.w3.org/2000/svg" width=(self.width) height=(self.height)
+                viewBox={ "0 0 " (self.width) " " (self.height) } font-family=(FONT_FAMILY)
+                role=[about.map(|_| "img")] aria-label=[about] {
+                rect width="100%" height="100%" fill="#ffffff" {}
+                (PreEscaped(&self.shapes))
+            }
+        }
     }
 
     /// The page as a bitmap of [`PIXELS_PER_POINT`].
     ///
     /// # Errors
-    /// The backend's own.
+    /// A page too large for any picture.
     pub fn bitmap(&self) -> Result<image::RgbImage> {
-        let (width, height) = self.units();
-        let mut fine = image::RgbImage::new(width, height);
-        let area = BitMapBackend::with_buffer(&mut fine, (width, height)).into_drawing_area();
-        self.paint(&area, 0.2)?;
-        drop(area);
-        let (width, height) = (width / SMOOTHING, height / SMOOTHING);
-        Ok(image::imageops::thumbnail(&fine, width, height))
-    }
-
-    /// Page size in the backends' units, a multiple of [`SMOOTHING`].
-    fn units(&self) -> (u32, u32) {
-        let units = |length: f64| ((length * UNITS) as u32).next_multiple_of(SMOOTHING);
-        (units(self.width), units(self.height))
-    }
-
-    /// `sink` is how much lower a text has to be put for its digits to be centred, in font sizes; the two backends
-    /// take the middle of a line from different measures of the font.
-    fn paint<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, sink: f64) -> Result<()> {
         let failed = |e: &dyn std::fmt::Display| Error::runtime("cannot draw", "plot", e);
-        let units = |p: &Point| ((p.0 * UNITS).round() as i32, (p.1 * UNITS).round() as i32);
-        let rgb = |[r, g, b]: Rgb| RGBColor(r, g, b);
-        area.fill(&rgb(WHITE)).map_err(|e| failed(&e))?;
-        for shape in &self.shapes {
-            match shape {
-                Shape::Line { points, width, color } => {
-                    let stroke = rgb(*color).stroke_width((width * UNITS).round().max(1.0) as u32);
-                    let path = points.iter().map(units).collect::<Vec<_>>();
-                    area.draw(&PathElement::new(path, stroke)).map_err(|e| failed(&e))?;
-                }
-                Shape::Polygon { points, color } => {
-                    let path = points.iter().map(units).collect::<Vec<_>>();
-                    area.draw(&Polygon::new(path, rgb(*color).filled())).map_err(|e| failed(&e))?;
-                }
-                Shape::Text { at, anchor, size, color, text, upwards } => {
-                    let anchor = match anchor {
-                        Anchor::Start => HPos::Left,
-                        Anchor::Middle => HPos::Center,
-                        Anchor::End => HPos::Right,
-                    };
-                    let Point(x, y) = *at;
-                    let (turn, at) = if *upwards {
-                        (FontTransform::Rotate270, Point(x + sink * size, y))
-                    } else {
-                        (FontTransform::None, Point(x, y + sink * size))
-                    };
-                    let color = rgb(*color);
-                    let style = font(size * UNITS)
-                        .transform(turn)
-                        .into_text_style(area)
-                        .color(&color)
-                        .pos(Pos::new(anchor, VPos::Center));
-                    area.draw_text(text, &style, units(&at)).map_err(|e| failed(&e))?;
-                }
-            }
-        }
-        area.present().map_err(|e| failed(&e))
+        let options = usvg::Options { fontdb: Arc::clone(&FONTS), ..usvg::Options::default() };
+        let tree = usvg::Tree::from_str(&self.svg(None).into_string(), &options).map_err(|e| failed(&e))?;
+        let scale = PIXELS_PER_POINT as f32;
+        let [width, height] =
+            [self.width, self.height].map(|points| (points * f64::from(scale)).round() as u32);
+        let mut pixels = tiny_skia::Pixmap::new(width, height).ok_or_else(|| failed(&"it is too large"))?;
+        resvg::render(&tree, tiny_skia::Transform::from_scale(scale, scale), &mut pixels.as_mut());
+        let opaque = pixels.data().chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
+        image::RgbImage::from_raw(width, height, opaque).ok_or_else(|| failed(&"it is too large"))
+    }
+
+    /// [`Self::bitmap`] as a PNG file.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn png(&self) -> Result<Vec<u8>> {
+        encode_png(&self.bitmap()?)
     }
 }
 
-/// The family as SVG viewers see it; bitmaps are painted with the font registered under this name.
-const FONT_FAMILY: &str = "Ubuntu, Helvetica, Arial, sans-serif";
-
-fn font(size: f64) -> FontDesc<'static> {
-    static REGISTER: Once = Once::new();
-    REGISTER.call_once(|| {
-        // It is compiled in and known to be a font; were it not, drawing text says so.
-        let _ = register_font(FONT_FAMILY, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
-    });
-    FontDesc::new(FontFamily::Name(FONT_FAMILY), size, FontStyle::Normal)
+/// A coordinate to a hundredth of a point.
+fn short(x: f64) -> f64 {
+    (100.0 * x).round() / 100.0
 }
+
+fn list(points: &[Point]) -> String {
+    points.iter().map(|Point(x, y)| format!("{},{}", short(*x), short(*y))).collect::<Vec<_>>().join(" ")
+}
+
+fn hex([r, g, b]: Rgb) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+static FONTS: LazyLock<Arc<usvg::fontdb::Database>> = LazyLock::new(|| {
+    let mut fonts = usvg::fontdb::Database::new();
+    fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
+    Arc::new(fonts)
+});
 
 /// Width of a text in points.
 pub fn text_width(text: &str, size: f64) -> f64 {
-    font(size * UNITS).box_size(text).map_or(0.0, |(width, _)| f64::from(width) / UNITS)
+    // It is compiled in and known to be a font.
+    let Ok(font) = FontRef::new(epaint_default_fonts::UBUNTU_LIGHT) else { return 0.0 };
+    let (letters, widths) =
+        (font.charmap(), font.glyph_metrics(Size::new(size as f32), LocationRef::default()));
+    let width = |c| widths.advance_width(letters.map(c).unwrap_or_default()).unwrap_or_default();
+    text.chars().map(|c| f64::from(width(c))).sum()
 }
 
 /// A picture as a PNG file.

@@ -1,34 +1,23 @@
 //! False-colour pictures of errors, with a legend.
 
-use super::canvas::{Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, encode_png, text_width};
-use super::tables::significant;
+use super::canvas::{
+    Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, Rect, WHITE, encode_png, text_width,
+};
+use super::number::significant;
 use crate::error::Result;
 use crate::files::output::write_whole;
 use image::{Rgb, RgbImage, imageops};
 use ndarray::Array2;
 use std::path::Path;
 
-/// Degree-6 fit to matplotlib's `inferno` (Smith and van der Walt 2015, CC0), constant term first, sRGB; the fit is
-/// Matt Zucker's (CC0), nowhere more than 9/255 off. Its lightness rises evenly, so equal steps of error look equal, also in grey print and to
-/// colour-blind readers, and black is no error.
-const INFERNO: [[f64; 3]; 7] = [
-    [0.000_218_940_369_119_226_5, 0.001_651_004_631_001_012, -0.019_480_898_437_091_84],
-    [0.106_513_419_485_611_6, 0.563_956_436_788_409_1, 3.932_712_388_889_277],
-    [11.602_493_082_471_87, -3.972_853_965_665_698, -15.942_394_106_291_4],
-    [-41.703_996_131_394_59, 17.436_398_882_053_13, 44.354_145_198_728_13],
-    [77.162_935_699_427, -33.402_358_942_100_92, -81.807_309_257_389_93],
-    [-71.319_428_244_992_14, 32.626_064_263_977_23, 73.209_519_858_032_02],
-    [25.131_126_224_773_41, -12.242_668_952_385_67, -23.070_325_002_871_72],
-];
-
 /// What is not a number stands out: no error looks like it.
 const NOT_A_NUMBER: Rgb<u8> = Rgb([0, 255, 0]);
 
-/// The scale's colour for a share of its length; beyond its ends that of the end.
+/// The scale's colour for a share of its length; beyond its ends that of the end. It is `inferno` (Smith and van der Walt
+/// 2015), whose lightness rises evenly, so equal steps of error look equal, also in grey print and to colour-blind
+/// readers, and black is no error.
 pub fn inferno(share: f64) -> Rgb<u8> {
-    let t = share.clamp(0.0, 1.0);
-    let channel = |c: usize| INFERNO.iter().rev().fold(0.0, |sum, term| sum * t + term[c]);
-    Rgb([0, 1, 2].map(|c| (channel(c).clamp(0.0, 1.0) * 255.0).round() as u8))
+    Rgb(colorous::INFERNO.eval_continuous(share).as_array())
 }
 
 /// A `height x width` picture of `values` from 0 (black) to `max` (pale yellow); larger ones are shown as `max`,
@@ -79,10 +68,10 @@ pub fn with_legend(picture: &RgbImage, max: f32, label: &str) -> Result<RgbImage
     let (top, bottom) = (6.0, 17.0);
     const STEPS: u32 = 256;
     for i in 0..STEPS {
-        let at = |i: u32| left + (right - left) * f64::from(i) / f64::from(STEPS);
-        let corners = [(at(i), top), (at(i + 1), top), (at(i + 1), bottom), (at(i), bottom)];
+        // To the end, and covered by the next: two edges side by side would let the ground through.
+        let step = Rect { left: left + (right - left) * f64::from(i) / f64::from(STEPS), top, right, bottom };
         let Rgb(color) = inferno((f64::from(i) + 0.5) / f64::from(STEPS));
-        legend.polygon(corners.map(|(x, y)| Point(x, y)).into(), color);
+        legend.polygon(&step.corners(), color);
     }
     const TICKS: u32 = 4;
     for i in 0..=TICKS {
@@ -93,12 +82,11 @@ pub fn with_legend(picture: &RgbImage, max: f32, label: &str) -> Result<RgbImage
         let text = if i == TICKS { format!("≥ {number}") } else { number };
         // The last number may reach to the border but not over it.
         let x = x.min(width - 0.5 * text_width(&text, TEXT) - 2.0);
-        legend.text(Point(x, bottom + 10.0), Anchor::Middle, TEXT, INK, text);
+        legend.text(Point(x, bottom + 10.0), Anchor::Middle, TEXT, INK, &text);
     }
-    legend.text(Point(0.5 * width, height - 9.0), Anchor::Middle, TEXT, BLACK, label.into());
+    legend.text(Point(0.5 * width, height - 9.0), Anchor::Middle, TEXT, BLACK, label);
 
-    let mut page =
-        RgbImage::from_pixel(width_px, picture.height() + LEGEND_HEIGHT_PX, Rgb(super::canvas::WHITE));
+    let mut page = RgbImage::from_pixel(width_px, picture.height() + LEGEND_HEIGHT_PX, Rgb(WHITE));
     imageops::replace(&mut page, picture, i64::from((width_px - picture.width()) / 2), 0);
     imageops::replace(&mut page, &legend.bitmap()?, 0, i64::from(picture.height()));
     Ok(page)
@@ -138,9 +126,7 @@ mod tests {
         // Values of matplotlib 3.11's table at 0, 64, 128, 192 and 255.
         let table = [[0, 0, 4], [87, 16, 110], [188, 55, 84], [249, 142, 9], [252, 255, 164]];
         for (i, expected) in [0.0, 64.0, 128.0, 192.0, 255.0].into_iter().zip(table) {
-            let Rgb(color) = inferno(i / 255.0);
-            let off = color.iter().zip(expected).map(|(&a, b): (_, i32)| (i32::from(a) - b).abs()).max();
-            assert!(off <= Some(9), "{i}: {color:?}");
+            assert_eq!(inferno(i / 255.0), Rgb(expected), "{i}");
         }
         let luminance = |Rgb([r, g, b]): Rgb<u8>| {
             let linear = |c: u8| (f64::from(c) / 255.0).powf(2.2);

@@ -5,10 +5,12 @@ mod files;
 mod page;
 
 use super::tables::write_tables;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::measure::ablate::{self, Ablation};
-use crate::measure::compare::{Comparison, Effort, Job, compare, file_name_part, steps};
+use crate::measure::compare::{compare, steps};
+use crate::measure::comparison::Comparison;
 use crate::measure::facts::Facts;
+use crate::measure::job::{Effort, Job, file_name_part};
 use crate::measure::journal::Journal;
 use crate::measure::progress::Progress;
 use crate::render::{Forced, Renderer, Session};
@@ -69,7 +71,7 @@ pub fn make(
     order: &Order,
     names: &[String],
     read: &mut dyn FnMut(usize) -> Result<Subject>,
-    mut renderer: Renderer,
+    renderer: &Arc<Renderer>,
     journal: &mut Journal,
     progress: &mut Progress,
 ) -> Result<Made> {
@@ -84,7 +86,7 @@ pub fn make(
     let mut page = Page::of(names.len());
     for (i, name) in names.iter().enumerate() {
         let Subject { volume, tf, scene, forced } = read(i)?;
-        match session(renderer, Arc::clone(&volume), &tf, forced) {
+        match Session::on(renderer, Arc::clone(&volume), &tf, forced) {
             Ok(session) => {
                 let job = Job {
                     session: &session,
@@ -100,19 +102,14 @@ pub fn make(
                 if several {
                     compared.name_scene(name);
                 }
-                page.add(&job, &compared.compared, progress)?;
+                page.add(&job, methods, &compared.compared, progress)?;
                 all.append(compared);
                 if let Some(ablations) = &mut ablations {
                     ablations.append(&mut ablate::ablate(&job, methods, progress)?);
                 }
-                renderer = session.renderer;
             }
-            Err(failed) => {
-                let (back, error) = *failed;
-                if !several {
-                    return Err(error);
-                }
-                renderer = back;
+            Err(error) if !several => return Err(error),
+            Err(error) => {
                 steps(methods, &effort).iter().for_each(|(step, times)| progress.spare(step, *times));
                 let facts = Facts::of(renderer.gpu());
                 let failed = Comparison::failed(&facts, name, [scene.width, scene.height], methods, &error);
@@ -141,23 +138,6 @@ impl Made {
                 .ablations
                 .map_or_else(|| Ok(Vec::new()), |rows| write_ablations(&rows, folder))?,
         })
-    }
-}
-
-/// A volume and a transfer function on the device; the renderer comes back where that cannot hold them.
-fn session(
-    renderer: Renderer,
-    volume: Arc<Volume>,
-    tf: &TransferFunction,
-    forced: Forced,
-) -> std::result::Result<Session, Box<(Renderer, Error)>> {
-    let ready = renderer.load(volume).and_then(|loaded| {
-        let transfer = renderer.transfer(&loaded, tf, forced)?;
-        Ok((loaded, transfer))
-    });
-    match ready {
-        Ok((loaded, transfer)) => Ok(Session { renderer, loaded, transfer }),
-        Err(e) => Err(Box::new((renderer, e))),
     }
 }
 

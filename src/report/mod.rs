@@ -12,6 +12,7 @@ pub mod heat;
 pub mod html;
 pub mod make;
 pub mod nodes;
+pub mod number;
 pub mod plot;
 pub mod stability;
 pub mod tables;

@@ -3,8 +3,8 @@
 
 use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png};
 use super::heat::{false_colour, with_legend};
+use super::number::significant;
 use super::plot::axis::LinearAxis;
-use super::tables::significant;
 use crate::error::Result;
 use crate::shadow::NodeMap;
 use image::imageops;
@@ -15,8 +15,6 @@ const PICTURE_SIDE_PX: usize = 384;
 const LEFT_OUT: Rgb = [150, 150, 150];
 /// More bars than this are put together.
 const MOST_BARS: usize = 40;
-/// The colour of `dsm` in plots.
-const BAR: Rgb = [0, 114, 178];
 const GRID: Rgb = [225, 225, 225];
 const TEXT: f64 = 13.0;
 
@@ -60,11 +58,8 @@ pub fn tile_png(map: &NodeMap) -> Result<Vec<u8>> {
     encode_png(&with_legend(&picture, max, &label)?)
 }
 
-/// How many texels have how many nodes, as an SVG document: shares of the texels that meet anything.
-///
-/// # Errors
-/// The drawing backend's own.
-pub fn histogram_svg(map: &NodeMap) -> Result<String> {
+/// How many texels have how many nodes, as bars of a colour: shares of the texels that meet anything.
+pub(super) fn histogram(map: &NodeMap, color: Rgb) -> Drawing {
     const FRAME: Rect = Rect { left: 64.0, top: 20.0, right: 548.0, bottom: 300.0 };
     let mut drawing = Drawing::new(560.0, 356.0);
     let middle = 0.5 * (FRAME.left + FRAME.right);
@@ -73,20 +68,15 @@ pub fn histogram_svg(map: &NodeMap) -> Result<String> {
         1 => "nodes in a texel".to_string(),
         n => format!("nodes in a texel, {n} numbers a bar"),
     };
-    drawing.text(Point(middle, FRAME.bottom + 38.0), Anchor::Middle, TEXT, BLACK, title);
+    drawing.text(Point(middle, FRAME.bottom + 38.0), Anchor::Middle, TEXT, BLACK, &title);
     let y_title = "texels that meet anything [%]";
-    drawing.rotated_text(
-        Point(FRAME.left - 48.0, 0.5 * (FRAME.top + FRAME.bottom)),
-        TEXT,
-        BLACK,
-        y_title.into(),
-    );
+    drawing.rotated_text(Point(FRAME.left - 48.0, 0.5 * (FRAME.top + FRAME.bottom)), TEXT, BLACK, y_title);
     let highest = shares.iter().copied().fold(0.0, f64::max);
     if highest <= 0.0 {
         drawing.outline(FRAME, 1.2, INK);
         let text = "no texel meets anything";
-        drawing.text(Point(middle, 160.0), Anchor::Middle, TEXT, INK, text.into());
-        return drawing.svg();
+        drawing.text(Point(middle, 160.0), Anchor::Middle, TEXT, INK, text);
+        return drawing;
     }
     // The first bar is around 1, and a bar's middle stands for its numbers.
     let last = (shares.len() * nodes_a_bar) as f64 + 0.5;
@@ -96,7 +86,7 @@ pub fn histogram_svg(map: &NodeMap) -> Result<String> {
         let at = y.place(tick.value);
         drawing.line(&[Point(FRAME.left, at), Point(FRAME.right, at)], 0.8, GRID);
         let text = tick.label.map_or(String::new(), |l| l.0);
-        drawing.text(Point(FRAME.left - 7.0, at), Anchor::End, TEXT, INK, text);
+        drawing.text(Point(FRAME.left - 7.0, at), Anchor::End, TEXT, INK, &text);
     }
     for (i, share) in shares.iter().enumerate() {
         let edge = |n: usize| x.place((n * nodes_a_bar) as f64 + 0.5);
@@ -107,16 +97,16 @@ pub fn histogram_svg(map: &NodeMap) -> Result<String> {
             top: y.place(*share),
             bottom: FRAME.bottom,
         };
-        drawing.polygon(rect.corners().into(), BAR);
+        drawing.polygon(&rect.corners(), color);
     }
     for tick in x.ticks(10).into_iter().filter(|t| t.value.fract() == 0.0) {
         let at = x.place(tick.value);
         drawing.line(&[Point(at, FRAME.bottom), Point(at, FRAME.bottom + 5.0)], 1.0, INK);
         let text = format!("{}", tick.value);
-        drawing.text(Point(at, FRAME.bottom + 16.0), Anchor::Middle, TEXT, INK, text);
+        drawing.text(Point(at, FRAME.bottom + 16.0), Anchor::Middle, TEXT, INK, &text);
     }
     drawing.outline(FRAME, 1.2, INK);
-    drawing.svg()
+    drawing
 }
 
 /// Percent of the texels with nodes that have 1, 2, ... of them, or that many numbers of nodes a bar.
@@ -167,14 +157,15 @@ mod tests {
 
     #[test]
     fn the_histogram_names_its_axes_and_survives_an_empty_map() {
-        let svg = histogram_svg(&sample()).unwrap();
-        assert!(svg.contains("nodes in a texel") && svg.contains("texels that meet anything [%]"));
+        let svg = |map: &NodeMap| histogram(map, INK).svg(None).into_string();
+        let text = svg(&sample());
+        assert!(text.contains("nodes in a texel") && text.contains("texels that meet anything [%]"));
         assert_eq!(
             summary(&sample()),
             "522 nodes in 257 of 1024 texels: 2.03 a texel that meets anything, at most 8; 1 of 4 tiles left out"
         );
         let empty = NodeMap { nodes: Array2::zeros((16, 16)), stored: arr2(&[[false]]) };
-        assert!(histogram_svg(&empty).unwrap().contains("no texel meets anything"));
+        assert!(svg(&empty).contains("no texel meets anything"));
         assert!(summary(&empty).starts_with("0 nodes in 0 of 256 texels"));
         tile_png(&empty).unwrap();
     }

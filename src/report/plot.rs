@@ -1,74 +1,32 @@
-//! Error against time and against memory, one point a row: PNG and SVG from one drawing.
+//! Figures as PNG and SVG, both of one drawing.
 //!
-//! Both axes are logarithmic. A method has one colour and one marker in every figure (the Okabe-Ito palette, told
-//! apart with any colour vision, and by shape in print); whiskers span the fastest and the slowest repeat; a
-//! dashed staircase is the Pareto front of what is shown. Errors of 0, or below [`ERROR_FLOOR`], lie in a
-//! marked strip under the axis.
+//! A method has one colour and one marker in every figure (told apart with any colour vision, and by shape in print).
 
 pub(super) mod axis;
 mod cost;
 pub mod curve;
+mod error;
 mod front;
 mod label;
+mod page;
 mod style;
 
-use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, WHITE, encode_png, text_width};
+use super::canvas::Drawing;
 use crate::error::Result;
-use crate::files::output::write_whole;
 use crate::measure::table::Row;
-use axis::{LogAxis, Notation};
+use crate::files::output::write_whole;
 use cost::Cost;
-use front::{front, staircase};
+use error::figure;
 use std::path::{Path, PathBuf};
-use style::{Family, MARKER, families, marker};
 
-/// Errors below this are drawn as "none": it is about the rounding of a float32 transmittance near 1.
-pub const ERROR_FLOOR: f64 = 1e-7;
-
-// All sizes are in points of the drawing, which an SVG viewer shows as CSS pixels.
-const WIDTH: f64 = 1240.0;
-const HEIGHT: f64 = 610.0;
-const PANELS: [Rect; 2] = [
-    Rect { left: 96.0, top: 104.0, right: 608.0, bottom: 492.0 },
-    Rect { left: 708.0, top: 104.0, right: 1220.0, bottom: 492.0 },
-];
-/// Height of the strip for errors under the floor.
-const STRIP: f64 = 30.0;
-const TITLE: f64 = 23.0;
-const TEXT: f64 = 16.5;
-const SMALL: f64 = 14.5;
-const DASHES: [f64; 2] = [6.0, 4.0];
-/// How much wider than ours the font of an SVG viewer may be without its labels running into something.
-const FALLBACK_FONT: f64 = 1.07;
-/// Labels have their method's colour, darkened so that thin letters read well.
-const LABEL_SHADE: f64 = 0.65;
-
-const GREY: Rgb = [110, 110, 110];
-const GRID: Rgb = [225, 225, 225];
-
-/// One row in one panel.
-struct Datum {
-    family: usize,
-    label: String,
-    /// Median, smallest and largest.
-    cost: [f64; 3],
-    error: f64,
-}
-
-/// Draws `point_err_rms` and `ray_err_max` against `build_ms + frame_ms`, side by side, as an SVG document.
-///
-/// # Errors
-/// The drawing backend's own.
-pub fn error_time_svg(rows: &[Row]) -> Result<String> {
-    figure(rows, Cost::Time).svg()
+/// `point_err_rms` and `ray_err_max` against `build_ms + frame_ms`, side by side.
+pub(super) fn error_time(rows: &[Row]) -> Drawing {
+    figure(rows, Cost::Time)
 }
 
 /// The same against `bytes`, of rows that store a structure.
-///
-/// # Errors
-/// The drawing backend's own.
-pub fn error_bytes_svg(rows: &[Row]) -> Result<String> {
-    figure(rows, Cost::Memory).svg()
+pub(super) fn error_bytes(rows: &[Row]) -> Drawing {
+    figure(rows, Cost::Memory)
 }
 
 /// Writes `STEM.png` and `STEM.svg` (error against time), `STEM_bytes.png` and `STEM_bytes.svg` into a folder that
@@ -78,365 +36,16 @@ pub fn error_bytes_svg(rows: &[Row]) -> Result<String> {
 /// A file that cannot be written.
 pub fn write_plots(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
-    for (cost, stem) in [(Cost::Time, stem.to_string()), (Cost::Memory, format!("{stem}_bytes"))] {
-        let drawing = figure(rows, cost);
-        let files = [("png", encode_png(&drawing.bitmap()?)?), ("svg", drawing.svg()?.into_bytes())];
-        for (extension, bytes) in files {
+    for (drawing, stem) in
+        [(error_time(rows), stem.to_string()), (error_bytes(rows), format!("{stem}_bytes"))]
+    {
+        for (extension, bytes) in
+            [("png", drawing.png()?), ("svg", drawing.svg(None).into_string().into_bytes())]
+        {
             let path = folder.join(format!("{stem}.{extension}"));
             write_whole(&path, |file| file.write_all(&bytes))?;
             paths.push(path);
         }
     }
     Ok(paths)
-}
-
-fn figure(rows: &[Row], cost: Cost) -> Drawing {
-    let mut drawing = Drawing::new(WIDTH, HEIGHT);
-    let drawn: Vec<Row> = rows.iter().filter(|r| cost.of(r).is_some()).cloned().collect();
-    let families = families(&drawn);
-    let fit = |text: String, size| shorten(text, size, WIDTH - 60.0);
-    let scenes = distinct(rows, |r| &r.scene);
-    let title = [format!("Error against {}", cost.name()), scenes];
-    let title = title.iter().filter(|t| !t.is_empty()).cloned().collect::<Vec<_>>().join(": ");
-    let mut about = distinct(rows, |r| &r.adapter);
-    if let Some(first) = rows.first()
-        && rows.iter().all(|r| (r.width, r.height, r.clock) == (first.width, first.height, first.clock))
-    {
-        about += &format!(", {} x {} pixels", first.width, first.height);
-        if let Some(clock) = first.clock.filter(|_| cost == Cost::Time) {
-            about += &format!(", {} clock", clock.name());
-        }
-    }
-    drawing.text(Point(WIDTH / 2.0, 26.0), Anchor::Middle, TITLE, BLACK, fit(title, TITLE));
-    drawing.text(Point(WIDTH / 2.0, 52.0), Anchor::Middle, TEXT, GREY, fit(about, TEXT));
-
-    let labels = label::of_rows(rows);
-    let data = |error: fn(&Row) -> Option<f64>| -> Vec<Datum> {
-        let labelled = rows.iter().zip(&labels);
-        labelled.filter_map(|(row, label)| datum(row, label, &families, cost, error)).collect()
-    };
-    panel(
-        &mut drawing,
-        PANELS[0],
-        ["At points the camera sees", cost.axis_title(), "rms transmittance error (point_err_rms)"],
-        &data(|r| r.point_err_rms),
-        &families,
-    );
-    panel(
-        &mut drawing,
-        PANELS[1],
-        ["Along light rays", cost.axis_title(), "largest transmittance error (ray_err_max)"],
-        &data(|r| r.ray_err_max),
-        &families,
-    );
-    legend(&mut drawing, &families, cost);
-    drawing
-}
-
-/// What a row is drawn as; nothing where it lacks a cost or an error, or the error is not finite.
-fn datum(
-    row: &Row,
-    label: &str,
-    families: &[Family],
-    cost: Cost,
-    error: fn(&Row) -> Option<f64>,
-) -> Option<Datum> {
-    let family = families.iter().position(|f| f.name == row.method)?;
-    let error = error(row).filter(|e| e.is_finite())?.abs();
-    Some(Datum { family, label: label.to_string(), cost: cost.of(row)?, error })
-}
-
-/// `titles`: of the panel, of its horizontal and of its vertical axis.
-fn panel(
-    drawing: &mut Drawing,
-    frame: Rect,
-    [title, x_title, y_title]: [&str; 3],
-    data: &[Datum],
-    families: &[Family],
-) {
-    let middle = 0.5 * (frame.left + frame.right);
-    drawing.text(Point(middle, frame.top - 18.0), Anchor::Middle, TEXT, BLACK, title.into());
-    let x_place = Point(middle, frame.bottom + 44.0);
-    drawing.text(x_place, Anchor::Middle, TEXT, BLACK, x_title.into());
-    let y_place = Point(frame.left - 78.0, 0.5 * (frame.top + frame.bottom));
-    drawing.rotated_text(y_place, TEXT, BLACK, y_title.into());
-
-    if data.is_empty() {
-        drawing.outline(frame, 1.2, INK);
-        let place = Point(middle, 0.5 * (frame.top + frame.bottom));
-        drawing.text(place, Anchor::Middle, TEXT, GREY, "not measured".into());
-        return;
-    }
-    let strip = data.iter().any(|d| d.error < ERROR_FLOOR);
-    let plot = Rect { bottom: frame.bottom - if strip { STRIP } else { 0.0 }, ..frame };
-    let x = LogAxis::around(data.iter().flat_map(|d| d.cost), plot.left, plot.right, Notation::Plain);
-    let shown = data.iter().map(|d| d.error).filter(|e| *e >= ERROR_FLOOR);
-    let y = LogAxis::around(shown, plot.bottom, plot.top, Notation::Powers);
-    axes(drawing, frame, plot, &x, &y);
-    if strip {
-        let below = 0.5 * (plot.bottom + frame.bottom);
-        drawing.line(&[Point(frame.left, plot.bottom), Point(frame.right, plot.bottom)], 1.2, GREY);
-        let exact = data.iter().all(|d| d.error == 0.0 || d.error >= ERROR_FLOOR);
-        let (base, power) = if exact { ("0", None) } else { ("≤ 10", Some(ERROR_FLOOR.log10() as i32)) };
-        tick_label(drawing, Point(frame.left - 9.0, below), Anchor::End, base, power);
-    }
-
-    let place = |d: &Datum| {
-        let below = 0.5 * (plot.bottom + frame.bottom);
-        Point(x.place(d.cost[0]), if d.error < ERROR_FLOOR { below } else { y.place(d.error) })
-    };
-    let front = front(data);
-    let stairs = staircase(frame, &front.iter().map(|&i| place(&data[i])).collect::<Vec<_>>());
-    drawing.dashed(&stairs, 1.3, GREY, DASHES);
-    let whiskers: Vec<Rect> = data
-        .iter()
-        .map(|d| {
-            let ([_, fast, slow], Point(_, at)) = (d.cost.map(|cost| x.place(cost)), place(d));
-            Rect { left: fast, top: at - 3.0, right: slow, bottom: at + 3.0 }
-        })
-        .collect();
-    let mut obstacles = whiskers.clone();
-    obstacles.extend(stairs.windows(2).map(|pair| {
-        let [Point(x0, y0), Point(x1, y1)] = [pair[0], pair[1]];
-        Rect { left: x0.min(x1), top: y0.min(y1), right: x0.max(x1), bottom: y0.max(y1) }.inset(-1.5)
-    }));
-    if strip {
-        obstacles.push(Rect { top: plot.bottom - 1.5, bottom: plot.bottom + 1.5, ..frame });
-    }
-    labels(drawing, frame, data, families, &front, &obstacles, place);
-    for (d, r) in data.iter().zip(&whiskers).filter(|(d, _)| d.cost[1] < d.cost[2]) {
-        whisker(drawing, *r, families[d.family].color);
-    }
-    for d in data {
-        let family = &families[d.family];
-        marker(drawing, place(d), family.marker, family.color);
-    }
-}
-
-/// Frame, grid, ticks and tick labels.
-fn axes(drawing: &mut Drawing, frame: Rect, plot: Rect, x: &LogAxis, y: &LogAxis) {
-    for tick in x.ticks() {
-        let at = x.place(tick.value);
-        if let Some((base, power)) = &tick.label {
-            drawing.line(&[Point(at, frame.top), Point(at, frame.bottom)], 0.8, GRID);
-            tick_label(drawing, Point(at, frame.bottom + 18.0), Anchor::Middle, base, *power);
-        }
-        let length = if tick.label.is_some() { 7.0 } else { 4.0 };
-        drawing.line(&[Point(at, frame.bottom), Point(at, frame.bottom - length)], 1.0, INK);
-    }
-    for tick in y.ticks() {
-        let at = y.place(tick.value);
-        if let Some((base, power)) = &tick.label {
-            drawing.line(&[Point(plot.left, at), Point(plot.right, at)], 0.8, GRID);
-            tick_label(drawing, Point(frame.left - 9.0, at), Anchor::End, base, *power);
-        }
-        let length = if tick.label.is_some() { 7.0 } else { 4.0 };
-        drawing.line(&[Point(plot.left, at), Point(plot.left + length, at)], 1.0, INK);
-    }
-    drawing.outline(frame, 1.2, INK);
-}
-
-/// `base` with a raised power; text in SVG has no portable superscript, so it is a second text.
-fn tick_label(drawing: &mut Drawing, at: Point, anchor: Anchor, base: &str, power: Option<i32>) {
-    let raised = power.map_or(String::new(), |p| p.to_string().replace('-', "−"));
-    let raised_size = 0.75 * SMALL;
-    let (width, raised_width) = (text_width(base, SMALL), text_width(&raised, raised_size));
-    let left = match anchor {
-        Anchor::Start => at.0,
-        Anchor::Middle => at.0 - 0.5 * (width + raised_width),
-        Anchor::End => at.0 - width - raised_width,
-    };
-    drawing.text(Point(left, at.1), Anchor::Start, SMALL, INK, base.into());
-    if !raised.is_empty() {
-        drawing.text(Point(left + width + 0.5, at.1 - 5.5), Anchor::Start, raised_size, INK, raised);
-    }
-}
-
-/// A bar with an end at each side.
-fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
-    let middle = 0.5 * (r.top + r.bottom);
-    drawing.line(&[Point(r.left, middle), Point(r.right, middle)], 1.0, color);
-    for end in [r.left, r.right] {
-        drawing.line(&[Point(end, r.top), Point(end, r.bottom)], 1.0, color);
-    }
-}
-
-/// Settings beside their points, those of the front first; what finds no free place stays without.
-fn labels(
-    drawing: &mut Drawing,
-    frame: Rect,
-    data: &[Datum],
-    families: &[Family],
-    front: &[usize],
-    obstacles: &[Rect],
-    at: impl Fn(&Datum) -> Point,
-) {
-    let rest = (0..data.len()).filter(|i| !front.contains(i));
-    let order: Vec<usize> = front.iter().copied().chain(rest).collect();
-    let wanted: Vec<label::Wanted> = order
-        .iter()
-        .map(|&i| label::Wanted {
-            point: at(&data[i]),
-            width: FALLBACK_FONT * text_width(&data[i].label, SMALL),
-            height: SMALL,
-            // A front row's label may go far to find a place; others would only add to the crowd.
-            far: front.contains(&i),
-        })
-        .collect();
-    for (&i, place) in order.iter().zip(label::place(&wanted, MARKER + 2.0, obstacles, frame.inset(4.0))) {
-        let Some(label::Placed { rect, leader }) = place else { continue };
-        if let Some([from, to]) = leader {
-            drawing.line(&[from, to], 0.7, GREY);
-        }
-        // Lines stop short of the text instead of striking it through.
-        drawing.polygon(rect.corners().into(), WHITE);
-        let color = families[data[i].family].color.map(|c| (f64::from(c) * LABEL_SHADE) as u8);
-        let start = Point(rect.left, 0.5 * (rect.top + rect.bottom));
-        drawing.text(start, Anchor::Start, SMALL, color, data[i].label.clone());
-    }
-}
-
-/// One line under the panels: the methods, and what the dashes and the whiskers are.
-fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
-    const FRONT: &str = "Pareto front";
-    const REPEATS: &str = "fastest to slowest repeat";
-    const SPACE: f64 = 30.0;
-    const BAR: f64 = 36.0;
-    let entry = |name: &str, symbol: f64| symbol + 8.0 + text_width(name, TEXT) + SPACE;
-    let methods: f64 = families.iter().map(|f| entry(&f.name, 12.0)).sum();
-    let repeats = if cost == Cost::Time { entry(REPEATS, BAR) } else { 0.0 };
-    let total = methods + entry(FRONT, BAR) + repeats - SPACE;
-    let (mut left, y) = (0.5 * (WIDTH - total), HEIGHT - 28.0);
-    let mut named = |drawing: &mut Drawing, name: &str, symbol: f64| {
-        drawing.text(Point(left + symbol + 8.0, y), Anchor::Start, TEXT, BLACK, name.into());
-        left += entry(name, symbol);
-        left - entry(name, symbol)
-    };
-    for f in families {
-        let left = named(drawing, &f.name, 12.0);
-        marker(drawing, Point(left + 6.0, y), f.marker, f.color);
-    }
-    let left = named(drawing, FRONT, BAR);
-    drawing.dashed(&[Point(left, y), Point(left + BAR, y)], 1.3, GREY, DASHES);
-    if cost != Cost::Time {
-        return;
-    }
-    let left = named(drawing, REPEATS, BAR);
-    whisker(drawing, Rect { left, top: y - 3.0, right: left + BAR, bottom: y + 3.0 }, INK);
-}
-
-/// The different values of a column, in order of appearance.
-fn distinct<'a>(rows: &'a [Row], column: fn(&'a Row) -> &'a String) -> String {
-    let mut values: Vec<&str> = Vec::new();
-    for value in rows.iter().map(column) {
-        if !value.is_empty() && !values.contains(&value.as_str()) {
-            values.push(value);
-        }
-    }
-    values.join("; ")
-}
-
-/// Cuts a text at the end until it is at most `width` wide.
-fn shorten(mut text: String, size: f64, width: f64) -> String {
-    if text_width(&text, size) <= width {
-        return text;
-    }
-    while text_width(&text, size) + text_width("…", size) > width && text.pop().is_some() {}
-    text.trim_end().to_string() + "…"
-}
-
-#[cfg(test)]
-mod tests {
-    use super::style::STYLES;
-    use super::*;
-    use crate::measure::table::tests::sample_rows;
-
-    #[test]
-    fn svg_names_scene_adapter_units_methods_and_settings() {
-        let svg = error_time_svg(&sample_rows()).unwrap();
-        for text in [
-            "CT_AVM vessels",
-            "llvmpipe (LLVM 19.1, 256 bits), 512 x 512 pixels, wall clock",
-            "[ms]",
-            "point_err_rms",
-            "ray_err_max",
-            "dsm",
-            "epsilon=0.005",
-            "Pareto front",
-        ] {
-            assert!(svg.contains(text), "{text}");
-        }
-        assert!(svg.starts_with("<svg width=\"1240\" height=\"610\" viewBox=\"0 0 4960 2440\""));
-        assert!(svg.trim_end().ends_with("</svg>"));
-    }
-
-    #[test]
-    fn memory_is_drawn_of_what_stores_something() {
-        let mut rows = sample_rows();
-        rows[0].bytes = Some(0);
-        rows[3].bytes = Some(4 << 20);
-        let svg = error_bytes_svg(&rows).unwrap();
-        for text in ["Error against memory: CT_AVM vessels", "[MiB]", "dsm", "epsilon=0.005", "Pareto front"]
-        {
-            assert!(svg.contains(text), "{text}");
-        }
-        // Neither rows without bytes nor repeats, which bytes do not differ between.
-        for text in ["\nnone\n", "osm", "repeat", "clock"] {
-            assert!(!svg.contains(text), "{text}");
-        }
-        assert_eq!(Cost::Memory.of(&rows[3]), Some([4.0; 3]));
-        assert_eq!(Cost::Memory.of(&rows[0]), None);
-    }
-
-    #[test]
-    fn errors_of_zero_are_drawn_in_a_strip_named_for_what_it_holds() {
-        let strip = |error: f64| {
-            let mut rows = sample_rows();
-            rows[1].point_err_rms = Some(error);
-            let svg = error_time_svg(&rows).unwrap();
-            (svg.contains(">\n0\n<"), svg.contains("≤ 10"))
-        };
-        assert_eq!(strip(0.0), (true, false));
-        assert_eq!(strip(3e-9), (false, true));
-        assert_eq!(strip(1e-3), (false, false));
-    }
-
-    #[test]
-    fn rows_that_cannot_be_drawn_are_left_out() {
-        let mut rows = sample_rows();
-        rows[0].frame_ms = None;
-        rows[1].point_err_rms = Some(f64::INFINITY);
-        rows[2].point_err_rms = None;
-        rows[3].frame_ms = Some(f64::NAN);
-        let families = families(&rows);
-        let drawn: Vec<bool> = rows
-            .iter()
-            .map(|r| super::datum(r, "", &families, Cost::Time, |r| r.point_err_rms).is_some())
-            .collect();
-        assert_eq!(drawn, [false, false, false, false, true]);
-        for rows in [&rows[..1], &[]] {
-            assert!(error_time_svg(rows).unwrap().contains("not measured"));
-        }
-    }
-
-    #[test]
-    fn png_is_twice_the_size_in_points_and_holds_the_colours() {
-        let folder = tempfile::tempdir().unwrap();
-        let paths = write_plots(&sample_rows(), folder.path(), "error_time").unwrap();
-        let names = ["error_time.png", "error_time.svg", "error_time_bytes.png", "error_time_bytes.svg"];
-        assert!(paths.iter().zip(names).all(|(p, n)| p.ends_with(n) && p.exists()), "{paths:?}");
-        let picture = image::open(&paths[0]).unwrap().to_rgb8();
-        assert_eq!(picture.dimensions(), (2480, 1220));
-        for (name, color, _) in STYLES.iter().filter(|s| ["none", "rays", "dsm", "osm"].contains(&s.0)) {
-            assert!(picture.pixels().any(|p| p.0 == *color), "{name}");
-        }
-        assert_eq!(picture.get_pixel(0, 0).0, WHITE);
-    }
-
-    #[test]
-    fn long_titles_are_cut() {
-        let cut = shorten("volume ".repeat(200), TITLE, 400.0);
-        assert!(cut.ends_with('…') && text_width(&cut, TITLE) <= 400.0);
-        assert_eq!(shorten("short".into(), TITLE, 400.0), "short");
-    }
 }

@@ -3,11 +3,12 @@
 mod columns;
 
 use super::best::{BUDGET_METHOD, Best, Held, best_within};
-use super::writers::{json, table_csv};
+use super::number::significant;
+use super::writers::{columns_markdown, json, table_csv};
 use crate::error::Result;
-use crate::files::output::write_whole;
 use crate::measure::table::Row;
-use columns::{CAPTION_COLUMNS, SHOWN, Shown};
+use crate::files::output::write_whole;
+use columns::{SHOWN, Shown};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -156,22 +157,23 @@ pub fn latex(rows: &[Row]) -> String {
     out + "\\bottomrule\n\\end{tabular}\n"
 }
 
-/// Writes `compare.csv`, `compare.json`, `compare.md` and `compare.tex` (for `stem` `compare`) into a folder that
-/// exists, each whole or not at all, and returns their paths.
+/// Writes `compare.csv`, `compare.json`, `compare.md` and `compare.tex` (for `stem` `compare`) and `columns.md`, which says
+/// what the columns are, into a folder that exists, each whole or not at all, and returns their paths.
 ///
 /// # Errors
 /// A file that cannot be written.
 pub fn write_tables(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
     let files = [
-        ("csv", table_csv(rows)?),
-        ("json", json(rows)?.into_bytes()),
-        ("md", markdown(rows).into_bytes()),
-        ("tex", latex(rows).into_bytes()),
+        (format!("{stem}.csv"), table_csv(rows)?),
+        (format!("{stem}.json"), json(rows)?.into_bytes()),
+        (format!("{stem}.md"), markdown(rows).into_bytes()),
+        (format!("{stem}.tex"), latex(rows).into_bytes()),
+        ("columns.md".into(), columns_markdown().into_bytes()),
     ];
     files
         .into_iter()
-        .map(|(extension, bytes)| {
-            let path = folder.join(format!("{stem}.{extension}"));
+        .map(|(name, bytes)| {
+            let path = folder.join(name);
             write_whole(&path, |file| file.write_all(&bytes))?;
             Ok(path)
         })
@@ -182,11 +184,11 @@ pub fn write_tables(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathB
 /// value in.
 fn layout(rows: &[Row], wanted: impl Fn(&Shown) -> bool) -> (String, Vec<&'static Shown>) {
     let (mut caption, mut shown) = (Vec::new(), Vec::new());
-    for (i, s) in SHOWN.iter().enumerate().filter(|(_, s)| wanted(s)) {
+    for s in SHOWN.iter().filter(|s| wanted(s)) {
         let mut values = rows.iter().map(s.value).filter(|v| !v.is_empty());
         let Some(first) = values.next() else { continue };
         let whole = rows.iter().all(|r| r.has_failed() || !(s.value)(r).is_empty());
-        if i < CAPTION_COLUMNS && whole && values.all(|v| v == first) {
+        if s.caption && whole && values.all(|v| v == first) {
             caption.push(format!("{}: {first}", s.heading));
         } else {
             shown.push(s);
@@ -214,24 +216,6 @@ fn full_name(row: &Row, rows: &[Row]) -> String {
         Some(map) if sizes.any(|m| Some(m) != first) => format!("{scene}{} map={map}", name(row)),
         _ => scene + &name(row),
     }
-}
-
-/// `x` to so many significant digits: plain from 0.001 to 100 000, otherwise as `1.23e-5`.
-pub fn significant(x: f64, digits: usize) -> String {
-    if x == 0.0 {
-        return "0".into();
-    }
-    if !x.is_finite() {
-        return x.to_string();
-    }
-    // Rounding first puts 9.996 among the numbers with two digits before the point.
-    let rounded = format!("{x:.*e}", digits.saturating_sub(1));
-    let exponent: i32 = rounded.rsplit('e').next().and_then(|e| e.parse().ok()).unwrap_or(0);
-    if !(-3..5).contains(&exponent) {
-        return rounded;
-    }
-    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
-    format!("{x:.decimals$}")
 }
 
 fn one_line(text: &str) -> String {
@@ -284,25 +268,6 @@ fn latex_number(text: &str) -> String {
 mod tests {
     use super::*;
     use crate::measure::table::tests::sample_rows;
-
-    #[test]
-    fn significant_digits() {
-        for (x, expected) in [
-            (0.0, "0"),
-            (12.345, "12.3"),
-            (9.996, "10.0"),
-            (99_940.0, "99940"),
-            (99_960.0, "1.00e5"),
-            (123_456.0, "1.23e5"),
-            (0.001_234_5, "0.00123"),
-            (0.000_999_6, "0.00100"),
-            (0.000_123_45, "1.23e-4"),
-            (-0.5, "-0.500"),
-            (f64::INFINITY, "inf"),
-        ] {
-            assert_eq!(significant(x, 3), expected, "{x}");
-        }
-    }
 
     #[test]
     fn markdown_is_an_aligned_table() {

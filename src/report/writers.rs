@@ -1,7 +1,7 @@
-//! Rows of any kind as CSV and JSON.
+//! Rows of any kind as CSV and JSON, and what the columns of a comparison are.
 
 use crate::error::{Error, Result};
-use crate::measure::table::{COLUMNS, Cell, Row};
+use crate::measure::table::{COLUMNS, Cell, Column, Row};
 use serde::Serialize;
 use std::fmt;
 
@@ -29,19 +29,33 @@ pub fn json<T: Serialize>(rows: &[T]) -> Result<String> {
     Ok(text + "\n")
 }
 
-/// All columns of all rows as CSV with a header line: empty cells are empty, flags `yes` or `no`, reals in the
-/// fewest digits that read back as the same number (`inf` for an infinite one).
+/// All columns of all rows as CSV with a header line: empty cells are empty, flags `true` or `false`, reals in
+/// the fewest digits that read back as the same number (`inf` for an infinite one).
 ///
 /// # Errors
 /// The writer's own, which memory does not give.
 pub fn table_csv(rows: &[Row]) -> Result<Vec<u8>> {
     let failed = |e: &dyn fmt::Display| Error::runtime("cannot write table", "CSV", e);
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(COLUMNS).map_err(|e| failed(&e))?;
+    writer.write_record(COLUMNS.iter().map(|c| c.name)).map_err(|e| failed(&e))?;
     for row in rows {
         writer.write_record(row.cells().iter().map(Cell::to_string)).map_err(|e| failed(&e))?;
     }
     writer.into_inner().map_err(|e| failed(&e))
+}
+
+/// What each column of [`table_csv`] is, as Markdown.
+pub fn columns_markdown() -> String {
+    let mut out = String::from(
+        "# Columns of compare.csv\n\n\
+        One row for each method and setting. `compare.json` has the same columns as keys. What was not measured is empty \
+        (`null` in JSON), and a setting is empty where the method has no such key. Errors are of transmittance from the \
+        light, 0 to 1.\n\n| column | unit | what it is |\n| --- | --- | --- |\n",
+    );
+    for Column { name, unit, about } in COLUMNS.iter() {
+        out += &format!("| `{name}` | {unit} | {} |\n", about.replace('|', "\\|"));
+    }
+    out
 }
 
 #[cfg(test)]
@@ -57,24 +71,25 @@ mod tests {
         rows[0].image_rmse = Some(1.0 / 3.0);
         let written = table_csv(&rows).unwrap();
         let mut reader = csv::Reader::from_reader(written.as_slice());
-        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), COLUMNS);
+        let names: Vec<_> = COLUMNS.iter().map(|c| c.name).collect();
+        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), names);
         let records: Vec<_> = reader.records().map(|r| r.unwrap()).collect();
         assert_eq!(records.len(), rows.len());
         for (record, row) in records.iter().zip(&rows) {
-            for ((text, cell), column) in record.iter().zip(row.cells()).zip(COLUMNS) {
+            for ((text, cell), column) in record.iter().zip(row.cells()).zip(&names) {
                 let same = match cell {
                     Cell::Empty => text.is_empty(),
                     Cell::Text(t) => text == t,
                     Cell::Integer(n) => text.parse() == Ok(n),
                     Cell::Real(x) => text.parse::<f64>().is_ok_and(|y| y.to_bits() == x.to_bits()),
-                    Cell::Flag(yes) => text == if yes { "yes" } else { "no" },
+                    Cell::Flag(yes) => text == yes.to_string(),
                 };
                 assert!(same, "{column}: {text}");
             }
         }
-        let column = |name: &str| COLUMNS.iter().position(|c| *c == name).unwrap();
+        let column = |name: &str| COLUMNS.iter().position(|c| c.name == name).unwrap();
         let held: Vec<&str> = records.iter().map(|r| &r[column("bound_held")]).collect();
-        assert_eq!(held, ["", "", "yes", "", ""]);
+        assert_eq!(held, ["", "", "true", "", ""]);
         assert_eq!(&records[1][column("image_psnr")], "inf");
         assert_eq!(&records[2][column("left_out")], rows[2].left_out);
     }
@@ -86,8 +101,8 @@ mod tests {
         let parsed: Vec<serde_json::Map<String, serde_json::Value>> = serde_json::from_str(&text).unwrap();
         for (object, row) in parsed.iter().zip(&rows) {
             assert_eq!(object.len(), COLUMNS.len());
-            for (cell, column) in row.cells().into_iter().zip(COLUMNS) {
-                let value = &object[*column];
+            for (cell, column) in row.cells().into_iter().zip(COLUMNS.iter().map(|c| c.name)) {
+                let value = &object[column];
                 match cell {
                     Cell::Empty => assert!(value.is_null(), "{column}"),
                     Cell::Text(t) => assert_eq!(value, &t),
@@ -98,7 +113,18 @@ mod tests {
                 }
             }
         }
-        let places: Vec<_> = COLUMNS.iter().map(|c| text.find(&format!("\"{c}\":")).unwrap()).collect();
+        let places: Vec<_> =
+            COLUMNS.iter().map(|c| text.find(&format!("\"{}\":", c.name)).unwrap()).collect();
         assert!(places.is_sorted());
+    }
+
+    #[test]
+    fn the_page_of_columns_is_what_the_code_says() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/columns.md");
+        if std::env::var_os("UMBRAVOX_REWRITE").is_some() {
+            std::fs::write(path, columns_markdown()).unwrap();
+        }
+        let written = std::fs::read_to_string(path).unwrap_or_default();
+        assert!(written == columns_markdown(), "run this test with UMBRAVOX_REWRITE=1 to write {path} anew");
     }
 }

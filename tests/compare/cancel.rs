@@ -6,9 +6,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use umbravox::error::Result;
 use umbravox::gpu::Gpu;
-use umbravox::measure::compare::{Effort, name_of};
+use umbravox::measure::job::{Effort, name_of};
 use umbravox::measure::journal::{JOURNAL, Journal};
-use umbravox::measure::progress::{Progress, Stage, Status, Watch};
+use umbravox::measure::progress::{Progress, Status, StepKind, Watch};
 use umbravox::measure::table::Row;
 use umbravox::render::{Forced, Renderer};
 use umbravox::report::make::{Made, Order, Subject, make};
@@ -23,13 +23,13 @@ const METHODS: &str = "none;rays;dsm:map=64,epsilon=0.06,0.02";
 enum End {
     Never,
     /// As soon as a step of that kind starts, for the so-manieth time.
-    At(Stage, usize),
+    At(StepKind, usize),
 }
 
 /// Hears everything.
 struct Listener {
     end: End,
-    steps: Vec<(Stage, String, f32)>,
+    steps: Vec<(StepKind, String, f32)>,
     rows: Vec<(usize, Row)>,
     ended: Option<Instant>,
 }
@@ -43,8 +43,8 @@ impl Listener {
 impl Watch for &mut Listener {
     fn starts(&mut self, status: &Status) {
         assert!(self.ended.is_none(), "{} started after the end", status.what);
-        self.steps.push((status.step.stage, status.step.method.clone(), status.share()));
-        let started = |stage: Stage| self.steps.iter().filter(|(s, ..)| *s == stage).count();
+        self.steps.push((status.step.kind, status.step.method.clone(), status.share()));
+        let started = |stage: StepKind| self.steps.iter().filter(|(s, ..)| *s == stage).count();
         if matches!(self.end, End::At(stage, times) if started(stage) == times) {
             self.ended = Some(Instant::now());
         }
@@ -75,10 +75,10 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
         let (volume, tf, scene) = (Arc::clone(&volume), tf.clone(), scene.clone());
         Ok(Subject { volume, tf, scene, forced: Forced::NOTHING })
     };
-    let renderer = Renderer::new(Gpu::open(None)?);
+    let renderer = Arc::new(Renderer::new(Gpu::open(None)?));
     let mut journal = Journal::open(folder, true)?;
     let mut progress = Progress::watched(listener);
-    make(&order, &["sphere".into()], &mut read, renderer, &mut journal, &mut progress)
+    make(&order, &["sphere".into()], &mut read, &renderer, &mut journal, &mut progress)
 }
 
 fn journal(folder: &Path) -> String {
@@ -125,7 +125,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
     // Of each stage and method it is heard, and how far it is.
     let methods: Vec<_> = parse_list(METHODS).unwrap().iter().map(|m| name_of(m.as_ref())).collect();
     for method in &methods {
-        for (stage, times) in [(Stage::Draw, 1), (Stage::Errors, 1), (Stage::Run, 3)] {
+        for (stage, times) in [(StepKind::Draw, 1), (StepKind::Errors, 1), (StepKind::Run, 3)] {
             let heard = listener.steps.iter().filter(|(s, m, _)| (s, m) == (&stage, method)).count();
             assert_eq!(heard, times, "{stage:?} {method}");
         }
@@ -142,7 +142,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
 
     // Ended while the third method is drawn: two rows are kept, and nothing else is written.
     let dir = tempfile::tempdir().unwrap();
-    let mut listener = Listener::new(End::At(Stage::Draw, 3));
+    let mut listener = Listener::new(End::At(StepKind::Draw, 3));
     let e = made(dir.path(), 2, &mut listener).err().unwrap();
     let waited = listener.ended.unwrap().elapsed();
     assert!(e.is_cancelled() && e.place.starts_with("dsm epsilon=0.06"), "{e}");
@@ -155,10 +155,10 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
     assert_eq!(left, [&[JOURNAL][..], &pictures[..]].concat());
 
     // Ended again among the timed rounds: those that are whole are kept.
-    let mut listener = Listener::new(End::At(Stage::Run, 4 + 4 + 2));
+    let mut listener = Listener::new(End::At(StepKind::Run, 4 + 4 + 2));
     let e = made(dir.path(), 2, &mut listener).err().unwrap();
     assert!(e.is_cancelled() && e.place.contains("timing"), "{e}");
-    let drawn = listener.steps.iter().filter(|(s, ..)| *s == Stage::Draw).count();
+    let drawn = listener.steps.iter().filter(|(s, ..)| *s == StepKind::Draw).count();
     assert_eq!(drawn, 2, "what was measured is not measured again");
     assert!(journal(dir.path()).starts_with(&kept) && journal(dir.path()).lines().count() == 4 + 4);
     assert!(!dir.path().join("compare.csv").exists());

@@ -53,7 +53,7 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
     }
     // What promises something keeps it; what promises nothing says so.
     let held: Vec<_> = rows.iter().map(|r| r["bound_held"].as_str()).collect();
-    assert_eq!(held, ["", "yes", "yes", "yes", "yes"]);
+    assert_eq!(held, ["", "true", "true", "true", "true"]);
     assert_eq!((rows[0]["bound"].as_str(), rows[0]["bytes"].as_str()), ("", "0"));
     for (row, epsilon) in [(2, 0.06), (3, 0.02)] {
         assert!((epsilon..epsilon + 0.005).contains(&number(row, "bound")));
@@ -70,7 +70,10 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
     let dsm = ["dsm-map-64-epsilon-0.02", "dsm-map-64-epsilon-0.02-prefilter-5", "dsm-map-64-epsilon-0.06"];
     let mut files: Vec<String> =
         ["csv", "json", "md", "png", "rows.jsonl", "svg", "tex"].map(|e| format!("compare.{e}")).into();
-    files.extend(["compare_bytes.png", "compare_bytes.svg", "pictures.md", "report.html"].map(String::from));
+    files.extend(
+        ["columns.md", "compare_bytes.png", "compare_bytes.svg", "pictures.md", "report.html"]
+            .map(String::from),
+    );
     for ending in ["png", "exr"] {
         files.extend(["none", "rays"].iter().chain(&dsm).map(|slug| format!("picture_{slug}.{ending}")));
     }
@@ -157,7 +160,7 @@ fn scenes_share_a_table_and_flags_win_over_each() {
         assert_eq!(row["left_out"].contains("ambient 1"), row["scene"] == "wall", "{}", row["left_out"]);
     }
     // A front a scene: without errors of its own the wall has none.
-    let on_front = |scene: &str| rows.iter().filter(|r| r["scene"] == scene && r["pareto"] == "yes").count();
+    let on_front = |scene: &str| rows.iter().filter(|r| r["scene"] == scene && r["pareto"] == "true").count();
     assert!(on_front("ball") > 0 && on_front("wall") == 0);
     for scene in ["ball", "wall"] {
         for file in [format!("compare_{scene}.svg"), format!("picture_{scene}_dsm-map-32-epsilon-0.02.png")] {

@@ -2,46 +2,12 @@
 
 use super::*;
 use glam::{DMat3, DVec2};
-use umbravox::exact::OpticalDepthCurve;
-use umbravox::measure::band::{Band, BandReport, Curve, MeanCurve, Sanity, test_depths};
+use umbravox::measure::band::{BandReport, Sanity};
+use umbravox::measure::errors::{RayTest, meets_extinction};
 use umbravox::measure::rays::pick_texels;
 
 const RAYS: usize = 32;
 const DEPTHS: usize = 64;
-
-/// A light ray's exact curve in the map's depths.
-struct Shifted<'a> {
-    curve: OpticalDepthCurve<'a>,
-    /// Depth at which the curve starts, mm.
-    from: f64,
-}
-
-impl Curve for Shifted<'_> {
-    fn transmittance(&self, z: f64) -> f64 {
-        self.curve.transmittance_at(z - self.from)
-    }
-}
-
-/// The exact curve of the light ray through texel coordinates, from the light (or from far outside) on.
-fn light_curve<'a>(field: &'a ExactField<'_>, map: &ShadowMap, light: Light, texel: DVec2) -> Shifted<'a> {
-    let (origin, direction) = map.light_space.world_ray(texel);
-    let from = match light {
-        Light::Point { position } => (position - origin).dot(direction),
-        Light::Directional { .. } => {
-            let depths = field.volume().corners_mm().map(|c| (c - origin).dot(direction));
-            depths.into_iter().fold(f64::INFINITY, f64::min) - 1.0
-        }
-    };
-    Shifted { curve: field.curve_along(origin + from * direction, direction, f64::INFINITY), from }
-}
-
-fn tap_offsets(taps: u32) -> Vec<DVec2> {
-    match taps {
-        1 => vec![DVec2::ZERO],
-        5 => [(0.0, 0.0), (-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)].map(DVec2::from).into(),
-        _ => (0..9).map(|t| DVec2::new(f64::from(t % 3) - 1.0, f64::from(t / 3) - 1.0) / 3.0).collect(),
-    }
-}
 
 /// Candidate texels a side: spread over the map, whatever its size.
 const CANDIDATES: u32 = 16;
@@ -49,49 +15,25 @@ const CANDIDATES: u32 = 16;
 /// Queries a method along light rays; the band report and what holds of any transmittance.
 pub(super) fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (BandReport, Sanity) {
     let map = setup.shadow(method, light);
-    let offsets = tap_offsets(shadow::parse(method).unwrap().taps());
     let field = setup.exact();
-    let band = map.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
     let stride = map.light_space.map_size / CANDIDATES;
-    let texel =
-        |c: u32, r: u32| DVec2::new(f64::from(c * stride + c % stride), f64::from(r * stride + r % stride));
-    let meets = |c: u32, r: u32| light_curve(&field, &map, light, texel(c, r)).curve.total() > 0.0;
-    let rays = pick_texels(CANDIDATES, RAYS, meets).into_iter().map(|[c, r]| {
-        let center = texel(c, r);
-        let curves: Vec<_> = offsets.iter().map(|t| light_curve(&field, &map, light, center + *t)).collect();
-        let depths = depths_to_test(setup, &map, &curves, band.map_or(0.1, |b| b.depth_mm));
-        let (origin, direction) = map.light_space.world_ray(center);
-        let points: Vec<DVec3> = depths.iter().map(|z| origin + *z * direction).collect();
-        (MeanCurve(curves), depths, points)
-    });
-    let rays: Vec<_> = rays.collect();
-    let points: Vec<DVec3> = rays.iter().flat_map(|r| r.2.iter().copied()).collect();
-    let values = setup.query(&map, &points);
+    let texel = |c: u32, r: u32| [c * stride + c % stride, r * stride + r % stride];
+    let meets = |c: u32, r: u32| {
+        let [column, row] = texel(c, r).map(f64::from);
+        meets_extinction(&field, light, &map.light_space, DVec2::new(column, row))
+    };
+    let texels: Vec<_> = pick_texels(CANDIDATES, RAYS, meets).into_iter().map(|[c, r]| texel(c, r)).collect();
+    let taps = shadow::parse(method).unwrap().taps();
+    let test = RayTest { texels: &texels, taps, depths: DEPTHS, default_depth_mm: 0.1 };
     let rise = if method == "rays" { tolerance::RAYS_RISE } else { tolerance::MAP_RISE };
     let (mut report, mut sanity) = (BandReport::default(), Sanity::default());
-    let mut rest = &values[..];
-    for (ray, (curve, depths, points)) in rays.iter().enumerate() {
-        let (values, after) = rest.split_at(points.len());
-        rest = after;
-        report = report.merge(BandReport::of_ray(ray, curve, depths, values, band));
+    let visit = |own, _: &[f64], values: &[f32]| {
+        report = report.merge(own);
         sanity = sanity.merge(Sanity::of_ray(values, rise));
         sanity.out_of_range += Sanity::of_ray(values, tolerance::RANGE).out_of_range;
-    }
+    };
+    test.visit(&field, light, &setup.session, &map, visit).unwrap();
     (report, sanity)
-}
-
-/// Depths from a little before the first to a little past the last extinction of any tap, dense around jumps.
-fn depths_to_test(setup: &Setup, map: &ShadowMap, curves: &[Shifted<'_>], tolerance_mm: f64) -> Vec<f64> {
-    let mut jumps: Vec<f64> =
-        curves.iter().flat_map(|c| c.curve.jumps().into_iter().map(|z| z + c.from)).collect();
-    jumps.sort_by(f64::total_cmp);
-    let margin = 3.0 * setup.volume().min_spacing_mm();
-    let [near, far] = map.light_space.z_range;
-    let [first, last] =
-        jumps.first().zip(jumps.last()).map_or([near, far], |(a, b)| [a - margin, b + margin]);
-    // Nothing is asked of places behind the light.
-    let light = curves.iter().map(|c| c.from).fold(f64::NEG_INFINITY, f64::max);
-    test_depths([first.max(light), last], &jumps, DEPTHS, tolerance_mm)
 }
 
 fn check(volume: &Arc<Volume>, tf: &TransferFunction, methods: &[&str], what: &str) {

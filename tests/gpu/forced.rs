@@ -48,7 +48,11 @@ fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) ->
             let scene = edit(lean.scene(61, 47));
             let [a, b] = [&lean, &forced].map(|setup| {
                 let map = setup.shadow(method, scene.light);
-                setup.renderer.render(&setup.loaded, &setup.transfer, &map, &scene).unwrap()
+                setup
+                    .session
+                    .renderer
+                    .render(&setup.session.loaded, &setup.session.transfer, &map, &scene)
+                    .unwrap()
             });
             let named =
                 |plan: &umbravox::render::Plan| plan.left_out.iter().any(|o| o.optional == Some(what));
@@ -98,7 +102,7 @@ fn what_is_not_in_view_needs_no_shadows() {
     let framed = setup.scene(40, 30);
     let needs = |camera: Camera| {
         let scene = Scene { camera, ..framed.clone() };
-        umbravox::render::needs_shadows(&scene, setup.volume(), &setup.transfer)
+        umbravox::render::needs_shadows(&scene, setup.volume(), &setup.session.transfer)
     };
     let Camera { eye, target, up, .. } = framed.camera;
     let side = (target - eye).cross(up);

@@ -1,7 +1,7 @@
 //! What an edit makes stale, row by row, and that what is kept is still right.
 
 use super::*;
-use umbravox::render::{Change, INVALIDATES, Kept, Stage, Work};
+use umbravox::render::{Change, INVALIDATES, Kept, LoadedVolume, Stage, Work};
 use umbravox::scene::Camera;
 
 /// A scene that is edited.

@@ -23,7 +23,7 @@ use ndarray::Array3;
 use std::sync::{Arc, LazyLock};
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
-use umbravox::render::{DeviceTransfer, Forced, LoadedVolume, Renderer};
+use umbravox::render::{Forced, Renderer, Session};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{self, ShadowMap};
 use umbravox::transfer::{Quantity, TransferFunction};
@@ -38,9 +38,7 @@ static RENDERER: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| match Gpu::o
 
 /// A volume and a transfer function on the shared device.
 struct Setup {
-    renderer: &'static Renderer,
-    loaded: LoadedVolume,
-    transfer: DeviceTransfer,
+    session: Session,
     tf: TransferFunction,
 }
 
@@ -56,13 +54,11 @@ impl Setup {
             println!("skipped: no graphics adapter");
             return None;
         };
-        let loaded = renderer.load(Arc::clone(volume)).unwrap();
-        let transfer = renderer.transfer(&loaded, tf, forced).unwrap();
-        Some(Self { renderer, loaded, transfer, tf: tf.clone() })
+        Some(Self { session: Session::on(renderer, Arc::clone(volume), tf, forced).unwrap(), tf: tf.clone() })
     }
 
     fn volume(&self) -> &Volume {
-        &self.loaded.volume
+        &self.session.loaded.volume
     }
 
     fn exact(&self) -> ExactField<'_> {
@@ -71,11 +67,11 @@ impl Setup {
 
     fn shadow(&self, method: &str, light: Light) -> ShadowMap {
         let method = shadow::parse(method).unwrap();
-        self.renderer.shadow(&self.loaded, &self.transfer, method.as_ref(), light).unwrap()
+        self.session.shadow(method.as_ref(), light).unwrap()
     }
 
     fn picture_of(&self, map: &ShadowMap, scene: &Scene) -> Array3<f32> {
-        self.renderer.render(&self.loaded, &self.transfer, map, scene).unwrap().pixels
+        self.session.render(map, scene).unwrap().pixels
     }
 
     fn picture(&self, method: &str, scene: &Scene) -> Array3<f32> {
@@ -83,7 +79,7 @@ impl Setup {
     }
 
     fn query(&self, map: &ShadowMap, points_mm: &[DVec3]) -> Vec<f32> {
-        self.renderer.query(&self.loaded, &self.transfer, map, points_mm).unwrap()
+        self.session.query(map, points_mm).unwrap()
     }
 
     /// A picture of `width x height` that frames the volume, lit from the side over a background.

@@ -1,10 +1,10 @@
 //! Nodes counted texel by texel are those that the build counted.
 
 use super::*;
-use umbravox::shadow::{NodeMap, TILE, node_map};
+use umbravox::shadow::{NodeMap, TILE};
 
 fn nodes_of(setup: &Setup, map: &ShadowMap) -> Option<NodeMap> {
-    node_map(setup.renderer, &setup.transfer, map).unwrap()
+    setup.session.node_map(map).unwrap()
 }
 
 #[test]

@@ -7,10 +7,9 @@ fn a_map_in_parts_is_the_map_at_once() {
     let volume = phantom("thorax:72");
     let [_, jumps, _] = transfer_functions([-900.0, 1200.0]);
     let Some(whole) = Setup::open(&volume, &jumps) else { return };
-    let parts: &'static Renderer = Box::leak(Box::new(Renderer::live(Gpu::open(None).unwrap(), 1.0)));
-    let loaded = parts.load(Arc::clone(&volume)).unwrap();
-    let transfer = parts.transfer(&loaded, &jumps, Forced::NOTHING).unwrap();
-    let parts = Setup { renderer: parts, loaded, transfer, tf: jumps };
+    let parts = Arc::new(Renderer::live(Gpu::open(None).unwrap(), 1.0));
+    let session = Session::on(&parts, Arc::clone(&volume), &jumps, Forced::NOTHING).unwrap();
+    let parts = Setup { session, tf: jumps };
     let scene = whole.scene(57, 41);
     // 256 tiles, and so many parts of a millisecond; without an error to spare the pool runs out and the build is repeated.
     for method in

@@ -1,8 +1,9 @@
 //! What to compare: methods, how much to measure, the picture's size and the folder.
 
 use crate::error::{Error, Result};
+use crate::measure::defaults::compare_methods;
+use crate::measure::job::Effort;
 use crate::files::output::check_output_dir;
-use crate::measure::compare::{DEFAULT_METHODS, Effort};
 use crate::shadow::{Entry, METHODS, Method, parse_list};
 use eframe::egui;
 use std::ops::RangeInclusive;
@@ -21,7 +22,8 @@ impl Family {
     /// As `compare` has it by default; a family that it leaves out is not wanted.
     fn of(entry: &'static Entry) -> Self {
         let of_family = |spec: &&str| spec.split(':').next().is_some_and(|name| name.trim() == entry.name);
-        let default = DEFAULT_METHODS.split(';').find(of_family);
+        let rows = compare_methods();
+        let default = rows.split(';').find(of_family);
         Self { entry, wanted: default.is_some(), spec: default.unwrap_or(entry.name).trim().to_owned() }
     }
 
@@ -235,7 +237,7 @@ mod tests {
         let form = Form::default();
         let names =
             |methods: Vec<Box<dyn Method>>| methods.iter().map(|m| format!("{m:?}")).collect::<Vec<_>>();
-        assert_eq!(names(form.methods().unwrap()), names(parse_list(DEFAULT_METHODS).unwrap()));
+        assert_eq!(names(form.methods().unwrap()), names(parse_list(&compare_methods()).unwrap()));
         assert_eq!(form.families.len(), METHODS.len());
     }
 

@@ -10,7 +10,7 @@ mod task;
 use super::App;
 use crate::error::{Error, Result};
 use crate::measure::journal::JOURNAL;
-use crate::measure::progress::{Stage, spoken};
+use crate::measure::progress::{StepKind, spoken};
 use crate::measure::table::Row;
 use crate::scene::Scene;
 use eframe::egui;
@@ -27,7 +27,7 @@ const LOOK_WHILE_TIMING: Duration = Duration::from_millis(1000);
 
 /// What is being done now.
 struct Now {
-    stage: Stage,
+    stage: StepKind,
     what: String,
     share: f32,
     left_s: Option<f64>,
@@ -115,7 +115,7 @@ impl App {
                 News::Ended(outcome) => ended = Some(outcome),
             }
         }
-        let timing = now.as_ref().is_some_and(|now| now.stage == Stage::Run);
+        let timing = now.as_ref().is_some_and(|now| now.stage == StepKind::Run);
         context.request_repaint_after(if timing { LOOK_WHILE_TIMING } else { LOOK });
         if comparison.results.rows().len() > rows {
             // The table takes its new height a frame later.

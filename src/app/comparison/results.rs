@@ -2,8 +2,10 @@
 
 use super::super::method_choice::MethodChoice;
 use crate::measure::table::Row;
+use crate::measure::timing::clock_name;
 use crate::report::best::{Held, best_within};
-use crate::report::tables::{best_at_equal, best_question, significant};
+use crate::report::number::significant;
+use crate::report::tables::{best_at_equal, best_question};
 use eframe::egui;
 use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;
@@ -146,7 +148,7 @@ impl Results {
     pub fn show(&mut self, ui: &mut egui::Ui, current: Option<&MethodChoice>) -> Option<Picked> {
         let mut picked = None;
         if let Some(Entry { row, .. }) = self.entries.first() {
-            let clock = row.clock.map_or(String::new(), |clock| format!(" · {} clock", clock.name()));
+            let clock = row.clock.map_or(String::new(), |clock| format!(" · {} clock", clock_name(clock)));
             ui.weak(format!("{} · {} x {} pixels{clock}", row.scene, row.width, row.height));
         }
         egui::ScrollArea::horizontal().id_salt("comparison table").show(ui, |ui| {

@@ -4,9 +4,9 @@ use super::super::worker::Wake;
 use crate::error::{Error, Result};
 use crate::files::output::prepare_output_dir;
 use crate::gpu::Gpu;
-use crate::measure::compare::Effort;
+use crate::measure::job::Effort;
 use crate::measure::journal::Journal;
-use crate::measure::progress::{Progress, Stage, Status, Watch};
+use crate::measure::progress::{Progress, Status, StepKind, Watch};
 use crate::measure::table::Row;
 use crate::render::{Forced, Renderer};
 use crate::report::make::{Files, Order, Subject, make, scene_name};
@@ -54,7 +54,7 @@ pub struct Finished {
 /// What the thread has to say.
 pub enum News {
     Starts {
-        stage: Stage,
+        stage: StepKind,
         what: String,
         share: f32,
         /// Seconds that what is left will take, as far as that can be told.
@@ -135,7 +135,7 @@ impl Watch for Watcher {
     fn starts(&mut self, status: &Status) {
         // The window looks by itself now and then: waking it at every step would take time from what is timed.
         let _ = self.send.send(News::Starts {
-            stage: status.step.stage,
+            stage: status.step.kind,
             what: status.what.to_owned(),
             share: status.share(),
             left_s: status.left_s,
@@ -153,7 +153,7 @@ impl Watch for Watcher {
 
 fn run(wanted: Wanted, watcher: Watcher) -> Result<Finished> {
     let Wanted { adapter, volume, tf, scene, methods, effort, folder, resume } = wanted;
-    let renderer = Renderer::new(Gpu::open(Some(&adapter))?);
+    let renderer = Arc::new(Renderer::new(Gpu::open(Some(&adapter))?));
     prepare_output_dir(&folder)?;
     let mut journal = Journal::open(&folder, resume)?;
     let mut progress = Progress::watched(watcher);
@@ -164,7 +164,7 @@ fn run(wanted: Wanted, watcher: Watcher) -> Result<Finished> {
         let (volume, tf, scene) = (Arc::clone(&volume), (*tf).clone(), scene.clone());
         Ok(Subject { volume, tf, scene, forced: Forced::NOTHING })
     };
-    let made = make(&order, &names, &mut read, renderer, &mut journal, &mut progress)?;
+    let made = make(&order, &names, &mut read, &renderer, &mut journal, &mut progress)?;
     let (rows, notes) = (made.comparison.rows(), made.comparison.notes.clone());
     Ok(Finished { rows, notes, files: made.write(&folder)? })
 }

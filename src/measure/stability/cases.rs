@@ -8,7 +8,7 @@ use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DAffine3, DMat3, DVec3};
 use std::sync::Arc;
 
-/// Whom a case's settings concern.
+/// Which methods a case with settings concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Concerns {
     /// Every method; those that know a setting's key take it.

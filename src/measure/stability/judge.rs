@@ -1,6 +1,7 @@
 //! What is wrong with a method on a case, if anything.
 
-use super::super::band::{Band, BandReport, Sanity};
+use super::super::band::{BandReport, Sanity};
+use crate::shadow::Bound;
 use serde::Serialize;
 
 /// The column `status`, from good to bad.
@@ -50,7 +51,7 @@ impl Status {
 pub struct Findings {
     /// Transmittance along light rays against the exact curve.
     pub band: BandReport,
-    pub promise: Option<Band>,
+    pub promise: Option<Bound>,
     /// The same transmittances on their own.
     pub rays: Sanity,
     /// Channels of the picture that are not finite, and that are outside `[0, 1]`.
@@ -151,10 +152,10 @@ pub fn sanity(depths_mm: &[f64], values: &[f32], [range, rise]: [f64; 2], apart_
 mod tests {
     use super::*;
 
-    const BAND: Band = Band { bound: 0.02, depth_mm: 0.1 };
+    const BAND: Bound = Bound { transmittance: 0.02, depth_mm: 0.1 };
 
     /// Findings of one ray with the exact curve `exp(-z)` at depths 0, 1, 2, 3.
-    fn of(values: [f32; 4], promise: Option<Band>) -> Findings {
+    fn of(values: [f32; 4], promise: Option<Bound>) -> Findings {
         let band = BandReport::of_ray(0, &|z: f64| (-z).exp(), &[0.0, 1.0, 2.0, 3.0], &values, promise);
         let rays = sanity(&[0.0, 1.0, 2.0, 3.0], &values, [1e-6, 1e-4], 0.1);
         Findings { band, promise, rays, ..Findings::default() }

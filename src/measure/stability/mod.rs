@@ -15,7 +15,7 @@ pub use cases::{Case, Concerns, ORDINARY, all};
 pub use judge::{Findings, Status};
 pub use row::Row;
 
-use super::band::{Band, BandReport, Sanity};
+use super::band::{BandReport, Sanity};
 use super::errors::{RayTest, meets_extinction};
 use super::rays::pick_texels;
 use crate::error::Result;
@@ -52,9 +52,6 @@ const RANGE: f64 = 1e-6;
 /// Share of the volume's diagonal by which depths must be apart to be told apart: float32 coordinates and their sums are
 /// off by a few 1e-7 of it, and where extinction is 1e4 per mm and more, that is a rise of transmittance.
 const DEPTHS_APART: f64 = 1e-6;
-
-/// Told what is done next.
-pub type Progress<'a> = dyn FnMut(&str) + 'a;
 
 /// What a method took on a case.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -96,26 +93,26 @@ impl Cost {
     }
 }
 
-/// Runs the picked cases with every method, one row a case and method that the case concerns. What fails becomes a
-/// row; the others go on.
+/// Runs the picked cases with every method: a row for each case and method that the case concerns. What fails becomes a
+/// row; the others go on. `next` is told what is done next.
 ///
 /// # Errors
 /// Settings that are refused.
 pub fn run(
-    renderer: Renderer,
+    renderer: &Arc<Renderer>,
     methods: &[Setting],
     cases: &[&Case],
-    progress: &mut Progress,
+    next: &mut dyn FnMut(&str),
 ) -> Result<Vec<Row>> {
     let ordinary = &all()?[0];
     let plain = methods.iter().map(|m| shadow::parse(&text_of(m))).collect::<Result<Vec<_>>>()?;
-    progress("what is ordinary");
-    let (mut renderer, outcomes) = measure(renderer, ordinary, &plain);
+    next("what is ordinary");
+    let outcomes = measure(renderer, ordinary, &plain);
     // A method that fails on the ordinary case has nothing to be compared with.
     let costs: Vec<_> = outcomes.into_iter().map(|o| o.ok().map(|(_, cost)| cost)).collect();
     let mut rows = Vec::new();
     for case in cases {
-        progress(&case.name);
+        next(&case.name);
         let mut concerned = Vec::new();
         for (method, cost) in methods.iter().zip(&costs) {
             if let Some(setting) = put_over(method, case) {
@@ -123,8 +120,7 @@ pub fn run(
             }
         }
         let (built, costs): (Vec<_>, Vec<_>) = concerned.into_iter().unzip();
-        let outcomes;
-        (renderer, outcomes) = measure(renderer, case, &built);
+        let outcomes = measure(renderer, case, &built);
         for ((outcome, method), ordinary) in outcomes.into_iter().zip(&built).zip(costs) {
             rows.push(row(case, method.as_ref(), outcome, ordinary));
         }
@@ -175,7 +171,7 @@ fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost
             }
             Row {
                 ray_err_max: largest(&|f| f.band.ray_err_max()),
-                bound: largest(&|f| f.promise.map(|p| p.bound)),
+                bound: largest(&|f| f.promise.map(|p| p.transmittance)),
                 monotone_violations: count(|f| f.rays.monotone_violations),
                 out_of_range: count(Findings::out_of_range),
                 non_finite: count(Findings::non_finite),
@@ -191,17 +187,12 @@ fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost
 /// Findings by light, and the largest cost over the lights.
 type Outcome = Result<(Vec<(&'static str, Findings)>, Cost)>;
 
-/// Every method on a case. Hands the renderer back: compiling its pipelines takes longer than most cases.
-fn measure(renderer: Renderer, case: &Case, methods: &[Box<dyn Method>]) -> (Renderer, Vec<Outcome>) {
-    let ready = renderer.load(Arc::clone(&case.volume)).and_then(|loaded| {
-        let transfer = renderer.transfer(&loaded, &case.tf, Forced::NOTHING)?;
-        Ok((loaded, transfer))
-    });
-    let (loaded, transfer) = match ready {
-        Ok(ready) => ready,
-        Err(e) => return (renderer, methods.iter().map(|_| Err(e.clone())).collect()),
+/// Every method on a case.
+fn measure(renderer: &Arc<Renderer>, case: &Case, methods: &[Box<dyn Method>]) -> Vec<Outcome> {
+    let session = match Session::on(renderer, Arc::clone(&case.volume), &case.tf, Forced::NOTHING) {
+        Ok(session) => session,
+        Err(e) => return methods.iter().map(|_| Err(e.clone())).collect(),
     };
-    let session = Session { renderer, loaded, transfer };
     let field = ExactField::new(&case.volume, &case.tf);
     let measured = |method: &dyn Method| {
         let (mut findings, mut cost) = (Vec::new(), Cost::default());
@@ -213,8 +204,7 @@ fn measure(renderer: Renderer, case: &Case, methods: &[Box<dyn Method>]) -> (Ren
         }
         Ok((findings, cost))
     };
-    let outcomes = methods.iter().map(|m| measured(m.as_ref())).collect();
-    (session.renderer, outcomes)
+    methods.iter().map(|m| measured(m.as_ref())).collect()
 }
 
 /// A case under one of its lights.
@@ -263,8 +253,7 @@ impl Lit<'_> {
             band = band.merge(own);
             rays = rays.merge(judge::sanity(depths, values, [RANGE, rise], apart_mm));
         })?;
-        let promise = shadow.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
-        Ok(Findings { band, promise, rays, ..Findings::default() })
+        Ok(Findings { band, promise: shadow.bound, rays, ..Findings::default() })
     }
 
     /// The middle of the map and texels spread over what the light meets.
@@ -307,8 +296,8 @@ mod tests {
         assert_eq!(over("none", "comb").unwrap(), "none");
         // Every setting of every case is one that the methods take.
         for case in &cases {
-            for method in ["none", "rays", "dsm", "osm", "dom", "bom"] {
-                if let Some(s) = put_over(&setting(method), case) {
+            for method in METHODS {
+                if let Some(s) = put_over(&setting(method.name), case) {
                     shadow::parse(&text_of(&s)).unwrap();
                 }
             }

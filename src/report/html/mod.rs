@@ -4,25 +4,29 @@
 //! a content security policy forbids the rest. It is generic over the columns of [`Row`]: what the table gains, the
 //! report shows.
 
-mod escape;
 mod rows;
 
-use super::nodes::{histogram_svg, summary, tile_png};
-use super::plot::{error_bytes_svg, error_time_svg};
+use super::canvas::INK;
+use super::nodes::{histogram, summary, tile_png};
+use super::plot::{error_bytes, error_time};
 use crate::error::Result;
-use crate::files::output::write_whole;
+use crate::measure::defaults::style;
 use crate::measure::table::Row;
+use crate::files::output::write_whole;
 use crate::shadow::NodeMap;
-use escape::{base64, escape};
+use base64::prelude::{BASE64_STANDARD, Engine as _};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rows::{name, table};
 use std::path::Path;
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
+const POLICY: &str =
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
 /// A row with its pictures, as PNG files.
 #[derive(Debug, Clone, Default)]
-pub struct Entry {
+pub struct Pictured {
     pub row: Row,
     /// What the method draws.
     pub picture_png: Option<Vec<u8>>,
@@ -47,125 +51,118 @@ pub struct Conditions {
 /// The report as an HTML document.
 ///
 /// # Errors
-/// The drawing backend's own.
-pub fn html(conditions: &Conditions, entries: &[Entry]) -> Result<String> {
-    let title = escape(&conditions.title);
-    let mut out = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-        <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; \
-        style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n\
-        <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-        <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n"
-    );
-    if !conditions.facts.is_empty() {
-        out += "<section aria-label=\"Conditions\">\n<dl>\n";
-        for (name, value) in &conditions.facts {
-            out += &format!("<dt>{}</dt><dd>{}</dd>\n", escape(name), escape(value));
+/// A picture that cannot be encoded.
+pub fn html(conditions: &Conditions, pictured: &[Pictured]) -> Result<String> {
+    let Conditions { title, facts, error_caption, notes } = conditions;
+    let rows: Vec<Row> = pictured.iter().map(|p| p.row.clone()).collect();
+    let document = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                main {
+                    h1 { (title) }
+                    @if !facts.is_empty() {
+                        section aria-label="Conditions" {
+                            dl { @for (name, value) in facts { dt { (name) } dd { (value) } } }
+                        }
+                    }
+                    (table(&rows))
+                    (plots(&rows))
+                    section {
+                        h2 { "Pictures" }
+                        @for (i, pictured) in pictured.iter().enumerate() {
+                            (pictures(i + 1, pictured, error_caption)?)
+                        }
+                    }
+                    @if !notes.is_empty() {
+                        section { h2 { "Notes" } ul { @for note in notes { li { (note) } } } }
+                    }
+                }
+                script { (PreEscaped(SCRIPT)) }
+            }
         }
-        out += "</dl>\n</section>\n";
-    }
-    let rows: Vec<Row> = entries.iter().map(|e| e.row.clone()).collect();
-    out += &table(&rows);
-    out += &plots(&rows)?;
-    out += &pictures(conditions, entries)?;
-    if !conditions.notes.is_empty() {
-        let items: String = conditions.notes.iter().map(|n| format!("<li>{}</li>\n", escape(n))).collect();
-        out += &format!("<section>\n<h2>Notes</h2>\n<ul>\n{items}</ul>\n</section>\n");
-    }
-    out += &format!("</main>\n<script>\n{SCRIPT}</script>\n</body>\n</html>\n");
-    Ok(out)
+    };
+    Ok(document.into_string() + "\n")
 }
 
 /// Writes the report, whole or not at all.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write_report(conditions: &Conditions, entries: &[Entry], path: &Path) -> Result<()> {
-    let text = html(conditions, entries)?;
+pub fn write_report(conditions: &Conditions, pictured: &[Pictured], path: &Path) -> Result<()> {
+    let text = html(conditions, pictured)?;
     write_whole(path, |file| file.write_all(text.as_bytes()))
 }
 
 /// Error against time and against memory, of each scene.
-fn plots(rows: &[Row]) -> Result<String> {
-    let mut out = String::from("<section class=\"plots\">\n<h2>Error against time and memory</h2>\n");
+fn plots(rows: &[Row]) -> Markup {
     let mut scenes: Vec<&str> = Vec::new();
     for row in rows {
         if !scenes.contains(&row.scene.as_str()) {
             scenes.push(&row.scene);
         }
     }
-    for scene in scenes {
-        let own: Vec<Row> = rows.iter().filter(|r| r.scene == scene).cloned().collect();
-        let time = format!("Error against time, {scene}: each row of the table as a point");
-        out += &figure(&inline(&error_time_svg(&own)?, &time), "");
-        let memory =
-            format!("Error against memory, {scene}: each row that stores a shadow structure as a point");
-        out += &figure(&inline(&error_bytes_svg(&own)?, &memory), "");
+    let of = |scene: &str| rows.iter().filter(|r| r.scene == scene).cloned().collect::<Vec<_>>();
+    let (time, memory) = ("each row of the table", "each row that stores a shadow structure");
+    html! {
+        section class="plots" {
+            h2 { "Error against time and memory" }
+            @for scene in scenes {
+                @let own = of(scene);
+                (figure(error_time(&own).svg(Some(&format!("Error against time, {scene}: {time} as a point"))), ""))
+                (figure(error_bytes(&own).svg(Some(&format!("Error against memory, {scene}: {memory} as a point"))), ""))
+            }
+            p class="hint" {
+                "Errors are of transmittance, 0 to 1. Dashed: the Pareto front; nothing shown lies below and left of it."
+            }
+        }
     }
-    out += "<p class=\"hint\">Errors are of transmittance, 0 to 1. Dashed: the Pareto front; nothing shown lies below \
-        and left of it.</p>\n</section>\n";
-    Ok(out)
 }
 
-/// For each row: its picture, its error, and its nodes.
-fn pictures(conditions: &Conditions, entries: &[Entry]) -> Result<String> {
-    let mut out = String::from("<section>\n<h2>Pictures</h2>\n");
-    for (i, e) in entries.iter().enumerate() {
-        let name = name(&e.row);
-        let mut figures = String::new();
-        if let Some(png) = &e.picture_png {
-            figures += &figure(&image(png, &format!("Picture by {name}")), "picture");
+/// A row's picture, its error, and its nodes.
+fn pictures(number: usize, pictured: &Pictured, error_caption: &str) -> Result<Markup> {
+    let Pictured { row, picture_png, error_png, nodes } = pictured;
+    let name = name(row);
+    Ok(html! {
+        article class="row" id={ "row-" (number) } {
+            h3 { (name) @if !row.scene.is_empty() { " · " (row.scene) } }
+            div {
+                @if let Some(png) = picture_png { (figure(image(png, &format!("Picture by {name}")), "picture")) }
+                @if let Some(png) = error_png { (figure(image(png, &format!("Error of {name}")), error_caption)) }
+                @if let Some(nodes) = nodes {
+                    (figure(
+                        image(&tile_png(nodes)?, &format!("Nodes per tile of {name}")),
+                        "nodes per tile, as Hadwiger et al. 2006, Figure 5; grey: tiles left out",
+                    ))
+                    (figure(
+                        histogram(nodes, style(&row.method).map_or(INK, |s| s.0)).svg(Some(&format!("Histogram of nodes per texel of {name}"))),
+                        &summary(nodes),
+                    ))
+                }
+                @if picture_png.is_none() && error_png.is_none() && nodes.is_none() { p class="hint" { "no picture" } }
+            }
         }
-        if let Some(png) = &e.error_png {
-            let caption = &conditions.error_caption;
-            figures += &figure(&image(png, &format!("Error of {name}")), caption);
-        }
-        if let Some(nodes) = &e.nodes {
-            let map = image(&tile_png(nodes)?, &format!("Nodes per tile of {name}"));
-            figures +=
-                &figure(&map, "nodes per tile, as Hadwiger et al. 2006, Figure 5; grey: tiles left out");
-            let histogram =
-                inline(&histogram_svg(nodes)?, &format!("Histogram of nodes per texel of {name}"));
-            figures += &figure(&histogram, &summary(nodes));
-        }
-        if figures.is_empty() {
-            figures = "<p class=\"hint\">no picture</p>\n".into();
-        }
-        let heading = match e.row.scene.as_str() {
-            "" => name,
-            scene => format!("{name} · {scene}"),
-        };
-        out += &format!(
-            "<article class=\"row\" id=\"row-{}\">\n<h3>{}</h3>\n<div>\n{figures}</div>\n</article>\n",
-            i + 1,
-            escape(&heading)
-        );
-    }
-    Ok(out + "</section>\n")
+    })
 }
 
-fn figure(content: &str, caption: &str) -> String {
-    match caption {
-        "" => format!("<figure>\n{content}\n</figure>\n"),
-        _ => format!("<figure>\n{content}\n<figcaption>{}</figcaption>\n</figure>\n", escape(caption)),
-    }
+fn figure(content: Markup, caption: &str) -> Markup {
+    html! { figure { (content) @if !caption.is_empty() { figcaption { (caption) } } } }
 }
 
 /// A PNG file as an image of its own size.
-fn image(png: &[u8], about: &str) -> String {
+fn image(png: &[u8], about: &str) -> Markup {
     // Width and height keep the page from jumping; they are where every PNG file has them.
     let side = |at: usize| png.get(at..at + 4).map(|b| b.iter().fold(0_u32, |n, &b| n << 8 | u32::from(b)));
-    let size = match (side(16), side(20)) {
-        (Some(width), Some(height)) => format!(" width=\"{width}\" height=\"{height}\""),
-        _ => String::new(),
-    };
-    format!("<img src=\"data:image/png;base64,{}\" alt=\"{}\"{size}>", base64(png), escape(about))
-}
-
-/// An SVG document as an element of the page.
-fn inline(svg: &str, about: &str) -> String {
-    let element = svg.find("<svg").map_or(svg, |at| &svg[at..]);
-    element.trim_end().replacen("<svg", &format!("<svg role=\"img\" aria-label=\"{}\"", escape(about)), 1)
+    html! {
+        img src={ "data:image/png;base64," (BASE64_STANDARD.encode(png)) } alt=(about) width=[side(16)] height=[side(20)];
+    }
 }
 
 #[cfg(test)]
@@ -176,17 +173,17 @@ mod tests {
 
     const EVIL: &str = "<script>alert(\"x\")</script> & 'y'";
 
-    fn entries() -> Vec<Entry> {
+    fn pictured() -> Vec<Pictured> {
         let png = |side: u32| crate::report::canvas::encode_png(&image::RgbImage::new(side, side)).unwrap();
-        let mut entries: Vec<Entry> =
-            sample_rows().into_iter().map(|row| Entry { row, ..Entry::default() }).collect();
-        entries[0].picture_png = Some(png(3));
-        entries[2].picture_png = Some(png(5));
-        entries[2].error_png = Some(png(7));
-        entries[2].nodes = Some(NodeMap { nodes: Array2::from_elem((16, 16), 3), stored: arr2(&[[true]]) });
-        entries[4].row.scene = EVIL.into();
-        entries[4].row.params = EVIL.into();
-        entries
+        let mut pictured: Vec<Pictured> =
+            sample_rows().into_iter().map(|row| Pictured { row, ..Pictured::default() }).collect();
+        pictured[0].picture_png = Some(png(3));
+        pictured[2].picture_png = Some(png(5));
+        pictured[2].error_png = Some(png(7));
+        pictured[2].nodes = Some(NodeMap { nodes: Array2::from_elem((16, 16), 3), stored: arr2(&[[true]]) });
+        pictured[4].row.scene = EVIL.into();
+        pictured[4].row.params = EVIL.into();
+        pictured
     }
 
     fn document() -> String {
@@ -196,7 +193,7 @@ mod tests {
             error_caption: EVIL.into(),
             notes: vec![EVIL.into()],
         };
-        html(&conditions, &entries()).unwrap()
+        html(&conditions, &pictured()).unwrap()
     }
 
     #[test]

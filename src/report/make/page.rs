@@ -1,15 +1,16 @@
 //! `report.html`: what the report needs beyond the rows.
 
 use super::super::heat::{heat_map_png, round_max};
-use super::super::html::{Conditions, Entry, write_report};
+use super::super::html::{Conditions, Pictured, write_report};
 use crate::error::Result;
-use crate::files::picture::picture_png;
-use crate::measure::compare::{Compared, Comparison, Job};
+use crate::measure::comparison::{Compared, Comparison};
 use crate::measure::facts::REVISION;
+use crate::measure::job::Job;
 use crate::measure::progress::Progress;
 use crate::measure::stats::image_difference;
 use crate::measure::table::Row;
-use crate::shadow::{Method, NodeMap, ShadowRays, parse};
+use crate::files::picture::picture_png;
+use crate::shadow::{Method, NodeMap, ShadowRays};
 use ndarray::{Array2, Array3};
 use std::path::{Path, PathBuf};
 
@@ -20,7 +21,7 @@ pub struct Page {
     /// Facts are said of each scene by name where there are several.
     several: bool,
     facts: Vec<(String, String)>,
-    entries: Vec<Entry>,
+    pictured: Vec<Pictured>,
     notes: Vec<String>,
     scenes: Vec<String>,
 }
@@ -28,8 +29,8 @@ pub struct Page {
 impl Page {
     /// A report of so many scenes.
     pub fn of(scenes: usize) -> Self {
-        let (facts, entries, notes) = Default::default();
-        Self { several: scenes > 1, facts, entries, notes, scenes: Vec::new() }
+        let (facts, pictured, notes) = Default::default();
+        Self { several: scenes > 1, facts, pictured, notes, scenes: Vec::new() }
     }
 
     /// Adds a scene.
@@ -39,7 +40,13 @@ impl Page {
     ///
     /// # Errors
     /// A picture that cannot be encoded, or it was ended on request.
-    pub fn add(&mut self, job: &Job, compared: &[Compared], progress: &Progress) -> Result<()> {
+    pub fn add(
+        &mut self,
+        job: &Job,
+        methods: &[Box<dyn Method>],
+        compared: &[Compared],
+        progress: &Progress,
+    ) -> Result<()> {
         if self.facts.is_empty() {
             self.facts = program_facts(job);
         }
@@ -53,7 +60,7 @@ impl Page {
                 .inspect_err(|e| self.notes.push(format!("{prefix}error pictures are left out: {e}")))
                 .ok(),
         };
-        for c in compared {
+        for (method, c) in methods.iter().zip(compared) {
             progress.check("report")?;
             let difference = match (&c.difference, &reference, &c.picture) {
                 (None, Some(reference), Some(picture)) => {
@@ -61,11 +68,11 @@ impl Page {
                 }
                 (own, ..) => own.clone(),
             };
-            let nodes = nodes(job, &c.row).unwrap_or_else(|e| {
+            let nodes = nodes(job, method.as_ref(), &c.row).unwrap_or_else(|e| {
                 self.notes.push(format!("{}: nodes are not shown: {e}", c.slug));
                 None
             });
-            self.entries.push(Entry {
+            self.pictured.push(Pictured {
                 row: c.row.clone(),
                 picture_png: c.picture.as_ref().map(picture_png).transpose()?,
                 error_png: difference.as_ref().map(error_png).transpose()?,
@@ -77,7 +84,7 @@ impl Page {
 
     /// Adds rows of which there is nothing to show.
     pub fn add_rows(&mut self, rows: &[Row]) {
-        self.entries.extend(rows.iter().map(|row| Entry { row: row.clone(), ..Entry::default() }));
+        self.pictured.extend(rows.iter().map(|row| Pictured { row: row.clone(), ..Pictured::default() }));
     }
 
     /// Writes the report into a folder and gives its path.
@@ -95,7 +102,7 @@ impl Page {
             notes,
         };
         let path = folder.join("report.html");
-        write_report(&conditions, &self.entries, &path)?;
+        write_report(&conditions, &self.pictured, &path)?;
         Ok(path)
     }
 }
@@ -111,11 +118,11 @@ fn reference(job: &Job) -> Result<Array3<f32>> {
 }
 
 /// The nodes of a row's structure, where it has any.
-fn nodes(job: &Job, row: &Row) -> Result<Option<NodeMap>> {
+fn nodes(job: &Job, method: &dyn Method, row: &Row) -> Result<Option<NodeMap>> {
     if row.nodes_total.is_none() {
         return Ok(None);
     }
-    let shadow = job.session.shadow(parse(&row.spec())?.as_ref(), job.scene.light)?;
+    let shadow = job.session.shadow(method, job.scene.light)?;
     job.session.node_map(&shadow)
 }
 

@@ -4,12 +4,11 @@
 //! figure; settings of one method differ in their dashes.
 
 use super::axis::{LinearAxis, Tick};
+use super::page::{GREY, GRID, SMALL, TEXT, TITLE, shorten};
 use super::style::{DASHES, Family, families, marker};
-use super::{GREY, GRID, SMALL, TEXT, TITLE, shorten};
 use crate::error::Result;
 use crate::measure::light_curve::{LightCurve, MethodCurve};
-use crate::measure::table::Row;
-use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png, text_width};
+use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, text_width};
 
 const WIDTH: f64 = 1000.0;
 const VALUES: Rect = Rect { left: 96.0, top: 76.0, right: 976.0, bottom: 406.0 };
@@ -30,19 +29,16 @@ const SMALLEST_ERROR: f64 = 1e-4;
 const SAMPLE: f64 = 44.0;
 
 /// The drawing as an SVG document; `scene` says in a few words what the ray runs through.
-///
-/// # Errors
-/// The drawing backend's own.
-pub fn curve_svg(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Result<String> {
-    figure(curve, methods, scene).svg()
+pub fn curve_svg(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> String {
+    figure(curve, methods, scene).svg(None).into_string()
 }
 
 /// The same as a PNG file, two pixels a point.
 ///
 /// # Errors
-/// The drawing backend's own.
+/// The encoder's own.
 pub fn curve_png(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Result<Vec<u8>> {
-    encode_png(&figure(curve, methods, scene).bitmap()?)
+    figure(curve, methods, scene).png()
 }
 
 /// A method's line.
@@ -54,16 +50,15 @@ struct Line {
 }
 
 fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
-    let row = |m: &MethodCurve| Row { method: m.method.clone(), ..Row::default() };
-    let families = families(&methods.iter().map(row).collect::<Vec<_>>());
+    let families = families(methods.iter().map(|m| m.method.as_str()));
     let lines: Vec<Line> = methods.iter().enumerate().map(|(i, m)| line(methods, i, m, &families)).collect();
     let (entries, legend_lines) = legend(&lines);
     let mut drawing = Drawing::new(WIDTH, LEGEND_TOP + LEGEND_LINE * legend_lines as f64);
     let [x, y, z] = curve.point_mm.to_array();
     let title = format!("Light ray through ({x}, {y}, {z}) mm");
     let fit = |text: String, size| shorten(text, size, WIDTH - 60.0);
-    drawing.text(Point(0.5 * WIDTH, 24.0), Anchor::Middle, TITLE, BLACK, fit(title, TITLE));
-    drawing.text(Point(0.5 * WIDTH, 51.0), Anchor::Middle, TEXT, GREY, fit(scene.into(), TEXT));
+    drawing.text(Point(0.5 * WIDTH, 24.0), Anchor::Middle, TITLE, BLACK, &fit(title, TITLE));
+    drawing.text(Point(0.5 * WIDTH, 51.0), Anchor::Middle, TEXT, GREY, &fit(scene.into(), TEXT));
 
     let depth = LinearAxis::new(depth_range(curve, methods), VALUES.left, VALUES.right);
     let value = LinearAxis::new([-0.03, 1.03], VALUES.bottom, VALUES.top);
@@ -72,11 +67,11 @@ fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
     {
         axes(&mut drawing, frame, &depth, y);
         let middle = Point(frame.left - 76.0, 0.5 * (frame.top + frame.bottom));
-        drawing.rotated_text(middle, TEXT, BLACK, title.into());
+        drawing.rotated_text(middle, TEXT, BLACK, title);
     }
     let below = Point(0.5 * (ERRORS.left + ERRORS.right), ERRORS.bottom + 44.0);
     let x_title = "depth along the light ray, from where it enters the volume [mm]";
-    drawing.text(below, Anchor::Middle, TEXT, BLACK, x_title.into());
+    drawing.text(below, Anchor::Middle, TEXT, BLACK, x_title);
     for tick in depth.ticks(12) {
         let at = Point(depth.place(tick.value), ERRORS.bottom + 18.0);
         label(&mut drawing, at, Anchor::Middle, &tick);
@@ -87,7 +82,7 @@ fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
             drawing.dashed(&[Point(x, frame.top), Point(x, frame.bottom)], 1.0, INK, [1.5, 3.0]);
         }
         let (side, anchor) = if x > 0.5 * WIDTH { (-6.0, Anchor::End) } else { (6.0, Anchor::Start) };
-        drawing.text(Point(x + side, VALUES.top + 14.0), anchor, SMALL, INK, "the point".into());
+        drawing.text(Point(x + side, VALUES.top + 14.0), anchor, SMALL, INK, "the point");
     }
 
     let shown: Vec<usize> = (0..curve.depth_mm.len())
@@ -122,7 +117,7 @@ fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
             Some(line) => stroke(&mut drawing, &sample, line, &families[line.family], 0.5),
         }
         let text = Point(place.0 + SAMPLE + 8.0, place.1);
-        drawing.text(text, Anchor::Start, TEXT, BLACK, entry_name(&lines, entry).into());
+        drawing.text(text, Anchor::Start, TEXT, BLACK, entry_name(&lines, entry));
     }
     drawing
 }
@@ -204,7 +199,7 @@ fn axes(drawing: &mut Drawing, frame: Rect, x: &LinearAxis, y: &LinearAxis) {
 
 fn label(drawing: &mut Drawing, at: Point, anchor: Anchor, tick: &Tick) {
     let text = tick.label.as_ref().map_or(String::new(), |(text, _)| text.replace('-', "−"));
-    drawing.text(at, anchor, SMALL, INK, text);
+    drawing.text(at, anchor, SMALL, INK, &text);
 }
 
 /// A path without points that lie within a fraction of a point of the one before, its first and last ones kept.
@@ -280,7 +275,7 @@ mod tests {
     #[test]
     fn svg_names_axes_units_point_and_every_line() {
         let (curve, methods) = curve();
-        let svg = curve_svg(&curve, &methods, "slab, haze & more").unwrap();
+        let svg = curve_svg(&curve, &methods, "slab, haze & more");
         for text in [
             "Light ray through (1.5, 2, 3) mm",
             "slab, haze &amp; more",
@@ -295,8 +290,12 @@ mod tests {
         ] {
             assert!(svg.contains(text), "{text}");
         }
-        // Another setting of a method is dashed: many short lines of one colour instead of one long one.
-        assert!(svg.matches("#0072B2").count() > 40);
+        // Another setting of a method is dashed, in both panels and the legend.
+        assert_eq!(
+            svg.matches("stroke=\"#0072b2\" stroke-width=\"1.7\" stroke-linejoin=\"round\" stroke-dasharray")
+                .count(),
+            3
+        );
     }
 
     #[test]

@@ -1,7 +1,16 @@
 //! The Pareto front of what a panel shows, and its staircase.
 
-use super::Datum;
 use crate::report::canvas::{Point, Rect};
+
+/// One row in one panel.
+pub struct Datum {
+    /// Its place among the methods drawn.
+    pub family: usize,
+    pub label: String,
+    /// Median, smallest and largest.
+    pub cost: [f64; 3],
+    pub error: f64,
+}
 
 /// Rows that no other is at once cheaper than and closer than, by the cost and the error shown, cheapest first.
 pub fn front(data: &[Datum]) -> Vec<usize> {

@@ -1,40 +1,28 @@
 //! What is written beside the points, and where.
 
-use crate::measure::table::Row;
+use crate::measure::table::{Cell, Row};
 use crate::report::canvas::{Point, Rect};
 
 /// A row's setting in as few words as tell it from the other rows of its method: the parameters that differ among
 /// them (numbers as `key=value`, words as they are), or the method's name where none does.
 pub fn of_rows(rows: &[Row]) -> Vec<String> {
-    let settings: Vec<Vec<(&str, String)>> = rows
-        .iter()
-        .map(|row| {
-            let mut pairs: Vec<_> = row
-                .params
-                .split_whitespace()
-                .map(|p| p.split_once('=').unwrap_or(("", p)))
-                .map(|(k, v)| (k, v.to_string()))
-                .collect();
-            if let Some(map) = row.map.filter(|_| pairs.iter().all(|(k, _)| *k != "map")) {
-                pairs.push(("map", map.to_string()));
-            }
-            pairs
-        })
-        .collect();
-    let differs = |method: &str, pair: &(&str, String)| {
+    let settings = |row: &Row| {
+        let map = row.map.map(|map| ("map", map.into()));
+        row.settings.iter().cloned().chain(map).collect::<Vec<_>>()
+    };
+    let settings: Vec<Vec<(&str, Cell)>> = rows.iter().map(settings).collect();
+    let differs = |method: &str, pair: &(&str, Cell)| {
         rows.iter().zip(&settings).any(|(r, s)| r.method == method && !s.contains(pair))
     };
-    rows.iter()
-        .zip(&settings)
-        .map(|(row, setting)| {
-            let words: Vec<String> = setting
-                .iter()
-                .filter(|pair| differs(&row.method, pair))
-                .map(|(k, v)| if v.parse::<f64>().is_ok() { format!("{k}={v}") } else { v.clone() })
-                .collect();
-            if words.is_empty() { row.method.clone() } else { words.join(" ") }
-        })
-        .collect()
+    let word = |(key, value): &(&str, Cell)| match value {
+        Cell::Text(word) => word.clone(),
+        number => format!("{key}={number}"),
+    };
+    let label = |(row, own): (&Row, &Vec<(&str, Cell)>)| {
+        let words: Vec<_> = own.iter().filter(|pair| differs(&row.method, pair)).map(word).collect();
+        if words.is_empty() { row.method.clone() } else { words.join(" ") }
+    };
+    rows.iter().zip(&settings).map(label).collect()
 }
 
 /// A label to be placed.
@@ -144,9 +132,10 @@ fn crossings(candidate: &Placed, own: usize, markers: &[Rect], placed: &[Option<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::defaults::settings_of;
 
     fn row(method: &str, params: &str, map: u32) -> Row {
-        Row { method: method.into(), params: params.into(), map: Some(map), ..Row::default() }
+        Row { method: method.into(), settings: settings_of(method, params), map: Some(map), ..Row::default() }
     }
 
     #[test]

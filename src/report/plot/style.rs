@@ -1,34 +1,14 @@
 //! A method's colour and marker, the same in every figure.
 
-use crate::measure::table::Row;
+use crate::measure::defaults::{Marker, Style, style};
 use crate::report::canvas::{Drawing, Point, Rgb, WHITE};
+use crate::shadow::METHODS;
 
 /// Radius of a marker in points.
 pub const MARKER: f64 = 5.5;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Marker {
-    Circle,
-    Square,
-    Diamond,
-    Up,
-    Down,
-    Cross,
-    Plus,
-    Star,
-}
-
-/// Colours are of the Okabe-Ito palette (Okabe and Ito 2008), whose yellow is too pale on white.
-pub const STYLES: [(&str, Rgb, Marker); 6] = [
-    ("none", [0, 0, 0], Marker::Cross),
-    ("rays", [204, 121, 167], Marker::Star),
-    ("dsm", [0, 114, 178], Marker::Circle),
-    ("osm", [230, 159, 0], Marker::Square),
-    ("dom", [0, 158, 115], Marker::Up),
-    ("bom", [213, 94, 0], Marker::Diamond),
-];
 /// For methods that have no style of their own.
-const OTHERS: [(Rgb, Marker); 2] = [([86, 180, 233], Marker::Down), ([110, 110, 110], Marker::Plus)];
+const OTHERS: [Style; 2] = [([86, 180, 233], Marker::Down), ([110, 110, 110], Marker::Plus)];
 
 /// A method's colour and marker.
 pub struct Family {
@@ -37,21 +17,21 @@ pub struct Family {
     pub marker: Marker,
 }
 
-/// The methods in the order of [`STYLES`], others after them as they come.
-pub fn families(rows: &[Row]) -> Vec<Family> {
-    let mut families: Vec<Family> = STYLES
-        .iter()
-        .filter(|(name, ..)| rows.iter().any(|r| r.method == *name))
-        .map(|&(name, color, marker)| Family { name: name.into(), color, marker })
-        .collect();
-    let known = families.len();
-    for row in rows {
-        if families.iter().all(|f| f.name != row.method) {
-            let (color, marker) = OTHERS[(families.len() - known) % OTHERS.len()];
-            families.push(Family { name: row.method.clone(), color, marker });
+/// Each of the methods once, in the order of the registry, others after them as they come.
+pub fn families<'a>(methods: impl Iterator<Item = &'a str>) -> Vec<Family> {
+    let mut names: Vec<&str> = Vec::new();
+    for name in methods {
+        if !names.contains(&name) {
+            names.push(name);
         }
     }
-    families
+    names.sort_by_key(|name| METHODS.iter().position(|e| e.name == *name).unwrap_or(METHODS.len()));
+    let mut others = OTHERS.into_iter().cycle();
+    let family = |name: &str| {
+        let (color, marker) = style(name).or_else(|| others.next()).unwrap_or(OTHERS[0]);
+        Family { name: name.into(), color, marker }
+    };
+    names.into_iter().map(family).collect()
 }
 
 /// Dash and gap lengths by which the settings of one method are told apart, in turn; the first is an unbroken line.
@@ -85,8 +65,8 @@ pub fn marker(drawing: &mut Drawing, at: Point, marker: Marker, color: Rgb) {
         Marker::Cross => &[[0.8, 0.8], [0.8, -0.8]],
         Marker::Plus => &[[1.1, 0.0], [0.0, 1.1]],
         _ => {
-            drawing.polygon(corners(r + 1.4), WHITE);
-            drawing.polygon(corners(r), color);
+            drawing.polygon(&corners(r + 1.4), WHITE);
+            drawing.polygon(&corners(r), color);
             return;
         }
     };
@@ -103,13 +83,15 @@ mod tests {
 
     #[test]
     fn methods_keep_their_style_whatever_else_is_drawn() {
-        let row = |method: &str| Row { method: method.into(), ..Row::default() };
-        let named = |rows: &[Row]| {
-            families(rows).into_iter().map(|f| (f.name, f.color, f.marker)).collect::<Vec<_>>()
+        let named = |names: &[&'static str]| {
+            families(names.iter().copied())
+                .into_iter()
+                .map(|f| (f.name, f.color, f.marker))
+                .collect::<Vec<_>>()
         };
-        let all = named(&[row("bom"), row("mine"), row("dsm"), row("none"), row("dsm")]);
+        let all = named(&["bom", "mine", "dsm", "none", "dsm"]);
         assert_eq!(all.iter().map(|f| f.0.as_str()).collect::<Vec<_>>(), ["none", "dsm", "bom", "mine"]);
-        assert_eq!(named(&[row("dsm")])[0], all[1]);
+        assert_eq!(named(&["dsm"])[0], all[1]);
         for (i, a) in all.iter().enumerate() {
             assert!(all[..i].iter().all(|b| a.1 != b.1 && a.2 != b.2), "{a:?} looks like another");
         }

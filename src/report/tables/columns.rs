@@ -1,7 +1,8 @@
 //! The columns of the readable tables.
 
-use super::significant;
 use crate::measure::table::Row;
+use crate::measure::timing::clock_name;
+use crate::report::number::significant;
 
 /// A column of the readable tables.
 pub struct Shown {
@@ -11,33 +12,37 @@ pub struct Shown {
     pub number: bool,
     /// LaTeX tables must fit a page, so they show fewer columns.
     pub on_paper: bool,
+    /// It goes into the caption where every row has the same in it.
+    pub caption: bool,
     pub value: fn(&Row) -> String,
 }
 
 const fn text(heading: &'static str, value: fn(&Row) -> String) -> Shown {
-    Shown { heading, unit: "", number: false, on_paper: true, value }
+    Shown { heading, unit: "", number: false, on_paper: true, caption: false, value }
 }
 
 const fn number(heading: &'static str, unit: &'static str, value: fn(&Row) -> String) -> Shown {
-    Shown { heading, unit, number: true, on_paper: true, value }
+    Shown { heading, unit, number: true, on_paper: true, caption: false, value }
 }
 
 const fn wide(heading: &'static str, unit: &'static str, value: fn(&Row) -> String) -> Shown {
-    Shown { heading, unit, number: true, on_paper: false, value }
+    Shown { heading, unit, number: true, on_paper: false, caption: false, value }
 }
 
-const fn aside(heading: &'static str, value: fn(&Row) -> String) -> Shown {
-    Shown { heading, unit: "", number: false, on_paper: false, value }
+/// On what and by what rows are measured.
+const fn conditions(heading: &'static str, on_paper: bool, value: fn(&Row) -> String) -> Shown {
+    Shown { heading, unit: "", number: false, on_paper, caption: true, value }
 }
 
+/// Every column of the readable tables, in order.
 pub const SHOWN: &[Shown] = &[
-    text("scene", |r| r.scene.clone()),
-    text("adapter", |r| r.adapter.clone()),
-    text("picture", |r| format!("{} x {}", r.width, r.height)),
-    text("clock", |r| r.clock.map_or(String::new(), |c| c.name().to_string())),
-    aside("driver", |r| r.driver.clone()),
-    aside("threads", |r| r.threads.map_or(String::new(), |n| n.to_string())),
-    aside("program", |r| [&*r.version, &*r.revision, &*r.profile].join(" ").trim().to_string()),
+    conditions("scene", true, |r| r.scene.clone()),
+    conditions("adapter", true, |r| r.adapter.clone()),
+    conditions("picture", true, |r| format!("{} x {}", r.width, r.height)),
+    conditions("clock", true, |r| r.clock.map_or(String::new(), |c| clock_name(c).into())),
+    conditions("driver", false, |r| r.driver.clone()),
+    conditions("threads", false, |r| r.threads.map_or(String::new(), |n| n.to_string())),
+    conditions("program", false, |r| [&*r.version, &*r.revision, &*r.profile].join(" ").trim().to_string()),
     text("method", |r| r.method.clone()),
     text("params", |r| r.params.clone()),
     number("map", "texels", |r| r.map.map_or(String::new(), |n| n.to_string())),
@@ -63,11 +68,8 @@ pub const SHOWN: &[Shown] = &[
     text("status", |r| if r.has_failed() { r.status.clone() } else { String::new() }),
 ];
 
-/// Columns that go into the caption when every row has the same in them.
-pub const CAPTION_COLUMNS: usize = 7;
-
 fn flag(value: Option<bool>) -> String {
-    value.map_or("", |yes| if yes { "yes" } else { "no" }).to_string()
+    value.map_or(String::new(), |yes| yes.to_string())
 }
 
 fn real(value: Option<f64>) -> String {

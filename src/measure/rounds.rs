@@ -1,17 +1,16 @@
 //! The timed rounds of a table's rows.
 
-use super::super::journal::{Journal, Kept, Measured};
-use super::super::prepare::build;
-use super::super::progress::{Progress, Stage, Step};
-use super::super::timing::{Event, StageTimes, Timing, Turns, interleave};
-use super::{Compared, Job, SLOW_FRAME_MS, name_of};
+use super::comparison::Compared;
+use super::job::{Job, SLOW_FRAME_MS, name_of};
+use super::journal::{Journal, Kept, Measured};
+use super::progress::{Progress, Step, StepKind};
+use super::timing::{Event, StageTimes, Timing, Turns, interleave};
 use crate::error::{Error, Result};
 use crate::shadow::Method;
 use ndarray::Array3;
-use std::time::Instant;
 
 /// A method whose errors are known and whose times may be.
-pub struct Entry<'a> {
+pub struct TimedRow<'a> {
     pub method: &'a dyn Method,
     /// Among the rows.
     place: usize,
@@ -24,7 +23,7 @@ pub struct Entry<'a> {
     warm: bool,
 }
 
-impl<'a> Entry<'a> {
+impl<'a> TimedRow<'a> {
     /// With the notes about it.
     pub fn new(
         method: &'a dyn Method,
@@ -39,30 +38,30 @@ impl<'a> Entry<'a> {
     }
 
     pub fn kept(method: &'a dyn Method, place: usize, key: String, kept: Kept) -> (Self, Vec<String>) {
-        let (entry, notes) = Self::new(method, place, key, kept.measured, kept.picture);
-        (Self { rounds: kept.rounds, warm: false, ..entry }, notes)
+        let (timed, notes) = Self::new(method, place, key, kept.measured, kept.picture);
+        (Self { rounds: kept.rounds, warm: false, ..timed }, notes)
     }
 }
 
 /// Times methods in turn, each until it has been timed `repeats` times, and fills their rows; gives what failed.
 pub fn time(
     job: &Job,
-    entries: &mut [&mut Entry],
+    rows: &mut [&mut TimedRow],
     repeats: usize,
     journal: &mut Journal,
     progress: &mut Progress,
 ) -> Result<Vec<(String, Error)>> {
     let mut missing = Vec::new();
-    for (i, entry) in entries.iter_mut().enumerate() {
-        entry.rounds.truncate(repeats);
-        let rounds = repeats - entry.rounds.len();
+    for (i, timed) in rows.iter_mut().enumerate() {
+        timed.rounds.truncate(repeats);
+        let rounds = repeats - timed.rounds.len();
         // A slow frame has been warmed up by its first picture; the others by one more round, all in turn.
-        let warmup = usize::from(rounds > 0 && !(entry.warm && entry.frame_ms > SLOW_FRAME_MS));
-        let step = Step::new(Stage::Run, &name_of(entry.method));
+        let warmup = usize::from(rounds > 0 && !(timed.warm && timed.frame_ms > SLOW_FRAME_MS));
+        let step = Step::new(StepKind::Run, &name_of(timed.method));
         progress.spare(&step, (1 + job.effort.repeats).saturating_sub(warmup + rounds));
         if rounds > 0 {
             missing.push((i, warmup, rounds));
-            let row = &mut entry.compared.row;
+            let row = &mut timed.compared.row;
             // A row kept by another run may have been timed otherwise.
             if !job.remark.is_empty() && !row.note.contains(&job.remark) {
                 row.add_note(&job.remark);
@@ -71,23 +70,23 @@ pub fn time(
     }
     // Rows as they are so far, for who watches.
     let shown = |(i, ..): &(usize, usize, usize)| {
-        let entry = &entries[*i];
-        let times: Vec<_> = entry.rounds.iter().map(|(_, times)| *times).collect();
-        (entry.place, entry.compared.row.clone(), times)
+        let timed = &rows[*i];
+        let times: Vec<_> = timed.rounds.iter().map(|(_, times)| *times).collect();
+        (timed.place, timed.compared.row.clone(), times)
     };
     let mut shown: Vec<_> = missing.iter().map(shown).collect();
-    let methods: Vec<_> = missing.iter().map(|(i, _, _)| entries[*i].method).collect();
+    let methods: Vec<_> = missing.iter().map(|(i, _, _)| rows[*i].method).collect();
     let mut turns: Vec<Turns> = Vec::new();
     for ((_, warmup, rounds), method) in missing.iter().zip(&methods) {
-        let run = move || timed(job, *method);
+        let run = move || job.timed(*method);
         turns.push(Turns { run: Box::new(run), warmup: *warmup, rounds: *rounds });
     }
-    let keys: Vec<_> = missing.iter().map(|(i, _, _)| entries[*i].key.clone()).collect();
+    let keys: Vec<_> = missing.iter().map(|(i, _, _)| rows[*i].key.clone()).collect();
     let read = interleave(&mut turns, &mut |event| match event {
         Event::Starts { turns, counts } => {
             let name = name_of(methods[turns]);
             let what = if counts { "timing" } else { "warming up" };
-            progress.begin(Step::new(Stage::Run, &name), &format!("{name}: {what}"))
+            progress.begin(Step::new(StepKind::Run, &name), &format!("{name}: {what}"))
         }
         Event::Round(times) => {
             journal.keep_round(times.iter().map(|(i, times)| (keys[*i].as_str(), *times)))?;
@@ -103,33 +102,23 @@ pub fn time(
     let mut failures = Vec::new();
     for ((i, _, _), read) in missing.into_iter().zip(read) {
         match read {
-            Ok(times) => entries[i].rounds.extend(times.into_iter().map(|t| (journal.run(), t))),
+            Ok(times) => rows[i].rounds.extend(times.into_iter().map(|t| (journal.run(), t))),
             Err(e) => {
-                entries[i].compared.row.set_failed(&e);
-                failures.push((name_of(entries[i].method), e));
+                rows[i].compared.row.set_failed(&e);
+                failures.push((name_of(rows[i].method), e));
             }
         }
     }
-    for entry in entries.iter_mut().filter(|e| !e.compared.row.has_failed()) {
-        let times: Vec<_> = entry.rounds.iter().map(|(_, times)| *times).collect();
-        entry.compared.row.set_timing(&Timing::of(&times)?);
-        let mut runs: Vec<_> = entry.rounds.iter().map(|(run, _)| run).collect();
+    for timed in rows.iter_mut().filter(|r| !r.compared.row.has_failed()) {
+        let times: Vec<_> = timed.rounds.iter().map(|(_, times)| *times).collect();
+        timed.compared.row.set_timing(&Timing::of(&times)?);
+        let mut runs: Vec<_> = timed.rounds.iter().map(|(run, _)| run).collect();
         runs.dedup();
         if runs.len() > 1 {
             let note =
                 format!("its {} timed rounds are from {} runs of the program", times.len(), runs.len());
-            entry.compared.row.add_note(&note);
+            timed.compared.row.add_note(&note);
         }
     }
     Ok(failures)
-}
-
-/// One timed run of a method.
-fn timed(job: &Job, method: &dyn Method) -> Result<StageTimes> {
-    let start = Instant::now();
-    let shadow = build(job, method)?;
-    let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
-    let frame = job.session.render(&shadow, job.scene)?.span;
-    let report = &shadow.report;
-    Ok(StageTimes { build_host_ms: report.host_ms, build_device: report.device, build_wall_ms, frame })
 }

@@ -1,11 +1,10 @@
-//! A method's errors on one scene, and its picture: what a row has before it is timed.
+//! What the methods of a scene are measured against, and a row as it is before it is timed: errors and a picture.
 
-use super::band::Band;
-use super::compare::{Job, SLOW_FRAME_MS, name_of};
 use super::errors::{RayTest, SeenReference, texels_to_test};
 use super::facts::Facts;
+use super::job::{Job, SLOW_FRAME_MS, name_of};
 use super::journal::Measured;
-use super::progress::{Progress, Stage, Step};
+use super::progress::{Progress, Step, StepKind};
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::stats::{Spread, image_error};
 use super::table::Row;
@@ -34,7 +33,7 @@ struct ExactPicture {
 }
 
 /// Everything that errors are measured against, once for all methods of a scene.
-pub(super) struct Errors<'a> {
+pub(super) struct Reference<'a> {
     job: &'a Job<'a>,
     facts: &'a Facts,
     field: &'a ExactField<'a>,
@@ -51,7 +50,7 @@ pub(super) struct Errors<'a> {
     notes: Vec<String>,
 }
 
-impl<'a> Errors<'a> {
+impl<'a> Reference<'a> {
     pub fn new(
         job: &'a Job,
         facts: &'a Facts,
@@ -59,12 +58,12 @@ impl<'a> Errors<'a> {
         progress: &mut Progress,
     ) -> Result<Self> {
         let mut notes = Vec::new();
-        progress.begin(Step::new(Stage::Points, ""), "exact transmittance at points")?;
+        progress.begin(Step::new(StepKind::Points, ""), "exact transmittance at points")?;
         let seen = SeenReference::new(field, job.scene, job.effort.points);
         if seen.len() < job.effort.points {
             notes.push(format!("point errors are of {} points: the camera sees little", seen.len()));
         }
-        progress.begin(Step::new(Stage::ExactPicture, ""), "exact picture")?;
+        progress.begin(Step::new(StepKind::ExactPicture, ""), "exact picture")?;
         let small = small_scene(job.scene);
         let exact_picture = match field.picture(&small) {
             Ok(pixels) => {
@@ -115,7 +114,7 @@ impl<'a> Errors<'a> {
         progress: &mut Progress,
     ) -> Result<(Measured, Array3<f32>)> {
         let (job, name) = (self.job, name_of(method));
-        progress.begin(Step::new(Stage::Draw, &name), &format!("{name}: building and drawing"))?;
+        progress.begin(Step::new(StepKind::Draw, &name), &format!("{name}: building and drawing"))?;
         let needed = job.session.needs_shadows(job.scene);
         // A transfer function of its own tells which tables the method needs.
         let transfer = job.session.fresh_transfer(job.tf)?;
@@ -160,7 +159,7 @@ impl<'a> Errors<'a> {
             row.image_ssim = ssim(drawn.pixels.view(), exact.pixels.view())?;
             row.image_exact_err = Some(exact.error);
         }
-        progress.begin(Step::new(Stage::Errors, &name), &format!("{name}: errors"))?;
+        progress.begin(Step::new(StepKind::Errors, &name), &format!("{name}: errors"))?;
         let mut notes = self.notes.clone();
         // A structure that was not built has no errors of its own.
         if needed.is_ok() {
@@ -193,8 +192,7 @@ impl<'a> Errors<'a> {
             default_depth_mm: DEFAULT_DEPTH * job.volume.min_spacing_mm(),
         };
         let report = test.run(field, light, job.session, shadow)?;
-        let promise = shadow.bound.map(|b| Band { bound: b.transmittance, depth_mm: b.depth_mm });
-        row.set_ray_errors(&report, promise);
+        row.set_ray_errors(&report, shadow.bound);
         Ok(report.worst.map(|worst| {
             let [column, texel_row] = texels[worst.ray];
             format!(
@@ -210,12 +208,6 @@ impl<'a> Errors<'a> {
             )
         }))
     }
-}
-
-/// Builds a method's structure, or that of `none` where no light can be kept from a sample.
-pub(super) fn build(job: &Job, method: &dyn Method) -> Result<ShadowMap> {
-    let needed = job.session.needs_shadows(job.scene).is_ok();
-    job.session.shadow(if needed { method } else { &NoShadows }, job.scene.light)
 }
 
 /// The scene at about [`EXACT_PIXELS`] pixels and the same shape, or as it is where it is smaller.

@@ -1,0 +1,82 @@
+//! What comes of a comparison: rows with their pictures, notes and failures.
+
+use super::facts::Facts;
+use super::job::name_of;
+use super::table::Row;
+use crate::error::Error;
+use crate::render::Omission;
+use crate::shadow::Method;
+use ndarray::{Array2, Array3};
+
+/// A row with its picture.
+pub struct Compared {
+    /// The row.
+    pub row: Row,
+    /// A name for its files, different for every row.
+    pub slug: String,
+    /// `height x width x 4`, linear RGBA; `None` where the row failed before it was drawn.
+    pub picture: Option<Array3<f32>>,
+    /// Largest channel difference to the picture of the scene's `rays` row, `height x width`, where there is one.
+    pub difference: Option<Array2<f32>>,
+    /// What the plan left out.
+    pub left_out: Vec<Omission>,
+}
+
+/// Everything that came of a comparison.
+#[derive(Default)]
+pub struct Comparison {
+    /// Scene by scene, in the order of the methods; failed rows too.
+    pub compared: Vec<Compared>,
+    /// What a reader of the table should know about how it was made.
+    pub notes: Vec<String>,
+    /// What failed, and with what: `dsm epsilon=0.02`.
+    pub failures: Vec<(String, Error)>,
+}
+
+impl Comparison {
+    /// The table.
+    pub fn rows(&self) -> Vec<Row> {
+        self.compared.iter().map(|c| c.row.clone()).collect()
+    }
+
+    /// Says of which scene the notes and failures are.
+    pub fn name_scene(&mut self, name: &str) {
+        self.notes.iter_mut().for_each(|note| *note = format!("{name}: {note}"));
+        self.failures.iter_mut().for_each(|(what, _)| *what = format!("{name}: {what}"));
+    }
+
+    /// Adds another scene's.
+    pub fn append(&mut self, mut other: Self) {
+        self.compared.append(&mut other.compared);
+        self.notes.append(&mut other.notes);
+        self.failures.append(&mut other.failures);
+    }
+
+    /// What comes of a scene that cannot be drawn at all: a failed row for each method.
+    pub fn failed(
+        facts: &Facts,
+        scene_name: &str,
+        size: [u32; 2],
+        methods: &[Box<dyn Method>],
+        error: &Error,
+    ) -> Self {
+        let mut comparison = Self::default();
+        for method in methods {
+            let method = method.as_ref();
+            comparison.compared.push(Compared::failed(
+                facts.row(scene_name, size, method),
+                String::new(),
+                error,
+            ));
+            comparison.failures.push((format!("{scene_name}: {}", name_of(method)), error.clone()));
+        }
+        comparison
+    }
+}
+
+impl Compared {
+    pub(super) fn failed(mut row: Row, slug: String, error: &Error) -> Self {
+        row.set_failed(error);
+        Self { row, slug, picture: None, difference: None, left_out: Vec::new() }
+    }
+}

@@ -1,0 +1,93 @@
+//! What to measure on what, and how much.
+
+use super::timing::StageTimes;
+use crate::error::Result;
+use crate::render::Session;
+use crate::scene::Scene;
+use crate::shadow::{Method, NoShadows, ShadowMap};
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use std::ops::RangeInclusive;
+use std::time::Instant;
+
+/// Frames slower than this are timed once, so that one method does not hold up the table.
+pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
+
+/// How much to measure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Effort {
+    /// Timed runs of each method, after warm-up.
+    pub repeats: usize,
+    /// Points that the camera sees.
+    pub points: usize,
+    /// Light rays.
+    pub rays: usize,
+    /// Depths on each light ray.
+    pub depths: usize,
+}
+
+impl Effort {
+    /// What `repeats` may be.
+    pub const REPEATS: RangeInclusive<i64> = 1..=1000;
+    /// What `points` may be.
+    pub const POINTS: RangeInclusive<i64> = 1..=10_000_000;
+    /// What `rays` may be.
+    pub const RAYS: RangeInclusive<i64> = 1..=1_000_000;
+    /// What `depths` may be.
+    pub const DEPTHS: RangeInclusive<i64> = 2..=4000;
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { repeats: 5, points: 20_000, rays: 2000, depths: 200 }
+    }
+}
+
+/// What to compare on what.
+pub struct Job<'a> {
+    /// The volume and the transfer function on a device.
+    pub session: &'a Session,
+    /// The same volume.
+    pub volume: &'a Volume,
+    /// The same transfer function.
+    pub tf: &'a TransferFunction,
+    /// Camera, light, and size of the picture.
+    pub scene: &'a Scene,
+    /// The column `scene`.
+    pub scene_name: String,
+    /// What the names of the scene's files start with; empty where there is but one scene.
+    pub file_prefix: String,
+    /// What a reader should know of how rows are timed, for their notes and those of the table; may be empty.
+    pub remark: String,
+    /// How much to measure.
+    pub effort: Effort,
+}
+
+impl Job<'_> {
+    /// Builds a method's structure, or that of `none` where no light can be kept from a sample.
+    fn build(&self, method: &dyn Method) -> Result<ShadowMap> {
+        let needed = self.session.needs_shadows(self.scene).is_ok();
+        self.session.shadow(if needed { method } else { &NoShadows }, self.scene.light)
+    }
+
+    /// One timed run of a method.
+    pub(super) fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
+        let start = Instant::now();
+        let shadow = self.build(method)?;
+        let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        let frame = self.session.render(&shadow, self.scene)?.span;
+        let report = &shadow.report;
+        Ok(StageTimes { build_host_ms: report.host_ms, build_device: report.device, build_wall_ms, frame })
+    }
+}
+
+/// Method and settings as tables name them.
+pub fn name_of(method: &dyn Method) -> String {
+    [method.name(), &method.params()].join(" ").trim_end().to_string()
+}
+
+/// Text as part of a file name.
+pub fn file_name_part(text: &str) -> String {
+    let keep = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '-' };
+    text.trim_end().chars().map(keep).collect()
+}

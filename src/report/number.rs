@@ -1,0 +1,43 @@
+//! Numbers for reading.
+
+/// `x` to so many significant digits: plain from 0.001 to 100 000, otherwise as `1.23e-5`.
+pub fn significant(x: f64, digits: usize) -> String {
+    if x == 0.0 {
+        return "0".into();
+    }
+    if !x.is_finite() {
+        return x.to_string();
+    }
+    // Rounding first puts 9.996 among the numbers with two digits before the point.
+    let rounded = format!("{x:.*e}", digits.saturating_sub(1));
+    let exponent: i32 = rounded.rsplit('e').next().and_then(|e| e.parse().ok()).unwrap_or(0);
+    if !(-3..5).contains(&exponent) {
+        return rounded;
+    }
+    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+    format!("{x:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn significant_digits() {
+        for (x, expected) in [
+            (0.0, "0"),
+            (12.345, "12.3"),
+            (9.996, "10.0"),
+            (99_940.0, "99940"),
+            (99_960.0, "1.00e5"),
+            (123_456.0, "1.23e5"),
+            (0.001_234_5, "0.00123"),
+            (0.000_999_6, "0.00100"),
+            (0.000_123_45, "1.23e-4"),
+            (-0.5, "-0.500"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(significant(x, 3), expected, "{x}");
+        }
+    }
+}
