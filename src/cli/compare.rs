@@ -33,7 +33,7 @@ pub struct CompareArgs {
     /// the table is started anew
     #[arg(long)]
     pub resume: bool,
-    /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
+    /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value_t = compare_methods())]
     pub methods: String,
     /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on

@@ -22,10 +22,10 @@ pub struct StabilityArgs {
     /// The folder for stability.csv and stability.md; made when it is missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Methods apart by `;`; a value without `=` is one more for the key before it, and every combination is a row
+    /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value_t = stability_methods())]
     pub methods: String,
-    /// Cases, apart by commas [default: all]
+    /// Cases, separated by commas [default: all]
     #[arg(long = "case", value_name = "NAME", value_delimiter = ',')]
     pub cases: Vec<String>,
     /// Use the graphics adapter whose name contains NAME [default: the fastest]

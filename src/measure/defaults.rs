@@ -96,3 +96,8 @@ pub fn curve_methods() -> String {
 pub fn stability_methods() -> String {
     "none;rays;dsm:map=64;osm:layers=32,map=64;dom:map=64;bom:map=64".into()
 }
+
+/// Whether a method's rows set the budgets within which others are compared: those that follow an error bound.
+pub fn sets_budgets(method: &str) -> bool {
+    method == "dsm"
+}

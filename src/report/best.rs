@@ -1,13 +1,11 @@
 //! Two questions to a table: which method is best at equal bytes, and which at equal time?
 //!
-//! The budgets are those of the `dsm` rows, since they are the ones that follow an error bound. Within a budget the
+//! The budgets are those of the rows that follow an error bound ([`sets_budgets`]). Within a budget the
 //! row with the smallest `point_err_rms` is best, whatever its method; of equally close ones the one that needs
 //! less.
 
+use crate::measure::defaults::sets_budgets;
 use crate::measure::table::Row;
-
-/// Whose rows set the budgets.
-pub const BUDGET_METHOD: &str = "dsm";
 
 /// What is held equal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +37,7 @@ pub struct Best<'a> {
     pub error: f64,
 }
 
-/// For each `dsm` row that has an error, the best row of the same scene, adapter and picture size with no greater
+/// For each row that sets a budget and has an error, the best row of the same scene, adapter and picture size with no greater
 /// need.
 pub fn best_within(rows: &[Row], held: Held) -> Vec<Best<'_>> {
     let place = |row: &Row| (row.scene.clone(), row.adapter.clone(), row.width, row.height);
@@ -52,7 +50,7 @@ pub fn best_within(rows: &[Row], held: Held) -> Vec<Best<'_>> {
         });
         within.min_by(|a, b| (a.0, a.1).partial_cmp(&(b.0, b.1)).unwrap_or(std::cmp::Ordering::Equal))
     };
-    let budgets = rows.iter().filter(|row| row.method == BUDGET_METHOD);
+    let budgets = rows.iter().filter(|row| sets_budgets(&row.method));
     budgets
         .filter_map(|budget_of| {
             let (error, _, best) = answer(budget_of)?;

@@ -2,12 +2,14 @@
 
 mod columns;
 
-use super::best::{BUDGET_METHOD, Best, Held, best_within};
+use super::best::{Best, Held, best_within};
 use super::number::significant;
 use super::writers::{columns_markdown, json, table_csv};
 use crate::error::Result;
+use crate::measure::defaults::sets_budgets;
 use crate::measure::table::Row;
 use crate::files::output::write_whole;
+use crate::shadow::METHODS;
 use columns::{SHOWN, Shown};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -33,8 +35,8 @@ fn remarks(rows: &[Row]) -> String {
     out
 }
 
-/// Which row is best within the bytes, and within the time, of each `dsm` row, as Markdown; nothing where there is no such
-/// row.
+/// Which row is best within the bytes, and within the time, of each row that sets a budget, as Markdown; nothing where
+/// there is no such row.
 fn answers(rows: &[Row]) -> String {
     let question = |held: Held| {
         let lines = best_at_equal(rows, held);
@@ -52,14 +54,16 @@ fn answers(rows: &[Row]) -> String {
 
 /// What the lines of [`best_at_equal`] answer.
 pub fn best_question(held: Held) -> String {
+    let budgets: Vec<_> = METHODS.iter().map(|m| m.name).filter(|name| sets_budgets(name)).collect();
+    let budgets = budgets.join(", ");
     let what = match held {
-        Held::Bytes => format!("bytes as {BUDGET_METHOD}, of what stores a map"),
-        Held::Time => format!("time as {BUDGET_METHOD}, build and frame"),
+        Held::Bytes => format!("bytes as {budgets}, of what stores a map"),
+        Held::Time => format!("time as {budgets}, build and frame"),
     };
     format!("Best at equal {what}: the smallest point err rms with no more than")
 }
 
-/// A line a `dsm` row: its budget, the row that is best within it, and that row's `point_err_rms`.
+/// A line for each row that sets a budget: that, the row that is best within it, and that row's `point_err_rms`.
 pub fn best_at_equal(rows: &[Row], held: Held) -> Vec<String> {
     let budget = |amount: f64| match held {
         Held::Bytes => format!("{} MiB", significant(amount / f64::from(1 << 20), 3)),
