@@ -10,7 +10,6 @@ use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, spoken};
 use crate::measure::table::Row;
-use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::render::Renderer;
 use crate::report::make::{Order, Subject, make, scene_name};
 use crate::report::tables::summary;

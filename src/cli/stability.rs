@@ -6,7 +6,6 @@ use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
 use crate::measure::defaults::stability_methods;
 use crate::measure::stability::{Case, Row, Status, all, run as run_cases};
-use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::render::Renderer;
 use crate::report::stability::{counted, markdown};
 use crate::report::writers::{csv, json};

@@ -14,25 +14,37 @@ use std::time::Instant;
 /// One method and one thing that its plan left out; medians of rounds in which all variants of the method took turns.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Ablation {
+    /// As in the main table.
     pub scene: String,
+    /// As in the main table.
     pub adapter: String,
     /// Whose clock build and frame are from; tables are made by the host.
     pub clock: Option<&'static str>,
+    /// As in the main table.
     pub method: String,
+    /// As in the main table.
     pub params: String,
     /// Name for `--force`.
     pub omission: &'static str,
+    /// What the plan left out.
     pub what: String,
+    /// Why it could.
     pub why: String,
     /// Tables of the transfer function and the bricks' classes.
     pub tables_ms: Option<f64>,
+    /// The same with the work forced back on.
     pub tables_ms_forced: Option<f64>,
+    /// Time to make the shadow structure, ms.
     pub build_ms: Option<f64>,
+    /// The same with the work forced back on.
     pub build_ms_forced: Option<f64>,
+    /// Time of one picture with the structure made, ms.
     pub frame_ms: Option<f64>,
+    /// The same with the work forced back on.
     pub frame_ms_forced: Option<f64>,
     /// Shadow structure, tables and bricks.
     pub bytes: Option<u64>,
+    /// The same with the work forced back on.
     pub bytes_forced: Option<u64>,
     /// Largest channel difference of the two pictures.
     pub picture_difference: Option<f64>,

@@ -41,7 +41,9 @@ impl<C: Curve> Curve for MeanCurve<C> {
 pub struct Miss {
     /// As passed to [`BandReport::of_ray`].
     pub ray: usize,
+    /// Along the ray, mm.
     pub depth_mm: f64,
+    /// The method's transmittance.
     pub t_method: f64,
     /// The exact curve at this very depth.
     pub t_exact: f64,
@@ -53,6 +55,7 @@ pub struct Miss {
 /// What the rays tested so far say.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct BandReport {
+    /// Rays tested.
     pub rays: usize,
     /// Depths tested, over all rays.
     pub depths: usize,

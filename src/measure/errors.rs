@@ -87,6 +87,7 @@ pub fn meets_extinction(field: &ExactField, light: Light, light_space: &LightSpa
 
 /// A tested map: its texels, the rays in each, and the depths on each ray.
 pub struct RayTest<'a> {
+    /// Column and row of each.
     pub texels: &'a [[u32; 2]],
     /// Sub-texel rays whose mean a texel stands for: 1, 5 or 9.
     pub taps: u32,

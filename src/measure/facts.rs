@@ -17,6 +17,7 @@ pub const REVISION: &str = env!("UMBRAVOX_REVISION");
 /// The machine and the program.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Facts {
+    /// Name of the graphics adapter.
     pub adapter: String,
     /// The adapter's driver with its version.
     pub driver: String,
@@ -24,7 +25,9 @@ pub struct Facts {
     pub threads: u32,
     /// `release` or `debug`.
     pub profile: &'static str,
+    /// Of this program.
     pub version: &'static str,
+    /// [`REVISION`].
     pub revision: &'static str,
 }
 

@@ -23,9 +23,11 @@ pub const JOURNAL: &str = "compare.rows.jsonl";
 /// A row without its times, as it is measured first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
+    /// The row, times left out.
     pub row: Row,
     /// Part of its files' names.
     pub slug: String,
+    /// What the plan left out.
     pub left_out: Vec<Omission>,
     /// For a reader of the table.
     pub notes: Vec<String>,
@@ -36,6 +38,7 @@ pub struct Measured {
 /// A row of an earlier run, with what it was timed so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kept {
+    /// The row as it was measured.
     pub measured: Measured,
     /// `height x width x 4`, linear RGBA.
     pub picture: Array3<f32>,

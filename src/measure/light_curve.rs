@@ -38,6 +38,7 @@ pub struct LightCurve {
 /// A method's transmittance at the depths of a [`LightCurve`].
 #[derive(Debug, Clone, Serialize)]
 pub struct MethodCurve {
+    /// Its name.
     pub method: String,
     /// `key=value` texts separated by spaces.
     pub params: String,
@@ -50,8 +51,11 @@ pub struct MethodCurve {
 /// The depth at which a method is farthest from the exact curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Farthest {
+    /// Depth along the ray, mm.
     pub depth_mm: f64,
+    /// The method's transmittance there.
     pub t_method: f64,
+    /// The exact one.
     pub t_exact: f64,
 }
 

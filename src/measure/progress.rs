@@ -11,6 +11,7 @@ use std::time::Instant;
 pub enum StepKind {
     /// Exact transmittance at the points that the camera sees.
     Points,
+    /// The exact picture that images are compared with.
     ExactPicture,
     /// Building a method's structure and drawing for the first time.
     Draw,
@@ -25,12 +26,14 @@ pub enum StepKind {
 /// One piece of work; steps of one kind and one method are taken to last as long as each other, in every scene.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Step {
+    /// What kind of work it is.
     pub kind: StepKind,
     /// Name and settings; empty where the step is for all methods.
     pub method: String,
 }
 
 impl Step {
+    /// A step of a method, or of all methods where that is empty.
     pub fn new(kind: StepKind, method: &str) -> Self {
         Self { kind, method: method.into() }
     }
@@ -43,7 +46,9 @@ pub struct Status<'a> {
     pub step: &'a Step,
     /// What is done now.
     pub what: &'a str,
+    /// Steps that are done.
     pub done: usize,
+    /// Steps in all.
     pub total: usize,
     /// Seconds that what is left will take, as far as that can be told.
     pub left_s: Option<f64>,

@@ -7,8 +7,11 @@ use serde::Serialize;
 /// Median and extremes of repeated readings, in the readings' unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
+    /// The middle one, or the mean of the two in the middle.
     pub median: f64,
+    /// The smallest.
     pub min: f64,
+    /// The largest.
     pub max: f64,
 }
 

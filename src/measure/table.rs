@@ -178,6 +178,7 @@ impl Serialize for Row {
 
 /// The column `status`.
 pub const OK: &str = "ok";
+/// The other value of the column `status`.
 pub const FAILED: &str = "failed";
 
 impl Row {

@@ -47,14 +47,21 @@ impl StageTimes {
 /// One method's stages over all repeats, in ms; medians where no spread is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
+    /// To make the shadow structure.
     pub build_ms: Spread,
+    /// One picture with it made.
     pub frame_ms: Spread,
     /// Whose clock these two are from.
     pub clock: Clock,
+    /// `build_ms` by the adapter's timestamps.
     pub build_gpu_ms: Option<f64>,
+    /// From asking for the structure to having it, by the host's clock.
     pub build_wall_ms: f64,
+    /// `frame_ms` by the adapter's timestamps.
     pub frame_gpu_ms: Option<f64>,
+    /// The picture by the host's clock.
     pub frame_wall_ms: f64,
+    /// Runs that the medians are of.
     pub repeats: usize,
 }
 
@@ -91,8 +98,11 @@ pub type TimedRun<'a> = Box<dyn FnMut() -> Result<StageTimes> + 'a>;
 
 /// Something to time: first `warmup` runs that do not count, then `rounds` that do.
 pub struct Turns<'a> {
+    /// Runs once.
     pub run: TimedRun<'a>,
+    /// Runs that do not count.
     pub warmup: usize,
+    /// Runs that count.
     pub rounds: usize,
 }
 

@@ -30,8 +30,11 @@ impl Held {
 /// The best row within the budget of another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Best<'a> {
+    /// Whose need is the budget.
     pub budget_of: &'a Row,
+    /// Bytes or milliseconds.
     pub budget: f64,
+    /// The closest row within it.
     pub best: &'a Row,
     /// Its `point_err_rms`.
     pub error: f64,

@@ -25,7 +25,9 @@ use std::sync::Arc;
 
 /// What is measured on every scene.
 pub struct Order<'a> {
+    /// A row each.
     pub methods: &'a [Box<dyn Method>],
+    /// How much to measure.
     pub effort: Effort,
     /// Measure as well what each omission of the plan is worth.
     pub ablate: bool,
@@ -35,8 +37,11 @@ pub struct Order<'a> {
 
 /// What a scene's rows are of.
 pub struct Subject {
+    /// The voxels.
     pub volume: Arc<Volume>,
+    /// What is seen of them.
     pub tf: TransferFunction,
+    /// Camera, light, and size of the picture.
     pub scene: Scene,
     /// What is done although the scene does not need it.
     pub forced: Forced,
@@ -44,6 +49,7 @@ pub struct Subject {
 
 /// A comparison of which everything is measured and nothing written but the journal.
 pub struct Made {
+    /// Rows, pictures, notes and failures of all scenes.
     pub comparison: Comparison,
     ablations: Option<Vec<Ablation>>,
     names: Vec<String>,
@@ -53,9 +59,13 @@ pub struct Made {
 /// The files of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Files {
+    /// `compare.csv` and its like, and `columns.md`.
     pub tables: Vec<PathBuf>,
+    /// Error against time and memory.
     pub plots: Vec<PathBuf>,
+    /// Of each row, with where they differ, and `pictures.md`.
     pub pictures: Vec<PathBuf>,
+    /// `report.html`.
     pub report: PathBuf,
     /// Empty unless they were asked for.
     pub ablations: Vec<PathBuf>,

@@ -19,13 +19,19 @@ pub enum Concerns {
 
 /// One case: everything but the method.
 pub struct Case {
+    /// As `--case` takes it.
     pub name: String,
+    /// What is stiff or extreme in it.
     pub about: &'static str,
+    /// The voxels.
     pub volume: Arc<Volume>,
+    /// What is seen of them.
     pub tf: TransferFunction,
+    /// Each with its name.
     pub lights: Vec<(&'static str, Light)>,
     /// Put over those of the methods.
     pub settings: Vec<(&'static str, String)>,
+    /// Which methods the settings concern.
     pub concerns: Concerns,
     /// Eye-ray step, in units of the smallest voxel spacing.
     pub step: f64,

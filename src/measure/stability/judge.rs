@@ -8,16 +8,22 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
+    /// Nothing is wrong.
     Ok,
+    /// Transmittance left the promised band.
     BoundExceeded,
+    /// Transmittance rose with depth.
     NotMonotone,
+    /// A value was outside `[0, 1]`.
     OutOfRange,
+    /// A value was not finite.
     Nan,
     /// The method could not be built, drawn or asked.
     Failed,
 }
 
 impl Status {
+    /// From good to bad.
     pub const ALL: [Self; 6] =
         [Self::Ok, Self::BoundExceeded, Self::NotMonotone, Self::OutOfRange, Self::Nan, Self::Failed];
 
@@ -51,11 +57,13 @@ impl Status {
 pub struct Findings {
     /// Transmittance along light rays against the exact curve.
     pub band: BandReport,
+    /// What the method promised of them.
     pub promise: Option<Bound>,
     /// The same transmittances on their own.
     pub rays: Sanity,
     /// Channels of the picture that are not finite, and that are outside `[0, 1]`.
     pub picture_non_finite: usize,
+    /// Finite channels outside `[0, 1]`.
     pub picture_out_of_range: usize,
 }
 

@@ -7,19 +7,27 @@ use serde::Serialize;
 /// counts are their sums, and errors and costs those of the worst.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
+    /// Name of the case.
     pub case: String,
+    /// Name of the method.
     pub method: String,
     /// `key=value` texts separated by spaces.
     pub params: String,
+    /// The worst that is wrong.
     pub status: Status,
     /// Largest `|T_method - T_exact|` along light rays.
     pub ray_err_max: Option<f64>,
     /// What the method promises of it, but for `bound_depth_mm` of depth.
     pub bound: Option<f64>,
+    /// Depths at which transmittance rises.
     pub monotone_violations: Option<usize>,
+    /// Finite values outside `[0, 1]`.
     pub out_of_range: Option<usize>,
+    /// Values that are not finite.
     pub non_finite: Option<usize>,
+    /// Time to make the shadow structure, ms.
     pub build_ms: Option<f64>,
+    /// Memory of the shadow structure.
     pub bytes: Option<u64>,
     /// What is wrong, and what costs much more than ordinarily.
     pub note: String,

@@ -27,6 +27,7 @@ const POLICY: &str =
 /// A row with its pictures, as PNG files.
 #[derive(Debug, Clone, Default)]
 pub struct Pictured {
+    /// As in the table.
     pub row: Row,
     /// What the method draws.
     pub picture_png: Option<Vec<u8>>,
@@ -39,6 +40,7 @@ pub struct Pictured {
 /// What a reader has to know to judge the table.
 #[derive(Debug, Clone, Default)]
 pub struct Conditions {
+    /// Heading of the page.
     pub title: String,
     /// Names and values: adapter, light, repeats.
     pub facts: Vec<(String, String)>,
