@@ -13,8 +13,8 @@ mod style;
 
 use super::canvas::Drawing;
 use crate::error::Result;
-use crate::measure::table::Row;
 use crate::files::output::write_whole;
+use crate::measure::table::Row;
 use cost::Cost;
 use error::figure;
 use std::path::{Path, PathBuf};

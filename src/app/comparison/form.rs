@@ -1,9 +1,9 @@
 //! What to compare: methods, how much to measure, the picture's size and the folder.
 
 use crate::error::{Error, Result};
+use crate::files::output::check_output_dir;
 use crate::measure::defaults::compare_methods;
 use crate::measure::job::Effort;
-use crate::files::output::check_output_dir;
 use crate::shadow::{Entry, METHODS, Method, parse_list};
 use eframe::egui;
 use std::ops::RangeInclusive;

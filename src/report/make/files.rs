@@ -5,11 +5,11 @@ use super::super::heat::{round_max, write_heat_map};
 use super::super::plot::write_plots;
 use super::super::writers;
 use crate::error::Result;
+use crate::files::output::write_whole;
 use crate::measure::ablate::Ablation;
 use crate::measure::comparison::Compared;
 use crate::measure::job::file_name_part;
 use crate::measure::table::Row;
-use crate::files::output::write_whole;
 use std::path::{Path, PathBuf};
 
 /// Error against time and against bytes, a drawing of each a scene; returns the paths.

@@ -3,13 +3,13 @@
 use super::super::heat::{heat_map_png, round_max};
 use super::super::html::{Conditions, Pictured, write_report};
 use crate::error::Result;
+use crate::files::picture::picture_png;
 use crate::measure::comparison::{Compared, Comparison};
 use crate::measure::facts::REVISION;
 use crate::measure::job::Job;
 use crate::measure::progress::Progress;
 use crate::measure::stats::image_difference;
 use crate::measure::table::Row;
-use crate::files::picture::picture_png;
 use crate::shadow::{Method, NodeMap, ShadowRays};
 use ndarray::{Array2, Array3};
 use std::path::{Path, PathBuf};
