@@ -17,10 +17,17 @@ pub(crate) fn settings_of(name: &str, params: &str) -> Vec<(&'static str, Cell)>
         let values = params.split_whitespace().filter_map(|p| p.split_once('='));
         values.filter(|(k, _)| *k == key.name).map(|(_, value)| value).next()
     };
-    // A method that is not in the registry has the keys that it names.
-    let keys = entry.map_or_else(keys, |entry| entry.keys.iter().filter(|k| k.name != "map").collect());
-    let value = |key: &'static Key| Some((key.name, given(key).or(entry.map(|_| key.default))?));
-    keys.into_iter().filter_map(value).filter_map(|(key, text)| Some((key, Cell::from_text(text)?))).collect()
+    // A method that is not in the registry has the keys that it names. The order is that of the columns.
+    let value = |key: &'static Key| {
+        let own = entry.and_then(|entry| entry.keys.iter().find(|own| own.name == key.name));
+        let known = own.is_some() || entry.is_none();
+        Some((key.name, given(key).or(own.map(|own| own.default)).filter(|_| known)?))
+    };
+    keys()
+        .into_iter()
+        .filter_map(value)
+        .filter_map(|(key, text)| Some((key, Cell::from_text(text)?)))
+        .collect()
 }
 
 /// Every key of every method, once each.

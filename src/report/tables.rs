@@ -363,7 +363,7 @@ mod tests {
             names.sort();
             names
         };
-        assert_eq!(names(), ["compare.csv", "compare.json", "compare.md", "compare.tex"]);
+        assert_eq!(names(), ["columns.md", "compare.csv", "compare.json", "compare.md", "compare.tex"]);
         assert!(paths.iter().all(|p| std::fs::metadata(p).unwrap().len() > 100));
         // A folder in the way: an error, and nothing left behind.
         std::fs::create_dir(folder.path().join("other.csv")).unwrap();
