@@ -3,6 +3,7 @@
 # make lint    formatting and clippy, as CI runs them
 # make bench   the criterion benches
 # make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another)
+# make strip   docs/strip.png and the README's table (out/strip/compare.md) anew
 # make check-tools   what is missing to build and run; installs nothing
 
 CARGO ?= cargo
@@ -13,9 +14,10 @@ DEMO_FLAGS ?= phantom:thorax:64 --size 192x192 --repeats 2
 
 UMBRAVOX_DATA ?= ../shared/data
 SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
+STRIP_METHODS := none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31
 XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 
-.PHONY: demo test lint bench shots setup check-tools
+.PHONY: demo test lint bench shots strip setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -44,6 +46,11 @@ shots:
 	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/shots.txt
 	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/drags.txt
 	@echo && cat out/shots/drags.tsv
+
+strip: setup
+	$(CARGO) build --release --locked
+	$(UMBRAVOX) compare --scene examples/chest.toml --methods "$(STRIP_METHODS)" --repeats 7 -o out/strip
+	$(CARGO) run --release --locked --example strip -- examples/chest.toml out/strip/compare.csv docs/strip.png
 
 setup:
 	@scripts/setup.sh

@@ -1,0 +1,176 @@
+//! Makes docs/strip.png: a scene without shadows, with shadow rays and with a deep shadow map, where that map is wrong
+//! against the exact answer, and the error-against-time plot of a table of `compare`.
+//!
+//! `make strip` runs it: `strip SCENE.toml COMPARE.csv STRIP.png`.
+
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{DynamicImage, Rgba, RgbaImage, imageops};
+use resvg::{tiny_skia, usvg};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use umbravox::cli::{self, Loaded, scene_args::SceneArgs};
+use umbravox::error::Error;
+use umbravox::exact::ExactField;
+use umbravox::files::output::write_whole;
+use umbravox::files::picture::picture_png;
+use umbravox::measure::error_map::{ExactView, Quantity};
+use umbravox::render::{Forced, Session};
+use umbravox::report::heat::false_colour;
+use umbravox::shadow;
+
+const DSM: &str = "dsm:epsilon=0.02,map=256";
+/// The error that is drawn brightest.
+const BRIGHTEST: f32 = 0.1;
+/// Pixels of a panel's sides: fewer than are drawn, so that edges are smooth and the file is small.
+const SIDE: u32 = 264;
+/// Pixels between panels, and the width of the plot in heights of a panel.
+const GAP: u32 = 6;
+const PLOT: f64 = 1.25;
+/// Methods with their colours, and where their names stand: beside (x) and below (y) their last point, in font sizes.
+const METHODS: [(&str, &str, [f64; 2]); 6] = [
+    ("none", "#ffffff", [0.6, 0.3]),
+    ("rays", "#e48cbf", [-2.6, 0.2]),
+    ("dsm", "#5ab4f0", [0.6, 0.3]),
+    ("osm", "#e69f00", [0.6, 0.9]),
+    ("dom", "#1fc191", [-2.7, 0.8]),
+    ("bom", "#f07a30", [0.7, 0.2]),
+];
+
+fn main() -> umbravox::Result<()> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let [scene, table, output] = &args[..] else {
+        return Err(Error::input("bad command line", "strip", "expected SCENE.toml COMPARE.csv STRIP.png"));
+    };
+    let panels = panels(Path::new(scene))?;
+    let left = panels.len() as u32 * (SIDE + GAP);
+    let (width, height) = (left + (PLOT * f64::from(SIDE)) as u32, SIDE);
+    let mut strip = RgbaImage::from_pixel(width, height, Rgba([0, 0, 0, 255]));
+    let size = f64::from(SIDE) / 15.0;
+    let mut svg = String::new();
+    for (i, (label, picture)) in (0_u32..).zip(&panels) {
+        let x = i * (SIDE + GAP);
+        let picture = imageops::resize(picture, SIDE, SIDE, imageops::FilterType::Lanczos3);
+        imageops::overlay(&mut strip, &picture, i64::from(x), 0);
+        svg += &text([f64::from(x) + 0.5 * size, 1.2 * size], size, "#ffffff", label);
+    }
+    svg += &plot(Path::new(table), f64::from(left), f64::from(height), size)?;
+    imageops::overlay(&mut strip, &drawn(&svg, width, height)?, 0, 0);
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive);
+    let encoded = DynamicImage::from(strip).to_rgb8().write_with_encoder(encoder);
+    encoded.map_err(|e| failed(output, &e))?;
+    write_whole(Path::new(output), |file| file.write_all(bytes.get_ref()))
+}
+
+/// The four pictures with their labels.
+fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbaImage)>> {
+    let args = SceneArgs { scene: vec![path.into()], ..Default::default() };
+    let Loaded { volume, tf, scene } = cli::load(&args.into_request()?)?;
+    let volume = Arc::new(volume);
+    let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
+    let mut panels = Vec::new();
+    for (label, method) in [("no shadows", "none"), ("shadow rays", "rays"), ("deep shadow map", DSM)] {
+        let shadow = session.shadow(shadow::parse(method)?.as_ref(), scene.light)?;
+        let png = picture_png(&session.render(&shadow, &scene)?.pixels)?;
+        let picture = image::load_from_memory(&png).map_err(|e| failed(label, &e))?;
+        panels.push((label, picture.to_rgba8()));
+    }
+    let go_on = || true;
+    let field = ExactField::new(&volume, &tf);
+    let shadow = session.shadow(shadow::parse(DSM)?.as_ref(), scene.light)?;
+    let exact = ExactView::new(&field, &scene, Quantity::Light, go_on)?;
+    let map = exact.map(|e| e.errors(&session.renderer, &session.loaded, &session.transfer, &shadow, go_on));
+    if let Some(map) = map.transpose()?.flatten() {
+        // What sees nothing has no error to show.
+        let errors = map.errors.mapv(|e| if e.is_nan() { 0.0 } else { e.abs() });
+        panels.push(("its error to 0.1", DynamicImage::from(false_colour(&errors, BRIGHTEST)).to_rgba8()));
+    }
+    Ok(panels)
+}
+
+/// Error against time of a table's rows, a line a method.
+fn plot(table: &Path, left: f64, height: f64, size: f64) -> umbravox::Result<String> {
+    let mut reader = csv::Reader::from_path(table).map_err(|e| failed(table.display(), &e))?;
+    let mut points: BTreeMap<String, Vec<[f64; 2]>> = BTreeMap::new();
+    for row in reader.deserialize::<BTreeMap<String, String>>() {
+        let row = row.map_err(|e| failed(table.display(), &e))?;
+        let number = |column: &str| row.get(column).and_then(|v| v.parse::<f64>().ok());
+        if let (Some(build), Some(frame), Some(error)) =
+            (number("build_ms"), number("frame_ms"), number("ray_err_max"))
+        {
+            let method = row.get("method").cloned().unwrap_or_default();
+            points.entry(method).or_default().push([(build + frame).log10(), error.log10()]);
+        }
+    }
+    let all = || points.values().flatten();
+    let range = |axis: usize| {
+        let lowest = all().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
+        let highest = all().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
+        [lowest - 0.1 * (highest - lowest), highest + 0.1 * (highest - lowest)]
+    };
+    let (xs, ys) = (range(0), range(1));
+    let (from, to) =
+        ([left + 3.0 * size, 3.2 * size], [left + PLOT * height - 0.8 * size, height - 2.6 * size]);
+    let x = |v: f64| from[0] + (v - xs[0]) / (xs[1] - xs[0]) * (to[0] - from[0]);
+    let y = |v: f64| to[1] - (v - ys[0]) / (ys[1] - ys[0]) * (to[1] - from[1]);
+    let mut svg = text([left + 0.5 * size, 1.2 * size], size, "#ffffff", "largest error against time");
+    let small = 0.72 * size;
+    let line = |a: [f64; 2], b: [f64; 2], color: &str| {
+        format!(r#"<line x1="{}" y1="{}" x2="{}" y2="{}" stroke="{color}"/>"#, a[0], a[1], b[0], b[1])
+    };
+    for decade in ys[0].ceil() as i32..=ys[1].floor() as i32 {
+        let at = y(decade.into());
+        svg += &line([from[0], at], [to[0], at], "#444444");
+        let label = format!("{}", 10_f64.powi(decade));
+        svg += &text([left + 0.4 * size, at + 0.3 * small], small, "#bbbbbb", &label);
+    }
+    for (exponent, label) in [(2, "0.1 s"), (3, "1 s"), (4, "10 s"), (5, "100 s")] {
+        let at = x(exponent.into());
+        if (from[0]..=to[0]).contains(&at) {
+            svg += &line([at, from[1]], [at, to[1]], "#444444");
+            svg += &text([at - small, to[1] + 1.4 * small], small, "#bbbbbb", label);
+        }
+    }
+    for (method, color, [beside, below]) in METHODS {
+        let Some(points) = points.get(method) else { continue };
+        let places: Vec<String> = points.iter().map(|p| format!("{:.1},{:.1}", x(p[0]), y(p[1]))).collect();
+        svg += &format!(r#"<polyline points="{}" fill="none" stroke="{color}"/>"#, places.join(" "));
+        for p in points {
+            svg += &format!(
+                r#"<circle cx="{:.1}" cy="{:.1}" r="{:.1}" fill="{color}"/>"#,
+                x(p[0]),
+                y(p[1]),
+                0.25 * size
+            );
+        }
+        if let Some(last) = points.last() {
+            svg += &text([x(last[0]) + beside * size, y(last[1]) + below * size], size, color, method);
+        }
+    }
+    Ok(svg)
+}
+
+fn text([x, y]: [f64; 2], size: f64, color: &str, text: &str) -> String {
+    format!(r#"<text x="{x:.1}" y="{y:.1}" font-size="{size:.1}" fill="{color}">{text}</text>"#)
+}
+
+/// What an SVG's elements look like, over nothing.
+fn drawn(elements: &str, width: u32, height: u32) -> umbravox::Result<RgbaImage> {
+    let mut options = usvg::Options { font_family: "Ubuntu".into(), ..Default::default() };
+    options.fontdb_mut().load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
+    let svg = format!(
+        r#"<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" font-family="Ubuntu" stroke-width="2">{elements}</svg>"#
+    );
+    let tree = usvg::Tree::from_str(&svg, &options).map_err(|e| failed("SVG", &e))?;
+    let mut pixels =
+        tiny_skia::Pixmap::new(width, height).ok_or_else(|| failed("SVG", &"it is too large"))?;
+    resvg::render(&tree, tiny_skia::Transform::identity(), &mut pixels.as_mut());
+    let straight = pixels.pixels().iter().map(|p| p.demultiply());
+    let bytes = straight.flat_map(|p| [p.red(), p.green(), p.blue(), p.alpha()]).collect();
+    RgbaImage::from_raw(width, height, bytes).ok_or_else(|| failed("SVG", &"it has another size"))
+}
+
+fn failed(place: impl std::fmt::Display, why: &dyn std::fmt::Display) -> Error {
+    Error::runtime("cannot make the strip", place, why)
+}
