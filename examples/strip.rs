@@ -9,12 +9,13 @@ use resvg::{tiny_skia, usvg};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use umbravox::cli::{self, Loaded, scene_args::SceneArgs};
 use umbravox::error::Error;
 use umbravox::exact::ExactField;
+use umbravox::files::loading::Loading;
 use umbravox::files::output::write_whole;
 use umbravox::files::picture::picture_png;
 use umbravox::measure::error_map::{ExactView, Quantity};
+use umbravox::open::{Loaded, SceneSettings};
 use umbravox::render::{Forced, Session};
 use umbravox::report::heat::false_colour;
 use umbravox::shadow;
@@ -65,8 +66,7 @@ fn main() -> umbravox::Result<()> {
 
 /// The four pictures with their labels.
 fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbaImage)>> {
-    let args = SceneArgs { scene: vec![path.into()], ..Default::default() };
-    let Loaded { volume, tf, scene } = cli::load(&args.into_request()?)?;
+    let Loaded { volume, tf, scene, .. } = SceneSettings::read(path)?.load(&Loading::default())?;
     let volume = Arc::new(volume);
     let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
     let mut panels = Vec::new();

@@ -85,7 +85,7 @@ impl Forced {
 /// As `--force` takes it.
 impl Serialize for Forced {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let names = Optional::ALL.into_iter().filter(|one| self.has(*one)).map(Optional::name);
+        let names = Omittable::ALL.into_iter().filter(|one| self.has(*one)).map(Omittable::name);
         serializer.serialize_str(&names.collect::<Vec<_>>().join(","))
     }
 }

@@ -8,7 +8,8 @@ use crate::shadow::{Entry, Key, METHODS, Method, Style};
 /// of its own, is not among them.
 pub fn settings(method: &dyn Method) -> Vec<(&'static str, Cell)> {
     let values = method.values();
-    let value = |key: &Key| method.entry().keys.iter().position(|own| own.name == key.name).map(|i| values[i]);
+    let value =
+        |key: &Key| method.entry().keys.iter().position(|own| own.name == key.name).map(|i| values[i]);
     let cell = |key: &'static Key| Some((key.name, Cell::from_text(&value(key)?.to_string())?));
     keys().into_iter().filter_map(cell).collect()
 }
@@ -29,7 +30,10 @@ pub(super) fn setting_columns() -> Vec<(&'static str, String)> {
     let column = |key: &'static Key| {
         let own = |e: &&&Entry| e.keys.iter().any(|k| k.name == key.name);
         let of: Vec<_> = METHODS.iter().filter(own).map(|e| format!("`{}`", e.name)).collect();
-        (key.name, format!("Setting of {}: {} ({}).", of.join(", "), key.help, key.values().replace('|', ", ")))
+        (
+            key.name,
+            format!("Setting of {}: {} ({}).", of.join(", "), key.help, key.values().replace('|', ", ")),
+        )
     };
     keys().into_iter().map(column).collect()
 }

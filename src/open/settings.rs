@@ -282,7 +282,7 @@ fn shadow_help() -> String {
     for method in METHODS {
         help += &format!("\n  {:<12} {}", method.name, method.summary);
         for key in method.keys {
-            help += &format!("\n    {}={} [default: {}] {}", key.name, key.values, key.default, key.help);
+            help += &format!("\n    {}={} [default: {}] {}", key.name, key.values(), key.default, key.help);
         }
     }
     help
