@@ -369,6 +369,6 @@ mod tests {
         std::fs::create_dir(folder.path().join("other.csv")).unwrap();
         let error = write_tables(&sample_rows(), folder.path(), "other").unwrap_err();
         assert_eq!(error.exit_status(), 1);
-        assert_eq!(names().len(), 5);
+        assert_eq!(names().len(), 6);
     }
 }
