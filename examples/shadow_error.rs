@@ -10,11 +10,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use umbravox::exact::ExactField;
 use umbravox::files::picture::write_picture;
+use umbravox::open::{self, VolumeSpec, presets};
 use umbravox::render::{Forced, Session};
 use umbravox::scene::Scene;
 use umbravox::shadow;
-use umbravox::transfer::presets;
-use umbravox::volume::{self, VolumeSpec};
 
 fn main() -> umbravox::Result<()> {
     let mut args = std::env::args().skip(1);
@@ -23,7 +22,7 @@ fn main() -> umbravox::Result<()> {
     let path = PathBuf::from(args.next().unwrap_or_else(|| "shadow_error.png".into()));
 
     // A preset that suits the values; a camera that frames the volume, and the default light.
-    let volume = Arc::new(volume::load(&VolumeSpec::new(source))?);
+    let volume = Arc::new(open::load(&VolumeSpec::new(source))?);
     let tf = presets::resolve(presets::default_name(&volume), &volume)?.tf;
     let scene = Scene::framing(&volume);
 

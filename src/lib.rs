@@ -16,14 +16,13 @@
 //! use std::{path::Path, sync::Arc};
 //! use umbravox::exact::ExactField;
 //! use umbravox::files::picture::write_picture;
+//! use umbravox::open::{self, VolumeSpec, presets};
 //! use umbravox::render::{Forced, Session};
 //! use umbravox::scene::Scene;
 //! use umbravox::shadow;
-//! use umbravox::transfer::presets;
-//! use umbravox::volume::{self, VolumeSpec};
 //!
 //! # fn main() -> umbravox::Result<()> {
-//! let volume = Arc::new(volume::load(&VolumeSpec::new("phantom:thorax:96"))?);
+//! let volume = Arc::new(open::load(&VolumeSpec::new("phantom:thorax:96"))?);
 //! let tf = presets::resolve("ct", &volume)?.tf;
 //! let scene = Scene::framing(&volume);
 //! let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
