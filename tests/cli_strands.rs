@@ -100,7 +100,7 @@ fn what_cannot_be_voxelised_is_refused() {
         (&["voxelise", "x.hair", "--thickness", "nan"], "--thickness", "above 0"),
         (&["voxelise", "x.hair", "--rays", "100001"], "--rays", "100000"),
         (&["render", "x.hair", "--spacing", "1,1,1", "-o", "a.png"], "--spacing", "of strands"),
-        (&["render", "phantom:slab:8", "--resolution", "9", "-o", "a.png"], "--resolution", "not of strands"),
+        (&["render", "phantom:slab:8", "--resolution", "9", "-o", "a.png"], "--resolution", "for strands"),
         (&["info", "phantom:hair-fur:9", "--frame", "1"], "--frame", "of strands"),
         (&["phantom", "hair-fur:9", "-o", "x.nii"], "x.nii", ".hair"),
         (&["phantom", "hair-fir", "-o", "y.hair"], "phantom:hair-fir", "no strand set"),

@@ -13,7 +13,9 @@
 //       the optical depth that the next piece may span, for sinks that look inside pieces
 //
 // Control flow: an inner loop walks to the next cell with extinction, the outer one takes a single piece a turn. Lanes
-// of a subgroup then wait for each other only there, and what is expensive stands in the program once.
+// of a subgroup then wait for each other only there, and what is expensive stands in the program once. That is why
+// `march` is one long function: its two loops share their state, and llvmpipe of Mesa 22.3 has crashed on branches
+// that were moved into functions of their own.
 #define_import_path umbravox::march
 
 #import umbravox::field::{field, Cell, cell_values, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}

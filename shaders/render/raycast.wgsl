@@ -301,6 +301,7 @@ fn gather(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function
 }
 #endif
 
+// As long as it is for its variants: what is shared by them stands in the functions above.
 @compute @workgroup_size(#{PICTURE_SIDE}, #{PICTURE_SIDE})
 fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
     let column = id.x + frame.first_column;

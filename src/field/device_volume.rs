@@ -63,6 +63,48 @@ fn packing(volume: &Volume) -> Packing {
     }
 }
 
+/// Copies a volume's voxels into its texture, slice by slice.
+fn write_slices(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &Packing) {
+    let Packing { format, center, per_stored } = *packing;
+    let dims = volume.dims();
+    let slice_voxels = dims[0] * dims[1];
+    let mut slice = Vec::<u8>::with_capacity(slice_voxels * format.bytes() as usize);
+    for k in 0..dims[2] {
+        slice.clear();
+        let texel = |stored: f64| ((stored - center) * per_stored) as f32;
+        with_voxels!(volume.voxels(), a => {
+            let stored = a.as_slice().unwrap_or_default()[k * slice_voxels..][..slice_voxels].iter();
+            match format {
+                TexelFormat::Half => stored.for_each(|v| {
+                    slice.extend_from_slice(&f16::from_f32(texel(v.to_f64())).to_le_bytes());
+                }),
+                TexelFormat::Single => stored.for_each(|v| {
+                    slice.extend_from_slice(&texel(v.to_f64()).to_le_bytes());
+                }),
+            }
+        });
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: 0, z: k as u32 },
+                aspect: wgpu::TextureAspect::All,
+            },
+            &slice,
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some((dims[0] as u64 * format.bytes()) as u32),
+                rows_per_image: Some(dims[1] as u32),
+            },
+            wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() },
+        );
+        // Bounds what the queue keeps of the copies.
+        if k % 64 == 63 {
+            gpu.queue.submit([]);
+        }
+    }
+}
+
 impl DeviceVolume {
     /// Uploads a volume.
     ///
@@ -100,45 +142,10 @@ impl DeviceVolume {
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
-        let slice_voxels = dims[0] * dims[1];
-        let mut slice = Vec::<u8>::with_capacity(slice_voxels * format.bytes() as usize);
-        for k in 0..dims[2] {
-            slice.clear();
-            let texel = |stored: f64| ((stored - center) * per_stored) as f32;
-            with_voxels!(volume.voxels(), a => {
-                let stored = a.as_slice().unwrap_or_default()[k * slice_voxels..][..slice_voxels].iter();
-                match format {
-                    TexelFormat::Half => stored.for_each(|v| {
-                        slice.extend_from_slice(&f16::from_f32(texel(v.to_f64())).to_le_bytes());
-                    }),
-                    TexelFormat::Single => stored.for_each(|v| {
-                        slice.extend_from_slice(&texel(v.to_f64()).to_le_bytes());
-                    }),
-                }
-            });
-            gpu.queue.write_texture(
-                wgpu::TexelCopyTextureInfo {
-                    texture: &texture,
-                    mip_level: 0,
-                    origin: wgpu::Origin3d { x: 0, y: 0, z: k as u32 },
-                    aspect: wgpu::TextureAspect::All,
-                },
-                &slice,
-                wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some((dims[0] as u64 * format.bytes()) as u32),
-                    rows_per_image: Some(dims[1] as u32),
-                },
-                wgpu::Extent3d { depth_or_array_layers: 1, ..size },
-            );
-            // Bounds what the queue keeps of the copies.
-            if k % 64 == 63 {
-                gpu.queue.submit([]);
-            }
-        }
+        write_slices(gpu, volume, &texture, &Packing { format, center, per_stored });
         let last = gpu.queue.submit([]);
         gpu.wait_for(last)?;
-        let bytes = (slice_voxels * dims[2]) as u64 * format.bytes();
+        let bytes = (dims[0] * dims[1] * dims[2]) as u64 * format.bytes();
         if pollster::block_on(scope.pop()).is_some() {
             return Err(Error::runtime(
                 "cannot upload volume",

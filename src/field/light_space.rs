@@ -3,15 +3,12 @@
 //! The light frame is in millimetres, `(a, b, h)` with `h` away from the light; depth `z` is distance along the light
 //! ray. Everything is composed here in `f64`; `shaders/field/light.wgsl` is the same mapping in `f32`.
 
-use super::shader::FAR;
+use super::constants::{FAR, TILE};
 use super::{ActiveBricks, grid_from_world};
 use crate::scene::Light;
 use crate::volume::{BRICK_CELLS, Volume};
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-
-/// Texels a side of a tile (Hadwiger et al. 2006, 3.4).
-pub const TILE: u32 = 16;
 
 /// A perspective map wider than this (tangent of the half angle) becomes octahedral: its corner texels would be far
 /// coarser than its centre.

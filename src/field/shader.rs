@@ -1,15 +1,10 @@
 //! The shader modules of this room, the constants that they share with the host, and how a variant takes them in.
 
-use super::light_space::{Projection, TILE};
-use super::tile_march::NO_TILE;
+use super::constants::{FAR, LINE_THREADS, NO_TILE, TILE};
+use super::light_space::Projection;
 use crate::gpu::{Constant, ShaderVariant};
 use crate::transfer::{MAX_INTERVALS, MAX_OPACITY, MORE_NODES, NO_NODE, PAIR_BINS, TABLE_BINS, VALUE_BINS};
 use crate::volume::BRICK_CELLS;
-
-/// Stands for infinity on the device.
-pub const FAR: f32 = 1e30;
-/// Threads a workgroup of passes over a line of things.
-pub const LINE_THREADS: u32 = 64;
 
 /// The module that marches light rays.
 const MARCH: &str = "field/march.wgsl";

@@ -1,14 +1,10 @@
 //! A tiled map in the making: which tiles are built, where their records lie, and passes over them.
 
-use super::{BuildContext, LightSpace, Omittable, TILE};
+use super::constants::{NO_TILE, TILE_TEXELS};
+use super::{BuildContext, LightSpace, Omittable};
 use crate::error::Result;
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
 use std::time::Instant;
-
-/// Stands in the tile table for a tile that is left out.
-pub const NO_TILE: u32 = u32::MAX;
-/// Texels, and so records, of a tile.
-pub const TILE_TEXELS: u32 = TILE * TILE;
 
 /// Passes over the tiles of a map under which active bricks lie (Hadwiger et al. 2006, 3.4).
 ///

@@ -2,7 +2,7 @@
 //! it has where nobody says which.
 
 use super::cell::{Cell, FromText};
-use crate::shadow::{Entry, Key, METHODS, Method, Style};
+use crate::shadow::{Entry, Key, METHODS, Method, Style, entry};
 
 /// A method's settings by their keys, given or not, in the order of the columns; the size of its map, which has a column
 /// of its own, is not among them.
@@ -40,12 +40,12 @@ pub(super) fn setting_columns() -> Vec<(&'static str, String)> {
 
 /// How a method of the registry looks in every figure.
 pub fn style(method: &str) -> Option<Style> {
-    Entry::of(method).map(|entry| entry.style)
+    entry(method).map(|entry| entry.style)
 }
 
 /// Whether a method's rows set the budgets within which others are compared: those that follow an error bound.
 pub fn sets_budgets(method: &str) -> bool {
-    Entry::of(method).is_some_and(|entry| entry.sets_budgets)
+    entry(method).is_some_and(|entry| entry.sets_budgets)
 }
 
 /// The settings of a row that a test makes up, from its method's name and `key=value` texts.

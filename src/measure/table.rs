@@ -58,7 +58,8 @@ macro_rules! columns {
             /// The first column whose text is no value of it.
             pub fn from_texts(texts: &BTreeMap<String, String>) -> Result<Self, &'static str> {
                 let text = |column: &str| texts.get(column).map_or("", String::as_str);
-                let setting = |(key, _)| texts.get(key).and_then(|t| Some((key, Cell::from_text(t)?)));
+                let given = |key: &str| texts.get(key).filter(|text| !text.is_empty());
+                let setting = |(key, _)| Some((key, Cell::from_text(given(key)?)?));
                 Ok(Self {
                     $($name: FromText::from_text(text(stringify!($name))).ok_or(stringify!($name))?,)*
                     settings: setting_columns().into_iter().filter_map(setting).collect(),

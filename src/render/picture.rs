@@ -1,9 +1,10 @@
 //! Pictures: rays cast band by band, into host memory here and into a window's textures in [`super::display`].
 
-use super::display::Pace;
-use super::{DeviceTransfer, LoadedVolume, PICTURE_SIDE, Plan, Renderer, picture_workgroups};
+use super::pace::{AtOnce, Pace, Pacing};
+use super::shader::{PICTURE_SIDE, picture_workgroups};
+use super::{Plan, Renderer};
 use crate::error::{Error, Result};
-use crate::field::{FAR, grid_from_world};
+use crate::field::{DeviceTransfer, FAR, LoadedVolume, grid_from_world};
 use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 use crate::scene::{Scene, Shading};
 use crate::shadow::ShadowMap;
@@ -51,36 +52,6 @@ pub(crate) struct Band<'a> {
     pub buffer: &'a wgpu::Buffer,
     pub first_row: u32,
     pub rows: u32,
-}
-
-/// How much of a picture is drawn in one submission.
-pub(crate) trait Pacing {
-    /// Pixels of the next submission; `None` ends the picture.
-    fn pixels_next(&mut self) -> Option<u32>;
-    /// What a submission took.
-    fn took(&mut self, pixels: u32, span: Span);
-}
-
-/// All in one submission, where the adapter can bind it.
-struct AtOnce;
-
-impl Pacing for AtOnce {
-    fn pixels_next(&mut self) -> Option<u32> {
-        Some(u32::MAX)
-    }
-
-    fn took(&mut self, _pixels: u32, _span: Span) {}
-}
-
-impl Pacing for Pace {
-    fn pixels_next(&mut self) -> Option<u32> {
-        Some(self.pixels())
-    }
-
-    fn took(&mut self, pixels: u32, span: Span) {
-        self.learn(pixels, span);
-        self.forget_before();
-    }
 }
 
 /// A pixel that no dispatch has worked on.

@@ -1,7 +1,7 @@
 //! What a scene needs, and what is left out: every decision is a line of `--explain`.
 
-use super::{CONSTANTS, DeviceTransfer, LoadedVolume, Omittable};
-use crate::field::field_shader;
+use super::shader::CONSTANTS;
+use crate::field::{DeviceTransfer, LoadedVolume, Omittable, field_shader};
 use crate::gpu::ShaderVariant;
 use crate::scene::{Scene, Shading, Skip};
 use crate::shadow::{Lookup, ShadowMap};

@@ -1,8 +1,9 @@
 //! Transmittance at points, by the lookup that pictures use.
 
-use super::{CONSTANTS, DeviceTransfer, LoadedVolume, Renderer};
+use super::Renderer;
+use super::shader::CONSTANTS;
 use crate::error::Result;
-use crate::field::{grid_from_world, line_of_workgroups};
+use crate::field::{DeviceTransfer, LoadedVolume, grid_from_world, line_of_workgroups};
 use crate::gpu::{ShaderVariant, Slot, StorageBuffer, read_back};
 use crate::shadow::{Lookup, ShadowMap};
 use glam::DVec3;

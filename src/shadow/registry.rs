@@ -1,9 +1,8 @@
 //! Every shadow method, a line each, and what all front doors ask of the list.
 
-use super::settings::{self, Key, Value};
-use super::spec::{self, Setting};
-use super::style::Style;
-use super::{Method, bom, dom, dsm, none, osm, rays};
+use super::method::{Entry, Method};
+use super::spec;
+use super::{bom, dom, dsm, none, osm, rays};
 use crate::error::{Error, Result};
 use std::sync::LazyLock;
 
@@ -19,43 +18,9 @@ pub const METHODS: &[&Entry] = &[
     &super::half::ENTRY,
 ];
 
-/// A method as all others know it.
-pub struct Entry {
-    /// Its name on the command line and in tables.
-    pub name: &'static str,
-    /// One line for `--help` and the window.
-    pub summary: &'static str,
-    /// What can be set.
-    pub keys: &'static [Key],
-    /// Its settings from values of the keys, in their order; `None` where they do not fit.
-    pub make: fn(&[Value]) -> Option<Box<dyn Method>>,
-    /// Its rows in the default comparison, as on the command line; empty for none.
-    pub compared: &'static str,
-    /// Its curves in a default `probe --curve`; empty for none.
-    pub curve: &'static str,
-    /// How it is put to the stability cases.
-    pub stability: &'static str,
-    /// How it looks in every figure.
-    pub style: Style,
-    /// Its rows set the budgets within which others are compared: it follows an error bound.
-    pub sets_budgets: bool,
-}
-
-impl Entry {
-    /// The method of a name.
-    pub fn of(name: &str) -> Option<&'static Self> {
-        METHODS.iter().copied().find(|m| m.name == name)
-    }
-
-    /// With settings as written (each key with one value).
-    ///
-    /// # Errors
-    /// An unknown key, or a value out of range, naming it and what there is.
-    pub fn with(&self, setting: &Setting) -> Result<Box<dyn Method>> {
-        let values = settings::read(self, setting)?;
-        (self.make)(&values)
-            .ok_or_else(|| Error::runtime("cannot set", self.name, "values do not fit the keys"))
-    }
+/// The line of a method.
+pub fn entry(name: &str) -> Option<&'static Entry> {
+    METHODS.iter().copied().find(|m| m.name == name)
 }
 
 /// Rows of the default comparison, of a default `probe --curve`, and of the stability cases.
@@ -90,7 +55,7 @@ pub fn parse_list(text: &str) -> Result<Vec<Box<dyn Method>>> {
     let mut methods = Vec::new();
     for spec in spec::parse_list(text)? {
         for setting in spec.expand()? {
-            let entry = Entry::of(&setting.name).ok_or_else(|| {
+            let entry = entry(&setting.name).ok_or_else(|| {
                 let names = METHODS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
                 let place = format!("`{}`", setting.name);
                 Error::input("unknown shadow method", place, format!("there is: {names}"))

@@ -2,7 +2,6 @@
 //! method's own file; parsing, refusals, `--help`, `params`, table columns, the window's controls, shader tests and
 //! default rows all read it from there.
 
-use super::registry::Entry;
 use super::spec::Setting;
 use crate::error::{Error, Result};
 use std::fmt;
@@ -150,13 +149,13 @@ impl Key {
 ///
 /// # Errors
 /// An unknown key, a value out of range, or one without effect, naming it and what there is.
-pub(super) fn read(entry: &Entry, setting: &Setting) -> Result<Vec<Value>> {
-    let place = |key: &str| format!("{}:{key}", entry.name);
+pub(super) fn read(name: &str, keys: &[Key], setting: &Setting) -> Result<Vec<Value>> {
+    let place = |key: &str| format!("{name}:{key}");
     for (key, _) in &setting.params {
-        if !entry.keys.iter().any(|k| k.name == key) {
-            let keys = entry.keys.iter().map(|k| k.name).collect::<Vec<_>>().join(", ");
+        if !keys.iter().any(|k| k.name == key) {
+            let names = keys.iter().map(|k| k.name).collect::<Vec<_>>().join(", ");
             let why =
-                if keys.is_empty() { "the method has no keys".into() } else { format!("there is: {keys}") };
+                if names.is_empty() { "the method has no keys".into() } else { format!("there is: {names}") };
             return Err(Error::input("unknown key", place(key), why));
         }
     }
@@ -172,10 +171,10 @@ pub(super) fn read(entry: &Entry, setting: &Setting) -> Result<Vec<Value>> {
         };
         key.parse(text).ok_or_else(refused)
     };
-    let values = entry.keys.iter().map(value).collect::<Result<Vec<_>>>()?;
-    for key in entry.keys {
+    let values = keys.iter().map(value).collect::<Result<Vec<_>>>()?;
+    for key in keys {
         if let (When::Is(other, wanted), Some(_)) = (key.when, given(key))
-            && !applies(entry.keys, &values, key)
+            && !applies(keys, &values, key)
         {
             let why = format!("it is of {other}={wanted} only");
             return Err(Error::input("bad value", place(key.name), why));
@@ -292,3 +291,21 @@ macro_rules! settings {
 }
 
 pub(super) use {choices, settings};
+
+/// Name of the key for texels a side.
+pub(super) const MAP: &str = "map";
+/// Key of methods that have a map.
+pub(super) const MAP_KEY: Key = Key::whole([1, 8192], "512", "texels a side");
+
+choices! {
+    /// How the four texels around a point are used.
+    pub enum Filter {
+        /// The nearest one.
+        Nearest = "nearest",
+        /// All of them, by how near they are.
+        Bilinear = "bilinear",
+    }
+}
+
+/// Key of methods whose maps are filtered.
+pub(super) const FILTER_KEY: Key = Key::choice(Filter::NAMES, "bilinear", "texels used for a point");

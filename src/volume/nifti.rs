@@ -96,13 +96,11 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
 }
 
-/// Whether a file's first bytes are those of a NIfTI header, gzipped or not.
+/// Whether a file begins with a NIfTI header, magic and all, gzipped or not.
 pub fn is_nifti(path: &Path) -> bool {
     let loading = Loading::default();
     let path = Pair::of(path).map_or_else(|| path.to_path_buf(), |pair| pair.header());
-    let mut start = [0; 4];
-    let read = |start: &mut [u8]| read_full(&mut Source::open(&path, &loading).ok()?, start).ok();
-    read(&mut start) == Some(4) && nifti_header::recognise(start).is_some()
+    Source::open(&path, &loading).is_ok_and(|mut source| read_header(&mut source, &path).is_ok())
 }
 
 /// The header and the number of bytes taken from the source for it.

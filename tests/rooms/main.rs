@@ -32,38 +32,10 @@ const ROOMS: [(&str, &str, Option<&[&str]>); 16] = [
 const FRONT_DOORS: [&str; 2] = ["app", "cli"];
 
 /// What still goes up or sideways, as a file and the room that it imports: to become shorter, never longer.
-const KNOWN_IMPORTS: &[(&str, &str)] = &[
-    ("shadow/deep_count.rs", "render"),
-    ("shadow/layers/mod.rs", "render"),
-    ("shadow/mod.rs", "render"),
-    ("shadow/parts.rs", "render"),
-    ("volume/bricks.rs", "transfer"),
-];
+const KNOWN_IMPORTS: &[(&str, &str)] = &[];
 
 /// Files that still lie in a circle of their room: to become fewer, never more.
-const KNOWN_CIRCLES: &[&str] = &[
-    "measure/compare/mod.rs",
-    "measure/compare/rounds.rs",
-    "measure/facts.rs",
-    "report/plot/front.rs",
-    "report/plot/mod.rs",
-    "measure/prepare.rs",
-    "report/tables/columns.rs",
-    "report/tables/mod.rs",
-    "render/device_transfer.rs",
-    "render/display.rs",
-    "render/mod.rs",
-    "render/picture.rs",
-    "shadow/deep.rs",
-    "shadow/layers/bounding_opacity.rs",
-    "shadow/layers/deep_opacity.rs",
-    "shadow/layers/keys.rs",
-    "shadow/layers/mod.rs",
-    "shadow/layers/opacity.rs",
-    "shadow/layers/ratio.rs",
-    "shadow/mod.rs",
-    "shadow/plain.rs",
-];
+const KNOWN_CIRCLES: &[&str] = &[];
 
 /// Rooms of shaders, the lowest first.
 const SHADER_ROOMS: [&str; 3] = ["field", "shadow", "render"];

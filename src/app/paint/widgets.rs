@@ -17,6 +17,16 @@ use std::sync::Arc;
 
 const SHADER: &str = include_str!("../../../shaders/app/widgets.wgsl");
 
+/// As egui blends: what is in the window stays as opaque as it was.
+const BLEND: wgpu::BlendState = wgpu::BlendState {
+    color: wgpu::BlendComponent::OVER,
+    alpha: wgpu::BlendComponent {
+        src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
+        dst_factor: wgpu::BlendFactor::One,
+        operation: wgpu::BlendOperation::Add,
+    },
+};
+
 /// A corner of a triangle: where in the window, 0 to 1, where in the texture, and its colour.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -96,15 +106,6 @@ impl Widgets {
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
-        // As egui blends: what is in the window stays as opaque as it was.
-        let blend = wgpu::BlendState {
-            color: wgpu::BlendComponent::OVER,
-            alpha: wgpu::BlendComponent {
-                src_factor: wgpu::BlendFactor::OneMinusDstAlpha,
-                dst_factor: wgpu::BlendFactor::One,
-                operation: wgpu::BlendOperation::Add,
-            },
-        };
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("widgets"),
             layout: Some(&pipeline_layout),
@@ -127,7 +128,7 @@ impl Widgets {
                 compilation_options: Default::default(),
                 targets: &[Some(wgpu::ColorTargetState {
                     format: state.target_format,
-                    blend: Some(blend),
+                    blend: Some(BLEND),
                     write_mask: wgpu::ColorWrites::ALL,
                 })],
             }),
@@ -318,7 +319,8 @@ mod tests {
 
     const SIDE: u32 = 256;
 
-    /// What the window shows in the end, and how many of its shapes are callbacks.
+    /// What the window shows in the end, and how many of its shapes are callbacks. As long as four frames of egui by hand
+    /// take: they are one script.
     fn picture(state: &RenderState, with: Option<Widgets>) -> (Vec<u8>, usize, usize) {
         let context = Context::default();
         with.into_iter().for_each(|widgets| context.add_plugin(widgets));

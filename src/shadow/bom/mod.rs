@@ -20,18 +20,16 @@
 
 mod ratio;
 
-pub use ratio::SplitChoice;
-
 use super::layered::{
     BITS_KEY, DEPTH_BITS_KEY, LAYERS, NO_DEPTH_PASS, Recipe, Record, Split, depth_pass_shader,
 };
-use super::settings::{choices, settings};
-use super::{
-    BuildContext, Entry, FILTER_KEY, Filter, Key, Lookup, MAP_KEY, Marker, Method, PassLeftOut, ShadowMap,
-    Style, TileMarch, Value, When,
-};
+use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice};
+use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, When, choices, settings};
+use super::style::{Marker, Style};
 use crate::error::Result;
+use crate::field::{BuildContext, TileMarch};
 use crate::gpu::ShaderVariant;
+pub use ratio::Measure;
 use ratio::{all_splits, choose, choose_by_region, hybrid};
 
 choices! {
@@ -47,18 +45,6 @@ choices! {
         Auto = "auto",
         /// By the hybrid ratio that suits each region.
         Texel = "texel",
-    }
-}
-
-choices! {
-    /// What layers shall have least, or most, of.
-    pub enum Measure {
-        /// Least correlation between neighbouring layers (Equation 5.2.3.1), the mean over all pairs.
-        Correlation = "correlation",
-        /// Greatest sum of absolute differences between neighbouring layers. Opacity never falls from one plane to the
-        /// next, so that this sum telescopes: what is chosen is the ratio with least in the first layer. On 8-bit
-        /// images, as there, ratios that leave it equally empty tie, and the most linear of them is taken.
-        Difference = "difference",
     }
 }
 

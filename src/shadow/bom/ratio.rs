@@ -4,11 +4,12 @@
 //! Here a coarse map with many layers is made once and stands for the exact curves; the sums over its texels are
 //! taken on the device, and only they are read (16 bytes a layer and ratio).
 
-use super::Measure;
 use crate::error::Result;
+use crate::field::{BuildContext, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
 use crate::shadow::layered::{Built, Recipe, Record, Split, SplitTable};
-use crate::shadow::{BuildContext, Filter, TileMarch};
+use crate::shadow::method::SplitChoice;
+use crate::shadow::settings::{Filter, choices};
 
 /// Ratios 0, 0.1, ... 1.
 pub const RATIOS: u32 = 11;
@@ -20,13 +21,16 @@ const CURVE_MAP: u32 = 64;
 /// Texels a side of a region that chooses its own ratio.
 pub const REGION_TEXELS: u32 = 4;
 
-/// What was chosen for a whole map, and what the layers are then like.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SplitChoice {
-    /// From linear (0) to logarithmic (1).
-    pub ratio: f64,
-    /// Mean correlation of neighbouring layers; 1 where they are the same.
-    pub correlation: f64,
+choices! {
+    /// What layers shall have least, or most, of.
+    pub enum Measure {
+        /// Least correlation between neighbouring layers (Equation 5.2.3.1), the mean over all pairs.
+        Correlation = "correlation",
+        /// Greatest sum of absolute differences between neighbouring layers. Opacity never falls from one plane to the
+        /// next, so that this sum telescopes: what is chosen is the ratio with least in the first layer. On 8-bit
+        /// images, as there, ratios that leave it equally empty tie, and the most linear of them is taken.
+        Difference = "difference",
+    }
 }
 
 /// The split at a ratio from linear (0) to logarithmic (1).

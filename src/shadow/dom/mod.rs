@@ -17,12 +17,11 @@
 //!   depths are close enough to be one surface; elsewhere each texel's layers start at its own `z_0`.
 
 use super::layered::{BITS_KEY, DEPTH_BITS_KEY, LAYERS, Recipe, Record, Split, depth_pass_shader};
-use super::settings::{choices, settings};
-use super::{
-    BuildContext, Entry, FILTER_KEY, Filter, Key, Lookup, MAP_KEY, Marker, Method, ShadowMap, Style,
-    TileMarch, Value, When,
-};
+use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, When, choices, settings};
+use super::style::{Marker, Style};
 use crate::error::Result;
+use crate::field::{BuildContext, TileMarch};
 use crate::gpu::ShaderVariant;
 
 choices! {

@@ -1,9 +1,10 @@
 //! How many nodes each texel of a deep shadow map has, read back only when asked for (Hadwiger et al. 2006, Figure 5).
 
-use super::{ENTRY, ShadowMap};
+use super::layout::{self, NAME};
 use crate::error::{Error, Result};
 use crate::field::{DeviceTransfer, NO_TILE, TILE, line_of_workgroups};
 use crate::gpu::{Kernels, ShaderVariant, Slot, StorageBuffer, read_back};
+use crate::shadow::method::ShadowMap;
 use ndarray::Array2;
 
 /// Texels counted in one dispatch, which bounds the buffers.
@@ -52,7 +53,7 @@ impl NodeMap {
 }
 
 pub(super) fn shader() -> ShaderVariant {
-    super::shader("shadow/dsm/count.wgsl")
+    layout::shader("shadow/dsm/count.wgsl")
 }
 
 /// Counts the nodes of a built deep shadow map; `None` for a structure that has none.
@@ -60,7 +61,7 @@ pub(super) fn shader() -> ShaderVariant {
 /// # Errors
 /// A lost device, or one out of memory.
 pub fn node_map(kernels: &Kernels, transfer: &DeviceTransfer, shadow: &ShadowMap) -> Result<Option<NodeMap>> {
-    if shadow.method != ENTRY.name {
+    if shadow.method != NAME {
         return Ok(None);
     }
     let gpu = kernels.gpu();

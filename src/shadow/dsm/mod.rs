@@ -17,22 +17,22 @@
 //! * `precompress=off` samples at regular steps with point samples of the extinction, as the paper's Figure 3 (left).
 
 mod count;
+mod layout;
 
 pub use count::{NodeMap, node_map};
 
-use super::settings::{choices, settings};
-use super::{
-    Bound, BuildContext, BuildReport, CHORD_TOLERANCE, Entry, FILTER_KEY, Filter, Key, Lookup, MAP_KEY,
-    Marker, Method, OPAQUE_DEPTH, STEEPEST_SURFACE, ShadowMap, Style, TileMarch, Value, longest_depth,
-};
+use layout::{DEPTH_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader};
+
+use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap};
+use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, choices, settings};
+use super::style::{Marker, Style};
+use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth};
 use crate::error::{Error, Result};
-use crate::field::{TILE_TEXELS, field_shader};
-use crate::gpu::{
-    Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, uniform_buffer,
-};
+use crate::field::{BuildContext, TILE_TEXELS, TileMarch};
+use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, uniform_buffer};
 use bytemuck::{Pod, Zeroable};
 
-/// Transmittance at which a ray is taken to be over ([`OPAQUE_DEPTH`]).
+/// Transmittance at which a ray is taken to be over (`OPAQUE_DEPTH` of the shaders).
 const OVER: f64 = 1.0 / 2048.0;
 /// Rounding to 16 bits, once at a line's start and once at its end.
 const STORAGE: f64 = 1.0 / 65535.0;
@@ -40,24 +40,6 @@ const STORAGE: f64 = 1.0 / 65535.0;
 const ARITHMETIC: f64 = 0.001;
 /// Share of a voxel by which float32 may misplace a surface along the ray.
 pub(super) const POSITION_TOLERANCE: f64 = 0.02;
-/// Depth steps of the map's range; the step after them fills rows behind their last node.
-const DEPTH_STEPS: u32 = 65534;
-/// Nodes of a row, which ends with a link to the next, and its bytes.
-const ROW_NODES: u32 = 7;
-const ROW_BYTES: u64 = (ROW_NODES as u64 + 1) * 4;
-/// Texels across the texture of nodes, of which a row takes two.
-const NODE_TEXTURE_WIDTH: u32 = 4096;
-const NODE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
-
-const CONSTANTS: &[Constant] = &[
-    Constant::unsigned("NO_ROW", u32::MAX),
-    Constant::unsigned("ROW_NODES", ROW_NODES),
-    Constant::unsigned("NODE_TEXTURE_WIDTH", NODE_TEXTURE_WIDTH),
-    Constant::float("DEPTH_STEPS", DEPTH_STEPS as f32),
-    Constant::unsigned("FILLER", DEPTH_STEPS + 1),
-    Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
-];
-
 choices! {
     /// Whether the light march uses the pre-compressed table.
     pub enum Precompress {
@@ -100,7 +82,7 @@ settings! {
 }
 
 pub(super) static ENTRY: Entry = Entry {
-    name: "dsm",
+    name: NAME,
     summary: "tiled deep shadow maps (Hadwiger et al. 2006), error-bounded",
     keys: DeepShadowMap::KEYS,
     make: |values| Some(Box::new(DeepShadowMap::from_values(values)?)),
@@ -136,11 +118,6 @@ struct Counters {
     nodes_max: u32,
     texels_hit: u32,
     texels_cut: u32,
-}
-
-/// A variant that knows how nodes are stored.
-fn shader(entry: &'static str) -> ShaderVariant {
-    field_shader(entry).with_tile_table().modules(&["shadow/dsm/layout.wgsl"]).constants(CONSTANTS)
 }
 
 impl DeepShadowMap {
@@ -268,7 +245,7 @@ impl Method for DeepShadowMap {
         let uniform = uniform_buffer(gpu, "deep shadow map", &own);
         let left_out = tiles.tiles - tiles.built;
         Ok(ShadowMap {
-            method: ENTRY.name,
+            method: NAME,
             group: tiles.group(
                 "deep shadow map",
                 &[(1, context.kernels.uniform(&uniform)), (3, Slot::words(&nodes))],

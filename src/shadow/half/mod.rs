@@ -1,11 +1,13 @@
 //! `half`: light behind anything is a fixed share of it; the method that `docs/adding-a-method.md` adds and removes,
 //! compiled under the feature of its name alone.
 
+use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
 use super::settings::settings;
-use super::{BuildContext, Entry, Key, Lookup, Marker, Method, ShadowMap, Style, Value};
+use super::settings::{Key, Value};
+use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::field_shader;
+use crate::field::{BuildContext, field_shader};
 use crate::gpu::{Group, uniform_buffer};
 
 settings! {

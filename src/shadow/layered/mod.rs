@@ -20,12 +20,11 @@ mod split;
 pub(super) use record::Record;
 pub(super) use split::{SPLIT_BINS, Split, SplitTable};
 
-use super::{
-    BuildContext, BuildReport, Filter, Key, Lookup, Method, OPAQUE_DEPTH, PassLeftOut, STEEPEST_SURFACE,
-    ShadowMap, TileMarch, longest_depth,
-};
+use super::method::{BuildReport, Lookup, Method, PassLeftOut, ShadowMap};
+use super::settings::{Filter, Key};
+use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE, longest_depth};
 use crate::error::Result;
-use crate::field::{LightSpace, Omittable, TILE_TEXELS, field_shader};
+use crate::field::{BuildContext, LightSpace, Omittable, TILE_TEXELS, TileMarch, field_shader};
 use crate::gpu::{
     Constant, Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, table_texture,
     uniform_buffer,

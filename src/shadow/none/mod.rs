@@ -1,7 +1,10 @@
 //! `none`: every point sees the light.
 
-use super::{BuildContext, BuildReport, Entry, Lookup, Marker, Method, ShadowMap, Style, Value};
+use super::method::{BuildReport, Entry, Lookup, Method, ShadowMap};
+use super::settings::Value;
+use super::style::{Marker, Style};
 use crate::error::Result;
+use crate::field::BuildContext;
 use std::time::Instant;
 
 /// `none`: every point sees the light.

@@ -15,12 +15,11 @@
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 
 use super::layered::{self, BITS_KEY, LAYERS, Recipe, Record, SPLIT_BINS, Split, SplitTable};
-use super::settings::{choices, settings};
-use super::{
-    BuildContext, Entry, FILTER_KEY, Filter, Key, Lookup, MAP_KEY, Marker, Method, PassLeftOut, ShadowMap,
-    Style, TileMarch, Value,
-};
+use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap};
+use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, choices, settings};
+use super::style::{Marker, Style};
 use crate::error::Result;
+use crate::field::{BuildContext, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 
 /// Exponent of `slicing=gamma`.

@@ -1,11 +1,12 @@
 //! `rays`: a shadow ray per lookup.
 
+use super::dsm::POSITION_TOLERANCE;
+use super::method::{Bound, Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
-use super::{
-    Bound, BuildContext, Entry, Lookup, Marker, Method, ShadowMap, Style, Value, dsm::POSITION_TOLERANCE,
-};
+use super::settings::Value;
+use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::field_shader;
+use crate::field::{BuildContext, field_shader};
 
 /// `rays`: a shadow ray per lookup, through the same cell-by-cell march that builds the maps; the yardstick of pictures.
 ///

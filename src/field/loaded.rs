@@ -1,0 +1,34 @@
+//! A volume with what the device holds of it, and the space that both count in.
+
+use super::DeviceVolume;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::volume::{Bricks, Volume};
+use glam::{DAffine3, DVec3};
+use std::sync::Arc;
+
+/// A volume with what the device holds of it.
+pub struct LoadedVolume {
+    /// The volume on the host.
+    pub volume: Arc<Volume>,
+    /// The range of values in each of its bricks.
+    pub bricks: Bricks,
+    /// Its voxels on the device.
+    pub on_device: DeviceVolume,
+}
+
+impl LoadedVolume {
+    /// Uploads a volume and makes its bricks.
+    ///
+    /// # Errors
+    /// A volume that the adapter cannot hold.
+    pub fn new(gpu: &Gpu, volume: Arc<Volume>) -> Result<Self> {
+        let on_device = DeviceVolume::upload(gpu, &volume)?;
+        Ok(Self { bricks: Bricks::build(&volume), volume, on_device })
+    }
+}
+
+/// Grid space is index space plus one, so that cell `c` interpolates the voxels `c - 1` and `c`.
+pub fn grid_from_world(volume: &Volume) -> DAffine3 {
+    DAffine3::from_translation(DVec3::ONE) * volume.index_from_world()
+}

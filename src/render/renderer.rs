@@ -1,0 +1,88 @@
+//! What draws on one device.
+
+use crate::error::Result;
+use crate::field::{DeviceTransfer, Forced, LoadedVolume, TilePace};
+use crate::gpu::{Gpu, Kernels};
+use crate::scene::Light;
+use crate::shadow::{BuildContext, Method, ShadowMap};
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use std::sync::Arc;
+
+/// Everything that draws on one device: its pipelines, and how long one submission may keep its queue.
+pub struct Renderer {
+    pub(super) kernels: Kernels,
+    tile_pace: TilePace,
+}
+
+impl Renderer {
+    /// For pictures that take as long as they take.
+    pub fn new(gpu: Gpu) -> Self {
+        Self { kernels: Kernels::new(gpu, false), tile_pace: TilePace::new(f64::INFINITY) }
+    }
+
+    /// For a window whose light moves and whose own drawing goes through the same queue: shadow maps are built in
+    /// submissions of about `submission_ms`, and what moves is read as storage (see [`Kernels::new`]).
+    pub fn live(gpu: Gpu, submission_ms: f64) -> Self {
+        Self { kernels: Kernels::new(gpu, true), tile_pace: TilePace::new(submission_ms) }
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        self.kernels.gpu()
+    }
+
+    /// The device's pipelines.
+    pub fn kernels(&self) -> &Kernels {
+        &self.kernels
+    }
+
+    /// Uploads a volume and makes its bricks.
+    ///
+    /// # Errors
+    /// A volume that the adapter cannot hold.
+    pub fn load(&self, volume: Arc<Volume>) -> Result<LoadedVolume> {
+        LoadedVolume::new(self.gpu(), volume)
+    }
+
+    /// Tables and brick classes of a transfer function on a volume.
+    ///
+    /// # Errors
+    /// A device out of memory.
+    pub fn transfer(
+        &self,
+        loaded: &LoadedVolume,
+        tf: &TransferFunction,
+        forced: Forced,
+    ) -> Result<DeviceTransfer> {
+        DeviceTransfer::new(self.gpu(), loaded, tf, forced)
+    }
+
+    /// The same tables with the colours of `tf`, whose extinction must be theirs at all values that occur.
+    ///
+    /// # Errors
+    /// A device out of memory.
+    pub fn recolor(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        tf: &TransferFunction,
+    ) -> Result<DeviceTransfer> {
+        transfer.recolored(self.gpu(), loaded, tf)
+    }
+
+    /// Builds a shadow structure.
+    ///
+    /// # Errors
+    /// A structure that the adapter cannot hold.
+    pub fn shadow(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        method: &dyn Method,
+        light: Light,
+    ) -> Result<ShadowMap> {
+        let (kernels, pace) = (&self.kernels, &self.tile_pace);
+        method.build(&BuildContext { kernels, pace, volume: &loaded.volume, transfer, light })
+    }
+}

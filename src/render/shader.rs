@@ -1,0 +1,15 @@
+//! What the shaders of this room share with the host.
+
+use crate::field::LINE_THREADS;
+use crate::gpu::Constant;
+
+/// Threads a side of a workgroup that works on pictures.
+pub const PICTURE_SIDE: u32 = 8;
+
+pub const CONSTANTS: &[Constant] =
+    &[Constant::unsigned("PICTURE_SIDE", PICTURE_SIDE), Constant::unsigned("LINE_THREADS", LINE_THREADS)];
+
+/// Workgroups for a part of a picture.
+pub fn picture_workgroups(width: u32, height: u32) -> [u32; 3] {
+    [width.div_ceil(PICTURE_SIDE), height.div_ceil(PICTURE_SIDE), 1]
+}

@@ -1,0 +1,30 @@
+//! How a deep shadow map's nodes are stored, as `shaders/shadow/dsm/layout.wgsl` reads and writes them.
+
+use crate::field::field_shader;
+use crate::gpu::{Constant, ShaderVariant};
+use crate::shadow::tolerances::OPAQUE_DEPTH;
+
+/// The method's name, by which a built structure is known to hold nodes.
+pub const NAME: &str = "dsm";
+/// Depth steps of the map's range; the step after them fills rows behind their last node.
+pub const DEPTH_STEPS: u32 = 65534;
+/// Nodes of a row, which ends with a link to the next, and its bytes.
+pub const ROW_NODES: u32 = 7;
+pub const ROW_BYTES: u64 = (ROW_NODES as u64 + 1) * 4;
+/// Texels across the texture of nodes, of which a row takes two.
+pub const NODE_TEXTURE_WIDTH: u32 = 4096;
+pub const NODE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+
+const CONSTANTS: &[Constant] = &[
+    Constant::unsigned("NO_ROW", u32::MAX),
+    Constant::unsigned("ROW_NODES", ROW_NODES),
+    Constant::unsigned("NODE_TEXTURE_WIDTH", NODE_TEXTURE_WIDTH),
+    Constant::float("DEPTH_STEPS", DEPTH_STEPS as f32),
+    Constant::unsigned("FILLER", DEPTH_STEPS + 1),
+    Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
+];
+
+/// A variant that knows how nodes are stored.
+pub fn shader(entry: &'static str) -> ShaderVariant {
+    field_shader(entry).with_tile_table().modules(&["shadow/dsm/layout.wgsl"]).constants(CONSTANTS)
+}

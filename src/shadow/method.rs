@@ -1,0 +1,195 @@
+//! What a shadow method is to everything else: its line of the registry, what it builds, and what it promises.
+
+use super::settings::{self, Key, MAP, Value};
+use super::spec::Setting;
+use super::style::Style;
+use crate::error::{Error, Result};
+use crate::field::{BuildContext, LightSpace, Omittable, marching};
+use crate::gpu::{Group, ShaderVariant, Span};
+
+/// A method as all others know it.
+pub struct Entry {
+    /// Its name on the command line and in tables.
+    pub name: &'static str,
+    /// One line for `--help` and the window.
+    pub summary: &'static str,
+    /// What can be set.
+    pub keys: &'static [Key],
+    /// Its settings from values of the keys, in their order; `None` where they do not fit.
+    pub make: fn(&[Value]) -> Option<Box<dyn Method>>,
+    /// Its rows in the default comparison, as on the command line; empty for none.
+    pub compared: &'static str,
+    /// Its curves in a default `probe --curve`; empty for none.
+    pub curve: &'static str,
+    /// How it is put to the stability cases.
+    pub stability: &'static str,
+    /// How it looks in every figure.
+    pub style: Style,
+    /// Its rows set the budgets within which others are compared: it follows an error bound.
+    pub sets_budgets: bool,
+}
+
+impl Entry {
+    /// With settings as written (each key with one value).
+    ///
+    /// # Errors
+    /// An unknown key, or a value out of range, naming it and what there is.
+    pub fn with(&self, setting: &Setting) -> Result<Box<dyn Method>> {
+        let values = settings::read(self.name, self.keys, setting)?;
+        (self.make)(&values)
+            .ok_or_else(|| Error::runtime("cannot set", self.name, "values do not fit the keys"))
+    }
+}
+
+/// What a method promises on light rays through texel centres, at every depth `z`:
+/// `T_exact(z + depth_mm) - transmittance <= T_method(z) <= T_exact(z - depth_mm) + transmittance`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bound {
+    /// Error in transmittance.
+    pub transmittance: f64,
+    /// Error in depth, mm.
+    pub depth_mm: f64,
+}
+
+/// Modules, definitions and constants that offer `umbravox::method::transmittance`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lookup(ShaderVariant);
+
+impl Lookup {
+    /// Of what [`field_shader`](crate::field::field_shader) begins; its entry does not matter.
+    pub fn new(shader: ShaderVariant) -> Self {
+        Self(shader)
+    }
+
+    /// The variant of a file with an entry point that looks light up.
+    pub fn within(&self, entry: &'static str) -> ShaderVariant {
+        ShaderVariant { entry, ..self.0.clone() }
+    }
+
+    /// A lookup marches a whole ray: pictures are then made in several dispatches.
+    pub fn marches(&self) -> bool {
+        marching(&self.0)
+    }
+}
+
+/// A pass of a published method that nothing would have read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassLeftOut {
+    /// The pass.
+    pub what: &'static str,
+    /// Why nothing would have read it.
+    pub why: &'static str,
+    /// Its name for `--force`, where it can be forced.
+    pub optional: Option<Omittable>,
+}
+
+/// The ratio that was chosen for how a whole map's layers share their depth, and what they are then like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SplitChoice {
+    /// From linear (0) to logarithmic (1).
+    pub ratio: f64,
+    /// Mean correlation of neighbouring layers; 1 where they are the same.
+    pub correlation: f64,
+}
+
+/// What building cost and made.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BuildReport {
+    /// Host milliseconds before the device's work (fitting, tiles).
+    pub host_ms: f64,
+    /// The device's own time.
+    pub device: Option<Span>,
+    /// Bytes of the structure that lookups read.
+    pub bytes: u64,
+    /// Nodes stored.
+    pub nodes_total: Option<u64>,
+    /// The most nodes in one texel.
+    pub nodes_max: Option<u64>,
+    /// Texels whose ray meets extinction.
+    pub texels_hit: Option<u64>,
+    /// Tiles of the map.
+    pub tiles: u32,
+    /// Tiles left out since no active brick lies under them.
+    pub tiles_left_out: u32,
+    /// What these would have taken.
+    pub bytes_left_out: u64,
+    /// Times the build was repeated because the pool had run out.
+    pub pool_growths: u32,
+    /// Passes that nothing would have read.
+    pub passes_left_out: &'static [PassLeftOut],
+    /// The ratio that was chosen for the split of layers, where one was.
+    pub split_choice: Option<SplitChoice>,
+}
+
+impl BuildReport {
+    /// Host plus device milliseconds, by the better clock.
+    pub fn build_ms(&self) -> f64 {
+        self.host_ms + self.device.map_or(0.0, |s| s.best().0)
+    }
+}
+
+/// A built shadow structure for one light.
+pub struct ShadowMap {
+    /// Name of the method.
+    pub method: &'static str,
+    /// Group 1 of what looks it up.
+    pub(crate) group: Group,
+    /// How it is looked up; `None`: everything is lit.
+    pub lookup: Option<Lookup>,
+    /// Its projection.
+    pub light_space: LightSpace,
+    /// What it cost.
+    pub report: BuildReport,
+    /// What it promises, where it promises anything.
+    pub bound: Option<Bound>,
+}
+
+/// A shadow method with its settings.
+pub trait Method: std::fmt::Debug + Send + Sync {
+    /// Its line of the registry.
+    fn entry(&self) -> &'static Entry;
+    /// Its settings: values of the entry's keys, in their order.
+    fn values(&self) -> Vec<Value>;
+    /// How what [`Self::build`] makes is looked up; `None`: everything is lit.
+    fn lookup(&self) -> Option<Lookup>;
+    /// The passes that [`Self::build`] may run, for tests of shaders.
+    fn passes(&self) -> Vec<ShaderVariant> {
+        Vec::new()
+    }
+    /// Sub-texel rays whose mean a texel stands for.
+    fn taps(&self) -> u32 {
+        1
+    }
+    /// Makes what lookups read.
+    ///
+    /// # Errors
+    /// A structure that the adapter cannot hold.
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap>;
+
+    /// Name on the command line and in tables.
+    fn name(&self) -> &'static str {
+        self.entry().name
+    }
+
+    /// Its own settings as `key=value` separated by spaces, for tables: the telling ones, and what differs from the
+    /// defaults; without the side of the map, which has a column of its own.
+    fn params(&self) -> String {
+        let (keys, values) = (self.entry().keys, self.values());
+        let shown = |(key, value): &(&Key, &Value)| {
+            key.name != MAP
+                && settings::applies(keys, &values, key)
+                && (key.telling || Some(**value) != key.parse(key.default))
+        };
+        let settings = keys.iter().zip(&values).filter(shown);
+        settings.map(|(key, value)| format!("{}={value}", key.name)).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Texels a side, where it has a map.
+    fn map_size(&self) -> Option<u32> {
+        let mut settings = self.entry().keys.iter().zip(self.values());
+        settings.find_map(|(key, value)| match value {
+            Value::Whole(side) if key.name == MAP => Some(side),
+            _ => None,
+        })
+    }
+}
