@@ -1,8 +1,8 @@
 //! `bom`: bounding opacity maps.
 //!
-//! The thesis *Bounding Opacity Maps* (2011), chapter 5, an extension of Yuksel and Keyser 2008. Symbols: `z_0` and
-//! `z_1` the depths at which matter begins and ends in a texel, `K` layers from `z_0 + d_(k-1)` to `z_0 + d_k`,
-//! `z_0 + d_K = z_1`.
+//! Voicu 2011, *Real-time volumetric shadows for dynamic rendering* (the thesis on bounding opacity maps), chapter
+//! 5, an extension of Yuksel and Keyser 2008. Symbols: `z_0` and `z_1` the depths at which matter begins and ends
+//! in a texel, `K` layers from `z_0 + d_(k-1)` to `z_0 + d_k`, `z_0 + d_K = z_1`.
 //!
 //! Deviations from the thesis, and why:
 //! * Two marches in one pass instead of three passes: one from behind that stops at the first matter, which is
