@@ -28,9 +28,10 @@ demo: setup
 	@echo "report:   $(DEMO_DIR)/report.html, all of this in one file"
 	@echo "pictures: $(DEMO_DIR)/picture_*.png, differences from rays: $(DEMO_DIR)/difference_*.png"
 
-# What passing tests print is shown too: the lines that say what was skipped.
+# What passing tests print is shown too: the lines that say what was skipped. Last, what adding a method takes.
 test: setup
 	$(CARGO) test --locked -- --show-output
+	$(CARGO) test --locked --features half --test half
 
 lint:
 	$(CARGO) fmt --check

@@ -40,8 +40,11 @@
 //! `examples/shadow_error.rs` is a whole program. What is computed, and how each method deviates from its paper, is in
 //! the repository's `docs/`.
 
+#![warn(missing_docs)]
+
 #[cfg(feature = "gui")]
 pub mod app;
+#[expect(missing_docs, reason = "a front door, whose comments are the help of its flags")]
 pub mod cli;
 pub mod error;
 pub mod exact;

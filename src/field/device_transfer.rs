@@ -57,9 +57,11 @@ fn interval_table(tables: &TransferTables) -> Result<Box<IntervalTable>> {
 
 /// What a transfer function edit makes anew; the volume stays where it is.
 pub struct DeviceTransfer {
+    /// Which bricks have extinction.
     pub active: ActiveBricks,
-    /// Milliseconds on the host to make the tables and to classify the bricks.
+    /// Milliseconds on the host to make the tables.
     pub table_ms: f64,
+    /// Milliseconds on the host to classify the bricks.
     pub classify_ms: f64,
     /// Bytes of tables (without the pre-compressed one, see [`MarchTable`]) and of the bricks' distances.
     pub bytes: u64,
@@ -89,6 +91,7 @@ pub struct MarchTable {
     pub many_breakpoints: bool,
     /// Milliseconds on the host to make it.
     pub table_ms: f64,
+    /// Bytes of the table.
     pub bytes: u64,
 }
 

@@ -19,6 +19,7 @@ pub enum TexelFormat {
 }
 
 impl TexelFormat {
+    /// Bytes of a texel.
     pub fn bytes(self) -> u64 {
         match self {
             Self::Half => 2,
@@ -30,11 +31,15 @@ impl TexelFormat {
 /// The volume texture and what its texels mean.
 pub struct DeviceVolume {
     pub(crate) view: wgpu::TextureView,
+    /// How texels are kept.
     pub format: TexelFormat,
+    /// What texel values mean.
     pub mapping: TexelMapping,
     /// Smallest and largest texel value.
     pub texel_range: [f64; 2],
+    /// Voxels along each axis.
     pub dims: [usize; 3],
+    /// Bytes of the texture.
     pub bytes: u64,
 }
 

@@ -48,6 +48,7 @@ pub(super) struct LightUniform {
 /// A fitted projection.
 #[derive(Debug, Clone)]
 pub struct LightSpace {
+    /// How light rays map to texels.
     pub projection: Projection,
     /// Texels a side.
     pub map_size: u32,

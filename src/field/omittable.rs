@@ -66,17 +66,21 @@ impl fmt::Display for Omittable {
 pub struct Forced(u16);
 
 impl Forced {
+    /// All is left out that a scene does not need.
     pub const NOTHING: Self = Self(0);
 
+    /// One thing is forced.
     pub fn only(one: Omittable) -> Self {
         Self(1 << one as u16)
     }
 
+    /// Both are forced.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
+    /// Whether a thing is forced.
     pub fn has(self, one: Omittable) -> bool {
         self.0 & Self::only(one).0 != 0
     }

@@ -6,8 +6,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// An open device. Limits are the adapter's own; features beyond the core are optional.
 #[derive(Debug)]
 pub struct Gpu {
+    /// The device.
     pub device: wgpu::Device,
+    /// Its queue.
     pub queue: wgpu::Queue,
+    /// What the adapter says of itself.
     pub info: wgpu::AdapterInfo,
     /// Whether 32-bit float textures can be filtered by the hardware.
     pub filters_float32: bool,

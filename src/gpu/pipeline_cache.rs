@@ -12,6 +12,7 @@ const MOST_BYTES: u64 = 64 << 20;
 /// Nothing depends on it: a file that cannot be read or written, or is of another driver, means compiling.
 #[derive(Debug)]
 pub struct PipelineStore {
+    /// wgpu's cache, which pipelines are made with.
     pub cache: wgpu::PipelineCache,
     file: PathBuf,
     /// What the file held when it was read.

@@ -29,6 +29,7 @@ impl std::fmt::Display for Clock {
 pub struct Span {
     /// By timestamps, where the adapter has them.
     pub gpu_ms: Option<f64>,
+    /// By the host's clock, from before the submission until the device is idle.
     pub wall_ms: f64,
 }
 

@@ -14,6 +14,7 @@ pub const EXACT_ROUNDING: f64 = 1e-12;
 ///
 /// It must answer for every `z`: 1 before the ray meets anything, and what is left after the last of it beyond.
 pub trait Curve {
+    /// Transmittance at the depth `z`, mm.
     fn transmittance(&self, z: f64) -> f64;
 }
 

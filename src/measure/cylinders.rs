@@ -40,13 +40,17 @@ const UNIT: f64 = 1.0 / (1u64 << 32) as f64;
 /// Differences of transmittance, voxelised minus true, over the beams.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct AgainstCylinders {
+    /// Beams that were tested.
     pub beams: usize,
+    /// Rays whose mean is the transmittance of a beam.
     pub rays_per_beam: usize,
     /// Mean true transmittance.
     pub true_mean: f64,
     /// Mean difference, with its sign: above 0 the volume lets more light through.
     pub mean: f64,
+    /// Root of the mean square error in transmittance.
     pub rms: f64,
+    /// Largest error in transmittance.
     pub max: f64,
     /// Of `rms`, what the finite number of rays may explain: half the rms difference of two halves of each beam.
     pub sampling_rms: f64,

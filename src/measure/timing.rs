@@ -109,7 +109,12 @@ pub struct Turns<'a> {
 /// What [`interleave`] tells as it goes; numbers are places in its list.
 pub enum Event<'a> {
     /// A run starts that counts, or does not.
-    Starts { turns: usize, counts: bool },
+    Starts {
+        /// Turns that it has.
+        turns: usize,
+        /// Whether its times count.
+        counts: bool,
+    },
     /// Everyone who had a run in this round has had it.
     Round(&'a [(usize, StageTimes)]),
 }

@@ -28,6 +28,7 @@ pub struct ReadFlags {
     /// Which volume of a 4-D file, from 0 [default: 0]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
     pub frame: Option<usize>,
+    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
     pub strands: StrandFlags,

@@ -25,13 +25,16 @@ const AIR_BELOW_HU: f64 = -500.0;
 /// A `--tf` value that has been found and read, not yet suited to a volume.
 #[derive(Debug, Clone)]
 pub enum Found {
+    /// A built-in function.
     Preset(&'static Preset),
+    /// One from a file.
     File(TransferFunction),
 }
 
 /// A transfer function in the units of its volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResolvedTransferFunction {
+    /// The function, laid over the values of the volume.
     pub tf: TransferFunction,
     /// What was done to suit the volume, in one line, where anything was.
     pub note: Option<String>,

@@ -7,7 +7,9 @@ use std::error::Error as _;
 pub struct Refusal {
     /// The flag or argument, as help spells it.
     pub place: String,
+    /// Why, in one line.
     pub why: String,
+    /// A way out, where there is one.
     pub hint: Option<String>,
 }
 

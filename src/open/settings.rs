@@ -33,6 +33,7 @@ pub struct SceneSettings {
     /// A volume file (NIfTI, raw), strands (.hair) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
     #[arg(value_name = "VOLUME")]
     pub volume: Option<String>,
+    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
     pub read_flags: ReadFlags,
@@ -96,6 +97,7 @@ pub struct SceneSettings {
 /// The shared flags: a scene, and scene files below it.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct SceneArgs {
+    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
     #[command(flatten)]
     pub settings: SceneSettings,
     /// A TOML file with any of these flags as keys, and `volume`; flags win. `compare` takes several, each with its own
@@ -135,10 +137,13 @@ pub type Remark = (&'static str, String);
 /// A volume, the transfer function in its units and the scene: what every drawing command starts from.
 #[derive(Debug)]
 pub struct Loaded {
+    /// What casts shadows.
     pub volume: Volume,
+    /// Its transfer function.
     pub tf: TransferFunction,
     /// The preset or file that `tf` is.
     pub tf_source: String,
+    /// Camera, light and picture.
     pub scene: Scene,
     /// What was assumed.
     pub remarks: Vec<Remark>,

@@ -23,7 +23,9 @@ const MAX_PICTURE_SIDE: u32 = 16_384;
 /// Width and height of a picture, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
+    /// Pixels across.
     pub width: u32,
+    /// Pixels down.
     pub height: u32,
 }
 

@@ -22,9 +22,13 @@ struct BandUniform {
 /// A texture that a window shows: sRGB-encoded, 8 bits a channel.
 #[derive(Debug)]
 pub struct DisplayTexture {
+    /// The texture.
     pub texture: wgpu::Texture,
+    /// All of it.
     pub view: wgpu::TextureView,
+    /// Pixels across.
     pub width: u32,
+    /// Pixels down.
     pub height: u32,
 }
 
@@ -96,7 +100,9 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
 /// What drawing to the screen took.
 #[derive(Debug, Clone)]
 pub struct Drawn {
+    /// What was left out.
     pub plan: Plan,
+    /// Time of the ray casting alone.
     pub span: Span,
     /// The longest that a single band kept the queue, ms.
     pub longest_band_ms: f64,

@@ -9,6 +9,7 @@ use crate::transfer::{TransferChange, TransferFunction};
 /// What may differ from one picture to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
+    /// Another volume.
     Volume,
     /// Extinction, at values that the volume has.
     Opacity,
@@ -16,9 +17,11 @@ pub enum Change {
     UnusedValues,
     /// Colour alone.
     Color,
+    /// The light.
     Light,
     /// The shadow method or its settings.
     Method,
+    /// The camera.
     Camera,
     /// Ambient light, shading, background, step, skipping, picture size.
     Picture,
@@ -33,7 +36,9 @@ pub enum Stage {
     Tables,
     /// Colours in the tables.
     Colors,
+    /// The shadow structure.
     Shadows,
+    /// The picture.
     Frame,
 }
 
@@ -73,8 +78,11 @@ impl Change {
 /// What a picture's preparation cost, each `None` where nothing had to be done.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Work {
+    /// Tables of the transfer function, ms.
     pub table_ms: Option<f64>,
+    /// Classes of bricks, ms.
     pub classify_ms: Option<f64>,
+    /// Shadow structures, ms.
     pub build_ms: Option<f64>,
 }
 

@@ -35,6 +35,7 @@ impl Pacing for Pace {
 /// How long one submission may keep the queue, and what has been learnt of how much fits into that.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
+    /// How long a submission may take, ms.
     pub target_ms: f64,
     /// Of whole pictures, empty parts included.
     pixels_per_ms: f64,

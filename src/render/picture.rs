@@ -43,6 +43,7 @@ pub struct Picture {
     pub pixels: Array3<f32>,
     /// Time of the ray casting alone.
     pub span: Span,
+    /// What was left out.
     pub plan: Plan,
 }
 

@@ -13,7 +13,9 @@ use std::fmt;
 /// Something that a scene did not need.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Omission {
+    /// What is left out.
     pub what: String,
+    /// Why the scene does not need it.
     pub why: String,
     /// Bytes or work saved, where known.
     pub saved: Option<String>,
@@ -40,10 +42,13 @@ impl fmt::Display for Omission {
 /// The decisions for one picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
+    /// Whether light is looked up.
     pub shadows: bool,
+    /// Whether empty bricks are leapt over.
     pub skip_bricks: bool,
     /// The shading that is computed: the scene's, or a forced one that does not count.
     pub shading: Shading,
+    /// Everything that is left out.
     pub left_out: Vec<Omission>,
 }
 
@@ -85,6 +90,7 @@ fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
 }
 
 impl Plan {
+    /// Decides for one picture; the shadow structure is made.
     pub fn of(scene: &Scene, loaded: &LoadedVolume, transfer: &DeviceTransfer, shadow: &ShadowMap) -> Self {
         let forced = transfer.forced;
         let mut left_out = Vec::new();

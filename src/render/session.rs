@@ -14,7 +14,9 @@ use std::sync::Arc;
 pub struct Session {
     /// The device with its pipelines, which several sessions may share.
     pub renderer: Arc<Renderer>,
+    /// The volume, on the host and on the device.
     pub loaded: LoadedVolume,
+    /// Its transfer function on the device.
     pub transfer: DeviceTransfer,
 }
 

@@ -11,6 +11,7 @@ const MAX_COMBINATIONS: usize = 10_000;
 /// One method with any number of values a key, as written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Spec {
+    /// Name of the method.
     pub name: String,
     /// Keys in the order written, each once and with at least one value.
     pub params: Vec<(String, Vec<String>)>,
@@ -19,7 +20,9 @@ pub struct Spec {
 /// One method with one value a key: a row of a table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Setting {
+    /// Name of the method.
     pub name: String,
+    /// Keys and values, in the order written.
     pub params: Vec<(String, String)>,
 }
 

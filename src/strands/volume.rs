@@ -12,8 +12,11 @@ use std::time::Instant;
 pub struct StrandVolume {
     /// Values are extinction in 1/mm; its format is `strands`.
     pub volume: Volume,
+    /// Where its voxels lie.
     pub grid: StrandGrid,
+    /// How lengths were shared among voxels.
     pub kernel: Kernel,
+    /// What was conserved.
     pub conservation: Conservation,
     /// Wall clock of spreading the segments, without reading and without the report.
     pub voxelise_ms: f64,

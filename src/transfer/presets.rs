@@ -16,9 +16,11 @@ pub enum Scale {
 /// A built-in transfer function.
 #[derive(Debug, Clone, Copy)]
 pub struct Preset {
+    /// Its name on the command line.
     pub name: &'static str,
     /// One line for `--help` and the README.
     pub about: &'static str,
+    /// What its values are.
     pub scale: Scale,
     json: &'static str,
 }

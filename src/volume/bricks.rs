@@ -18,7 +18,9 @@ pub const BRICK_CELLS: usize = 4;
 pub struct Bricks {
     /// Bricks along each axis: `ceil((n + 1) / BRICK_CELLS)`.
     pub counts: [usize; 3],
+    /// Smallest scaled value in each.
     pub min: Vec<f64>,
+    /// Largest scaled value in each.
     pub max: Vec<f64>,
 }
 
