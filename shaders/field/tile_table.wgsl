@@ -6,8 +6,8 @@
 const TILE: u32 = #{TILE};
 const NO_TILE: u32 = #{NO_TILE};
 
-// First record of each tile, or NO_TILE where it holds no active brick; a texel a tile. The records of a tile lie side
-// by side.
+// One texel for each tile: its first record, or NO_TILE where it holds no active brick. The records of a tile lie side by
+// side.
 @group(1) @binding(2) var tile_table: texture_2d<u32>;
 
 // The record of a texel, NO_TILE where it has none.

@@ -55,7 +55,7 @@ pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
     Ok(rows.into_iter().map(|(_, row)| DVec3::from_array(row)).collect())
 }
 
-/// Lines of `N` finite numbers apart by white space, each with its line number; blank lines are passed over.
+/// Lines of `N` finite numbers separated by white space, each with its line number; blank lines are passed over.
 fn parse_rows<const N: usize>(
     text: &str,
     what: &str,

@@ -97,7 +97,7 @@ impl Serialize for Forced {
 impl FromStr for Forced {
     type Err = Error;
 
-    /// Names apart by commas, or `all`.
+    /// Names separated by commas, or `all`.
     fn from_str(text: &str) -> Result<Self, Error> {
         text.split(',').map(str::trim).try_fold(Self::NOTHING, |forced, name| {
             let all = (name == "all").then_some(Self((1 << Omittable::ALL.len()) - 1));

@@ -110,7 +110,7 @@ pub struct Turns<'a> {
 pub enum Event<'a> {
     /// A run starts that counts, or does not.
     Starts {
-        /// Turns that it has.
+        /// Whose turn it is.
         turns: usize,
         /// Whether its times count.
         counts: bool,

@@ -77,7 +77,7 @@ pub struct SceneSettings {
     /// How empty space is passed over [default: bricks]
     #[arg(long, value_enum, value_name = "HOW", help_heading = "Scene")]
     pub skip: Option<Skip>,
-    /// Do work that the scene does not need: names apart by commas, which --explain shows in square brackets, or all
+    /// Do work that the scene does not need: names separated by commas, which --explain shows in square brackets, or all
     #[arg(long, value_name = "NAMES", value_parser = values::forced, help_heading = "Scene")]
     pub force: Option<Forced>,
 

@@ -1,4 +1,4 @@
-//! The syntax of `--shadow` and `--methods`, whatever the methods are: `NAME[:key=value,...]`, methods apart by
+//! The syntax of `--shadow` and `--methods`, whatever the methods are: `NAME[:key=value,...]`, methods separated by
 //! `;`, and a value without `=` is one more for the key before it.
 
 use crate::error::{Error, Result};
@@ -83,7 +83,7 @@ pub fn parse_spec(text: &str) -> Result<Spec> {
     Ok(Spec { name: name.into(), params })
 }
 
-/// Parses methods apart by `;`; a `;` at the end is allowed.
+/// Parses methods separated by `;`; a `;` at the end is allowed.
 ///
 /// # Errors
 /// As [`parse_spec`], or no method at all.
