@@ -143,7 +143,7 @@ pub fn image_error(picture: ArrayView3<f32>, reference: ArrayView3<f32>) -> Resu
     Ok(ImageError { rmse, psnr_db: -20.0 * rmse.log10(), max_abs })
 }
 
-/// Largest channel difference of each pixel, `height x width`, for [`false_colour`](super::heat::false_colour).
+/// Largest channel difference of each pixel, `height x width`, for a picture in false colours.
 ///
 /// # Errors
 /// Pictures of different sizes, or empty ones.

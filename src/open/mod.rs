@@ -4,6 +4,7 @@ mod file;
 pub mod formats;
 pub mod presets;
 mod refusal;
+#[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
 mod strands;
 pub mod values;

@@ -1,8 +1,8 @@
 //! Stiff and extreme cases, every method on each, with the exact curve beside it.
 //!
-//! A case ([`cases`]) is a small volume, a transfer function, some lights and settings that are put over those of the
+//! A case (`cases`) is a small volume, a transfer function, some lights and settings that are put over those of the
 //! methods. For every method it is built, asked along light rays through texel centres, and drawn as a small picture;
-//! [`judge`] says what is wrong: values that are not finite, or outside `[0, 1]`, transmittance that rises with depth
+//! `judge` says what is wrong: values that are not finite, or outside `[0, 1]`, transmittance that rises with depth
 //! (between depths that float32 can tell apart), a promise that is not kept. Methods that promise nothing are judged on the first three, and their error is
 //! reported. Time and bytes are set beside those of the same method on the ordinary case.
 
