@@ -1,7 +1,8 @@
 //! Transmittance errors of a built shadow structure against the exact field: at points that the camera sees, and
 //! along light rays through texel centres.
 
-use super::band::{BandReport, Curve, MeanCurve, test_depths};
+use super::band::{BandReport, Curve, MeanCurve, Neighbourhood, test_depths};
+use super::nearby::Nearby;
 use super::rays::pick_texels;
 use super::stats::ErrorStats;
 use crate::error::Result;
@@ -127,6 +128,8 @@ impl RayTest<'_> {
         mut visit: impl FnMut(BandReport, &[f64], &[f32]),
     ) -> Result<()> {
         let band = shadow.bound;
+        let nearby = Nearby::new(field, band.unwrap_or_default());
+        let from_light_mm = band.map_or(0.0, |b| b.from_light_mm);
         let tolerance_mm = band.map_or(self.default_depth_mm, |b| b.depth_mm);
         let space = &shadow.light_space;
         for (chunk, texels) in self.texels.chunks(RAYS_AT_ONCE).enumerate() {
@@ -138,7 +141,12 @@ impl RayTest<'_> {
                         .into_iter()
                         .map(|offset| ExactRay::new(field, LightRay::new(space, light, center + offset)))
                         .collect();
-                    let range = tested_range(&curves, space.z_range, tolerance_mm);
+                    let [first, last] = tested_range(&curves, space.z_range, tolerance_mm);
+                    let promised = match light {
+                        Light::Point { .. } => LightRay::new(space, light, center).start_mm + from_light_mm,
+                        Light::Directional { .. } => first,
+                    };
+                    let range = [first.max(promised), last];
                     let mut jumps: Vec<_> = curves.iter().flat_map(ExactRay::jumps).collect();
                     jumps.sort_by(f64::total_cmp);
                     let depths = test_depths(range, &jumps, self.depths, tolerance_mm);
@@ -160,7 +168,17 @@ impl RayTest<'_> {
                 let (own, others) = rest.split_at(depths.len());
                 rest = others;
                 let ray = chunk * RAYS_AT_ONCE + i;
-                visit(BandReport::of_ray(ray, exact, depths, own, band), depths, own);
+                let [column, row] = texels[i].map(f64::from);
+                let neighbours = |known: Vec<f64>| -> Option<Neighbourhood> {
+                    let around = |offset| {
+                        let ray = LightRay::new(space, light, DVec2::new(column, row) + offset);
+                        nearby.of_ray(ray.at(ray.start_mm), ray.direction, ray.start_mm, &known)
+                    };
+                    let all: Option<Vec<_>> = tap_offsets(self.taps).into_iter().map(around).collect();
+                    Neighbourhood::mean(&all?)
+                };
+                let report = BandReport::of_ray_among(ray, exact, depths, own, band, neighbours);
+                visit(report, depths, own);
             }
         }
         Ok(())

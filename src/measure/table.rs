@@ -335,9 +335,9 @@ pub(crate) mod tests {
                 &|_: f64| 1.0,
                 &[0.0],
                 &[0.95],
-                Some(Bound { transmittance: 0.06, depth_mm: 0.1 }),
+                Some(Bound { transmittance: 0.06, depth_mm: 0.1, ..Bound::default() }),
             ),
-            Some(Bound { transmittance: 0.06, depth_mm: 0.1 }),
+            Some(Bound { transmittance: 0.06, depth_mm: 0.1, ..Bound::default() }),
         );
         rows[2].map = Some(512);
         rows[2].bytes = Some(3_355_443);

@@ -43,12 +43,22 @@ impl Entry {
 
 /// What a method promises on light rays through texel centres, at every depth `z`:
 /// `T_exact(z + depth_mm) - transmittance <= T_method(z) <= T_exact(z - depth_mm) + transmittance`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+///
+/// `T_exact` is of a ray that strays no more than `lateral_mm` from the texel's, through values that differ no more than
+/// `value` from the volume's: float32 knows neither better, and a ray that grazes a surface may miss it altogether for
+/// less (`docs/bound.md`).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Bound {
     /// Error in transmittance.
     pub transmittance: f64,
     /// Error in depth, mm.
     pub depth_mm: f64,
+    /// How far the ray may stray sideways, mm.
+    pub lateral_mm: f64,
+    /// How far values along it may stray, in the volume's values.
+    pub value: f64,
+    /// Distance from a point light up to which nothing is promised, mm: float32 does not know the texel there.
+    pub from_light_mm: f64,
 }
 
 /// Modules, definitions and constants that offer `umbravox::method::transmittance`.

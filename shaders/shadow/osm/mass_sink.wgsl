@@ -4,6 +4,8 @@
 #import umbravox::light::light
 #import umbravox::layers::own
 
+// Nobody looks inside a piece.
+const FAR: f32 = #{FAR};
 const MASS_BINS: u32 = #{SPLIT_BINS};
 // A step of the fixed point, and the most that a ray may give to a bin: 2^32 is out of reach of 2^14 rays.
 const MASS_STEPS: f32 = 32768.0;
@@ -18,7 +20,7 @@ struct Sink {
 }
 
 fn longest_depth(sink: ptr<function, Sink>) -> f32 {
-    return own.longest_depth;
+    return FAR;
 }
 
 fn store_bin(bin: u32, depth: f32) {

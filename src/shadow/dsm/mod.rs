@@ -21,14 +21,14 @@ mod layout;
 
 pub use count::{NodeMap, node_map};
 
-use layout::{DEPTH_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader};
+use layout::{DEPTH_STEPS, MOST_LATTICE_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader};
 
 use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap};
 use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, choices, settings};
 use super::style::{Marker, Style};
-use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth};
+use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, TILE_TEXELS, TileMarch};
+use crate::field::{BuildContext, LightSpace, TILE_TEXELS, TileMarch};
 use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, uniform_buffer};
 use bytemuck::{Pod, Zeroable};
 
@@ -36,10 +36,7 @@ use bytemuck::{Pod, Zeroable};
 const OVER: f64 = 1.0 / 2048.0;
 /// Rounding to 16 bits, once at a line's start and once at its end.
 const STORAGE: f64 = 1.0 / 65535.0;
-/// What float32 positions, table selection and quadrature may add.
-const ARITHMETIC: f64 = 0.001;
-/// Share of a voxel by which float32 may misplace a surface along the ray.
-pub(super) const POSITION_TOLERANCE: f64 = 0.02;
+
 choices! {
     /// Whether the light march uses the pre-compressed table.
     pub enum Precompress {
@@ -126,25 +123,39 @@ impl DeepShadowMap {
         self.precompress == Precompress::Table && self.prefilter == 1
     }
 
-    /// Distance of the regular lattice, in smallest voxel spacings; half a step where means of exact curves are taken, so
-    /// that the lattice itself stays within half a step of depth.
-    fn lattice(&self) -> f64 {
-        if self.precompress == Precompress::Table { 0.5 * self.step } else { self.step }
+    /// Distance of the regular lattice, mm; half a step where means of exact curves are taken, so that the lattice itself
+    /// stays within half a step of depth. Where voxels are far longer than they are wide it is longer: a ray has at most
+    /// [`MOST_LATTICE_STEPS`].
+    fn lattice_mm(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> f64 {
+        let share = if self.precompress == Precompress::Table { 0.5 } else { 1.0 };
+        let shortest = light_space.depth_range_mm() / f64::from(MOST_LATTICE_STEPS);
+        (share * self.step * context.volume.min_spacing_mm()).max(shortest)
     }
 
-    fn bound(&self, context: &BuildContext<'_>, depth_range_mm: f64) -> Option<Bound> {
+    /// The promise; `docs/bound.md` derives its terms.
+    fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
         if self.precompress == Precompress::Off {
             return None;
         }
         let spacing = context.volume.min_spacing_mm();
-        let (chord, lattice) =
-            if self.whole_curve() { (CHORD_TOLERANCE, 0.0) } else { (0.0, self.lattice() * spacing) };
+        let (chord, lattice_mm) = if self.whole_curve() {
+            (CHORD_TOLERANCE, 0.0)
+        } else {
+            (0.0, self.lattice_mm(context, light_space))
+        };
+        let march = march_bound(context, light_space);
+        // A point on a texel's ray weighs in its neighbours by as much as its texel coordinates are rounded.
+        let rounding = light_space.rounding(context.volume);
+        let neighbours = match self.filter {
+            Filter::Bilinear => rounding.texels,
+            Filter::Nearest => 0.0,
+        };
+        let steps_mm = 0.5 * light_space.depth_range_mm() / f64::from(DEPTH_STEPS);
         Some(Bound {
-            transmittance: self.epsilon + chord + OVER + STORAGE + ARITHMETIC,
-            depth_mm: POSITION_TOLERANCE * spacing
-                + 0.5 * depth_range_mm / f64::from(DEPTH_STEPS)
-                + lattice
-                + self.offset.abs() * spacing,
+            transmittance: march.transmittance + self.epsilon + chord + OVER + STORAGE + 2.0 * neighbours,
+            depth_mm: march.depth_mm + steps_mm + lattice_mm + self.offset.abs() * spacing,
+            from_light_mm: rounding.from_light_mm,
+            ..march
         })
     }
 
@@ -164,7 +175,7 @@ impl DeepShadowMap {
         Own {
             epsilon: self.epsilon as f32,
             longest_depth: longest_depth(),
-            step_mm: (self.lattice() * spacing) as f32,
+            step_mm: self.lattice_mm(context, &tiles.light_space) as f32,
             tile_rows: tiles.records(),
             pool_rows: 0,
             taps: self.prefilter,
@@ -265,7 +276,7 @@ impl Method for DeepShadowMap {
                 passes_left_out: &[],
                 split_choice: None,
             },
-            bound: self.bound(context, tiles.light_space.depth_range_mm()),
+            bound: self.bound(context, &tiles.light_space),
             light_space: tiles.light_space,
         })
     }

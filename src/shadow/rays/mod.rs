@@ -1,10 +1,10 @@
 //! `rays`: a shadow ray per lookup.
 
-use super::dsm::POSITION_TOLERANCE;
-use super::method::{Bound, Entry, Lookup, Method, ShadowMap};
+use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
 use super::settings::Value;
 use super::style::{Marker, Style};
+use super::tolerances::march_bound;
 use crate::error::Result;
 use crate::field::{BuildContext, field_shader};
 
@@ -26,9 +26,6 @@ pub(super) static ENTRY: Entry = Entry {
     sets_budgets: false,
 };
 
-/// Optical depth that float32 positions, two-point Gauss quadrature and sums of hundreds of pieces may be off by.
-const MARCH_TOLERANCE: f64 = 1e-3;
-
 impl Method for ShadowRays {
     fn entry(&self) -> &'static Entry {
         &ENTRY
@@ -43,8 +40,7 @@ impl Method for ShadowRays {
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let depth_mm = POSITION_TOLERANCE * context.volume.min_spacing_mm();
-        let bound = Some(Bound { transmittance: MARCH_TOLERANCE, depth_mm });
-        Ok(ShadowMap { bound, ..without_map(self, context) })
+        let map = without_map(self, context);
+        Ok(ShadowMap { bound: Some(march_bound(context, &map.light_space)), ..map })
     }
 }
