@@ -9,8 +9,9 @@
 //   fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool
 //       takes the optical depth between two depths (mm); pieces come in the order of the march, none overlap, stretches
 //       without extinction may be left out or come with depth 0; true ends the ray
-//   fn longest_depth(sink: ptr<function, Sink>) -> f32
-//       the optical depth that the next piece may span, for sinks that look inside pieces
+//   fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32
+//       the optical depth that the next piece may span, of a smooth stretch between two depths (mm): for sinks that look
+//       inside pieces
 //
 // Control flow: an inner loop walks to the next cell with extinction, the outer one takes a single piece a turn. Lanes
 // of a subgroup then wait for each other only there, and what is expensive stands in the program once. That is why
@@ -195,7 +196,8 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         let sigma = max(sigma_a, sigma_b);
         let piece_mm = (piece_end - u) * chord_mm;
         let bend = sqrt(sigma * sigma + abs(sigma_b - sigma_a) / max(piece_mm, 1e-9));
-        let parts = clamp(ceil(piece_mm * bend / longest_depth(sink)), 1.0, 64.0);
+        let longest = longest_depth(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm);
+        let parts = clamp(ceil(piece_mm * bend / longest), 1.0, 64.0);
         if parts > 1.0 {
             piece_end = u + (piece_end - u) / parts;
             end_value = cubic(c, piece_end);

@@ -141,7 +141,7 @@ impl DeviceTransfer {
     /// # Errors
     /// A function of too many pieces, or a device out of memory.
     pub fn new(gpu: &Gpu, loaded: &LoadedVolume, tf: &TransferFunction, forced: Forced) -> Result<Self> {
-        let LoadedVolume { volume, bricks, on_device } = loaded;
+        let LoadedVolume { volume, bricks, on_device, .. } = loaded;
         let start = Instant::now();
         let tables = TransferTables::build(tf, on_device.mapping, on_device.texel_range);
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
