@@ -11,9 +11,9 @@
 //   fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool
 //       takes the optical depth between two depths (mm); pieces come in the order of the march, none overlap, stretches
 //       without extinction may be left out or come with depth 0; true ends the ray
-//   fn longest_depth(sink: ptr<function, Sink>) -> f32
-//       the optical depth whose chord is straight enough for the sink where it stands; FAR where it does not look
-//       inside pieces
+//   fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32
+//       the optical depth, of a smooth stretch between two depths (mm), whose chord is straight enough for the sink
+//       where it stands; FAR where it does not look inside
 //
 // Control flow: an inner loop walks to the next cell with extinction, the outer one takes a single piece a turn. Lanes
 // of a subgroup then wait for each other only there, and what is expensive stands in the program once. That is why
@@ -32,7 +32,7 @@ const GAUSS_HIGH: f32 = 0.78867513;
 // limit on llvmpipe).
 const WALK_STEPS: u32 = 4u;
 // Newton's steps at least halve the way to a root, also where the cubic is flat: enough for every bit of a float32.
-const ROOT_STEPS: i32 = 32;
+const ROOT_STEPS: i32 = 40;
 // Value, as a share of what the stretch holds, to which a breakpoint is found.
 const ROOT_TOLERANCE: f32 = #{ROOT_TOLERANCE};
 // A chord's share below which a piece is not worth its own turn.
@@ -40,7 +40,7 @@ const LEAST_PIECE: f32 = 1e-6;
 // Length below which a piece is straight enough, in smallest voxel spacings: a stated depth of the bound.
 const SHORT_PIECE: f32 = #{SHORT_PIECE};
 // Halvings of a piece over which opacity nears 1: enough for all that float32 knows of it.
-const HALVINGS: i32 = 24;
+const HALVINGS: i32 = 40;
 
 // Parts of one cell beyond those that are counted one by one: their depths add up to no more than a ray's, and opacity
 // nears 1 a few times at most.
@@ -174,7 +174,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                     // their difference at most.
                     let depth = max(sigma_a, sigma_b) * chord_mm;
                     let stray = depth * depth + 2.0 * abs(sigma_b - sigma_a) * chord_mm;
-                    let reach = longest_depth(sink);
+                    let reach = longest_depth(sink, z, exit);
                     plain = inside.x == NO_NODE && inside.w != MORE_NODES && !uneven(sigma_a, sigma_b, chord_mm)
                         && stray <= reach * reach;
                 }
@@ -246,7 +246,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             let sigma = max(sigma_a, sigma_b);
             let rise = extinction_slope(j, sigma) * steepness / chord_mm;
             let bend = sqrt(sigma * sigma + rise);
-            let reach = longest_depth(sink);
+            let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm);
             if piece_mm * bend > reach {
                 // From here extinction is sigma_a + rise h at most, and sigma at most.
                 let near = sigma_a + sqrt(rise);

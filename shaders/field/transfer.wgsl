@@ -69,18 +69,17 @@ fn extinction_in(j: u32, value: f32) -> f32 {
 
 // Extinction's steepest change with the value inside the interval j (1/mm per value), up to the extinction `most`.
 fn extinction_slope(j: u32, most: f32) -> f32 {
-    let slope = abs(interval_table.intervals[j].z);
-    if field.inv_reference_length > 0.0 {
-        return slope * exp(most / field.inv_reference_length) * field.inv_reference_length;
-    }
-    return slope;
+    // No branch on a uniform: llvmpipe of Mesa 22.3 crashes where there are many.
+    let per_mm = field.inv_reference_length;
+    let steeper = exp(select(0.0, most / max(per_mm, 1e-30), per_mm > 0.0));
+    return abs(interval_table.intervals[j].z) * steeper * select(1.0, per_mm, per_mm > 0.0);
 }
 
 // Whether the share of light that opacity lets through changes by more than a factor of 2 between two extinctions, over
 // a stretch on which that matters: two-point Gauss errs by less than 1e-3 of a stretch where it does not.
 fn uneven(a: f32, b: f32, length_mm: f32) -> bool {
-    return field.inv_reference_length > 0.0 && abs(b - a) > LN_2 * field.inv_reference_length
-        && max(a, b) * length_mm > UNEVEN_DEPTH;
+    let per_mm = field.inv_reference_length;
+    return (per_mm > 0.0) & (abs(b - a) > LN_2 * per_mm) & (max(a, b) * length_mm > UNEVEN_DEPTH);
 }
 
 fn extinction_at(value: f32) -> f32 {

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::exact::{ExactField, OpticalDepthCurve};
 use crate::render::Session;
 use crate::scene::{Light, Scene};
-use crate::shadow::{LightSpace, ShadowMap};
+use crate::shadow::{LightSpace, ShadowMap, Taps};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -90,8 +90,8 @@ pub fn meets_extinction(field: &ExactField, light: Light, light_space: &LightSpa
 pub struct RayTest<'a> {
     /// Column and row of each.
     pub texels: &'a [[u32; 2]],
-    /// Sub-texel rays whose mean a texel stands for: 1, 5 or 9.
-    pub taps: u32,
+    /// Rays whose mean a texel stands for.
+    pub taps: Taps,
     /// Depths a ray.
     pub depths: usize,
     /// Depth tolerance that the depths are crowded by where the method promises none, mm.
@@ -251,18 +251,18 @@ fn tested_range(curves: &[ExactRay], [z_min, z_max]: [f64; 2], tolerance_mm: f64
     }
 }
 
-/// Where a pre-filtered map puts the rays of a texel, in texels from its centre: the same places as `tap_offset` of
-/// `shaders/shadow/deep_build.wgsl`.
-fn tap_offsets(taps: u32) -> Vec<DVec2> {
+/// Where the rays of a texel lie, in texels from its centre.
+fn tap_offsets(taps: Taps) -> Vec<DVec2> {
     let grid = |n: u32, spacing: f64| {
         let half = 0.5 * f64::from(n - 1);
         let at = move |i: u32| DVec2::new(f64::from(i % n) - half, f64::from(i / n) - half) * spacing;
         (0..n * n).map(at).collect::<Vec<_>>()
     };
     match taps {
-        9 => grid(3, 1.0 / 3.0),
-        5 => [vec![DVec2::ZERO], grid(2, 0.5)].concat(),
-        _ => vec![DVec2::ZERO],
+        Taps::Within(9) => grid(3, 1.0 / 3.0),
+        Taps::Within(5) => [vec![DVec2::ZERO], grid(2, 0.5)].concat(),
+        Taps::Within(_) => vec![DVec2::ZERO],
+        Taps::Texels(side) => grid(side, 1.0),
     }
 }
 
@@ -272,12 +272,18 @@ mod tests {
 
     #[test]
     fn taps_are_spread_evenly_around_the_centre() {
-        for (taps, reach) in [(1, 0.0), (5, 0.25), (9, 1.0 / 3.0)] {
+        for (taps, count, reach) in [
+            (Taps::Within(1), 1, 0.0),
+            (Taps::Within(5), 5, 0.25),
+            (Taps::Within(9), 9, 1.0 / 3.0),
+            (Taps::Texels(1), 1, 0.0),
+            (Taps::Texels(3), 9, 1.0),
+        ] {
             let offsets = tap_offsets(taps);
-            assert_eq!(offsets.len(), taps as usize);
+            assert_eq!(offsets.len(), count);
             assert!(offsets.iter().sum::<DVec2>().length() < 1e-12);
             let farthest = offsets.iter().map(|o| o.abs().max_element()).fold(0.0, f64::max);
-            assert!((farthest - reach).abs() < 1e-12, "{taps}");
+            assert!((farthest - reach).abs() < 1e-12, "{taps:?}");
         }
     }
 }

@@ -313,8 +313,12 @@ impl Attack {
         let side = map.light_space.map_size;
         let texels: Vec<[u32; 2]> = (0..side * side).map(|i| [i % side, i / side]).collect();
         let min_spacing_mm = volume.min_spacing_mm();
-        let test =
-            RayTest { texels: &texels, taps: 1, depths: DEPTHS, default_depth_mm: 0.02 * min_spacing_mm };
+        let test = RayTest {
+            texels: &texels,
+            taps: shadow::Taps::Within(1),
+            depths: DEPTHS,
+            default_depth_mm: 0.02 * min_spacing_mm,
+        };
         let report = test.run(&field, self.light, &session, &map)?;
         Ok(Outcome { report, bound: map.bound.unwrap_or_default(), min_spacing_mm })
     }

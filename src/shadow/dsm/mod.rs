@@ -23,8 +23,8 @@ pub use count::{NodeMap, node_map};
 
 use layout::{DEPTH_STEPS, MOST_LATTICE_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader};
 
-use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap};
-use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, choices, settings};
+use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
+use super::settings::{FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};
@@ -75,6 +75,8 @@ settings! {
         ),
         /// Added to a point's depth before it is looked up, in units of the smallest voxel spacing.
         offset: f64 = Key::number([-8.0, 8.0], "0", "added to a point's depth, in smallest spacings"),
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
     }
 }
 
@@ -220,13 +222,14 @@ impl Method for DeepShadowMap {
         self.to_values()
     }
 
-    fn taps(&self) -> u32 {
-        self.prefilter
+    fn taps(&self) -> Taps {
+        Taps::Within(self.prefilter)
     }
 
     fn lookup(&self) -> Option<Lookup> {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
-        Some(Lookup::new(shader("").modules(&["shadow/dsm/lookup.wgsl"]).defs(bilinear)))
+        let lookup = Lookup::new(shader("").modules(&["shadow/dsm/lookup.wgsl"]).defs(bilinear));
+        Some(lookup.asked_by(self.lookup))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
@@ -237,22 +240,29 @@ impl Method for DeepShadowMap {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.map)?;
         let mut own = self.own(context, &tiles);
-        // A quarter more rows than texels does for most scenes; the counter says what this one needs.
-        let mut pool_rows = own.tile_rows + own.tile_rows / 4;
+        // As many rows as the build before has needed, and some more since the light has moved. Before the first one a
+        // quarter more than texels does for most scenes; the counter says what this one needs.
+        let settings = format!("{self:?}");
+        let known = context.pool_sizes.last(&settings);
+        let more = |used: u32| used + used / 8 + own.tile_rows / 64;
+        let mut pool_rows = own.tile_rows + known.map_or(own.tile_rows / 4, more);
         let mut pool_growths = 0;
-        let (nodes, device, counters) = loop {
+        let mut device: Option<Span> = None;
+        let (nodes, counters) = loop {
             // Whole lines of the texture; a map without tiles keeps one.
             own.pool_rows = pool_rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
             let size = [NODE_TEXTURE_WIDTH, own.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
             let nodes = store_texture(gpu, "deep shadow map nodes", NODE_FORMAT, size)?;
-            let (device, counters) = self.fill(context, &tiles, &own, &nodes)?;
-            let needed = own.tile_rows + counters.overflow_rows;
-            if needed <= own.pool_rows {
-                break (nodes, device, counters);
+            let (took, counters) = self.fill(context, &tiles, &own, &nodes)?;
+            device = Some(device.map_or(took, |before| before.plus(took)));
+            if own.tile_rows + counters.overflow_rows <= own.pool_rows {
+                break (nodes, counters);
             }
-            pool_rows = needed + needed / 16;
+            pool_rows = own.tile_rows + more(counters.overflow_rows);
             pool_growths += 1;
         };
+        context.pool_sizes.learn(settings, counters.overflow_rows);
+        let used_rows = own.tile_rows + counters.overflow_rows;
         let uniform = uniform_buffer(gpu, "deep shadow map", &own);
         let left_out = tiles.tiles - tiles.built;
         Ok(ShadowMap {
@@ -263,9 +273,11 @@ impl Method for DeepShadowMap {
             ),
             lookup: self.lookup(),
             report: BuildReport {
-                host_ms: tiles.host_ms,
-                device: Some(device),
+                host_ms: 0.0,
+                device,
                 bytes: u64::from(own.pool_rows) * ROW_BYTES + tiles.table_bytes(),
+                bytes_used: u64::from(used_rows) * ROW_BYTES + tiles.table_bytes(),
+                guessed: known.is_none(),
                 nodes_total: Some(u64::from(counters.nodes_total)),
                 nodes_max: Some(u64::from(counters.nodes_max)),
                 texels_hit: Some(u64::from(counters.texels_hit)),
