@@ -22,6 +22,7 @@ const CONSTANTS: &[Constant] = &[
     Constant::unsigned("ROW_NODES", ROW_NODES),
     Constant::unsigned("NODE_TEXTURE_WIDTH", NODE_TEXTURE_WIDTH),
     Constant::float("DEPTH_STEPS", DEPTH_STEPS as f32),
+    Constant::unsigned("MOST_ROWS", 2 * (DEPTH_STEPS + 1) / ROW_NODES + 2),
     Constant::unsigned("MOST_LATTICE_STEPS", MOST_LATTICE_STEPS),
     Constant::unsigned("FILLER", DEPTH_STEPS + 1),
     Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
