@@ -38,8 +38,7 @@ pub(super) struct Reference<'a> {
     facts: &'a Facts,
     field: &'a ExactField<'a>,
     seen: SeenReference,
-    /// Where the model defines one.
-    exact_picture: Option<ExactPicture>,
+    exact_picture: ExactPicture,
     /// Tested texels by map size: the light space of a scene depends on nothing else.
     texels: HashMap<u32, Vec<[u32; 2]>>,
     bricks_ms: Option<f64>,
@@ -65,24 +64,17 @@ impl<'a> Reference<'a> {
         }
         progress.begin(Step::new(StepKind::ExactPicture, ""), "exact picture")?;
         let small = small_scene(job.scene);
-        let exact_picture = match field.picture(&small) {
-            Ok(pixels) => {
-                let error = field.picture_change(&small, &pixels, EXACT_PIXELS_CHECKED);
-                notes.push(format!(
-                    "image errors are of {} x {} pixels, against the exact picture, which changes by at most {error:.1e} \
-                    in a channel when it is made finer",
-                    small.width, small.height
-                ));
-                if small.width.min(small.height) < SSIM_WINDOW as u32 {
-                    notes.push(format!("image_ssim is left out: its window is {SSIM_WINDOW} pixels wide"));
-                }
-                Some(ExactPicture { scene: small, pixels, error })
-            }
-            Err(e) => {
-                notes.push(format!("image errors are left out: {}", e.why));
-                None
-            }
-        };
+        let pixels = field.picture(&small);
+        let error = field.picture_change(&small, &pixels, EXACT_PIXELS_CHECKED);
+        notes.push(format!(
+            "image errors are of {} x {} pixels, against the exact picture, which changes by at most {error:.1e} \
+            in a channel when it is made finer",
+            small.width, small.height
+        ));
+        if small.width.min(small.height) < SSIM_WINDOW as u32 {
+            notes.push(format!("image_ssim is left out: its window is {SSIM_WINDOW} pixels wide"));
+        }
+        let exact_picture = ExactPicture { scene: small, pixels, error };
         progress.check("tables")?;
         let [mut bricks, mut tables, mut march_tables] = [const { Vec::new() }; 3];
         for _ in 0..TRANSFER_REPEATS {
@@ -153,12 +145,11 @@ impl<'a> Reference<'a> {
         if !job.remark.is_empty() {
             row.add_note(&job.remark);
         }
-        if let Some(exact) = &self.exact_picture {
-            let drawn = job.session.render(&shadow, &exact.scene)?;
-            row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
-            row.image_ssim = ssim(drawn.pixels.view(), exact.pixels.view())?;
-            row.image_exact_err = Some(exact.error);
-        }
+        let exact = &self.exact_picture;
+        let drawn = job.session.render(&shadow, &exact.scene)?;
+        row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
+        row.image_ssim = ssim(drawn.pixels.view(), exact.pixels.view())?;
+        row.image_exact_err = Some(exact.error);
         progress.begin(Step::new(StepKind::Errors, &name), &format!("{name}: errors"))?;
         let mut notes = self.notes.clone();
         // A structure that was not built has no errors of its own.
