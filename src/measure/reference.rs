@@ -1,5 +1,6 @@
 //! What the methods of a scene are measured against, and a row as it is before it is timed: errors and a picture.
 
+use super::budget::{Budget, Trial};
 use super::errors::{RayTest, SeenReference, texels_to_test};
 use super::facts::Facts;
 use super::job::{Job, SLOW_FRAME_MS, name_of};
@@ -8,6 +9,7 @@ use super::progress::{Progress, Step, StepKind};
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::stats::{Spread, image_error};
 use super::table::Row;
+use super::timing::Timing;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::render::{Omission, Session};
@@ -21,6 +23,8 @@ const EXACT_PIXELS: f64 = 48.0 * 32.0;
 const EXACT_PIXELS_CHECKED: usize = 64;
 /// Depth tolerance around which depths are crowded for methods that promise nothing, in smallest spacings.
 const DEFAULT_DEPTH: f64 = 0.02;
+/// Timed runs of a trial, of which the better counts.
+const TRIAL_RUNS: usize = 2;
 /// Times that tables and brick classes are made, to tell how long that takes.
 const TRANSFER_REPEATS: usize = 3;
 
@@ -49,13 +53,34 @@ pub(super) struct Reference<'a> {
     notes: Vec<String>,
 }
 
+/// A reference that is made only where something needs it.
+pub(super) struct Shared<'a> {
+    job: &'a Job<'a>,
+    facts: &'a Facts,
+    field: &'a ExactField<'a>,
+    made: Option<Result<Reference<'a>>>,
+}
+
+impl<'a> Shared<'a> {
+    pub fn new(job: &'a Job, facts: &'a Facts, field: &'a ExactField) -> Self {
+        Self { job, facts, field, made: None }
+    }
+
+    /// The reference, made at the first call.
+    pub fn get(&mut self, progress: &mut Progress) -> Result<&mut Reference<'a>> {
+        let (job, facts, field) = (self.job, self.facts, self.field);
+        let made = self.made.get_or_insert_with(|| Reference::new(job, facts, field, progress));
+        made.as_mut().map_err(|e| e.clone())
+    }
+
+    /// Whether anything has needed it.
+    pub fn is_made(&self) -> bool {
+        self.made.is_some()
+    }
+}
+
 impl<'a> Reference<'a> {
-    pub fn new(
-        job: &'a Job,
-        facts: &'a Facts,
-        field: &'a ExactField,
-        progress: &mut Progress,
-    ) -> Result<Self> {
+    fn new(job: &'a Job, facts: &'a Facts, field: &'a ExactField, progress: &mut Progress) -> Result<Self> {
         let mut notes = Vec::new();
         progress.begin(Step::new(StepKind::Points, ""), "exact transmittance at points")?;
         let seen = SeenReference::new(field, job.scene, job.effort.points);
@@ -162,6 +187,34 @@ impl<'a> Reference<'a> {
         }
         let measured = Measured { row, slug: slug.into(), left_out, notes, frame_ms: picture.span.best().0 };
         Ok((measured, picture.pixels))
+    }
+
+    /// Tries a setting: what it needs of each kind of budget, and its errors where one may hold it. `trial` says whose
+    /// it is.
+    pub fn trial(&self, method: &dyn Method, budgets: &[Budget], mut trial: Trial) -> Result<Trial> {
+        let job = self.job;
+        let shadow = job.session.shadow(method, job.scene.light)?;
+        trial.bytes = Some(shadow.report.bytes);
+        let drawn = job.session.render(&shadow, &self.exact_picture.scene)?;
+        let largest_ms =
+            budgets.iter().filter(|b| matches!(b, Budget::Ms(_))).map(Budget::amount).reduce(f64::max);
+        if let Some(largest_ms) = largest_ms {
+            let mut times = Vec::new();
+            while times.len() < TRIAL_RUNS {
+                times.push(job.timed(method)?);
+                let timing = Timing::of(&times)?;
+                [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|s| Some(s.min));
+                // Nothing brings it within reach.
+                if timing.build_ms.min + timing.frame_ms.min > 2.0 * largest_ms {
+                    break;
+                }
+            }
+        }
+        if budgets.iter().any(|b| trial.need(*b).is_some_and(|need| need <= b.amount())) {
+            trial.point_err_rms = self.seen.errors(job.session, &shadow)?.map(|stats| stats.rms);
+            trial.image_rmse = Some(image_error(drawn.pixels.view(), self.exact_picture.pixels.view())?.rmse);
+        }
+        Ok(trial)
     }
 
     /// Fills what is measured along light rays; says where a promise is not kept.

@@ -148,6 +148,10 @@ columns! {
     bound_held [""]: Option<bool>,
     /// Whether no other row of the scene is at once faster (`fps_moving`) and closer (`point_err_rms`).
     pareto [""]: Option<bool>,
+    /// Whether a search within a budget chose the settings; empty where there was none.
+    tuned [""]: Option<bool>,
+    /// The budgets, and the errors that were to be least within them, for which the search chose the row.
+    tuned_for [""]: String,
     /// What the plan left out since the scene does not need it, why, and what that saved.
     left_out [""]: String,
     /// The adapter's driver with its version.

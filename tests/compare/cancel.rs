@@ -69,6 +69,7 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
         methods: &methods,
         effort: Effort { repeats, points: 500, rays: 50, depths: 40 },
         ablate: false,
+        budgets: &[],
         remark: "measured by a test",
     };
     let mut read = |_| {

@@ -99,14 +99,18 @@ fn shading_of_a_linear_field_is_one_factor() {
         let one = Scene { light, camera, width: 1, height: 1, ..base.clone() };
         let red = |shading| field.picture(&Scene { shading, ..one.clone() })[[0, 0, 0]];
         let (plain, lambert) = (f64::from(red(Shading::None)), f64::from(red(Shading::Lambert)));
-        assert!(plain > 0.1 && (lambert - diffuse * plain).abs() < 0.1 * plain, "{toward}: {lambert}, {plain}");
+        assert!(
+            plain > 0.1 && (lambert - diffuse * plain).abs() < 0.1 * plain,
+            "{toward}: {lambert}, {plain}"
+        );
     }
 }
 
 /// At the edge of the volume the value is clamped: outside its voxels nothing changes across that axis.
 #[test]
 fn gradients_at_edges_and_in_flat_parts() {
-    let volume = volume([8, 8, 8], DAffine3::IDENTITY, |i, j, _| if i < 4.0 { 7.0 / 3.0 } else { 2.0 * i + j });
+    let volume =
+        volume([8, 8, 8], DAffine3::IDENTITY, |i, j, _| if i < 4.0 { 7.0 / 3.0 } else { 2.0 * i + j });
     let tf = extinction(&[(0.0, 0.1)]);
     let field = ExactField::new(&volume, &tf);
     // Flat: no gradient at all, and so all the light.

@@ -65,6 +65,7 @@ pub const SHOWN: &[Shown] = &[
     wide("bound depth", "mm", |r| real(r.bound_depth_mm)),
     text("bound held", |r| flag(r.bound_held)),
     text("Pareto", |r| flag(r.pareto)),
+    text("tuned", |r| flag(r.tuned)),
     text("status", |r| if r.has_failed() { r.status.clone() } else { String::new() }),
 ];
 

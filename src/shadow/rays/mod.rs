@@ -23,7 +23,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "",
     stability: "rays",
     style: Style { color: [204, 121, 167], marker: Marker::Star },
-    sets_budgets: false,
+    tuned: "",
 };
 
 /// Optical depth that float32 positions, two-point Gauss quadrature and sums of hundreds of pieces may be off by.

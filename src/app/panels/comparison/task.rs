@@ -158,7 +158,7 @@ fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
     let mut journal = Journal::open(&folder, resume)?;
     let mut progress = Progress::watched(watcher);
     progress.check("opening the device")?;
-    let order = Order { methods: &methods, effort, ablate: false, remark: REMARK };
+    let order = Order { methods: &methods, effort, ablate: false, budgets: &[], remark: REMARK };
     let names = [scene_name(&volume, &tf)];
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), (*tf).clone(), scene.clone());
