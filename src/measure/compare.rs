@@ -5,8 +5,8 @@
 //! taken as they are, and of its timed rounds only those that are missing are run, in turn with those of the other
 //! methods that miss some.
 
-use super::budget::tune::tune;
-use super::budget::{Budget, By, tuned_for};
+use super::budget::tune::{Chosen, tune};
+use super::budget::{Budget, By, Uses, tuned_for};
 use super::comparison::{Compared, Comparison};
 use super::facts::{Facts, job_key, row_key};
 use super::job::{Effort, Job, SLOW_FRAME_MS, file_name_part, name_of};
@@ -119,19 +119,16 @@ pub fn compare_within(
     Ok(result)
 }
 
-/// What a row was chosen for.
-type Uses = Vec<(Budget, By)>;
-
 /// The methods among the chosen that are not asked for anyway, and what each method, those asked for first, was chosen for.
 fn beside(
     methods: &[Box<dyn Method>],
-    chosen: Vec<(Box<dyn Method>, Uses)>,
+    chosen: Vec<Chosen>,
     effort: &Effort,
     progress: &mut Progress,
 ) -> (Vec<Box<dyn Method>>, Vec<Uses>) {
     let mut uses = vec![Uses::new(); methods.len()];
     let mut further = Vec::new();
-    for (method, own) in chosen {
+    for Chosen { method, uses: own } in chosen {
         match methods.iter().position(|m| m.name() == method.name() && m.values() == method.values()) {
             Some(place) => uses[place] = own,
             None => {
@@ -146,7 +143,7 @@ fn beside(
 }
 
 /// Says in a row for what it was chosen, and where it turns out to need more than that.
-fn say_tuned(compared: &mut Compared, uses: &Uses) {
+fn say_tuned(compared: &mut Compared, uses: &[(Budget, By)]) {
     let row = &mut compared.row;
     (row.tuned, row.tuned_for) = (Some(!uses.is_empty()), tuned_for(uses));
     let mut over: Vec<Budget> = Vec::new();

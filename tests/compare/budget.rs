@@ -158,19 +158,19 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
     std::fs::write(folder.join("tf.json"), TF).unwrap();
-    let budgets = ["--budget=bytes=16KiB,64KiB", "--budget", "ms=400"];
+    let budgets = ["--budget=bytes=64KiB,256KiB", "--budget", "ms=400"];
     let output = command(folder, &budgets);
     let (stdout, stderr) =
         (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
     assert!(output.status.success(), "{stderr}");
     assert!(
-        stdout.contains("Closest within each budget") && stdout.contains("- bytes=16KiB, point err rms: osm"),
+        stdout.contains("Closest within each budget") && stdout.contains("- bytes=64KiB, point err rms: osm"),
         "{stdout}"
     );
     assert!(stdout.contains("- ms=400, image rmse: "), "{stdout}");
     let out = folder.join("out");
     let rows = read_csv(&out.join("compare.csv"));
-    for (budget, most) in [("bytes=16KiB", 16 << 10), ("bytes=64KiB", 64 << 10)] {
+    for (budget, most) in [("bytes=64KiB", 64 << 10), ("bytes=256KiB", 256 << 10)] {
         let chosen: Vec<_> = rows.iter().filter(|r| r["tuned_for"].contains(budget)).collect();
         assert!((1..=2).contains(&chosen.len()), "a row for each error, or one for both");
         for row in chosen {
@@ -188,7 +188,7 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
     assert!(trials.len() > 10 && settings.len() == trials.len(), "each setting once");
     // Nothing that was tried is closer within the budget than what was chosen.
     let number = |row: &HashMap<String, String>, column: &str| row[column].parse::<f64>().ok();
-    for (budget, most) in [("bytes=16KiB", 16384.0), ("bytes=64KiB", 65536.0)] {
+    for (budget, most) in [("bytes=64KiB", 65536.0), ("bytes=256KiB", 262_144.0)] {
         for by in ["point_err_rms", "image_rmse"] {
             let chosen = trials.iter().find(|t| t["tuned_for"].contains(&format!("{budget} {by}"))).unwrap();
             let within = trials.iter().filter(|t| number(t, "bytes").is_some_and(|n| n <= most));

@@ -162,9 +162,12 @@ impl By {
     }
 }
 
+/// The budgets, and the errors that were to be least within them, for which settings were chosen.
+pub type Uses = Vec<(Budget, By)>;
+
 /// What a search chose a row for, as in the column `tuned_for`.
-pub fn tuned_for(chosen: &[(Budget, By)]) -> String {
-    chosen.iter().map(|(budget, by)| format!("{budget} {}", by.column())).collect::<Vec<_>>().join("; ")
+pub fn tuned_for(uses: &[(Budget, By)]) -> String {
+    uses.iter().map(|(budget, by)| format!("{budget} {}", by.column())).collect::<Vec<_>>().join("; ")
 }
 
 /// The budgets that rows were tuned for, each once, in their order.

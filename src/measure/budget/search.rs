@@ -1,10 +1,11 @@
 //! The search itself, whatever is searched: on a grid of settings, one axis at a time and by trades between two.
 //!
-//! From the place of the defaults (or, where a budget does not hold it, the last place towards it that is held) steps
-//! are tried along each axis; one that is closer is taken, and taken again. Where none is, one axis is raised while
-//! another is lowered: what a budget that is spent still allows. Trials are kept, so that all budgets and both errors
-//! draw on one stock. What is sure to need too many bytes is not tried: along ordered axes a budget that was overrun
-//! stays so.
+//! It starts from the place of the defaults, or where a budget does not hold it, from the closest of the places nearest to
+//! it that the budget holds: those with one axis lowered, and that with all ordered axes lowered together. From there
+//! steps along each axis are tried, short and long, since errors may rise before they fall; one that is closer is taken,
+//! and taken again. Where none is, one axis is raised while another is lowered: what a budget that is spent still allows.
+//! Trials are kept, so that all budgets and both errors draw on one stock. What is sure to need too many bytes is not
+//! tried: along ordered axes a budget that was overrun stays so.
 
 use super::{Budget, By, Trial};
 use crate::error::Result;
@@ -25,30 +26,23 @@ pub struct Side {
     pub ordered: bool,
 }
 
+type Canonical<'a> = Box<dyn Fn(&[usize]) -> Place + 'a>;
+type Attempt<'a> = Box<dyn FnMut(&[usize]) -> Result<Trial> + 'a>;
+
 /// The stock of trials of one method.
 pub struct Search<'a> {
     /// The grid.
-    pub sides: Vec<Side>,
+    sides: Vec<Side>,
     /// The place that stands for all that are the same settings.
-    pub canonical: Box<dyn Fn(&[usize]) -> Place + 'a>,
+    canonical: Canonical<'a>,
     /// Tries a place.
-    #[allow(clippy::type_complexity, reason = "it is written once")]
-    pub attempt: Box<dyn FnMut(&[usize]) -> Result<Trial> + 'a>,
+    attempt: Attempt<'a>,
     /// What was tried, in order.
     pub tried: Vec<(Place, Trial)>,
     /// Places in `tried`.
     known: HashMap<Place, usize>,
     /// New trials that are left to the question at hand.
     left: usize,
-}
-
-/// The closest that a budget allows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Found {
-    /// Where; `None` where nothing that was tried is held.
-    pub place: Option<Place>,
-    /// Whether the search ended for want of trials, not because no step was closer.
-    pub cut_short: bool,
 }
 
 impl<'a> Search<'a> {
@@ -62,18 +56,16 @@ impl<'a> Search<'a> {
         Self { sides, canonical, attempt, tried: Vec::new(), known: HashMap::new(), left: 0 }
     }
 
-    /// The place with the least error that a budget holds, as far as steps from `default` and from the best that is
-    /// known lead.
+    /// Looks for the place with the least error that a budget holds, as far as steps from `default` and from the best that
+    /// is known lead; [`Self::best_known`] is what came of it. Whether it ended since no step was closer, and not for want
+    /// of trials.
     ///
     /// # Errors
     /// What `attempt` refuses.
-    pub fn closest(&mut self, budget: Budget, by: By, default: &[usize]) -> Result<Found> {
+    pub fn look(&mut self, budget: Budget, by: By, default: &[usize]) -> Result<bool> {
         self.left = MOST_TRIALS;
-        let start = self.start(budget, default)?;
-        let known = self.best_known(budget, by);
-        let Some(mut place) = known.or(start) else {
-            return Ok(Found { place: None, cut_short: self.left == 0 });
-        };
+        self.starts(budget, default)?;
+        let Some(mut place) = self.best_known(budget, by) else { return Ok(self.left > 0) };
         let moves = self.moves();
         // Around the list of steps until a whole turn has brought nothing.
         let (mut at, mut idle) = (0, 0);
@@ -86,35 +78,41 @@ impl<'a> Search<'a> {
                 _ => (at, idle) = ((at + 1) % moves.len(), idle + 1),
             }
         }
-        Ok(Found { place: self.best_known(budget, by), cut_short: idle < moves.len() })
+        Ok(idle >= moves.len())
     }
 
-    /// The default, or the last place on the way to it, all ordered axes in step, that the budget holds.
-    fn start(&mut self, budget: Budget, default: &[usize]) -> Result<Option<Place>> {
+    /// Tries the default, and where the budget does not hold it, lowers all ordered axes together, and each alone, to the
+    /// last place that it holds.
+    fn starts(&mut self, budget: Budget, default: &[usize]) -> Result<()> {
         let default = (self.canonical)(default);
         if self.is_held(budget, &default)? {
-            return Ok(Some(default));
+            return Ok(());
         }
-        let steps =
-            self.sides.iter().zip(&default).filter(|(s, _)| s.ordered).map(|(_, i)| *i).max().unwrap_or(0);
-        let on_the_way = |search: &Self, step: usize| -> Place {
-            let scale = |(side, index): (&Side, &usize)| {
-                if side.ordered { index * step / steps.max(1) } else { *index }
-            };
-            (search.canonical)(&search.sides.iter().zip(&default).map(scale).collect::<Vec<_>>())
+        let ordered: Vec<usize> = (0..self.sides.len()).filter(|a| self.sides[*a].ordered).collect();
+        self.lower(budget, &default, &ordered)?;
+        ordered.iter().try_for_each(|axis| self.lower(budget, &default, &[*axis]))
+    }
+
+    /// Lowers some axes in step until the budget holds the place, halving the way there.
+    fn lower(&mut self, budget: Budget, default: &[usize], axes: &[usize]) -> Result<()> {
+        let steps = axes.iter().map(|a| default[*a]).max().unwrap_or(0);
+        let at = |search: &Self, step: usize| {
+            let mut place = default.to_vec();
+            axes.iter().for_each(|a| place[*a] = default[*a] * step / steps.max(1));
+            (search.canonical)(&place)
         };
         // Held at `low`, overrun at `high`.
         let (mut low, mut high) = (0, steps);
-        let first = on_the_way(self, 0);
-        if !self.is_held(budget, &first)? {
-            return Ok(None);
+        let lowest = at(self, 0);
+        if !self.is_held(budget, &lowest)? {
+            return Ok(());
         }
         while high - low > 1 {
             let middle = (low + high) / 2;
-            let place = on_the_way(self, middle);
+            let place = at(self, middle);
             if self.is_held(budget, &place)? { low = middle } else { high = middle }
         }
-        Ok(Some(on_the_way(self, low)))
+        Ok(())
     }
 
     /// Steps, as changes of index; an unordered axis goes to each of its other values.
@@ -123,8 +121,7 @@ impl<'a> Search<'a> {
         let mut moves = Vec::new();
         for (axis, side) in self.sides.iter().enumerate() {
             if side.ordered {
-                moves.push(vec![(axis, Step::By(1))]);
-                moves.push(vec![(axis, Step::By(-1))]);
+                moves.extend([1, -1, 2, -2, 4, -4].map(|by| vec![(axis, Step::By(by))]));
             } else {
                 moves.extend((0..side.len).map(|to| vec![(axis, Step::To(to))]));
             }
@@ -171,8 +168,8 @@ impl<'a> Search<'a> {
         Some((trial.error(by)?, trial.need(budget)?))
     }
 
-    /// The best of the whole stock.
-    fn best_known(&self, budget: Budget, by: By) -> Option<Place> {
+    /// The place of the least error that the budget holds, of all that was tried; `None` where it holds nothing.
+    pub fn best_known(&self, budget: Budget, by: By) -> Option<Place> {
         let held = self.tried.iter().filter(|(_, t)| t.need(budget).is_some_and(|n| n <= budget.amount()));
         let scored = held.filter_map(|(place, _)| Some((self.score(budget, by, place)?, place)));
         scored

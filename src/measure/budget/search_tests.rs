@@ -11,6 +11,8 @@ struct Planted {
     layer: f64,
     /// Error that each word leaves.
     words: [f64; 3],
+    /// Error that the second and third number of layers have on top.
+    bump: f64,
 }
 
 const SIDES: [Side; 4] = [
@@ -26,7 +28,8 @@ impl Planted {
         let map = 64.0 * 2f64.powf(0.5 * place[0] as f64);
         let layers = 2f64.powi(place[1] as i32);
         let ratio = 0.1 * (place[3] as f64 - 2.0).abs();
-        let error = self.texel / map + self.layer / layers + self.words[place[2]] + 0.01 * ratio;
+        let bump = if (1..3).contains(&place[1]) { self.bump } else { 0.0 };
+        let error = self.texel / map + self.layer / layers + self.words[place[2]] + 0.01 * ratio + bump;
         Trial {
             bytes: Some((map * map * (layers + 1.0)) as u64),
             build_ms: Some(1e-5 * map * map * layers),
@@ -62,11 +65,13 @@ fn least(planted: &Planted, budget: Budget, by: By) -> Option<f64> {
 }
 
 #[test]
-fn the_closest_of_the_whole_grid_is_found_at_a_tenth_of_its_trials() {
+fn the_closest_of_the_whole_grid_is_found_in_a_part_of_its_trials() {
     let mut most = 0;
-    for (texel, layer) in [(1.0, 0.2), (8.0, 0.02), (0.1, 1.0), (3.0, 0.0)] {
+    for (texel, layer, bump) in
+        [(1.0, 0.2, 0.0), (8.0, 0.02, 0.0), (0.1, 1.0, 0.0), (3.0, 0.0, 0.0), (0.5, 0.3, 0.3)]
+    {
         for words in [[0.02, 0.0, 0.01], [0.0, 0.02, 0.001], [0.01, 0.01, 0.0]] {
-            let planted = Planted { texel, layer, words };
+            let planted = Planted { texel, layer, words, bump };
             let tries = Cell::new(0);
             let attempt = |place: &[usize]| {
                 tries.set(tries.get() + 1);
@@ -83,12 +88,11 @@ fn the_closest_of_the_whole_grid_is_found_at_a_tenth_of_its_trials() {
             ];
             for budget in budgets {
                 for by in By::ALL {
-                    let found = search.closest(budget, by, &DEFAULT).unwrap();
-                    let trial = planted.trial(found.place.as_ref().unwrap());
+                    assert!(search.look(budget, by, &DEFAULT).unwrap(), "it came to its end");
+                    let trial = planted.trial(&search.best_known(budget, by).unwrap());
                     let (got, want) = (trial.error(by).unwrap(), least(&planted, budget, by).unwrap());
                     assert!(trial.need(budget).unwrap() <= budget.amount());
                     assert!(got <= want * 1.000_001, "{budget} {by:?}: {got}, not {want}");
-                    assert!(!found.cut_short);
                 }
             }
             assert_eq!(search.tried.len(), tries.get(), "nothing is tried twice");
@@ -96,25 +100,31 @@ fn the_closest_of_the_whole_grid_is_found_at_a_tenth_of_its_trials() {
         }
     }
     // Six budgets and two errors together, of 864 places.
-    assert!(most < 260, "{most}");
+    println!("at most {most} trials");
+    assert!(most < 864 / 2, "{most}");
 }
 
 #[test]
 fn what_no_setting_can_do_is_not_found_and_costs_little() {
-    let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3] };
+    let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3], bump: 0.0 };
     let mut search = Search::new(SIDES.to_vec(), canonical, |p| Ok(planted.trial(p)));
-    let found = search.closest(Budget::Bytes(100), By::Points, &DEFAULT).unwrap();
-    assert_eq!((found.place, search.tried.len()), (None, 2));
-    assert_eq!(search.closest(Budget::Ms(1.0), By::Points, &DEFAULT).unwrap().place, None);
-    assert_eq!(search.tried.len(), 2, "known already");
+    let mut found = |budget, by| {
+        search.look(budget, by, &DEFAULT).unwrap();
+        (search.best_known(budget, by), search.tried.len())
+    };
+    // The default, and all axes lowered together; no single one can need less than that.
+    assert_eq!(found(Budget::Bytes(100), By::Points), (None, 2));
+    // Of times that is not sure; and then it is known.
+    assert_eq!(found(Budget::Ms(1.0), By::Points), (None, 5));
+    assert_eq!(found(Budget::Ms(2.0), By::Picture), (None, 5));
 }
 
 #[test]
 fn what_is_sure_to_overrun_is_not_tried() {
-    let planted = Planted { texel: 8.0, layer: 0.0, words: [0.0; 3] };
+    let planted = Planted { texel: 8.0, layer: 0.0, words: [0.0; 3], bump: 0.0 };
     let budget = Budget::Bytes(200_000);
     let mut search = Search::new(SIDES.to_vec(), canonical, |p| Ok(planted.trial(p)));
-    search.closest(budget, By::Points, &DEFAULT).unwrap();
+    search.look(budget, By::Points, &DEFAULT).unwrap();
     for (i, (place, _)) in search.tried.iter().enumerate() {
         let over = search.tried[..i].iter().filter(|(_, t)| t.bytes.unwrap() > 200_000);
         for (other, _) in over {
@@ -126,7 +136,7 @@ fn what_is_sure_to_overrun_is_not_tried() {
 
 #[test]
 fn failures_and_gaps_are_walked_around_and_an_end_is_an_end() {
-    let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3] };
+    let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3], bump: 0.0 };
     // The device holds no map of the two largest sizes; one error is no number.
     let attempt = |place: &[usize]| {
         let trial = planted.trial(place);
@@ -137,7 +147,8 @@ fn failures_and_gaps_are_walked_around_and_an_end_is_an_end() {
         })
     };
     let mut search = Search::new(SIDES.to_vec(), canonical, attempt);
-    let place = search.closest(Budget::Bytes(1 << 40), By::Points, &DEFAULT).unwrap().place.unwrap();
+    search.look(Budget::Bytes(1 << 40), By::Points, &DEFAULT).unwrap();
+    let place = search.best_known(Budget::Bytes(1 << 40), By::Points).unwrap();
     assert_eq!((place[0], place[1]), (5, 7));
     drop(search);
     let mut left = 7;
@@ -146,6 +157,6 @@ fn failures_and_gaps_are_walked_around_and_an_end_is_an_end() {
         if left == 0 { Err(crate::error::Error::cancelled("trial")) } else { Ok(planted.trial(place)) }
     };
     let mut search = Search::new(SIDES.to_vec(), canonical, attempt);
-    assert!(search.closest(Budget::Ms(50.0), By::Points, &DEFAULT).unwrap_err().is_cancelled());
+    assert!(search.look(Budget::Ms(50.0), By::Points, &DEFAULT).unwrap_err().is_cancelled());
     assert_eq!(search.tried.len(), 6);
 }

@@ -3,7 +3,7 @@
 use super::{Budget, By};
 use serde::{Deserialize, Serialize};
 
-/// What a search learnt of a setting. Its times are the better of two runs where any were asked for.
+/// What a search learnt of a setting. Its times are the slower of two runs where any were asked for.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Trial {
     /// As in the table.

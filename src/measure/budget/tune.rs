@@ -1,7 +1,7 @@
 //! The search of every method on a device.
 
-use super::search::{Found, MOST_TRIALS, Place, Search, Side};
-use super::{Budget, By, Trial, tuned_for};
+use super::search::{MOST_TRIALS, Place, Search, Side};
+use super::{Budget, By, Trial, Uses, tuned_for};
 use crate::error::{Error, Result};
 use crate::measure::facts::row_key;
 use crate::measure::job::{Job, name_of};
@@ -13,11 +13,17 @@ use crate::shadow::{Entry, Method, SearchSpace};
 /// Trials that a budget takes of a method, as far as that can be said before.
 const USUAL_TRIALS: usize = 30;
 
+/// Settings that were chosen, and what for.
+pub struct Chosen {
+    pub method: Box<dyn Method>,
+    pub uses: Uses,
+}
+
 /// What came of it.
 #[derive(Default)]
 pub struct Tuned {
     /// Settings that were chosen, each once, with what for.
-    pub chosen: Vec<(Box<dyn Method>, Vec<(Budget, By)>)>,
+    pub chosen: Vec<Chosen>,
     /// What was tried, method by method, in order.
     pub trials: Vec<Trial>,
     /// For a reader of the table.
@@ -112,24 +118,23 @@ fn one_method(
     let mut order = budgets.to_vec();
     let key = |budget: &Budget| (matches!(budget, Budget::Ms(_)), budget.amount());
     order.sort_by(|a, b| key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal));
-    let mut chosen: Vec<(Place, Vec<(Budget, By)>)> = Vec::new();
-    for budget in order {
-        for by in By::ALL {
-            let Found { place, cut_short } = search.closest(budget, by, &default)?;
-            if cut_short {
-                tuned.notes.push(format!(
-                    "{}: the search within {budget} ended after {MOST_TRIALS} trials",
-                    entry.name
-                ));
-            }
-            match place {
-                Some(place) => match chosen.iter_mut().find(|(p, _)| *p == place) {
-                    Some((_, uses)) => uses.push((budget, by)),
-                    None => chosen.push((place, vec![(budget, by)])),
-                },
-                None if by == By::Points => tuned.notes.push(nothing_held(entry, budget, &search.tried)),
-                None => {}
-            }
+    let questions: Uses = order.iter().flat_map(|budget| By::ALL.map(|by| (*budget, by))).collect();
+    for (budget, by) in &questions {
+        if !search.look(*budget, *by, &default)? {
+            let name = entry.name;
+            tuned.notes.push(format!("{name}: the search within {budget} ended after {MOST_TRIALS} trials"));
+        }
+    }
+    // Chosen last: what one question has led to may be the answer to another.
+    let mut chosen: Vec<(Place, Uses)> = Vec::new();
+    for (budget, by) in questions {
+        match search.best_known(budget, by) {
+            Some(place) => match chosen.iter_mut().find(|(p, _)| *p == place) {
+                Some((_, uses)) => uses.push((budget, by)),
+                None => chosen.push((place, vec![(budget, by)])),
+            },
+            None if by == By::Points => tuned.notes.push(nothing_held(entry, budget, &search.tried)),
+            None => {}
         }
     }
     let mut trials = std::mem::take(&mut search.tried);
@@ -138,7 +143,7 @@ fn one_method(
         for (_, trial) in trials.iter_mut().filter(|(p, _)| *p == place) {
             trial.tuned_for = tuned_for(&uses);
         }
-        tuned.chosen.extend(space.method(&place).map(|method| (method, uses)));
+        tuned.chosen.extend(space.method(&place).map(|method| Chosen { method, uses }));
     }
     tuned.trials.extend(trials.into_iter().map(|(_, trial)| trial));
     Ok(())
