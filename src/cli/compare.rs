@@ -106,7 +106,8 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let mut read = |i: usize| {
         let loaded = first.take().map_or_else(|| scenes[i].load(&Loading::default()), Ok)?;
         let Loaded { volume, tf, scene, .. } = loaded;
-        Ok(Subject { volume: Arc::new(volume), tf, scene, forced: scenes[i].forced() })
+        let strands = scenes[i].spec().strands(&Loading::default())?;
+        Ok(Subject { volume: Arc::new(volume), tf, strands, scene, forced: scenes[i].forced() })
     };
     let made = make(&order, &names, &mut read, &renderer, &mut journal, &mut progress)?;
     drop(progress);

@@ -40,5 +40,6 @@ mod rounds;
 pub mod similarity;
 pub mod stability;
 pub mod stats;
+mod strand_errors;
 pub mod table;
 pub mod timing;

@@ -8,6 +8,7 @@ use super::journal::Measured;
 use super::progress::{Progress, Step, StepKind};
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::stats::{Spread, image_error};
+use super::strand_errors::StrandReference;
 use super::table::Row;
 use super::timing::Timing;
 use crate::error::Result;
@@ -23,7 +24,7 @@ const EXACT_PIXELS: f64 = 48.0 * 32.0;
 const EXACT_PIXELS_CHECKED: usize = 64;
 /// Depth tolerance around which depths are crowded for methods that promise nothing, in smallest spacings.
 const DEFAULT_DEPTH: f64 = 0.02;
-/// Timed runs of a trial, of which the better counts.
+/// Timed runs of a trial, of which the slower counts: what is chosen by it should keep its budget once more.
 const TRIAL_RUNS: usize = 2;
 /// Times that tables and brick classes are made, to tell how long that takes.
 const TRANSFER_REPEATS: usize = 3;
@@ -43,6 +44,8 @@ pub(super) struct Reference<'a> {
     field: &'a ExactField<'a>,
     seen: SeenReference,
     exact_picture: ExactPicture,
+    /// Where the volume stands for strands.
+    strands: Option<StrandReference>,
     /// Tested texels by map size: the light space of a scene depends on nothing else.
     texels: HashMap<u32, Vec<[u32; 2]>>,
     bricks_ms: Option<f64>,
@@ -100,6 +103,17 @@ impl<'a> Reference<'a> {
             notes.push(format!("image_ssim is left out: its window is {SSIM_WINDOW} pixels wide"));
         }
         let exact_picture = ExactPicture { scene: small, pixels, error };
+        let strands = match job.strands.map(|strands| StrandReference::new(strands, job, &seen)) {
+            Some(Ok(reference)) => {
+                notes.push(reference.note());
+                Some(reference)
+            }
+            Some(Err(why)) => {
+                notes.push(format!("strand_err_rms is left out: {why}"));
+                None
+            }
+            None => None,
+        };
         progress.check("tables")?;
         let [mut bricks, mut tables, mut march_tables] = [const { Vec::new() }; 3];
         for _ in 0..TRANSFER_REPEATS {
@@ -115,6 +129,7 @@ impl<'a> Reference<'a> {
             field,
             seen,
             exact_picture,
+            strands,
             texels: HashMap::new(),
             bricks_ms: median(bricks),
             tables_ms: median(tables),
@@ -182,6 +197,9 @@ impl<'a> Reference<'a> {
             if let Some(stats) = self.seen.errors(job.session, &shadow)? {
                 row.set_point_errors(&stats);
             }
+            if let Some(strands) = &self.strands {
+                row.strand_err_rms = strands.rms(job.session, &shadow)?;
+            }
             progress.check(&format!("{name}: errors on light rays"))?;
             notes.extend(self.measure_rays(method, &shadow, &mut row)?);
         }
@@ -203,7 +221,7 @@ impl<'a> Reference<'a> {
             while times.len() < TRIAL_RUNS {
                 times.push(job.timed(method)?);
                 let timing = Timing::of(&times)?;
-                [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|s| Some(s.min));
+                [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|s| Some(s.max));
                 // Nothing brings it within reach.
                 if timing.build_ms.min + timing.frame_ms.min > 2.0 * largest_ms {
                     break;

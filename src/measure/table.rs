@@ -132,6 +132,8 @@ columns! {
     point_err_p99 [""]: Option<f64>,
     /// Mean of `T_method - T_exact` at these points, weighted alike: negative where the method is too dark.
     point_err_mean_signed [""]: Option<f64>,
+    /// The root mean square there against strands themselves (beams through cylinders), not voxels; empty without strands.
+    strand_err_rms [""]: Option<f64>,
     /// Root mean square difference from the exact picture, over all channels of linear RGBA.
     image_rmse [""]: Option<f64>,
     /// The same as peak signal-to-noise ratio for a peak of 1; infinite for identical pictures.

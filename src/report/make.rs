@@ -18,6 +18,7 @@ use crate::measure::progress::Progress;
 use crate::render::{Forced, Renderer, Session};
 use crate::scene::Scene;
 use crate::shadow::Method;
+use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use files::{write_ablations, write_pictures, write_scene_plots};
@@ -45,6 +46,8 @@ pub struct Subject {
     pub volume: Arc<Volume>,
     /// What is seen of them.
     pub tf: TransferFunction,
+    /// What the volume was made from, where that is strands.
+    pub strands: Option<Strands>,
     /// Camera, light, and size of the picture.
     pub scene: Scene,
     /// What is done although the scene does not need it.
@@ -101,7 +104,7 @@ pub fn make(
     let (mut all, mut ablations) = (Comparison::default(), order.ablate.then(Vec::new));
     let mut page = Page::of(names.len());
     for (i, name) in names.iter().enumerate() {
-        let Subject { volume, tf, scene, forced } = read(i)?;
+        let Subject { volume, tf, strands, scene, forced } = read(i)?;
         let mut rows = methods.len();
         match Session::on(renderer, Arc::clone(&volume), &tf, forced) {
             Ok(session) => {
@@ -109,6 +112,7 @@ pub fn make(
                     session: &session,
                     volume: &volume,
                     tf: &tf,
+                    strands: strands.as_ref(),
                     scene: &scene,
                     scene_name: name.clone(),
                     file_prefix: if several { format!("{}_", file_name_part(name)) } else { String::new() },

@@ -74,7 +74,7 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
     };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), tf.clone(), scene.clone());
-        Ok(Subject { volume, tf, scene, forced: Forced::NOTHING })
+        Ok(Subject { volume, tf, strands: None, scene, forced: Forced::NOTHING })
     };
     let renderer = Arc::new(Renderer::new(Gpu::open(None)?));
     let mut journal = Journal::open(folder, true)?;

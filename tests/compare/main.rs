@@ -7,6 +7,7 @@ mod cancel;
 mod cli;
 mod planted;
 mod resume;
+mod strands;
 mod table;
 
 use cli::umbravox;

@@ -116,6 +116,7 @@ pub fn compared_within(
         session: &session,
         volume,
         tf: &tf,
+        strands: None,
         scene,
         scene_name: "haze".into(),
         file_prefix: String::new(),

@@ -58,6 +58,7 @@ pub const SHOWN: &[Shown] = &[
     number("point err rms", "", |r| real(r.point_err_rms)),
     number("point err p99", "", |r| real(r.point_err_p99)),
     wide("point err mean", "", |r| real(r.point_err_mean_signed)),
+    number("strand err rms", "", |r| real(r.strand_err_rms)),
     wide("image rmse", "", |r| real(r.image_rmse)),
     number("PSNR", "dB", |r| real(r.image_psnr)),
     wide("SSIM", "", |r| real(r.image_ssim)),
