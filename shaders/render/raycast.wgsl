@@ -2,7 +2,8 @@
 //
 // A ray is walked from sample to sample; between two of them lies a stretch. Only stretches with extinction are
 // gathered. With shadows a stretch is cut into parts, parts make a run, and a run asks the lookup once for the light at
-// its end. What is expensive stands in the program once, and lanes of a subgroup wait for each other only there.
+// its end; with LOOKUP_EACH every part is a run of its own. What is expensive stands in the program once, and lanes of a
+// subgroup wait for each other only there.
 //
 // The lookup, a module that defines `umbravox::method`, offers
 //   fn transmittance(g: vec3<f32>) -> f32           from the light to a grid-space point of the domain; 1 where nothing
@@ -69,10 +70,15 @@ const LIT_DEPTH: f32 = 0.75;
 const THICKEST_PART: f32 = 1.0;
 const MAX_PARTS: f32 = 16.0;
 // A run of parts shares its lookups until it has so many parts or such optical depth.
-const RUN_PARTS: u32 = 4u;
 const FULL_RUN: f32 = 0.25;
 // Optical depth of a run whose start may be lit as its end is.
+#ifdef LOOKUP_EACH
+const RUN_PARTS: u32 = 1u;
+const FAINT_RUN: f32 = 0.0;
+#else
+const RUN_PARTS: u32 = 4u;
 const FAINT_RUN: f32 = 0.05;
+#endif
 const DARKEST: f32 = 1e-6;
 
 // ---- The ray of a pixel ----

@@ -109,7 +109,7 @@ pub fn compare_within(
         result.notes.insert(0, job.remark.clone());
     }
     mark_pareto(&mut result.compared.iter_mut().map(|c| &mut c.row).collect::<Vec<_>>());
-    let is_reference = |c: &Compared| c.row.method == ShadowRays.name();
+    let is_reference = |c: &Compared| c.row.method == ShadowRays::default().name();
     let reference = result.compared.iter().find(|c| is_reference(c)).and_then(|c| c.picture.clone());
     for compared in result.compared.iter_mut().filter(|c| !is_reference(c)) {
         if let (Some(picture), Some(reference)) = (&compared.picture, &reference) {

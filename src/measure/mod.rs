@@ -33,6 +33,7 @@ pub mod facts;
 pub mod job;
 pub mod journal;
 pub mod light_curve;
+mod nearby;
 pub mod progress;
 pub mod rays;
 mod reference;

@@ -18,6 +18,7 @@ use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use ndarray::Array3;
 use std::collections::HashMap;
+use std::time::Instant;
 
 /// Pixels of the exact picture that `image_*` compare with, and those of them by which its own error is told.
 const EXACT_PIXELS: f64 = 48.0 * 32.0;
@@ -152,7 +153,13 @@ impl<'a> Reference<'a> {
         let transfer = job.session.fresh_transfer(job.tf)?;
         let used = if needed.is_ok() { method } else { &NoShadows };
         let Session { renderer, loaded, .. } = job.session;
-        let shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+        let start = Instant::now();
+        let mut shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+        let build_first_ms = start.elapsed().as_secs_f64() * 1e3;
+        if shadow.report.guessed {
+            // The row is about what a moved light finds.
+            shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+        }
         let marched = transfer.march_table().is_some() || shadow.lookup.as_ref().is_some_and(|l| l.marches());
         if marched {
             // Timed runs use the session's own tables, which must not be made in the first of them.
@@ -174,7 +181,9 @@ impl<'a> Reference<'a> {
             );
         }
         let mut row = Row {
+            build_first_ms: Some(build_first_ms),
             bytes: Some(report.bytes),
+            bytes_used: Some(report.bytes_used),
             nodes_total: report.nodes_total,
             nodes_max: report.nodes_max,
             bricks_ms: self.bricks_ms,
@@ -211,7 +220,10 @@ impl<'a> Reference<'a> {
     /// it is.
     pub fn trial(&self, method: &dyn Method, budgets: &[Budget], mut trial: Trial) -> Result<Trial> {
         let job = self.job;
-        let shadow = job.session.shadow(method, job.scene.light)?;
+        let mut shadow = job.session.shadow(method, job.scene.light)?;
+        if shadow.report.guessed {
+            shadow = job.session.shadow(method, job.scene.light)?;
+        }
         trial.bytes = Some(shadow.report.bytes);
         let drawn = job.session.render(&shadow, &self.exact_picture.scene)?;
         let largest_ms =

@@ -84,7 +84,8 @@ columns! {
     width ["pixels"]: u32,
     /// Height of the picture.
     height ["pixels"]: u32,
-    /// Time to make the shadow structure, median of the repeats.
+    /// Time to make the shadow structure for a light that has moved, median of the repeats: host and device together,
+    /// with all repetitions and choices.
     build_ms ["ms"]: Option<f64>,
     /// The same, fastest repeat.
     build_ms_min ["ms"]: Option<f64>,
@@ -98,7 +99,10 @@ columns! {
     frame_ms_max ["ms"]: Option<f64>,
     /// Whose clock these times are from: `gpu` (timestamps of the adapter) or `wall` (the host's).
     clock [""]: Option<Clock>,
-    /// `build_ms` by the adapter's timestamps, the host's part added; empty where it has none.
+    /// Time of the row's first build of all, by the host's clock: shaders that no row before has used are compiled, and
+    /// what has to be guessed once is guessed.
+    build_first_ms ["ms"]: Option<f64>,
+    /// The device's part of `build_ms` by the adapter's timestamps; empty where it has none.
     build_gpu_ms ["ms"]: Option<f64>,
     /// From asking for the structure to having it, by the host's clock.
     build_wall_ms ["ms"]: Option<f64>,
@@ -116,8 +120,10 @@ columns! {
     fps_static ["1/s"]: Option<f64>,
     /// Pictures a second while the light moves: `1000 / (build_ms + frame_ms)`.
     fps_moving ["1/s"]: Option<f64>,
-    /// Memory of the shadow structure, in bytes.
+    /// Memory that is allocated for the shadow structure, in bytes, once the first build has shown how much it takes.
     bytes [""]: Option<u64>,
+    /// Bytes of it that a lookup can reach.
+    bytes_used [""]: Option<u64>,
     /// Nodes stored, where the method has nodes.
     nodes_total [""]: Option<u64>,
     /// Nodes of the fullest texel.
@@ -341,9 +347,9 @@ pub(crate) mod tests {
                 &|_: f64| 1.0,
                 &[0.0],
                 &[0.95],
-                Some(Bound { transmittance: 0.06, depth_mm: 0.1 }),
+                Some(Bound { transmittance: 0.06, depth_mm: 0.1, ..Bound::default() }),
             ),
-            Some(Bound { transmittance: 0.06, depth_mm: 0.1 }),
+            Some(Bound { transmittance: 0.06, depth_mm: 0.1, ..Bound::default() }),
         );
         rows[2].map = Some(512);
         rows[2].bytes = Some(3_355_443);

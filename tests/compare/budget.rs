@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::process::Command;
 use std::sync::Arc;
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use umbravox::error::Result;
 use umbravox::measure::budget::Budget;
 use umbravox::measure::journal::JOURNAL;
@@ -59,11 +59,8 @@ impl Method for Levels {
         let loaded = LoadedVolume::new(context.gpu(), Arc::new(context.volume.clone()))?;
         let dark = haze(EXTINCTION * f64::from(8 - self.level));
         let transfer = DeviceTransfer::new(context.gpu(), &loaded, &dark, Forced::NOTHING)?;
-        let start = Instant::now();
         sleep(Duration::from_secs_f64(1e-3 * LEVEL_MS * f64::from(self.level)));
-        let host_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut shadow = self.inner.build(&BuildContext { transfer: &transfer, ..*context })?;
-        shadow.report.host_ms += host_ms;
         shadow.report.bytes = LEVEL_BYTES * u64::from(self.level + 1);
         Ok(shadow)
     }

@@ -53,7 +53,8 @@ impl Page {
         let prefix = if self.several { format!("{}: ", job.scene_name) } else { String::new() };
         self.facts.extend(scene_facts(job).into_iter().map(|(name, value)| (prefix.clone() + name, value)));
         self.scenes.push(job.scene_name.clone());
-        let has_rays = compared.iter().any(|c| c.row.method == ShadowRays.name() && c.picture.is_some());
+        let has_rays =
+            compared.iter().any(|c| c.row.method == ShadowRays::default().name() && c.picture.is_some());
         let reference = match has_rays {
             true => None,
             false => reference(job)
@@ -113,7 +114,7 @@ fn error_png(difference: &Array2<f32>) -> Result<Vec<u8>> {
 
 /// The picture by a shadow ray per sample.
 fn reference(job: &Job) -> Result<Array3<f32>> {
-    let shadow = job.session.shadow(&ShadowRays, job.scene.light)?;
+    let shadow = job.session.shadow(&ShadowRays::default(), job.scene.light)?;
     Ok(job.session.render(&shadow, job.scene)?.pixels)
 }
 
