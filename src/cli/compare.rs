@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::gpu::Gpu;
+use crate::measure::budget::Budget;
 use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, spoken};
@@ -35,6 +36,10 @@ pub struct CompareArgs {
     /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value_t = COMPARED.clone())]
     pub methods: String,
+    /// Search the settings of each method of --methods for its least errors within so many bytes, or so many milliseconds
+    /// of build and frame, and add them as rows: bytes=2MiB,8MiB or ms=50; may be given several times
+    #[arg(long, value_name = "BUDGET")]
+    pub budget: Vec<String>,
     /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on
     #[arg(long)]
     pub ablate: bool,
@@ -62,6 +67,10 @@ pub struct CompareArgs {
 /// Bad input, a failure of the device or disk, or (after everything is written) a row that failed.
 pub fn run(args: CompareArgs) -> Result<()> {
     let methods = parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
+    let mut budgets = Vec::new();
+    for text in &args.budget {
+        budgets.extend(Budget::parse_list(text).map_err(|e| e.at("--budget"))?);
+    }
     check_output_dir(&args.output)?;
     let effort = Effort {
         repeats: args.repeats as usize,
@@ -92,12 +101,13 @@ pub fn run(args: CompareArgs) -> Result<()> {
         let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
         bar.set_message(format!("{left}{}", status.what));
     });
-    let order = Order { methods: &methods, effort, ablate: args.ablate, remark: "" };
+    let order = Order { methods: &methods, effort, ablate: args.ablate, budgets: &budgets, remark: "" };
     let mut first = Some(first);
     let mut read = |i: usize| {
         let loaded = first.take().map_or_else(|| scenes[i].load(&Loading::default()), Ok)?;
         let Loaded { volume, tf, scene, .. } = loaded;
-        Ok(Subject { volume: Arc::new(volume), tf, scene, forced: scenes[i].forced() })
+        let strands = scenes[i].spec().strands(&Loading::default())?;
+        Ok(Subject { volume: Arc::new(volume), tf, strands, scene, forced: scenes[i].forced() })
     };
     let made = make(&order, &names, &mut read, &renderer, &mut journal, &mut progress)?;
     drop(progress);
@@ -134,6 +144,7 @@ fn publish(made: Made, scenes: &[SceneSettings], folder: &Path) -> Result<()> {
     let rows = all.rows();
     let files = made.write(folder)?;
     files.ablations.iter().for_each(|path| say("ablation", &path.display()));
+    files.budgets.iter().for_each(|path| say("budgets", &path.display()));
     if scenes.iter().any(|s| s.json) {
         print_result(&json(&rows)?)?;
     } else {

@@ -44,6 +44,21 @@ impl SeenReference {
         self.points_mm.len()
     }
 
+    /// Where they are, world mm.
+    pub fn points_mm(&self) -> &[DVec3] {
+        &self.points_mm
+    }
+
+    /// What each stands for.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// The exact transmittance from the light to each.
+    pub fn exact(&self) -> &[f64] {
+        &self.exact
+    }
+
     /// Whether the camera sees nothing.
     pub fn is_empty(&self) -> bool {
         self.points_mm.is_empty()

@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::render::Session;
 use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows};
+use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::ops::RangeInclusive;
@@ -51,6 +52,8 @@ pub struct Job<'a> {
     pub volume: &'a Volume,
     /// The same transfer function.
     pub tf: &'a TransferFunction,
+    /// What the volume was made from, where that is strands.
+    pub strands: Option<&'a Strands>,
     /// Camera, light, and size of the picture.
     pub scene: &'a Scene,
     /// The column `scene`.

@@ -1,9 +1,10 @@
 //! `compare.rows.jsonl`: what has been measured, a line each, on disk as soon as it is measured, so that an interrupted
 //! table can be continued.
 //!
-//! A line is a row with its errors, written after its picture is on disk, or one timed round of a row. Lines are only
-//! ever added, each whole and in one write; what an interruption has left of a last line is dropped.
+//! A line is a row with its errors, written after its picture is on disk, one timed round of a row, or a trial of a
+//! search within a budget. Lines are only ever added, each whole and in one write; what an interruption has left of a last line is dropped.
 
+use super::budget::Trial;
 use super::table::Row;
 use super::timing::StageTimes;
 use crate::error::{Error, Result};
@@ -65,6 +66,10 @@ enum Line {
         run: u32,
         times: StageTimes,
     },
+    Trial {
+        key: String,
+        trial: Trial,
+    },
 }
 
 /// Rows kept by their keys, and the file that new ones go to.
@@ -76,6 +81,7 @@ pub struct Journal {
     /// Each with its picture's fingerprint.
     rows: HashMap<String, (Measured, String)>,
     rounds: HashMap<String, Vec<(u32, StageTimes)>>,
+    trials: HashMap<String, Trial>,
 }
 
 impl Journal {
@@ -146,6 +152,9 @@ impl Journal {
                 self.run = self.run.max(run + 1);
                 self.rounds.entry(key).or_default().push((run, times));
             }
+            Line::Trial { key, trial } => {
+                self.trials.insert(key, trial);
+            }
         }
         Ok(())
     }
@@ -182,6 +191,19 @@ impl Journal {
         let run = self.run;
         let line = |(key, times): (&str, _)| Line::Round { key: key.into(), run, times };
         self.write(&times.into_iter().map(line).collect::<Vec<_>>())
+    }
+
+    /// The trial of that key, if an earlier run made it.
+    pub fn trial(&self, key: &str) -> Option<Trial> {
+        self.trials.get(key).cloned()
+    }
+
+    /// Adds a trial.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn keep_trial(&mut self, key: &str, trial: &Trial) -> Result<()> {
+        self.write(&[Line::Trial { key: key.into(), trial: trial.clone() }])
     }
 
     /// The number of this run of the program.
@@ -265,6 +287,16 @@ mod tests {
         drop(journal);
         let rounds = Journal::open(dir.path(), true).unwrap().take("k1").unwrap().rounds;
         assert_eq!(rounds, [(1, times(0.7)), (2, times(0.9))]);
+    }
+
+    #[test]
+    fn trials_come_back_as_they_were() {
+        let dir = tempfile::tempdir().unwrap();
+        let trial =
+            Trial { method: "dsm".into(), bytes: Some(7), frame_ms: Some(0.1 + 0.2), ..Trial::default() };
+        Journal::open(dir.path(), false).unwrap().keep_trial("t1", &trial).unwrap();
+        let journal = Journal::open(dir.path(), true).unwrap();
+        assert_eq!((journal.trial("t1"), journal.trial("t2"), journal.len()), (Some(trial), None, 0));
     }
 
     #[test]

@@ -138,6 +138,8 @@ columns! {
     point_err_p99 [""]: Option<f64>,
     /// Mean of `T_method - T_exact` at these points, weighted alike: negative where the method is too dark.
     point_err_mean_signed [""]: Option<f64>,
+    /// The root mean square there against strands themselves (beams through cylinders), not voxels; empty without strands.
+    strand_err_rms [""]: Option<f64>,
     /// Root mean square difference from the exact picture, over all channels of linear RGBA.
     image_rmse [""]: Option<f64>,
     /// The same as peak signal-to-noise ratio for a peak of 1; infinite for identical pictures.
@@ -154,6 +156,10 @@ columns! {
     bound_held [""]: Option<bool>,
     /// Whether no other row of the scene is at once faster (`fps_moving`) and closer (`point_err_rms`).
     pareto [""]: Option<bool>,
+    /// Whether a search within a budget chose the settings; empty where there was none.
+    tuned [""]: Option<bool>,
+    /// The budgets, and the errors that were to be least within them, for which the search chose the row.
+    tuned_for [""]: String,
     /// What the plan left out since the scene does not need it, why, and what that saved.
     left_out [""]: String,
     /// The adapter's driver with its version.

@@ -4,10 +4,12 @@
 mod files;
 mod page;
 
+use super::budgets::write_budgets;
 use super::tables::write_tables;
 use crate::error::Result;
 use crate::measure::ablate::{self, Ablation};
-use crate::measure::compare::{compare, steps};
+use crate::measure::budget::Budget;
+use crate::measure::compare::{compare_within, steps};
 use crate::measure::comparison::Comparison;
 use crate::measure::facts::Facts;
 use crate::measure::job::{Effort, Job, file_name_part};
@@ -16,6 +18,7 @@ use crate::measure::progress::Progress;
 use crate::render::{Forced, Renderer, Session};
 use crate::scene::Scene;
 use crate::shadow::Method;
+use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use files::{write_ablations, write_pictures, write_scene_plots};
@@ -31,6 +34,8 @@ pub struct Order<'a> {
     pub effort: Effort,
     /// Measure as well what each omission of the plan is worth.
     pub ablate: bool,
+    /// What the settings of each method are searched within, for further rows.
+    pub budgets: &'a [Budget],
     /// What a reader should know of how rows are timed; may be empty.
     pub remark: &'a str,
 }
@@ -41,6 +46,8 @@ pub struct Subject {
     pub volume: Arc<Volume>,
     /// What is seen of them.
     pub tf: TransferFunction,
+    /// What the volume was made from, where that is strands.
+    pub strands: Option<Strands>,
     /// Camera, light, and size of the picture.
     pub scene: Scene,
     /// What is done although the scene does not need it.
@@ -69,6 +76,8 @@ pub struct Files {
     pub report: PathBuf,
     /// Empty unless they were asked for.
     pub ablations: Vec<PathBuf>,
+    /// What was tried within budgets, and which method is closest within each; empty unless there are any.
+    pub budgets: Vec<PathBuf>,
 }
 
 /// Measures every method on every scene, `names` being theirs, each read when its turn comes. A scene among several that
@@ -85,7 +94,7 @@ pub fn make(
     journal: &mut Journal,
     progress: &mut Progress,
 ) -> Result<Made> {
-    let Order { methods, effort, .. } = *order;
+    let Order { methods, effort, budgets, .. } = *order;
     let several = names.len() > 1;
     for (step, times) in names.iter().flat_map(|_| steps(methods, &effort)) {
         progress.expect(step, times);
@@ -95,24 +104,28 @@ pub fn make(
     let (mut all, mut ablations) = (Comparison::default(), order.ablate.then(Vec::new));
     let mut page = Page::of(names.len());
     for (i, name) in names.iter().enumerate() {
-        let Subject { volume, tf, scene, forced } = read(i)?;
+        let Subject { volume, tf, strands, scene, forced } = read(i)?;
+        let mut rows = methods.len();
         match Session::on(renderer, Arc::clone(&volume), &tf, forced) {
             Ok(session) => {
                 let job = Job {
                     session: &session,
                     volume: &volume,
                     tf: &tf,
+                    strands: strands.as_ref(),
                     scene: &scene,
                     scene_name: name.clone(),
                     file_prefix: if several { format!("{}_", file_name_part(name)) } else { String::new() },
                     remark: order.remark.to_owned(),
                     effort,
                 };
-                let mut compared = compare(&job, methods, journal, progress)?;
+                let mut compared = compare_within(&job, methods, budgets, journal, progress)?;
                 if several {
                     compared.name_scene(name);
                 }
-                page.add(&job, methods, &compared.compared, progress)?;
+                rows = compared.compared.len();
+                let measured: Vec<_> = methods.iter().chain(&compared.tuned).map(Box::as_ref).collect();
+                page.add(&job, &measured, &compared.compared, progress)?;
                 all.append(compared);
                 if let Some(ablations) = &mut ablations {
                     ablations.append(&mut ablate::ablate(&job, methods, progress)?);
@@ -127,7 +140,7 @@ pub fn make(
                 all.append(failed);
             }
         }
-        progress.next_scene(methods.len());
+        progress.next_scene(rows);
     }
     Ok(Made { comparison: all, ablations, names: names.to_vec(), page })
 }
@@ -144,6 +157,7 @@ impl Made {
             plots: write_scene_plots(&rows, &self.names, folder)?,
             pictures: write_pictures(&self.comparison.compared, folder)?,
             report: self.page.write(&self.comparison, folder)?,
+            budgets: write_budgets(&rows, &self.comparison.trials, folder)?,
             ablations: self
                 .ablations
                 .map_or_else(|| Ok(Vec::new()), |rows| write_ablations(&rows, folder))?,

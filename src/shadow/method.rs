@@ -25,8 +25,9 @@ pub struct Entry {
     pub stability: &'static str,
     /// How it looks in every figure.
     pub style: Style,
-    /// Its rows set the budgets within which others are compared: it follows an error bound.
-    pub sets_budgets: bool,
+    /// What a search within a budget may set, as on the command line: the values that are tried of each key, the default
+    /// among them, numbers in the order in which they cost no less memory. Empty where there is nothing to tune.
+    pub tuned: &'static str,
 }
 
 impl Entry {

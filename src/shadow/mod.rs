@@ -26,6 +26,7 @@ mod none;
 mod osm;
 mod rays;
 pub mod registry;
+mod search_space;
 pub mod settings;
 pub mod spec;
 mod style;
@@ -40,6 +41,7 @@ pub use none::NoShadows;
 pub use osm::{OpacityShadowMap, Slicing};
 pub use rays::ShadowRays;
 pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_list};
+pub use search_space::{Axis, SearchSpace};
 pub use settings::{Filter, Key, Kind, Lookups, Value, When};
 pub use style::{Marker, Style};
 

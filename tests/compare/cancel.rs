@@ -69,11 +69,12 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
         methods: &methods,
         effort: Effort { repeats, points: 500, rays: 50, depths: 40 },
         ablate: false,
+        budgets: &[],
         remark: "measured by a test",
     };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), tf.clone(), scene.clone());
-        Ok(Subject { volume, tf, scene, forced: Forced::NOTHING })
+        Ok(Subject { volume, tf, strands: None, scene, forced: Forced::NOTHING })
     };
     let renderer = Arc::new(Renderer::new(Gpu::open(None)?));
     let mut journal = Journal::open(folder, true)?;

@@ -1,11 +1,13 @@
 //! `umbravox compare`, run as a user runs it, on tiny phantoms; and its measuring, with planted delays and errors.
 
 mod ablate;
+mod budget;
 mod cancel;
 #[path = "../cli/mod.rs"]
 mod cli;
 mod planted;
 mod resume;
+mod strands;
 mod table;
 
 use cli::umbravox;

@@ -7,7 +7,8 @@ use std::time::Duration;
 use umbravox::error::{Error, Result};
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
-use umbravox::measure::compare::compare;
+use umbravox::measure::budget::Budget;
+use umbravox::measure::compare::compare_within;
 use umbravox::measure::comparison::Comparison;
 use umbravox::measure::job::{Effort, Job};
 use umbravox::measure::journal::Journal;
@@ -84,13 +85,22 @@ impl Method for Planted {
 }
 
 /// 1/mm, everywhere.
-const EXTINCTION: f64 = 0.05;
+pub const EXTINCTION: f64 = 0.05;
 
-fn haze(extinction: f64) -> TransferFunction {
+pub fn haze(extinction: f64) -> TransferFunction {
     TransferFunction::new(Quantity::Extinction, &[(-1e5, extinction), (1e5, extinction)])
 }
 
 fn compared(volume: &Arc<Volume>, scene: &Scene, methods: &[Box<dyn Method>]) -> Option<Comparison> {
+    compared_within(volume, scene, methods, &[])
+}
+
+pub fn compared_within(
+    volume: &Arc<Volume>,
+    scene: &Scene,
+    methods: &[Box<dyn Method>],
+    budgets: &[Budget],
+) -> Option<Comparison> {
     if Gpu::open(None).is_err() {
         println!("skipped: there is no graphics adapter");
         return None;
@@ -101,16 +111,18 @@ fn compared(volume: &Arc<Volume>, scene: &Scene, methods: &[Box<dyn Method>]) ->
         session: &session,
         volume,
         tf: &tf,
+        strands: None,
         scene,
         scene_name: "haze".into(),
         file_prefix: String::new(),
         remark: String::new(),
         effort: Effort { repeats: 5, points: 4000, rays: 60, depths: 200 },
     };
-    Some(compare(&job, methods, &mut Journal::nowhere(), &mut Progress::unseen()).unwrap())
+    let mut journal = Journal::nowhere();
+    Some(compare_within(&job, methods, budgets, &mut journal, &mut Progress::unseen()).unwrap())
 }
 
-fn scene(volume: &Volume) -> Scene {
+pub fn scene(volume: &Volume) -> Scene {
     let light = Light::Directional { toward: glam::DVec3::Z };
     Scene { light, width: 32, height: 32, ..Scene::framing(volume) }
 }

@@ -43,7 +43,7 @@ impl Page {
     pub fn add(
         &mut self,
         job: &Job,
-        methods: &[Box<dyn Method>],
+        methods: &[&dyn Method],
         compared: &[Compared],
         progress: &Progress,
     ) -> Result<()> {
@@ -69,7 +69,7 @@ impl Page {
                 }
                 (own, ..) => own.clone(),
             };
-            let nodes = nodes(job, method.as_ref(), &c.row).unwrap_or_else(|e| {
+            let nodes = nodes(job, *method, &c.row).unwrap_or_else(|e| {
                 self.notes.push(format!("{}: nodes are not shown: {e}", c.slug));
                 None
             });

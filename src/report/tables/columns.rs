@@ -58,6 +58,7 @@ pub const SHOWN: &[Shown] = &[
     number("point err rms", "", |r| real(r.point_err_rms)),
     number("point err p99", "", |r| real(r.point_err_p99)),
     wide("point err mean", "", |r| real(r.point_err_mean_signed)),
+    number("strand err rms", "", |r| real(r.strand_err_rms)),
     wide("image rmse", "", |r| real(r.image_rmse)),
     number("PSNR", "dB", |r| real(r.image_psnr)),
     wide("SSIM", "", |r| real(r.image_ssim)),
@@ -65,6 +66,7 @@ pub const SHOWN: &[Shown] = &[
     wide("bound depth", "mm", |r| real(r.bound_depth_mm)),
     text("bound held", |r| flag(r.bound_held)),
     text("Pareto", |r| flag(r.pareto)),
+    text("tuned", |r| flag(r.tuned)),
     text("status", |r| if r.has_failed() { r.status.clone() } else { String::new() }),
 ];
 

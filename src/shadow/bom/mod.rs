@@ -68,7 +68,9 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "bom:layers=15",
     stability: "bom:map=64",
     style: Style { color: [213, 94, 0], marker: Marker::Diamond },
-    sets_budgets: false,
+    tuned: "bom:layers=1,2,3,5,7,10,15,24,32,split=linear,growing,log,hybrid,auto,texel,\
+        ratio=0,0.25,0.5,0.75,1,depth_bits=8,16,32,bits=8,16,32,filter=nearest,bilinear,\
+        average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl BoundingOpacityMap {

@@ -93,7 +93,9 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "dom:layers=15",
     stability: "dom:map=64",
     style: Style { color: [0, 158, 115], marker: Marker::Up },
-    sets_budgets: false,
+    tuned: "dom:layers=1,2,3,5,7,10,15,24,32,split=linear,growing,log,hybrid,auto,texel,\
+        ratio=0,0.25,0.5,0.75,1,spread=0.1,0.25,0.5,1,beyond=extend,cover,depth_bits=8,16,32,bits=8,16,32,\
+        filter=nearest,bilinear,average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl DeepOpacityMap {

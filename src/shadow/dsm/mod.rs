@@ -89,7 +89,8 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "dsm:epsilon=0.06,0.02",
     stability: "dsm:map=64",
     style: Style { color: [0, 114, 178], marker: Marker::Circle },
-    sets_budgets: true,
+    tuned: "dsm:epsilon=0.2,0.1,0.06,0.04,0.02,0.01,0.005,0.002,prefilter=1,5,filter=nearest,bilinear,\
+        map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// `Own` of `shaders/shadow/dsm/layout.wgsl`.

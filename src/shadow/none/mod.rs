@@ -19,7 +19,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "",
     stability: "none",
     style: Style { color: [0, 0, 0], marker: Marker::Cross },
-    sets_budgets: false,
+    tuned: "",
 };
 
 impl Method for NoShadows {

@@ -79,7 +79,8 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "osm:layers=16",
     stability: "osm:layers=32,map=64",
     style: Style { color: [230, 159, 0], marker: Marker::Square },
-    sets_budgets: false,
+    tuned: "osm:layers=2,4,8,16,32,64,128,slicing=uniform,density,lit,gamma,kernel=1,3,bits=8,16,32,\
+        filter=nearest,bilinear,average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// A single plane lies at the far end whatever lies before it.

@@ -29,7 +29,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "",
     stability: "rays",
     style: Style { color: [204, 121, 167], marker: Marker::Star },
-    sets_budgets: false,
+    tuned: "",
 };
 
 impl Method for ShadowRays {

@@ -76,6 +76,7 @@ impl Comparison {
         let wanted = Request {
             adapter: model.adapter.clone(),
             volume: Arc::clone(&document.volume),
+            spec: document.spec.clone(),
             tf: Arc::clone(&document.tf),
             scene: Scene { width, height, ..document.scene.clone() },
             methods,

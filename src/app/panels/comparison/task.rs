@@ -2,12 +2,14 @@
 
 use crate::app::render_thread::mailbox::Wake;
 use crate::error::{Error, Result};
+use crate::files::loading::Loading;
 use crate::files::output::prepare_output_dir;
 use crate::gpu::Gpu;
 use crate::measure::job::Effort;
 use crate::measure::journal::Journal;
 use crate::measure::progress::{Progress, Status, StepKind, Watch};
 use crate::measure::table::Row;
+use crate::open::VolumeSpec;
 use crate::render::{Forced, Renderer};
 use crate::report::make::{Files, Order, Subject, make, scene_name};
 use crate::scene::Scene;
@@ -33,6 +35,8 @@ pub struct Request {
     /// Its whole name.
     pub adapter: String,
     pub volume: Arc<Volume>,
+    /// Where the volume came from, and how it was read.
+    pub spec: VolumeSpec,
     pub tf: Arc<TransferFunction>,
     /// With the table's own picture size.
     pub scene: Scene,
@@ -152,17 +156,18 @@ impl Watch for Watcher {
 }
 
 fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
-    let Request { adapter, volume, tf, scene, methods, effort, folder, resume } = wanted;
+    let Request { adapter, volume, spec, tf, scene, methods, effort, folder, resume } = wanted;
     let renderer = Arc::new(Renderer::new(Gpu::open(Some(&adapter))?));
     prepare_output_dir(&folder)?;
     let mut journal = Journal::open(&folder, resume)?;
     let mut progress = Progress::watched(watcher);
     progress.check("opening the device")?;
-    let order = Order { methods: &methods, effort, ablate: false, remark: REMARK };
+    let order = Order { methods: &methods, effort, ablate: false, budgets: &[], remark: REMARK };
     let names = [scene_name(&volume, &tf)];
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), (*tf).clone(), scene.clone());
-        Ok(Subject { volume, tf, scene, forced: Forced::NOTHING })
+        let strands = spec.strands(&Loading::default())?;
+        Ok(Subject { volume, tf, strands, scene, forced: Forced::NOTHING })
     };
     let made = make(&order, &names, &mut read, &renderer, &mut journal, &mut progress)?;
     let (rows, notes) = (made.comparison.rows(), made.comparison.notes.clone());
