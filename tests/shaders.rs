@@ -18,9 +18,11 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     };
     let keys = entry.keys.iter().filter(|k| k.when == When::Always);
     let keys = keys.map(|k| (k.name, values(k.kind))).filter(|(_, v)| !v.is_empty());
-    let keys: Vec<String> = keys.map(|(name, values)| format!("{name}={}", values.join(","))).collect();
-    let spec = if keys.is_empty() { entry.name.into() } else { format!("{}:{}", entry.name, keys.join(",")) };
-    parse_list(&spec).unwrap()
+    let mut keys: Vec<(&str, Vec<String>)> = keys.collect();
+    let Some((first, values)) = keys.pop() else { return parse_list(entry.name).unwrap() };
+    let rest: String = keys.iter().map(|(name, values)| format!(",{name}={}", values.join(","))).collect();
+    // One value at a time: a list has a largest length.
+    values.iter().flat_map(|v| parse_list(&format!("{}:{first}={v}{rest}", entry.name)).unwrap()).collect()
 }
 
 /// Everything that scenes and settings can ask for, each under all that adapters and transfer functions add.
