@@ -102,6 +102,7 @@ fn figures(row: &Row) -> Row {
         frame_ms_max: None,
         build_gpu_ms: None,
         build_wall_ms: None,
+        build_first_ms: None,
         frame_gpu_ms: None,
         frame_wall_ms: None,
         bricks_ms: None,

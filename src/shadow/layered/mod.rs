@@ -294,7 +294,16 @@ mod tests {
 
     #[test]
     fn numbers_of_a_map_have_one_layout() {
-        assert_layout!(&depth_pass_shader(), "Own", Own: layers, first_slot, record_blocks, block_mask,
+        let recipe = Recipe {
+            record: Record { layers: 3, bits: 16, depths: 1, depth_bits: 16, own_split: false },
+            split: Split::Growing,
+            reach: 1.0,
+            last_takes_rest: true,
+            filter: Filter::Nearest,
+            average: Average::Depth,
+            kernel: 1,
+        };
+        assert_layout!(&recipe.build_shader(), "Own", Own: layers, first_slot, record_blocks, block_mask,
             block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,
             longest_depth, same_surface_mm, kernel, filter_side, most_depth);
     }
