@@ -21,6 +21,7 @@
 pub mod ablate;
 pub mod band;
 mod cell;
+pub mod claims;
 pub mod compare;
 pub mod comparison;
 pub mod cylinders;
