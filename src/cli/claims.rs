@@ -4,7 +4,7 @@ use super::told::{load, print_result, say};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
-use crate::measure::claims::scenes::{STAND_INS, Subject};
+use crate::measure::claims::scenes::{STAND_INS, StandIn, Subject};
 use crate::measure::claims::{Claim, Paper, all, run as run_claims, scene_names};
 use crate::measure::facts::Facts;
 use crate::measure::job::Effort;
@@ -76,7 +76,8 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
     let mut read = |name: &str| {
         let loaded = load(&settings_of(name, &given)?)?;
-        Ok(Subject { volume: Arc::new(loaded.volume), tf: loaded.tf, scene: loaded.scene })
+        let subject = Subject { volume: Arc::new(loaded.volume), tf: loaded.tf, scene: loaded.scene };
+        Ok(stand_in(name, &given).map_or_else(|| subject.clone(), |s| s.of(subject.clone())))
     };
     let effort = Effort { repeats: args.repeats as usize, ..EFFORT };
     let rows = run_claims(&renderer, &claims, &names, &mut read, effort, &mut progress);
@@ -114,6 +115,11 @@ fn given_scenes(paths: &[PathBuf]) -> Result<Vec<(String, SceneSettings)>> {
     Ok(given)
 }
 
+/// The stand-in of a name that is not one of a given scene.
+fn stand_in(name: &str, given: &[(String, SceneSettings)]) -> Option<&'static StandIn> {
+    STAND_INS.iter().find(|s| s.name == name && given.iter().all(|(other, _)| other != name))
+}
+
 /// The settings of a scene that was given, or of a stand-in.
 fn settings_of(name: &str, given: &[(String, SceneSettings)]) -> Result<SceneSettings> {
     if let Some((_, settings)) = given.iter().find(|(n, _)| n == name) {
@@ -124,8 +130,11 @@ fn settings_of(name: &str, given: &[(String, SceneSettings)]) -> Result<SceneSet
 }
 
 fn tried_on(name: &str, given: &[(String, SceneSettings)]) -> Result<TriedOn> {
-    let stand_in = STAND_INS.iter().find(|s| s.name == name && given.is_empty());
-    let about = stand_in.map_or("given with --scene.".to_owned(), |s| format!("stands in for {}.", s.about));
+    let about = |s: &StandIn| match s.extinction {
+        1.0 => format!("stands in for {}.", s.about),
+        factor => format!("stands in for {}; its extinction times {factor}.", s.about),
+    };
+    let about = stand_in(name, given).map_or("given with --scene.".to_owned(), about);
     Ok(TriedOn { name: name.into(), about, toml: settings_of(name, given)?.to_toml()? })
 }
 

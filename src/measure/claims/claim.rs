@@ -154,6 +154,12 @@ impl Claim {
         self
     }
 
+    /// As [`Self::needs`], of times alone, which are taken in turn with those of the claim's other needs.
+    pub(super) fn needs_times(mut self, variant: Variant, methods: &'static str) -> Self {
+        self.needs.push(Need { variant, methods, depth: Depth::Times });
+        self
+    }
+
     pub(super) fn judged(
         self,
         rule: &'static str,

@@ -126,6 +126,8 @@ impl Figures {
 /// How much is asked of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Depth {
+    /// Its times alone, in turn with those of the claim's other needs.
+    Times,
     /// Its structure: bytes, nodes, how layers are split.
     Structure,
     /// Errors, times and pictures as well.

@@ -2,7 +2,7 @@
 
 use super::claim::{Claim, Finding, Paper};
 use super::figures::Figures;
-use super::rules::{EQUAL, Holds, at_least, at_most, exponent, falls, line, rises};
+use super::rules::{EQUAL, Holds, at_least, at_most, exponent, falls, line};
 use super::scenes::{AS_IS, BONES, CHEST, EVEN, FUR, LOCKS, OPAQUE, STRAIGHT, Variant};
 use crate::error::{Error, Result};
 
@@ -79,12 +79,12 @@ fn time_and_memory() -> Vec<Claim> {
             .on(&[STRAIGHT, CHEST])
             .needs(AS_IS, SERIES)
             .judged(
-                "Yes where build_ms + frame_ms never falls and point_err_rms never rises from 8 to 128 maps, each changing \
-                 as a whole; partly where one of the two does so.",
+                "Yes where build_ms + frame_ms of 128 maps is 1.05 times that of 8 or more, and point_err_rms never rises from 8 to \
+                 128 maps and falls as a whole; partly where one of the two is so.",
                 |m| {
                     let ms: Vec<_> = m[0].iter().map(|f| f.moving_ms()).collect::<Result<_>>()?;
                     let errors: Vec<_> = m[0].iter().map(|f| f.point_rms()).collect::<Result<_>>()?;
-                    let slower = rises(&ms, (EQUAL - 1.0) * ms[0]);
+                    let slower = Holds::of(ms[4] >= EQUAL * ms[0], false);
                     let closer = falls(&errors, (EQUAL - 1.0) * errors[0]);
                     let figures = [
                         ("point_err_rms, 8 maps", errors[0]),
@@ -100,9 +100,9 @@ fn time_and_memory() -> Vec<Claim> {
             "time proportional to samples",
         )
         .on(&[STRAIGHT])
-        .needs(Variant::pixels(128), "osm:layers=32,map=256")
-        .needs(AS_IS, "osm:layers=32,map=256")
-        .needs(Variant::pixels(512), "osm:layers=32,map=256")
+        .needs_times(Variant::pixels(128), "osm:layers=32,map=256")
+        .needs_times(AS_IS, "osm:layers=32,map=256")
+        .needs_times(Variant::pixels(512), "osm:layers=32,map=256")
         .judged("Yes where frame_ms grows with the number of pixels to the power 0.85 to 1.15, partly from 0.6 to 1.4.", |m| {
             let of = |i: usize| {
                 let row = &m[i][0].row;
@@ -133,7 +133,7 @@ fn time_and_memory() -> Vec<Claim> {
 }
 
 fn slicing() -> Vec<Claim> {
-    let better = |place, what, scenes: &'static [_], index: usize, name: &'static str| {
+    let better = |place, what, scenes: &'static [_], index: usize, name: &'static str, note: &'static str| {
         claim(place, what, "closer than uniform slicing at the same number of maps")
             .on(scenes)
             .needs(AS_IS, SLICING)
@@ -143,7 +143,7 @@ fn slicing() -> Vec<Claim> {
                     let (uniform, other) = (m[0][0].point_rms()?, m[0][index].point_rms()?);
                     let figures =
                         [(format!("uniform / {name}"), uniform / other), ("uniform".into(), uniform), (name.into(), other)];
-                    Ok(Finding::new(at_least(uniform / other, 1.1), figures))
+                    Ok(Finding::new(at_least(uniform / other, 1.1), figures).note(note))
                 },
             )
     };
@@ -154,6 +154,7 @@ fn slicing() -> Vec<Claim> {
             &[STRAIGHT, LOCKS, CHEST],
             1,
             "density",
+            "Matter that no light reaches has its share of the planes.",
         ),
         better(
             "section 2, Figure 3c",
@@ -161,6 +162,7 @@ fn slicing() -> Vec<Claim> {
             &[STRAIGHT, LOCKS, CHEST],
             2,
             "gamma",
+            "Planes lie close where the map's range begins, D_0; in a rounded volume few rays meet matter there.",
         ),
         claim(
             "section 2, Figure 3a",

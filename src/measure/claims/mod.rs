@@ -13,6 +13,8 @@ mod kim_neumann;
 pub mod rules;
 mod run;
 pub mod scenes;
+mod splits;
+mod turns;
 mod voicu;
 mod yuksel_keyser;
 

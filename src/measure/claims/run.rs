@@ -1,8 +1,9 @@
 //! Trying claims: what they need is measured once, then each is judged.
 
-use super::claim::{Claim, Finding, Need, Row, Trial};
+use super::claim::{Claim, Finding, Measured, Need, Row, Trial};
 use super::figures::{Depth, Figures, Wanted, key, measure};
 use super::scenes::{self, StandIn, Subject, Variant};
+use super::turns::time_in_turn;
 use super::{hadwiger, kim_neumann, voicu, yuksel_keyser};
 use crate::error::{Error, Result};
 use crate::measure::compare::steps;
@@ -33,7 +34,7 @@ pub fn scene_names(claims: &[Claim], given: &[String]) -> Vec<String> {
 /// What a scene's claims need, by variant; a method that several ask for stands once, as whole as any of them asks.
 fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
     let mut groups: Vec<Wanted> = Vec::new();
-    let mut needs: Vec<&Need> = claims.flat_map(|c| &c.needs).collect();
+    let mut needs: Vec<&Need> = claims.flat_map(|c| &c.needs).filter(|n| n.depth != Depth::Times).collect();
     // Whole ones first: a structure alone is then asked for only where nobody asks for more.
     needs.sort_by_key(|n| std::cmp::Reverse(n.depth));
     for need in needs {
@@ -48,7 +49,7 @@ fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
             match need.depth {
                 _ if known(&group.whole) || known(&group.structure) => {}
                 Depth::Whole => group.whole.push(method),
-                Depth::Structure => group.structure.push(method),
+                Depth::Structure | Depth::Times => group.structure.push(method),
             }
         }
     }
@@ -68,9 +69,9 @@ pub fn run(
     effort: Effort,
     progress: &mut Progress,
 ) -> Result<Vec<Row>> {
-    let concerns = |claim: &Claim, scene: &str| {
-        !claim.needs.is_empty()
-            && (given.iter().any(|g| g == scene) || claim.scenes.iter().any(|s| s.name == scene))
+    let concerns = |claim: &Claim, scene: &str| match given {
+        [] => claim.scenes.iter().any(|s| s.name == scene),
+        given => !claim.needs.is_empty() && !compares_stand_ins(claim) && given.iter().any(|g| g == scene),
     };
     let mut planned = Vec::new();
     for scene in scene_names(claims, given) {
@@ -89,20 +90,36 @@ pub fn run(
         let subject = read(&scene)?;
         let mut measured = Vec::new();
         for wanted in groups {
-            let figures = measure(renderer, (&scene, &subject), &wanted, effort, progress)?;
-            measured.push((wanted.variant, figures));
+            let other = wanted.variant.instead.map(&mut *read).transpose()?;
+            let place = (scene.as_str(), other.as_ref().unwrap_or(&subject));
+            measured.push((wanted.variant, measure(renderer, place, &wanted, effort, progress)?));
         }
         for (i, claim) in claims.iter().enumerate().filter(|(_, c)| concerns(c, &scene)) {
-            rows.push((i, judge(claim, &scene, &measured)?));
+            let row = if claim.needs.iter().any(|n| n.depth == Depth::Times) {
+                let timed = time_in_turn(renderer, (&scene, &subject), &claim.needs, effort, progress)?;
+                let timed: Vec<Vec<&Figures>> = timed.iter().map(|own| own.iter().collect()).collect();
+                verdict(claim, &scene, &timed)
+            } else {
+                verdict(claim, &scene, &collect(claim, &measured)?)
+            };
+            rows.push((i, row));
         }
     }
     let untried = |(i, c): (usize, &Claim)| match c.trial {
         Trial::Untried(why) => Some((i, row_of(c, why))),
+        Trial::Judged { .. } if !given.is_empty() && compares_stand_ins(c) => {
+            Some((i, row_of(c, "Not tried: it compares built-in scenes with each other.")))
+        }
         Trial::Judged { .. } => None,
     };
     rows.extend(claims.iter().enumerate().filter_map(untried));
     rows.sort_by_key(|(i, _)| *i);
     Ok(rows.into_iter().map(|(_, row)| row).collect())
+}
+
+/// Whether a claim needs built-in scenes besides its own.
+fn compares_stand_ins(claim: &Claim) -> bool {
+    claim.needs.iter().any(|n| n.variant.instead.is_some())
 }
 
 /// A claim without verdict.
@@ -119,9 +136,11 @@ fn row_of(claim: &Claim, note: impl Into<String>) -> Row {
     }
 }
 
-/// The row of a claim on a scene whose figures are known.
-fn judge(claim: &Claim, scene: &str, known: &[(Variant, HashMap<String, Figures>)]) -> Result<Row> {
-    let Trial::Judged { rule, judge } = &claim.trial else { return Ok(row_of(claim, "")) };
+/// What a claim needs, from all that was measured on its scene.
+fn collect<'a>(
+    claim: &Claim,
+    known: &'a [(Variant, HashMap<String, Figures>)],
+) -> Result<Vec<Vec<&'a Figures>>> {
     let mut measured = Vec::new();
     for need in &claim.needs {
         let figures = known.iter().find(|(variant, _)| *variant == need.variant).map(|(_, figures)| figures);
@@ -132,19 +151,25 @@ fn judge(claim: &Claim, scene: &str, known: &[(Variant, HashMap<String, Figures>
             .collect::<Result<Vec<_>>>()?;
         measured.push(found);
     }
+    Ok(measured)
+}
+
+/// The row of a claim on a scene, from the figures that it needs.
+fn verdict(claim: &Claim, scene: &str, measured: &Measured) -> Row {
+    let Trial::Judged { rule, judge } = &claim.trial else { return row_of(claim, "") };
     let mut variants: Vec<String> = claim.needs.iter().map(|n| n.variant.text()).collect();
     variants.dedup();
     let changed = variants.iter().any(|v| !v.is_empty());
     let named = |v: &String| if v.is_empty() { "as it is".to_owned() } else { v.clone() };
     let how = variants.iter().map(named).collect::<Vec<_>>().join("; ");
     let scene = if changed { format!("{scene} ({how})") } else { scene.to_owned() };
-    Ok(match judge(&measured) {
+    match judge(measured) {
         Ok(Finding { holds, figures, note }) => {
             let note = if note.is_empty() { rule.to_string() } else { format!("{rule} {note}") };
             Row { measured: figures, holds: Some(holds), scene, ..row_of(claim, note) }
         }
         Err(e) => Row { scene, ..row_of(claim, format!("Not tried: {e}.")) },
-    })
+    }
 }
 
 #[cfg(test)]
@@ -163,6 +188,10 @@ mod tests {
             assert!(tried.iter().any(|c| c.paper == paper));
         }
         for claim in &claims {
+            let timed = claim.needs.iter().filter(|n| n.depth == Depth::Times).count();
+            assert!(timed == 0 || timed == claim.needs.len(), "{}", claim.claim);
+            let instead = claim.needs.iter().filter_map(|n| n.variant.instead);
+            assert!(instead.into_iter().all(|name| scenes::STAND_INS.iter().any(|s| s.name == name)));
             assert!(!claim.claim.is_empty() && !claim.claimed.is_empty() && !claim.place.is_empty());
             match claim.trial {
                 Trial::Judged { rule, .. } => {
@@ -197,7 +226,8 @@ mod tests {
                 let row = table::Row { frame_ms: ms, ..Default::default() };
                 (key(m.as_ref()), Figures { name: "osm".into(), row, ..Figures::default() })
             });
-            judge(&claim, "fur", &[(scenes::AS_IS, keyed.collect())]).unwrap()
+            let known = [(scenes::AS_IS, keyed.collect())];
+            verdict(&claim, "fur", &collect(&claim, &known).unwrap())
         };
         assert_eq!(of([Some(1.0), Some(3.0)]).holds, Some(Holds::Yes));
         assert_eq!(of([Some(1.0), Some(1.5)]).holds, Some(Holds::Partly));
@@ -206,6 +236,6 @@ mod tests {
         assert_eq!(row.note, "Yes from 2 on. Planted.");
         let row = of([Some(1.0), None]);
         assert!(row.holds.is_none() && row.note.contains("no frame time"), "{}", row.note);
-        assert!(judge(&claim, "fur", &[]).is_err());
+        assert!(collect(&claim, &[]).is_err());
     }
 }

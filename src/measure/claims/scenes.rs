@@ -8,61 +8,94 @@ use glam::DVec3;
 use std::sync::Arc;
 
 /// A scene that stands in for a paper's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StandIn {
     /// The column `scene`.
     pub name: &'static str,
     /// What it stands in for.
     pub about: &'static str,
-    /// The scene file that says the same.
+    /// The scene file that says the same, but for its extinction.
     pub toml: &'static str,
+    /// Factor on the extinction of its transfer function.
+    pub extinction: f64,
 }
 
 /// Translucent tissue and bone.
 pub const CHEST: StandIn = StandIn {
     name: "chest",
+    extinction: 1.0,
     about: "the CT scan of a hand of Hadwiger et al.",
     toml: "volume = \"phantom:thorax:96\"\ntf = \"ct\"\nsize = \"256x256\"\nlight = \"dir:0.4,0.5,0.75\"\n",
 };
-/// Opaque surfaces in the same volume.
+/// A jump of the transfer function in the same volume. The preset's own extinction makes a skin a hundredth of a voxel
+/// deep, in which no map's resolution tells light from dark; a twentieth of it stops light within a voxel.
 pub const BONES: StandIn = StandIn {
     name: "isosurface",
     about: "the isosurfaces of Hadwiger et al., Figures 3 and 6; opaque objects elsewhere",
+    extinction: 0.05,
     toml: "volume = \"phantom:thorax:96\"\ntf = \"isosurface\"\nsize = \"256x256\"\nlight = \"dir:0.4,0.5,0.75\"\n",
 };
 /// Straight hair with the number of segments of Yuksel and Keyser's Figure 1.
 pub const STRAIGHT: StandIn = StandIn {
     name: "straight hair",
+    extinction: 1.0,
     about: "the straight hair of Yuksel and Keyser, Figure 1 (150,000 segments); the hair of Kim and Neumann",
     toml: "volume = \"phantom:hair-straight:150000\"\nresolution = 96\nsize = \"256x256\"\nlight = \"dir:0.5,0.6,0.6\"\n",
 };
 /// Curls with the number of segments of Yuksel and Keyser's Figure 5.
 pub const CURLY: StandIn = StandIn {
     name: "curly hair",
+    extinction: 1.0,
     about: "the curly hair of Yuksel and Keyser, Figure 5 (1.5 million segments)",
     toml: "volume = \"phantom:hair-curly:1500000\"\nresolution = 96\nsize = \"256x256\"\nlight = \"dir:0.5,0.6,0.6\"\n",
 };
 /// Locks with gaps between them.
 pub const LOCKS: StandIn = StandIn {
     name: "hair in locks",
+    extinction: 1.0,
     about: "the clustered strands of Yuksel and Keyser, Figure 8; the trees of Voicu, which are scattered as well",
     toml: "volume = \"phantom:hair-clustered:200000\"\nresolution = 96\nsize = \"256x256\"\nlight = \"dir:0.5,0.6,0.6\"\n",
 };
 /// Short strands, close together.
 pub const FUR: StandIn = StandIn {
     name: "fur",
+    extinction: 1.0,
     about: "the fur of Kim and Neumann, Plate 3; the grass of Voicu",
     toml: "volume = \"phantom:hair-fur:200000\"\nresolution = 96\nsize = \"256x256\"\nlight = \"dir:0.5,0.6,0.6\"\n",
 };
 /// The same extinction everywhere.
 pub const EVEN: StandIn = StandIn {
     name: "even medium",
+    extinction: 1.0,
     about: "the evenly distributed volume of Kim and Neumann, Figure 3a",
     toml: "volume = \"phantom:slab:64\"\ntf = \"uniform\"\nsize = \"256x256\"\nlight = \"dir:0.4,0.5,0.75\"\n",
 };
 
+/// A tenth of the strands of the fur, three times as thick: they hide a third of the area.
+pub const SPARSE_FUR: StandIn = StandIn {
+    name: "sparse fur",
+    about: "the grass of Voicu, thinned out",
+    toml: "volume = \"phantom:hair-fur:20000\"\nresolution = 96\nsize = \"256x256\"\nlight = \"dir:0.5,0.6,0.6\"\n",
+    extinction: 1.0,
+};
+/// A fortieth of them: less than a tenth of the area.
+pub const SPARSEST_FUR: StandIn = StandIn {
+    name: "sparsest fur",
+    about: "the grass of Voicu, thinned out more",
+    toml: "volume = \"phantom:hair-fur:5000\"\nresolution = 96\nsize = \"256x256\"\nlight = \"dir:0.5,0.6,0.6\"\n",
+    extinction: 1.0,
+};
+
 /// Every stand-in.
-pub const STAND_INS: [StandIn; 7] = [CHEST, BONES, STRAIGHT, CURLY, LOCKS, FUR, EVEN];
+pub const STAND_INS: [StandIn; 9] =
+    [CHEST, BONES, STRAIGHT, CURLY, LOCKS, FUR, EVEN, SPARSE_FUR, SPARSEST_FUR];
+
+impl StandIn {
+    /// The scene of its file with its extinction.
+    pub fn of(&self, subject: Subject) -> Subject {
+        Subject { tf: denser(&subject.tf, self.extinction), ..subject }
+    }
+}
 
 /// A scene with all that is measured on it.
 #[derive(Clone)]
@@ -86,10 +119,13 @@ pub struct Variant {
     pub skip: Option<Skip>,
     /// Another side of the picture, which becomes square, pixels.
     pub side_px: Option<u32>,
+    /// Another stand-in altogether, by its name.
+    pub instead: Option<&'static str>,
 }
 
 /// The scene itself.
-pub const AS_IS: Variant = Variant { extinction: 1.0, toward: None, skip: None, side_px: None };
+pub const AS_IS: Variant =
+    Variant { extinction: 1.0, toward: None, skip: None, side_px: None, instead: None };
 /// Eight times as dense.
 pub const DENSER: Variant = Variant { extinction: 8.0, ..AS_IS };
 /// An eighth as dense.
@@ -107,6 +143,11 @@ impl Variant {
     /// The scene in a picture of so many pixels a side.
     pub const fn pixels(side: u32) -> Self {
         Self { side_px: Some(side), ..AS_IS }
+    }
+
+    /// Another stand-in.
+    pub const fn instead(scene: &StandIn) -> Self {
+        Self { instead: Some(scene.name), ..AS_IS }
     }
 
     /// The same with so many times the extinction.
@@ -130,7 +171,7 @@ impl Variant {
 
     /// In words, empty for the scene itself.
     pub fn text(&self) -> String {
-        let mut parts = Vec::new();
+        let mut parts: Vec<String> = self.instead.map(str::to_owned).into_iter().collect();
         if self.extinction != 1.0 {
             parts.push(format!("extinction x {}", self.extinction));
         }

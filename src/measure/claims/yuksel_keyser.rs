@@ -121,13 +121,13 @@ fn three_layers() -> Vec<Claim> {
         .needs(AS_IS, THREE_AND_SLICES)
         .judged(
             "At points seen whose exact transmittance is 0.95 or more: yes where the rms error of 3 layers is at most 0.02 and at most half \
-             that of 16 slices, partly where it is at most half.",
+             that of 16 slices, partly where it is smaller by 1.05 times or more.",
             |m| {
                 let (dom, osm) = three_and(&m[0], 16.0)?;
                 let (three, sixteen) = (dom.errors_where(|t| t >= LIT)?.rms, osm.errors_where(|t| t >= LIT)?.rms);
-                let less = three <= 0.5 * sixteen;
+                let half = three <= 0.5 * sixteen;
                 let figures = [("lit points, 3 layers", three), ("16 slices", sixteen)];
-                Ok(Finding::new(Holds::of(three <= 0.02 && less, less), figures).note(taken(dom)))
+                Ok(Finding::new(Holds::of(three <= 0.02 && half, EQUAL * three <= sixteen), figures).note(taken(dom)))
             },
         ),
     ]
