@@ -8,7 +8,8 @@ use std::fs;
 use umbravox::gpu::Gpu;
 use umbravox::measure::claims::{Paper, all};
 
-const SCENE: &str = "volume = \"phantom:sphere:16\"\ntf = \"engine\"\nsize = \"32x32\"\nstep = 1\n";
+const SCENE: &str =
+    "volume = \"phantom:sphere:16\"\ntf = \"engine\"\nsize = \"32x32\"\nstep = 1\nlight = \"dir:1,-0.6,0\"\n";
 
 #[test]
 fn a_papers_claims_on_a_scene_of_ones_own() {

@@ -2,6 +2,7 @@
 
 use super::told::{load, print_result, say};
 use crate::error::{Error, Result};
+use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
 use crate::measure::claims::scenes::{STAND_INS, StandIn, Subject};
@@ -57,8 +58,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let given = given_scenes(&args.scene)?;
     // A mistake in the last file is not to be found minutes later.
     for (name, settings) in &given {
-        let loaded = load(settings).map_err(|e| e.at(name))?;
-        drop(loaded);
+        settings.load(&Loading::default()).map_err(|e| e.at(name))?;
     }
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
     // Made last: what is refused before leaves no empty folder.
