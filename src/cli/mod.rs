@@ -1,5 +1,6 @@
 //! The command line: one file a command, each thin.
 
+pub mod claims;
 pub mod compare;
 mod error;
 pub mod info;
@@ -39,6 +40,7 @@ enum Command {
     Render(render::RenderArgs),
     Probe(probe::ProbeArgs),
     Compare(compare::CompareArgs),
+    Claims(claims::ClaimsArgs),
     Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
     Phantom(phantom::PhantomArgs),
@@ -84,6 +86,7 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Claims(args) => claims::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),
