@@ -192,7 +192,7 @@ fn a_lookup_for_each_sample_is_closer() {
     };
     // At longer steps the eye ray's own error hides that of the light.
     let scene = Scene { step: 0.125, ..setup.scene(24, 20) };
-    let exact = setup.exact().picture(&scene).mapv(|v| v as f32);
+    let exact = setup.exact().picture(&scene);
     let rms = |method: &str| rms_difference(&setup.picture(method, &scene), &exact);
     let (shared, each) = (rms("rays"), rms("rays:lookup=each"));
     println!("rms to the exact picture: lookups shared {shared:.6}, for each sample {each:.6}");
