@@ -181,7 +181,8 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
     assert!(rows.iter().all(|r| !r["tuned"].is_empty() && r["status"] == "ok"));
     let trials = read_any(&out.join("trials.csv"));
     let mut settings: Vec<_> = trials.iter().map(|t| (&t["params"], &t["map"])).collect();
-    (settings.sort(), settings.dedup());
+    settings.sort_unstable();
+    settings.dedup();
     assert!(trials.len() > 10 && settings.len() == trials.len(), "each setting once");
     // Nothing that was tried is closer within the budget than what was chosen.
     let number = |row: &HashMap<String, String>, column: &str| row[column].parse::<f64>().ok();

@@ -12,7 +12,7 @@ use crate::error::Result;
 use std::collections::HashMap;
 
 /// New trials that one budget and error may take of a method.
-pub const MOST_TRIALS: usize = 80;
+pub const MOST_TRIALS: usize = 120;
 
 /// A place on the grid: an index along each axis.
 pub type Place = Vec<usize>;
