@@ -227,9 +227,9 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             end_value = node;
         }
         let j = interval_at(0.5 * (value + end_value));
-        let sigma_a = extinction_in(j, value);
-        var sigma_b = extinction_in(j, end_value);
         if !plain {
+            let sigma_a = extinction_in(j, value);
+            var sigma_b = extinction_in(j, end_value);
             // Opacity that nears 1 makes a logarithm too steep for the quadrature.
             for (var k = 0; k < HALVINGS; k++) {
                 if !uneven(sigma_a, sigma_b, (piece_end - u) * chord_mm) { break; }

@@ -8,8 +8,10 @@ use crate::shadow::tolerances::OPAQUE_DEPTH;
 pub const NAME: &str = "dsm";
 /// Depth steps of the map's range; the step after them fills rows behind their last node.
 pub const DEPTH_STEPS: u32 = 65534;
-/// Steps of the regular lattice of one ray, whatever voxels are like.
+/// Steps of the regular lattices of one texel's rays together, and how many of them may be marched cell by cell: software
+/// adapters end the loops of a thread after 65,536 turns in all, of which a step takes about 6, and a march about 12 more.
 pub const MOST_LATTICE_STEPS: u32 = 4096;
+pub const MOST_MARCHES: u32 = 3000;
 /// Nodes of a row, which ends with a link to the next, and its bytes.
 pub const ROW_NODES: u32 = 7;
 pub const ROW_BYTES: u64 = (ROW_NODES as u64 + 1) * 4;

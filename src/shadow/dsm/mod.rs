@@ -21,7 +21,9 @@ mod layout;
 
 pub use count::{NodeMap, node_map};
 
-use layout::{DEPTH_STEPS, MOST_LATTICE_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader};
+use layout::{
+    DEPTH_STEPS, MOST_LATTICE_STEPS, MOST_MARCHES, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader,
+};
 
 use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
 use super::settings::{FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, choices, settings};
@@ -127,11 +129,14 @@ impl DeepShadowMap {
     }
 
     /// Distance of the regular lattice, mm; half a step where means of exact curves are taken, so that the lattice itself
-    /// stays within half a step of depth. Where voxels are far longer than they are wide it is longer: a ray has at most
-    /// [`MOST_LATTICE_STEPS`].
+    /// stays within half a step of depth. It is longer where a ray would have more steps than software adapters let a
+    /// loop take, as where voxels are far longer than they are wide.
     fn lattice_mm(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> f64 {
-        let share = if self.precompress == Precompress::Table { 0.5 } else { 1.0 };
-        let shortest = light_space.depth_range_mm() / f64::from(MOST_LATTICE_STEPS);
+        let (share, most) = match self.precompress {
+            Precompress::Table => (0.5, MOST_MARCHES),
+            Precompress::Off => (1.0, MOST_LATTICE_STEPS),
+        };
+        let shortest = light_space.depth_range_mm() / f64::from(most / self.prefilter);
         (share * self.step * context.volume.min_spacing_mm()).max(shortest)
     }
 
