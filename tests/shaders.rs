@@ -2,11 +2,13 @@
 
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::io::Write;
+use std::process::{Command, Stdio};
 use umbravox::field::marching;
 use umbravox::gpu::{ShaderVariant, compose, shader_paths};
 use umbravox::render::shaders;
 use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
-use wgpu::naga;
+use wgpu::naga::{self, back};
 
 /// Settings whose code stands apart from all others': each is tried with the defaults of the rest.
 const ALONE: [&str; 2] = ["lookup", "average"];
@@ -86,6 +88,61 @@ fn every_variant_composes_and_validates() {
     let ours = |p: &&str| cfg!(feature = "half") || !p.starts_with("shadow/half/");
     let unused: Vec<_> = shader_paths().into_iter().filter(ours).filter(|p| !used.contains(p)).collect();
     assert!(unused.is_empty(), "no variant is made of {unused:?}");
+}
+
+/// What a driver of each kind is given: none of them is on the machine that tests.
+#[test]
+fn every_variant_is_written_for_every_driver() {
+    let validator = Command::new("spirv-val").arg("--version").output().is_ok();
+    if !validator {
+        println!("skipped: there is no spirv-val");
+    }
+    variants().par_iter().for_each(|(variant, live)| {
+        let module = compose(variant, *live).unwrap();
+        let fail = |driver: &str, e: &dyn std::fmt::Display| -> ! { panic!("{driver} of {variant:?}: {e}") };
+        let info = naga::valid::Validator::new(
+            naga::valid::ValidationFlags::all(),
+            naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32,
+        )
+        .validate(&module)
+        .unwrap_or_else(|e| fail("validation", &e));
+        let words = back::spv::write_vec(&module, &info, &back::spv::Options::default(), None)
+            .unwrap_or_else(|e| fail("SPIR-V", &e));
+        if validator {
+            let mut run = Command::new("spirv-val")
+                .args(["--target-env", "vulkan1.1"])
+                .stdin(Stdio::piped())
+                .stderr(Stdio::piped())
+                .stdout(Stdio::piped())
+                .spawn()
+                .unwrap();
+            let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+            run.stdin.take().unwrap().write_all(&bytes).unwrap();
+            let output = run.wait_with_output().unwrap();
+            let said = [output.stdout, output.stderr].concat();
+            if !output.status.success() {
+                fail("SPIR-V", &String::from_utf8_lossy(&said));
+            }
+        }
+        // Where wgpu binds the lengths of buffers.
+        let resources = back::msl::EntryPointResources { sizes_buffer: Some(30), ..Default::default() };
+        let metal = back::msl::Options {
+            lang_version: (2, 4),
+            per_entry_point_map: [(module.entry_points[0].name.clone(), resources)].into(),
+            fake_missing_bindings: true,
+            ..Default::default()
+        };
+        let metal_text =
+            back::msl::write_string(&module, &info, &metal, &back::msl::PipelineOptions::default())
+                .unwrap_or_else(|e| fail("MSL", &e))
+                .0;
+        let mut direct_text = String::new();
+        let direct = back::hlsl::Options::default();
+        back::hlsl::Writer::new(&mut direct_text, &direct, &Default::default())
+            .write(&module, &info, None)
+            .unwrap_or_else(|e| fail("HLSL", &e));
+        assert!(metal_text.contains("kernel void") && direct_text.contains("numthreads"), "{variant:?}");
+    });
 }
 
 #[test]
