@@ -3,6 +3,8 @@
 pub mod compare;
 mod error;
 pub mod info;
+mod interrupt;
+pub mod merge;
 pub mod phantom;
 pub mod probe;
 mod probe_curve;
@@ -38,7 +40,8 @@ enum Command {
     Info(info::InfoArgs),
     Render(render::RenderArgs),
     Probe(probe::ProbeArgs),
-    Compare(compare::CompareArgs),
+    Compare(Box<compare::CompareArgs>),
+    Merge(merge::MergeArgs),
     Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
     Phantom(phantom::PhantomArgs),
@@ -83,7 +86,8 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Info(args) => info::run(&args),
         Command::Render(args) => render::run(args),
         Command::Probe(args) => probe::run(args),
-        Command::Compare(args) => compare::run(args),
+        Command::Compare(args) => compare::run(*args),
+        Command::Merge(args) => merge::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),

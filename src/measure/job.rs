@@ -7,6 +7,7 @@ use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
+use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 use std::time::Instant;
 
@@ -14,7 +15,8 @@ use std::time::Instant;
 pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
 
 /// How much to measure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Effort {
     /// Timed runs of each method, after warm-up.
     pub repeats: usize,

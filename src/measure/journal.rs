@@ -7,7 +7,7 @@
 use super::table::Row;
 use super::timing::StageTimes;
 use crate::error::{Error, Result};
-use crate::files::picture::{read_exr, write_picture};
+use crate::files::picture::{Backdrop, read_exr, write_picture_with};
 use crate::render::Omission;
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
@@ -71,6 +71,10 @@ enum Line {
 #[derive(Debug, Default)]
 pub struct Journal {
     place: Option<(PathBuf, File)>,
+    /// What pictures say of themselves, by keys.
+    about: Vec<(String, String)>,
+    /// Rows that are on disk and belong to this run's table.
+    kept: usize,
     /// This run of the program; the first that writes to a journal is 1.
     run: u32,
     /// Each with its picture's fingerprint.
@@ -128,6 +132,16 @@ impl Journal {
         self.rows.len()
     }
 
+    /// How many rows of the table are on disk by now: measured by this run, or by earlier ones and taken or not yet.
+    pub fn kept(&self) -> usize {
+        self.kept + self.rows.len()
+    }
+
+    /// Texts by their keys for the pictures that are kept from now on; what the method is, each says itself.
+    pub fn describe(&mut self, about: Vec<(String, String)>) {
+        self.about = about;
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
@@ -157,7 +171,9 @@ impl Journal {
         let [png, exr] = self.pictures(&measured.slug)?;
         let picture = read_exr(&exr).ok()?;
         let rounds = self.rounds.remove(key).unwrap_or_default();
-        (png.is_file() && fingerprint(&picture) == expected).then_some(Kept { measured, picture, rounds })
+        let kept = png.is_file() && fingerprint(&picture) == expected;
+        self.kept += usize::from(kept);
+        kept.then_some(Kept { measured, picture, rounds })
     }
 
     /// Puts a row's pictures on disk, and then the row.
@@ -166,12 +182,16 @@ impl Journal {
     /// Files that cannot be written.
     pub fn keep(&mut self, key: &str, measured: &Measured, picture: &Array3<f32>) -> Result<()> {
         let Some(pictures) = self.pictures(&measured.slug) else { return Ok(()) };
+        let mut about = self.about.clone();
+        about.push(("Description".into(), measured.row.spec()));
         for path in &pictures {
-            write_picture(path, picture)?;
+            write_picture_with(path, picture, Backdrop::Drawn, &about)?;
         }
         let Measured { row, slug, left_out, notes, frame_ms } = measured.clone();
         let (cells, picture) = (row.texts(), fingerprint(picture));
-        self.write(&[Line::Row { key: key.into(), slug, picture, frame_ms, cells, left_out, notes }])
+        self.write(&[Line::Row { key: key.into(), slug, picture, frame_ms, cells, left_out, notes }])?;
+        self.kept += 1;
+        Ok(())
     }
 
     /// Adds a timed round of some rows.

@@ -4,8 +4,10 @@ mod ablate;
 mod cancel;
 #[path = "../cli/mod.rs"]
 mod cli;
+mod folder;
 mod planted;
 mod resume;
+mod shards;
 mod table;
 
 use cli::umbravox;

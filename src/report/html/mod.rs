@@ -70,13 +70,15 @@ pub fn html(conditions: &Conditions, pictured: &[Pictured]) -> Result<String> {
             body {
                 main {
                     h1 { (title) }
+                    p class="hint" { (about(&rows)) }
+                    (table(&rows))
+                    (plots(&rows))
                     @if !facts.is_empty() {
-                        section aria-label="Conditions" {
+                        section {
+                            h2 { "Conditions" }
                             dl { @for (name, value) in facts { dt { (name) } dd { (value) } } }
                         }
                     }
-                    (table(&rows))
-                    (plots(&rows))
                     section {
                         h2 { "Pictures" }
                         @for (i, pictured) in pictured.iter().enumerate() {
@@ -101,6 +103,19 @@ pub fn html(conditions: &Conditions, pictured: &[Pictured]) -> Result<String> {
 pub fn write_report(conditions: &Conditions, pictured: &[Pictured], path: &Path) -> Result<()> {
     let text = html(conditions, pictured)?;
     write_whole(path, |file| file.write_all(text.as_bytes()))
+}
+
+/// On what the rows were measured, in a line.
+fn about(rows: &[Row]) -> String {
+    let mut words: Vec<String> = Vec::new();
+    for row in rows {
+        for word in [row.adapter.clone(), format!("{} x {} pixels", row.width, row.height)] {
+            if !words.contains(&word) {
+                words.push(word);
+            }
+        }
+    }
+    words.join(" · ")
 }
 
 /// Error against time and against memory, of each scene.
@@ -149,6 +164,9 @@ fn pictures(number: usize, pictured: &Pictured, error_caption: &str) -> Result<M
                     ))
                 }
                 @if picture_png.is_none() && error_png.is_none() && nodes.is_none() { p class="hint" { "no picture" } }
+            }
+            @for (what, text) in [("Note", &row.note), ("Left out", &row.left_out)] {
+                @if !text.is_empty() { p class="hint" { (what) ": " (text) } }
             }
         }
     })
