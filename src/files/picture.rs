@@ -3,8 +3,7 @@
 use super::color::srgb8_from_linear;
 use super::output::{extension, write_whole};
 use crate::error::{Error, Result};
-use image::codecs::openexr::OpenExrEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use exr::prelude::{AttributeValue, Image, SpecificChannels, Text, Vec2, WritableImage as _};
 use ndarray::Array3;
 use ndarray_npy::WriteNpyExt;
 use std::io::Cursor;
@@ -49,8 +48,8 @@ pub fn write_picture_as(path: &Path, picture: &Array3<f32>, backdrop: Backdrop) 
     write_picture_with(path, picture, backdrop, &[])
 }
 
-/// Writes a picture as [`write_picture_as`] does, with texts by their keys in a `.png` (`iTXt` chunks) that say what it
-/// is of; the other formats keep none.
+/// Writes a picture as [`write_picture_as`] does, with texts by their keys that say what it is of, in a `.png` as `iTXt`
+/// chunks and in an `.exr` as attributes; an `.npy` keeps none.
 ///
 /// # Errors
 /// As there.
@@ -63,9 +62,7 @@ pub fn write_picture_with(
     backdrop: Backdrop,
     texts: &[(String, String)],
 ) -> Result<()> {
-    let (height, width, channels) = picture.dim();
-    assert_eq!(channels, 4, "a picture is height x width x 4");
-    let (width, height) = (width as u32, height as u32);
+    assert_eq!(picture.dim().2, 4, "a picture is height x width x 4");
     let ordered = picture.as_standard_layout();
     // Encoded in memory: the codecs seek, and the file is then written in one go.
     let mut bytes = Vec::new();
@@ -74,18 +71,25 @@ pub fn write_picture_with(
             bytes = png(picture, backdrop, texts)?;
             Ok(())
         }
-        "exr" => OpenExrEncoder::new(Cursor::new(&mut bytes))
-            .write_image(
-                bytemuck::cast_slice(ordered.as_slice().unwrap_or_default()),
-                width,
-                height,
-                ExtendedColorType::Rgba32F,
-            )
-            .map_err(|e| e.to_string()),
+        "exr" => exr(picture, texts, &mut bytes),
         _ => ordered.write_npy(&mut bytes).map_err(|e| e.to_string()),
     };
     encoded.map_err(|why| Error::runtime("cannot encode picture", path.display(), why))?;
     write_whole(path, |file| file.write_all(&bytes))
+}
+
+/// An OpenEXR file of 32-bit float RGBA, with texts (UTF-8) by their keys among its attributes.
+fn exr(picture: &Array3<f32>, texts: &[(String, String)], bytes: &mut Vec<u8>) -> Result<(), String> {
+    let (height, width, _) = picture.dim();
+    let pixel = |at: Vec2<usize>| {
+        let channel = |c| picture[[at.y(), at.x(), c]];
+        (channel(0), channel(1), channel(2), channel(3))
+    };
+    let mut image = Image::from_channels((width, height), SpecificChannels::rgba(pixel));
+    let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
+    let attributes = texts.iter().map(|(key, value)| (text(key), AttributeValue::Text(text(value))));
+    image.layer_data.attributes.other.extend(attributes);
+    image.write().to_buffered(Cursor::new(bytes)).map_err(|e| e.to_string())
 }
 
 /// Reads a picture that [`write_picture`] has written as `.exr`, bit by bit the same.
@@ -218,6 +222,16 @@ mod tests {
         assert_eq!(image::load_from_memory(&added).unwrap().to_rgb8(), pixels(&plain));
         assert_eq!(read(added), texts);
         assert!(with_texts(b"no picture".to_vec(), &texts).is_err());
+
+        let told = dir.path().join("b.exr");
+        write_picture_with(&told, &picture(), Backdrop::Drawn, &texts).unwrap();
+        assert_eq!(read_exr(&told).unwrap(), picture());
+        let meta = exr::meta::MetaData::read_from_file(&told, false).unwrap();
+        for (key, value) in &texts {
+            let bytes = |text: &str| Text::from_slice_unchecked(text.as_bytes());
+            let found = meta.headers[0].own_attributes.other.get(&bytes(key));
+            assert_eq!(found, Some(&AttributeValue::Text(bytes(value))), "{key}");
+        }
     }
 
     #[test]

@@ -4,17 +4,18 @@
 mod files;
 mod page;
 
+use super::made::take_differences;
+pub use super::made::{Made, ReferencePicture};
 use super::run::Run;
 use super::tables::{Layout, write_tables};
 use crate::error::Result;
-use crate::measure::ablate::{self, Ablation};
+use crate::measure::ablate;
 use crate::measure::compare::{compare, steps};
 use crate::measure::comparison::{Compared, Comparison};
 use crate::measure::facts::Facts;
 use crate::measure::job::Job;
 use crate::measure::journal::Journal;
 use crate::measure::progress::Progress;
-use crate::measure::stats::image_difference;
 use crate::render::{Forced, Renderer, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NodeMap, ShadowRays};
@@ -22,9 +23,7 @@ use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 pub(super) use files::node_map;
 use files::{write_ablations, write_pictures, write_scene_plots};
-use ndarray::Array3;
 use page::{program_conditions, scene_conditions, write_page};
-use std::borrow::BorrowMut;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -46,30 +45,6 @@ pub struct Subject {
     pub scene: Scene,
     /// What is done although the scene does not need it.
     pub forced: Forced,
-}
-
-/// The picture by `rays` that a scene's differences are from, where none of its rows is one.
-#[derive(Debug, Clone)]
-pub struct ReferencePicture {
-    /// The scene's name.
-    pub scene: String,
-    /// Of the rows on the same adapter.
-    pub adapter: String,
-    /// `height x width x 4`, linear RGBA.
-    pub pixels: Array3<f32>,
-}
-
-/// A comparison of which everything is measured and nothing written but the journal.
-#[derive(Default)]
-pub struct Made {
-    /// Rows, pictures, notes and failures of all scenes.
-    pub comparison: Comparison,
-    /// How it was made.
-    pub run: Run,
-    /// Nodes by texel, row by row, of those that have any.
-    pub(super) nodes: Vec<Option<NodeMap>>,
-    pub(super) references: Vec<ReferencePicture>,
-    ablations: Option<Vec<Ablation>>,
 }
 
 /// The files of a comparison.
@@ -197,6 +172,9 @@ impl Made {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(mut self, folder: &Path, layout: &Layout) -> Result<Files> {
+        self.record_rows();
+        // Before any of them is there: a run that is ended here can be removed whole.
+        self.run.write(folder)?;
         let rows = self.comparison.rows();
         let (tables, remarks) = write_tables(&rows, folder, &self.run, layout)?;
         let files = Files {
@@ -215,20 +193,6 @@ impl Made {
         self.run.write(folder)?;
         Ok(files)
     }
-}
-
-/// Fills where the rows' pictures differ from the reference.
-pub(super) fn take_differences(
-    compared: &mut [impl BorrowMut<Compared>],
-    reference: &Array3<f32>,
-) -> Result<()> {
-    for c in compared {
-        let c = c.borrow_mut();
-        if let Some(picture) = c.picture.as_ref().filter(|_| c.row.method != ShadowRays.name()) {
-            c.difference = Some(image_difference(picture.view(), reference.view())?);
-        }
-    }
-    Ok(())
 }
 
 /// The picture by a shadow ray per sample.

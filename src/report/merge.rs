@@ -4,7 +4,8 @@
 //! several adapters stay apart: each adapter has its own front, plots and scale.
 
 use super::Start;
-use super::make::{Files, Made, ReferencePicture, node_map, take_differences};
+use super::made::{Made, ReferencePicture, take_differences};
+use super::make::{Files, node_map};
 use super::names;
 use super::run::{RowRecord, Run, scenes_differ};
 use super::tables::Layout;

@@ -12,6 +12,7 @@ mod folder;
 pub mod grid;
 pub mod heat;
 pub mod html;
+mod made;
 pub mod make;
 pub mod merge;
 mod names;

@@ -215,7 +215,7 @@ impl Run {
             ("umbravox:adapter", format!("{}; {}", self.adapter, self.driver)),
             ("umbravox:scene", record.settings.clone()),
             ("umbravox:volume-sha256", record.volume_sha256.clone().unwrap_or_default()),
-            ("umbravox:transfer-function-sha256", record.tf_sha256.clone()),
+            ("umbravox:tf-sha256", record.tf_sha256.clone()),
         ];
         let told = texts.into_iter().filter(|(_, text)| !text.is_empty());
         told.map(|(key, text)| (key.to_owned(), text)).collect()

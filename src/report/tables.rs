@@ -12,7 +12,7 @@ use crate::files::output::write_whole;
 use crate::measure::defaults::sets_budgets;
 use crate::measure::table::Row;
 use crate::shadow::METHODS;
-use columns::{SHOWN, Shown, chosen};
+use columns::{SHOWN, Shown, chosen, one_line};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -262,10 +262,6 @@ fn filled(rows: &[Row], wanted: &[Shown]) -> (String, Vec<Shown>) {
     (caption.join(" · "), shown)
 }
 
-fn heading_unit(s: &Shown) -> String {
-    if s.unit.is_empty() { String::new() } else { format!("[{}]", s.unit) }
-}
-
 fn heading(s: &Shown) -> String {
     if s.unit.is_empty() { s.heading.to_string() } else { format!("{} [{}]", s.heading, s.unit) }
 }
@@ -285,10 +281,6 @@ fn full_name(row: &Row, rows: &[Row]) -> String {
         Some(map) if sizes.any(|m| Some(m) != first) => format!("{scene}{} map={map}", name(row)),
         _ => scene + &name(row),
     }
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 pub(super) fn escape_markdown(text: &str) -> String {

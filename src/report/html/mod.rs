@@ -118,21 +118,25 @@ fn about(rows: &[Row]) -> String {
     words.join(" · ")
 }
 
-/// Error against time and against memory, of each scene.
+/// Error against time and against memory, of each scene and adapter: a front is of one.
 fn plots(rows: &[Row]) -> Markup {
-    let mut scenes: Vec<&str> = Vec::new();
+    let mut groups: Vec<(&str, &str)> = Vec::new();
     for row in rows {
-        if !scenes.contains(&row.scene.as_str()) {
-            scenes.push(&row.scene);
+        let group = (row.scene.as_str(), row.adapter.as_str());
+        if !groups.contains(&group) {
+            groups.push(group);
         }
     }
-    let of = |scene: &str| rows.iter().filter(|r| r.scene == scene).cloned().collect::<Vec<_>>();
+    let of = |group: (&str, &str)| {
+        let own = rows.iter().filter(|r| (r.scene.as_str(), r.adapter.as_str()) == group);
+        own.cloned().collect::<Vec<_>>()
+    };
     let (time, memory) = ("each row of the table", "each row that stores a shadow structure");
     html! {
         section class="plots" {
             h2 { "Error against time and memory" }
-            @for scene in scenes {
-                @let own = of(scene);
+            @for group in groups {
+                @let (own, scene) = (of(group), group.0);
                 (figure(error_time(&own).svg(Some(&format!("Error against time, {scene}: {time} as a point"))), ""))
                 (figure(error_bytes(&own).svg(Some(&format!("Error against memory, {scene}: {memory} as a point"))), ""))
             }
@@ -247,6 +251,18 @@ mod tests {
         assert_eq!(text.matches("<img ").count(), 2 + 1 + 1);
         assert!(text.contains("alt=\"Picture by none\" width=\"3\" height=\"3\">"));
         assert!(text.contains("768 nodes in 256 of 256 texels: 3.00 a texel that meets anything, at most 3"));
+    }
+
+    #[test]
+    fn adapters_have_plots_of_their_own() {
+        let mut pictured = pictured();
+        pictured[4].row.scene = pictured[0].row.scene.clone();
+        let plots = |pictured: &[Pictured]| {
+            html(&Conditions::default(), pictured).unwrap().matches("Error against time, ").count()
+        };
+        assert_eq!(plots(&pictured), 1);
+        pictured[3].row.adapter = "another".into();
+        assert_eq!(plots(&pictured), 2);
     }
 
     #[test]

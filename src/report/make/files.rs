@@ -3,11 +3,11 @@
 use super::super::ablation;
 use super::super::grid::{self, Shown};
 use super::super::heat::{heat_map_png, round_max};
+use super::super::made::Made;
 use super::super::names;
 use super::super::plot::write_plots;
 use super::super::run::Run;
 use super::super::writers;
-use super::Made;
 use crate::error::{Error, Result};
 use crate::files::output::write_whole;
 use crate::files::picture::{Backdrop, with_texts, write_picture_with};

@@ -2,7 +2,7 @@
 
 use super::super::heat::heat_map_png;
 use super::super::html::{Conditions, Pictured, write_report};
-use super::Made;
+use super::super::made::Made;
 use super::files::{DIFFERENCE, group, groups, scale_of};
 use crate::error::Result;
 use crate::files::picture::picture_png;

@@ -124,6 +124,16 @@ pub fn chosen(names: &[String]) -> Result<Vec<Shown>> {
 /// Columns of words among those that are shown only where they are asked for.
 const WORDS: &[&str] = &["left_out", "profile", "version", "note"];
 
+/// The unit as headings have it, or nothing.
+pub fn heading_unit(s: &Shown) -> String {
+    if s.unit.is_empty() { String::new() } else { format!("[{}]", s.unit) }
+}
+
+/// A text without breaks.
+pub fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 fn flag(value: Option<bool>) -> String {
     value.map_or(String::new(), |yes| yes.to_string())
 }

@@ -1,8 +1,7 @@
 //! The table as LaTeX, no wider than the page: letters are as large as fit, then the settings are broken into lines, and
 //! only then columns are left out, the last first.
 
-use super::columns::Shown;
-use super::{heading_unit, one_line};
+use super::columns::{Shown, heading_unit, one_line};
 use crate::measure::table::Row;
 
 /// A `tabular`, and what had to be left out of it.
@@ -180,13 +179,14 @@ fn number(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::columns::chosen;
-    use super::super::{Layout, layout};
+    use super::super::columns::{SHOWN, chosen};
     use super::*;
     use crate::measure::table::tests::sample_rows;
 
     fn made(rows: &[Row], width_pt: f64) -> Latex {
-        let (caption, shown) = layout(rows, &Layout::default());
+        let is_shown = |s: &&Shown| s.on_paper && !s.caption && rows.iter().any(|r| !s.value(r).is_empty());
+        let shown: Vec<Shown> = SHOWN.iter().filter(is_shown).copied().collect();
+        let caption = rows.first().map_or(String::new(), |r| format!("scene: {}", r.scene));
         latex(rows, &caption, &shown, width_pt)
     }
 
