@@ -3,7 +3,7 @@
 use super::color::srgb8_from_linear;
 use super::output::{extension, write_whole};
 use crate::error::{Error, Result};
-use exr::prelude::{AttributeValue, Image, SpecificChannels, Text, Vec2, WritableImage as _};
+use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
 use ndarray::Array3;
 use ndarray_npy::WriteNpyExt;
 use std::io::Cursor;
@@ -49,7 +49,7 @@ pub fn write_picture_as(path: &Path, picture: &Array3<f32>, backdrop: Backdrop) 
 }
 
 /// Writes a picture as [`write_picture_as`] does, with texts by their keys that say what it is of, in a `.png` as `iTXt`
-/// chunks and in an `.exr` as attributes; an `.npy` keeps none.
+/// chunks and in an `.exr` as its `comments`; an `.npy` keeps none.
 ///
 /// # Errors
 /// As there.
@@ -78,7 +78,7 @@ pub fn write_picture_with(
     write_whole(path, |file| file.write_all(&bytes))
 }
 
-/// An OpenEXR file of 32-bit float RGBA, with texts (UTF-8) by their keys among its attributes.
+/// An OpenEXR file of 32-bit float RGBA, with texts (UTF-8) after their keys in its attribute `comments`.
 fn exr(picture: &Array3<f32>, texts: &[(String, String)], bytes: &mut Vec<u8>) -> Result<(), String> {
     let (height, width, _) = picture.dim();
     let pixel = |at: Vec2<usize>| {
@@ -86,9 +86,10 @@ fn exr(picture: &Array3<f32>, texts: &[(String, String)], bytes: &mut Vec<u8>) -
         (channel(0), channel(1), channel(2), channel(3))
     };
     let mut image = Image::from_channels((width, height), SpecificChannels::rgba(pixel));
-    let text = |text: &str| Text::from_slice_unchecked(text.as_bytes());
-    let attributes = texts.iter().map(|(key, value)| (text(key), AttributeValue::Text(text(value))));
-    image.layer_data.attributes.other.extend(attributes);
+    // One attribute, and not one a key: the library writes those in any order, and equal pictures are to be equal files.
+    let lines: Vec<String> = texts.iter().map(|(key, text)| format!("{key}: {text}")).collect();
+    image.layer_data.attributes.comments =
+        (!lines.is_empty()).then(|| Text::from_slice_unchecked(lines.join("\n").as_bytes()));
     image.write().to_buffered(Cursor::new(bytes)).map_err(|e| e.to_string())
 }
 
@@ -227,11 +228,9 @@ mod tests {
         write_picture_with(&told, &picture(), Backdrop::Drawn, &texts).unwrap();
         assert_eq!(read_exr(&told).unwrap(), picture());
         let meta = exr::meta::MetaData::read_from_file(&told, false).unwrap();
-        for (key, value) in &texts {
-            let bytes = |text: &str| Text::from_slice_unchecked(text.as_bytes());
-            let found = meta.headers[0].own_attributes.other.get(&bytes(key));
-            assert_eq!(found, Some(&AttributeValue::Text(bytes(value))), "{key}");
-        }
+        let comments = meta.headers[0].own_attributes.comments.as_ref().unwrap().as_slice().to_vec();
+        let expected = format!("Software: umbravox\numbravox:scene: {}", texts[1].1);
+        assert_eq!(String::from_utf8(comments).unwrap(), expected);
     }
 
     #[test]
