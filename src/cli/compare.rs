@@ -24,6 +24,7 @@ use crate::report::writers::table_json;
 use crate::shadow::{COMPARED, Method, parse_list};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -221,15 +222,10 @@ fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
 }
 
 /// Methods, each once: the same given twice is one row.
-fn distinct(methods: Vec<Box<dyn Method>>) -> Vec<Box<dyn Method>> {
-    let mut seen = Vec::new();
-    let is_new = |m: &Box<dyn Method>| {
-        let text = format!("{m:?}");
-        let is_new = !seen.contains(&text);
-        seen.push(text);
-        is_new
-    };
-    methods.into_iter().filter(is_new).collect()
+fn distinct(mut methods: Vec<Box<dyn Method>>) -> Vec<Box<dyn Method>> {
+    let mut seen = HashSet::new();
+    methods.retain(|method| seen.insert(format!("{method:?}")));
+    methods
 }
 
 /// Reads every scene before anything is done: a mistake in the last is not found hours later. Gives what is recorded of
