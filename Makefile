@@ -1,5 +1,6 @@
 # make demo    build, then compare the shadow methods on the built-in chest phantom
 # make test    every test
+# make adapters   the device's tests, the stability suite and the search on every software Vulkan that is there
 # make lint    formatting and clippy, as CI runs them
 # make bench   the criterion benches
 # make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another)
@@ -17,7 +18,7 @@ SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
 STRIP_METHODS := none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31
 XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 
-.PHONY: demo test lint bench shots strip setup check-tools
+.PHONY: demo test adapters lint bench shots strip setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -32,6 +33,10 @@ demo: setup
 test: setup
 	$(CARGO) test --locked -- --show-output
 	$(CARGO) test --locked --features half --test half
+
+adapters:
+	@scripts/setup.sh --second
+	CARGO="$(CARGO)" scripts/adapters.sh
 
 lint:
 	$(CARGO) fmt --check

@@ -31,12 +31,11 @@ fn stages(criterion: &mut Criterion) {
             Err(e) => panic!("{e}"),
         };
         let on_device = &session.loaded.on_device;
-        let segment_mm = volume.spacing_mm().iter().map(|s| s * s).sum::<f64>().sqrt();
         group.bench_function("tables", |b| {
             b.iter(|| {
                 (
                     TransferTables::build(black_box(&tf), on_device.mapping, on_device.texel_range),
-                    PairTable::build(black_box(&tf), on_device.mapping, segment_mm),
+                    PairTable::build(black_box(&tf), on_device.mapping),
                 )
             });
         });

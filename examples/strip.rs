@@ -79,7 +79,7 @@ fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbaImage)>> {
     let go_on = || true;
     let field = ExactField::new(&volume, &tf);
     let shadow = session.shadow(shadow::parse(DSM)?.as_ref(), scene.light)?;
-    let exact = ExactView::new(&field, &scene, Quantity::Light, go_on)?;
+    let exact = ExactView::new(&field, &scene, Quantity::Light, go_on);
     let map = exact.map(|e| e.errors(&session.renderer, &session.loaded, &session.transfer, &shadow, go_on));
     if let Some(map) = map.transpose()?.flatten() {
         // What sees nothing has no error to show.

@@ -1,15 +1,18 @@
 #!/usr/bin/env bash
 # Checks for what building and running need: cargo, a C linker, a Vulkan driver. On Debian and Ubuntu as root it
 # installs what is missing; elsewhere it says exactly what to install and fails.
-# usage: setup.sh [--check] [--window]    --check never installs; --window adds what X11 windows need, and Xvfb
+# usage: setup.sh [--check] [--window] [--second]    --check never installs; --window adds what X11 windows need, and
+# Xvfb; --second a second software Vulkan (SwiftShader, which Debian ships with chromium) and SPIR-V's validator
 set -euo pipefail
 
 install=yes
 window=no
+second=no
 for argument; do
     case $argument in
     --check) install=no ;;
     --window) window=yes ;;
+    --second) second=yes ;;
     *) echo "setup: unknown argument $argument" >&2 && exit 1 ;;
     esac
 done
@@ -58,6 +61,10 @@ if [[ $window == yes ]]; then
     for pair in X11-xcb:libx11-xcb1 Xcursor:libxcursor1 Xi:libxi6 Xrandr:libxrandr2 xkbcommon-x11:libxkbcommon-x11-0; do
         library "lib${pair%%:*}.so" || missing+=("${pair##*:}")
     done
+fi
+if [[ $second == yes ]]; then
+    [[ -e /usr/lib/chromium/vk_swiftshader_icd.json ]] || missing+=(chromium)
+    command -v spirv-val >/dev/null || missing+=(spirv-tools)
 fi
 ((${#missing[@]})) || exit 0
 

@@ -8,6 +8,9 @@ use umbravox::render::shaders;
 use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
 use wgpu::naga;
 
+/// Settings whose code stands apart from all others': each is tried with the defaults of the rest.
+const ALONE: [&str; 2] = ["lookup", "average"];
+
 /// Every combination of a method's words, with few and many of what it counts.
 fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     let values = |kind: Kind| match kind {
@@ -16,11 +19,22 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
         Kind::Whole { least, most } if most <= 512 => (least..least + 9).map(|n| n.to_string()).collect(),
         Kind::Whole { .. } | Kind::Number { .. } => Vec::new(),
     };
-    let keys = entry.keys.iter().filter(|k| k.when == When::Always);
+    let keys = entry.keys.iter().filter(|k| k.when == When::Always && !ALONE.contains(&k.name));
     let keys = keys.map(|k| (k.name, values(k.kind))).filter(|(_, v)| !v.is_empty());
-    let keys: Vec<String> = keys.map(|(name, values)| format!("{name}={}", values.join(","))).collect();
-    let spec = if keys.is_empty() { entry.name.into() } else { format!("{}:{}", entry.name, keys.join(",")) };
-    parse_list(&spec).unwrap()
+    let mut keys: Vec<(&str, Vec<String>)> = keys.collect();
+    let alone = entry.keys.iter().filter(|k| ALONE.contains(&k.name));
+    let alone = alone.map(|k| format!("{}:{}={}", entry.name, k.name, values(k.kind).join(",")));
+    let mut specs: Vec<String> = alone.collect();
+    // One value at a time: a list has a largest length.
+    match keys.pop() {
+        Some((first, values)) => {
+            let rest: String =
+                keys.iter().map(|(name, values)| format!(",{name}={}", values.join(","))).collect();
+            specs.extend(values.iter().map(|v| format!("{}:{first}={v}{rest}", entry.name)));
+        }
+        None => specs.push(entry.name.into()),
+    }
+    specs.iter().flat_map(|spec| parse_list(spec).unwrap()).collect()
 }
 
 /// Everything that scenes and settings can ask for, each under all that adapters and transfer functions add.

@@ -5,12 +5,13 @@ struct Sink {
     optical_depth: f32,
 }
 
+// Nobody looks inside a piece.
+const FAR: f32 = #{FAR};
 // Beyond this the transmittance is nothing to a picture (1e-6).
 const ENOUGH_DEPTH: f32 = 13.8;
 
-fn longest_depth(sink: ptr<function, Sink>) -> f32 {
-    // Nobody looks inside a piece.
-    return 0.5;
+fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
+    return FAR;
 }
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {

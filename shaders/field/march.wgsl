@@ -2,15 +2,18 @@
 //
 // Inside a cell the value along the ray is a cubic, which is formed exactly; it is cut at its extrema and where it
 // passes a breakpoint of the transfer function, found through the pre-compressed table (Hadwiger et al. 2006, 3.2) and
-// placed on the cubic. Each piece is smooth: two-point Gauss integrates it.
+// placed on the cubic. Between cuts extinction is a straight function of a monotone cubic, which two-point Gauss
+// integrates exactly, or the logarithm of one, which it integrates well where opacity does not near 1 too fast. How
+// short pieces are beyond that is derived in docs/bound.md.
 //
 // The sink, a module that defines `umbravox::sink`, takes the pieces. It offers
 //   struct Sink                                     what one ray has gathered
 //   fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool
 //       takes the optical depth between two depths (mm); pieces come in the order of the march, none overlap, stretches
 //       without extinction may be left out or come with depth 0; true ends the ray
-//   fn longest_depth(sink: ptr<function, Sink>) -> f32
-//       the optical depth that the next piece may span, for sinks that look inside pieces
+//   fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32
+//       the optical depth, of a smooth stretch between two depths (mm), whose chord is straight enough for the sink
+//       where it stands; FAR where it does not look inside
 //
 // Control flow: an inner loop walks to the next cell with extinction, the outer one takes a single piece a turn. Lanes
 // of a subgroup then wait for each other only there, and what is expensive stands in the program once. That is why
@@ -19,17 +22,29 @@
 #define_import_path umbravox::march
 
 #import umbravox::field::{field, Cell, cell_values, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
-#import umbravox::transfer::{interval_start, interval_at, extinction_in, nodes_between, NO_NODE, MORE_NODES}
+#import umbravox::transfer::{interval_start, interval_at, extinction_in, extinction_slope, uneven, nodes_between, NO_NODE, MORE_NODES}
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
+#import umbravox::watch::ran_out
 
 const GAUSS_LOW: f32 = 0.21132487;
 const GAUSS_HIGH: f32 = 0.78867513;
 // Cells that a lane walks through before those of its subgroup that have found something go on (best of 2, 4 and no
 // limit on llvmpipe).
 const WALK_STEPS: u32 = 4u;
-const NEWTON_STEPS: i32 = 8;
+// Newton's steps at least halve the way to a root, also where the cubic is flat: enough for every bit of a float32.
+const ROOT_STEPS: i32 = 40;
+// Value, as a share of what the stretch holds, to which a breakpoint is found.
+const ROOT_TOLERANCE: f32 = #{ROOT_TOLERANCE};
 // A chord's share below which a piece is not worth its own turn.
 const LEAST_PIECE: f32 = 1e-6;
+// Length below which a piece is straight enough, in smallest voxel spacings: a stated depth of the bound.
+const SHORT_PIECE: f32 = #{SHORT_PIECE};
+// Halvings of a piece over which opacity nears 1: enough for all that float32 knows of it.
+const HALVINGS: i32 = 40;
+
+// Parts of one cell beyond those that are counted one by one: their depths add up to no more than a ray's, and opacity
+// nears 1 a few times at most.
+const MOST_PARTS: u32 = 512u;
 
 // c.x + u (c.y + u (c.z + u c.w))
 fn cubic(c: vec4<f32>, u: f32) -> f32 {
@@ -66,9 +81,10 @@ fn crossing(c: vec4<f32>, a: f32, b: f32, va: f32, vb: f32, v: f32) -> f32 {
     var hi = b;
     let rising = vb > va;
     var u = a + (b - a) * clamp((v - va) / (vb - va), 0.0, 1.0);
-    for (var i = 0; i < NEWTON_STEPS; i++) {
+    let enough = ROOT_TOLERANCE * max(abs(va), abs(vb));
+    for (var i = 0; i < ROOT_STEPS; i++) {
         let excess = cubic(c, u) - v;
-        if abs(excess) <= 1e-6 * abs(vb - va) { break; }
+        if abs(excess) <= enough { break; }
         if (excess > 0.0) == rising { hi = u; } else { lo = u; }
         let slope = cubic_slope(c, u);
         var next = u - excess / select(slope, 1.0, slope == 0.0);
@@ -104,6 +120,9 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     let ahead = select(vec3<i32>(0), vec3<i32>(1), forward);
     let moves = abs(d) >= vec3<f32>(1e-20);
     let top = vec3<i32>(field.size);
+    // Every step leaves a cell for good, and on each axis the ray goes one way.
+    var cells_left = top.x + top.y + top.z + 3;
+    let short_mm = SHORT_PIECE * field.min_spacing_mm;
     // Where the walk stands: the cell not yet looked at, and the depth at which the ray enters it.
     var z = max(span.x, z_from);
     var cell = clamp(vec3<i32>(floor(o + z * d)), vec3<i32>(0), top);
@@ -114,7 +133,9 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var c = vec4<f32>(0.0);
     var u = 1.0;
     var value = 0.0;
-    // The cell's values have no breakpoint among them: it is one piece, whatever turns the cubic takes.
+    // Pieces that the cell may still be cut into.
+    var pieces_left = 0u;
+    // The cell is one piece, whatever turns the cubic takes.
     var plain = false;
     loop {
         var steps = 0u;
@@ -143,15 +164,32 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                     chord_mm = exit - z;
                     u = 0.0;
                     value = c.x;
+                    // Breakpoints, each met up to three times, and parts that are short or span a share of a whole ray.
+                    pieces_left = 3u * field.intervals + u32(min(chord_mm / short_mm, 1e6)) + MOST_PARTS;
                     let inside = nodes_between(least, most);
-                    plain = inside.x == NO_NODE && inside.w != MORE_NODES;
+                    let j = interval_at(least);
+                    let sigma_a = extinction_in(j, least);
+                    let sigma_b = extinction_in(j, most);
+                    // However extinction lies between its least and most, depth strays from its chord by a quarter of
+                    // their difference at most.
+                    let depth = max(sigma_a, sigma_b) * chord_mm;
+                    let stray = depth * depth + 2.0 * abs(sigma_b - sigma_a) * chord_mm;
+                    let reach = longest_depth(sink, z, exit);
+                    plain = inside.x == NO_NODE && inside.w != MORE_NODES && !uneven(sigma_a, sigma_b, chord_mm)
+                        && stray <= reach * reach;
                 }
             }
             z = exit;
-            // On the face that is left the next cell is known; rounding must not put it back.
+            // On the face that is left the next cell is known; rounding must not put it back, there or anywhere.
             let past = select(lo - 1, hi, forward);
-            cell = select(clamp(vec3<i32>(floor(p)), lo, hi - 1), past, exits <= vec3<f32>(exit));
+            let inner = clamp(vec3<i32>(floor(p)), select(lo, cell, forward), select(cell, hi - 1, forward));
+            cell = select(select(cell, inner, moves), past, exits <= vec3<f32>(exit));
             walking = z < end && all(cell >= vec3<i32>(0)) && all(cell <= top);
+            cells_left -= 1;
+            if cells_left < 0 {
+                ran_out();
+                walking = false;
+            }
         }
         if u >= 1.0 {
             if !walking { break; }
@@ -190,20 +228,42 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         }
         let j = interval_at(0.5 * (value + end_value));
         let sigma_a = extinction_in(j, value);
-        let sigma_b = extinction_in(j, end_value);
-        // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8.
-        let sigma = max(sigma_a, sigma_b);
-        let piece_mm = (piece_end - u) * chord_mm;
-        let bend = sqrt(sigma * sigma + abs(sigma_b - sigma_a) / max(piece_mm, 1e-9));
-        let parts = clamp(ceil(piece_mm * bend / longest_depth(sink)), 1.0, 64.0);
-        if parts > 1.0 {
-            piece_end = u + (piece_end - u) / parts;
-            end_value = cubic(c, piece_end);
+        var sigma_b = extinction_in(j, end_value);
+        if !plain {
+            // Opacity that nears 1 makes a logarithm too steep for the quadrature.
+            for (var k = 0; k < HALVINGS; k++) {
+                if !uneven(sigma_a, sigma_b, (piece_end - u) * chord_mm) { break; }
+                piece_end = max(u + 0.5 * (piece_end - u), min(u + LEAST_PIECE, piece_end));
+                end_value = cubic(c, piece_end);
+                sigma_b = extinction_in(j, end_value);
+            }
+            // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a
+            // stretch of the cubic is a parabola, which lies between its Bernstein coefficients.
+            let share = piece_end - u;
+            let piece_mm = share * chord_mm;
+            let slope_a = cubic_slope(c, u);
+            let steepness = max(max(abs(slope_a), abs(slope_a + share * (c.z + 3.0 * u * c.w))), abs(cubic_slope(c, piece_end)));
+            let sigma = max(sigma_a, sigma_b);
+            let rise = extinction_slope(j, sigma) * steepness / chord_mm;
+            let bend = sqrt(sigma * sigma + rise);
+            let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm);
+            if piece_mm * bend > reach {
+                // From here extinction is sigma_a + rise h at most, and sigma at most.
+                let near = sigma_a + sqrt(rise);
+                let parts_mm = max(2.0 * reach / (near + sqrt(near * near + 4.0 * rise * reach)), reach / bend);
+                piece_end = u + share / ceil(piece_mm / max(parts_mm, short_mm));
+                end_value = cubic(c, piece_end);
+            }
         }
         let h = piece_end - u;
         let mean = 0.5 * (extinction_in(j, cubic(c, u + GAUSS_LOW * h)) + extinction_in(j, cubic(c, u + GAUSS_HIGH * h)));
         if sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm) { break; }
         u = select(piece_end, 1.0, piece_end > 1.0 - LEAST_PIECE);
         value = end_value;
+        pieces_left -= 1u;
+        if pieces_left == 0u {
+            ran_out();
+            u = 1.0;
+        }
     }
 }

@@ -2,7 +2,8 @@
 //
 // A ray is walked from sample to sample; between two of them lies a stretch. Only stretches with extinction are
 // gathered. With shadows a stretch is cut into parts, parts make a run, and a run asks the lookup once for the light at
-// its end. What is expensive stands in the program once, and lanes of a subgroup wait for each other only there.
+// its end; with LOOKUP_EACH every part is a run of its own. What is expensive stands in the program once, and lanes of a
+// subgroup wait for each other only there.
 //
 // The lookup, a module that defines `umbravox::method`, offers
 //   fn transmittance(g: vec3<f32>) -> f32           from the light to a grid-space point of the domain; 1 where nothing
@@ -11,6 +12,7 @@
 
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::{integral_at, mean_over}
+#import umbravox::watch::ran_out
 #ifdef SHADOWS
 #import umbravox::method::transmittance
 #endif
@@ -69,11 +71,20 @@ const LIT_DEPTH: f32 = 0.75;
 const THICKEST_PART: f32 = 1.0;
 const MAX_PARTS: f32 = 16.0;
 // A run of parts shares its lookups until it has so many parts or such optical depth.
-const RUN_PARTS: u32 = 4u;
 const FULL_RUN: f32 = 0.25;
 // Optical depth of a run whose start may be lit as its end is.
+#ifdef LOOKUP_EACH
+const RUN_PARTS: u32 = 1u;
+const FAINT_RUN: f32 = 0.0;
+#else
+const RUN_PARTS: u32 = 4u;
 const FAINT_RUN: f32 = 0.05;
+#endif
 const DARKEST: f32 = 1e-6;
+// Float32 counts no further one by one.
+const MOST_SAMPLES: f32 = 16777216.0;
+// One to walk, one to see that a stretch is thick, and four for each part of it.
+const TURNS_A_SAMPLE: u32 = 72u;
 
 // ---- The ray of a pixel ----
 
@@ -120,6 +131,8 @@ struct Walk {
     found: bool,
     u: f32,
     value_u: f32,
+    // Turns that all loops of the pixel may still take.
+    turns_left: u32,
 #ifdef SKIP_BRICKS
     // The last sample that was leapt over comes next, since the stretch behind it has extinction.
     stepped_back: bool,
@@ -131,11 +144,26 @@ struct Walk {
 
 fn start_walk(ray: EyeRay) -> Walk {
     let k = floor(ray.start / frame.step_mm);
+    // A sample ends at most so many parts, each of which may be lit twice; a leap over bricks takes three turns more.
+    let samples = u32(clamp((ray.end - ray.start) / frame.step_mm, 0.0, MOST_SAMPLES)) + 2u;
+    let turns = samples * TURNS_A_SAMPLE + 3u * (field.size.x + field.size.y + field.size.z);
 #ifdef SKIP_BRICKS
-    return Walk(k, ray.start < ray.end, ray.t_in, 0.0, false, false, 0.0, 0.0, false, false, false);
+    return Walk(k, ray.start < ray.end, ray.t_in, 0.0, false, false, 0.0, 0.0, turns, false, false, false);
 #else
-    return Walk(k, ray.start < ray.end, ray.t_in, 0.0, false, false, 0.0, 0.0);
+    return Walk(k, ray.start < ray.end, ray.t_in, 0.0, false, false, 0.0, 0.0, turns);
 #endif
+}
+
+// Counts a turn of a loop; ends the ray, and says so, where it has had more than it can need.
+fn spent(walk: ptr<function, Walk>) -> bool {
+    if (*walk).turns_left == 0u {
+        ran_out();
+        (*walk).walking = false;
+        (*walk).found = false;
+        return true;
+    }
+    (*walk).turns_left -= 1u;
+    return false;
 }
 
 #ifdef SKIP_BRICKS
@@ -154,7 +182,7 @@ fn past_empty_bricks(ray: EyeRay, brick: vec3<i32>, distance: i32) -> f32 {
 fn walk_on(walk: ptr<function, Walk>, ray: EyeRay) {
     let h = frame.step_mm;
     loop {
-        if (*walk).found || !(*walk).walking { break; }
+        if (*walk).found || !(*walk).walking || spent(walk) { break; }
         let t = clamp((*walk).k * h, ray.t_in, ray.t_out);
         let g = ray.o + t * ray.d;
 #ifdef SKIP_BRICKS
@@ -263,14 +291,16 @@ struct Run {
 // Gathers parts of stretches until the run is complete; `left` is the transmittance to the eye.
 fn gather(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function, f32>, ray: EyeRay) {
     loop {
-        if (*run).closing { break; }
+        if (*run).closing || spent(walk) { break; }
         walk_on(walk, ray);
         // A run ends where the extinction does, and at the end of the ray.
         (*run).closing = (*run).parts > 0u && (!(*walk).found || (*walk).u != (*run).end);
         if (*run).closing || !(*walk).found { break; }
         let begin = (*walk).u;
         let b = (*walk).b;
-        let to = select(begin + (*run).part_mm, b, begin + 1.5 * (*run).part_mm > b);
+        // A part that float32 cannot tell from nothing takes the rest.
+        let part_end = begin + (*run).part_mm;
+        let to = select(part_end, b, begin + 1.5 * (*run).part_mm > b || part_end <= begin);
         let value_to = mix((*walk).value_u, (*walk).value_b, select((to - begin) / (b - begin), 1.0, to == b));
         let mean = mean_between((*walk).value_u, value_to);
         let depth = mean.w * (to - begin);

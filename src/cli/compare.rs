@@ -8,6 +8,7 @@ use crate::files::input::read_text;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::gpu::Gpu;
+use crate::measure::budget::Budget;
 use crate::measure::facts::Facts;
 use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
@@ -45,11 +46,15 @@ pub struct CompareArgs {
     /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value_t = COMPARED.clone())]
     pub methods: String,
+    /// Search the settings of each method of --methods for its least errors within so many bytes, or so many milliseconds
+    /// of build and frame, and add them as rows: bytes=2MiB,8MiB or ms=50; may be given several times
+    #[arg(long, value_name = "BUDGET")]
+    pub budget: Vec<String>,
     /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on
     #[arg(long)]
     pub ablate: bool,
     /// Measure only the rows of one of N parts of the table, I from 1 to N; `umbravox merge` puts the parts together
-    #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with = "ablate")]
+    #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with_all = ["ablate", "budget"])]
     pub shard: Option<Shard>,
     #[command(flatten)]
     pub layout: LayoutFlags,
@@ -119,6 +124,7 @@ struct Asked {
 pub fn run(args: CompareArgs) -> Result<()> {
     let methods = distinct(parse_list(&args.methods).map_err(|e| e.at("--methods"))?);
     let layout = args.layout.layout()?;
+    let budgets = distinct_budgets(&args.budget)?;
     check_output_dir(&args.output)?;
     let effort = Effort {
         repeats: args.repeats as usize,
@@ -138,6 +144,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let facts = Facts::of(renderer.gpu());
     let mut run = Run::new(&facts, effort, &args.methods, &methods, records, args.shard);
     run.ablate = args.ablate;
+    run.budgets = budgets.iter().map(Budget::to_string).collect();
     run.command = std::env::args().collect();
     if run.count_here() == 0 {
         let why = format!("the table has only {} rows", run.rows.len());
@@ -157,7 +164,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     }
     let tf_texts: Vec<_> = asked.iter().map(|a| a.tf_text.clone()).collect();
     run.begin(&args.output, start, &tf_texts)?;
-    let made = measured(&run, &asked, first, &renderer, &mut journal)
+    let made = measured(&run, &budgets, &asked, first, &renderer, &mut journal)
         .map_err(|e| if e.is_cancelled() { interrupted(&args.output, &run, &journal) } else { e })?;
     publish(made, &asked, &args.output, &layout)
 }
@@ -165,6 +172,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
 /// Measures what is here of the run, watched on the terminal and ended by an interrupt.
 fn measured(
     run: &Run,
+    budgets: &[Budget],
     asked: &[Asked],
     first: Loaded,
     renderer: &Arc<Renderer>,
@@ -175,13 +183,14 @@ fn measured(
         let all = distinct(parse_list(&run.methods)?);
         methods.push(all.into_iter().zip(here).filter(|(_, here)| *here).map(|(m, _)| m).collect());
     }
-    let order = Order { methods: &methods, remark: "" };
+    let order = Order { methods: &methods, budgets, remark: "" };
     let mut first = Some(first);
     let mut read = |i: usize| {
         let first = first.take().filter(|_| i == 0);
         let loaded = first.map_or_else(|| asked[i].settings.load(&Loading::default()), Ok)?;
         let Loaded { volume, tf, scene, .. } = loaded;
-        Ok(Subject { volume: Arc::new(volume), tf, scene, forced: asked[i].settings.forced() })
+        let strands = asked[i].settings.spec().strands(&Loading::default())?;
+        Ok(Subject { volume: Arc::new(volume), tf, strands, scene, forced: asked[i].settings.forced() })
     };
     let bar = progress_bar()?;
     let interrupt = Interrupt::listen()?;
@@ -226,6 +235,19 @@ fn distinct(mut methods: Vec<Box<dyn Method>>) -> Vec<Box<dyn Method>> {
     let mut seen = HashSet::new();
     methods.retain(|method| seen.insert(format!("{method:?}")));
     methods
+}
+
+/// Budgets, each once, in the order in which they are given.
+fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
+    let mut budgets = Vec::new();
+    for text in texts {
+        for budget in Budget::parse_list(text).map_err(|e| e.at("--budget"))? {
+            if !budgets.contains(&budget) {
+                budgets.push(budget);
+            }
+        }
+    }
+    Ok(budgets)
 }
 
 /// Reads every scene before anything is done: a mistake in the last is not found hours later. Gives what is recorded of
@@ -286,6 +308,7 @@ fn publish(made: Made, asked: &[Asked], folder: &Path, layout: &Layout) -> Resul
     let rows = all.rows();
     let json = table_json(&rows, &made.run)?;
     let files = made.write(folder, layout)?;
+    files.budgets.iter().for_each(|path| say("budgets", &path.display()));
     files.ablations.iter().for_each(|path| say("ablation", &path.display()));
     if asked.iter().any(|a| a.settings.json) {
         print_result(&json)?;

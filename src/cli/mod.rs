@@ -1,5 +1,6 @@
 //! The command line: one file a command, each thin.
 
+pub mod claims;
 pub mod compare;
 mod error;
 pub mod info;
@@ -42,6 +43,7 @@ enum Command {
     Probe(probe::ProbeArgs),
     Compare(Box<compare::CompareArgs>),
     Merge(merge::MergeArgs),
+    Claims(claims::ClaimsArgs),
     Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
     Phantom(phantom::PhantomArgs),
@@ -88,6 +90,7 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(*args),
         Command::Merge(args) => merge::run(&args),
+        Command::Claims(args) => claims::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),

@@ -12,6 +12,7 @@ mod curve;
 mod law;
 mod picture;
 mod seen;
+mod shading;
 mod walk;
 
 pub use curve::OpticalDepthCurve;

@@ -1,9 +1,8 @@
-//! The exact picture, for small sizes: `C = ∫ T_eye sigma c (ambient + (1 - ambient) T_light) dt + T_eye background`
-//! along each pixel's ray, with an exact shadow ray at every node of an adaptive rule.
+//! The exact picture, for small sizes: `C = ∫ T_eye sigma c (ambient + (1 - ambient) T_light f) dt + T_eye background`
+//! along each pixel's ray, with an exact shadow ray and the shading factor `f` at every node of an adaptive rule.
 
 use super::ExactField;
-use crate::error::{Error, Result};
-use crate::scene::{Scene, Shading};
+use crate::scene::Scene;
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -38,29 +37,20 @@ impl ExactField<'_> {
     /// The picture of `scene` as `[row, column, channel]`: linear RGB and opacity `1 - T_eye`, to about 1e-4.
     ///
     /// Seconds at 48 x 32; meant for small sizes.
-    ///
-    /// # Errors
-    /// A shading other than `none`, which is all that the model defines exactly.
-    pub fn picture(&self, scene: &Scene) -> Result<Array3<f32>> {
+    pub fn picture(&self, scene: &Scene) -> Array3<f32> {
         self.picture_rows(scene, 0..scene.height)
     }
 
     /// Some rows of [`Self::picture`].
-    ///
-    /// # Errors
-    /// As there.
-    pub fn picture_rows(&self, scene: &Scene, rows: Range<u32>) -> Result<Array3<f32>> {
-        if scene.shading != Shading::None {
-            return Err(Error::input("cannot make the exact picture", "--shading", "only `none` is exact"));
-        }
+    pub fn picture_rows(&self, scene: &Scene, rows: Range<u32>) -> Array3<f32> {
         let (width, height) = (scene.width as usize, rows.len());
         let first = f64::from(rows.start);
         let pixel =
             |index: usize| self.pixel(scene, (index % width) as f64, first + (index / width) as f64, RULE);
         let pixels: Vec<_> = (0..width * height).into_par_iter().map(pixel).collect();
-        Ok(Array3::from_shape_fn((height, width, 4), |(row, column, channel)| {
+        Array3::from_shape_fn((height, width, 4), |(row, column, channel)| {
             pixels[row * width + column][channel] as f32
-        }))
+        })
     }
 
     /// How far [`Self::picture`] may be off: the largest change of a channel when the tolerance is a sixteenth and the
@@ -94,7 +84,8 @@ impl ExactField<'_> {
             let Some(found) = curve.find(tau) else { return [0.0; 3] };
             let x = eye + direction * found.depth_mm;
             let lit = if scene.ambient < 1.0 {
-                scene.ambient + (1.0 - scene.ambient) * self.transmittance_to_light(x, &scene.light)
+                let factor = self.shading_factor(x, direction, &scene.light, scene.shading);
+                scene.ambient + (1.0 - scene.ambient) * factor * self.transmittance_to_light(x, &scene.light)
             } else {
                 1.0
             };

@@ -1,6 +1,6 @@
 //! What building a shadow structure needs: a volume under a light on a device.
 
-use super::{DeviceTransfer, LightSpace, TilePace};
+use super::{DeviceTransfer, LightSpace, PoolSizes, TilePace};
 use crate::error::Result;
 use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Span, uniform_buffer};
 use crate::scene::Light;
@@ -13,6 +13,8 @@ pub struct BuildContext<'a> {
     pub kernels: &'a Kernels,
     /// How much of a map is built in one submission.
     pub pace: &'a TilePace,
+    /// What earlier builds on the volume have needed.
+    pub pool_sizes: &'a PoolSizes,
     /// The volume that casts shadows.
     pub volume: &'a Volume,
     /// Its transfer function on the device.

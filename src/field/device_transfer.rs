@@ -79,7 +79,7 @@ pub struct DeviceTransfer {
     /// What the intervals are of, and the pre-compressed table is made of when it is first needed.
     tf: TransferFunction,
     mapping: TexelMapping,
-    segment_mm: f64,
+    largest_texel: f64,
 }
 
 /// The pre-compressed table on the device.
@@ -120,6 +120,7 @@ impl Bindings {
             Slot::uniform(&self.intervals),
             Slot::floats(&self.integrals),
             Slot::words(pair_nodes),
+            Slot::read_write(gpu.watch.binding()),
         ];
         Group::new(gpu, "field", &(0..).zip(slots).collect::<Vec<_>>())
     }
@@ -135,13 +136,17 @@ fn linear_clamp(gpu: &Gpu) -> wgpu::Sampler {
     })
 }
 
+/// Share of the largest texel value: 2^-19, some 16 roundings of the cubic's terms, the root that a breakpoint is found
+/// to, and the breakpoint's own.
+const VALUE_ROUNDING: f64 = 1.0 / 524_288.0;
+
 impl DeviceTransfer {
     /// Tables and brick classes of `tf` on `volume`.
     ///
     /// # Errors
     /// A function of too many pieces, or a device out of memory.
     pub fn new(gpu: &Gpu, loaded: &LoadedVolume, tf: &TransferFunction, forced: Forced) -> Result<Self> {
-        let LoadedVolume { volume, bricks, on_device } = loaded;
+        let LoadedVolume { bricks, on_device, .. } = loaded;
         let start = Instant::now();
         let tables = TransferTables::build(tf, on_device.mapping, on_device.texel_range);
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -159,8 +164,6 @@ impl DeviceTransfer {
             intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(&tables)?),
             integrals: integral_texture(gpu, &tables, one_color(tf, forced).is_some())?,
         };
-        // The longest stretch inside a cell is its diagonal.
-        let segment_mm = volume.spacing_mm().iter().map(|s| s * s).sum::<f64>().sqrt();
         Self {
             empty: active.active == 0,
             bytes: 0,
@@ -175,7 +178,7 @@ impl DeviceTransfer {
             march: OnceLock::new(),
             tf: tf.clone(),
             mapping: on_device.mapping,
-            segment_mm,
+            largest_texel: on_device.texel_range.iter().fold(0.0, |most, t| t.abs().max(most)),
         }
         .with_colors(&tables, tf)
         .forced_tables(gpu)
@@ -235,6 +238,12 @@ impl DeviceTransfer {
         self.mapping.scale / f64::from(self.uniform.table_per_value)
     }
 
+    /// How far float32 may put a value along a ray from what it is, in the volume's values: a cubic of eight texel values
+    /// and the breakpoints that it is compared with; see `docs/bound.md`, "Values".
+    pub fn value_rounding(&self) -> f64 {
+        VALUE_ROUNDING * self.largest_texel * self.mapping.scale
+    }
+
     /// The pre-compressed table, where something has needed it.
     pub fn march_table(&self) -> Option<&MarchTable> {
         self.march.get()
@@ -249,7 +258,7 @@ impl DeviceTransfer {
             return Ok(made);
         }
         let start = Instant::now();
-        let pairs = PairTable::build(&self.tf, self.mapping, self.segment_mm);
+        let pairs = PairTable::build(&self.tf, self.mapping);
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
         let side = PAIR_BINS as u32;
         let format = wgpu::TextureFormat::Rg32Uint;

@@ -13,8 +13,9 @@ pub enum TexelFormat {
     /// 16-bit float, 2 bytes: holds every whole number from -2048 to 2048, and so exactly any integer volume whose
     /// stored values span at most 4096 (12-bit CT), kept as differences from their middle.
     Half,
-    /// 32-bit float, 4 bytes: holds every whole number up to 2^24, and so any other 16-bit volume exactly; values of
-    /// 32-bit and 64-bit volumes are scaled to `[0, 1]` and rounded to 24 bits.
+    /// 32-bit float, 4 bytes: holds every whole number up to 2^24, and so any other 16-bit volume exactly, and values of
+    /// 32-bit volumes, scaled by a power of 2 to `[-1, 1]`; those of 64-bit volumes are scaled to `[0, 1]` and rounded
+    /// to 24 bits.
     Single,
 }
 
@@ -61,7 +62,13 @@ fn packing(volume: &Volume) -> Packing {
         Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => {
             Packing { format: TexelFormat::Single, center: 0.0, per_stored: sign }
         }
-        Voxels::F32(_) | Voxels::F64(_) => {
+        // Scaled by a power of 2, float32 values stay what they are.
+        Voxels::F32(_) => {
+            let largest = lo.abs().max(hi.abs());
+            let exponent = if largest > 0.0 { largest.log2().ceil() } else { 0.0 };
+            Packing { format: TexelFormat::Single, center: 0.0, per_stored: sign * (-exponent).exp2() }
+        }
+        Voxels::F64(_) => {
             let span = if hi > lo { hi - lo } else { 1.0 };
             Packing { format: TexelFormat::Single, center: lo, per_stored: sign / span }
         }

@@ -1,6 +1,6 @@
 //! A volume with what the device holds of it, and the space that both count in.
 
-use super::DeviceVolume;
+use super::{DeviceVolume, PoolSizes};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::volume::{Bricks, Volume};
@@ -15,6 +15,8 @@ pub struct LoadedVolume {
     pub bricks: Bricks,
     /// Its voxels on the device.
     pub on_device: DeviceVolume,
+    /// What builds of maps on it have needed.
+    pub pool_sizes: PoolSizes,
 }
 
 impl LoadedVolume {
@@ -24,7 +26,7 @@ impl LoadedVolume {
     /// A volume that the adapter cannot hold.
     pub fn new(gpu: &Gpu, volume: Arc<Volume>) -> Result<Self> {
         let on_device = DeviceVolume::upload(gpu, &volume)?;
-        Ok(Self { bricks: Bricks::build(&volume), volume, on_device })
+        Ok(Self { bricks: Bricks::build(&volume), volume, on_device, pool_sizes: PoolSizes::default() })
     }
 }
 

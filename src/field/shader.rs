@@ -9,7 +9,15 @@ use crate::volume::BRICK_CELLS;
 /// The module that marches light rays.
 const MARCH: &str = "field/march.wgsl";
 
+/// Value to which the light march finds a breakpoint, as a share of the largest of the stretch: 2^-22, four units in the
+/// last place.
+pub(super) const ROOT_TOLERANCE: f32 = 1.0 / 4_194_304.0;
+/// Length below which the light march cuts no piece further, in smallest voxel spacings.
+pub const SHORT_PIECE: f64 = 0.01;
+
 const CONSTANTS: &[Constant] = &[
+    Constant::float("ROOT_TOLERANCE", ROOT_TOLERANCE),
+    Constant::float("SHORT_PIECE", SHORT_PIECE as f32),
     Constant::signed("BRICK_CELLS", BRICK_CELLS as i32),
     Constant::unsigned("BRICK_SHIFT", BRICK_CELLS.ilog2()),
     Constant::float("FAR", FAR),
@@ -30,7 +38,7 @@ const CONSTANTS: &[Constant] = &[
 
 /// A variant that reads the field and the light space; methods with tiles have the tile table too.
 pub fn field_shader(entry: &'static str) -> ShaderVariant {
-    let modules = ["field/field.wgsl", "field/transfer.wgsl", "field/light.wgsl"];
+    let modules = ["field/watch.wgsl", "field/field.wgsl", "field/transfer.wgsl", "field/light.wgsl"];
     ShaderVariant::of(entry).modules(&modules).constants(CONSTANTS)
 }
 

@@ -4,7 +4,6 @@ use super::constants::{NO_TILE, TILE_TEXELS};
 use super::{BuildContext, LightSpace, Omittable};
 use crate::error::Result;
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
-use std::time::Instant;
 
 /// Passes over the tiles of a map under which active bricks lie (Hadwiger et al. 2006, 3.4).
 ///
@@ -22,8 +21,6 @@ pub struct TileMarch<'a> {
     pub tiles: u32,
     /// Tiles that are built: all with active bricks, or all where that is forced.
     pub built: u32,
-    /// Milliseconds on the host to fit the map and to find its tiles.
-    pub host_ms: f64,
 }
 
 impl<'a> TileMarch<'a> {
@@ -32,7 +29,6 @@ impl<'a> TileMarch<'a> {
     /// # Errors
     /// A map that the adapter cannot hold.
     pub fn fit(context: &BuildContext<'a>, map_size: u32) -> Result<Self> {
-        let start = Instant::now();
         let gpu = context.gpu();
         let light_space = context.light_space(map_size);
         let mut occupied = light_space.occupied_tiles(context.volume, &context.transfer.active);
@@ -51,7 +47,6 @@ impl<'a> TileMarch<'a> {
             tiles: entries.len() as u32,
             built: list.len() as u32,
             list: StorageBuffer::from_slice(gpu, "tile list", &list)?,
-            host_ms: start.elapsed().as_secs_f64() * 1e3,
         })
     }
 

@@ -1,5 +1,6 @@
 //! Choosing an adapter and opening a device with all the limits that it has.
 
+use super::watch::Watch;
 use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -16,6 +17,8 @@ pub struct Gpu {
     pub filters_float32: bool,
     /// Nanoseconds a timestamp tick, where the adapter has timestamps and is no software one.
     pub timestamp_period_ns: Option<f32>,
+    /// Counts loops of shaders that reach their bound.
+    pub watch: Watch,
     /// The first error that no call returned (validation, out of memory, device lost).
     uncaptured: Arc<Mutex<Option<String>>>,
     lost: DeviceLoss,
@@ -89,6 +92,7 @@ impl Gpu {
             .filter(|p| *p > 0.0 && info.device_type != wgpu::DeviceType::Cpu);
         tracing::info!("adapter: {} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info);
         Self {
+            watch: Watch::new(&device),
             device,
             queue,
             info,

@@ -9,6 +9,7 @@ mod layout;
 mod pipeline_cache;
 mod shaders;
 mod timing;
+mod watch;
 
 pub use bindings::{Group, Slot};
 pub use buffers::{StorageBuffer, read_back, steady_side, store_texture, table_texture, uniform_buffer};
@@ -19,3 +20,4 @@ pub(crate) use layout::{assert_layout, wgsl_layout};
 pub use pipeline_cache::PipelineStore;
 pub use shaders::{Constant, ShaderVariant, compose, shader_paths};
 pub use timing::{Clock, PassTimer, Span};
+pub use watch::Watch;

@@ -2,6 +2,7 @@
 
 use super::Gpu;
 use super::buffers::{read_staging, staging_buffer};
+use super::watch::WATCH_BYTES;
 use crate::error::Result;
 use std::sync::{Mutex, PoisonError};
 
@@ -55,6 +56,8 @@ pub struct PassTimer {
 
 /// Bytes of two timestamps.
 const TICKS_BYTES: u64 = 16;
+/// Bytes that a pass hands to the host: its timestamps (0 where there are none) and the loops that reached their bound.
+const REPORT_BYTES: u64 = TICKS_BYTES + WATCH_BYTES;
 
 impl PassTimer {
     /// With timestamps where the adapter has them.
@@ -81,7 +84,7 @@ impl PassTimer {
     /// Timestamps are copied by the same submission that they measure: reading them costs no second wait.
     ///
     /// # Errors
-    /// A lost device.
+    /// A lost device, or a loop that reached its bound (see [`Watch`](super::Watch)).
     pub fn compute(
         &self,
         gpu: &Gpu,
@@ -101,21 +104,20 @@ impl PassTimer {
                 .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes });
             record(&mut pass);
         }
-        let staging = queries.as_ref().map(|q| {
-            let staging = staging_buffer(gpu, TICKS_BYTES);
+        let staging = staging_buffer(gpu, REPORT_BYTES);
+        if let Some(q) = queries.as_ref() {
             encoder.resolve_query_set(&q.0, 0..2, &q.1, 0);
             encoder.copy_buffer_to_buffer(&q.1, 0, &staging, 0, TICKS_BYTES);
-            staging
-        });
+        }
+        gpu.watch.copy_to(&mut encoder, &staging, TICKS_BYTES);
         let start = std::time::Instant::now();
         let submission = gpu.queue.submit([encoder.finish()]);
-        let ticks = match &staging {
-            Some(staging) => Some(read_staging::<u64>(gpu, staging, submission, TICKS_BYTES)?),
-            None => gpu.wait_for(submission).map(|()| None)?,
-        };
+        let report = read_staging::<u32>(gpu, &staging, submission, REPORT_BYTES)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let gpu_ms = ticks.zip(gpu.timestamp_period_ns).and_then(|(ticks, period)| {
-            let ms = ticks[1].wrapping_sub(ticks[0]) as f64 * f64::from(period) * 1e-6;
+        gpu.watch.check(&gpu.queue, &gpu.info.name, label, report[4])?;
+        let tick = |i: usize| u64::from(report[2 * i]) | u64::from(report[2 * i + 1]) << 32;
+        let gpu_ms = gpu.timestamp_period_ns.and_then(|period| {
+            let ms = tick(1).wrapping_sub(tick(0)) as f64 * f64::from(period) * 1e-6;
             // Some drivers leave the query unwritten; a span longer than the wait is no measurement.
             (ms > 0.0 && ms <= wall_ms * 1.5 + 1.0).then_some(ms)
         });

@@ -3,6 +3,10 @@
 //! Transmittance never rises with depth, so a tolerance of `b` in value and `d` in depth is the band
 //! `T_exact(z + d) - b <= T_method(z) <= T_exact(z - d) + b`. At a jump of the transfer function no sampled
 //! method can hold a purely vertical bound; the depth tolerance is what makes a promise possible there.
+//!
+//! Where the ray grazes a surface, float32 decides whether it meets it: a promise then speaks of the rays and values that
+//! float32 cannot tell from the exact ones (`Bound::lateral_mm`, `Bound::value`), and depths that are outside the band of
+//! the exact curve are held against a [`Neighbourhood`] of curves. How many there were is counted.
 
 use crate::shadow::Bound;
 use serde::Serialize;
@@ -37,6 +41,52 @@ impl<C: Curve> Curve for MeanCurve<C> {
     }
 }
 
+/// Transmittances between which any curve lies that follows, from stretch to stretch, one or another of some curves.
+#[derive(Debug, Clone)]
+pub struct Neighbourhood {
+    /// Ascending depths, mm, and the least and the largest transmittance at each.
+    depths_mm: Vec<f64>,
+    range: Vec<[f64; 2]>,
+}
+
+impl Neighbourhood {
+    /// Of curves of optical depth, which may change places at `depths_mm` (ascending).
+    pub fn of(optical_depths: &[impl Fn(f64) -> f64], depths_mm: Vec<f64>) -> Self {
+        let mut range = Vec::with_capacity(depths_mm.len());
+        let mut before: Vec<f64> = vec![0.0; optical_depths.len()];
+        let [mut least, mut most] = [0.0, 0.0];
+        for &z in &depths_mm {
+            let here: Vec<f64> = optical_depths.iter().map(|curve| curve(z)).collect();
+            let steps = || here.iter().zip(&before).map(|(b, a)| (b - a).max(0.0));
+            least += steps().fold(f64::INFINITY, f64::min);
+            most += steps().fold(0.0, f64::max);
+            range.push([(-most).exp(), (-least).exp()]);
+            before = here;
+        }
+        Self { depths_mm, range }
+    }
+
+    /// The mean of several, which have the same depths.
+    pub fn mean(all: &[Self]) -> Option<Self> {
+        let first = all.first()?;
+        let mean = |i: usize, end: usize| all.iter().map(|n| n.range[i][end]).sum::<f64>() / all.len() as f64;
+        let range = (0..first.range.len()).map(|i| [mean(i, 0), mean(i, 1)]).collect();
+        Some(Self { depths_mm: first.depths_mm.clone(), range })
+    }
+
+    /// The least transmittance at a depth (that of the next one further on that it was made for).
+    fn least(&self, z: f64) -> f64 {
+        let i = self.depths_mm.partition_point(|d| *d < z);
+        self.range.get(i).or(self.range.last()).map_or(0.0, |r| r[0])
+    }
+
+    /// The largest (that of the next one nearer).
+    fn most(&self, z: f64) -> f64 {
+        let i = self.depths_mm.partition_point(|d| *d <= z);
+        i.checked_sub(1).map_or(1.0, |i| self.range[i][1])
+    }
+}
+
 /// One depth of one ray, and how far off the method is there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Miss {
@@ -64,6 +114,10 @@ pub struct BandReport {
     pub largest: Option<Miss>,
     /// Depths outside the band.
     pub violations: usize,
+    /// Depths that are in the band of a curve that float32 cannot tell from the exact one, but not in that one's own.
+    pub limited: usize,
+    /// How far outside the band the worst depth is; negative inside.
+    pub margin: Option<f64>,
     /// The depth farthest outside the band.
     pub worst: Option<Miss>,
     /// Whether a promise was tested.
@@ -83,9 +137,26 @@ impl BandReport {
         values: &[f32],
         band: Option<Bound>,
     ) -> Self {
+        Self::of_ray_among(ray, exact, depths_mm, values, band, |_| None)
+    }
+
+    /// The same, with the curves that float32 cannot tell from the exact one: asked for where a depth lies outside its
+    /// band, with the depths (mm, ascending) at which they must be known.
+    ///
+    /// # Panics
+    /// If the two slices differ in length.
+    pub fn of_ray_among(
+        ray: usize,
+        exact: &impl Curve,
+        depths_mm: &[f64],
+        values: &[f32],
+        band: Option<Bound>,
+        neighbours: impl FnOnce(Vec<f64>) -> Option<Neighbourhood>,
+    ) -> Self {
         assert_eq!(depths_mm.len(), values.len(), "one value a depth");
         let mut report =
             Self { rays: 1, depths: depths_mm.len(), promised: band.is_some(), ..Self::default() };
+        let mut suspects = Vec::new();
         for (&z, &value) in depths_mm.iter().zip(values) {
             let (t_method, t_exact) = (f64::from(value), exact.transmittance(z));
             let miss = |amount: f64| Miss {
@@ -96,14 +167,35 @@ impl BandReport {
                 amount: if amount.is_nan() { f64::INFINITY } else { amount },
             };
             report.largest = worse(report.largest, Some(miss((t_method - t_exact).abs())));
-            let Some(Bound { transmittance: bound, depth_mm }) = band else { continue };
+            let Some(Bound { transmittance: bound, depth_mm, .. }) = band else { continue };
             let lowest = exact.transmittance(z + depth_mm) - bound;
             let highest = exact.transmittance(z - depth_mm) + bound;
-            // NaN fails this comparison, so it counts as outside.
-            if !(t_method >= lowest - EXACT_ROUNDING && t_method <= highest + EXACT_ROUNDING) {
+            let outside = miss((lowest - t_method).max(t_method - highest));
+            if outside.amount > EXACT_ROUNDING {
+                suspects.push(outside);
+            } else {
+                report.margin = larger(report.margin, Some(outside.amount));
+            }
+        }
+        let Some(band) = band.filter(|_| !suspects.is_empty()) else { return report };
+        let mut known: Vec<f64> =
+            suspects.iter().flat_map(|s| [s.depth_mm - band.depth_mm, s.depth_mm + band.depth_mm]).collect();
+        sort_distinct(&mut known);
+        let near = neighbours(known);
+        for suspect in suspects {
+            let (z, t) = (suspect.depth_mm, suspect.t_method);
+            let outside = near.as_ref().map_or(suspect.amount, |near| {
+                let lowest = near.least(z + band.depth_mm) - band.transmittance;
+                let highest = near.most(z - band.depth_mm) + band.transmittance;
+                // What is not a number is outside of everything.
+                if t.is_nan() { f64::INFINITY } else { (lowest - t).max(t - highest) }
+            });
+            report.margin = larger(report.margin, Some(outside));
+            if outside > EXACT_ROUNDING {
                 report.violations += 1;
-                let outside = (lowest - t_method).max(t_method - highest);
-                report.worst = worse(report.worst, Some(miss(outside)));
+                report.worst = worse(report.worst, Some(Miss { amount: outside, ..suspect }));
+            } else {
+                report.limited += 1;
             }
         }
         report
@@ -117,6 +209,8 @@ impl BandReport {
             depths: self.depths + other.depths,
             largest: worse(self.largest, other.largest),
             violations: self.violations + other.violations,
+            limited: self.limited + other.limited,
+            margin: larger(self.margin, other.margin),
             worst: worse(self.worst, other.worst),
             promised: self.promised || other.promised,
         }
@@ -131,6 +225,10 @@ impl BandReport {
     pub fn held(&self) -> Option<bool> {
         (self.promised && self.depths > 0).then_some(self.violations == 0)
     }
+}
+
+fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    a.into_iter().chain(b).max_by(f64::total_cmp)
 }
 
 /// The larger miss; of equal ones that of the first ray, then of the smallest depth.
@@ -275,7 +373,8 @@ fn sort_distinct(depths: &mut Vec<f64>) {
 mod tests {
     use super::*;
 
-    const BAND: Bound = Bound { transmittance: 0.02, depth_mm: 0.1 };
+    const BAND: Bound =
+        Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
 
     /// A uniform slab of 0.2/mm from 2 to 12 mm behind a thin sheet at 1 mm that stops half of the light.
     fn exact(z: f64) -> f64 {

@@ -5,12 +5,14 @@
 //! taken as they are, and of its timed rounds only those that are missing are run, in turn with those of the other
 //! methods that miss some.
 
+use super::budget::tune::{Chosen, tune};
+use super::budget::{Budget, By, Uses, tuned_for};
 use super::comparison::{Compared, Comparison};
 use super::facts::{Facts, job_key, row_key};
 use super::job::{Effort, Job, SLOW_FRAME_MS, file_name_part, name_of};
 use super::journal::Journal;
 use super::progress::{Progress, Step, StepKind};
-use super::reference::Reference;
+use super::reference::Shared;
 use super::rounds::{TimedRow, time};
 use super::stats::image_difference;
 use super::table::mark_pareto;
@@ -26,12 +28,14 @@ const OPACITY_TOLERANCE: f32 = 2e-3;
 /// What there is to do for a scene, and how often.
 pub fn steps(methods: &[Box<dyn Method>], effort: &Effort) -> Vec<(Step, usize)> {
     let mut steps = vec![(Step::new(StepKind::Points, ""), 1), (Step::new(StepKind::ExactPicture, ""), 1)];
-    for method in methods {
-        let name = name_of(method.as_ref());
-        let times = [(StepKind::Draw, 1), (StepKind::Errors, 1), (StepKind::Run, 1 + effort.repeats)];
-        steps.extend(times.map(|(kind, times)| (Step::new(kind, &name), times)));
-    }
+    steps.extend(methods.iter().flat_map(|method| method_steps(method.as_ref(), effort)));
     steps
+}
+
+fn method_steps(method: &dyn Method, effort: &Effort) -> [(Step, usize); 3] {
+    let name = name_of(method);
+    let times = [(StepKind::Draw, 1), (StepKind::Errors, 1), (StepKind::Run, 1 + effort.repeats)];
+    times.map(|(kind, times)| (Step::new(kind, &name), times))
 }
 
 /// Measures every method. One that fails is a row that says why, and the others go on; a method whose timing fails
@@ -45,11 +49,41 @@ pub fn compare(
     journal: &mut Journal,
     progress: &mut Progress,
 ) -> Result<Comparison> {
+    compare_within(job, methods, &[], journal, progress)
+}
+
+/// As [`compare`], and first searches the settings of every method that has any for the least errors within each budget;
+/// what the searches choose beside the settings of `methods` are further rows, measured like the others.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_within(
+    job: &Job,
+    methods: &[Box<dyn Method>],
+    budgets: &[Budget],
+    journal: &mut Journal,
+    progress: &mut Progress,
+) -> Result<Comparison> {
     if methods.is_empty() {
         return Err(Error::input("nothing to compare", "--methods", "no method is given"));
     }
     let mut result = Comparison::default();
-    let mut rows = measure_errors(job, methods, journal, progress, &mut result)?;
+    let facts = Facts::of(job.session.renderer.gpu());
+    let field = ExactField::new(job.volume, job.tf);
+    let mut shared = Shared::new(job, &facts, &field);
+    let tuned = match tune(job, job_key(job, &facts), methods, budgets, &mut shared, journal, progress) {
+        Ok(tuned) => tuned,
+        Err(e) if e.is_cancelled() => return Err(e),
+        Err(e) => {
+            result.failures.push(("budgets".into(), e));
+            Default::default()
+        }
+    };
+    result.notes.extend(tuned.notes);
+    result.trials = tuned.trials;
+    let (further, uses) = beside(methods, tuned.chosen, &job.effort, progress);
+    let all: Vec<&dyn Method> = methods.iter().chain(&further).map(Box::as_ref).collect();
+    let mut rows = measure_errors(job, &facts, &all, &mut shared, journal, progress, &mut result)?;
 
     let mut ready: Vec<&mut TimedRow> = rows.iter_mut().filter_map(|r| r.as_mut().ok()).collect();
     result.notes.extend(unequal_opacity(&ready));
@@ -67,11 +101,15 @@ pub fn compare(
     progress.end();
 
     result.compared = rows.into_iter().map(|r| r.map_or_else(|failed| failed, |r| r.compared)).collect();
+    if !budgets.is_empty() {
+        result.compared.iter_mut().zip(&uses).for_each(|(c, uses)| say_tuned(c, uses));
+    }
+    result.tuned = further;
     if !job.remark.is_empty() && result.compared.iter().any(|c| c.row.note.contains(&job.remark)) {
         result.notes.insert(0, job.remark.clone());
     }
     mark_pareto(&mut result.compared.iter_mut().map(|c| &mut c.row).collect::<Vec<_>>());
-    let is_reference = |c: &Compared| c.row.method == ShadowRays.name();
+    let is_reference = |c: &Compared| c.row.method == ShadowRays::default().name();
     let reference = result.compared.iter().find(|c| is_reference(c)).and_then(|c| c.picture.clone());
     for compared in result.compared.iter_mut().filter(|c| !is_reference(c)) {
         if let (Some(picture), Some(reference)) = (&compared.picture, &reference) {
@@ -81,22 +119,60 @@ pub fn compare(
     Ok(result)
 }
 
+/// The methods among the chosen that are not asked for anyway, and what each method, those asked for first, was chosen for.
+fn beside(
+    methods: &[Box<dyn Method>],
+    chosen: Vec<Chosen>,
+    effort: &Effort,
+    progress: &mut Progress,
+) -> (Vec<Box<dyn Method>>, Vec<Uses>) {
+    let mut uses = vec![Uses::new(); methods.len()];
+    let mut further = Vec::new();
+    for Chosen { method, uses: own } in chosen {
+        match methods.iter().position(|m| m.name() == method.name() && m.values() == method.values()) {
+            Some(place) => uses[place] = own,
+            None => {
+                let steps = method_steps(method.as_ref(), effort);
+                steps.into_iter().for_each(|(step, times)| progress.expect(step, times));
+                further.push(method);
+                uses.push(own);
+            }
+        }
+    }
+    (further, uses)
+}
+
+/// Says in a row for what it was chosen, and where it turns out to need more than that.
+fn say_tuned(compared: &mut Compared, uses: &[(Budget, By)]) {
+    let row = &mut compared.row;
+    (row.tuned, row.tuned_for) = (Some(!uses.is_empty()), tuned_for(uses));
+    let mut over: Vec<Budget> = Vec::new();
+    for (budget, _) in uses {
+        if budget.need(row).is_some_and(|need| need > budget.amount()) && !over.contains(budget) {
+            over.push(*budget);
+        }
+    }
+    for budget in over {
+        let need = budget.need(row).unwrap_or(f64::NAN);
+        row.add_note(&format!("measured in full it needs {need:.1}, more than {budget}"));
+    }
+}
+
 /// Every method's row with its errors, or the failed one; notes and failures go into `result`.
 fn measure_errors<'m>(
     job: &Job,
-    methods: &'m [Box<dyn Method>],
+    facts: &Facts,
+    methods: &[&'m dyn Method],
+    shared: &mut Shared,
     journal: &mut Journal,
     progress: &mut Progress,
     result: &mut Comparison,
 ) -> Result<Vec<Result<TimedRow<'m>, Compared>>> {
-    let facts = Facts::of(job.session.renderer.gpu());
-    let job_key = job_key(job, &facts);
-    let field = ExactField::new(job.volume, job.tf);
-    let mut reference: Option<Result<Reference>> = None;
+    let job_key = job_key(job, facts);
     let mut rows = Vec::new();
     let mut slugs = HashMap::new();
-    for (place, method) in methods.iter().enumerate() {
-        let (method, name) = (method.as_ref(), name_of(method.as_ref()));
+    for (place, method) in methods.iter().copied().enumerate() {
+        let name = name_of(method);
         let slug = unused_slug(&job.file_prefix, method, &mut slugs);
         let key = row_key(job_key, method, &slug);
         let measured = if let Some(kept) = journal.take(&key) {
@@ -104,11 +180,8 @@ fn measure_errors<'m>(
             progress.spare(&Step::new(StepKind::Errors, &name), 1);
             Ok(TimedRow::kept(method, place, key, kept))
         } else {
-            // Made only where a row needs it.
-            let reference =
-                reference.get_or_insert_with(|| Reference::new(job, &facts, &field, progress)).as_mut();
-            let measured = reference.map_err(|e| e.clone()).and_then(|r| r.measure(method, &slug, progress));
-            match measured {
+            let reference = shared.get(progress);
+            match reference.and_then(|r| r.measure(method, &slug, progress)) {
                 Ok((measured, picture)) => {
                     journal.keep(&key, &measured, &picture)?;
                     Ok(TimedRow::new(method, place, key, measured, picture))
@@ -137,7 +210,7 @@ fn measure_errors<'m>(
             }
         }
     }
-    if reference.is_none() {
+    if !shared.is_made() {
         progress.spare(&Step::new(StepKind::Points, ""), 1);
         progress.spare(&Step::new(StepKind::ExactPicture, ""), 1);
     }

@@ -1,5 +1,6 @@
 //! What comes of a comparison: rows with their pictures, notes and failures.
 
+use super::budget::Trial;
 use super::facts::Facts;
 use super::job::name_of;
 use super::table::Row;
@@ -31,6 +32,10 @@ pub struct Comparison {
     pub notes: Vec<String>,
     /// What failed, and with what: `dsm epsilon=0.02`.
     pub failures: Vec<(String, Error)>,
+    /// What searches within budgets tried.
+    pub trials: Vec<Trial>,
+    /// Methods of the rows behind those that were asked for: what the searches chose besides them.
+    pub tuned: Vec<Box<dyn Method>>,
 }
 
 impl Comparison {
@@ -50,6 +55,8 @@ impl Comparison {
         self.compared.append(&mut other.compared);
         self.notes.append(&mut other.notes);
         self.failures.append(&mut other.failures);
+        self.trials.append(&mut other.trials);
+        self.tuned.append(&mut other.tuned);
     }
 
     /// What comes of a scene that cannot be drawn at all: a failed row for each method.

@@ -56,13 +56,6 @@ pub struct AgainstCylinders {
     pub sampling_rms: f64,
 }
 
-/// A bundle of rays towards the light.
-struct Beam {
-    /// Where it starts, in the light's frame: across, across, towards the light; mm.
-    start: DVec3,
-    middle_mm: DVec3,
-}
-
 /// Compares a volume of cubic voxels with the strands that it was made from, along `count` beams towards a directional light, the
 /// same ones on every run. `None` where there is nothing to compare: no segments or no beams.
 pub fn against_cylinders(
@@ -76,45 +69,30 @@ pub fn against_cylinders(
         return None;
     }
     let toward = toward.normalize();
-    let (across, up) = toward.any_orthonormal_pair();
-    let in_light = |p: DVec3| DVec3::new(p.dot(across), p.dot(up), p.dot(toward));
     let width_mm = volume.min_spacing_mm();
-    let beams: Vec<Beam> = (0..count)
+    let middles_mm: Vec<DVec3> = (0..count)
         .map(|i| {
             let mut chance = Chance::new(200, i as u64);
             let [a, b] = strands.segment(chance.below(strands.segment_count())).ends;
             // Off the strand by up to half a voxel, so that its own extinction counts as often before as behind.
             let moved = DVec3::new(chance.unit() - 0.5, chance.unit() - 0.5, chance.unit() - 0.5) * width_mm;
-            let middle_mm = a.lerp(b, chance.unit()) + moved;
-            Beam { start: in_light(middle_mm), middle_mm }
+            a.lerp(b, chance.unit()) + moved
         })
         .collect();
-    let offsets: Vec<DVec2> = (0..RAYS_PER_BEAM)
-        .map(|ray| {
-            let mut chance = Chance::new(201, ray as u64);
-            let cell = DVec2::new((ray % SIDE) as f64 + chance.unit(), (ray / SIDE) as f64 + chance.unit());
-            (cell / SIDE as f64 - 0.5) * width_mm
-        })
-        .collect();
-    let depths = optical_depths(strands, &beams, &offsets, in_light, 0.5 * width_mm);
+    let halves = beam_halves(strands, &middles_mm, toward, width_mm);
 
     // Values are extinction themselves.
     let largest = volume.value_range()[1];
     let tf = TransferFunction::new(Quantity::Extinction, &[(0.0, 0.0), (largest, largest)]);
     let field = ExactField::new(volume, &tf);
     let light = Light::Directional { toward };
-    let each: Vec<[f64; 3]> = beams
+    let each: Vec<[f64; 3]> = middles_mm
         .par_iter()
-        .zip(depths.par_chunks(RAYS_PER_BEAM))
-        .map(|(beam, rays)| {
-            let mut halves = [0.0; 2];
-            for (ray, depth) in rays.iter().enumerate() {
-                let transmittance = (-(depth.load(Ordering::Relaxed) as f64 * UNIT).min(OPAQUE)).exp();
-                halves[(ray % SIDE + ray / SIDE) % 2] += transmittance / (RAYS_PER_BEAM / 2) as f64;
-            }
-            let seen = field.transmittance_to_light(beam.middle_mm, &light);
-            let truth = 0.5 * (halves[0] + halves[1]);
-            [truth, seen - truth, 0.5 * (halves[0] - halves[1])]
+        .zip(&halves)
+        .map(|(middle_mm, [a, b])| {
+            let seen = field.transmittance_to_light(*middle_mm, &light);
+            let truth = 0.5 * (a + b);
+            [truth, seen - truth, 0.5 * (a - b)]
         })
         .collect();
     let mean = |f: &dyn Fn(&[f64; 3]) -> f64| each.iter().map(f).sum::<f64>() / each.len() as f64;
@@ -129,19 +107,51 @@ pub fn against_cylinders(
     })
 }
 
+/// True transmittances of the beams, `width_mm` wide, from these places (world mm) towards a directional light: of each the
+/// means over two interleaved halves of its rays.
+pub(super) fn beam_halves(
+    strands: &Strands,
+    middles_mm: &[DVec3],
+    toward: DVec3,
+    width_mm: f64,
+) -> Vec<[f64; 2]> {
+    let toward = toward.normalize();
+    let (across, up) = toward.any_orthonormal_pair();
+    let in_light = |p: DVec3| DVec3::new(p.dot(across), p.dot(up), p.dot(toward));
+    let starts: Vec<DVec3> = middles_mm.iter().map(|p| in_light(*p)).collect();
+    let offsets: Vec<DVec2> = (0..RAYS_PER_BEAM)
+        .map(|ray| {
+            let mut chance = Chance::new(201, ray as u64);
+            let cell = DVec2::new((ray % SIDE) as f64 + chance.unit(), (ray / SIDE) as f64 + chance.unit());
+            (cell / SIDE as f64 - 0.5) * width_mm
+        })
+        .collect();
+    let depths = optical_depths(strands, &starts, &offsets, in_light, 0.5 * width_mm);
+    let mean = |rays: &[AtomicU64]| {
+        let mut halves = [0.0; 2];
+        for (ray, depth) in rays.iter().enumerate() {
+            let transmittance = (-(depth.load(Ordering::Relaxed) as f64 * UNIT).min(OPAQUE)).exp();
+            halves[(ray % SIDE + ray / SIDE) % 2] += transmittance / (RAYS_PER_BEAM / 2) as f64;
+        }
+        halves
+    };
+    depths.par_chunks(RAYS_PER_BEAM).map(mean).collect()
+}
+
 /// Optical depth of every ray of every beam, in multiples of [`UNIT`].
 ///
 /// The rays are all parallel, so that crossings are a matter of the plane across them: segments are ribbons there,
-/// and an R*-tree of the beams says which ones a ribbon may touch.
+/// and an R*-tree of the beams says which ones a ribbon may touch. `starts` are in the light's frame: across, across,
+/// towards the light; mm.
 fn optical_depths(
     strands: &Strands,
-    beams: &[Beam],
+    starts: &[DVec3],
     offsets: &[DVec2],
     in_light: impl Fn(DVec3) -> DVec3 + Sync,
     half_width_mm: f64,
 ) -> Vec<AtomicU64> {
-    let depths: Vec<AtomicU64> = (0..beams.len() * offsets.len()).map(|_| AtomicU64::new(0)).collect();
-    let places = beams.iter().enumerate().map(|(i, b)| GeomWithData::new([b.start.x, b.start.y], i));
+    let depths: Vec<AtomicU64> = (0..starts.len() * offsets.len()).map(|_| AtomicU64::new(0)).collect();
+    let places = starts.iter().enumerate().map(|(i, start)| GeomWithData::new([start.x, start.y], i));
     let tree = RTree::bulk_load(places.collect());
     let enough = (OPAQUE / UNIT) as u64;
     (0..strands.segment_count()).into_par_iter().for_each(|index| {
@@ -161,8 +171,8 @@ fn optical_depths(
         let low = a.truncate().min(b.truncate()) - margin;
         let high = a.truncate().max(b.truncate()) + margin;
         for place in tree.locate_in_envelope(AABB::from_corners(low.to_array(), high.to_array())) {
-            let beam = &beams[place.data];
-            let from_a = beam.start.truncate() - a.truncate();
+            let start = starts[place.data];
+            let from_a = start.truncate() - a.truncate();
             if direction.perp_dot(from_a).abs() > radius + half_width_mm * std::f64::consts::SQRT_2 {
                 continue;
             }
@@ -170,7 +180,7 @@ fn optical_depths(
             for (offset, sum) in offsets.iter().zip(&depths[first..first + offsets.len()]) {
                 let q = from_a + offset;
                 let at = q.dot(direction) / length;
-                let before_light = a.z + at * (b.z - a.z) > beam.start.z;
+                let before_light = a.z + at * (b.z - a.z) > start.z;
                 let crosses =
                     (0.0..1.0).contains(&at) && direction.perp_dot(q).abs() <= radius && before_light;
                 // What is dark stays dark: without more of it the sum cannot overflow.

@@ -43,11 +43,6 @@ pub fn style(method: &str) -> Option<Style> {
     entry(method).map(|entry| entry.style)
 }
 
-/// Whether a method's rows set the budgets within which others are compared: those that follow an error bound.
-pub fn sets_budgets(method: &str) -> bool {
-    entry(method).is_some_and(|entry| entry.sets_budgets)
-}
-
 /// The settings of a row that a test makes up, from its method's name and `key=value` texts.
 #[cfg(test)]
 pub(crate) fn settings_of(name: &str, params: &str) -> Vec<(&'static str, Cell)> {

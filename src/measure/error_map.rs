@@ -4,7 +4,7 @@ use super::stats::ErrorStats;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::render::{DeviceTransfer, LoadedVolume, Renderer};
-use crate::scene::{Scene, Shading};
+use crate::scene::Scene;
 use crate::shadow::ShadowMap;
 use glam::DVec3;
 use ndarray::{Array2, Array3, Axis, concatenate};
@@ -21,15 +21,14 @@ const BAND_MS: f64 = 25.0;
 pub enum Quantity {
     /// Transmittance from the light to the point that half of a pixel's opacity lies in front of.
     Light,
-    /// The picture: of its three channels (linear RGB) the one that is farthest off. Without shading, of which the model
-    /// defines no exact picture.
+    /// The picture: of its three channels (linear RGB) the one that is farthest off.
     Picture,
 }
 
 /// The exact answer for the pixels of one scene.
 #[derive(Debug, Clone)]
 pub struct ExactView {
-    /// With the size that the answer has; its shading is none for [`Quantity::Picture`].
+    /// With the size that the answer has.
     pub scene: Scene,
     answer: Answer,
 }
@@ -60,24 +59,18 @@ impl ExactView {
     /// Computes the answer at the scene's size; `None` where `go_on` ended it, which is asked every few rows.
     ///
     /// [`Quantity::Light`] takes a ray from each pixel and one from what it sees; [`Quantity::Picture`] a hundred or more.
-    ///
-    /// # Errors
-    /// None that is known of.
     pub fn new(
         field: &ExactField<'_>,
         scene: &Scene,
         quantity: Quantity,
         go_on: impl Fn() -> bool,
-    ) -> Result<Option<Self>> {
-        let scene = match quantity {
-            Quantity::Light => scene.clone(),
-            Quantity::Picture => Scene { shading: Shading::None, ..scene.clone() },
-        };
+    ) -> Option<Self> {
+        let scene = scene.clone();
         let mut seen = Vec::new();
         let mut rows_done: Vec<Array3<f32>> = Vec::new();
         for first in (0..scene.height).step_by(ROWS_AT_ONCE as usize) {
             if !go_on() {
-                return Ok(None);
+                return None;
             }
             let rows = first..(first + ROWS_AT_ONCE).min(scene.height);
             match quantity {
@@ -91,7 +84,7 @@ impl ExactView {
                         Some((pixel, point, exact))
                     }));
                 }
-                Quantity::Picture => rows_done.push(field.picture_rows(&scene, rows)?),
+                Quantity::Picture => rows_done.push(field.picture_rows(&scene, rows)),
             }
         }
         let answer = match quantity {
@@ -108,7 +101,7 @@ impl ExactView {
                 Answer::Picture(concatenate(Axis(0), &parts).unwrap_or_else(|_| empty()))
             }
         };
-        Ok(Some(Self { scene, answer }))
+        Some(Self { scene, answer })
     }
 
     /// A method's errors; `shadow` is for this scene's light. `None` where `go_on`, which is asked now and then, ended it.

@@ -1,14 +1,15 @@
 //! Transmittance errors of a built shadow structure against the exact field: at points that the camera sees, and
 //! along light rays through texel centres.
 
-use super::band::{BandReport, Curve, MeanCurve, test_depths};
+use super::band::{BandReport, Curve, MeanCurve, Neighbourhood, test_depths};
+use super::nearby::Nearby;
 use super::rays::pick_texels;
 use super::stats::ErrorStats;
 use crate::error::Result;
 use crate::exact::{ExactField, OpticalDepthCurve};
 use crate::render::Session;
 use crate::scene::{Light, Scene};
-use crate::shadow::{LightSpace, ShadowMap};
+use crate::shadow::{LightSpace, ShadowMap, Taps};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -41,6 +42,21 @@ impl SeenReference {
     /// How many points there are.
     pub fn len(&self) -> usize {
         self.points_mm.len()
+    }
+
+    /// Where they are, world mm.
+    pub fn points_mm(&self) -> &[DVec3] {
+        &self.points_mm
+    }
+
+    /// What each stands for.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// The exact transmittance from the light to each.
+    pub fn exact(&self) -> &[f64] {
+        &self.exact
     }
 
     /// Whether the camera sees nothing.
@@ -89,8 +105,8 @@ pub fn meets_extinction(field: &ExactField, light: Light, light_space: &LightSpa
 pub struct RayTest<'a> {
     /// Column and row of each.
     pub texels: &'a [[u32; 2]],
-    /// Sub-texel rays whose mean a texel stands for: 1, 5 or 9.
-    pub taps: u32,
+    /// Rays whose mean a texel stands for.
+    pub taps: Taps,
     /// Depths a ray.
     pub depths: usize,
     /// Depth tolerance that the depths are crowded by where the method promises none, mm.
@@ -127,6 +143,8 @@ impl RayTest<'_> {
         mut visit: impl FnMut(BandReport, &[f64], &[f32]),
     ) -> Result<()> {
         let band = shadow.bound;
+        let nearby = Nearby::new(field, band.unwrap_or_default());
+        let from_light_mm = band.map_or(0.0, |b| b.from_light_mm);
         let tolerance_mm = band.map_or(self.default_depth_mm, |b| b.depth_mm);
         let space = &shadow.light_space;
         for (chunk, texels) in self.texels.chunks(RAYS_AT_ONCE).enumerate() {
@@ -138,7 +156,12 @@ impl RayTest<'_> {
                         .into_iter()
                         .map(|offset| ExactRay::new(field, LightRay::new(space, light, center + offset)))
                         .collect();
-                    let range = tested_range(&curves, space.z_range, tolerance_mm);
+                    let [first, last] = tested_range(&curves, space.z_range, tolerance_mm);
+                    let promised = match light {
+                        Light::Point { .. } => LightRay::new(space, light, center).start_mm + from_light_mm,
+                        Light::Directional { .. } => first,
+                    };
+                    let range = [first.max(promised), last];
                     let mut jumps: Vec<_> = curves.iter().flat_map(ExactRay::jumps).collect();
                     jumps.sort_by(f64::total_cmp);
                     let depths = test_depths(range, &jumps, self.depths, tolerance_mm);
@@ -160,7 +183,17 @@ impl RayTest<'_> {
                 let (own, others) = rest.split_at(depths.len());
                 rest = others;
                 let ray = chunk * RAYS_AT_ONCE + i;
-                visit(BandReport::of_ray(ray, exact, depths, own, band), depths, own);
+                let [column, row] = texels[i].map(f64::from);
+                let neighbours = |known: Vec<f64>| -> Option<Neighbourhood> {
+                    let around = |offset| {
+                        let ray = LightRay::new(space, light, DVec2::new(column, row) + offset);
+                        nearby.of_ray(ray.at(ray.start_mm), ray.direction, ray.start_mm, &known)
+                    };
+                    let all: Option<Vec<_>> = tap_offsets(self.taps).into_iter().map(around).collect();
+                    Neighbourhood::mean(&all?)
+                };
+                let report = BandReport::of_ray_among(ray, exact, depths, own, band, neighbours);
+                visit(report, depths, own);
             }
         }
         Ok(())
@@ -233,18 +266,18 @@ fn tested_range(curves: &[ExactRay], [z_min, z_max]: [f64; 2], tolerance_mm: f64
     }
 }
 
-/// Where a pre-filtered map puts the rays of a texel, in texels from its centre: the same places as `tap_offset` of
-/// `shaders/shadow/deep_build.wgsl`.
-fn tap_offsets(taps: u32) -> Vec<DVec2> {
+/// Where the rays of a texel lie, in texels from its centre.
+fn tap_offsets(taps: Taps) -> Vec<DVec2> {
     let grid = |n: u32, spacing: f64| {
         let half = 0.5 * f64::from(n - 1);
         let at = move |i: u32| DVec2::new(f64::from(i % n) - half, f64::from(i / n) - half) * spacing;
         (0..n * n).map(at).collect::<Vec<_>>()
     };
     match taps {
-        9 => grid(3, 1.0 / 3.0),
-        5 => [vec![DVec2::ZERO], grid(2, 0.5)].concat(),
-        _ => vec![DVec2::ZERO],
+        Taps::Within(9) => grid(3, 1.0 / 3.0),
+        Taps::Within(5) => [vec![DVec2::ZERO], grid(2, 0.5)].concat(),
+        Taps::Within(_) => vec![DVec2::ZERO],
+        Taps::Texels(side) => grid(side, 1.0),
     }
 }
 
@@ -254,12 +287,18 @@ mod tests {
 
     #[test]
     fn taps_are_spread_evenly_around_the_centre() {
-        for (taps, reach) in [(1, 0.0), (5, 0.25), (9, 1.0 / 3.0)] {
+        for (taps, count, reach) in [
+            (Taps::Within(1), 1, 0.0),
+            (Taps::Within(5), 5, 0.25),
+            (Taps::Within(9), 9, 1.0 / 3.0),
+            (Taps::Texels(1), 1, 0.0),
+            (Taps::Texels(3), 9, 1.0),
+        ] {
             let offsets = tap_offsets(taps);
-            assert_eq!(offsets.len(), taps as usize);
+            assert_eq!(offsets.len(), count);
             assert!(offsets.iter().sum::<DVec2>().length() < 1e-12);
             let farthest = offsets.iter().map(|o| o.abs().max_element()).fold(0.0, f64::max);
-            assert!((farthest - reach).abs() < 1e-12, "{taps}");
+            assert!((farthest - reach).abs() < 1e-12, "{taps:?}");
         }
     }
 }

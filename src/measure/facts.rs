@@ -75,7 +75,10 @@ pub(super) fn job_key(job: &Job, facts: &Facts) -> u64 {
     let effort = (job.effort.points, job.effort.rays, job.effort.depths);
     // `Debug` writes reals in digits that read back as the same number.
     let forced = job.session.transfer.forced;
-    format!("{:?} {:?} {} {effort:?} {forced:?}", job.tf, job.scene, job.scene_name).hash(&mut hasher);
+    // The voxels say which strands they are of.
+    let strands = job.strands.is_some();
+    format!("{:?} {:?} {} {effort:?} {forced:?} {strands}", job.tf, job.scene, job.scene_name)
+        .hash(&mut hasher);
     hasher.finish()
 }
 

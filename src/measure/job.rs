@@ -4,7 +4,8 @@ use super::timing::StageTimes;
 use crate::error::Result;
 use crate::render::Session;
 use crate::scene::Scene;
-use crate::shadow::{Method, NoShadows, ShadowMap};
+use crate::shadow::{Method, NoShadows};
+use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use serde::{Deserialize, Serialize};
@@ -53,6 +54,8 @@ pub struct Job<'a> {
     pub volume: &'a Volume,
     /// The same transfer function.
     pub tf: &'a TransferFunction,
+    /// What the volume was made from, where that is strands.
+    pub strands: Option<&'a Strands>,
     /// Camera, light, and size of the picture.
     pub scene: &'a Scene,
     /// The column `scene`.
@@ -66,16 +69,12 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Builds a method's structure, or that of `none` where no light can be kept from a sample.
-    fn build(&self, method: &dyn Method) -> Result<ShadowMap> {
-        let needed = self.session.needs_shadows(self.scene).is_ok();
-        self.session.shadow(if needed { method } else { &NoShadows }, self.scene.light)
-    }
-
     /// One timed run of a method.
     pub(super) fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
+        // Where no light can be kept from a sample, that of `none` is built.
+        let needed = self.session.needs_shadows(self.scene).is_ok();
         let start = Instant::now();
-        let shadow = self.build(method)?;
+        let shadow = self.session.shadow(if needed { method } else { &NoShadows }, self.scene.light)?;
         let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
         let frame = self.session.render(&shadow, self.scene)?.span;
         let report = &shadow.report;

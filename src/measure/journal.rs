@@ -1,9 +1,10 @@
 //! `compare.rows.jsonl`: what has been measured, a line each, on disk as soon as it is measured, so that an interrupted
 //! table can be continued.
 //!
-//! A line is a row with its errors, written after its picture is on disk, or one timed round of a row. Lines are only
-//! ever added, each whole and in one write; what an interruption has left of a last line is dropped.
+//! A line is a row with its errors, written after its picture is on disk, one timed round of a row, or a trial of a
+//! search within a budget. Lines are only ever added, each whole and in one write; what an interruption has left of a last line is dropped.
 
+use super::budget::Trial;
 use super::table::Row;
 use super::timing::StageTimes;
 use crate::error::{Error, Result};
@@ -65,6 +66,10 @@ enum Line {
         run: u32,
         times: StageTimes,
     },
+    Trial {
+        key: String,
+        trial: Trial,
+    },
 }
 
 /// Rows kept by their keys, and the file that new ones go to.
@@ -80,6 +85,7 @@ pub struct Journal {
     /// Each with its picture's fingerprint.
     rows: HashMap<String, (Measured, String)>,
     rounds: HashMap<String, Vec<(u32, StageTimes)>>,
+    trials: HashMap<String, Trial>,
 }
 
 impl Journal {
@@ -109,6 +115,9 @@ impl Journal {
         }
         let mut journal = Self { run: 1, ..Self::default() };
         let mut whole = 0;
+        if !resume {
+            remove_pictures(&mut file, folder);
+        }
         if resume {
             let mut bytes = Vec::new();
             file.read_to_end(&mut bytes).map_err(failed)?;
@@ -160,6 +169,9 @@ impl Journal {
                 self.run = self.run.max(run + 1);
                 self.rounds.entry(key).or_default().push((run, times));
             }
+            Line::Trial { key, trial } => {
+                self.trials.insert(key, trial);
+            }
         }
         Ok(())
     }
@@ -204,6 +216,19 @@ impl Journal {
         self.write(&times.into_iter().map(line).collect::<Vec<_>>())
     }
 
+    /// The trial of that key, if an earlier run made it.
+    pub fn trial(&self, key: &str) -> Option<Trial> {
+        self.trials.get(key).cloned()
+    }
+
+    /// Adds a trial.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn keep_trial(&mut self, key: &str, trial: &Trial) -> Result<()> {
+        self.write(&[Line::Trial { key: key.into(), trial: trial.clone() }])
+    }
+
     /// The number of this run of the program.
     pub fn run(&self) -> u32 {
         self.run
@@ -225,6 +250,22 @@ impl Journal {
             bytes.push(b'\n');
         }
         file.write_all(&bytes).and_then(|()| file.sync_data()).map_err(|e| failed(&e))
+    }
+}
+
+/// Removes the pictures of a journal that is started anew: of rows that a search chose nothing else may say so yet.
+fn remove_pictures(journal: &mut File, folder: &Path) {
+    let mut bytes = Vec::new();
+    // What cannot be read or removed stays, and is written over where a row of that name comes again.
+    let _ = journal.read_to_end(&mut bytes);
+    for line in bytes.split(|b| *b == b'\n') {
+        let Ok(Line::Row { slug, .. }) = serde_json::from_slice(line) else { continue };
+        // Whatever the journal says, nothing outside the folder is touched.
+        if !slug.contains(['/', '\\']) {
+            for ending in ["png", "exr"] {
+                let _ = std::fs::remove_file(folder.join(format!("picture_{slug}.{ending}")));
+            }
+        }
     }
 }
 
@@ -288,6 +329,16 @@ mod tests {
     }
 
     #[test]
+    fn trials_come_back_as_they_were() {
+        let dir = tempfile::tempdir().unwrap();
+        let trial =
+            Trial { method: "dsm".into(), bytes: Some(7), frame_ms: Some(0.1 + 0.2), ..Trial::default() };
+        Journal::open(dir.path(), false).unwrap().keep_trial("t1", &trial).unwrap();
+        let journal = Journal::open(dir.path(), true).unwrap();
+        assert_eq!((journal.trial("t1"), journal.trial("t2"), journal.len()), (Some(trial), None, 0));
+    }
+
+    #[test]
     fn a_last_line_that_is_not_whole_is_dropped_at_any_length() {
         let dir = tempfile::tempdir().unwrap();
         written(dir.path());
@@ -310,6 +361,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         written(dir.path());
         assert!(Journal::open(dir.path(), false).unwrap().is_empty());
+        assert!(!dir.path().join("picture_m1.exr").exists() && !dir.path().join("picture_m2.png").exists());
         assert!(Journal::open(dir.path(), true).unwrap().is_empty());
     }
 

@@ -14,13 +14,16 @@
 //!
 //! [`errors`] asks a built method and the exact field the same questions; [`mod@compare`] makes the
 //! [`Row`](table::Row)s of a scene, one a method and setting, and [`mod@ablate`] those of what the plan leaves out;
+//! [`budget`] searches settings within so many bytes or milliseconds;
 //! [`mod@stability`] takes every method through stiff and extreme cases, and [`light_curve`] follows a single light ray.
 //! [`journal`] keeps on disk what is measured as soon as it is measured; [`progress`] tells who watches and lets
 //! them end it. What becomes of rows is the business of [`report`](crate::report).
 
 pub mod ablate;
 pub mod band;
+pub mod budget;
 mod cell;
+pub mod claims;
 pub mod compare;
 pub mod comparison;
 pub mod cylinders;
@@ -31,6 +34,7 @@ pub mod facts;
 pub mod job;
 pub mod journal;
 pub mod light_curve;
+mod nearby;
 pub mod progress;
 pub mod rays;
 mod reference;
@@ -38,5 +42,6 @@ mod rounds;
 pub mod similarity;
 pub mod stability;
 pub mod stats;
+mod strand_errors;
 pub mod table;
 pub mod timing;

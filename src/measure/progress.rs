@@ -21,6 +21,8 @@ pub enum StepKind {
     Run,
     /// All that a method's plan left out, forced back on in turn.
     Ablation,
+    /// A setting that a search within a budget tries.
+    Trial,
 }
 
 /// One piece of work; steps of one kind and one method are taken to last as long as each other, in every scene.

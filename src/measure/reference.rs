@@ -1,5 +1,6 @@
 //! What the methods of a scene are measured against, and a row as it is before it is timed: errors and a picture.
 
+use super::budget::{Budget, Trial};
 use super::errors::{RayTest, SeenReference, texels_to_test};
 use super::facts::Facts;
 use super::job::{Job, SLOW_FRAME_MS, name_of};
@@ -7,7 +8,9 @@ use super::journal::Measured;
 use super::progress::{Progress, Step, StepKind};
 use super::similarity::{SSIM_WINDOW, ssim};
 use super::stats::{Spread, image_error};
+use super::strand_errors::StrandReference;
 use super::table::Row;
+use super::timing::Timing;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::render::{Omission, Session};
@@ -15,12 +18,15 @@ use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use ndarray::Array3;
 use std::collections::HashMap;
+use std::time::Instant;
 
 /// Pixels of the exact picture that `image_*` compare with, and those of them by which its own error is told.
 const EXACT_PIXELS: f64 = 48.0 * 32.0;
 const EXACT_PIXELS_CHECKED: usize = 64;
 /// Depth tolerance around which depths are crowded for methods that promise nothing, in smallest spacings.
 const DEFAULT_DEPTH: f64 = 0.02;
+/// Timed runs of a trial, of which the slower counts: what is chosen by it should keep its budget once more.
+const TRIAL_RUNS: usize = 2;
 /// Times that tables and brick classes are made, to tell how long that takes.
 const TRANSFER_REPEATS: usize = 3;
 
@@ -38,8 +44,9 @@ pub(super) struct Reference<'a> {
     facts: &'a Facts,
     field: &'a ExactField<'a>,
     seen: SeenReference,
-    /// Where the model defines one.
-    exact_picture: Option<ExactPicture>,
+    exact_picture: ExactPicture,
+    /// Where the volume stands for strands.
+    strands: Option<StrandReference>,
     /// Tested texels by map size: the light space of a scene depends on nothing else.
     texels: HashMap<u32, Vec<[u32; 2]>>,
     bricks_ms: Option<f64>,
@@ -50,13 +57,34 @@ pub(super) struct Reference<'a> {
     notes: Vec<String>,
 }
 
+/// A reference that is made only where something needs it.
+pub(super) struct Shared<'a> {
+    job: &'a Job<'a>,
+    facts: &'a Facts,
+    field: &'a ExactField<'a>,
+    made: Option<Result<Reference<'a>>>,
+}
+
+impl<'a> Shared<'a> {
+    pub fn new(job: &'a Job, facts: &'a Facts, field: &'a ExactField) -> Self {
+        Self { job, facts, field, made: None }
+    }
+
+    /// The reference, made at the first call.
+    pub fn get(&mut self, progress: &mut Progress) -> Result<&mut Reference<'a>> {
+        let (job, facts, field) = (self.job, self.facts, self.field);
+        let made = self.made.get_or_insert_with(|| Reference::new(job, facts, field, progress));
+        made.as_mut().map_err(|e| e.clone())
+    }
+
+    /// Whether anything has needed it.
+    pub fn is_made(&self) -> bool {
+        self.made.is_some()
+    }
+}
+
 impl<'a> Reference<'a> {
-    pub fn new(
-        job: &'a Job,
-        facts: &'a Facts,
-        field: &'a ExactField,
-        progress: &mut Progress,
-    ) -> Result<Self> {
+    fn new(job: &'a Job, facts: &'a Facts, field: &'a ExactField, progress: &mut Progress) -> Result<Self> {
         let mut notes = Vec::new();
         progress.begin(Step::new(StepKind::Points, ""), "exact transmittance at points")?;
         let seen = SeenReference::new(field, job.scene, job.effort.points);
@@ -65,23 +93,27 @@ impl<'a> Reference<'a> {
         }
         progress.begin(Step::new(StepKind::ExactPicture, ""), "exact picture")?;
         let small = small_scene(job.scene);
-        let exact_picture = match field.picture(&small) {
-            Ok(pixels) => {
-                let error = field.picture_change(&small, &pixels, EXACT_PIXELS_CHECKED);
-                notes.push(format!(
-                    "image errors are of {} x {} pixels, against the exact picture, which changes by at most {error:.1e} \
-                    in a channel when it is made finer",
-                    small.width, small.height
-                ));
-                if small.width.min(small.height) < SSIM_WINDOW as u32 {
-                    notes.push(format!("image_ssim is left out: its window is {SSIM_WINDOW} pixels wide"));
-                }
-                Some(ExactPicture { scene: small, pixels, error })
+        let pixels = field.picture(&small);
+        let error = field.picture_change(&small, &pixels, EXACT_PIXELS_CHECKED);
+        notes.push(format!(
+            "image errors are of {} x {} pixels, against the exact picture, which changes by at most {error:.1e} \
+            in a channel when it is made finer",
+            small.width, small.height
+        ));
+        if small.width.min(small.height) < SSIM_WINDOW as u32 {
+            notes.push(format!("image_ssim is left out: its window is {SSIM_WINDOW} pixels wide"));
+        }
+        let exact_picture = ExactPicture { scene: small, pixels, error };
+        let strands = match job.strands.map(|strands| StrandReference::new(strands, job, &seen)) {
+            Some(Ok(reference)) => {
+                notes.push(reference.note());
+                Some(reference)
             }
-            Err(e) => {
-                notes.push(format!("image errors are left out: {}", e.why));
+            Some(Err(why)) => {
+                notes.push(format!("strand_err_rms is left out: {why}"));
                 None
             }
+            None => None,
         };
         progress.check("tables")?;
         let [mut bricks, mut tables, mut march_tables] = [const { Vec::new() }; 3];
@@ -98,6 +130,7 @@ impl<'a> Reference<'a> {
             field,
             seen,
             exact_picture,
+            strands,
             texels: HashMap::new(),
             bricks_ms: median(bricks),
             tables_ms: median(tables),
@@ -120,7 +153,13 @@ impl<'a> Reference<'a> {
         let transfer = job.session.fresh_transfer(job.tf)?;
         let used = if needed.is_ok() { method } else { &NoShadows };
         let Session { renderer, loaded, .. } = job.session;
-        let shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+        let start = Instant::now();
+        let mut shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+        let build_first_ms = start.elapsed().as_secs_f64() * 1e3;
+        if shadow.report.guessed {
+            // The row is about what a moved light finds.
+            shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+        }
         let marched = transfer.march_table().is_some() || shadow.lookup.as_ref().is_some_and(|l| l.marches());
         if marched {
             // Timed runs use the session's own tables, which must not be made in the first of them.
@@ -142,7 +181,9 @@ impl<'a> Reference<'a> {
             );
         }
         let mut row = Row {
+            build_first_ms: Some(build_first_ms),
             bytes: Some(report.bytes),
+            bytes_used: Some(report.bytes_used),
             nodes_total: report.nodes_total,
             nodes_max: report.nodes_max,
             bricks_ms: self.bricks_ms,
@@ -153,12 +194,11 @@ impl<'a> Reference<'a> {
         if !job.remark.is_empty() {
             row.add_note(&job.remark);
         }
-        if let Some(exact) = &self.exact_picture {
-            let drawn = job.session.render(&shadow, &exact.scene)?;
-            row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
-            row.image_ssim = ssim(drawn.pixels.view(), exact.pixels.view())?;
-            row.image_exact_err = Some(exact.error);
-        }
+        let exact = &self.exact_picture;
+        let drawn = job.session.render(&shadow, &exact.scene)?;
+        row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
+        row.image_ssim = ssim(drawn.pixels.view(), exact.pixels.view())?;
+        row.image_exact_err = Some(exact.error);
         progress.begin(Step::new(StepKind::Errors, &name), &format!("{name}: errors"))?;
         let mut notes = self.notes.clone();
         // A structure that was not built has no errors of its own.
@@ -166,11 +206,45 @@ impl<'a> Reference<'a> {
             if let Some(stats) = self.seen.errors(job.session, &shadow)? {
                 row.set_point_errors(&stats);
             }
+            if let Some(strands) = &self.strands {
+                row.strand_err_rms = strands.rms(job.session, &shadow)?;
+            }
             progress.check(&format!("{name}: errors on light rays"))?;
             notes.extend(self.measure_rays(method, &shadow, &mut row)?);
         }
         let measured = Measured { row, slug: slug.into(), left_out, notes, frame_ms: picture.span.best().0 };
         Ok((measured, picture.pixels))
+    }
+
+    /// Tries a setting: what it needs of each kind of budget, and its errors where one may hold it. `trial` says whose
+    /// it is.
+    pub fn trial(&self, method: &dyn Method, budgets: &[Budget], mut trial: Trial) -> Result<Trial> {
+        let job = self.job;
+        let mut shadow = job.session.shadow(method, job.scene.light)?;
+        if shadow.report.guessed {
+            shadow = job.session.shadow(method, job.scene.light)?;
+        }
+        trial.bytes = Some(shadow.report.bytes);
+        let drawn = job.session.render(&shadow, &self.exact_picture.scene)?;
+        let largest_ms =
+            budgets.iter().filter(|b| matches!(b, Budget::Ms(_))).map(Budget::amount).reduce(f64::max);
+        if let Some(largest_ms) = largest_ms {
+            let mut times = Vec::new();
+            while times.len() < TRIAL_RUNS {
+                times.push(job.timed(method)?);
+                let timing = Timing::of(&times)?;
+                [trial.build_ms, trial.frame_ms] = [timing.build_ms, timing.frame_ms].map(|s| Some(s.max));
+                // Nothing brings it within reach.
+                if timing.build_ms.min + timing.frame_ms.min > 2.0 * largest_ms {
+                    break;
+                }
+            }
+        }
+        if budgets.iter().any(|b| trial.need(*b).is_some_and(|need| need <= b.amount())) {
+            trial.point_err_rms = self.seen.errors(job.session, &shadow)?.map(|stats| stats.rms);
+            trial.image_rmse = Some(image_error(drawn.pixels.view(), self.exact_picture.pixels.view())?.rmse);
+        }
+        Ok(trial)
     }
 
     /// Fills what is measured along light rays; says where a promise is not kept.

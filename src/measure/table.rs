@@ -84,7 +84,8 @@ columns! {
     width ["pixels"]: u32,
     /// Height of the picture.
     height ["pixels"]: u32,
-    /// Time to make the shadow structure, median of the repeats.
+    /// Time to make the shadow structure for a light that has moved, median of the repeats: host and device together,
+    /// with all repetitions and choices.
     build_ms ["ms"]: Option<f64>,
     /// The same, fastest repeat.
     build_ms_min ["ms"]: Option<f64>,
@@ -98,7 +99,10 @@ columns! {
     frame_ms_max ["ms"]: Option<f64>,
     /// Whose clock these times are from: `gpu` (timestamps of the adapter) or `wall` (the host's).
     clock [""]: Option<Clock>,
-    /// `build_ms` by the adapter's timestamps, the host's part added; empty where it has none.
+    /// Time of the row's first build of all, by the host's clock: shaders that no row before has used are compiled, and
+    /// what has to be guessed once is guessed.
+    build_first_ms ["ms"]: Option<f64>,
+    /// The device's part of `build_ms` by the adapter's timestamps; empty where it has none.
     build_gpu_ms ["ms"]: Option<f64>,
     /// From asking for the structure to having it, by the host's clock.
     build_wall_ms ["ms"]: Option<f64>,
@@ -116,8 +120,10 @@ columns! {
     fps_static ["1/s"]: Option<f64>,
     /// Pictures a second while the light moves: `1000 / (build_ms + frame_ms)`.
     fps_moving ["1/s"]: Option<f64>,
-    /// Memory of the shadow structure, in bytes.
+    /// Memory that is allocated for the shadow structure, in bytes, once the first build has shown how much it takes.
     bytes [""]: Option<u64>,
+    /// Bytes of it that a lookup can reach.
+    bytes_used [""]: Option<u64>,
     /// Nodes stored, where the method has nodes.
     nodes_total [""]: Option<u64>,
     /// Nodes of the fullest texel.
@@ -132,6 +138,8 @@ columns! {
     point_err_p99 [""]: Option<f64>,
     /// Mean of `T_method - T_exact` at these points, weighted alike: negative where the method is too dark.
     point_err_mean_signed [""]: Option<f64>,
+    /// The root mean square there against strands themselves (beams through cylinders), not voxels; empty without strands.
+    strand_err_rms [""]: Option<f64>,
     /// Root mean square difference from the exact picture, over all channels of linear RGBA.
     image_rmse [""]: Option<f64>,
     /// The same as peak signal-to-noise ratio for a peak of 1; infinite for identical pictures.
@@ -148,6 +156,10 @@ columns! {
     bound_held [""]: Option<bool>,
     /// Whether no other row of the scene is at once faster (`fps_moving`) and closer (`point_err_rms`).
     pareto [""]: Option<bool>,
+    /// Whether a search within a budget chose the settings; empty where there was none.
+    tuned [""]: Option<bool>,
+    /// The budgets, and the errors that were to be least within them, for which the search chose the row.
+    tuned_for [""]: String,
     /// What the plan left out since the scene does not need it, why, and what that saved.
     left_out [""]: String,
     /// The adapter's driver with its version.
@@ -335,9 +347,9 @@ pub(crate) mod tests {
                 &|_: f64| 1.0,
                 &[0.0],
                 &[0.95],
-                Some(Bound { transmittance: 0.06, depth_mm: 0.1 }),
+                Some(Bound { transmittance: 0.06, depth_mm: 0.1, ..Bound::default() }),
             ),
-            Some(Bound { transmittance: 0.06, depth_mm: 0.1 }),
+            Some(Bound { transmittance: 0.06, depth_mm: 0.1, ..Bound::default() }),
         );
         rows[2].map = Some(512);
         rows[2].bytes = Some(3_355_443);

@@ -7,7 +7,7 @@ use super::values;
 use crate::error::{Error, Result};
 use crate::files::hash::sha256_of_files;
 use crate::files::loading::Loading;
-use crate::strands::{HAIR_EXTENSIONS, StrandSet};
+use crate::strands::{HAIR_EXTENSIONS, StrandSet, Strands};
 use crate::volume::{Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
 use serde::Serialize;
@@ -159,6 +159,17 @@ pub const FORMATS: &[Format] = &[
 /// How to ask for each format, as a list in one line.
 pub fn accepted() -> String {
     FORMATS.iter().map(|f| f.asked_as).collect::<Vec<_>>().join(", ")
+}
+
+impl VolumeSpec {
+    /// What the volume is made from, where that is strands.
+    ///
+    /// # Errors
+    /// As [`load_strands`].
+    pub fn strands(&self, loading: &Loading) -> Result<Option<Strands>> {
+        let strands = || load_strands(&self.source, self.flags.strands.thickness, loading);
+        is_strand_source(&self.source).then(strands).transpose()
+    }
 }
 
 /// Loads a volume.

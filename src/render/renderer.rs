@@ -8,6 +8,7 @@ use crate::shadow::{BuildContext, Method, ShadowMap};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Everything that draws on one device: its pipelines, and how long one submission may keep its queue.
 pub struct Renderer {
@@ -71,7 +72,7 @@ impl Renderer {
         transfer.recolored(self.gpu(), loaded, tf)
     }
 
-    /// Builds a shadow structure.
+    /// Builds a shadow structure; its report has all that this took, on the host and on the device.
     ///
     /// # Errors
     /// A structure that the adapter cannot hold.
@@ -82,7 +83,14 @@ impl Renderer {
         method: &dyn Method,
         light: Light,
     ) -> Result<ShadowMap> {
+        let start = Instant::now();
+        let made_before = transfer.march_table().is_some();
+        let LoadedVolume { volume, pool_sizes, .. } = loaded;
         let (kernels, pace) = (&self.kernels, &self.tile_pace);
-        method.build(&BuildContext { kernels, pace, volume: &loaded.volume, transfer, light })
+        let mut map = method.build(&BuildContext { kernels, pace, pool_sizes, volume, transfer, light })?;
+        // Tables are made once for a transfer function, and have a time of their own.
+        let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
+        map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);
+        Ok(map)
     }
 }

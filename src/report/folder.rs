@@ -101,8 +101,15 @@ impl Run {
         if let Some(difference) = scenes_differ(&self.scenes, &earlier.scenes) {
             return Some(difference);
         }
+        if let Some(budget) = earlier.budgets.iter().find(|b| !self.budgets.contains(b)) {
+            return Some(format!(
+                "its rows are tuned within {budget}, which is not among the budgets asked for"
+            ));
+        }
+        // What a search chooses follows from the budgets.
         let lost = |row: &&RowRecord| {
-            row.here && !self.rows.iter().any(|r| r.here && (r.scene, &r.slug) == (row.scene, &row.slug))
+            let asked = row.here && !row.chosen;
+            asked && !self.rows.iter().any(|r| r.here && (r.scene, &r.slug) == (row.scene, &row.slug))
         };
         let row = earlier.rows.iter().find(lost)?;
         Some(format!("{} is among its rows and not among those asked for", row.method))
@@ -114,13 +121,16 @@ impl Run {
     /// # Errors
     /// A file that cannot be removed or written.
     pub fn begin(&mut self, folder: &Path, start: Start, tf_texts: &[Option<String>]) -> Result<()> {
-        if start == Start::Overwrite
-            && let Some(earlier) = Self::read(folder)?
-        {
+        let earlier = Self::read(folder)?;
+        if let Some(earlier) = earlier.as_ref().filter(|_| start == Start::Overwrite) {
             earlier.remove_files(folder)?;
         }
         self.again = self.command_again(folder);
         self.files = self.file_names();
+        // Rows that a search chose are not foreseen, and their files are there.
+        let kept = earlier.filter(|_| start == Start::Resume).map_or_else(Vec::new, |earlier| earlier.files);
+        let more: Vec<String> = kept.into_iter().filter(|name| !self.files.contains(name)).collect();
+        self.files.extend(more);
         self.finished = false;
         self.write(folder)?;
         for (scene, tf) in self.scenes.iter().zip(tf_texts) {

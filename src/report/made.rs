@@ -46,7 +46,10 @@ impl Made {
             .iter()
             .filter_map(|c| {
                 let (method, slug) = (c.row.spec(), c.slug.clone());
-                Some(RowRecord { scene: scene(&c.row)?, method, slug, here: true })
+                let scene = scene(&c.row)?;
+                let foreseen = |r: &&RowRecord| !r.chosen && (r.scene, &r.method) == (scene, &method);
+                let chosen = !self.run.rows.iter().any(|r| foreseen(&r));
+                Some(RowRecord { scene, method, slug, here: true, chosen })
             })
             .collect();
         let here = self.run.rows.iter().filter(|r| r.here);
@@ -64,7 +67,7 @@ impl Made {
 pub fn take_differences(compared: &mut [impl BorrowMut<Compared>], reference: &Array3<f32>) -> Result<()> {
     for c in compared {
         let c = c.borrow_mut();
-        if let Some(picture) = c.picture.as_ref().filter(|_| c.row.method != ShadowRays.name()) {
+        if let Some(picture) = c.picture.as_ref().filter(|_| c.row.method != ShadowRays::default().name()) {
             c.difference = Some(image_difference(picture.view(), reference.view())?);
         }
     }
@@ -78,8 +81,13 @@ mod tests {
 
     #[test]
     fn rows_that_were_not_foreseen_are_recorded_with_their_files() {
-        let record =
-            |method: &str, here| RowRecord { scene: 0, method: method.into(), slug: method.into(), here };
+        let record = |method: &str, here| RowRecord {
+            scene: 0,
+            method: method.into(),
+            slug: method.into(),
+            here,
+            chosen: false,
+        };
         let compared = |method: &str| Compared {
             row: Row { scene: "a".into(), method: method.into(), ..Row::default() },
             slug: format!("{method}-tuned"),
@@ -96,8 +104,11 @@ mod tests {
         assert_eq!(made.run, before, "as foreseen");
         made.comparison.compared.push(compared("osm"));
         made.record_rows();
-        let methods: Vec<_> = made.run.rows.iter().map(|r| (r.method.as_str(), r.here)).collect();
-        assert_eq!(methods, [("rays", false), ("none", true), ("dsm", true), ("osm", true)]);
+        let methods: Vec<_> = made.run.rows.iter().map(|r| (r.method.as_str(), r.here, r.chosen)).collect();
+        assert_eq!(
+            methods,
+            [("rays", false, false), ("none", true, false), ("dsm", true, false), ("osm", true, true),]
+        );
         assert!(made.run.files.contains(&"picture_osm-tuned.exr".to_owned()));
     }
 }

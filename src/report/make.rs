@@ -4,13 +4,15 @@
 mod files;
 mod page;
 
+use super::budgets::write_budgets;
 use super::made::take_differences;
 pub use super::made::{Made, ReferencePicture};
 use super::run::Run;
 use super::tables::{Layout, write_tables};
 use crate::error::Result;
 use crate::measure::ablate;
-use crate::measure::compare::{compare, steps};
+use crate::measure::budget::Budget;
+use crate::measure::compare::{compare_within, steps};
 use crate::measure::comparison::{Compared, Comparison};
 use crate::measure::facts::Facts;
 use crate::measure::job::Job;
@@ -19,6 +21,7 @@ use crate::measure::progress::Progress;
 use crate::render::{Forced, Renderer, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NodeMap, ShadowRays};
+use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 pub(super) use files::node_map;
@@ -31,6 +34,8 @@ use std::sync::Arc;
 pub struct Order<'a> {
     /// A row each, scene by scene. A scene that has none is not even read.
     pub methods: &'a [Vec<Box<dyn Method>>],
+    /// What the settings of each method are searched within, for further rows.
+    pub budgets: &'a [Budget],
     /// What a reader should know of how rows are timed; may be empty.
     pub remark: &'a str,
 }
@@ -41,6 +46,8 @@ pub struct Subject {
     pub volume: Arc<Volume>,
     /// What is seen of them.
     pub tf: TransferFunction,
+    /// What the volume was made from, where that is strands.
+    pub strands: Option<Strands>,
     /// Camera, light, and size of the picture.
     pub scene: Scene,
     /// What is done although the scene does not need it.
@@ -60,6 +67,8 @@ pub struct Files {
     pub report: PathBuf,
     /// Empty unless they were asked for.
     pub ablations: Vec<PathBuf>,
+    /// What was tried within budgets, and which method is closest within each; empty unless there are any.
+    pub budgets: Vec<PathBuf>,
     /// What could not be put as it was asked for.
     pub remarks: Vec<String>,
 }
@@ -89,7 +98,8 @@ pub fn make(
         if methods.is_empty() {
             continue;
         }
-        let Subject { volume, tf, scene, forced } = read(i)?;
+        let Subject { volume, tf, strands, scene, forced } = read(i)?;
+        let mut rows = methods.len();
         journal.describe(run.picture_texts(i));
         match Session::on(renderer, Arc::clone(&volume), &tf, forced) {
             Ok(session) => {
@@ -97,13 +107,14 @@ pub fn make(
                     session: &session,
                     volume: &volume,
                     tf: &tf,
+                    strands: strands.as_ref(),
                     scene: &scene,
                     scene_name: name,
                     file_prefix: run.prefix(i),
                     remark: order.remark.to_owned(),
                     effort,
                 };
-                made.add(&job, methods, journal, progress)?;
+                rows = made.add(&job, order.budgets, methods, journal, progress)?;
             }
             Err(error) if run.scenes.len() == 1 => return Err(error),
             Err(error) => {
@@ -114,21 +125,23 @@ pub fn make(
                 made.comparison.append(failed);
             }
         }
-        progress.next_scene(methods.len());
+        progress.next_scene(rows);
     }
     Ok(made)
 }
 
 impl Made {
     /// Measures a scene, and what is shown of it beyond its rows: nodes, counted on maps built once more outside all
-    /// timing, and where no row is `rays` a picture by it to show differences from. What fails of these is a note.
+    /// timing, and where no row is `rays` a picture by it to show differences from. What fails of these is a note. Gives
+    /// how many rows there are: those of `methods`, and what searches within budgets chose besides.
     fn add(
         &mut self,
         job: &Job,
+        budgets: &[Budget],
         methods: &[Box<dyn Method>],
         journal: &mut Journal,
         progress: &mut Progress,
-    ) -> Result<()> {
+    ) -> Result<usize> {
         let several = self.run.scenes.len() > 1;
         let prefix = if several { format!("{}: ", job.scene_name) } else { String::new() };
         if self.run.conditions.is_empty() {
@@ -137,11 +150,12 @@ impl Made {
         self.run
             .conditions
             .extend(scene_conditions(job).map(|(name, value)| (format!("{prefix}{name}"), value)));
-        let mut all = compare(job, methods, journal, progress)?;
+        let mut all = compare_within(job, methods, budgets, journal, progress)?;
         if several {
             all.name_scene(&job.scene_name);
         }
-        let has_rays = all.compared.iter().any(|c| c.row.method == ShadowRays.name() && c.picture.is_some());
+        let has_rays =
+            all.compared.iter().any(|c| c.row.method == ShadowRays::default().name() && c.picture.is_some());
         if !has_rays {
             progress.check("reference picture")?;
             match reference(job) {
@@ -152,18 +166,19 @@ impl Made {
                 Err(e) => all.notes.push(format!("{prefix}differences are left out: {e}")),
             }
         }
-        for (method, c) in methods.iter().zip(&all.compared) {
+        for (method, c) in methods.iter().chain(&all.tuned).zip(&all.compared) {
             progress.check("nodes")?;
             self.nodes.push(nodes(job, method.as_ref(), c).unwrap_or_else(|e| {
                 all.notes.push(format!("{}: nodes are not shown: {e}", c.row.spec()));
                 None
             }));
         }
+        let rows = all.compared.len();
         self.comparison.append(all);
         if let Some(ablations) = &mut self.ablations {
             ablations.append(&mut ablate::ablate(job, methods, progress)?);
         }
-        Ok(())
+        Ok(rows)
     }
 
     /// Writes `compare.csv` and all the other files into a folder that exists, each whole or not at all, and last the
@@ -182,6 +197,7 @@ impl Made {
             plots: write_scene_plots(&rows, &self.run, folder)?,
             pictures: write_pictures(&self, folder)?,
             report: write_page(&self, folder)?,
+            budgets: write_budgets(&rows, &self.comparison.trials, folder)?,
             ablations: self
                 .ablations
                 .as_ref()
@@ -197,7 +213,7 @@ impl Made {
 
 /// The picture by a shadow ray per sample.
 fn reference(job: &Job) -> Result<ReferencePicture> {
-    let shadow = job.session.shadow(&ShadowRays, job.scene.light)?;
+    let shadow = job.session.shadow(&ShadowRays::default(), job.scene.light)?;
     let pixels = job.session.render(&shadow, job.scene)?.pixels;
     let adapter = job.session.renderer.gpu().info.name.clone();
     Ok(ReferencePicture { scene: job.scene_name.clone(), adapter, pixels })

@@ -1,6 +1,6 @@
 //! Shards put together: folders of one sweep become one table, without measuring anything.
 //!
-//! They must agree in program, scenes (setting by setting, and by the SHA-256 of what was read) and effort. Rows from
+//! They must agree in program, scenes (setting by setting, and by the SHA-256 of what was read), effort and budgets. Rows from
 //! several adapters stay apart: each adapter has its own front, plots and scale.
 
 use super::Start;
@@ -13,6 +13,7 @@ use super::writers::table_json;
 use crate::error::{Error, Result};
 use crate::files::output::write_whole;
 use crate::files::picture::read_exr;
+use crate::measure::budget::Trial;
 use crate::measure::comparison::Compared;
 use crate::measure::table::{Row, mark_pareto};
 use crate::shadow::{Method, ShadowRays};
@@ -32,6 +33,8 @@ struct Part {
     run: Run,
     /// Those that are here, as their records are.
     rows: Vec<Row>,
+    /// What its searches within budgets tried.
+    trials: Vec<Trial>,
 }
 
 /// Tables that have been put together, not yet written.
@@ -123,8 +126,19 @@ impl Part {
         if rows.len() != records.len() || !rows.iter().zip(&records).all(fits) {
             return Err(broken("its rows are not those that run.json names".into()));
         }
-        Ok(Self { folder: folder.into(), run, rows })
+        let trials = if run.budgets.is_empty() { Vec::new() } else { trials(&folder.join("trials.csv"))? };
+        Ok(Self { folder: folder.into(), run, rows, trials })
     }
+}
+
+/// What searches tried; nothing where there was nothing to tune and so no file.
+fn trials(path: &Path) -> Result<Vec<Trial>> {
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let broken = |e: csv::Error| Error::input(WHAT, path.display(), e);
+    let mut reader = csv::Reader::from_path(path).map_err(broken)?;
+    reader.deserialize().collect::<Result<_, _>>().map_err(broken)
 }
 
 /// Refuses what is of another program, other scenes, another effort or another driver of the same adapter.
@@ -140,6 +154,13 @@ fn agree(first: &Part, other: &Part) -> Result<()> {
     let effort = |run: &Run| (run.effort.points, run.effort.rays, run.effort.depths);
     if effort(a) != effort(b) {
         return refuse("its errors are of other numbers of points, rays or depths".into());
+    }
+    if a.budgets != b.budgets {
+        let said = |run: &Run| match run.budgets.join(", ") {
+            none if none.is_empty() => "nothing".into(),
+            budgets => budgets,
+        };
+        return refuse(format!("it is tuned within {}, not {}", said(b), said(a)));
     }
     if let Some(why) = scenes_differ(&a.scenes, &b.scenes) {
         return refuse(why);
@@ -196,6 +217,7 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
     if missing > 0 {
         made.comparison.notes.push(format!("{missing} rows of the sweep are missing"));
     }
+    made.comparison.trials = parts.iter().flat_map(|p| p.trials.clone()).collect();
     for place in places {
         let source = |name: String| place.part.folder.join(name);
         let adapter_part = match run.adapters.len() {
@@ -266,7 +288,8 @@ fn differences(made: &mut Made, parts: &[Part]) -> Result<()> {
     for wanted in groups {
         let is_own = |c: &&mut Compared| group(&c.row) == wanted;
         let compared = &mut made.comparison.compared;
-        let rays = compared.iter().find(|c| c.row.method == ShadowRays.name() && group(&c.row) == wanted);
+        let rays =
+            compared.iter().find(|c| c.row.method == ShadowRays::default().name() && group(&c.row) == wanted);
         let pixels = match rays.and_then(|c| c.picture.clone()) {
             Some(pixels) => Some(pixels),
             None => {

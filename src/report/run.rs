@@ -49,6 +49,9 @@ pub struct RowRecord {
     pub slug: String,
     /// Whether it is in this folder.
     pub here: bool,
+    /// Whether a search within a budget added it to those asked for.
+    #[serde(default)]
+    pub chosen: bool,
 }
 
 /// One part of a sweep: row `k`, from 0, is in it where `k` modulo `of` is `index - 1`.
@@ -110,6 +113,9 @@ pub struct Run {
     pub methods: String,
     /// How much was measured.
     pub effort: Effort,
+    /// What the settings of each method were searched within, as `--budget` takes it.
+    #[serde(default)]
+    pub budgets: Vec<String>,
     /// Whether omissions were measured as well.
     pub ablate: bool,
     /// `I/N` where the folder holds a part of the sweep.
@@ -153,7 +159,7 @@ impl Run {
             for (method, slug) in parsed.iter().zip(slugs) {
                 let method = facts.row(&scene.name, scene.size, method.as_ref()).spec();
                 let here = shard.is_none_or(|shard| shard.holds(rows.len()));
-                rows.push(RowRecord { scene: i, method, slug, here });
+                rows.push(RowRecord { scene: i, method, slug, here, chosen: false });
             }
         }
         Self {
@@ -225,6 +231,9 @@ impl Run {
     pub fn file_names(&self) -> Vec<String> {
         let mut files: Vec<String> = ["csv", "json", "md", "tex"].map(|e| format!("compare.{e}")).into();
         files.extend([RUN, JOURNAL, "columns.md", "pictures.md", "report.html"].map(String::from));
+        if !self.budgets.is_empty() {
+            files.extend(["budgets.csv", "trials.csv"].map(String::from));
+        }
         if self.ablate {
             files.extend(["csv", "json", "md"].map(|e| format!("ablation.{e}")));
         }
@@ -278,6 +287,7 @@ impl Run {
         {
             words.extend([flag.into(), n.to_string()]);
         }
+        words.extend(self.budgets.iter().flat_map(|budget| ["--budget".into(), budget.clone()]));
         words.extend(self.ablate.then(|| "--ablate".into()));
         words.extend(["-o".into(), "again".into()]);
         words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")

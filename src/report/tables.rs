@@ -3,15 +3,13 @@
 mod columns;
 mod latex;
 
-use super::best::{Best, Held, best_within};
+use super::budgets::lines;
 use super::number::significant;
 use super::run::Run;
 use super::writers::{columns_markdown, table_csv, table_json};
 use crate::error::Result;
 use crate::files::output::write_whole;
-use crate::measure::defaults::sets_budgets;
 use crate::measure::table::Row;
-use crate::shadow::METHODS;
 use columns::{SHOWN, Shown, chosen, one_line};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -44,8 +42,8 @@ impl Default for Layout {
     }
 }
 
-/// The main columns of the rows as an aligned Markdown table with a caption, and what is best at equal bytes and at
-/// equal time.
+/// The main columns of the rows as an aligned Markdown table with a caption, and which method is closest within each
+/// budget that rows were tuned for.
 pub fn summary(rows: &[Row], layout: &Layout) -> String {
     let few: Vec<Shown> = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
     markdown_table(rows, &picked(layout, few)) + &remarks(rows) + &answers(rows)
@@ -66,50 +64,19 @@ fn remarks(rows: &[Row]) -> String {
     out
 }
 
-/// Which row is best within the bytes, and within the time, of each row that sets a budget, as Markdown; nothing where
-/// there is no such row.
+/// Which method is closest within each budget that rows were tuned for, as Markdown; nothing where there is none.
 fn answers(rows: &[Row]) -> String {
-    let question = |held: Held| {
-        let lines = best_at_equal(rows, held);
-        if lines.is_empty() {
-            return String::new();
-        }
-        let mut out = format!("\n{}\n\n", best_question(held));
-        for line in lines {
-            out += &format!("- {}\n", escape_markdown(&line));
-        }
-        out
-    };
-    question(Held::Bytes) + &question(Held::Time)
+    let lines = budget_lines(rows);
+    if lines.is_empty() {
+        return String::new();
+    }
+    let lines: String = lines.iter().map(|line| format!("- {}\n", escape_markdown(line))).collect();
+    format!("\nClosest within each budget, settings tuned for it:\n\n{lines}")
 }
 
-/// What the lines of [`best_at_equal`] answer.
-pub fn best_question(held: Held) -> String {
-    let budgets: Vec<_> = METHODS.iter().map(|m| m.name).filter(|name| sets_budgets(name)).collect();
-    let budgets = budgets.join(", ");
-    let what = match held {
-        Held::Bytes => format!("bytes as {budgets}, of what stores a map"),
-        Held::Time => format!("time as {budgets}, build and frame"),
-    };
-    format!("Best at equal {what}: the smallest point err rms with no more than")
-}
-
-/// A line for each row that sets a budget: that, the row that is best within it, and that row's `point_err_rms`.
-pub fn best_at_equal(rows: &[Row], held: Held) -> Vec<String> {
-    let budget = |amount: f64| match held {
-        Held::Bytes => format!("{} MiB", significant(amount / f64::from(1 << 20), 3)),
-        Held::Time => format!("{} ms", significant(amount, 3)),
-    };
-    let line = |Best { budget_of, budget: amount, best, error }| {
-        format!(
-            "the {} of {}: {}, {}",
-            budget(amount),
-            full_name(budget_of, rows),
-            full_name(best, rows),
-            significant(error, 3)
-        )
-    };
-    best_within(rows, held).into_iter().map(line).collect()
+/// A line for each budget and error: the closest method and the next one.
+pub fn budget_lines(rows: &[Row]) -> Vec<String> {
+    lines(rows, &|row| full_name(row, rows))
 }
 
 /// The rows as an aligned Markdown table with a caption, with what there is to say about single rows and what was left
@@ -220,8 +187,11 @@ fn provenance(run: &Run) -> String {
         out += &format!(" Command line:\n\n```\n{}\n```\n", run.command_line());
     }
     if !run.again.is_empty() {
+        // Times decide there, and no two runs have the same.
+        let timed = run.budgets.iter().any(|budget| budget.starts_with("ms="));
+        let but = if timed { " (but for what a search within milliseconds chooses)" } else { "" };
         out += &format!(
-            "\nThe whole table is made again, with the same errors, by\n\n```\n{}\n```\n",
+            "\nThe whole table is made again, with the same errors{but}, by\n\n```\n{}\n```\n",
             run.again
         );
     }
@@ -319,21 +289,21 @@ mod tests {
     }
 
     #[test]
-    fn the_summary_says_what_is_best_at_equal_bytes_and_time() {
+    fn the_summary_says_what_is_closest_within_a_budget() {
         let mut rows = sample_rows();
         rows[3].bytes = Some(4 << 20);
         rows[4].bytes = Some(3 << 20);
         rows[4].map = Some(256);
         rows[4].point_err_rms = Some(0.004);
-        rows[4].build_ms = Some(20.0);
+        assert!(!summary(&rows, &Layout::default()).contains("Closest"));
+        rows[4].tuned_for = "bytes=4MiB point_err_rms; ms=150 point_err_rms".into();
         for text in [summary(&rows, &Layout::default()), markdown(&rows, &Layout::default())] {
-            // 3,355,443 bytes and 4 MiB; 145, 160 and 110 ms.
+            // 145 and 160 ms.
             for line in [
-                "- the 3.20 MiB of dsm epsilon=0.06 prefilter=1 map=512: \
-                    osm layers=8 slicing=uniform map=256, 0.00400",
-                "- the 4.00 MiB of dsm epsilon=0.005 prefilter=1: dsm epsilon=0.005 prefilter=1, 0.00100",
-                "- the 145 ms of dsm epsilon=0.06 prefilter=1 map=512: osm layers=8 slicing=uniform map=256, 0.00400",
-                "- the 160 ms of dsm epsilon=0.005 prefilter=1: dsm epsilon=0.005 prefilter=1, 0.00100",
+                "- bytes=4MiB, point err rms: dsm epsilon=0.005 prefilter=1 (0.00100, 4.00 MiB); then \
+                    osm layers=8 slicing=uniform map=256 (0.00400, 3.00 MiB), 4.00 times the error",
+                "- ms=150, point err rms: dsm epsilon=0.06 prefilter=1 map=512 (0.0100, 145 ms); then \
+                    none (0.500, 80.0 ms), 50.0 times the error",
             ] {
                 assert!(text.lines().any(|l| l == line), "{line}\n{text}");
             }

@@ -1,6 +1,6 @@
 //! What a shadow method is to everything else: its line of the registry, what it builds, and what it promises.
 
-use super::settings::{self, Key, MAP, Value};
+use super::settings::{self, Key, Lookups, MAP, Value};
 use super::spec::Setting;
 use super::style::Style;
 use crate::error::{Error, Result};
@@ -25,8 +25,9 @@ pub struct Entry {
     pub stability: &'static str,
     /// How it looks in every figure.
     pub style: Style,
-    /// Its rows set the budgets within which others are compared: it follows an error bound.
-    pub sets_budgets: bool,
+    /// What a search within a budget may set, as on the command line: the values that are tried of each key, the default
+    /// among them, numbers in the order in which they cost no less memory. Empty where there is nothing to tune.
+    pub tuned: &'static str,
 }
 
 impl Entry {
@@ -43,12 +44,22 @@ impl Entry {
 
 /// What a method promises on light rays through texel centres, at every depth `z`:
 /// `T_exact(z + depth_mm) - transmittance <= T_method(z) <= T_exact(z - depth_mm) + transmittance`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+///
+/// `T_exact` is of a ray that strays no more than `lateral_mm` from the texel's, through values that differ no more than
+/// `value` from the volume's: float32 knows neither better, and a ray that grazes a surface may miss it altogether for
+/// less (`docs/bound.md`).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Bound {
     /// Error in transmittance.
     pub transmittance: f64,
     /// Error in depth, mm.
     pub depth_mm: f64,
+    /// How far the ray may stray sideways, mm.
+    pub lateral_mm: f64,
+    /// How far values along it may stray, in the volume's values.
+    pub value: f64,
+    /// Distance from a point light up to which nothing is promised, mm: float32 does not know the texel there.
+    pub from_light_mm: f64,
 }
 
 /// Modules, definitions and constants that offer `umbravox::method::transmittance`.
@@ -59,6 +70,12 @@ impl Lookup {
     /// Of what [`field_shader`](crate::field::field_shader) begins; its entry does not matter.
     pub fn new(shader: ShaderVariant) -> Self {
         Self(shader)
+    }
+
+    /// With a lookup for each eye sample, or shared ones.
+    #[must_use]
+    pub fn asked_by(self, samples: Lookups) -> Self {
+        Self(self.0.defs((samples == Lookups::Each).then_some("LOOKUP_EACH")))
     }
 
     /// The variant of a file with an entry point that looks light up.
@@ -95,12 +112,17 @@ pub struct SplitChoice {
 /// What building cost and made.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BuildReport {
-    /// Host milliseconds before the device's work (fitting, tiles).
+    /// Host milliseconds from asking for the structure to having it, without those that the device's passes took. The
+    /// renderer fills it in, for all methods alike.
     pub host_ms: f64,
-    /// The device's own time.
+    /// The device's passes, repetitions and choices among them; `None` where there are none.
     pub device: Option<Span>,
-    /// Bytes of the structure that lookups read.
+    /// Bytes that are allocated for what lookups read.
     pub bytes: u64,
+    /// Bytes of these that a lookup can reach.
+    pub bytes_used: u64,
+    /// Something was allocated by guess: the next build knows better, and `bytes` will differ.
+    pub guessed: bool,
     /// Nodes stored.
     pub nodes_total: Option<u64>,
     /// The most nodes in one texel.
@@ -122,10 +144,24 @@ pub struct BuildReport {
 }
 
 impl BuildReport {
+    /// Fills in the host's part of a build that took so many milliseconds.
+    pub fn set_host_ms(&mut self, all_ms: f64) {
+        self.host_ms = (all_ms - self.device.map_or(0.0, |s| s.wall_ms)).max(0.0);
+    }
+
     /// Host plus device milliseconds, by the better clock.
     pub fn build_ms(&self) -> f64 {
         self.host_ms + self.device.map_or(0.0, |s| s.best().0)
     }
+}
+
+/// Rays whose mean transmittance a map is to give at the centre of a texel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Taps {
+    /// 1, 5 or 9 spread over the texel, as `tap_offset` of `shaders/shadow/dsm/build.wgsl` has them.
+    Within(u32),
+    /// The centres of a square of so many texels a side around it.
+    Texels(u32),
 }
 
 /// A built shadow structure for one light.
@@ -156,9 +192,9 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     fn passes(&self) -> Vec<ShaderVariant> {
         Vec::new()
     }
-    /// Sub-texel rays whose mean a texel stands for.
-    fn taps(&self) -> u32 {
-        1
+    /// Rays whose mean a lookup at a texel's centre stands for.
+    fn taps(&self) -> Taps {
+        Taps::Within(1)
     }
     /// Makes what lookups read.
     ///

@@ -26,20 +26,23 @@ mod none;
 mod osm;
 mod rays;
 pub mod registry;
+mod search_space;
 pub mod settings;
 pub mod spec;
 mod style;
 mod tolerances;
 
-pub use bom::{BoundingOpacityMap, BoundingSplit, Measure};
+pub use bom::BoundingOpacityMap;
 pub use dom::{Beyond, DeepOpacityMap};
 pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_map};
-pub use method::{Bound, BuildReport, Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice};
+pub use layered::{Average, LayerSplit, Measure};
+pub use method::{Bound, BuildReport, Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice, Taps};
 pub use none::NoShadows;
 pub use osm::{OpacityShadowMap, Slicing};
 pub use rays::ShadowRays;
 pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_list};
-pub use settings::{Filter, Key, Kind, Value, When};
+pub use search_space::{Axis, SearchSpace};
+pub use settings::{Filter, Key, Kind, Lookups, Value, When};
 pub use style::{Marker, Style};
 
 pub use crate::field::{BuildContext, LightSpace, Projection, TILE, TileMarch};

@@ -307,5 +307,22 @@ choices! {
     }
 }
 
+choices! {
+    /// How samples of an eye ray ask for light.
+    pub enum Lookups {
+        /// Up to four neighbours share a lookup.
+        Shared = "shared",
+        /// Each has its own.
+        Each = "each",
+    }
+}
+
+/// Key of every method that is looked up.
+pub(super) const LOOKUP_KEY: Key = Key::choice(
+    Lookups::NAMES,
+    "shared",
+    "lookups of light by eye samples: shared by up to four, or one for each",
+);
+
 /// Key of methods whose maps are filtered.
 pub(super) const FILTER_KEY: Key = Key::choice(Filter::NAMES, "bilinear", "texels used for a point");

@@ -1,16 +1,38 @@
-//! What maps take for granted of light rays and surfaces, in one place.
+//! What maps take for granted of light rays and surfaces, and the terms of what is promised of them, in one place.
+//! `docs/bound.md` derives each.
+
+use super::method::Bound;
+use crate::field::{BuildContext, LightSpace, SHORT_PIECE};
 
 /// Optical depth at which a light ray is over (a transmittance of 2^-11).
 pub const OPAQUE_DEPTH: f32 = 7.6246;
 /// What the polyline that a march hands to a sink may stray from the curve between its points, in transmittance.
-pub const CHORD_TOLERANCE: f64 = 0.002;
+pub const CHORD_TOLERANCE: f64 = 0.0025;
 /// Slope against the light up to which neighbouring texels are taken to see one surface.
 pub const STEEPEST_SURFACE: f64 = 4.0;
+
+/// Two-point Gauss over a stretch on which what opacity lets through changes by a factor of 2 at most: 1e-3 of its optical
+/// depth, at the transmittance at which that is worth most (1/e).
+const QUADRATURE: f64 = 4e-4;
+/// Sums of up to 5,000 pieces in float32, at the transmittance at which they are worth most, and the rounding of `exp`.
+const SUMS: f64 = 2e-4;
 
 /// Optical depth whose chord stays within [`CHORD_TOLERANCE`] at transmittance 1: a chord of length `h` strays by at
 /// most `h^2 sigma^2 / 8`.
 pub fn longest_depth() -> f32 {
     (8.0 * CHORD_TOLERANCE).sqrt() as f32
+}
+
+/// What every march cell by cell promises, whatever is made of it.
+pub fn march_bound(context: &BuildContext<'_>, light_space: &LightSpace) -> Bound {
+    let rounding = light_space.rounding(context.volume);
+    Bound {
+        transmittance: QUADRATURE + SUMS,
+        depth_mm: SHORT_PIECE * context.volume.min_spacing_mm() + rounding.position_mm,
+        lateral_mm: rounding.position_mm,
+        value: context.transfer.value_rounding(),
+        from_light_mm: 0.0,
+    }
 }
 
 #[cfg(test)]

@@ -40,7 +40,8 @@ impl TexelMapping {
 /// The tables; layouts are those of `shaders/common/transfer.wgsl`.
 #[derive(Debug, Clone)]
 pub struct TransferTables {
-    /// `[start, amount, slope, end]` by ascending value; the first is everything below the first point.
+    /// `[start, amount, slope, 1 - amount]` by ascending value, amounts at the start; the first is everything below the
+    /// second. What an opacity lacks of 1 stands beside it, since its logarithm needs every digit of the smaller one.
     pub intervals: Vec<[f32; 4]>,
     /// Interval at the lower end of each of [`VALUE_BINS`] bins.
     pub interval_of_bin: Vec<u32>,
@@ -62,6 +63,7 @@ pub struct TransferTables {
     pub inv_reference_length: f32,
 }
 
+#[derive(Clone, Copy)]
 pub(super) struct Interval {
     pub start: f64,
     pub end: f64,
@@ -112,7 +114,7 @@ impl TransferTables {
             },
             intervals: intervals
                 .iter()
-                .map(|i| [i.start as f32, i.amount as f32, i.slope as f32, i.end as f32])
+                .map(|i| [i.start, i.amount, i.slope, 1.0 - i.amount].map(|v| v as f32))
                 .collect(),
         }
     }
@@ -143,9 +145,56 @@ pub(super) fn intervals(tf: &TransferFunction, mapping: TexelMapping) -> Vec<Int
         }
     }
     list.push(constant(texel(n - 1), FAR, amount(n - 1)));
+    let mut list = without_idle_points(list);
     // The first interval ends where the second starts.
-    list[0].end = list[1].start;
+    if let [first, second, ..] = &mut list[..] {
+        first.end = second.start;
+    }
     list
+}
+
+/// Share of an amount, and of what it lacks of 1, by which a point may lie beside the line of its neighbours and still
+/// say nothing: far less than float32 keeps of it.
+const IDLE_POINT: f64 = 1e-8;
+
+/// Intervals made one where the points between them lie on one line, as those of functions written out value by value do.
+fn without_idle_points(list: Vec<Interval>) -> Vec<Interval> {
+    let mut kept: Vec<Interval> = Vec::with_capacity(list.len());
+    // Amounts and values at the points inside the last of them.
+    let mut inside: Vec<[f64; 2]> = Vec::new();
+    let amount_at_end = |i: &Interval| i.amount + i.slope * (i.end - i.start);
+    for next in list {
+        let level = kept.len() == 1;
+        let joined = kept.last().and_then(|last| {
+            let jump = amount_at_end(last) - next.amount;
+            let both = if next.end < FAR {
+                let rise = amount_at_end(&next) - last.amount;
+                Interval { slope: rise / (next.end - last.start), end: next.end, ..*last }
+            } else {
+                Interval { slope: 0.0, end: next.end, ..*last }
+            };
+            let idle = |[value, amount]: &[f64; 2]| {
+                let stray = (both.amount + both.slope * (value - both.start) - amount).abs();
+                stray <= IDLE_POINT * amount.min((1.0 - amount).abs())
+            };
+            let continuous = jump.abs() <= IDLE_POINT * next.amount.min((1.0 - next.amount).abs());
+            // What lies below the first point is level.
+            let straight = !level || both.slope == 0.0;
+            let idle = straight && idle(&[next.start, next.amount]) && inside.iter().all(idle);
+            (continuous && idle).then_some(both)
+        });
+        match joined {
+            Some(both) => {
+                inside.push([next.start, next.amount]);
+                *kept.last_mut().expect("there is one to join") = both;
+            }
+            None => {
+                inside.clear();
+                kept.push(next);
+            }
+        }
+    }
+    kept
 }
 
 /// Texel values outside of which there is no extinction: `<= first` and `>= last`.

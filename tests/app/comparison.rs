@@ -93,7 +93,6 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
     let eye = scene.camera.eye;
     assert!(text.contains(&format!("{:.4}, {:.4}, {:.4}", eye.x, eye.y, eye.z)), "the camera of the start");
     assert!(bench.shows(report.to_str().unwrap()));
-    assert!(bench.shows("Best at equal bytes as dsm"), "as in compare.md");
 
     // A row goes into the shadows panel; with Shift it is the second method.
     bench.settle();

@@ -3,6 +3,7 @@
 use super::Bench;
 use eframe::egui::Key;
 use umbravox::measure::error_map::Quantity;
+use umbravox::scene::Shading;
 
 #[test]
 fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
@@ -57,14 +58,15 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
 }
 
 #[test]
-fn pictures_are_compared_without_shading() {
-    let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--tf=uniform", "--shadow=dsm:map=128"]) else {
-        return;
-    };
+fn pictures_are_compared_as_they_are_shaded() {
+    let shown = ["phantom:sphere:16", "--tf=uniform", "--shadow=dsm:map=128", "--shading=lambert"];
+    let Some(mut bench) = Bench::open(&shown) else { return };
     bench.app().difference.shows = Some(Quantity::Picture);
     // The coarsest answer is enough; the finest would take a minute.
     bench.wait_for("the coarsest heat map", |app| app.difference.found.is_some());
-    let stats = bench.app().difference.found.as_ref().unwrap().sides[0].map.stats.unwrap();
+    let found = bench.app().difference.found.as_ref().unwrap();
+    assert_eq!(found.request.view.scene.shading, Shading::Lambert);
+    let stats = found.sides[0].map.stats.unwrap();
     assert!(stats.rms < 0.02 && stats.count > 20, "{stats:?}");
     bench.app().difference.shows = None;
     bench.settle();

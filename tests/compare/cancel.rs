@@ -71,7 +71,7 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
     let effort = Effort { repeats, points: 500, rays: 50, depths: 40 };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), tf.clone(), scene.clone());
-        Ok(Subject { volume, tf, scene, forced: Forced::NOTHING })
+        Ok(Subject { volume, tf, strands: None, scene, forced: Forced::NOTHING })
     };
     let renderer = Arc::new(Renderer::new(Gpu::open(None)?));
     let mut journal = Journal::open(folder, true)?;
@@ -80,7 +80,7 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
     let facts = Facts::of(renderer.gpu());
     let run = Run::new(&facts, effort, METHODS, &methods, vec![record], None);
     let methods = [methods];
-    let order = Order { methods: &methods, remark: "measured by a test" };
+    let order = Order { methods: &methods, budgets: &[], remark: "measured by a test" };
     make(&order, &run, &mut read, &renderer, &mut journal, &mut progress)
 }
 
@@ -104,6 +104,7 @@ fn figures(row: &Row) -> Row {
         frame_ms_max: None,
         build_gpu_ms: None,
         build_wall_ms: None,
+        build_first_ms: None,
         frame_gpu_ms: None,
         frame_wall_ms: None,
         bricks_ms: None,

@@ -1,6 +1,7 @@
 //! `umbravox compare`, run as a user runs it, on tiny phantoms; and its measuring, with planted delays and errors.
 
 mod ablate;
+mod budget;
 mod cancel;
 #[path = "../cli/mod.rs"]
 mod cli;
@@ -8,6 +9,7 @@ mod folder;
 mod planted;
 mod resume;
 mod shards;
+mod strands;
 mod table;
 
 use cli::umbravox;

@@ -179,8 +179,10 @@ fn shards_that_cannot_be_are_refused() {
         let stderr = refused(dir.path(), &["compare", "phantom:slab:8", "-o", "out", "--shard", shard]);
         assert!(stderr.contains("--shard"), "{stderr}");
     }
-    let args = ["compare", "phantom:slab:8", "-o", "out", "--shard=1/2", "--ablate"];
-    assert!(refused(dir.path(), &args).contains("--ablate"));
+    for whole in ["--ablate", "--budget=bytes=1MiB"] {
+        let args = ["compare", "phantom:slab:8", "-o", "out", "--shard=1/2", whole];
+        assert!(refused(dir.path(), &args).contains(&whole[..8]));
+    }
     if no_adapter("compare --shard 9/9") {
         return;
     }

@@ -110,7 +110,8 @@ fn a_map_that_no_sample_needs_is_not_built() {
     let dir = tempfile::tempdir().unwrap();
     run(dir.path(), &[&TINY[..11], &["--methods", "dsm:map=64", "--ambient=1"]].concat());
     let rows = read_csv(&dir.path().join("out/compare.csv"));
-    assert_eq!((rows[0]["build_ms"].as_str(), rows[0]["bytes"].as_str()), ("0.0", "0"));
+    // The light space alone.
+    assert!(rows[0]["build_ms"].parse::<f64>().unwrap() < 5.0 && rows[0]["bytes"] == "0", "{:?}", rows[0]);
     assert_eq!((rows[0]["point_err_rms"].as_str(), rows[0]["bound_held"].as_str()), ("", ""));
     assert!(rows[0]["left_out"].contains("shadow map (ambient 1)"), "{}", rows[0]["left_out"]);
 }
@@ -122,7 +123,7 @@ fn bad_methods_are_refused_before_anything_is_made() {
         ("nonsense", "nonsense"),
         ("none;dsm:epsilon=2", "epsilon"),
         ("dsm:layers=3", "layers"),
-        ("rays:map=512", "no keys"),
+        ("rays:map=512", "there is: lookup"),
         ("", "NAME"),
     ] {
         let args = ["compare", "phantom:slab:8", "-o", "out", "--methods", methods];

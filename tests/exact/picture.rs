@@ -26,7 +26,7 @@ fn picture_lit_from_the_eye() {
         let field = ExactField::new(&volume, &tf);
         let mut scene = scene(&volume);
         scene.light = Light::Point { position: scene.camera.eye };
-        let picture = field.picture(&scene).unwrap();
+        let picture = field.picture(&scene);
         assert_eq!(picture.dim(), (8, 12, 4));
         let mut seen = 0;
         for ((row, column, channel), got) in picture.indexed_iter() {
@@ -59,7 +59,7 @@ fn picture_of_a_color_ramp() {
     let camera = Camera { eye, target: DVec3::ZERO, up: DVec3::Z, fov_deg: 1e-3 };
     let base = Scene::framing(&volume);
     let scene = Scene { camera, width: 1, height: 1, ambient: 1.0, background: [0.0; 3], ..base };
-    let picture = ExactField::new(&volume, &tf).picture(&scene).unwrap();
+    let picture = ExactField::new(&volume, &tf).picture(&scene);
     // Clamped half a voxel at both ends; sigma = 0.3 and t from the entry.
     let t = |mm: f64| (-0.3 * mm).exp();
     let red = 0.1 * ((1.0 / 0.3) * (t(0.5) - t(10.5)) - 10.0 * t(10.5)) + (t(10.5) - t(11.0));
@@ -69,12 +69,64 @@ fn picture_of_a_color_ramp() {
     }
 }
 
+/// A linear field has one gradient, whatever the affine, and so a directional light one factor: shading is then a
+/// smaller share of the light.
 #[test]
-fn only_shading_none_is_exact() {
-    let volume = rough_volume(DAffine3::IDENTITY);
-    let tf = &transfer_functions()[0];
-    let scene = Scene { shading: Shading::Lambert, ..scene(&volume) };
-    assert_eq!(ExactField::new(&volume, tf).picture(&scene).unwrap_err().exit_status(), 2);
+fn shading_of_a_linear_field_is_one_factor() {
+    let slope = DVec3::new(3.0, -2.0, 1.0);
+    let volume = volume([12, 12, 12], oblique(), |i, j, k| slope.dot(DVec3::new(i, j, k)));
+    let tf = extinction(&[(-20.0, 0.05), (40.0, 0.1)]);
+    let field = ExactField::new(&volume, &tf);
+    // s = slope . index and index = M world, so that the gradient in world is M^T slope.
+    let gradient = volume.index_from_world().matrix3.transpose() * slope;
+    let n = gradient.normalize();
+    let base = Scene { ambient: 0.0, background: [0.0; 3], ..scene(&volume) };
+    let middle = volume.world_from_index().transform_point3(DVec3::splat(5.3));
+    assert!((field.gradient(middle) - gradient).length() < 1e-12 * gradient.length());
+    for toward in [DVec3::new(0.3, 0.2, 0.9), -n, n.any_orthonormal_vector() + 0.2 * n] {
+        let light = Light::Directional { toward };
+        let diffuse = n.dot(toward.normalize()).abs();
+        let sight = (middle - base.camera.eye).normalize();
+        let halfway = (toward.normalize() - sight).normalize();
+        let gloss = 0.3 * n.dot(halfway).abs().powf(32.0);
+        for (shading, factor) in
+            [(Shading::None, 1.0), (Shading::Lambert, diffuse), (Shading::BlinnPhong, diffuse + gloss)]
+        {
+            assert_close(field.shading_factor(middle, sight, &light, shading), factor, 1e-12);
+        }
+        // The edge is clamped half a voxel wide: a pixel through the middle alone has the one factor nearly everywhere.
+        let camera = Camera { target: middle, fov_deg: 1e-3, ..base.camera };
+        let one = Scene { light, camera, width: 1, height: 1, ..base.clone() };
+        let red = |shading| field.picture(&Scene { shading, ..one.clone() })[[0, 0, 0]];
+        let (plain, lambert) = (f64::from(red(Shading::None)), f64::from(red(Shading::Lambert)));
+        assert!(
+            plain > 0.1 && (lambert - diffuse * plain).abs() < 0.1 * plain,
+            "{toward}: {lambert}, {plain}"
+        );
+    }
+}
+
+/// At the edge of the volume the value is clamped: outside its voxels nothing changes across that axis.
+#[test]
+fn gradients_at_edges_and_in_flat_parts() {
+    let volume =
+        volume([8, 8, 8], DAffine3::IDENTITY, |i, j, _| if i < 4.0 { 7.0 / 3.0 } else { 2.0 * i + j });
+    let tf = extinction(&[(0.0, 0.1)]);
+    let field = ExactField::new(&volume, &tf);
+    // Flat: no gradient at all, and so all the light.
+    let flat = DVec3::new(1.3, 3.7, 2.2);
+    assert_eq!(field.gradient(flat), DVec3::ZERO);
+    let light = Light::Point { position: DVec3::new(9.0, -30.0, 4.0) };
+    assert_eq!(field.shading_factor(flat, DVec3::X, &light, Shading::BlinnPhong), 1.0);
+    // Half of the difference across the last half voxel is clamped away.
+    let close = |at: [f64; 3], want: [f64; 3]| {
+        let got = field.gradient(DVec3::from_array(at));
+        assert!((got - DVec3::from_array(want)).length() < 1e-12, "{at:?}: {got}");
+    };
+    close([6.0, 3.5, 3.5], [2.0, 1.0, 0.0]);
+    close([7.0, 3.5, 3.5], [1.0, 1.0, 0.0]);
+    close([7.5, 7.5, 3.5], [0.0, 0.0, 0.0]);
+    close([6.0, 7.25, 7.0], [2.0, 0.25, 0.0]);
 }
 
 /// The weighted mean over seen points is the mean over the picture.
@@ -123,7 +175,7 @@ fn nothing_to_see() {
     let scene = scene(&volume);
     assert!(field.seen_points(&scene, 100, 1).is_empty());
     assert!(field.seen_points(&scene, 0, 1).is_empty());
-    let picture = field.picture(&scene).unwrap();
+    let picture = field.picture(&scene);
     assert_eq!(picture[[3, 3, 0]], 0.1f32);
     assert_eq!(picture[[3, 3, 3]], 0.0);
 }

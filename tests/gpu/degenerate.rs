@@ -3,7 +3,7 @@
 use super::*;
 use umbravox::scene::{Camera, Skip};
 
-const METHODS: [&str; 15] = [
+const METHODS: [&str; 18] = [
     "none",
     "rays",
     "dsm:map=32",
@@ -19,6 +19,9 @@ const METHODS: [&str; 15] = [
     "dom:map=17,layers=1,spread=0.01,beyond=ignore,depth_bits=32,filter=nearest",
     "bom:map=17,layers=7,split=auto,measure=difference,depth_bits=32,bits=32",
     "bom:map=32,layers=5,split=texel,depth_bits=8,bits=8",
+    "osm:map=17,layers=9,slicing=lit,average=transmittance",
+    "dom:map=17,layers=6,split=texel,depth_bits=32,average=transmittance,lookup=each",
+    "bom:map=17,layers=5,split=growing,log_size=2,lookup=each",
 ];
 
 /// Every method, light and way of skipping gives sane pictures and answers.

@@ -1,13 +1,21 @@
 //! Pictures against the exact picture, in float64 with an exact shadow ray at every sample.
 
 use super::*;
+use umbravox::scene::Shading;
 
 fn check(volume: &Arc<Volume>, tf: &TransferFunction, what: &str) {
     let Some(setup) = Setup::open(volume, tf) else { return };
     let field = setup.exact();
-    for (place, light) in [lights(volume)[0], lights(volume)[2]] {
-        let scene = Scene { light, ..setup.scene(24, 16) };
-        let exact = field.picture(&scene).unwrap();
+    for (place, light, shading) in [
+        (lights(volume)[0], Shading::None),
+        (lights(volume)[0], Shading::Lambert),
+        (lights(volume)[2], Shading::None),
+        (lights(volume)[2], Shading::BlinnPhong),
+    ]
+    .map(|((place, light), shading)| (format!("{place}, {shading:?}"), light, shading))
+    {
+        let scene = Scene { light, shading, ..setup.scene(24, 16) };
+        let exact = field.picture(&scene);
         for (method, allowed) in
             [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]
         {

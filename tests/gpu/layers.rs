@@ -270,7 +270,7 @@ fn stored_bits() {
     let [tf, ..] = transfer_functions([-900.0, 1200.0]);
     let Some(setup) = Setup::open(&phantom("thorax:48"), &tf) else { return };
     for (place, light) in lights(setup.volume()) {
-        for method in ["osm:layers=15,map=48", "dom:layers=15,map=48", "bom:layers=15,map=48"] {
+        for method in ["osm:layers=15,map=48", "dom:layers=15,spread=1,map=48", "bom:layers=15,map=48"] {
             let of = |bits: u32| {
                 let method = format!("{method},bits={bits}");
                 let (report, sanity) = along_light_rays(&setup, &method, light);

@@ -7,6 +7,7 @@ mod bound;
 mod common;
 mod degenerate;
 mod exact_pictures;
+mod fair;
 mod forced;
 mod invariance;
 mod kept;

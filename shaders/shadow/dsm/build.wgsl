@@ -6,7 +6,7 @@
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
 #import umbravox::dsm_nodes::{start_writer, push, finish, cut_short}
-#import umbravox::dsm_layout::{own, DEPTH_STEPS}
+#import umbravox::dsm_layout::{own, DEPTH_STEPS, MOST_LATTICE_STEPS}
 #ifdef MARCH_CELLS
 #import umbravox::march::march
 #import umbravox::sink::Sink
@@ -34,7 +34,9 @@ fn next_active(o: vec3<f32>, d: vec3<f32>, z: f32, z_end: f32) -> f32 {
     if span.x >= min(span.y, z_end) { return z_end; }
     var at = max(z, span.x);
     let forward = d > vec3<f32>(0.0);
-    loop {
+    // Each turn leaves a brick; where rounding puts it back for longer than that, marching from here loses nothing.
+    let bricks = i32(field.size.x + field.size.y + field.size.z) / BRICK_CELLS + 6;
+    for (var turn = 0; turn < bricks; turn++) {
         if at >= min(span.y, z_end) { return z_end; }
         let cell = clamp(vec3<i32>(floor(o + at * d)), vec3<i32>(0), vec3<i32>(field.size));
         let brick = cell >> BRICK_SHIFT;
@@ -45,7 +47,7 @@ fn next_active(o: vec3<f32>, d: vec3<f32>, z: f32, z_end: f32) -> f32 {
         // A hair past the face, so that rounding does not stop the walk; regular sampling has no finer promise.
         at = max(min(exits.x, min(exits.y, exits.z)), at) + 1e-3 * field.min_spacing_mm;
     }
-    return z_end;
+    return max(z, span.x);
 }
 
 fn tap_offset(tap: u32) -> vec2<f32> {
@@ -63,7 +65,7 @@ fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
     // Lattice steps done: the lattice is the same whatever is skipped.
     var k = 0.0;
     var over = false;
-    loop {
+    for (var turn = 0u; turn <= MOST_LATTICE_STEPS; turn++) {
         var resume = z_end;
         for (var tap = 0u; tap < own.taps; tap++) {
             let ray = light_ray(texel + tap_offset(tap));

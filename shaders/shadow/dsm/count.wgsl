@@ -2,7 +2,7 @@
 
 #import umbravox::light::light
 #import umbravox::tile_table::{record_of, NO_TILE}
-#import umbravox::dsm_layout::{row_texel, NO_ROW, FILLER}
+#import umbravox::dsm_layout::{row_texel, NO_ROW, FILLER, MOST_ROWS}
 
 @group(1) @binding(3) var node_rows: texture_2d<u32>;
 // First texel (row by row) that this dispatch counts.
@@ -23,7 +23,7 @@ fn count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
         return;
     }
     var nodes = 0u;
-    loop {
+    for (var rows = 0u; rows < MOST_ROWS; rows++) {
         let head = textureLoad(node_rows, row_texel(row), 0);
         let tail = textureLoad(node_rows, row_texel(row) + vec2<u32>(1u, 0u), 0);
         let in_head = select(vec4<u32>(0u), vec4<u32>(1u), (head >> vec4<u32>(16u)) < vec4<u32>(FILLER));

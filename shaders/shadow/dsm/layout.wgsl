@@ -9,6 +9,10 @@ const NODE_TEXTURE_WIDTH: u32 = #{NODE_TEXTURE_WIDTH};
 // one further.
 const DEPTH_STEPS: f32 = #{DEPTH_STEPS};
 const FILLER: u32 = #{FILLER};
+// Steps of a ray's regular lattice.
+const MOST_LATTICE_STEPS: u32 = #{MOST_LATTICE_STEPS};
+// Rows of one texel: two nodes a depth step, and those of the last row.
+const MOST_ROWS: u32 = #{MOST_ROWS};
 
 struct Own {
     // Error allowed to the compression, and the optical depth whose chord stays within the tolerance at transmittance 1.

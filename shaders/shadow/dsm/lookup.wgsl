@@ -3,7 +3,7 @@
 
 #import umbravox::light::{light, light_point}
 #import umbravox::tile_table::{record_of, wrapped_texel, NO_TILE}
-#import umbravox::dsm_layout::{own, row_texel, NO_ROW, FILLER, DEPTH_STEPS}
+#import umbravox::dsm_layout::{own, row_texel, NO_ROW, FILLER, DEPTH_STEPS, MOST_ROWS}
 
 // Two texels a row: seven nodes and the link to the next row.
 @group(1) @binding(3) var node_rows: texture_2d<u32>;
@@ -33,7 +33,7 @@ fn texel_transmittance(texel: Texel, step: f32) -> f32 {
     var before = FILLER;
     var after = FILLER;
     // Linear search by rows, without branches inside one: rows are short, and few texels have a second.
-    loop {
+    for (var rows = 0u; rows < MOST_ROWS; rows++) {
         let tail = textureLoad(node_rows, row_texel(row) + vec2<u32>(1u, 0u), 0);
         let head_passed = (head >> vec4<u32>(16u)) <= vec4<u32>(limit);
         let tail_passed = (tail.xyz >> vec3<u32>(16u)) <= vec3<u32>(limit);

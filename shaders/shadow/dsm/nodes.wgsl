@@ -6,9 +6,12 @@
 #define_import_path umbravox::dsm_nodes
 
 #import umbravox::light::light
+#import umbravox::watch::ran_out
 #import umbravox::dsm_layout::{own, row_texel, NO_ROW, ROW_NODES, DEPTH_STEPS, FILLER}
 
 const STEEPEST: f32 = 1e30;
+// Turns of a push: the first node, then for the gap and for the piece the end of a line and what follows it.
+const MOST_TURNS: i32 = 8;
 
 struct Counters {
     // Rows asked for beyond those of the tiles, whether or not the pool had them.
@@ -63,7 +66,7 @@ fn emit(z: f32, t: f32) {
     let step = u32(clamp(round((z - light.depth_start_mm) * own.depth_steps_per_mm), 0.0, DEPTH_STEPS));
     let stored = u32(round(clamp(t, 0.0, 1.0) * 65535.0));
     // A full row takes its link first: one place in the program stores.
-    loop {
+    for (var turn = 0; turn < 2; turn++) {
         let full = writer.used == ROW_NODES;
         var word = (step << 16u) | stored;
         var next = NO_ROW;
@@ -97,7 +100,13 @@ fn line_end() -> f32 {
 fn push(z_from: f32, z_to: f32, t: f32) {
     // A turn stores at most one node: the first of all, the end of a line whose window has closed, or a vertical step.
     var gap = z_from > writer.last_z;
+    var turns_left = MOST_TURNS;
     loop {
+        if turns_left == 0 {
+            ran_out();
+            break;
+        }
+        turns_left -= 1;
         let z = select(z_to, z_from, gap);
         let level = select(t, writer.last_t, gap);
         let dz = z - writer.origin_z;
@@ -142,7 +151,7 @@ fn finish() {
     }
     if writer.row == NO_ROW { return; }
     let tail = (FILLER << 16u) | u32(round(writer.origin_t * 65535.0));
-    loop {
+    for (var turn = 0u; turn <= ROW_NODES; turn++) {
         if writer.used > ROW_NODES { break; }
         put(select(tail, NO_ROW, writer.used == ROW_NODES));
     }

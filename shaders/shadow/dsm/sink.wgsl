@@ -13,7 +13,7 @@ struct Sink {
     longest_depth: f32,
 }
 
-fn longest_depth(sink: ptr<function, Sink>) -> f32 {
+fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
     return (*sink).longest_depth;
 }
 

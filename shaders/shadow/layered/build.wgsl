@@ -37,14 +37,13 @@ fn build(
     var sink = Sink(0.0, own.longest_depth);
 #ifdef ENDS
     // Once from behind for the end, once from the light for the layers: a loop, so that the march stands here once.
-    var behind = true;
-    loop {
+    for (var turn = 0u; turn < 2u; turn++) {
+        let behind = turn == 0u;
         seek_end(behind);
         let first = select(light.depth_start_mm, -z_end, behind);
         let to = select(z_end, -light.depth_start_mm, behind);
         march(&sink, ray.o, select(ray.d, -ray.d, behind), first, to);
-        if !behind || !met_something() { break; }
-        behind = false;
+        if !met_something() { break; }
     }
 #else
     march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);

@@ -29,14 +29,15 @@ struct Own {
     depth_steps_per_mm: f32,
     // Optical depth of the greatest 8-bit value.
     kappa: f32,
-    // Optical depth whose chord stays within the tolerance at transmittance 1.
+    // Optical depth whose chord stays within the tolerance at transmittance 1: pieces that hold a plane are no deeper.
     longest_depth: f32,
     // Neighbouring texels whose first depths differ by less see the same surface, mm.
     same_surface_mm: f32,
     // Texels a side that are averaged, and that a lookup reads.
     kernel: u32,
     filter_side: u32,
-    padding: u32,
+    // Optical depth that stands for more, too: means of neighbouring texels stay in order.
+    most_depth: f32,
 }
 
 @group(1) @binding(1) var<uniform> own: Own;
@@ -49,6 +50,15 @@ struct Own {
 fn block_place(record: u32, block: u32) -> vec2<u32> {
     let index = record * own.record_blocks + block;
     return vec2<u32>(index % RECORD_TEXTURE_WIDTH, index / RECORD_TEXTURE_WIDTH);
+}
+
+// The bit of a record at which the row of its own split stands: behind its depths.
+fn split_row_bit() -> u32 {
+#ifdef ENDS
+    return 2u * own.header_bits;
+#else
+    return own.header_bits;
+#endif
 }
 
 // The layer coordinate of a share of the extent: 0 at the start, k at plane k. `row` picks one of several splits.

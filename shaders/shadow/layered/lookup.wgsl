@@ -50,12 +50,17 @@ fn transmittance(g: vec3<f32>) -> f32 {
 #else
     let ends = starts + own.reach_mm;
 #endif
-    return exp(-dot(weights, vec4<f32>(
+    let depths = vec4<f32>(
         texel_depth(a, at_a, starts.x, ends.x, p.z),
         texel_depth(b, at_b, starts.y, ends.y, p.z),
         texel_depth(c, at_c, starts.z, ends.z, p.z),
         texel_depth(d, at_d, starts.w, ends.w, p.z),
-    )));
+    );
+#ifdef AVERAGE_TRANSMITTANCE
+    return dot(weights, exp(-depths));
+#else
+    return exp(-dot(weights, depths));
+#endif
 #else
     let record = record_of(wrapped_texel(vec2<i32>(round(p.texel))));
     let extent = extent_of(record);

@@ -3,7 +3,7 @@
 
 #import umbravox::light::light
 #import umbravox::tile_table::NO_TILE
-#import umbravox::layers::{own, block_place, layer_at, plane_at}
+#import umbravox::layers::{own, block_place, layer_at, plane_at, split_row_bit}
 
 @group(1) @binding(3) var records: texture_2d<u32>;
 
@@ -40,10 +40,10 @@ fn extent_of(record: u32) -> Extent {
     extent.end = extent.start + own.reach_mm;
 #ifdef ENDS
     extent.end = header_depth(block, own.header_bits);
-#ifdef SPLIT_ROWS
-    let bit = 2u * own.header_bits;
-    extent.row = extractBits(block[bit >> 5u], bit & 31u, 8u);
 #endif
+#ifdef SPLIT_ROWS
+    let bit = split_row_bit();
+    extent.row = extractBits(block[bit >> 5u], bit & 31u, 8u);
 #endif
     return extent;
 }

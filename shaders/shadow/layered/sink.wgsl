@@ -5,7 +5,7 @@
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
-#import umbravox::layers::{own, block_place, plane_at}
+#import umbravox::layers::{own, block_place, plane_at, split_row_bit}
 
 // The store's texels hold 1, 2 or 4 words.
 #ifdef WORDS_1
@@ -18,18 +18,14 @@
 #endif
 #endif
 
-// Optical depth at which the ray is over.
-const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
-const LARGEST_HALF: f32 = 65504.0;
+// A bound of loops over layers that is no uniform: llvmpipe of Mesa 22.3 crashes on some that are.
+const MOST_LAYERS: u32 = #{MOST_LAYERS};
 
 struct Sink {
+    // Not above `own.most_depth`.
     optical_depth: f32,
     // Optical depth whose chord stays within the tolerance at the present transmittance.
     longest_depth: f32,
-}
-
-fn longest_depth(sink: ptr<function, Sink>) -> f32 {
-    return (*sink).longest_depth;
 }
 
 struct Writer {
@@ -54,6 +50,16 @@ struct Writer {
 // This thread's writer: naga passes no pointers to parts of variables, so it has a place of its own.
 var<private> writer: Writer;
 
+// Only the optical depth at planes is stored: a stretch that holds none is one piece, whatever bends in it.
+fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
+    var passes = writer.plane <= own.planes_passed && writer.plane_z <= z_to;
+#ifdef STARTS
+    // Where layers have not begun, the first plane may lie just behind their start.
+    passes = passes || !writer.begun;
+#endif
+    return select(1e30, (*sink).longest_depth, passes && !writer.seeking);
+}
+
 fn start_writer(record: u32, row: u32) {
     writer = Writer(false, record, row, false, false, light.depth_start_mm, own.reach_mm, 0.0, 1u, 0.0,
         own.first_slot, vec4<u32>(0u));
@@ -72,10 +78,10 @@ fn met_something() -> bool {
 // Packs an optical depth into the bits of a slot.
 fn slot_bits(depth: f32) -> u32 {
 #ifdef BITS_8
-    return u32(round(min(depth / own.kappa, 1.0) * 255.0));
+    return u32(round(clamp(depth / own.kappa, 0.0, 1.0) * 255.0));
 #else
 #ifdef BITS_16
-    return pack2x16float(vec2<f32>(min(depth, LARGEST_HALF), 0.0)) & 0xffffu;
+    return pack2x16float(vec2<f32>(depth, 0.0)) & 0xffffu;
 #else
     return bitcast<u32>(depth);
 #endif
@@ -123,10 +129,10 @@ fn begin_layers(z: f32) {
     let end = select(light.depth_start_mm + end_steps / own.depth_steps_per_mm, writer.end, exact);
     writer.extent_mm = max(end - writer.start, 1e-9);
     put_header_depth(own.header_bits, writer.end, end_steps);
-#ifdef SPLIT_ROWS
-    let bit = 2u * own.header_bits;
-    or_word(bit >> 5u, writer.row << (bit & 31u));
 #endif
+#ifdef SPLIT_ROWS
+    let bit = split_row_bit();
+    or_word(bit >> 5u, writer.row << (bit & 31u));
 #endif
     // Depths may fill a block of their own.
     store_block(false);
@@ -153,16 +159,17 @@ fn put(depth: f32) {
 
 // Stores the planes up to `last` that lie no deeper than z_to, by a straight line from `depth` at z_from on.
 fn pass_planes(last: u32, z_from: f32, z_to: f32, depth: f32, rise: f32) {
-    loop {
+    for (var turn = 0u; turn < MOST_LAYERS; turn++) {
         if writer.plane > last || writer.plane_z > z_to { break; }
-        put(depth + rise * clamp((writer.plane_z - z_from) / max(z_to - z_from, 1e-12), 0.0, 1.0));
+        let share = clamp((writer.plane_z - z_from) / max(z_to - z_from, 1e-12), 0.0, 1.0);
+        put(min(depth + rise * share, own.most_depth));
         writer.plane_z = writer.start
             + writer.extent_mm * plane_at(writer.row, min(writer.plane, own.layers));
     }
 }
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
-    if depth <= 0.0 { return false; }
+    if !(depth > 0.0) { return false; }
 #ifdef ENDS
     if writer.seeking {
         // This march looks from behind: its depths are negative, and its first piece starts at the end.
@@ -175,16 +182,18 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     if !writer.begun { begin_layers(z_from); }
 #endif
     writer.met = true;
-    pass_planes(own.planes_passed, z_from, z_to, (*sink).optical_depth, depth);
-    (*sink).optical_depth += depth;
+    // Finite, so that a share of it is.
+    let rise = min(depth, 1e30);
+    pass_planes(own.planes_passed, z_from, z_to, (*sink).optical_depth, rise);
+    (*sink).optical_depth = min((*sink).optical_depth + rise, own.most_depth);
     (*sink).longest_depth = own.longest_depth * exp(0.5 * (*sink).optical_depth);
-    return (*sink).optical_depth > OPAQUE_DEPTH;
+    return (*sink).optical_depth >= own.most_depth;
 }
 
 // Planes that the ray did not reach, or that hold what lies behind them, get all that it met.
 fn finish(depth: f32) {
     if !writer.met { return; }
-    loop {
+    for (var turn = 0u; turn < MOST_LAYERS; turn++) {
         if writer.plane > own.layers { break; }
         put(depth);
     }

@@ -3,7 +3,6 @@
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
 #import umbravox::tiles::tile_texel
-#import umbravox::layers::own
 #import umbravox::march::march
 #import umbravox::sink::Sink
 
@@ -19,7 +18,7 @@ fn find_starts(
     let here = tile_texel(group, groups, local);
     if !here.inside { return; }
     let ray = light_ray(vec2<f32>(here.texel));
-    var sink = Sink(depth_end_mm(), own.longest_depth);
+    var sink = Sink(depth_end_mm());
     march(&sink, ray.o, ray.d, light.depth_start_mm, depth_end_mm());
     starts_mm[here.place] = sink.start_mm;
 }

@@ -36,11 +36,21 @@ fn transmittance(g: vec3<f32>) -> f32 {
 #endif
     let w = p.texel - base;
     let corner = vec2<i32>(base) - i32((own.kernel - 1u) / 2u);
-    var depth = 0.0;
+    var sum = 0.0;
     for (var i = 0u; i < side * side; i++) {
         let at = vec2<u32>(i % side, i / side);
         let record = record_of(wrapped_texel(corner + vec2<i32>(at)));
-        depth += tap_weight(at.x, side, w.x) * tap_weight(at.y, side, w.y) * optical_depth_at(record, place);
+        let depth = optical_depth_at(record, place);
+        let weight = tap_weight(at.x, side, w.x) * tap_weight(at.y, side, w.y);
+#ifdef AVERAGE_TRANSMITTANCE
+        sum += weight * exp(-depth);
+#else
+        sum += weight * depth;
+#endif
     }
-    return exp(-depth);
+#ifdef AVERAGE_TRANSMITTANCE
+    return sum;
+#else
+    return exp(-sum);
+#endif
 }

@@ -1,8 +1,10 @@
-// Sink that adds up the optical mass of one ray by depth, in fixed point.
+// Sink that adds up by depth, in fixed point, the optical mass of one ray or, with WEIGH_LIGHT, the light that it loses.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
+#ifdef WEIGH_LIGHT
 #import umbravox::layers::own
+#endif
 
 const MASS_BINS: u32 = #{SPLIT_BINS};
 // A step of the fixed point, and the most that a ray may give to a bin: 2^32 is out of reach of 2^14 rays.
@@ -12,13 +14,16 @@ const MOST_MASS: f32 = 7.9;
 @group(2) @binding(0) var<storage, read_write> mass: array<atomic<u32>, #{SPLIT_BINS}>;
 
 struct Sink {
-    // The bin that is being filled, and its optical depth so far.
+    // The bin that is being filled, and its mass so far.
     bin: u32,
     depth: f32,
+    // Of the ray so far.
+    optical_depth: f32,
 }
 
-fn longest_depth(sink: ptr<function, Sink>) -> f32 {
-    return own.longest_depth;
+fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
+    // A bin takes its share of a piece by length.
+    return 1e30;
 }
 
 fn store_bin(bin: u32, depth: f32) {
@@ -27,22 +32,35 @@ fn store_bin(bin: u32, depth: f32) {
 }
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
+    if !(depth > 0.0) { return false; }
     let per_mm = f32(MASS_BINS) / light.depth_range_mm;
     let begin = (z_from - light.depth_start_mm) * per_mm;
-    let end = max((z_to - light.depth_start_mm) * per_mm, begin + 1e-6);
+    let end = (z_to - light.depth_start_mm) * per_mm;
     // A piece gives every bin that it crosses its share.
-    let last = u32(clamp(end, 0.0, f32(MASS_BINS - 1u)));
-    var bin = u32(clamp(begin, 0.0, f32(MASS_BINS - 1u)));
-    loop {
+    let first = u32(clamp(begin, 0.0, f32(MASS_BINS - 1u)));
+    let last = max(u32(clamp(end, 0.0, f32(MASS_BINS - 1u))), first);
+    for (var bin = first; bin <= last; bin++) {
         if bin != (*sink).bin {
             store_bin((*sink).bin, (*sink).depth);
             (*sink).bin = bin;
             (*sink).depth = 0.0;
         }
-        let share = (min(end, f32(bin + 1u)) - max(begin, f32(bin))) / (end - begin);
-        (*sink).depth += depth * clamp(share, 0.0, 1.0);
-        bin += 1u;
-        if bin > last { break; }
+        let share = (min(end, f32(bin + 1u)) - max(begin, f32(bin))) / max(end - begin, 1e-12);
+        // A piece inside one bin may be too short for float32 to say how long it is.
+        let rise = min(depth, 1e30) * select(clamp(share, 0.0, 1.0), 1.0, first == last);
+#ifdef WEIGH_LIGHT
+        // A whole ray's light is as much as a bin can take.
+        let lost = select(1.0 - exp(-rise), rise, rise < 1e-3);
+        (*sink).depth += MOST_MASS * exp(-(*sink).optical_depth) * lost;
+#else
+        (*sink).depth += rise;
+#endif
+        (*sink).optical_depth += rise;
     }
+#ifdef WEIGH_LIGHT
+    // No light is left to lose.
+    return (*sink).optical_depth > own.most_depth;
+#else
     return false;
+#endif
 }

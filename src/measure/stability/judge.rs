@@ -160,7 +160,8 @@ pub fn sanity(depths_mm: &[f64], values: &[f32], [range, rise]: [f64; 2], apart_
 mod tests {
     use super::*;
 
-    const BAND: Bound = Bound { transmittance: 0.02, depth_mm: 0.1 };
+    const BAND: Bound =
+        Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
 
     /// Findings of one ray with the exact curve `exp(-z)` at depths 0, 1, 2, 3.
     fn of(values: [f32; 4], promise: Option<Bound>) -> Findings {

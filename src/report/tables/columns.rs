@@ -89,6 +89,7 @@ pub const SHOWN: &[Shown] = &[
     number("point_err_rms", "point err rms", "", |r| real(r.point_err_rms)),
     wide("point_err_p99", "point err p99", "", |r| real(r.point_err_p99)),
     wide("point_err_mean_signed", "point err mean", "", |r| real(r.point_err_mean_signed)),
+    number("strand_err_rms", "strand err rms", "", |r| real(r.strand_err_rms)),
     wide("image_rmse", "image rmse", "", |r| real(r.image_rmse)),
     number("image_psnr", "PSNR", "dB", |r| real(r.image_psnr)),
     wide("image_ssim", "SSIM", "", |r| r.image_ssim.map_or(String::new(), near_one)),
@@ -96,6 +97,7 @@ pub const SHOWN: &[Shown] = &[
     wide("bound_depth_mm", "bound depth", "mm", |r| real(r.bound_depth_mm)),
     text("bound_held", "bound held", true, |r| flag(r.bound_held)),
     text("pareto", "Pareto", false, |r| flag(r.pareto)),
+    text("tuned", "tuned", true, |r| flag(r.tuned)),
     text("status", "status", true, |r| if r.has_failed() { r.status.clone() } else { String::new() }),
 ];
 
@@ -122,7 +124,7 @@ pub fn chosen(names: &[String]) -> Result<Vec<Shown>> {
 }
 
 /// Columns of words among those that are shown only where they are asked for.
-const WORDS: &[&str] = &["left_out", "profile", "version", "note"];
+const WORDS: &[&str] = &["left_out", "tuned_for", "profile", "version", "note"];
 
 /// The unit as headings have it, or nothing.
 pub fn heading_unit(s: &Shown) -> String {

@@ -8,6 +8,8 @@
 //! * Two marches in one pass instead of three passes: one from behind that stops at the first matter, which is
 //!   `z_1`, and one from the light, which meets `z_0` before the layers.
 //! * A lookup is linear between the two planes around it; the thesis reads one layer.
+//! * The interval `[1, N]` of the logarithm is `log_size`, 256 by default: no size of the lookup texture is stated, and the
+//!   appendix's own rounding of `log2` to a whole number is not followed.
 //! * The lookup texture of the hybrid split (5.2.2, 5.2.3, sections 7 and 9 of its appendix) has 1024 bins of float32
 //!   instead of 256 of 8 bits, and a second row with the planes themselves, which the build cuts at.
 //! * `split=auto` chooses as 5.2.3 does, from eleven ratios over whole images, but on the device and from a coarse
@@ -18,35 +20,16 @@
 //!   ratio whose greatest step between neighbouring planes is least, which bounds the error.
 //! * Depths are rounded away from the light; `filter=bilinear` as in `dom`, ends like starts.
 
-mod ratio;
-
 use super::layered::{
-    BITS_KEY, DEPTH_BITS_KEY, LAYERS, NO_DEPTH_PASS, Recipe, Record, Split, depth_pass_shader,
+    AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, Layering, MEASURE_KEY,
+    Measure, RATIO_KEY, Recipe, Record, Split, split_key,
 };
-use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice};
-use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, When, choices, settings};
+use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::settings::{FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, TileMarch};
+use crate::field::BuildContext;
 use crate::gpu::ShaderVariant;
-pub use ratio::Measure;
-use ratio::{all_splits, choose, choose_by_region, hybrid};
-
-choices! {
-    /// How layers share a texel's extent.
-    pub enum BoundingSplit {
-        /// Evenly.
-        Linear = "linear",
-        /// By the logarithm of the depth.
-        Log = "log",
-        /// Between these two.
-        Hybrid = "hybrid",
-        /// By the hybrid ratio that suits the whole map.
-        Auto = "auto",
-        /// By the hybrid ratio that suits each region.
-        Texel = "texel",
-    }
-}
 
 settings! {
     /// Settings of a bounding opacity map.
@@ -54,22 +37,13 @@ settings! {
         /// Layers, `K` of the thesis.
         layers: u32 = Key::whole(LAYERS, "15", "layers").telling(),
         /// How layers share a texel's extent.
-        split: BoundingSplit = Key::choice(
-            BoundingSplit::NAMES,
-            "hybrid",
-            "how layers share the extent; auto and texel choose the ratio, for all or by region",
-        ),
+        split: LayerSplit = split_key("hybrid"),
         /// From linear (0) to logarithmic (1).
-        ratio: f64 = Key::number([0.0, 1.0], "0.5", "from linear to log (split=hybrid)")
-            .telling()
-            .when(When::Is("split", "hybrid")),
+        ratio: f64 = RATIO_KEY,
+        /// Logarithms go over the interval from 1 to this.
+        log_size: f64 = LOG_SIZE_KEY,
         /// By what a ratio is chosen.
-        measure: Measure = Key::choice(
-            Measure::NAMES,
-            "correlation",
-            "least correlation or greatest difference between neighbouring layers (split=auto)",
-        )
-        .when(When::Is("split", "auto")),
+        measure: Measure = MEASURE_KEY,
         /// Bits of the stored depths: 8, 16 or 32.
         depth_bits: u32 = DEPTH_BITS_KEY,
         /// Bits of a stored optical depth: 8, 16 or 32.
@@ -78,6 +52,10 @@ settings! {
         map: u32 = MAP_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,
+        /// What the filter averages.
+        average: Average = AVERAGE_KEY,
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
     }
 }
 
@@ -90,33 +68,21 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "bom:layers=15",
     stability: "bom:map=64",
     style: Style { color: [213, 94, 0], marker: Marker::Diamond },
-    sets_budgets: false,
+    tuned: "bom:layers=1,2,3,5,7,10,15,24,32,split=linear,growing,log,hybrid,auto,texel,\
+        ratio=0,0.25,0.5,0.75,1,depth_bits=8,16,32,bits=8,16,32,filter=nearest,bilinear,\
+        average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
-const NO_SEARCH: PassLeftOut =
-    PassLeftOut { what: "search for the ratio", why: "a single layer is not split", optional: None };
-
 impl BoundingOpacityMap {
+    fn layering(&self) -> Layering {
+        let Self { layers, split, ratio, log_size, measure, .. } = *self;
+        Layering { layers, split, ratio, log_size, measure }
+    }
+
     fn recipe(&self, split: Split) -> Recipe {
-        let Self { layers, bits, depth_bits, filter, .. } = *self;
-        let own_split = self.split == BoundingSplit::Texel && layers > 1;
-        let record = Record { layers, bits, depths: 2, depth_bits, own_split };
-        Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, kernel: 1 }
-    }
-
-    /// The split where nothing has to be chosen.
-    fn plain_split(&self) -> Option<Split> {
-        match self.split {
-            BoundingSplit::Linear => Some(Split::Power(1.0)),
-            BoundingSplit::Log => Some(Split::Tables(vec![hybrid(1.0)])),
-            BoundingSplit::Hybrid => Some(Split::Tables(vec![hybrid(self.ratio)])),
-            BoundingSplit::Auto | BoundingSplit::Texel => (self.layers == 1).then_some(Split::Power(1.0)),
-        }
-    }
-
-    /// The recipe as far as shaders go.
-    fn any_recipe(&self) -> Recipe {
-        self.recipe(self.plain_split().unwrap_or(Split::Tables(Vec::new())))
+        let Self { layers, bits, depth_bits, filter, average, .. } = *self;
+        let record = Record { layers, bits, depths: 2, depth_bits, own_split: self.layering().by_texel() };
+        Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, average, kernel: 1 }
     }
 }
 
@@ -130,51 +96,16 @@ impl Method for BoundingOpacityMap {
     }
 
     fn lookup(&self) -> Option<Lookup> {
-        Some(self.any_recipe().lookup("shadow/layered/lookup.wgsl"))
+        Some(self.recipe(self.layering().any()).lookup("shadow/layered/lookup.wgsl").asked_by(self.lookup))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
-        let mut passes = vec![self.any_recipe().build_shader(), depth_pass_shader()];
-        passes.extend(ratio::shaders());
-        passes
+        let layering = self.layering();
+        layering.passes(&self.recipe(layering.any()))
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let tiles = TileMarch::fit(context, self.map)?;
-        let (mut choice, mut regions, mut search) = (None, None, None);
-        let plain = self.plain_split();
-        let searched = plain.is_none();
-        let split = match (plain, self.split) {
-            (Some(split), _) => split,
-            (None, BoundingSplit::Texel) => {
-                let (rows, took) = choose_by_region(context, self.layers, self.map)?;
-                (regions, search) = (Some(rows), Some(took));
-                Split::Tables(all_splits())
-            }
-            (None, _) => {
-                let (row, chosen, took): (u32, SplitChoice, _) = choose(context, self.layers, self.measure)?;
-                tracing::info!(
-                    "bom: ratio {:.1}, correlation {:.4} over {} layers",
-                    chosen.ratio,
-                    chosen.correlation,
-                    self.layers
-                );
-                (choice, search) = (Some(chosen), Some(took));
-                Split::Tables(vec![all_splits().swap_remove(row as usize)])
-            }
-        };
-        let mut built = self.recipe(split).build(context, tiles, regions.as_ref())?;
-        if let Some((host_ms, span)) = search {
-            built.after(host_ms, Some(span));
-        }
-        built.report.split_choice = choice;
-        let chooses = matches!(self.split, BoundingSplit::Auto | BoundingSplit::Texel);
-        if chooses && !searched {
-            built.report.passes_left_out = match built.report.passes_left_out {
-                [] => &[NO_SEARCH],
-                _ => &[NO_DEPTH_PASS, NO_SEARCH],
-            };
-        }
+        let built = self.layering().build(context, self.map, |split| self.recipe(split))?;
         Ok(built.into_map(context, self))
     }
 }
@@ -188,9 +119,10 @@ mod tests {
         let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
         assert_eq!(shown("bom"), ["layers=15 ratio=0.5"]);
         assert_eq!(
-            shown("bom:layers=7,split=linear,log,hybrid,auto,texel"),
+            shown("bom:layers=7,split=linear,growing,log,hybrid,auto,texel"),
             [
                 "layers=7 split=linear",
+                "layers=7 split=growing",
                 "layers=7 split=log",
                 "layers=7 ratio=0.5",
                 "layers=7 split=auto",
@@ -209,7 +141,7 @@ mod tests {
         for (text, why) in [
             ("bom:layers=600", "bom:layers=600): expected 1..512"),
             ("bom:ratio=1.1", "expected 0..1"),
-            ("bom:split=quadratic", "expected linear|log|hybrid|auto|texel"),
+            ("bom:split=quadratic", "expected linear|growing|log|hybrid|auto|texel"),
             ("bom:split=auto,measure=entropy", "expected correlation|difference"),
             ("bom:split=log,ratio=0.5", "bom:ratio): it is of split=hybrid only"),
             ("bom:split=auto,ratio=0.5", "bom:ratio): it is of split=hybrid only"),

@@ -7,7 +7,9 @@
 //! * One pass instead of two: the march meets `z_0` before anything that lies behind it. It is the start of the first
 //!   exact piece with extinction, not the depth of a drawn line.
 //! * "Linearly increasing layer sizes" are read as `d_k - d_(k-1)` proportional to `k`, so `d_k = d_K k (k + 1) /
-//!   (K (K + 1))`. The paper states no `d_K`; `spread` is its share of the map's depth range, all of it by default.
+//!   (K (K + 1))` (`split=growing`; the splits of `bom` can be had as well). The paper sets sizes by hand, a scene at a
+//!   time, so that layers "cover the illuminated part", and states no `d_K`; `spread` is its share of the map's depth
+//!   range, a quarter by default.
 //! * Behind the last layer, the paper's three ways (section 3): `beyond=extend` counts what lies there in the last
 //!   layer, so that it shadows itself; `ignore` leaves it out, so that it casts no shadow; `cover` makes the layers
 //!   so large that the last one ends behind the volume, whatever `spread` says.
@@ -16,12 +18,17 @@
 //! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, where the four
 //!   depths are close enough to be one surface; elsewhere each texel's layers start at its own `z_0`.
 
-use super::layered::{BITS_KEY, DEPTH_BITS_KEY, LAYERS, Recipe, Record, Split, depth_pass_shader};
+use super::layered::{
+    AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, Layering, MEASURE_KEY,
+    Measure, RATIO_KEY, Recipe, Record, Split, split_key,
+};
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, When, choices, settings};
+use super::settings::{
+    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, When, choices, settings,
+};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, TileMarch};
+use crate::field::BuildContext;
 use crate::gpu::ShaderVariant;
 
 choices! {
@@ -40,11 +47,19 @@ settings! {
     /// Settings of a deep opacity map.
     pub struct DeepOpacityMap {
         /// Layers, `K` of the paper.
-        layers: u32 = Key::whole(LAYERS, "15", "layers, each larger than the last").telling(),
+        layers: u32 = Key::whole(LAYERS, "15", "layers").telling(),
+        /// How layers share their depth.
+        split: LayerSplit = split_key("growing"),
+        /// From linear (0) to logarithmic (1).
+        ratio: f64 = RATIO_KEY,
+        /// Logarithms go over the interval from 1 to this.
+        log_size: f64 = LOG_SIZE_KEY,
+        /// By what a ratio is chosen.
+        measure: Measure = MEASURE_KEY,
         /// `d_K` as a share of the map's depth range.
         spread: f64 = Key::number(
             [0.001, 1.0],
-            "1",
+            "0.25",
             "how deep the layers reach, as a share of the map's depth range",
         )
         .when(When::Unless("beyond", "cover")),
@@ -52,7 +67,7 @@ settings! {
         beyond: Beyond = Key::choice(
             Beyond::NAMES,
             "extend",
-            "what lies behind the last layer where spread < 1: in it, nowhere, or nothing since the layers grow",
+            "what lies behind the last layer: it is in that, nowhere, or there is none since the layers grow",
         ),
         /// Bits of a stored start depth: 8, 16 or 32.
         depth_bits: u32 = DEPTH_BITS_KEY,
@@ -62,6 +77,10 @@ settings! {
         map: u32 = MAP_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,
+        /// What the filter averages.
+        average: Average = AVERAGE_KEY,
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
     }
 }
 
@@ -74,19 +93,27 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "dom:layers=15",
     stability: "dom:map=64",
     style: Style { color: [0, 158, 115], marker: Marker::Up },
-    sets_budgets: false,
+    tuned: "dom:layers=1,2,3,5,7,10,15,24,32,split=linear,growing,log,hybrid,auto,texel,\
+        ratio=0,0.25,0.5,0.75,1,spread=0.1,0.25,0.5,1,beyond=extend,cover,depth_bits=8,16,32,bits=8,16,32,\
+        filter=nearest,bilinear,average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl DeepOpacityMap {
-    fn recipe(&self) -> Recipe {
-        let Self { layers, bits, depth_bits, filter, .. } = *self;
+    fn layering(&self) -> Layering {
+        let Self { layers, split, ratio, log_size, measure, .. } = *self;
+        Layering { layers, split, ratio, log_size, measure }
+    }
+
+    fn recipe(&self, split: Split) -> Recipe {
+        let Self { layers, bits, depth_bits, filter, average, .. } = *self;
         Recipe {
-            record: Record { layers, bits, depths: 1, depth_bits, own_split: false },
-            split: Split::Growing,
+            record: Record { layers, bits, depths: 1, depth_bits, own_split: self.layering().by_texel() },
+            split,
             // The layers of `cover` reach behind everything, whatever `spread` says.
             reach: if self.beyond == Beyond::Cover { 1.0 } else { self.spread },
             last_takes_rest: self.beyond != Beyond::Ignore,
             filter,
+            average,
             kernel: 1,
         }
     }
@@ -102,16 +129,17 @@ impl Method for DeepOpacityMap {
     }
 
     fn lookup(&self) -> Option<Lookup> {
-        Some(self.recipe().lookup("shadow/layered/lookup.wgsl"))
+        Some(self.recipe(self.layering().any()).lookup("shadow/layered/lookup.wgsl").asked_by(self.lookup))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
-        vec![self.recipe().build_shader(), depth_pass_shader()]
+        let layering = self.layering();
+        layering.passes(&self.recipe(layering.any()))
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let tiles = TileMarch::fit(context, self.map)?;
-        Ok(self.recipe().build(context, tiles, None)?.into_map(context, self))
+        let built = self.layering().build(context, self.map, |split| self.recipe(split))?;
+        Ok(built.into_map(context, self))
     }
 }
 
@@ -135,8 +163,12 @@ mod tests {
             ]
         );
         assert_eq!(
-            shown("dom:spread=0.25,depth_bits=8,bits=32,filter=nearest,map=64"),
-            ["layers=15 spread=0.25 depth_bits=8 bits=32 filter=nearest"]
+            shown("dom:spread=0.5,depth_bits=8,bits=32,filter=nearest,map=64"),
+            ["layers=15 spread=0.5 depth_bits=8 bits=32 filter=nearest"]
+        );
+        assert_eq!(
+            shown("dom:layers=7,split=linear,growing,hybrid,auto"),
+            ["layers=7 split=linear", "layers=7", "layers=7 split=hybrid ratio=0.5", "layers=7 split=auto"]
         );
         assert_eq!(shown("dom:spread=0.25,beyond=cover"), ["layers=15 beyond=cover"]);
         assert_eq!(parse_list("dom:map=64").unwrap()[0].map_size(), Some(64));
@@ -150,7 +182,10 @@ mod tests {
             ("dom:spread=nan", "expected 0.001..1"),
             ("dom:beyond=clamp", "expected extend|ignore|cover"),
             ("dom:depth_bits=12", "expected 8|16|32"),
-            ("dom:slicing=uniform", "there is: layers, spread, beyond, depth_bits, bits, map, filter"),
+            (
+                "dom:slicing=uniform",
+                "there is: layers, split, ratio, log_size, measure, spread, beyond, depth_bits, bits, map, filter, average, lookup",
+            ),
         ] {
             let error = parse_list(text).unwrap_err();
             assert!(error.to_string().contains(why), "{error}");

@@ -8,6 +8,8 @@ use crate::shadow::tolerances::OPAQUE_DEPTH;
 pub const NAME: &str = "dsm";
 /// Depth steps of the map's range; the step after them fills rows behind their last node.
 pub const DEPTH_STEPS: u32 = 65534;
+/// Steps of the regular lattice of one ray, whatever voxels are like.
+pub const MOST_LATTICE_STEPS: u32 = 4096;
 /// Nodes of a row, which ends with a link to the next, and its bytes.
 pub const ROW_NODES: u32 = 7;
 pub const ROW_BYTES: u64 = (ROW_NODES as u64 + 1) * 4;
@@ -20,6 +22,8 @@ const CONSTANTS: &[Constant] = &[
     Constant::unsigned("ROW_NODES", ROW_NODES),
     Constant::unsigned("NODE_TEXTURE_WIDTH", NODE_TEXTURE_WIDTH),
     Constant::float("DEPTH_STEPS", DEPTH_STEPS as f32),
+    Constant::unsigned("MOST_ROWS", 2 * (DEPTH_STEPS + 1) / ROW_NODES + 2),
+    Constant::unsigned("MOST_LATTICE_STEPS", MOST_LATTICE_STEPS),
     Constant::unsigned("FILLER", DEPTH_STEPS + 1),
     Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
 ];

@@ -21,14 +21,14 @@ mod layout;
 
 pub use count::{NodeMap, node_map};
 
-use layout::{DEPTH_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader};
+use layout::{DEPTH_STEPS, MOST_LATTICE_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader};
 
-use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap};
-use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, choices, settings};
+use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
+use super::settings::{FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, choices, settings};
 use super::style::{Marker, Style};
-use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth};
+use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, TILE_TEXELS, TileMarch};
+use crate::field::{BuildContext, LightSpace, TILE_TEXELS, TileMarch};
 use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, uniform_buffer};
 use bytemuck::{Pod, Zeroable};
 
@@ -36,10 +36,7 @@ use bytemuck::{Pod, Zeroable};
 const OVER: f64 = 1.0 / 2048.0;
 /// Rounding to 16 bits, once at a line's start and once at its end.
 const STORAGE: f64 = 1.0 / 65535.0;
-/// What float32 positions, table selection and quadrature may add.
-const ARITHMETIC: f64 = 0.001;
-/// Share of a voxel by which float32 may misplace a surface along the ray.
-pub(super) const POSITION_TOLERANCE: f64 = 0.02;
+
 choices! {
     /// Whether the light march uses the pre-compressed table.
     pub enum Precompress {
@@ -78,6 +75,8 @@ settings! {
         ),
         /// Added to a point's depth before it is looked up, in units of the smallest voxel spacing.
         offset: f64 = Key::number([-8.0, 8.0], "0", "added to a point's depth, in smallest spacings"),
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
     }
 }
 
@@ -90,7 +89,8 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "dsm:epsilon=0.06,0.02",
     stability: "dsm:map=64",
     style: Style { color: [0, 114, 178], marker: Marker::Circle },
-    sets_budgets: true,
+    tuned: "dsm:epsilon=0.2,0.1,0.06,0.04,0.02,0.01,0.005,0.002,prefilter=1,5,filter=nearest,bilinear,\
+        map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// `Own` of `shaders/shadow/dsm/layout.wgsl`.
@@ -126,25 +126,39 @@ impl DeepShadowMap {
         self.precompress == Precompress::Table && self.prefilter == 1
     }
 
-    /// Distance of the regular lattice, in smallest voxel spacings; half a step where means of exact curves are taken, so
-    /// that the lattice itself stays within half a step of depth.
-    fn lattice(&self) -> f64 {
-        if self.precompress == Precompress::Table { 0.5 * self.step } else { self.step }
+    /// Distance of the regular lattice, mm; half a step where means of exact curves are taken, so that the lattice itself
+    /// stays within half a step of depth. Where voxels are far longer than they are wide it is longer: a ray has at most
+    /// [`MOST_LATTICE_STEPS`].
+    fn lattice_mm(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> f64 {
+        let share = if self.precompress == Precompress::Table { 0.5 } else { 1.0 };
+        let shortest = light_space.depth_range_mm() / f64::from(MOST_LATTICE_STEPS);
+        (share * self.step * context.volume.min_spacing_mm()).max(shortest)
     }
 
-    fn bound(&self, context: &BuildContext<'_>, depth_range_mm: f64) -> Option<Bound> {
+    /// The promise; `docs/bound.md` derives its terms.
+    fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
         if self.precompress == Precompress::Off {
             return None;
         }
         let spacing = context.volume.min_spacing_mm();
-        let (chord, lattice) =
-            if self.whole_curve() { (CHORD_TOLERANCE, 0.0) } else { (0.0, self.lattice() * spacing) };
+        let (chord, lattice_mm) = if self.whole_curve() {
+            (CHORD_TOLERANCE, 0.0)
+        } else {
+            (0.0, self.lattice_mm(context, light_space))
+        };
+        let march = march_bound(context, light_space);
+        // A point on a texel's ray weighs in its neighbours by as much as its texel coordinates are rounded.
+        let rounding = light_space.rounding(context.volume);
+        let neighbours = match self.filter {
+            Filter::Bilinear => rounding.texels,
+            Filter::Nearest => 0.0,
+        };
+        let steps_mm = 0.5 * light_space.depth_range_mm() / f64::from(DEPTH_STEPS);
         Some(Bound {
-            transmittance: self.epsilon + chord + OVER + STORAGE + ARITHMETIC,
-            depth_mm: POSITION_TOLERANCE * spacing
-                + 0.5 * depth_range_mm / f64::from(DEPTH_STEPS)
-                + lattice
-                + self.offset.abs() * spacing,
+            transmittance: march.transmittance + self.epsilon + chord + OVER + STORAGE + 2.0 * neighbours,
+            depth_mm: march.depth_mm + steps_mm + lattice_mm + self.offset.abs() * spacing,
+            from_light_mm: rounding.from_light_mm,
+            ..march
         })
     }
 
@@ -164,7 +178,7 @@ impl DeepShadowMap {
         Own {
             epsilon: self.epsilon as f32,
             longest_depth: longest_depth(),
-            step_mm: (self.lattice() * spacing) as f32,
+            step_mm: self.lattice_mm(context, &tiles.light_space) as f32,
             tile_rows: tiles.records(),
             pool_rows: 0,
             taps: self.prefilter,
@@ -209,13 +223,14 @@ impl Method for DeepShadowMap {
         self.to_values()
     }
 
-    fn taps(&self) -> u32 {
-        self.prefilter
+    fn taps(&self) -> Taps {
+        Taps::Within(self.prefilter)
     }
 
     fn lookup(&self) -> Option<Lookup> {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
-        Some(Lookup::new(shader("").modules(&["shadow/dsm/lookup.wgsl"]).defs(bilinear)))
+        let lookup = Lookup::new(shader("").modules(&["shadow/dsm/lookup.wgsl"]).defs(bilinear));
+        Some(lookup.asked_by(self.lookup))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
@@ -226,22 +241,29 @@ impl Method for DeepShadowMap {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.map)?;
         let mut own = self.own(context, &tiles);
-        // A quarter more rows than texels does for most scenes; the counter says what this one needs.
-        let mut pool_rows = own.tile_rows + own.tile_rows / 4;
+        // As many rows as the build before has needed, and some more since the light has moved. Before the first one a
+        // quarter more than texels does for most scenes; the counter says what this one needs.
+        let settings = format!("{self:?}");
+        let known = context.pool_sizes.last(&settings);
+        let more = |used: u32| used + used / 8 + own.tile_rows / 64;
+        let mut pool_rows = own.tile_rows + known.map_or(own.tile_rows / 4, more);
         let mut pool_growths = 0;
-        let (nodes, device, counters) = loop {
+        let mut device: Option<Span> = None;
+        let (nodes, counters) = loop {
             // Whole lines of the texture; a map without tiles keeps one.
             own.pool_rows = pool_rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
             let size = [NODE_TEXTURE_WIDTH, own.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
             let nodes = store_texture(gpu, "deep shadow map nodes", NODE_FORMAT, size)?;
-            let (device, counters) = self.fill(context, &tiles, &own, &nodes)?;
-            let needed = own.tile_rows + counters.overflow_rows;
-            if needed <= own.pool_rows {
-                break (nodes, device, counters);
+            let (took, counters) = self.fill(context, &tiles, &own, &nodes)?;
+            device = Some(device.map_or(took, |before| before.plus(took)));
+            if own.tile_rows + counters.overflow_rows <= own.pool_rows {
+                break (nodes, counters);
             }
-            pool_rows = needed + needed / 16;
+            pool_rows = own.tile_rows + more(counters.overflow_rows);
             pool_growths += 1;
         };
+        context.pool_sizes.learn(settings, counters.overflow_rows);
+        let used_rows = own.tile_rows + counters.overflow_rows;
         let uniform = uniform_buffer(gpu, "deep shadow map", &own);
         let left_out = tiles.tiles - tiles.built;
         Ok(ShadowMap {
@@ -252,9 +274,11 @@ impl Method for DeepShadowMap {
             ),
             lookup: self.lookup(),
             report: BuildReport {
-                host_ms: tiles.host_ms,
-                device: Some(device),
+                host_ms: 0.0,
+                device,
                 bytes: u64::from(own.pool_rows) * ROW_BYTES + tiles.table_bytes(),
+                bytes_used: u64::from(used_rows) * ROW_BYTES + tiles.table_bytes(),
+                guessed: known.is_none(),
                 nodes_total: Some(u64::from(counters.nodes_total)),
                 nodes_max: Some(u64::from(counters.nodes_max)),
                 texels_hit: Some(u64::from(counters.texels_hit)),
@@ -265,7 +289,7 @@ impl Method for DeepShadowMap {
                 passes_left_out: &[],
                 split_choice: None,
             },
-            bound: self.bound(context, tiles.light_space.depth_range_mm()),
+            bound: self.bound(context, &tiles.light_space),
             light_space: tiles.light_space,
         })
     }

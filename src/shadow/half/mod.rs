@@ -27,7 +27,7 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "half",
     stability: "half",
     style: Style { color: [86, 180, 233], marker: Marker::Down },
-    sets_budgets: false,
+    tuned: "half:share=0,0.25,0.5,0.75,1",
 };
 
 impl Method for Half {

@@ -3,25 +3,31 @@
 //! All three keep the optical depth at planes across each texel's light ray, and read it linearly between them;
 //! they differ in where the planes lie. They share one build (`shaders/shadow/layered/build.wgsl`, a thread a texel,
 //! which cuts the march's exact pieces at the planes), one packing ([`record::Record`]) and one way of splitting a
-//! depth ([`split::Split`]).
+//! depth ([`split::Split`]); `dom` and `bom` also what chooses it ([`layering::Layering`]).
 //!
 //! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along
 //! the light ray, and what filters average, as theirs do. A texel's layers lie side by side, since a lookup reads
 //! two neighbouring ones; tiles without active bricks have no records.
 //!
-//! Averaging `Ω` is what makes `filter=bilinear` unsteady in stiff scenes: where neighbouring texels' optical depths
-//! differ by `D`, the rounding of a point's texel coordinates (1e-6 to 1e-5 of a texel) moves the depth by up to
-//! `1e-5 D`, and transmittance along a ray may rise by as much (`umbravox stability`: by 1e-4 at 17 to 0.1 at 1e6 per
-//! mm). `filter=nearest` has none of it.
+//! Stored optical depth saturates at [`OPAQUE_DEPTH`], or at `κ` where 8 bits hold it. Averaging `Ω` then stays steady:
+//! where neighbouring texels' optical depths differ by `D`, the rounding of a point's texel coordinates (1e-6 to 1e-5 of
+//! a texel) moves the mean by up to `1e-5 D`, and transmittance along a ray may rise by as much. What is averaged is a
+//! setting ([`Average`]): the mean of optical depths is dominated by the darkest texel, and so widens the shadow of an
+//! opaque edge.
 
+mod layering;
+mod ratio;
 mod record;
 mod split;
 
+pub use layering::LayerSplit;
+pub(super) use layering::{LOG_SIZE_KEY, Layering, MEASURE_KEY, RATIO_KEY, split_key};
+pub use ratio::Measure;
 pub(super) use record::Record;
 pub(super) use split::{SPLIT_BINS, Split, SplitTable};
 
 use super::method::{BuildReport, Lookup, Method, PassLeftOut, ShadowMap};
-use super::settings::{Filter, Key};
+use super::settings::{Filter, Key, choices};
 use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE, longest_depth};
 use crate::error::Result;
 use crate::field::{BuildContext, LightSpace, Omittable, TILE_TEXELS, TileMarch, field_shader};
@@ -31,10 +37,9 @@ use crate::gpu::{
 };
 use bytemuck::{Pod, Zeroable};
 use record::RECORD_TEXTURE_WIDTH;
-use std::time::Instant;
 
 /// The pass of which `dom` and `bom` have no need here.
-pub(super) const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
+const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
     what: "depth pass",
     why: "the march meets the start before the layers",
     optional: Some(Omittable::DepthPass),
@@ -53,10 +58,26 @@ pub(super) const DEPTH_BITS_KEY: Key = Key::choice(
     "of a texel's stored depths: 8 and 16 are steps of the map's range, 32 a float",
 );
 
+choices! {
+    /// What of neighbouring texels is averaged.
+    pub enum Average {
+        /// Optical depth, as in the papers.
+        Depth = "depth",
+        /// Transmittance, as deep shadow maps do.
+        Transmittance = "transmittance",
+    }
+}
+
+pub(super) const AVERAGE_KEY: Key = Key::choice(
+    Average::NAMES,
+    "depth",
+    "what filters average: optical depth, as in the papers, or transmittance",
+);
+
 const CONSTANTS: &[Constant] = &[
     Constant::unsigned("RECORD_TEXTURE_WIDTH", RECORD_TEXTURE_WIDTH),
+    Constant::unsigned("MOST_LAYERS", LAYERS[1]),
     Constant::unsigned("SPLIT_BINS", SPLIT_BINS as u32),
-    Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
 ];
 const READ: &str = "shadow/layered/read.wgsl";
 
@@ -69,6 +90,8 @@ pub(super) struct Recipe {
     /// Whether the last layer gets what lies behind it too.
     pub last_takes_rest: bool,
     pub filter: Filter,
+    /// What filters and kernels average.
+    pub average: Average,
     /// Texels a side that a lookup averages.
     pub kernel: u32,
 }
@@ -92,7 +115,7 @@ pub(super) struct Own {
     same_surface_mm: f32,
     kernel: u32,
     filter_side: u32,
-    padding: u32,
+    most_depth: f32,
 }
 
 /// A built map, before it is put behind a lookup.
@@ -110,7 +133,7 @@ pub(super) fn shader(entry: &'static str) -> ShaderVariant {
 }
 
 /// The papers' depth pass, which nothing here reads.
-pub(super) fn depth_pass_shader() -> ShaderVariant {
+fn depth_pass_shader() -> ShaderVariant {
     let start = shader("shadow/layered/start.wgsl").modules(&["field/tiles.wgsl"]);
     start.with_march("shadow/layered/start_sink.wgsl")
 }
@@ -124,7 +147,8 @@ impl Recipe {
     /// The lookup that a module offers.
     pub fn lookup(&self, module: &'static str) -> Lookup {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
-        Lookup::new(self.read_shader("").modules(&[module]).defs(bilinear))
+        let average = (self.average == Average::Transmittance).then_some("AVERAGE_TRANSMITTANCE");
+        Lookup::new(self.read_shader("").modules(&[module]).defs(bilinear).defs(average))
     }
 
     /// The pass that marches.
@@ -138,6 +162,8 @@ impl Recipe {
     pub fn own(&self, light_space: &LightSpace) -> Own {
         let record = self.record;
         let range_mm = light_space.depth_range_mm();
+        // The optical depth at which d bits end: exp(-kappa) = 2^-d.
+        let kappa = record.bits as f32 * std::f32::consts::LN_2;
         Own {
             layers: record.layers,
             first_slot: record.first_slot(),
@@ -149,13 +175,12 @@ impl Recipe {
             split_exponent: if let Split::Power(exponent) = self.split { exponent as f32 } else { 1.0 },
             reach_mm: (self.reach * range_mm).max(1e-9) as f32,
             depth_steps_per_mm: (record.depth_steps() / f64::from(range_mm as f32)) as f32,
-            // The optical depth at which d bits end: exp(-kappa) = 2^-d.
-            kappa: record.bits as f32 * std::f32::consts::LN_2,
+            kappa,
             longest_depth: longest_depth(),
             same_surface_mm: (STEEPEST_SURFACE * light_space.texel_mm()) as f32,
             kernel: self.kernel,
             filter_side: self.kernel + u32::from(self.filter == Filter::Bilinear),
-            padding: 0,
+            most_depth: if record.bits == 8 { kappa } else { OPAQUE_DEPTH },
         }
     }
 
@@ -183,7 +208,6 @@ impl Recipe {
         stage: Option<&wgpu::Buffer>,
     ) -> Result<Built<'a>> {
         let gpu = context.gpu();
-        let start = Instant::now();
         let rows = self.split_rows();
         let format = wgpu::TextureFormat::R32Float;
         let splits =
@@ -195,7 +219,6 @@ impl Recipe {
         let records = store_texture(gpu, "layered shadow map", self.record.format(), size)?;
         let own_stage = StorageBuffer::zeroed(gpu, "layered map stage", 16)?;
         let stage = stage.unwrap_or(&own_stage);
-        let host_ms = tiles.host_ms + start.elapsed().as_secs_f64() * 1e3;
 
         let mut built = Built { tiles, report: BuildReport::default(), own, splits, records };
         let store = (1, Slot::store(&built.records, self.record.format()));
@@ -212,13 +235,14 @@ impl Recipe {
         }
         let left_out = built.tiles.tiles - built.tiles.built;
         let split_bytes = rows.map_or(0, |(_, values)| size_of_val(&values[..]) as u64);
+        let other_bytes = built.tiles.table_bytes() + split_bytes;
         let left_out_passes: &[_] =
             if self.record.depths > 0 && !with_depth_pass { &[NO_DEPTH_PASS] } else { &[] };
         built.report = BuildReport {
-            host_ms,
             device: Some(device),
             // Whole lines of the texture, as they are allocated.
-            bytes: self.record.texture_bytes(count) + built.tiles.table_bytes() + split_bytes,
+            bytes: self.record.texture_bytes(count) + other_bytes,
+            bytes_used: count * self.record.bytes() + other_bytes,
             texels_hit: Some(u64::from(read_back::<u32>(gpu, stage, 1)?[0])),
             tiles: built.tiles.tiles,
             tiles_left_out: left_out,
@@ -243,13 +267,11 @@ impl Built<'_> {
         self.tiles.group("layered map", &self.slots(context))
     }
 
-    /// Adds what was done before the build.
-    pub fn after(&mut self, host_ms: f64, device: Option<Span>) {
-        self.report.host_ms += host_ms;
-        self.report.device = match (self.report.device, device) {
-            (Some(build), Some(before)) => Some(before.plus(build)),
-            (build, _) => build,
-        };
+    /// Adds what was done on the device before the build.
+    pub fn after(&mut self, before: Option<Span>) {
+        if let (Some(build), Some(before)) = (self.report.device, before) {
+            self.report.device = Some(before.plus(build));
+        }
     }
 
     /// The map of a method.
@@ -272,8 +294,17 @@ mod tests {
 
     #[test]
     fn numbers_of_a_map_have_one_layout() {
-        assert_layout!(&depth_pass_shader(), "Own", Own: layers, first_slot, record_blocks, block_mask,
+        let recipe = Recipe {
+            record: Record { layers: 3, bits: 16, depths: 1, depth_bits: 16, own_split: false },
+            split: Split::Growing,
+            reach: 1.0,
+            last_takes_rest: true,
+            filter: Filter::Nearest,
+            average: Average::Depth,
+            kernel: 1,
+        };
+        assert_layout!(&recipe.build_shader(), "Own", Own: layers, first_slot, record_blocks, block_mask,
             block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,
-            longest_depth, same_surface_mm, kernel, filter_side);
+            longest_depth, same_surface_mm, kernel, filter_side, most_depth);
     }
 }

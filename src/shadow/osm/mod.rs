@@ -10,13 +10,16 @@
 //! * All maps are made in one pass by marching each texel's ray, not by drawing primitives once a map.
 //! * `slicing=density` is the paper's 1-D BSP carried to its end: planes at equal shares of the optical mass by
 //!   depth, weighed over 128 x 128 rays in 1024 bins, from the first bin in which one of them meets any: what is in
-//!   front of it and narrower than their spacing casts no shadow there. `slicing=gamma` puts plane `i` at the share `(i / N)^2.2`.
+//!   front of it and narrower than their spacing casts no shadow there. Mass that no light reaches counts as well;
+//!   `slicing=lit` weighs the light that is lost instead. `slicing=gamma` puts plane `i` at the share `(i / N)^2.2`.
 //! * Maps are stored together, since a ray caster asks for depths in any order; the paper keeps two at a time.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 
-use super::layered::{self, BITS_KEY, LAYERS, Recipe, Record, SPLIT_BINS, Split, SplitTable};
-use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap};
-use super::settings::{FILTER_KEY, Filter, Key, MAP_KEY, Value, choices, settings};
+use super::layered::{
+    self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, Recipe, Record, SPLIT_BINS, Split, SplitTable,
+};
+use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
+use super::settings::{FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, choices, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, TileMarch};
@@ -32,8 +35,10 @@ choices! {
     pub enum Slicing {
         /// Evenly spaced.
         Uniform = "uniform",
-        /// At equal shares of the optical mass.
+        /// At equal shares of the optical mass, whether or not light reaches it.
         Density = "density",
+        /// At equal shares of the light that is lost.
+        Lit = "lit",
         /// Further apart behind.
         Gamma = "gamma",
     }
@@ -48,7 +53,7 @@ settings! {
         slicing: Slicing = Key::choice(
             Slicing::NAMES,
             "uniform",
-            "planes evenly spaced, at equal shares of optical mass, or further apart behind",
+            "planes evenly spaced, at equal shares of optical mass or of lost light, or further apart behind",
         ),
         /// Texels a side that a lookup averages: 1 or 3.
         kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged"),
@@ -58,6 +63,10 @@ settings! {
         map: u32 = MAP_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,
+        /// What filters and the kernel average.
+        average: Average = AVERAGE_KEY,
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
     }
 }
 
@@ -70,24 +79,25 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "osm:layers=16",
     stability: "osm:layers=32,map=64",
     style: Style { color: [230, 159, 0], marker: Marker::Square },
-    sets_budgets: false,
+    tuned: "osm:layers=2,4,8,16,32,64,128,slicing=uniform,density,lit,gamma,kernel=1,3,bits=8,16,32,\
+        filter=nearest,bilinear,average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// A single plane lies at the far end whatever lies before it.
 const NOT_WEIGHED: PassLeftOut =
     PassLeftOut { what: "weighing the volume", why: "a single plane lies at its far side", optional: None };
 
-fn mass_shader() -> ShaderVariant {
+fn mass_shader(lit: bool) -> ShaderVariant {
     let shader =
         layered::shader("shadow/osm/mass.wgsl").constants(&[Constant::unsigned("MASS_RAYS", MASS_RAYS)]);
-    shader.with_march("shadow/osm/mass_sink.wgsl")
+    shader.defs(lit.then_some("WEIGH_LIGHT")).with_march("shadow/osm/mass_sink.wgsl")
 }
 
 impl OpacityShadowMap {
     fn recipe(&self, split: Split) -> Recipe {
-        let Self { layers, bits, filter, kernel, .. } = *self;
+        let Self { layers, bits, filter, average, kernel, .. } = *self;
         let record = Record { layers, bits, depths: 0, depth_bits: 0, own_split: false };
-        Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, kernel }
+        Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel }
     }
 
     /// The split where the volume need not be weighed.
@@ -95,11 +105,11 @@ impl OpacityShadowMap {
         match self.slicing {
             Slicing::Uniform => Some(Split::Power(1.0)),
             Slicing::Gamma => Some(Split::Power(GAMMA)),
-            Slicing::Density => (self.layers == 1).then_some(Split::Power(1.0)),
+            Slicing::Density | Slicing::Lit => (self.layers == 1).then_some(Split::Power(1.0)),
         }
     }
 
-    /// Optical mass by depth, in fixed point.
+    /// Optical mass, or lost light, by depth, in fixed point.
     fn weigh(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(Vec<u32>, Span)> {
         let gpu = context.gpu();
         let own = self.recipe(Split::Power(1.0)).own(&tiles.light_space);
@@ -109,7 +119,8 @@ impl OpacityShadowMap {
             &tiles.group("optical mass", &[(1, context.kernels.uniform(&own))]),
             &context.kernels.group("optical mass", &[(0, Slot::read_write(mass.as_entire_binding()))]),
         ];
-        let span = context.run("optical mass", &mass_shader(), groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
+        let shader = mass_shader(self.slicing == Slicing::Lit);
+        let span = context.run("optical mass", &shader, groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
         Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
     }
 }
@@ -125,12 +136,16 @@ impl Method for OpacityShadowMap {
 
     fn lookup(&self) -> Option<Lookup> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        Some(self.recipe(split).lookup("shadow/osm/lookup.wgsl"))
+        Some(self.recipe(split).lookup("shadow/osm/lookup.wgsl").asked_by(self.lookup))
+    }
+
+    fn taps(&self) -> Taps {
+        Taps::Texels(self.kernel)
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        vec![self.recipe(split).build_shader(), mass_shader()]
+        vec![self.recipe(split).build_shader(), mass_shader(false), mass_shader(true)]
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
@@ -143,8 +158,8 @@ impl Method for OpacityShadowMap {
             }
         };
         let mut built = self.recipe(split).build(context, tiles, None)?;
-        built.after(0.0, weighing);
-        if self.slicing == Slicing::Density && weighing.is_none() {
+        built.after(weighing);
+        if matches!(self.slicing, Slicing::Density | Slicing::Lit) && weighing.is_none() {
             built.report.passes_left_out = &[NOT_WEIGHED];
         }
         Ok(built.into_map(context, self))
@@ -181,12 +196,12 @@ mod tests {
             ("osm:layers=0", "osm:layers=0): expected 1..512"),
             ("osm:layers=513", "expected 1..512"),
             ("osm:layers=2.5", "expected 1..512"),
-            ("osm:slicing=bsp", "expected uniform|density|gamma"),
+            ("osm:slicing=bsp", "expected uniform|density|lit|gamma"),
             ("osm:kernel=2", "expected 1|3"),
             ("osm:bits=24", "expected 8|16|32"),
             ("osm:map=0", "expected 1..8192"),
             ("osm:filter=linear", "expected nearest|bilinear"),
-            ("osm:epsilon=0.1", "there is: layers, slicing, kernel, bits, map, filter"),
+            ("osm:epsilon=0.1", "there is: layers, slicing, kernel, bits, map, filter, average, lookup"),
         ] {
             let error = parse_list(text).unwrap_err();
             assert!(error.to_string().contains(why), "{error}");

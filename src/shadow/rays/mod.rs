@@ -1,33 +1,36 @@
 //! `rays`: a shadow ray per lookup.
 
-use super::dsm::POSITION_TOLERANCE;
-use super::method::{Bound, Entry, Lookup, Method, ShadowMap};
+use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
-use super::settings::Value;
+use super::settings::{LOOKUP_KEY, Lookups, Value, settings};
 use super::style::{Marker, Style};
+use super::tolerances::march_bound;
 use crate::error::Result;
 use crate::field::{BuildContext, field_shader};
 
-/// `rays`: a shadow ray per lookup, through the same cell-by-cell march that builds the maps; the yardstick of pictures.
-///
-/// As with every method here up to four parts of an eye ray share their lookups (`shaders/render/raycast.wgsl`).
-#[derive(Debug, Clone, Copy)]
-pub struct ShadowRays;
+settings! {
+    /// `rays`: a shadow ray per lookup, through the same cell-by-cell march that builds the maps; the yardstick of
+    /// pictures.
+    ///
+    /// As with every method here up to four parts of an eye ray share their lookups (`shaders/render/raycast.wgsl`);
+    /// `lookup=each` is the shadow ray per sample of the literature.
+    pub struct ShadowRays {
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
+    }
+}
 
 pub(super) static ENTRY: Entry = Entry {
     name: "rays",
-    summary: "a shadow ray per sample, marched cell by cell: slow and close to exact",
-    keys: &[],
-    make: |_| Some(Box::new(ShadowRays)),
+    summary: "shadow rays, marched cell by cell: slow and close to exact",
+    keys: ShadowRays::KEYS,
+    make: |values| Some(Box::new(ShadowRays::from_values(values)?)),
     compared: "rays",
     curve: "",
     stability: "rays",
     style: Style { color: [204, 121, 167], marker: Marker::Star },
-    sets_budgets: false,
+    tuned: "",
 };
-
-/// Optical depth that float32 positions, two-point Gauss quadrature and sums of hundreds of pieces may be off by.
-const MARCH_TOLERANCE: f64 = 1e-3;
 
 impl Method for ShadowRays {
     fn entry(&self) -> &'static Entry {
@@ -35,16 +38,16 @@ impl Method for ShadowRays {
     }
 
     fn values(&self) -> Vec<Value> {
-        Vec::new()
+        self.to_values()
     }
 
     fn lookup(&self) -> Option<Lookup> {
-        Some(Lookup::new(field_shader("").with_depth_march().modules(&["shadow/rays/lookup.wgsl"])))
+        let shader = field_shader("").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
+        Some(Lookup::new(shader).asked_by(self.lookup))
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let depth_mm = POSITION_TOLERANCE * context.volume.min_spacing_mm();
-        let bound = Some(Bound { transmittance: MARCH_TOLERANCE, depth_mm });
-        Ok(ShadowMap { bound, ..without_map(self, context) })
+        let map = without_map(self, context);
+        Ok(ShadowMap { bound: Some(march_bound(context, &map.light_space)), ..map })
     }
 }

@@ -3,9 +3,7 @@
 use crate::app::method_choice::MethodChoice;
 use crate::measure::table::Row;
 use crate::measure::timing::clock_name;
-use crate::report::best::{Held, best_within};
 use crate::report::number::significant;
-use crate::report::tables::{best_at_equal, best_question};
 use eframe::egui;
 use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;
@@ -18,8 +16,6 @@ enum Cells {
     Text(fn(&Row) -> String),
     Number(fn(&Row) -> Option<f64>),
     Flag(fn(&Row) -> Option<bool>),
-    /// Whether it is the best at equal bytes or time.
-    Best,
 }
 
 struct Column {
@@ -62,7 +58,6 @@ const COLUMNS: &[Column] = &[
         Cells::Flag(|r| r.bound_held),
     ),
     column("Pareto", "No other row is at once faster and closer", Cells::Flag(|r| r.pareto)),
-    column("best", "The smallest rms error at equal bytes, or equal time, as a dsm row", Cells::Best),
 ];
 
 impl Column {
@@ -80,8 +75,6 @@ struct Line {
     row: Row,
     /// As the shadows panel has it.
     choice: Option<MethodChoice>,
-    /// At equal bytes, and at equal time.
-    best: [bool; 2],
 }
 
 /// A row that was clicked.
@@ -95,8 +88,6 @@ pub struct Picked {
 #[derive(Default)]
 pub struct Results {
     lines: Vec<Line>,
-    /// What is best at equal bytes and time, each question with its lines.
-    answers: Vec<(String, Vec<String>)>,
     /// Column, and whether the largest come first.
     sort: Option<(usize, bool)>,
 }
@@ -119,14 +110,7 @@ impl Results {
     /// Takes a whole table.
     pub fn finish(&mut self, rows: Vec<Row>) {
         self.clear();
-        let held = [Held::Bytes, Held::Time];
-        let best = held.map(|held| best_within(&rows, held));
-        let is_best = |row: &Row| [0, 1].map(|i| best[i].iter().any(|b| std::ptr::eq(b.best, row)));
-        let marks: Vec<_> = rows.iter().map(is_best).collect();
-        let answers = held.map(|held| (best_question(held), best_at_equal(&rows, held)));
-        self.answers = answers.into_iter().filter(|(_, lines)| !lines.is_empty()).collect();
         self.lines = rows.into_iter().map(Line::of).collect();
-        self.lines.iter_mut().zip(marks).for_each(|(line, best)| line.best = best);
     }
 
     /// The rows in the table's order.
@@ -185,13 +169,6 @@ impl Results {
             // The scroll bar floats: without this it lies over the last row.
             ui.add_space(12.0);
         });
-        for (question, lines) in &self.answers {
-            ui.add_space(4.0);
-            ui.weak(question);
-            for line in lines {
-                ui.label(line);
-            }
-        }
         picked
     }
 
@@ -218,7 +195,7 @@ impl Results {
 impl Line {
     fn of(row: Row) -> Self {
         let choice = MethodChoice::parse(&row.spec()).ok();
-        Self { row, choice, best: [false; 2] }
+        Self { row, choice }
     }
 
     fn tooltip(&self) -> String {
@@ -265,10 +242,6 @@ impl Cells {
             Self::Flag(flag) => {
                 flag(&line.row).map_or(SortKey::Nothing, |f| SortKey::Number(f64::from(u8::from(f))))
             }
-            Self::Best => match line.best.iter().filter(|b| **b).count() {
-                0 => SortKey::Nothing,
-                count => SortKey::Number(-(count as f64)),
-            },
         }
     }
 
@@ -277,10 +250,6 @@ impl Cells {
             Self::Text(text) => text(&line.row),
             Self::Number(number) => number(&line.row).map_or(String::new(), |x| significant(x, 3)),
             Self::Flag(flag) => flag(&line.row).map_or("", |yes| if yes { "yes" } else { "no" }).to_owned(),
-            Self::Best => {
-                let marks = ["bytes", "time"].into_iter().zip(line.best).filter(|(_, best)| *best);
-                marks.map(|(mark, _)| mark).collect::<Vec<_>>().join(", ")
-            }
         }
     }
 
@@ -288,8 +257,6 @@ impl Cells {
         let mut text = egui::RichText::new(self.text(line));
         if line.row.has_failed() {
             text = text.color(ui.visuals().error_fg_color);
-        } else if matches!(self, Self::Best) {
-            text = text.strong();
         }
         let label = egui::Label::new(text).selectable(false).wrap_mode(egui::TextWrapMode::Extend);
         match self {

@@ -3,6 +3,7 @@
 use crate::app::render_thread::mailbox::Wake;
 use crate::error::{Error, Result};
 use crate::files::hash::sha256;
+use crate::files::loading::Loading;
 use crate::files::output::prepare_output_dir;
 use crate::gpu::Gpu;
 use crate::measure::facts::Facts;
@@ -190,10 +191,11 @@ fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
     let mut progress = Progress::watched(watcher);
     progress.check("opening the device")?;
     let methods = [methods];
-    let order = Order { methods: &methods, remark: REMARK };
+    let order = Order { methods: &methods, budgets: &[], remark: REMARK };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), (*tf).clone(), scene.clone());
-        Ok(Subject { volume, tf, scene, forced: Forced::NOTHING })
+        let strands = settings.spec().strands(&Loading::default())?;
+        Ok(Subject { volume, tf, strands, scene, forced: Forced::NOTHING })
     };
     let made = make(&order, &run, &mut read, &renderer, &mut journal, &mut progress)?;
     let (rows, notes) = (made.comparison.rows(), made.comparison.notes.clone());

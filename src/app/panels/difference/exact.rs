@@ -67,7 +67,7 @@ impl Computing {
                 };
                 let go_on = || !theirs.load(Ordering::Relaxed);
                 let view = pool.install(|| ExactView::new(&field, &scene, what.quantity, go_on));
-                let Ok(Some(view)) = view else { return };
+                let Some(view) = view else { return };
                 if send.send(view).is_err() {
                     return;
                 }

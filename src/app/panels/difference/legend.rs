@@ -16,7 +16,7 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
     let Some(quantity) = difference.shows else { return };
     let what = match quantity {
         Quantity::Light => "error of the light on what is seen (transmittance)",
-        Quantity::Picture => "error of the picture without shading (linear RGB)",
+        Quantity::Picture => "error of the picture (linear RGB)",
     };
     let mut lines = Vec::new();
     if let Some(found) = &difference.found {

@@ -137,7 +137,7 @@ impl Difference {
                 (
                     Some(Quantity::Picture),
                     "picture",
-                    "The picture without shading, method less exact: the channel that is farthest off, linear RGB. \
+                    "The picture, method less exact: the channel that is farthest off, linear RGB. \
                      An exact picture takes minutes; it is shown as it grows (D)",
                 ),
             ];

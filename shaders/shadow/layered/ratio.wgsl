@@ -1,4 +1,4 @@
-// How much new each layer of a bounding opacity map would show, for eleven ratios of the hybrid split: from a
+// How much new each layer of a deep or bounding opacity map would show, for eleven ratios of the hybrid split: from a
 // coarse map with many layers, which stands for the exact curves.
 //
 // An image of the thesis is the opacity 1 - T of every texel at one plane.
@@ -43,8 +43,8 @@ fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     var k = 0u;
     var before = 0.0;
     var step = 0.0;
-    loop {
-        if !extent.meets || ratio == RATIOS { break; }
+    for (var turn = 0u; turn < RATIOS * layers; turn++) {
+        if !extent.meets { break; }
         let here = opacity(record, extent, planes[ratio * layers + k]);
         step = max(step, here - before);
         before = here;

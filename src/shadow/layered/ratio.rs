@@ -1,23 +1,24 @@
-//! Choosing the ratio of the hybrid split (the thesis on bounding opacity maps, 5.2.3, 5.2.4 and 7).
+//! Choosing the ratio of the hybrid split (the thesis on bounding opacity maps, 5.2.3, 5.2.4 and 7), for maps whose
+//! layers begin with matter, whether or not they end with it.
 //!
 //! The thesis renders the map with each of eleven ratios, reads the images back and compares neighbouring ones.
 //! Here a coarse map with many layers is made once and stands for the exact curves; the sums over its texels are
 //! taken on the device, and only they are read (16 bytes a layer and ratio).
 
+use super::{Average, Built, Recipe, Record, Split, SplitTable};
 use crate::error::Result;
 use crate::field::{BuildContext, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
-use crate::shadow::layered::{Built, Recipe, Record, Split, SplitTable};
 use crate::shadow::method::SplitChoice;
 use crate::shadow::settings::{Filter, choices};
 
 /// Ratios 0, 0.1, ... 1.
 pub const RATIOS: u32 = 11;
-/// Size of the thesis' lookup texture: logarithms are taken over `[1, 256]`.
-const LOG_RANGE: f64 = 256.0;
 /// Layers of the coarse map, and texels a side where one ratio is chosen for all.
 const CURVE_LAYERS: u32 = 128;
 const CURVE_MAP: u32 = 64;
+/// How close its planes are in front.
+const CURVE_LOG_SIZE: f64 = 256.0;
 /// Texels a side of a region that chooses its own ratio.
 pub const REGION_TEXELS: u32 = 4;
 
@@ -33,9 +34,9 @@ choices! {
     }
 }
 
-/// The split at a ratio from linear (0) to logarithmic (1).
-pub fn hybrid(ratio: f64) -> SplitTable {
-    let log = |x: f64| (1.0 + (LOG_RANGE - 1.0) * x).log2() / LOG_RANGE.log2();
+/// The split at a ratio from linear (0) to logarithmic (1), the logarithm over `[1, log_size]`.
+pub fn hybrid(ratio: f64, log_size: f64) -> SplitTable {
+    let log = |x: f64| (1.0 + (log_size - 1.0) * x).log2() / log_size.log2();
     SplitTable::of(|x| (1.0 - ratio) * x + ratio * log(x))
 }
 
@@ -44,43 +45,45 @@ fn ratio_of(row: u32) -> f64 {
 }
 
 /// The splits of all ratios.
-pub fn all_splits() -> Vec<SplitTable> {
-    (0..RATIOS).map(|row| hybrid(ratio_of(row))).collect()
+pub fn all_splits(log_size: f64) -> Vec<SplitTable> {
+    (0..RATIOS).map(|row| hybrid(ratio_of(row), log_size)).collect()
 }
 
-/// The coarse map whose records stand for the exact curves.
-fn curve_recipe() -> Recipe {
+/// The coarse map whose records stand for the exact curves, over the extents of the map to be.
+fn curve_recipe(map: &Recipe) -> Recipe {
+    let depths = map.record.depths;
     Recipe {
-        record: Record { layers: CURVE_LAYERS, bits: 16, depths: 2, depth_bits: 32, own_split: false },
+        record: Record { layers: CURVE_LAYERS, bits: 16, depths, depth_bits: 32, own_split: false },
         // Planes are needed wherever one of the ratios may put them: closest near the start.
-        split: Split::Tables(vec![hybrid(0.5)]),
-        reach: 0.0,
-        last_takes_rest: true,
+        split: Split::Tables(vec![hybrid(0.5, CURVE_LOG_SIZE)]),
+        reach: map.reach,
+        last_takes_rest: map.last_takes_rest,
         filter: Filter::Nearest,
+        average: Average::Depth,
         kernel: 1,
     }
 }
 
-fn curves<'a>(context: &BuildContext<'a>, map: u32) -> Result<Built<'a>> {
-    curve_recipe().build(context, TileMarch::fit(context, map)?, None)
+fn curves<'a>(context: &BuildContext<'a>, recipe: &Recipe, map: u32) -> Result<Built<'a>> {
+    curve_recipe(recipe).build(context, TileMarch::fit(context, map)?, None)
 }
 
 /// The passes of a search: for a whole map, and by region.
-pub fn shaders() -> [ShaderVariant; 2] {
+pub fn shaders(recipe: &Recipe) -> [ShaderVariant; 2] {
     let constants = [Constant::unsigned("RATIOS", RATIOS)];
-    let whole = curve_recipe().read_shader("shadow/bom/ratio.wgsl").constants(&constants);
+    let whole = curve_recipe(recipe).read_shader("shadow/layered/ratio.wgsl").constants(&constants);
     [whole.clone(), whole.defs(["PER_REGION"])]
 }
 
 fn pass(
     context: &BuildContext<'_>,
-    layers: u32,
+    (layers, log_size): (u32, f64),
     curves: &Built<'_>,
     stage: &wgpu::Buffer,
     shader: &ShaderVariant,
     [across, down]: [u32; 2],
 ) -> Result<Span> {
-    let planes: Vec<f32> = all_splits()
+    let planes: Vec<f32> = all_splits(log_size)
         .iter()
         .flat_map(|split| {
             let [_, planes] = split.rows(layers);
@@ -94,41 +97,43 @@ fn pass(
     context.run("split ratio", shader, groups, [across, down, 1])
 }
 
-/// Device time of both, and the host's added to it by the wall clock that the build counts on.
-fn time(built: &Built<'_>, search: Span) -> (f64, Span) {
-    let device = built.report.device.map_or(search, |build| build.plus(search));
-    (built.report.host_ms, device)
+/// Device time of both.
+fn time(built: &Built<'_>, search: Span) -> Span {
+    built.report.device.map_or(search, |build| build.plus(search))
 }
 
-/// The ratio for a whole map of so many layers, with its host milliseconds and device time.
+/// The ratio for a whole map of a recipe, with the device's time.
 pub fn choose(
     context: &BuildContext<'_>,
-    layers: u32,
+    recipe: &Recipe,
+    log_size: f64,
     measure: Measure,
-) -> Result<(u32, SplitChoice, (f64, Span))> {
-    let gpu = context.gpu();
-    let curves = curves(context, CURVE_MAP)?;
+) -> Result<(u32, SplitChoice, Span)> {
+    let (gpu, layers) = (context.gpu(), recipe.record.layers);
+    let curves = curves(context, recipe, CURVE_MAP)?;
     let count = (RATIOS * layers) as usize;
     let stage = StorageBuffer::zeroed(gpu, "sums over layers", 16 * count as u64)?;
-    let span = pass(context, layers, &curves, &stage, &shaders()[0], [layers, RATIOS])?;
+    let span = pass(context, (layers, log_size), &curves, &stage, &shaders(recipe)[0], [layers, RATIOS])?;
     let sums = read_back::<[f32; 4]>(gpu, &stage, count)?;
     let (row, correlation) = best(&sums, layers as usize, f64::from(CURVE_MAP).powi(2), measure);
     Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, time(&curves, span)))
 }
 
-/// A buffer for the build in which the device has put the ratio of every region, with its host milliseconds and
-/// device time.
+/// A buffer for the build in which the device has put the ratio of every region, with the device's time.
 pub fn choose_by_region(
     context: &BuildContext<'_>,
-    layers: u32,
+    recipe: &Recipe,
+    log_size: f64,
     map: u32,
-) -> Result<(wgpu::Buffer, (f64, Span))> {
+) -> Result<(wgpu::Buffer, Span)> {
+    let layers = recipe.record.layers;
     let regions = map.div_ceil(REGION_TEXELS);
-    let curves = curves(context, regions)?;
+    let curves = curves(context, recipe, regions)?;
     let mut words = vec![0, REGION_TEXELS, regions];
     words.resize(3 + (regions * regions) as usize, 0);
     let stage = StorageBuffer::from_slice(context.gpu(), "ratios of regions", &words)?;
-    let span = pass(context, layers, &curves, &stage, &shaders()[1], [regions.div_ceil(8); 2])?;
+    let span =
+        pass(context, (layers, log_size), &curves, &stage, &shaders(recipe)[1], [regions.div_ceil(8); 2])?;
     Ok((stage, time(&curves, span)))
 }
 
@@ -210,12 +215,14 @@ mod tests {
 
     #[test]
     fn the_hybrid_split_goes_from_linear_to_logarithmic() {
-        let planes = |ratio: f64| hybrid(ratio).rows(4)[1].clone();
+        let planes = |ratio: f64| hybrid(ratio, 256.0).rows(4)[1].clone();
         assert_eq!(planes(0.0), [0.0, 0.25, 0.5, 0.75, 1.0]);
         // log2(1 + 255 x) / 8 = 1/4, 1/2, 3/4: x = (4 - 1) / 255, ...
         for (got, exact) in planes(1.0).iter().zip([0.0, 3.0 / 255.0, 15.0 / 255.0, 63.0 / 255.0, 1.0]) {
             assert!((got - exact as f32).abs() < 1e-5, "{got} {exact}");
         }
+        // log2(1 + 15 x) / 4 = 1/4: x = 1 / 15.
+        assert!((hybrid(1.0, 16.0).rows(4)[1][1] - 1.0 / 15.0).abs() < 1e-5);
         let middle = planes(0.5);
         assert!((1..4).all(|k| middle[k] < planes(0.0)[k] && middle[k] > planes(1.0)[k]));
     }

@@ -1,0 +1,155 @@
+//! `umbravox claims`: what the papers of the methods claim, tried.
+
+use super::told::{load, print_result, say};
+use crate::error::{Error, Result};
+use crate::files::loading::Loading;
+use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
+use crate::gpu::Gpu;
+use crate::measure::claims::scenes::{STAND_INS, StandIn, Subject};
+use crate::measure::claims::{Claim, Paper, all, run as run_claims, scene_names};
+use crate::measure::facts::Facts;
+use crate::measure::job::Effort;
+use crate::measure::progress::{Progress, spoken};
+use crate::open::SceneSettings;
+use crate::render::Renderer;
+use crate::report::claims::{Record, TriedOn, counts, markdown};
+use crate::report::writers::{csv, json};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Points, light rays and depths: enough for verdicts, so that all claims take minutes on two cores.
+const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100 };
+
+/// Try every quantitative claim of the methods' papers: what was claimed, what is measured here, whether it holds
+#[derive(Debug, Args)]
+pub struct ClaimsArgs {
+    /// The folder for claims.csv and claims.md; made when it is missing
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Only claims of this paper, by an author's name: kim, hadwiger, yuksel, voicu; may be given again
+    #[arg(long = "paper", value_name = "NAME")]
+    pub papers: Vec<String>,
+    /// Try every claim on this scene instead of the built-in stand-ins; may be given again
+    #[arg(long, value_name = "FILE.toml")]
+    pub scene: Vec<PathBuf>,
+    /// Timed runs of each method, after warm-up
+    #[arg(long, value_name = "N", default_value_t = EFFORT.repeats as u32,
+        value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
+    pub repeats: u32,
+    /// Use the graphics adapter whose name contains NAME [default: the fastest]
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+    /// The rows as JSON on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad input, or a failure of the device or disk. What verdicts there are is no error.
+pub fn run(args: &ClaimsArgs) -> Result<()> {
+    let papers = args.papers.iter().map(|name| Paper::find(name)).collect::<Result<Vec<_>>>()?;
+    let asked = |c: &Claim| papers.is_empty() || papers.contains(&c.paper);
+    let claims: Vec<Claim> = all().into_iter().filter(asked).collect();
+    check_output_dir(&args.output)?;
+    let given = given_scenes(&args.scene)?;
+    // A mistake in the last file is not to be found minutes later.
+    for (name, settings) in &given {
+        settings.load(&Loading::default()).map_err(|e| e.at(name))?;
+    }
+    let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
+    // Made last: what is refused before leaves no empty folder.
+    prepare_output_dir(&args.output)?;
+
+    let style = ProgressStyle::with_template("{bar:20} {pos}/{len} {wide_msg}")
+        .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
+    let bar = ProgressBar::new(0).with_style(style);
+    let mut progress = Progress::new(|status| {
+        bar.set_length(status.total as u64);
+        bar.set_position(status.done as u64);
+        let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
+        bar.set_message(format!("{left}{}", status.what));
+    });
+    let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
+    let mut read = |name: &str| {
+        let loaded = load(&settings_of(name, &given)?)?;
+        let subject = Subject { volume: Arc::new(loaded.volume), tf: loaded.tf, scene: loaded.scene };
+        Ok(stand_in(name, &given).map_or_else(|| subject.clone(), |s| s.of(subject.clone())))
+    };
+    let effort = Effort { repeats: args.repeats as usize, ..EFFORT };
+    let rows = run_claims(&renderer, &claims, &names, &mut read, effort, &mut progress);
+    drop(progress);
+    bar.finish_and_clear();
+    let rows = rows?;
+
+    let facts = Facts::of(renderer.gpu());
+    let made_by = format!(
+        "Adapter {} ({}), {} threads, {} build, revision {}; times are medians of {}.",
+        facts.adapter, facts.driver, facts.threads, facts.profile, facts.revision, effort.repeats
+    );
+    let tried =
+        scene_names(&claims, &names).iter().map(|n| tried_on(n, &given)).collect::<Result<Vec<_>>>()?;
+    let records: Vec<Record> = rows.iter().map(Record::from).collect();
+    let page = markdown(&rows, &tried, &made_by);
+    for (name, bytes) in [("claims.csv", csv(&records)?), ("claims.md", page.into_bytes())] {
+        let path = args.output.join(name);
+        write_whole(&path, |file| file.write_all(&bytes))?;
+        say("table", &path.display());
+    }
+    if args.json { print_result(&json(&records)?) } else { print_result(&counts(&rows)) }
+}
+
+/// Scene files by their names without ending, which must differ.
+fn given_scenes(paths: &[PathBuf]) -> Result<Vec<(String, SceneSettings)>> {
+    let mut given: Vec<(String, SceneSettings)> = Vec::new();
+    for path in paths {
+        let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        if given.iter().any(|(other, _)| *other == name) {
+            return Err(Error::input("bad command line", "--scene", format!("two scenes are named {name}")));
+        }
+        given.push((name, SceneSettings::read(Path::new(path))?));
+    }
+    Ok(given)
+}
+
+/// The stand-in of a name that is not one of a given scene.
+fn stand_in(name: &str, given: &[(String, SceneSettings)]) -> Option<&'static StandIn> {
+    STAND_INS.iter().find(|s| s.name == name && given.iter().all(|(other, _)| other != name))
+}
+
+/// The settings of a scene that was given, or of a stand-in.
+fn settings_of(name: &str, given: &[(String, SceneSettings)]) -> Result<SceneSettings> {
+    if let Some((_, settings)) = given.iter().find(|(n, _)| n == name) {
+        return Ok(settings.clone());
+    }
+    let unknown = || Error::runtime("cannot try claims", name, "there is no such scene");
+    SceneSettings::from_toml(STAND_INS.iter().find(|s| s.name == name).ok_or_else(unknown)?.toml)
+}
+
+fn tried_on(name: &str, given: &[(String, SceneSettings)]) -> Result<TriedOn> {
+    let about = |s: &StandIn| match s.extinction {
+        1.0 => format!("stands in for {}.", s.about),
+        factor => format!("stands in for {}; its extinction times {factor}.", s.about),
+    };
+    let about = stand_in(name, given).map_or("given with --scene.".to_owned(), about);
+    Ok(TriedOn { name: name.into(), about, toml: settings_of(name, given)?.to_toml()? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_stand_in_is_a_scene_file() {
+        for stand_in in STAND_INS {
+            let settings = settings_of(stand_in.name, &[]).unwrap();
+            let again = SceneSettings::from_toml(&tried_on(stand_in.name, &[]).unwrap().toml).unwrap();
+            assert_eq!(settings, again, "{}", stand_in.name);
+            assert!(settings.size.is_some() && settings.light.is_some(), "{}", stand_in.name);
+        }
+        assert!(settings_of("no such scene", &[]).is_err());
+    }
+}

@@ -1,0 +1,244 @@
+//! Tuning within budgets: each method's own settings are searched for the least error that so many bytes, or so many
+//! milliseconds, allow.
+//!
+//! `bytes` is held against the column of that name, `ms` against `build_ms + frame_ms`: a picture after the light has
+//! moved. There are two questions to each budget, the least `point_err_rms` and the least `image_rmse` ([`By`]), and
+//! [`search`] answers both for every method from one stock of [`Trial`]s; [`tune`](mod@tune) makes these on a device.
+
+pub mod search;
+mod trial;
+pub(super) mod tune;
+
+pub use trial::Trial;
+
+use super::table::Row;
+use crate::error::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+const WHAT: &str = "bad budget";
+
+/// What a method may need.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Budget {
+    /// Memory of the shadow structure.
+    Bytes(u64),
+    /// Of `build_ms + frame_ms`.
+    Ms(f64),
+}
+
+/// As `--budget` takes it.
+impl fmt::Display for Budget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Bytes(n) => {
+                let units = [("GiB", 30), ("MiB", 20), ("KiB", 10), ("", 0)];
+                let whole = units.into_iter().find(|(_, shift)| n > 0 && n % (1 << shift) == 0);
+                let (unit, shift) = whole.unwrap_or(("", 0));
+                write!(f, "bytes={}{unit}", n >> shift)
+            }
+            Self::Ms(ms) => write!(f, "ms={ms}"),
+        }
+    }
+}
+
+impl FromStr for Budget {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let mut list = Self::parse_list(text)?;
+        match (list.pop(), list.is_empty()) {
+            (Some(only), true) => Ok(only),
+            _ => Err(Error::input(WHAT, format!("`{text}`"), "one budget is meant here")),
+        }
+    }
+}
+
+impl Budget {
+    /// Parses `bytes=2MiB,8MiB` and `ms=50`; a value without `=` is one more for the key before it.
+    ///
+    /// # Errors
+    /// What is none, naming it.
+    pub fn parse_list(text: &str) -> Result<Vec<Self>> {
+        let mut budgets = Vec::new();
+        let mut key = None;
+        for part in text.split(',') {
+            let value = match part.split_once('=') {
+                Some((name, value)) => {
+                    key = Some(name.trim());
+                    value.trim()
+                }
+                None => part.trim(),
+            };
+            let refuse = |why: &str| Err(Error::input(WHAT, format!("`{}`", part.trim()), why));
+            let budget = match key {
+                Some("bytes") => bytes(value).map(Self::Bytes),
+                Some("ms") => positive(value).map(Self::Ms),
+                _ => return refuse("expected bytes=SIZE[,SIZE...] or ms=NUMBER[,NUMBER...]"),
+            };
+            let Some(budget) = budget else {
+                return refuse(
+                    "expected a number above 0; of bytes with B, kB, MB, GB, KiB, MiB or GiB behind it",
+                );
+            };
+            if !budgets.contains(&budget) {
+                budgets.push(budget);
+            }
+        }
+        Ok(budgets)
+    }
+
+    /// What a row needs of it; `None` where that is not known.
+    pub fn need(&self, row: &Row) -> Option<f64> {
+        match self {
+            Self::Bytes(_) => row.bytes.map(|n| n as f64),
+            Self::Ms(_) => row.moving_ms(),
+        }
+    }
+
+    /// How much there is.
+    pub fn amount(&self) -> f64 {
+        match *self {
+            Self::Bytes(n) => n as f64,
+            Self::Ms(ms) => ms,
+        }
+    }
+
+    /// Whether a row is known to need no more than that.
+    pub fn holds(&self, row: &Row) -> bool {
+        self.need(row).is_some_and(|need| need <= self.amount())
+    }
+}
+
+fn positive(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|n: &f64| n.is_finite() && *n > 0.0)
+}
+
+/// `2MiB`, `1.5 MB`, `4096`.
+fn bytes(text: &str) -> Option<u64> {
+    const UNITS: [(&str, f64); 7] = [
+        ("KiB", 1024.0),
+        ("MiB", 1_048_576.0),
+        ("GiB", 1_073_741_824.0),
+        ("kB", 1e3),
+        ("MB", 1e6),
+        ("GB", 1e9),
+        ("B", 1.0),
+    ];
+    let found = UNITS.into_iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, size)));
+    let (number, size) = found.unwrap_or((text, 1.0));
+    let whole = (positive(number.trim())? * size).floor();
+    (1.0..2f64.powi(53)).contains(&whole).then_some(whole as u64)
+}
+
+/// By which error the closest is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum By {
+    /// `point_err_rms`.
+    Points,
+    /// `image_rmse`.
+    Picture,
+}
+
+impl By {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Points, Self::Picture];
+
+    /// The column.
+    pub fn column(self) -> &'static str {
+        match self {
+            Self::Points => "point_err_rms",
+            Self::Picture => "image_rmse",
+        }
+    }
+
+    /// The row's error, where it has one.
+    pub fn error(self, row: &Row) -> Option<f64> {
+        let error = match self {
+            Self::Points => row.point_err_rms,
+            Self::Picture => row.image_rmse,
+        };
+        error.filter(|e| !e.is_nan())
+    }
+}
+
+/// The budgets, and the errors that were to be least within them, for which settings were chosen.
+pub type Uses = Vec<(Budget, By)>;
+
+/// What a search chose a row for, as in the column `tuned_for`.
+pub fn tuned_for(uses: &[(Budget, By)]) -> String {
+    uses.iter().map(|(budget, by)| format!("{budget} {}", by.column())).collect::<Vec<_>>().join("; ")
+}
+
+/// The budgets that rows were tuned for, each once, in their order.
+pub fn budgets_of(rows: &[Row]) -> Vec<Budget> {
+    let mut budgets = Vec::new();
+    let texts = rows.iter().flat_map(|row| row.tuned_for.split("; "));
+    for budget in texts.filter_map(|text| text.split(' ').next()?.parse().ok()) {
+        if !budgets.contains(&budget) {
+            budgets.push(budget);
+        }
+    }
+    budgets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn budgets_read_back() {
+        let text = "bytes=2MiB,8MiB,ms=50,0.5";
+        let list = Budget::parse_list(text).unwrap();
+        let said: Vec<_> = list.iter().map(Budget::to_string).collect();
+        assert_eq!(said, ["bytes=2MiB", "bytes=8MiB", "ms=50", "ms=0.5"]);
+        for (text, n) in
+            [("4096", 4096), ("1.5 MB", 1_500_000), ("3B", 3), ("0.5KiB", 512), ("1GiB", 1 << 30)]
+        {
+            let budget: Budget = format!("bytes={text}").parse().unwrap();
+            assert_eq!(budget, Budget::Bytes(n));
+            assert_eq!(budget.to_string().parse::<Budget>().unwrap(), budget);
+        }
+        assert_eq!(Budget::parse_list("ms=5,5.0,ms=5").unwrap(), [Budget::Ms(5.0)]);
+    }
+
+    #[test]
+    fn slips_are_refused_by_name() {
+        for text in [
+            "",
+            "2MiB",
+            "byte=2",
+            "bytes=",
+            "bytes=0",
+            "bytes=-1",
+            "bytes=2TiB",
+            "bytes=0.5",
+            "ms=inf",
+            "ms=nan",
+            "ms=50ms",
+            "bytes=2MiB,,ms=3",
+            "bytes=1e30GiB",
+            "ms",
+            "ms=50;bytes=2MiB",
+        ] {
+            let e = Budget::parse_list(text).expect_err(text);
+            assert!(e.exit_status() == 2 && e.what == WHAT, "{text}: {e}");
+        }
+    }
+
+    #[test]
+    fn rows_say_their_budgets() {
+        let chosen = [(Budget::Bytes(2 << 20), By::Points), (Budget::Ms(12.5), By::Picture)];
+        let row = Row { tuned_for: tuned_for(&chosen), ..Row::default() };
+        assert_eq!(row.tuned_for, "bytes=2MiB point_err_rms; ms=12.5 image_rmse");
+        let rows = [Row::default(), row.clone(), row];
+        assert_eq!(budgets_of(&rows), [Budget::Bytes(2 << 20), Budget::Ms(12.5)]);
+        let row = Row { bytes: Some(7), build_ms: Some(2.0), frame_ms: Some(3.0), ..Row::default() };
+        assert!(Budget::Bytes(7).holds(&row) && !Budget::Bytes(6).holds(&row));
+        assert!(
+            Budget::Ms(5.0).holds(&row)
+                && !Budget::Ms(4.9).holds(&row)
+                && !Budget::Ms(9.0).holds(&Row::default())
+        );
+    }
+}

@@ -1,0 +1,162 @@
+//! Searches over planted costs and errors, held against all places of the grid.
+
+use super::*;
+use std::cell::Cell;
+
+/// Costs and errors of a made-up method: map, layers, a word, and a key without effect under the second word.
+#[derive(Clone, Copy)]
+struct Planted {
+    /// What halving a texel, and a layer's share, is worth.
+    texel: f64,
+    layer: f64,
+    /// Error that each word leaves.
+    words: [f64; 3],
+    /// Error that the second and third number of layers have on top.
+    bump: f64,
+}
+
+const SIDES: [Side; 4] = [
+    Side { len: 9, ordered: true },
+    Side { len: 8, ordered: true },
+    Side { len: 3, ordered: false },
+    Side { len: 4, ordered: true },
+];
+const DEFAULT: [usize; 4] = [5, 4, 0, 2];
+
+impl Planted {
+    fn trial(&self, place: &[usize]) -> Trial {
+        let map = 64.0 * 2f64.powf(0.5 * place[0] as f64);
+        let layers = 2f64.powi(place[1] as i32);
+        let ratio = 0.1 * (place[3] as f64 - 2.0).abs();
+        let bump = if (1..3).contains(&place[1]) { self.bump } else { 0.0 };
+        let error = self.texel / map + self.layer / layers + self.words[place[2]] + 0.01 * ratio + bump;
+        Trial {
+            bytes: Some((map * map * (layers + 1.0)) as u64),
+            build_ms: Some(1e-5 * map * map * layers),
+            frame_ms: Some(if place[2] == 2 { 20.0 } else { 10.0 }),
+            point_err_rms: Some(error),
+            image_rmse: Some(0.3 * error + 1e-3 * place[2] as f64),
+            ..Trial::default()
+        }
+    }
+}
+
+fn canonical(place: &[usize]) -> Place {
+    let mut place = place.to_vec();
+    if place[2] == 1 {
+        place[3] = DEFAULT[3];
+    }
+    place
+}
+
+fn every_place() -> Vec<Place> {
+    let mut places = vec![Vec::new()];
+    for side in SIDES {
+        places = places.iter().flat_map(|p| (0..side.len).map(move |i| [&p[..], &[i]].concat())).collect();
+    }
+    places
+}
+
+/// The least error that a budget holds anywhere.
+fn least(planted: &Planted, budget: Budget, by: By) -> Option<f64> {
+    let trials = every_place().into_iter().map(|p| planted.trial(&canonical(&p)));
+    let held = trials.filter(|t| t.need(budget).unwrap() <= budget.amount());
+    held.filter_map(|t| t.error(by)).reduce(f64::min)
+}
+
+#[test]
+fn the_closest_of_the_whole_grid_is_found_in_a_part_of_its_trials() {
+    let mut most = 0;
+    for (texel, layer, bump) in
+        [(1.0, 0.2, 0.0), (8.0, 0.02, 0.0), (0.1, 1.0, 0.0), (3.0, 0.0, 0.0), (0.5, 0.3, 0.3)]
+    {
+        for words in [[0.02, 0.0, 0.01], [0.0, 0.02, 0.001], [0.01, 0.01, 0.0]] {
+            let planted = Planted { texel, layer, words, bump };
+            let tries = Cell::new(0);
+            let attempt = |place: &[usize]| {
+                tries.set(tries.get() + 1);
+                Ok(planted.trial(place))
+            };
+            let mut search = Search::new(SIDES.to_vec(), canonical, attempt);
+            let budgets = [
+                Budget::Bytes(64 * 64 * 3),
+                Budget::Bytes(200_000),
+                Budget::Bytes(2 << 20),
+                Budget::Bytes(64 << 20),
+                Budget::Ms(12.0),
+                Budget::Ms(25.0),
+            ];
+            for budget in budgets {
+                for by in By::ALL {
+                    assert!(search.look(budget, by, &DEFAULT).unwrap(), "it came to its end");
+                    let trial = planted.trial(&search.best_known(budget, by).unwrap());
+                    let (got, want) = (trial.error(by).unwrap(), least(&planted, budget, by).unwrap());
+                    assert!(trial.need(budget).unwrap() <= budget.amount());
+                    assert!(got <= want * 1.000_001, "{budget} {by:?}: {got}, not {want}");
+                }
+            }
+            assert_eq!(search.tried.len(), tries.get(), "nothing is tried twice");
+            most = most.max(tries.get());
+        }
+    }
+    // Six budgets and two errors together, of 864 places.
+    println!("at most {most} trials");
+    assert!(most < 864 / 2, "{most}");
+}
+
+#[test]
+fn what_no_setting_can_do_is_not_found_and_costs_little() {
+    let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3], bump: 0.0 };
+    let mut search = Search::new(SIDES.to_vec(), canonical, |p| Ok(planted.trial(p)));
+    let mut found = |budget, by| {
+        search.look(budget, by, &DEFAULT).unwrap();
+        (search.best_known(budget, by), search.tried.len())
+    };
+    // The default, and all axes lowered together; no single one can need less than that.
+    assert_eq!(found(Budget::Bytes(100), By::Points), (None, 2));
+    // Of times that is not sure; and then it is known.
+    assert_eq!(found(Budget::Ms(1.0), By::Points), (None, 5));
+    assert_eq!(found(Budget::Ms(2.0), By::Picture), (None, 5));
+}
+
+#[test]
+fn what_is_sure_to_overrun_is_not_tried() {
+    let planted = Planted { texel: 8.0, layer: 0.0, words: [0.0; 3], bump: 0.0 };
+    let budget = Budget::Bytes(200_000);
+    let mut search = Search::new(SIDES.to_vec(), canonical, |p| Ok(planted.trial(p)));
+    search.look(budget, By::Points, &DEFAULT).unwrap();
+    for (i, (place, _)) in search.tried.iter().enumerate() {
+        let over = search.tried[..i].iter().filter(|(_, t)| t.bytes.unwrap() > 200_000);
+        for (other, _) in over {
+            let larger = place[0] >= other[0] && place[1] >= other[1] && place[3] >= other[3];
+            assert!(!(larger && place[2] == other[2]), "{place:?} after {other:?}");
+        }
+    }
+}
+
+#[test]
+fn failures_and_gaps_are_walked_around_and_an_end_is_an_end() {
+    let planted = Planted { texel: 1.0, layer: 0.2, words: [0.0; 3], bump: 0.0 };
+    // The device holds no map of the two largest sizes; one error is no number.
+    let attempt = |place: &[usize]| {
+        let trial = planted.trial(place);
+        Ok(match place[0] {
+            7.. => Trial { note: "cannot allocate".into(), ..Trial::default() },
+            6 => Trial { point_err_rms: Some(f64::NAN), ..trial },
+            _ => trial,
+        })
+    };
+    let mut search = Search::new(SIDES.to_vec(), canonical, attempt);
+    search.look(Budget::Bytes(1 << 40), By::Points, &DEFAULT).unwrap();
+    let place = search.best_known(Budget::Bytes(1 << 40), By::Points).unwrap();
+    assert_eq!((place[0], place[1]), (5, 7));
+    drop(search);
+    let mut left = 7;
+    let attempt = |place: &[usize]| {
+        left -= 1;
+        if left == 0 { Err(crate::error::Error::cancelled("trial")) } else { Ok(planted.trial(place)) }
+    };
+    let mut search = Search::new(SIDES.to_vec(), canonical, attempt);
+    assert!(search.look(Budget::Ms(50.0), By::Points, &DEFAULT).unwrap_err().is_cancelled());
+    assert_eq!(search.tried.len(), 6);
+}

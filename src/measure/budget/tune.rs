@@ -1,0 +1,161 @@
+//! The search of every method on a device.
+
+use super::search::{MOST_TRIALS, Place, Search, Side};
+use super::{Budget, By, Trial, Uses, tuned_for};
+use crate::error::{Error, Result};
+use crate::measure::facts::row_key;
+use crate::measure::job::{Job, name_of};
+use crate::measure::journal::Journal;
+use crate::measure::progress::{Progress, Step, StepKind};
+use crate::measure::reference::Shared;
+use crate::shadow::{Entry, Method, SearchSpace};
+
+/// Trials that a budget takes of a method, as far as that can be said before.
+const USUAL_TRIALS: usize = 30;
+
+/// Settings that were chosen, and what for.
+pub struct Chosen {
+    pub method: Box<dyn Method>,
+    pub uses: Uses,
+}
+
+/// What came of it.
+#[derive(Default)]
+pub struct Tuned {
+    /// Settings that were chosen, each once, with what for.
+    pub chosen: Vec<Chosen>,
+    /// What was tried, method by method, in order.
+    pub trials: Vec<Trial>,
+    /// For a reader of the table.
+    pub notes: Vec<String>,
+}
+
+/// Searches the settings of every method that has any, each method of `methods` once.
+///
+/// # Errors
+/// A reference that cannot be made, a journal that cannot be written to, or it was ended on request.
+pub fn tune(
+    job: &Job,
+    job_key: u64,
+    methods: &[Box<dyn Method>],
+    budgets: &[Budget],
+    shared: &mut Shared,
+    journal: &mut Journal,
+    progress: &mut Progress,
+) -> Result<Tuned> {
+    let mut tuned = Tuned::default();
+    if budgets.is_empty() {
+        return Ok(tuned);
+    }
+    if let Err(why) = job.session.needs_shadows(job.scene) {
+        tuned.notes.push(format!("nothing is tuned: no shadow is needed ({why})"));
+        return Ok(tuned);
+    }
+    let mut spaces: Vec<(&Entry, SearchSpace)> = Vec::new();
+    for entry in methods.iter().map(|m| m.entry()) {
+        if spaces.iter().all(|(other, _)| !std::ptr::eq(*other, entry))
+            && let Some(space) = SearchSpace::of(entry)?
+        {
+            spaces.push((entry, space));
+        }
+    }
+    let step = |entry: &Entry| Step::new(StepKind::Trial, entry.name);
+    spaces.iter().for_each(|(entry, _)| progress.expect(step(entry), USUAL_TRIALS * budgets.len()));
+    for (entry, space) in &spaces {
+        let mut attempt = |place: &[usize]| {
+            let none = || Error::runtime("cannot tune", entry.name, "a place is none of its settings");
+            let method = space.method(place).ok_or_else(none)?;
+            let key = row_key(job_key, method.as_ref(), "trial");
+            if let Some(kept) = journal.trial(&key).filter(|t| t.answers(budgets)) {
+                return Ok(kept);
+            }
+            let map = method.map_size().map_or(String::new(), |n| format!(" map={n}"));
+            progress.begin(step(entry), &format!("{}{map}: trying", name_of(method.as_ref())))?;
+            let trial = attempt(job, method.as_ref(), budgets, shared, progress)?;
+            journal.keep_trial(&key, &trial)?;
+            Ok(trial)
+        };
+        one_method(entry, space, budgets, &mut attempt, &mut tuned)?;
+        progress.spare(&step(entry), usize::MAX);
+    }
+    Ok(tuned)
+}
+
+/// A trial on the device; a setting that it cannot hold is one that says why.
+fn attempt(
+    job: &Job,
+    method: &dyn Method,
+    budgets: &[Budget],
+    shared: &mut Shared,
+    progress: &mut Progress,
+) -> Result<Trial> {
+    let reference = shared.get(progress)?;
+    let blank = Trial {
+        scene: job.scene_name.clone(),
+        adapter: job.session.renderer.gpu().info.name.clone(),
+        method: method.name().into(),
+        params: method.params(),
+        map: method.map_size(),
+        ..Trial::default()
+    };
+    match reference.trial(method, budgets, blank.clone()) {
+        Err(e) if e.is_cancelled() => Err(e),
+        Err(e) => Ok(Trial { note: e.to_string(), ..blank }),
+        done => done,
+    }
+}
+
+/// Searches one method within every budget, smallest first of either kind, so that each starts from what the one before has found.
+fn one_method(
+    entry: &Entry,
+    space: &SearchSpace,
+    budgets: &[Budget],
+    attempt: &mut dyn FnMut(&[usize]) -> Result<Trial>,
+    tuned: &mut Tuned,
+) -> Result<()> {
+    let sides = space.axes().iter().map(|a| Side { len: a.len(), ordered: a.ordered }).collect();
+    let mut search = Search::new(sides, |place| space.canonical(place), attempt);
+    let default = space.default_place();
+    let mut order = budgets.to_vec();
+    let key = |budget: &Budget| (matches!(budget, Budget::Ms(_)), budget.amount());
+    order.sort_by(|a, b| key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal));
+    let questions: Uses = order.iter().flat_map(|budget| By::ALL.map(|by| (*budget, by))).collect();
+    for (budget, by) in &questions {
+        if !search.look(*budget, *by, &default)? {
+            let name = entry.name;
+            tuned.notes.push(format!("{name}: the search within {budget} ended after {MOST_TRIALS} trials"));
+        }
+    }
+    // Chosen last: what one question has led to may be the answer to another.
+    let mut chosen: Vec<(Place, Uses)> = Vec::new();
+    for (budget, by) in questions {
+        match search.best_known(budget, by) {
+            Some(place) => match chosen.iter_mut().find(|(p, _)| *p == place) {
+                Some((_, uses)) => uses.push((budget, by)),
+                None => chosen.push((place, vec![(budget, by)])),
+            },
+            None if by == By::Points => tuned.notes.push(nothing_held(entry, budget, &search.tried)),
+            None => {}
+        }
+    }
+    let mut trials = std::mem::take(&mut search.tried);
+    drop(search);
+    for (place, uses) in chosen {
+        for (_, trial) in trials.iter_mut().filter(|(p, _)| *p == place) {
+            trial.tuned_for = tuned_for(&uses);
+        }
+        tuned.chosen.extend(space.method(&place).map(|method| Chosen { method, uses }));
+    }
+    tuned.trials.extend(trials.into_iter().map(|(_, trial)| trial));
+    Ok(())
+}
+
+fn nothing_held(entry: &Entry, budget: Budget, tried: &[(Place, Trial)]) -> String {
+    let least = tried.iter().filter_map(|(_, t)| t.need(budget)).reduce(f64::min);
+    let least = match (least, budget) {
+        (Some(n), Budget::Bytes(_)) => format!("; the least that was tried takes {n} bytes"),
+        (Some(ms), Budget::Ms(_)) => format!("; the least that was tried takes {ms:.3} ms"),
+        (None, _) => String::new(),
+    };
+    format!("{}: no settings within {budget}{least}", entry.name)
+}

@@ -1,0 +1,70 @@
+//! Times of one method on several variants of a scene, taken in turn: figures of two comparisons are minutes apart, and a
+//! machine is not as busy then.
+
+use super::claim::Need;
+use super::figures::Figures;
+use super::scenes::Subject;
+use crate::error::Result;
+use crate::measure::job::{Effort, Job, name_of};
+use crate::measure::progress::Progress;
+use crate::measure::table::Row;
+use crate::measure::timing::{Timing, Turns, interleave};
+use crate::render::{Forced, Renderer, Session};
+use crate::shadow::parse_list;
+use std::sync::Arc;
+
+/// Times of every method of every need, and nothing else.
+///
+/// # Errors
+/// A variant that the device cannot hold, or it was ended on request.
+pub fn time_in_turn(
+    renderer: &Arc<Renderer>,
+    (name, subject): (&str, &Subject),
+    needs: &[Need],
+    effort: Effort,
+    progress: &Progress,
+) -> Result<Vec<Vec<Figures>>> {
+    let mut stages = Vec::new();
+    for need in needs {
+        let changed = need.variant.of(subject);
+        let session = Session::on(renderer, Arc::clone(&changed.volume), &changed.tf, Forced::default())?;
+        stages.push((session, changed, parse_list(need.methods)?));
+    }
+    let mut jobs = Vec::new();
+    for (session, changed, _) in &stages {
+        jobs.push(Job {
+            session,
+            volume: &changed.volume,
+            tf: &changed.tf,
+            strands: None,
+            scene: &changed.scene,
+            scene_name: name.into(),
+            file_prefix: String::new(),
+            remark: String::new(),
+            effort,
+        });
+    }
+    let mut turns = Vec::new();
+    for (job, (_, _, methods)) in jobs.iter().zip(&stages) {
+        for method in methods {
+            let run = Box::new(move || job.timed(method.as_ref()));
+            turns.push(Turns { run, warmup: 1, rounds: effort.repeats });
+        }
+    }
+    let mut times = interleave(&mut turns, &mut |_| progress.check("claims"))?.into_iter();
+    let mut all = Vec::new();
+    for (_, changed, methods) in &stages {
+        let mut own = Vec::new();
+        for (method, times) in methods.iter().zip(&mut times) {
+            let [width, height] = [changed.scene.width, changed.scene.height];
+            let mut row = Row { width, height, ..Row::default() };
+            match times.and_then(|t| Timing::of(&t)) {
+                Ok(timing) => row.set_timing(&timing),
+                Err(e) => row.set_failed(&e),
+            }
+            own.push(Figures { name: name_of(method.as_ref()), row, ..Figures::default() });
+        }
+        all.push(own);
+    }
+    Ok(all)
+}

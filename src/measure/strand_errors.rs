@@ -1,0 +1,89 @@
+//! Errors against the strands themselves, where a volume was made from strands.
+//!
+//! All other errors are against the voxel field, which is a stand-in: its blur, and the overlap of strands that lie in
+//! bundles, are errors too. Here the truth at a point that the camera sees is the mean transmittance of a light beam, as
+//! wide as a voxel, through the cylinders ([`cylinders`](super::cylinders)).
+
+use super::cylinders::beam_halves;
+use super::errors::SeenReference;
+use super::job::Job;
+use super::stats::ErrorStats;
+use crate::error::Result;
+use crate::render::Session;
+use crate::scene::Light;
+use crate::shadow::ShadowMap;
+use crate::strands::Strands;
+use crate::transfer::TransferFunction;
+use crate::volume::Volume;
+use glam::DVec3;
+
+/// Points that are held against strands; each takes a beam of 256 rays.
+const MOST_BEAMS: usize = 4000;
+/// Values at which a transfer function is asked whether it leaves extinction as it is, and how far it may be off.
+const ASKED_VALUES: u32 = 64;
+const SAME_EXTINCTION: f64 = 1e-4;
+
+/// The true transmittance at some of the points that the camera sees.
+pub struct StrandReference {
+    points_mm: Vec<DVec3>,
+    weights: Vec<f64>,
+    truth: Vec<f64>,
+    /// What the voxel field itself is off by, and how much of that the number of rays may explain.
+    field_rms: f64,
+    sampling_rms: f64,
+}
+
+impl StrandReference {
+    /// Of the strands that a job's volume was made from.
+    ///
+    /// # Errors
+    /// Why there is no such truth for this scene, in a few words.
+    pub fn new(strands: &Strands, job: &Job, seen: &SeenReference) -> Result<Self, &'static str> {
+        let Light::Directional { toward } = job.scene.light else {
+            return Err("beams are parallel, and the light is at a point");
+        };
+        if !leaves_extinction(job.tf, job.volume) {
+            return Err("the transfer function does not take the strands' extinction as it is");
+        }
+        let count = seen.len().min(MOST_BEAMS);
+        let points_mm = seen.points_mm()[..count].to_vec();
+        let weights = seen.weights()[..count].to_vec();
+        let halves = beam_halves(strands, &points_mm, toward, job.volume.min_spacing_mm());
+        let truth: Vec<f64> = halves.iter().map(|[a, b]| 0.5 * (a + b)).collect();
+        let rms = |errors: &mut dyn Iterator<Item = f64>| {
+            let stats = ErrorStats::of(errors.zip(weights.iter().copied()));
+            stats.ok().flatten().map(|s| s.rms).ok_or("the camera sees nothing")
+        };
+        let field_rms = rms(&mut seen.exact().iter().zip(&truth).map(|(field, truth)| field - truth))?;
+        let sampling_rms = rms(&mut halves.iter().map(|[a, b]| 0.5 * (a - b)))?;
+        Ok(Self { points_mm, weights, truth, field_rms, sampling_rms })
+    }
+
+    /// Root mean square of `T_method - T_strands` at these points, weighted as the camera sees them.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn rms(&self, session: &Session, shadow: &ShadowMap) -> Result<Option<f64>> {
+        let values = session.query(shadow, &self.points_mm)?;
+        let errors = values.iter().zip(&self.truth).map(|(value, truth)| f64::from(*value) - truth);
+        Ok(ErrorStats::of(errors.zip(self.weights.iter().copied()))?.map(|stats| stats.rms))
+    }
+
+    /// For a reader of the table: what no method can better but by chance.
+    pub fn note(&self) -> String {
+        format!(
+            "strand_err_rms is of {} points that the camera sees, against beams through the strands; the voxel field itself \
+            is off by {:.4} there (the number of rays explains up to {:.4})",
+            self.truth.len(),
+            self.field_rms,
+            self.sampling_rms
+        )
+    }
+}
+
+/// Whether values of the volume, which are extinction, are taken for just that.
+fn leaves_extinction(tf: &TransferFunction, volume: &Volume) -> bool {
+    let [_, largest] = volume.value_range();
+    let value = |i: u32| largest * f64::from(i) / f64::from(ASKED_VALUES);
+    (0..=ASKED_VALUES).map(value).all(|v| (tf.extinction(v) - v).abs() <= SAME_EXTINCTION * largest)
+}

@@ -1,0 +1,241 @@
+//! Which method is closest within each budget: a question to rows that say for what they were tuned.
+//!
+//! Any row of the scene takes part, tuned or not, with what it needs when measured in full. Within bytes, rows without
+//! a structure do not: they would win at any size. A method stands for its closest row; the closest method is the
+//! winner, the next one the runner-up.
+
+use super::number::significant;
+use super::writers::csv;
+use crate::error::Result;
+use crate::files::output::write_whole;
+use crate::measure::budget::{Budget, By, Trial, budgets_of};
+use crate::measure::table::Row;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// The answer for one scene, budget and error.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answer<'a> {
+    /// What there is.
+    pub budget: Budget,
+    /// Which error is to be least.
+    pub by: By,
+    /// The closest row of each method with its error, the closest method first; empty where no row is within the budget.
+    pub ranked: Vec<(&'a Row, f64)>,
+}
+
+/// The answers of every scene, adapter and picture size, budget by budget, each by both errors; none where no row was
+/// tuned.
+pub fn answers(rows: &[Row]) -> Vec<Answer<'_>> {
+    let place = |row: &Row| (row.scene.clone(), row.adapter.clone(), row.width, row.height);
+    let mut places = Vec::new();
+    for row in rows {
+        if !places.contains(&place(row)) {
+            places.push(place(row));
+        }
+    }
+    let budgets = budgets_of(rows);
+    let mut answers = Vec::new();
+    for here in &places {
+        for (budget, by) in budgets.iter().flat_map(|b| By::ALL.map(|by| (*b, by))) {
+            let own = rows.iter().filter(|row| place(row) == *here && takes_part(row, budget));
+            let mut ranked: Vec<(&Row, f64)> = Vec::new();
+            for (row, error) in own.filter_map(|row| Some((row, by.error(row)?))) {
+                match ranked.iter_mut().find(|(other, _)| other.method == row.method) {
+                    Some(best) if closer((row, error), *best, budget) => *best = (row, error),
+                    Some(_) => {}
+                    None => ranked.push((row, error)),
+                }
+            }
+            ranked.sort_by(|a, b| {
+                key(*a, budget).partial_cmp(&key(*b, budget)).unwrap_or(std::cmp::Ordering::Equal)
+            });
+            answers.push(Answer { budget, by, ranked });
+        }
+    }
+    answers
+}
+
+fn takes_part(row: &Row, budget: Budget) -> bool {
+    let stores = !matches!(budget, Budget::Bytes(_)) || row.bytes != Some(0);
+    stores && !row.has_failed() && budget.holds(row)
+}
+
+/// Of two equally close rows the one that needs less comes first.
+fn key((row, error): (&Row, f64), budget: Budget) -> (f64, f64) {
+    (error, budget.need(row).unwrap_or(f64::INFINITY))
+}
+
+fn closer(a: (&Row, f64), b: (&Row, f64), budget: Budget) -> bool {
+    key(a, budget) < key(b, budget)
+}
+
+/// A line each answer: the winner, and by how much the runner-up is behind it. `name` says a row's method and settings,
+/// and its scene where there are several.
+pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
+    let said = |answer: Answer| {
+        let Answer { budget, by, ranked } = answer;
+        let what = match by {
+            By::Points => "point err rms",
+            By::Picture => "image rmse",
+        };
+        let need = |row: &Row| match budget {
+            Budget::Bytes(_) => {
+                let mib = row.bytes.map_or(f64::NAN, |n| n as f64 / f64::from(1 << 20));
+                format!("{} MiB", significant(mib, 3))
+            }
+            Budget::Ms(_) => format!("{} ms", significant(row.moving_ms().unwrap_or(f64::NAN), 3)),
+        };
+        let of =
+            |(row, error): (&Row, f64)| format!("{} ({}, {})", name(row), significant(error, 3), need(row));
+        match ranked[..] {
+            [] => None,
+            [first] => Some(format!("{budget}, {what}: {}; no other method", of(first))),
+            [first, second, ..] => {
+                let times = significant(second.1 / first.1, 3);
+                Some(format!("{budget}, {what}: {}; then {}, {times} times the error", of(first), of(second)))
+            }
+        }
+    };
+    answers(rows).into_iter().filter_map(said).collect()
+}
+
+/// An answer's rank as `budgets.csv` has it.
+#[derive(Serialize)]
+struct Ranked<'a> {
+    scene: &'a str,
+    adapter: &'a str,
+    budget: String,
+    by: &'static str,
+    rank: usize,
+    method: &'a str,
+    params: &'a str,
+    map: Option<u32>,
+    tuned: Option<bool>,
+    bytes: Option<u64>,
+    build_ms: Option<f64>,
+    frame_ms: Option<f64>,
+    point_err_rms: Option<f64>,
+    image_rmse: Option<f64>,
+}
+
+/// Writes `budgets.csv`, every method's closest row within each budget by rank, and `trials.csv`, what searches tried, into
+/// a folder that exists, where anything was searched; returns their paths.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_budgets(rows: &[Row], trials: &[Trial], folder: &Path) -> Result<Vec<PathBuf>> {
+    let answers = answers(rows);
+    if answers.is_empty() && trials.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut ranked = Vec::new();
+    for Answer { budget, by, ranked: own } in &answers {
+        for (i, (row, _)) in own.iter().enumerate() {
+            ranked.push(Ranked {
+                scene: &row.scene,
+                adapter: &row.adapter,
+                budget: budget.to_string(),
+                by: by.column(),
+                rank: i + 1,
+                method: &row.method,
+                params: &row.params,
+                map: row.map,
+                tuned: row.tuned,
+                bytes: row.bytes,
+                build_ms: row.build_ms,
+                frame_ms: row.frame_ms,
+                point_err_rms: row.point_err_rms,
+                image_rmse: row.image_rmse,
+            });
+        }
+    }
+    let files = [("budgets.csv", csv(&ranked)?), ("trials.csv", csv(trials)?)];
+    let write = |(name, bytes): (&str, Vec<u8>)| {
+        let path = folder.join(name);
+        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
+    };
+    files.into_iter().map(write).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(method: &str, params: &str, bytes: u64, ms: f64, errors: [f64; 2], tuned_for: &str) -> Row {
+        Row {
+            scene: "planted".into(),
+            method: method.into(),
+            params: params.into(),
+            bytes: Some(bytes),
+            build_ms: Some(0.25 * ms),
+            frame_ms: Some(0.75 * ms),
+            point_err_rms: Some(errors[0]),
+            image_rmse: Some(errors[1]),
+            tuned: Some(!tuned_for.is_empty()),
+            tuned_for: tuned_for.into(),
+            ..Row::default()
+        }
+    }
+
+    fn planted() -> Vec<Row> {
+        vec![
+            row("none", "", 0, 10.0, [0.5, 0.4], ""),
+            row("rays", "", 0, 1000.0, [0.0, 0.0], ""),
+            row("dsm", "epsilon=0.06", 100, 40.0, [0.03, 0.01], "bytes=100 point_err_rms"),
+            row("dsm", "epsilon=0.005", 400, 60.0, [0.01, 0.02], "ms=60 point_err_rms"),
+            row("osm", "layers=8", 100, 30.0, [0.02, 0.03], "bytes=100 point_err_rms; bytes=100 image_rmse"),
+            row("osm", "layers=64", 800, 35.0, [0.015, f64::NAN], ""),
+            row("dom", "layers=3", 99, 70.0, [0.02, 0.001], ""),
+            row("bom", "layers=3", 50, 61.0, [f64::NAN, 0.009], ""),
+        ]
+    }
+
+    #[test]
+    fn winners_and_runners_up_come_out() {
+        let rows = planted();
+        let got: Vec<_> = answers(&rows)
+            .iter()
+            .map(|a| {
+                (a.budget.to_string(), a.by, a.ranked.iter().map(|(r, _)| &*r.method).collect::<Vec<_>>())
+            })
+            .collect();
+        let expected = [
+            // Equally close: dom needs less; `rays` stores nothing and does not take part.
+            ("bytes=100", By::Points, vec!["dom", "osm", "dsm"]),
+            ("bytes=100", By::Picture, vec!["dom", "bom", "dsm", "osm"]),
+            ("ms=60", By::Points, vec!["dsm", "osm", "none"]),
+            ("ms=60", By::Picture, vec!["dsm", "osm", "none"]),
+        ];
+        assert_eq!(got.len(), expected.len());
+        for (got, (budget, by, ranked)) in got.into_iter().zip(expected) {
+            assert_eq!(got, (budget.to_owned(), by, ranked));
+        }
+        let name = |row: &Row| format!("{} {}", row.method, row.params).trim().to_owned();
+        let lines = lines(&rows, &name);
+        assert!(lines[2].starts_with(
+            "ms=60, point err rms: dsm epsilon=0.005 (0.0100, 60.0 ms); then osm layers=64 (0.0150"
+        ));
+        assert!(lines[2].ends_with("1.50 times the error"), "{lines:?}");
+    }
+
+    #[test]
+    fn other_scenes_failures_and_tables_without_budgets() {
+        let mut rows = planted();
+        rows[6].scene = "another".into();
+        rows[4].set_failed(&"planted");
+        let answers = answers(&rows);
+        assert_eq!(answers.len(), 2 * 4);
+        assert_eq!(answers[0].ranked.iter().map(|(r, _)| &*r.method).collect::<Vec<_>>(), ["dsm"]);
+        assert_eq!(answers[4].ranked[0].0.method, "dom");
+        assert!(answers[6].ranked.is_empty(), "it takes 70 ms");
+        rows.iter_mut().for_each(|r| r.tuned_for.clear());
+        assert!(super::answers(&rows).is_empty());
+        let folder = tempfile::tempdir().unwrap();
+        assert!(write_budgets(&rows, &[], folder.path()).unwrap().is_empty());
+        let paths = write_budgets(&planted(), &[Trial::default()], folder.path()).unwrap();
+        let text = std::fs::read_to_string(&paths[0]).unwrap();
+        assert_eq!(text.lines().count(), 1 + 3 + 4 + 3 + 3);
+        assert!(text.lines().nth(1).unwrap().starts_with("planted,,bytes=100,point_err_rms,1,dom,layers=3,"));
+    }
+}
