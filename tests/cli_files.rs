@@ -110,6 +110,11 @@ fn rays_are_answered_in_order_and_bad_ones_refused_by_line() {
     assert!((numbers[0] - 2.0 * std::f64::consts::LN_2).abs() < 1e-12 && (numbers[1] - 0.25).abs() < 1e-12);
     assert_eq!(numbers[2..], [0.0, 1.0]);
 
+    // A first line that says what the columns are, where it is asked for.
+    let output = umbravox(dir.path(), &[&run[..], &["--header"]].concat());
+    let headed = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(headed, format!("# optical_depth transmittance\n{text}"));
+
     fs::write(dir.path().join("rays.txt"), "0 0 0 1 1 1\n0 0 x 1 1 1\n").unwrap();
     assert!(refused(dir.path(), &run).contains("rays.txt: line 2"));
     assert!(refused(dir.path(), &["probe", "--rays", "gone.txt"]).contains("gone.txt"));

@@ -73,3 +73,23 @@ fn a_picture_without_its_background_goes_over_it_again() {
     }
     assert!(clear > 50 && solid > 50, "{clear} {solid}");
 }
+
+#[test]
+fn a_png_holds_the_scene_file_that_draws_it() {
+    if Gpu::open(None).is_err() {
+        println!("skipped: render of a picture's own scene: there is no graphics adapter");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let scene =
+        ["--light=point:30.5,-21.25,60.125", "--fov=33.3", "--ambient=0.25", "--background", BACKGROUND];
+    render(dir.path(), &scene, "a.png");
+    let file = std::io::BufReader::new(std::fs::File::open(dir.path().join("a.png")).unwrap());
+    let reader = png::Decoder::new(file).read_info().unwrap();
+    let chunk = reader.info().utf8_text.iter().find(|c| c.keyword == "umbravox:scene").unwrap();
+    std::fs::write(dir.path().join("scene.toml"), chunk.get_text().unwrap()).unwrap();
+    let run = umbravox(dir.path(), &["render", "--scene=scene.toml", "-o", "b.png"]);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let [a, b] = ["a.png", "b.png"].map(|name| image::open(dir.path().join(name)).unwrap().to_rgb8());
+    assert_eq!(a, b);
+}

@@ -40,7 +40,7 @@ fn dump(browser: &Path, page: &Path) -> Option<String> {
     let out = folder.path().join("dom.html");
     let mut child = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--dump-dom"])
-        .args(["--no-first-run", "--disable-background-networking", "--window-size=1400,1000"])
+        .args(["--no-first-run", "--disable-background-networking", "--window-size=1280,900"])
         .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
         .arg(format!("file://{}", page.display()))
         .stdin(Stdio::null())
@@ -99,6 +99,7 @@ fn report() -> String {
         .map(|row| Pictured { row, picture_png: Some(png.clone()), ..Pictured::default() })
         .collect();
     pictured[0].error_png = Some(png);
+    pictured[1].row.note = "much to say ".repeat(20);
     pictured[2].nodes = Some(NodeMap { nodes: Array2::from_elem((16, 16), 3), stored: arr2(&[[true]]) });
     let conditions = Conditions { title: "A & B".into(), ..Conditions::default() };
     html(&conditions, &pictured).unwrap()
@@ -142,6 +143,34 @@ fn pictures_that_are_broken_do_not_count() {
     let Some(dom) = open("damaged report.html", &broken, hide) else { return };
     assert_eq!((attribute(&dom, "data-ready"), attribute(&dom, "data-pictures")), ("yes", "5"));
     assert_eq!(attribute(&dom, "data-plots"), "2");
+}
+
+#[test]
+fn what_matters_is_in_sight_and_every_column_when_asked() {
+    let script = "
+        // A row with many settings, and one with much to say.
+        const long = 'dsm epsilon=0.005 prefilter=5 march=samples step=0.5 filter=bilinear fit=view map=512';
+        document.querySelectorAll('#rows tbody th a')[2].textContent = long;
+        const cell = document.querySelector('#rows td.long > div');
+        if (cell) cell.textContent = 'words '.repeat(400);
+        const scroll = document.querySelector('.scroll');
+        const data = document.documentElement.dataset;
+        const seen = () => [...document.querySelectorAll('#rows thead th')].filter((h) => h.offsetWidth > 0);
+        data.few = seen().map((h) => h.title).join(' ');
+        data.fits = scroll.scrollWidth <= scroll.clientWidth && document.body.scrollWidth <= innerWidth;
+        document.getElementById('every-column').click();
+        data.many = seen().length;
+        data.tallest = Math.max(...[...document.querySelectorAll('#rows tbody tr')].map((r) => r.offsetHeight));";
+    let Some(dom) = open("the columns of report.html", &report(), script) else { return };
+    let few = attribute(&dom, "data-few").to_owned();
+    for name in ["frame_ms", "bytes", "ray_err_max", "point_err_rms", "image_psnr"] {
+        assert!(few.split(' ').any(|n| n == name), "{name}: {few}");
+    }
+    assert!(!few.contains("note") && !few.contains("driver"), "{few}");
+    assert_eq!(attribute(&dom, "data-fits"), "true", "wider than a window of 1280 pixels");
+    let number = |name: &str| attribute(&dom, name).parse::<usize>().unwrap();
+    assert_eq!(number("data-many"), 1 + umbravox::measure::table::COLUMNS.len());
+    assert!(number("data-tallest") < 130, "{} pixels", number("data-tallest"));
 }
 
 #[test]

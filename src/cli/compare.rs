@@ -1,23 +1,31 @@
 //! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
 
+use super::interrupt::Interrupt;
 use super::told::{load, print_result, say};
 use crate::error::{Error, Result};
+use crate::files::hash::sha256;
+use crate::files::input::read_text;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::gpu::Gpu;
 use crate::measure::budget::Budget;
+use crate::measure::facts::Facts;
 use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
-use crate::measure::progress::{Progress, spoken};
+use crate::measure::progress::{Progress, Status, Watch, spoken};
 use crate::measure::table::Row;
+use crate::open::presets::PRESETS;
 use crate::open::{Loaded, SceneArgs, SceneSettings};
 use crate::render::Renderer;
-use crate::report::make::{Made, Order, Subject, make, scene_name};
-use crate::report::tables::summary;
-use crate::report::writers::json;
-use crate::shadow::{COMPARED, parse_list};
+use crate::report::Start;
+use crate::report::make::{Files, Made, Order, Subject, make, scene_name};
+use crate::report::run::{Run, SceneRecord, Shard};
+use crate::report::tables::{Layout, summary};
+use crate::report::writers::table_json;
+use crate::shadow::{COMPARED, Method, parse_list};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -29,10 +37,12 @@ pub struct CompareArgs {
     /// The folder for tables, plots and pictures; made when it is missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Go on with what an interrupted run of the same program, scenes and settings has measured into DIR; without it
-    /// the table is started anew
-    #[arg(long)]
+    /// Go on with what a run of the same scenes and settings has measured into DIR
+    #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
+    /// Remove all files of the table that DIR holds, and no others, and start anew
+    #[arg(long)]
+    pub overwrite: bool,
     /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value_t = COMPARED.clone())]
     pub methods: String,
@@ -43,6 +53,11 @@ pub struct CompareArgs {
     /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on
     #[arg(long)]
     pub ablate: bool,
+    /// Measure only the rows of one of N parts of the table, I from 1 to N; `umbravox merge` puts the parts together
+    #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with_all = ["ablate", "budget"])]
+    pub shard: Option<Shard>,
+    #[command(flatten)]
+    pub layout: LayoutFlags,
     /// Timed runs of each method, after warm-up
     #[arg(long, value_name = "N", default_value_t = Effort::default().repeats as u32,
         value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
@@ -61,16 +76,55 @@ pub struct CompareArgs {
     pub depths: u32,
 }
 
+/// How the tables for reading are laid out.
+#[derive(Debug, Args)]
+pub struct LayoutFlags {
+    /// Columns of compare.md, compare.tex and the table on the terminal, by their names in compare.csv, separated by
+    /// commas [default: a few; in compare.md most]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub columns: Option<Vec<String>>,
+    /// Width that compare.tex must fit, points [default: 455, an A4 page with margins of 2.5 cm]
+    #[arg(long, value_name = "PT", value_parser = tex_width_pt)]
+    pub tex_width: Option<f64>,
+}
+
+impl LayoutFlags {
+    /// The layout, checked.
+    ///
+    /// # Errors
+    /// A column that there is not.
+    pub fn layout(&self) -> Result<Layout> {
+        let trimmed = |names: &Vec<String>| names.iter().map(|n| n.trim().to_owned()).collect();
+        let layout = Layout {
+            columns: self.columns.as_ref().map(trimmed),
+            tex_width_pt: self.tex_width.unwrap_or(Layout::TEX_WIDTH_PT),
+        };
+        layout.check().map(|()| layout)
+    }
+}
+
+fn tex_width_pt(text: &str) -> Result<f64, String> {
+    let text = text.trim_end_matches("pt").trim();
+    let width = text.parse().ok().filter(|w| (100.0..=5000.0).contains(w));
+    width.ok_or_else(|| "expected a width of 100 to 5000 points".into())
+}
+
+/// A scene of the command line, as it is recorded.
+struct Asked {
+    settings: SceneSettings,
+    record: SceneRecord,
+    /// The transfer function's file, where it is no preset.
+    tf_text: Option<String>,
+}
+
 /// Runs the command.
 ///
 /// # Errors
-/// Bad input, a failure of the device or disk, or (after everything is written) a row that failed.
+/// Bad input, a failure of the device or disk, an interruption, or (after everything is written) a row that failed.
 pub fn run(args: CompareArgs) -> Result<()> {
-    let methods = parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
-    let mut budgets = Vec::new();
-    for text in &args.budget {
-        budgets.extend(Budget::parse_list(text).map_err(|e| e.at("--budget"))?);
-    }
+    let methods = distinct(parse_list(&args.methods).map_err(|e| e.at("--methods"))?);
+    let layout = args.layout.layout()?;
+    let budgets = distinct_budgets(&args.budget)?;
     check_output_dir(&args.output)?;
     let effort = Effort {
         repeats: args.repeats as usize,
@@ -84,73 +138,191 @@ pub fn run(args: CompareArgs) -> Result<()> {
     if scenes.iter().any(|s| s.shadow.is_some()) {
         say("note", &"--shadow is not used by compare; --methods is");
     }
-    let (names, first) = read_all(&scenes, &paths)?;
+    let (asked, first) = read_all(scenes, &paths)?;
     let renderer = Arc::new(Renderer::new(Gpu::open(adapter.as_deref())?));
+    let records = asked.iter().map(|a| a.record.clone()).collect();
+    let facts = Facts::of(renderer.gpu());
+    let mut run = Run::new(&facts, effort, &args.methods, &methods, records, args.shard);
+    run.ablate = args.ablate;
+    run.budgets = budgets.iter().map(Budget::to_string).collect();
+    run.command = std::env::args().collect();
+    if run.count_here() == 0 {
+        let why = format!("the table has only {} rows", run.rows.len());
+        return Err(Error::input("nothing to compare", "--shard", why));
+    }
+    let start = match (args.resume, args.overwrite) {
+        (true, _) => Start::Resume,
+        (_, true) => Start::Overwrite,
+        _ => Start::New,
+    };
+    run.check(&args.output, start)?;
     // Made last: what is refused before leaves no empty folder.
     prepare_output_dir(&args.output)?;
     let mut journal = Journal::open(&args.output, args.resume)?;
     if args.resume {
         say("note", &format_args!("{} holds {} rows", args.output.join(JOURNAL).display(), journal.len()));
     }
-
-    let bar = progress_bar()?;
-    let mut progress = Progress::new(|status| {
-        bar.set_length(status.total as u64);
-        bar.set_position(status.done as u64);
-        // First what must not be cut off at the end of the line.
-        let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
-        bar.set_message(format!("{left}{}", status.what));
-    });
-    let order = Order { methods: &methods, effort, ablate: args.ablate, budgets: &budgets, remark: "" };
-    let mut first = Some(first);
-    let mut read = |i: usize| {
-        let loaded = first.take().map_or_else(|| scenes[i].load(&Loading::default()), Ok)?;
-        let Loaded { volume, tf, scene, .. } = loaded;
-        let strands = scenes[i].spec().strands(&Loading::default())?;
-        Ok(Subject { volume: Arc::new(volume), tf, strands, scene, forced: scenes[i].forced() })
-    };
-    let made = make(&order, &names, &mut read, &renderer, &mut journal, &mut progress)?;
-    drop(progress);
-    bar.finish_and_clear();
-    publish(made, &scenes, &args.output)
+    let tf_texts: Vec<_> = asked.iter().map(|a| a.tf_text.clone()).collect();
+    run.begin(&args.output, start, &tf_texts)?;
+    let made = measured(&run, &budgets, &asked, first, &renderer, &mut journal)
+        .map_err(|e| if e.is_cancelled() { interrupted(&args.output, &run, &journal) } else { e })?;
+    publish(made, &asked, &args.output, &layout)
 }
 
-/// Reads every scene before anything is done: a mistake in the last is not found hours later. Gives their names, and the
-/// first one itself.
-fn read_all(scenes: &[SceneSettings], paths: &[PathBuf]) -> Result<(Vec<String>, Loaded)> {
-    let (mut names, mut first) = (Vec::new(), None);
-    for (i, settings) in scenes.iter().enumerate() {
-        let loaded = load(settings)?;
-        let name = paths.get(i).map_or_else(|| scene_name(&loaded.volume, &loaded.tf), |path| stem(path));
-        names.push(unused_name(name, &names));
+/// Measures what is here of the run, watched on the terminal and ended by an interrupt.
+fn measured(
+    run: &Run,
+    budgets: &[Budget],
+    asked: &[Asked],
+    first: Loaded,
+    renderer: &Arc<Renderer>,
+    journal: &mut Journal,
+) -> Result<Made> {
+    let mut methods = Vec::new();
+    for here in run.methods_here() {
+        let all = distinct(parse_list(&run.methods)?);
+        methods.push(all.into_iter().zip(here).filter(|(_, here)| *here).map(|(m, _)| m).collect());
+    }
+    let order = Order { methods: &methods, budgets, remark: "" };
+    let mut first = Some(first);
+    let mut read = |i: usize| {
+        let first = first.take().filter(|_| i == 0);
+        let loaded = first.map_or_else(|| asked[i].settings.load(&Loading::default()), Ok)?;
+        let Loaded { volume, tf, scene, .. } = loaded;
+        let strands = asked[i].settings.spec().strands(&Loading::default())?;
+        Ok(Subject { volume: Arc::new(volume), tf, strands, scene, forced: asked[i].settings.forced() })
+    };
+    let bar = progress_bar()?;
+    let interrupt = Interrupt::listen()?;
+    let mut progress = Progress::watched(Bar { bar: &bar, interrupt: &interrupt });
+    let made = make(&order, run, &mut read, renderer, journal, &mut progress);
+    drop(progress);
+    bar.finish_and_clear();
+    made
+}
+
+/// What shows progress, and hears of interrupts between two steps.
+struct Bar<'a> {
+    bar: &'a ProgressBar,
+    interrupt: &'a Interrupt,
+}
+
+impl Watch for Bar<'_> {
+    fn starts(&mut self, status: &Status) {
+        self.bar.set_length(status.total as u64);
+        self.bar.set_position(status.done as u64);
+        // First what must not be cut off at the end of the line.
+        let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
+        self.bar.set_message(format!("{left}{}", status.what));
+    }
+
+    fn goes_on(&self) -> bool {
+        !self.interrupt.has_come()
+    }
+}
+
+/// What is said when a table was ended on request.
+fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
+    let count = run.count_here();
+    let why = format!("{} of {count} rows are measured and kept", journal.kept().min(count));
+    let mut error = Error::runtime("interrupted", folder.display(), why);
+    error.hint = Some("the same command line with --resume goes on from there".into());
+    error
+}
+
+/// Methods, each once: the same given twice is one row.
+fn distinct(mut methods: Vec<Box<dyn Method>>) -> Vec<Box<dyn Method>> {
+    let mut seen = HashSet::new();
+    methods.retain(|method| seen.insert(format!("{method:?}")));
+    methods
+}
+
+/// Budgets, each once, in the order in which they are given.
+fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
+    let mut budgets = Vec::new();
+    for text in texts {
+        for budget in Budget::parse_list(text).map_err(|e| e.at("--budget"))? {
+            if !budgets.contains(&budget) {
+                budgets.push(budget);
+            }
+        }
+    }
+    Ok(budgets)
+}
+
+/// Reads every scene before anything is done: a mistake in the last is not found hours later. Gives what is recorded of
+/// them, and the first one itself.
+fn read_all(scenes: Vec<SceneSettings>, paths: &[PathBuf]) -> Result<(Vec<Asked>, Loaded)> {
+    let (mut asked, mut names, mut first) = (Vec::new(), Vec::new(), None);
+    let several = scenes.len() > 1;
+    for (i, settings) in scenes.into_iter().enumerate() {
+        let loaded = load(&settings)?;
+        let of_file = || paths.get(i).map(|path| stem(path));
+        let name = settings.name.clone().or_else(of_file);
+        let name = unused_name(name.unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf)), &names);
+        asked.push(recorded(settings, &loaded, &name, several)?);
+        names.push(name);
         first.get_or_insert(loaded);
     }
     let none = || Error::input("bad command line", "--scene", "no scene");
-    Ok((names, first.ok_or_else(none)?))
+    Ok((asked, first.ok_or_else(none)?))
+}
+
+/// What is recorded of a scene.
+fn recorded(settings: SceneSettings, loaded: &Loaded, name: &str, several: bool) -> Result<Asked> {
+    let volume_sha256 = settings.spec().sha256()?;
+    let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source);
+    let read = || read_text(Path::new(&loaded.tf_source), "cannot read transfer function");
+    let tf_text = if is_preset { None } else { Some(read()?) };
+    let prefix = if several { format!("{}_", file_name_part(name)) } else { String::new() };
+    let tf_file = tf_text.as_ref().map_or(String::new(), |_| format!("{prefix}transfer_function.json"));
+    let tf = if is_preset { loaded.tf_source.clone() } else { tf_file.clone() };
+    let mut resolved = settings.resolved(&loaded.scene, &tf)?;
+    resolved.name = Some(name.to_owned());
+    resolved.sha256 = volume_sha256.clone();
+    let record = SceneRecord {
+        name: name.to_owned(),
+        file: String::new(),
+        settings: resolved.to_toml()?,
+        volume_sha256,
+        tf: loaded.tf_source.clone(),
+        tf_file,
+        tf_sha256: sha256(loaded.tf.to_json().as_bytes()),
+        size: [loaded.scene.width, loaded.scene.height],
+    };
+    Ok(Asked { settings, record, tf_text })
 }
 
 /// Writes what was measured, prints the table and says what files there are.
-fn publish(made: Made, scenes: &[SceneSettings], folder: &Path) -> Result<()> {
+fn publish(made: Made, asked: &[Asked], folder: &Path, layout: &Layout) -> Result<()> {
     let all = &made.comparison;
     all.notes.iter().for_each(|note| say("note", note));
     for (name, e) in &all.failures {
         say("warning", &format_args!("{name} failed: {e}"));
     }
-    if scenes.iter().any(|s| s.explain) {
+    if asked.iter().any(|a| a.settings.explain) {
         for c in &all.compared {
             c.left_out.iter().for_each(|o| say("plan", &format_args!("{}: {o}", c.slug)));
         }
     }
     let rows = all.rows();
-    let files = made.write(folder)?;
-    files.ablations.iter().for_each(|path| say("ablation", &path.display()));
+    let json = table_json(&rows, &made.run)?;
+    let files = made.write(folder, layout)?;
     files.budgets.iter().for_each(|path| say("budgets", &path.display()));
-    if scenes.iter().any(|s| s.json) {
-        print_result(&json(&rows)?)?;
+    files.ablations.iter().for_each(|path| say("ablation", &path.display()));
+    if asked.iter().any(|a| a.settings.json) {
+        print_result(&json)?;
     } else {
-        print_result(&summary(&rows))?;
+        print_result(&summary(&rows, layout))?;
     }
-    let report = [files.report];
+    say_files(&files);
+    verdict(&rows, folder)
+}
+
+/// Says what files there are.
+pub fn say_files(files: &Files) {
+    files.remarks.iter().for_each(|remark| say("note", remark));
+    let report = [files.report.clone()];
     for (what, paths) in [
         ("tables", &files.tables[..]),
         ("plots", &files.plots),
@@ -160,7 +332,6 @@ fn publish(made: Made, scenes: &[SceneSettings], folder: &Path) -> Result<()> {
         let names: Vec<_> = paths.iter().map(|p| p.display().to_string()).collect();
         say(what, &names.join(" "));
     }
-    verdict(&rows, folder)
 }
 
 /// The one adapter that all scenes are drawn on: times of several make no table.
@@ -217,6 +388,13 @@ mod tests {
             names.push(unused_name(stem(Path::new(path)), &names));
         }
         assert_eq!(names, ["chest", "chest-2", "chest-2-2", "chest-3", "head 1", "head_1-2"]);
+    }
+
+    #[test]
+    fn the_same_method_given_twice_is_one_row() {
+        let of = |text: &str| distinct(parse_list(text).unwrap()).len();
+        assert_eq!(of("dsm:epsilon=0.1,0.1"), 1);
+        assert_eq!(of("none;dsm:epsilon=0.1,0.10,0.02;none;dsm:epsilon=0.02"), 3);
     }
 
     #[test]

@@ -4,6 +4,8 @@ pub mod claims;
 pub mod compare;
 mod error;
 pub mod info;
+mod interrupt;
+pub mod merge;
 pub mod phantom;
 pub mod probe;
 mod probe_curve;
@@ -39,7 +41,8 @@ enum Command {
     Info(info::InfoArgs),
     Render(render::RenderArgs),
     Probe(probe::ProbeArgs),
-    Compare(compare::CompareArgs),
+    Compare(Box<compare::CompareArgs>),
+    Merge(merge::MergeArgs),
     Claims(claims::ClaimsArgs),
     Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
@@ -85,7 +88,8 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Info(args) => info::run(&args),
         Command::Render(args) => render::run(args),
         Command::Probe(args) => probe::run(args),
-        Command::Compare(args) => compare::run(args),
+        Command::Compare(args) => compare::run(*args),
+        Command::Merge(args) => merge::run(&args),
         Command::Claims(args) => claims::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),

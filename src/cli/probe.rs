@@ -11,6 +11,7 @@ use crate::render::Session;
 use clap::Args;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -23,6 +24,14 @@ pub struct ProbeArgs {
     pub what: What,
     #[command(flatten)]
     pub curve_flags: CurveFlags,
+    /// Say in a first line, which begins with `#`, what the columns of --rays or --points are; a terminal always has it
+    #[arg(long)]
+    pub header: bool,
+}
+
+/// The line of `--header`, or nothing.
+fn header(asked: bool, columns: &str) -> String {
+    if asked || io::stdout().is_terminal() { format!("# {columns}\n") } else { String::new() }
 }
 
 /// Which question to answer.
@@ -48,6 +57,10 @@ pub struct What {
 pub fn run(args: ProbeArgs) -> Result<()> {
     let settings = args.scene.into_settings()?;
     if let Some(point_mm) = args.what.curve {
+        if args.header {
+            let why = "what --curve prints is CSV, which has a header";
+            return Err(Error::input("bad command line", "--header", why));
+        }
         let CurveFlags { methods, output } = &args.curve_flags;
         return probe_curve::run(&settings, point_mm, methods.as_deref(), output.as_deref());
     }
@@ -62,7 +75,8 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         let text = read_text(path, "cannot read rays")?;
         let loaded = load(&settings)?;
         let field = ExactField::new(&loaded.volume, &loaded.tf);
-        print_result(&probe_rays(&field, &text, &path.display().to_string())?)?;
+        let answers = probe_rays(&field, &text, &path.display().to_string())?;
+        print_result(&(header(args.header, "optical_depth transmittance") + &answers))?;
     }
     if let Some(path) = &args.what.points {
         let method = settings.method()?;
@@ -77,7 +91,7 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         let shadow = session.shadow(method.as_ref(), scene.light)?;
         let found = session.query(&shadow, &points)?;
         let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));
-        print_result(&lines.collect::<String>())?;
+        print_result(&(header(args.header, "T_method T_exact") + &lines.collect::<String>()))?;
     }
     Ok(())
 }

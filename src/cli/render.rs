@@ -3,9 +3,10 @@
 use super::told::{load, print_json, say};
 use crate::error::Result;
 use crate::files::output::check_output;
-use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_as};
+use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use crate::gpu::Clock;
-use crate::open::{Loaded, SceneArgs};
+use crate::measure::facts::REVISION;
+use crate::open::{DEFAULT_SHADOW, Loaded, SceneArgs};
 use crate::render::{Omission, Picture, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NoShadows, ShadowMap};
@@ -19,7 +20,8 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// The picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity). With
-    /// --background none a .png has straight alpha, and .exr and .npy hold colours times opacity
+    /// --background none a .png has straight alpha, and .exr and .npy hold colours times opacity. A .png holds as text
+    /// the scene file that draws it
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -32,13 +34,21 @@ pub fn run(args: RenderArgs) -> Result<()> {
     check_output(&args.output, PICTURE_EXTENSIONS)?;
     let settings = args.scene.into_settings()?;
     let method = settings.method()?;
-    let Loaded { volume, tf, scene, .. } = load(&settings)?;
+    let Loaded { volume, tf, tf_source, scene, .. } = load(&settings)?;
+    let mut whole = settings.resolved(&scene, &tf_source)?;
+    whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
     let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?;
     let method = needed_method(&session, &scene, method);
     let shadow = session.shadow(method.as_ref(), scene.light)?;
     let picture = session.render(&shadow, &scene)?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
-    write_picture_as(&args.output, &picture.pixels, backdrop)?;
+    let texts = [
+        ("Software", format!("umbravox {}, revision {REVISION}", env!("CARGO_PKG_VERSION"))),
+        ("umbravox:adapter", session.renderer.gpu().info.name.clone()),
+        ("umbravox:scene", whole.to_toml()?),
+    ];
+    let texts = texts.map(|(key, text)| (key.to_owned(), text));
+    write_picture_with(&args.output, &picture.pixels, backdrop, &texts)?;
     let summary = Summary::of(&args.output, &session, method.as_ref(), &shadow, &picture);
     if settings.explain {
         summary.explain();

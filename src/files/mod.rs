@@ -1,7 +1,8 @@
 //! What every room reads and writes files with: text with a one-line error, readings that can be watched and ended,
-//! files that appear whole or not at all, pictures, and sRGB.
+//! files that appear whole or not at all, pictures, sums of what was read, and sRGB.
 
 pub mod color;
+pub mod hash;
 pub mod input;
 pub mod loading;
 pub mod output;

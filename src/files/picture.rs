@@ -3,8 +3,7 @@
 use super::color::srgb8_from_linear;
 use super::output::{extension, write_whole};
 use crate::error::{Error, Result};
-use image::codecs::{openexr::OpenExrEncoder, png::PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
+use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
 use ndarray::Array3;
 use ndarray_npy::WriteNpyExt;
 use std::io::Cursor;
@@ -46,29 +45,52 @@ pub fn write_picture(path: &Path, picture: &Array3<f32>) -> Result<()> {
 /// # Panics
 /// As there.
 pub fn write_picture_as(path: &Path, picture: &Array3<f32>, backdrop: Backdrop) -> Result<()> {
-    let (height, width, channels) = picture.dim();
-    assert_eq!(channels, 4, "a picture is height x width x 4");
-    let (width, height) = (width as u32, height as u32);
+    write_picture_with(path, picture, backdrop, &[])
+}
+
+/// Writes a picture as [`write_picture_as`] does, with texts by their keys that say what it is of, in a `.png` as `iTXt`
+/// chunks and in an `.exr` as its `comments`; an `.npy` keeps none.
+///
+/// # Errors
+/// As there.
+///
+/// # Panics
+/// As there.
+pub fn write_picture_with(
+    path: &Path,
+    picture: &Array3<f32>,
+    backdrop: Backdrop,
+    texts: &[(String, String)],
+) -> Result<()> {
+    assert_eq!(picture.dim().2, 4, "a picture is height x width x 4");
     let ordered = picture.as_standard_layout();
     // Encoded in memory: the codecs seek, and the file is then written in one go.
     let mut bytes = Vec::new();
     let encoded = match extension(path, PICTURE_EXTENSIONS)? {
         "png" => {
-            bytes = png(picture, backdrop)?;
+            bytes = png(picture, backdrop, texts)?;
             Ok(())
         }
-        "exr" => OpenExrEncoder::new(Cursor::new(&mut bytes))
-            .write_image(
-                bytemuck::cast_slice(ordered.as_slice().unwrap_or_default()),
-                width,
-                height,
-                ExtendedColorType::Rgba32F,
-            )
-            .map_err(|e| e.to_string()),
+        "exr" => exr(picture, texts, &mut bytes),
         _ => ordered.write_npy(&mut bytes).map_err(|e| e.to_string()),
     };
     encoded.map_err(|why| Error::runtime("cannot encode picture", path.display(), why))?;
     write_whole(path, |file| file.write_all(&bytes))
+}
+
+/// An OpenEXR file of 32-bit float RGBA, with texts (UTF-8) after their keys in its attribute `comments`.
+fn exr(picture: &Array3<f32>, texts: &[(String, String)], bytes: &mut Vec<u8>) -> Result<(), String> {
+    let (height, width, _) = picture.dim();
+    let pixel = |at: Vec2<usize>| {
+        let channel = |c| picture[[at.y(), at.x(), c]];
+        (channel(0), channel(1), channel(2), channel(3))
+    };
+    let mut image = Image::from_channels((width, height), SpecificChannels::rgba(pixel));
+    // One attribute, and not one a key: the library writes those in any order, and equal pictures are to be equal files.
+    let lines: Vec<String> = texts.iter().map(|(key, text)| format!("{key}: {text}")).collect();
+    image.layer_data.attributes.comments =
+        (!lines.is_empty()).then(|| Text::from_slice_unchecked(lines.join("\n").as_bytes()));
+    image.write().to_buffered(Cursor::new(bytes)).map_err(|e| e.to_string())
 }
 
 /// Reads a picture that [`write_picture`] has written as `.exr`, bit by bit the same.
@@ -89,22 +111,61 @@ pub fn read_exr(path: &Path) -> Result<Array3<f32>> {
 /// # Errors
 /// The encoder's own.
 pub fn picture_png(picture: &Array3<f32>) -> Result<Vec<u8>> {
-    png(picture, Backdrop::Drawn)
+    png(picture, Backdrop::Drawn, &[])
 }
 
-fn png(picture: &Array3<f32>, backdrop: Backdrop) -> Result<Vec<u8>> {
+fn png(picture: &Array3<f32>, backdrop: Backdrop, texts: &[(String, String)]) -> Result<Vec<u8>> {
     let (height, width, _) = picture.dim();
     let pixels = picture.rows().into_iter().map(|p| [0, 1, 2, 3].map(|c| f64::from(p[c])));
     let opaque = |[r, g, b, _]: [f64; 4]| [r, g, b].map(srgb8_from_linear);
     let (codes, kind) = match backdrop {
-        Backdrop::Drawn => (pixels.flat_map(opaque).collect::<Vec<u8>>(), ExtendedColorType::Rgb8),
-        Backdrop::LeftOut => (pixels.flat_map(straight_srgb8).collect(), ExtendedColorType::Rgba8),
+        Backdrop::Drawn => (pixels.flat_map(opaque).collect::<Vec<u8>>(), png::ColorType::Rgb),
+        Backdrop::LeftOut => (pixels.flat_map(straight_srgb8).collect(), png::ColorType::Rgba),
     };
+    encode_png(&codes, [width as u32, height as u32], kind, texts)
+}
+
+/// 8-bit pixels as a PNG file with texts by their keys.
+fn encode_png(
+    codes: &[u8],
+    [width, height]: [u32; 2],
+    kind: png::ColorType,
+    texts: &[(String, String)],
+) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes)
-        .write_image(&codes, width as u32, height as u32, kind)
-        .map_err(|e| Error::runtime("cannot encode picture", "PNG", e))?;
+    let mut encode = || {
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(kind);
+        encoder.set_depth(png::BitDepth::Eight);
+        for (key, text) in texts {
+            encoder.add_itxt_chunk(key.clone(), text.clone())?;
+        }
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(codes)?;
+        writer.finish()
+    };
+    encode().map_err(|e: png::EncodingError| Error::runtime("cannot encode picture", "PNG", e))?;
     Ok(bytes)
+}
+
+/// A PNG file of 8 bits a channel with texts by their keys added.
+///
+/// # Errors
+/// It is none such.
+pub fn with_texts(file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u8>> {
+    if texts.is_empty() {
+        return Ok(file);
+    }
+    let failed = |why: String| Error::runtime("cannot encode picture", "PNG", why);
+    let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().map_err(|e| failed(e.to_string()))?;
+    let size = reader.output_buffer_size().ok_or_else(|| failed("it is too large".into()))?;
+    let mut codes = vec![0; size];
+    let info = reader.next_frame(&mut codes).map_err(|e| failed(e.to_string()))?;
+    if info.bit_depth != png::BitDepth::Eight {
+        return Err(failed("it has not 8 bits a channel".into()));
+    }
+    codes.truncate(info.buffer_size());
+    encode_png(&codes, [info.width, info.height], info.color_type, texts)
 }
 
 /// 8-bit sRGB and alpha of a linear colour that is times its opacity; no opacity has no colour.
@@ -139,6 +200,37 @@ mod tests {
         assert_eq!((read.width(), read.height()), (5, 3));
         assert_eq!(read.into_raw(), picture().into_raw_vec_and_offset().0);
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn texts_are_in_the_file_and_the_pixels_are_as_without() {
+        let dir = tempfile::tempdir().unwrap();
+        let (plain, told) = (dir.path().join("a.png"), dir.path().join("b.png"));
+        let texts = [("Software", "umbravox"), ("umbravox:scene", "name = 'Kopf ä \u{2192}'\nfov = 40\n")]
+            .map(|(key, text)| (key.to_owned(), text.to_owned()));
+        write_picture(&plain, &picture()).unwrap();
+        write_picture_with(&told, &picture(), Backdrop::Drawn, &texts).unwrap();
+        let pixels = |path: &Path| ImageReader::open(path).unwrap().decode().unwrap().to_rgb8();
+        assert_eq!(pixels(&plain), pixels(&told));
+        let read = |bytes: Vec<u8>| {
+            let reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+            let chunks = reader.info().utf8_text.iter();
+            chunks.map(|c| (c.keyword.clone(), c.get_text().unwrap())).collect::<Vec<_>>()
+        };
+        assert_eq!(read(std::fs::read(&told).unwrap()), texts);
+        // The same for a file that was made without.
+        let added = with_texts(std::fs::read(&plain).unwrap(), &texts).unwrap();
+        assert_eq!(image::load_from_memory(&added).unwrap().to_rgb8(), pixels(&plain));
+        assert_eq!(read(added), texts);
+        assert!(with_texts(b"no picture".to_vec(), &texts).is_err());
+
+        let told = dir.path().join("b.exr");
+        write_picture_with(&told, &picture(), Backdrop::Drawn, &texts).unwrap();
+        assert_eq!(read_exr(&told).unwrap(), picture());
+        let meta = exr::meta::MetaData::read_from_file(&told, false).unwrap();
+        let comments = meta.headers[0].own_attributes.comments.as_ref().unwrap().as_slice().to_vec();
+        let expected = format!("Software: umbravox\numbravox:scene: {}", texts[1].1);
+        assert_eq!(String::from_utf8(comments).unwrap(), expected);
     }
 
     #[test]

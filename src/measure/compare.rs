@@ -232,6 +232,12 @@ fn unequal_opacity(rows: &[&mut TimedRow]) -> Vec<String> {
     others.iter().filter_map(note).collect()
 }
 
+/// What tells the files of each method's row from others', in their order.
+pub fn slugs(prefix: &str, methods: &[Box<dyn Method>]) -> Vec<String> {
+    let mut used = HashMap::new();
+    methods.iter().map(|method| unused_slug(prefix, method.as_ref(), &mut used)).collect()
+}
+
 /// Scene, method and settings as part of a file name; a number is added where a row has been named so before.
 fn unused_slug(prefix: &str, method: &dyn Method, used: &mut HashMap<String, u32>) -> String {
     let map = method.map_size().map_or(String::new(), |n| format!(" map={n}"));
@@ -248,8 +254,6 @@ mod tests {
     #[test]
     fn file_names_tell_rows_apart() {
         let methods = parse_list("none;dsm:epsilon=0.02,0.005,map=64,128;none").unwrap();
-        let mut used = HashMap::new();
-        let slugs: Vec<_> = methods.iter().map(|m| unused_slug("", m.as_ref(), &mut used)).collect();
         let expected = [
             "none",
             "dsm-map-64-epsilon-0.02",
@@ -258,7 +262,7 @@ mod tests {
             "dsm-map-128-epsilon-0.005",
             "none-2",
         ];
-        assert_eq!(slugs, expected);
-        assert_eq!(unused_slug("lungs_", methods[0].as_ref(), &mut used), "lungs_none");
+        assert_eq!(slugs("", &methods), expected);
+        assert_eq!(slugs("lungs_", &methods[..1]), ["lungs_none"]);
     }
 }

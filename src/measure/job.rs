@@ -8,6 +8,7 @@ use crate::shadow::{Method, NoShadows};
 use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
+use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 use std::time::Instant;
 
@@ -15,7 +16,8 @@ use std::time::Instant;
 pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
 
 /// How much to measure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Effort {
     /// Timed runs of each method, after warm-up.
     pub repeats: usize,

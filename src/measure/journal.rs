@@ -8,7 +8,7 @@ use super::budget::Trial;
 use super::table::Row;
 use super::timing::StageTimes;
 use crate::error::{Error, Result};
-use crate::files::picture::{read_exr, write_picture};
+use crate::files::picture::{Backdrop, read_exr, write_picture_with};
 use crate::render::Omission;
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
@@ -76,6 +76,10 @@ enum Line {
 #[derive(Debug, Default)]
 pub struct Journal {
     place: Option<(PathBuf, File)>,
+    /// What pictures say of themselves, by keys.
+    about: Vec<(String, String)>,
+    /// Rows that are on disk and belong to this run's table.
+    kept: usize,
     /// This run of the program; the first that writes to a journal is 1.
     run: u32,
     /// Each with its picture's fingerprint.
@@ -111,6 +115,9 @@ impl Journal {
         }
         let mut journal = Self { run: 1, ..Self::default() };
         let mut whole = 0;
+        if !resume {
+            remove_pictures(&mut file, folder);
+        }
         if resume {
             let mut bytes = Vec::new();
             file.read_to_end(&mut bytes).map_err(failed)?;
@@ -132,6 +139,16 @@ impl Journal {
     /// How many rows of earlier runs there are, of whatever scenes and settings.
     pub fn len(&self) -> usize {
         self.rows.len()
+    }
+
+    /// How many rows of the table are on disk by now: measured by this run, or by earlier ones and taken or not yet.
+    pub fn kept(&self) -> usize {
+        self.kept + self.rows.len()
+    }
+
+    /// Texts by their keys for the pictures that are kept from now on; what the method is, each says itself.
+    pub fn describe(&mut self, about: Vec<(String, String)>) {
+        self.about = about;
     }
 
     /// Whether there are none.
@@ -166,7 +183,9 @@ impl Journal {
         let [png, exr] = self.pictures(&measured.slug)?;
         let picture = read_exr(&exr).ok()?;
         let rounds = self.rounds.remove(key).unwrap_or_default();
-        (png.is_file() && fingerprint(&picture) == expected).then_some(Kept { measured, picture, rounds })
+        let kept = png.is_file() && fingerprint(&picture) == expected;
+        self.kept += usize::from(kept);
+        kept.then_some(Kept { measured, picture, rounds })
     }
 
     /// Puts a row's pictures on disk, and then the row.
@@ -175,12 +194,16 @@ impl Journal {
     /// Files that cannot be written.
     pub fn keep(&mut self, key: &str, measured: &Measured, picture: &Array3<f32>) -> Result<()> {
         let Some(pictures) = self.pictures(&measured.slug) else { return Ok(()) };
+        let mut about = self.about.clone();
+        about.push(("Description".into(), measured.row.spec()));
         for path in &pictures {
-            write_picture(path, picture)?;
+            write_picture_with(path, picture, Backdrop::Drawn, &about)?;
         }
         let Measured { row, slug, left_out, notes, frame_ms } = measured.clone();
         let (cells, picture) = (row.texts(), fingerprint(picture));
-        self.write(&[Line::Row { key: key.into(), slug, picture, frame_ms, cells, left_out, notes }])
+        self.write(&[Line::Row { key: key.into(), slug, picture, frame_ms, cells, left_out, notes }])?;
+        self.kept += 1;
+        Ok(())
     }
 
     /// Adds a timed round of some rows.
@@ -227,6 +250,22 @@ impl Journal {
             bytes.push(b'\n');
         }
         file.write_all(&bytes).and_then(|()| file.sync_data()).map_err(|e| failed(&e))
+    }
+}
+
+/// Removes the pictures of a journal that is started anew: of rows that a search chose nothing else may say so yet.
+fn remove_pictures(journal: &mut File, folder: &Path) {
+    let mut bytes = Vec::new();
+    // What cannot be read or removed stays, and is written over where a row of that name comes again.
+    let _ = journal.read_to_end(&mut bytes);
+    for line in bytes.split(|b| *b == b'\n') {
+        let Ok(Line::Row { slug, .. }) = serde_json::from_slice(line) else { continue };
+        // Whatever the journal says, nothing outside the folder is touched.
+        if !slug.contains(['/', '\\']) {
+            for ending in ["png", "exr"] {
+                let _ = std::fs::remove_file(folder.join(format!("picture_{slug}.{ending}")));
+            }
+        }
     }
 }
 
@@ -322,6 +361,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         written(dir.path());
         assert!(Journal::open(dir.path(), false).unwrap().is_empty());
+        assert!(!dir.path().join("picture_m1.exr").exists() && !dir.path().join("picture_m2.png").exists());
         assert!(Journal::open(dir.path(), true).unwrap().is_empty());
     }
 

@@ -1,5 +1,6 @@
 //! Scene files: [`SceneSettings`] as TOML, both ways. A key is read by the very parser of its flag.
 
+use super::presets::PRESETS;
 use super::refusal::{Refusal, refusal};
 use super::settings::SceneSettings;
 use crate::error::{Error, Result};
@@ -19,12 +20,22 @@ struct Line {
 }
 
 impl SceneSettings {
-    /// Reads a scene file. Its paths are relative to the working folder, as those of flags are.
+    /// Reads a scene file. Its paths are of files beside it, or else relative to the working folder, as those of flags are.
     ///
     /// # Errors
     /// The file cannot be read, is not TOML, has keys that are no flags, or a value that the flag would not take.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::from_toml(&read_text(path, WHAT)?).map_err(|e| e.at(path.display()))
+        let mut settings = Self::from_toml(&read_text(path, WHAT)?).map_err(|e| e.at(path.display()))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        for name in [&mut settings.volume, &mut settings.tf].into_iter().flatten() {
+            let beside = folder.join(&*name);
+            // Neither a preset nor a built-in volume has a file; where one is called so, it is the file that is odd.
+            let is_built_in = name.starts_with("phantom:") || PRESETS.iter().any(|p| p.name == name);
+            if !is_built_in && Path::new(name).is_relative() && beside.is_file() {
+                *name = beside.to_string_lossy().into_owned();
+            }
+        }
+        Ok(settings)
     }
 
     /// Reads the text of a scene file.
@@ -146,6 +157,8 @@ mod tests {
         "lambert",
         "blinn-phong",
         "bricks",
+        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad",
+        "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
     ];
 
     /// Two different values of every setting, as `--key=value`, and its key.
@@ -222,6 +235,22 @@ mod tests {
         ];
         let settings = Line::try_parse_from(flags).unwrap().settings;
         assert_eq!(SceneSettings::from_toml(text).unwrap(), settings);
+    }
+
+    #[test]
+    fn a_file_beside_a_scene_file_is_meant_before_one_elsewhere() {
+        let dir = tempfile::tempdir().unwrap();
+        let (scene, tf) = (dir.path().join("scene.toml"), dir.path().join("bone.json"));
+        std::fs::write(&scene, "volume = 'phantom:slab:8'\ntf = 'bone.json'").unwrap();
+        assert_eq!(SceneSettings::read(&scene).unwrap().tf.unwrap(), "bone.json");
+        std::fs::write(&tf, "{}").unwrap();
+        let read = SceneSettings::read(&scene).unwrap();
+        assert_eq!(read.tf.unwrap(), tf.to_string_lossy());
+        assert_eq!(read.volume.unwrap(), "phantom:slab:8");
+        // A preset is never a file.
+        std::fs::write(dir.path().join("bone"), "").unwrap();
+        std::fs::write(&scene, "tf = 'bone'").unwrap();
+        assert_eq!(SceneSettings::read(&scene).unwrap().tf.unwrap(), "bone");
     }
 
     #[test]

@@ -5,12 +5,13 @@
 use super::strands::{StrandFlags, is_strand_source, load_strands};
 use super::values;
 use crate::error::{Error, Result};
+use crate::files::hash::sha256_of_files;
 use crate::files::loading::Loading;
 use crate::strands::{HAIR_EXTENSIONS, StrandSet, Strands};
 use crate::volume::{Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How to read a volume that does not say it itself; absent ones are `None`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
@@ -52,6 +53,18 @@ impl VolumeSpec {
 
     fn path(&self) -> &Path {
         Path::new(&self.source)
+    }
+
+    /// SHA-256 of the file, or of both of a pair one after the other; `None` for what is built in.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn sha256(&self) -> Result<Option<String>> {
+        if self.phantom().is_some() {
+            return Ok(None);
+        }
+        let files = nifti::files_of(self.path());
+        sha256_of_files(files.iter().map(PathBuf::as_path)).map(Some)
     }
 
     /// What follows after `phantom:`.

@@ -37,7 +37,13 @@ pub struct SceneSettings {
     #[command(flatten)]
     #[serde(flatten)]
     pub read_flags: ReadFlags,
+    /// SHA-256 that the volume's file should have; a warning says where it has another
+    #[arg(long, value_name = "HEX", value_parser = values::sha256, help_heading = "Volume")]
+    pub sha256: Option<String>,
 
+    /// What tables call the scene [default: the scene file's name, or volume and transfer function]
+    #[arg(long, value_name = "TEXT", help_heading = "Scene")]
+    pub name: Option<String>,
     /// Transfer function: a preset or a .json file [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]
     #[arg(long, value_name = "FILE|PRESET", help_heading = "Scene", long_help = tf_help())]
     pub tf: Option<String>,
@@ -190,12 +196,41 @@ impl SceneSettings {
         let volume = load_with(&self.spec(), loading)?;
         let mut remarks: Vec<Remark> =
             volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
+        remarks.extend(self.another_volume()?.map(|remark| ("warning", remark)));
         let tf_source = self.tf.clone().unwrap_or_else(|| presets::default_name(&volume).into());
         let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
         let ResolvedTransferFunction { tf, note } = found.suit(&volume);
         remarks.extend(note.map(|note| ("note", note)));
         let scene = self.scene(&volume)?;
         Ok(Loaded { volume, tf, tf_source, scene, remarks })
+    }
+
+    /// Where `sha256` is given: what to say if the volume's file has another.
+    fn another_volume(&self) -> Result<Option<String>> {
+        let Some(expected) = &self.sha256 else { return Ok(None) };
+        let spec = self.spec();
+        Ok(match spec.sha256()? {
+            Some(found) if found == *expected => None,
+            Some(found) => Some(format!(
+                "{} is not the file that was meant: its SHA-256 is {found}, not {expected}",
+                spec.source
+            )),
+            None => Some(format!("{} is built in: it has no SHA-256 to compare", spec.source)),
+        })
+    }
+
+    /// The settings with nothing left to a default, for a file that stays true when defaults change: what was given, and
+    /// what `scene` says of the rest.
+    ///
+    /// # Errors
+    /// As [`Self::to_toml`].
+    pub fn resolved(&self, scene: &Scene, tf: &str) -> Result<Self> {
+        let mut all = Self::of_scene(&self.spec(), scene, self.is_transparent()).over(self)?;
+        all.tf = Some(tf.to_owned());
+        // Neither is of the scene: a table has methods of its own, and another machine another adapter.
+        [all.shadow, all.adapter] = [None, None];
+        [all.explain, all.json] = [false, false];
+        Ok(all)
     }
 
     /// The scene for a volume.

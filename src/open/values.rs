@@ -62,6 +62,14 @@ pub fn size(text: &str) -> Result<Size, String> {
     }
 }
 
+/// A SHA-256 sum in hexadecimal.
+pub fn sha256(text: &str) -> Result<String, String> {
+    match text.len() == 64 && text.bytes().all(|b| b.is_ascii_hexdigit()) {
+        true => Ok(text.to_ascii_lowercase()),
+        false => Err("expected 64 hexadecimal digits".into()),
+    }
+}
+
 /// Names of [`Forced`] work.
 pub fn forced(text: &str) -> Result<Forced, String> {
     text.parse().map_err(|e: Error| format!("{} {}: {}", e.what, e.place, e.why))

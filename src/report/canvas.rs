@@ -193,6 +193,22 @@ impl Drawing {
     }
 }
 
+impl Drawing {
+    /// The page as a PDF file of one page, its letters text in an embedded font.
+    ///
+    /// # Errors
+    /// A page that cannot be converted.
+    pub fn pdf(&self) -> Result<Vec<u8>> {
+        let failed = |e: &dyn std::fmt::Display| Error::runtime("cannot draw", "PDF", e);
+        let mut options = svg2pdf::usvg::Options::default();
+        options.fontdb_mut().load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
+        let tree =
+            svg2pdf::usvg::Tree::from_str(&self.svg(None).into_string(), &options).map_err(|e| failed(&e))?;
+        svg2pdf::to_pdf(&tree, svg2pdf::ConversionOptions::default(), svg2pdf::PageOptions::default())
+            .map_err(|e| failed(&e))
+    }
+}
+
 /// A coordinate to a hundredth of a point.
 fn short(x: f64) -> f64 {
     (100.0 * x).round() / 100.0

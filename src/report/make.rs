@@ -1,39 +1,39 @@
 //! From methods, scenes and a folder to every file of a comparison: tables, plots, pictures, the report and the journal.
-//! The command line and the window both come this way.
+//! The command line and the window both come this way; [`merge`](super::merge) joins it where everything is measured.
 
 mod files;
 mod page;
 
 use super::budgets::write_budgets;
-use super::tables::write_tables;
+use super::made::take_differences;
+pub use super::made::{Made, ReferencePicture};
+use super::run::Run;
+use super::tables::{Layout, write_tables};
 use crate::error::Result;
-use crate::measure::ablate::{self, Ablation};
+use crate::measure::ablate;
 use crate::measure::budget::Budget;
 use crate::measure::compare::{compare_within, steps};
-use crate::measure::comparison::Comparison;
+use crate::measure::comparison::{Compared, Comparison};
 use crate::measure::facts::Facts;
-use crate::measure::job::{Effort, Job, file_name_part};
+use crate::measure::job::Job;
 use crate::measure::journal::Journal;
 use crate::measure::progress::Progress;
 use crate::render::{Forced, Renderer, Session};
 use crate::scene::Scene;
-use crate::shadow::Method;
+use crate::shadow::{Method, NodeMap, ShadowRays};
 use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
+pub(super) use files::node_map;
 use files::{write_ablations, write_pictures, write_scene_plots};
-use page::Page;
+use page::{program_conditions, scene_conditions, write_page};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// What is measured on every scene.
 pub struct Order<'a> {
-    /// A row each.
-    pub methods: &'a [Box<dyn Method>],
-    /// How much to measure.
-    pub effort: Effort,
-    /// Measure as well what each omission of the plan is worth.
-    pub ablate: bool,
+    /// A row each, scene by scene. A scene that has none is not even read.
+    pub methods: &'a [Vec<Box<dyn Method>>],
     /// What the settings of each method are searched within, for further rows.
     pub budgets: &'a [Budget],
     /// What a reader should know of how rows are timed; may be empty.
@@ -54,15 +54,6 @@ pub struct Subject {
     pub forced: Forced,
 }
 
-/// A comparison of which everything is measured and nothing written but the journal.
-pub struct Made {
-    /// Rows, pictures, notes and failures of all scenes.
-    pub comparison: Comparison,
-    ablations: Option<Vec<Ablation>>,
-    names: Vec<String>,
-    page: Page,
-}
-
 /// The files of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Files {
@@ -70,7 +61,7 @@ pub struct Files {
     pub tables: Vec<PathBuf>,
     /// Error against time and memory.
     pub plots: Vec<PathBuf>,
-    /// Of each row, with where they differ, and `pictures.md`.
+    /// Of each row, with where they differ, and all of them beside each other.
     pub pictures: Vec<PathBuf>,
     /// `report.html`.
     pub report: PathBuf,
@@ -78,34 +69,38 @@ pub struct Files {
     pub ablations: Vec<PathBuf>,
     /// What was tried within budgets, and which method is closest within each; empty unless there are any.
     pub budgets: Vec<PathBuf>,
+    /// What could not be put as it was asked for.
+    pub remarks: Vec<String>,
 }
 
-/// Measures every method on every scene, `names` being theirs, each read when its turn comes. A scene among several that
-/// the device cannot hold is failed rows.
+/// Measures every method on every scene of `run`, each read when its turn comes. A scene among several that the device
+/// cannot hold is failed rows.
 ///
 /// # Errors
 /// A scene that cannot be read, a single one that the device cannot hold, a journal that cannot be written to, or it was
 /// ended on request; what is measured is in the journal then.
 pub fn make(
     order: &Order,
-    names: &[String],
+    run: &Run,
     read: &mut dyn FnMut(usize) -> Result<Subject>,
     renderer: &Arc<Renderer>,
     journal: &mut Journal,
     progress: &mut Progress,
 ) -> Result<Made> {
-    let Order { methods, effort, budgets, .. } = *order;
-    let several = names.len() > 1;
-    for (step, times) in names.iter().flat_map(|_| steps(methods, &effort)) {
-        progress.expect(step, times);
+    let effort = run.effort;
+    for methods in order.methods.iter().filter(|m| !m.is_empty()) {
+        steps(methods, &effort).into_iter().for_each(|(step, times)| progress.expect(step, times));
+        let ablated = methods.iter().filter(|_| run.ablate);
+        ablated.for_each(|method| progress.expect(ablate::step(method.as_ref()), 1));
     }
-    let ablated = names.iter().filter(|_| order.ablate).flat_map(|_| methods);
-    ablated.for_each(|method| progress.expect(ablate::step(method.as_ref()), 1));
-    let (mut all, mut ablations) = (Comparison::default(), order.ablate.then(Vec::new));
-    let mut page = Page::of(names.len());
-    for (i, name) in names.iter().enumerate() {
+    let mut made = Made { run: run.clone(), ablations: run.ablate.then(Vec::new), ..Made::default() };
+    for (i, (name, methods)) in run.scene_names().into_iter().zip(order.methods).enumerate() {
+        if methods.is_empty() {
+            continue;
+        }
         let Subject { volume, tf, strands, scene, forced } = read(i)?;
         let mut rows = methods.len();
+        journal.describe(run.picture_texts(i));
         match Session::on(renderer, Arc::clone(&volume), &tf, forced) {
             Ok(session) => {
                 let job = Job {
@@ -114,55 +109,123 @@ pub fn make(
                     tf: &tf,
                     strands: strands.as_ref(),
                     scene: &scene,
-                    scene_name: name.clone(),
-                    file_prefix: if several { format!("{}_", file_name_part(name)) } else { String::new() },
+                    scene_name: name,
+                    file_prefix: run.prefix(i),
                     remark: order.remark.to_owned(),
                     effort,
                 };
-                let mut compared = compare_within(&job, methods, budgets, journal, progress)?;
-                if several {
-                    compared.name_scene(name);
-                }
-                rows = compared.compared.len();
-                let measured: Vec<_> = methods.iter().chain(&compared.tuned).map(Box::as_ref).collect();
-                page.add(&job, &measured, &compared.compared, progress)?;
-                all.append(compared);
-                if let Some(ablations) = &mut ablations {
-                    ablations.append(&mut ablate::ablate(&job, methods, progress)?);
-                }
+                rows = made.add(&job, order.budgets, methods, journal, progress)?;
             }
-            Err(error) if !several => return Err(error),
+            Err(error) if run.scenes.len() == 1 => return Err(error),
             Err(error) => {
                 steps(methods, &effort).iter().for_each(|(step, times)| progress.spare(step, *times));
                 let facts = Facts::of(renderer.gpu());
-                let failed = Comparison::failed(&facts, name, [scene.width, scene.height], methods, &error);
-                page.add_rows(&failed.rows());
-                all.append(failed);
+                let failed = Comparison::failed(&facts, &name, [scene.width, scene.height], methods, &error);
+                made.nodes.extend(methods.iter().map(|_| None));
+                made.comparison.append(failed);
             }
         }
         progress.next_scene(rows);
     }
-    Ok(Made { comparison: all, ablations, names: names.to_vec(), page })
+    Ok(made)
 }
 
 impl Made {
-    /// Writes `compare.csv` and all the other files into a folder that exists, each whole or not at all.
+    /// Measures a scene, and what is shown of it beyond its rows: nodes, counted on maps built once more outside all
+    /// timing, and where no row is `rays` a picture by it to show differences from. What fails of these is a note. Gives
+    /// how many rows there are: those of `methods`, and what searches within budgets chose besides.
+    fn add(
+        &mut self,
+        job: &Job,
+        budgets: &[Budget],
+        methods: &[Box<dyn Method>],
+        journal: &mut Journal,
+        progress: &mut Progress,
+    ) -> Result<usize> {
+        let several = self.run.scenes.len() > 1;
+        let prefix = if several { format!("{}: ", job.scene_name) } else { String::new() };
+        if self.run.conditions.is_empty() {
+            self.run.conditions = program_conditions(job);
+        }
+        self.run
+            .conditions
+            .extend(scene_conditions(job).map(|(name, value)| (format!("{prefix}{name}"), value)));
+        let mut all = compare_within(job, methods, budgets, journal, progress)?;
+        if several {
+            all.name_scene(&job.scene_name);
+        }
+        let has_rays =
+            all.compared.iter().any(|c| c.row.method == ShadowRays::default().name() && c.picture.is_some());
+        if !has_rays {
+            progress.check("reference picture")?;
+            match reference(job) {
+                Ok(reference) => {
+                    take_differences(&mut all.compared, &reference.pixels)?;
+                    self.references.push(reference);
+                }
+                Err(e) => all.notes.push(format!("{prefix}differences are left out: {e}")),
+            }
+        }
+        for (method, c) in methods.iter().chain(&all.tuned).zip(&all.compared) {
+            progress.check("nodes")?;
+            self.nodes.push(nodes(job, method.as_ref(), c).unwrap_or_else(|e| {
+                all.notes.push(format!("{}: nodes are not shown: {e}", c.row.spec()));
+                None
+            }));
+        }
+        let rows = all.compared.len();
+        self.comparison.append(all);
+        if let Some(ablations) = &mut self.ablations {
+            ablations.append(&mut ablate::ablate(job, methods, progress)?);
+        }
+        Ok(rows)
+    }
+
+    /// Writes `compare.csv` and all the other files into a folder that exists, each whole or not at all, and last the
+    /// record that says so.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn write(self, folder: &Path) -> Result<Files> {
+    pub fn write(mut self, folder: &Path, layout: &Layout) -> Result<Files> {
+        self.record_rows();
+        // Before any of them is there: a run that is ended here can be removed whole.
+        self.run.write(folder)?;
         let rows = self.comparison.rows();
-        Ok(Files {
-            tables: write_tables(&rows, folder, "compare")?,
-            plots: write_scene_plots(&rows, &self.names, folder)?,
-            pictures: write_pictures(&self.comparison.compared, folder)?,
-            report: self.page.write(&self.comparison, folder)?,
+        let (tables, remarks) = write_tables(&rows, folder, &self.run, layout)?;
+        let files = Files {
+            tables,
+            plots: write_scene_plots(&rows, &self.run, folder)?,
+            pictures: write_pictures(&self, folder)?,
+            report: write_page(&self, folder)?,
             budgets: write_budgets(&rows, &self.comparison.trials, folder)?,
             ablations: self
                 .ablations
-                .map_or_else(|| Ok(Vec::new()), |rows| write_ablations(&rows, folder))?,
-        })
+                .as_ref()
+                .map_or_else(|| Ok(Vec::new()), |rows| write_ablations(rows, folder))?,
+            remarks,
+        };
+        self.run.notes = self.comparison.notes;
+        self.run.finished = true;
+        self.run.write(folder)?;
+        Ok(files)
     }
+}
+
+/// The picture by a shadow ray per sample.
+fn reference(job: &Job) -> Result<ReferencePicture> {
+    let shadow = job.session.shadow(&ShadowRays::default(), job.scene.light)?;
+    let pixels = job.session.render(&shadow, job.scene)?.pixels;
+    let adapter = job.session.renderer.gpu().info.name.clone();
+    Ok(ReferencePicture { scene: job.scene_name.clone(), adapter, pixels })
+}
+
+/// The nodes of a row's structure, where it has any.
+fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<NodeMap>> {
+    if compared.row.nodes_total.is_none() {
+        return Ok(None);
+    }
+    let shadow = job.session.shadow(method, job.scene.light)?;
+    job.session.node_map(&shadow)
 }
 
 /// Volume and transfer function in a few words: `CT_AVM, CT bone`.

@@ -3,19 +3,26 @@
 //! [`mod@make`] orders the comparison of one or several scenes and writes a folder: every column as CSV and JSON
 //! ([`writers`]), Markdown and LaTeX for reading ([`tables`]) with what is closest within [`budgets`], error
 //! against time and memory ([`plot`]), where pictures differ ([`heat`]), and all of it with the figures of [`nodes`]
-//! in one file ([`mod@html`]). [`ablation`], [`claims`] and [`mod@stability`] write up the
-//! other tables.
+//! in one file ([`mod@html`]). [`run`] says how it was made, and [`mod@merge`] puts shards together. [`ablation`] and [`mod@stability`] write up the other two tables.
 
 pub mod ablation;
 pub mod budgets;
 mod canvas;
 pub mod claims;
+mod folder;
+pub mod grid;
 pub mod heat;
 pub mod html;
+mod made;
 pub mod make;
+pub mod merge;
+mod names;
 pub mod nodes;
 pub mod number;
 pub mod plot;
+pub mod run;
 pub mod stability;
 pub mod tables;
 pub mod writers;
+
+pub use folder::Start;

@@ -18,9 +18,25 @@ pub fn significant(x: f64, digits: usize) -> String {
     format!("{x:.decimals$}")
 }
 
+/// A similarity with as many digits as tell it from 1: three of what is missing.
+pub fn near_one(x: f64) -> String {
+    let missing = (1.0 - x).abs();
+    if !missing.is_finite() {
+        return x.to_string();
+    }
+    let digits = if missing > 0.0 { (2.0 - missing.log10().floor()).clamp(3.0, 9.0) as usize } else { 3 };
+    format!("{x:.digits$}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn similarities_near_one_are_told_apart() {
+        let shown = [0.5, 0.9951, 0.999_87, 0.999_861, 1.0, 0.999_999_999_999].map(near_one);
+        assert_eq!(shown, ["0.500", "0.99510", "0.999870", "0.999861", "1.000", "1.000000000"]);
+    }
 
     #[test]
     fn significant_digits() {

@@ -1,4 +1,4 @@
-//! Figures as PNG and SVG, both of one drawing.
+//! Figures as PNG, SVG and PDF, all of one drawing.
 //!
 //! A method has one colour and one marker in every figure (told apart with any colour vision, and by shape in print).
 
@@ -12,8 +12,10 @@ mod page;
 mod style;
 
 use super::canvas::Drawing;
+use super::names::PLOT_ENDINGS;
 use crate::error::Result;
 use crate::files::output::write_whole;
+use crate::files::picture::with_texts;
 use crate::measure::table::Row;
 use cost::Cost;
 use error::figure;
@@ -29,20 +31,26 @@ pub(super) fn error_bytes(rows: &[Row]) -> Drawing {
     figure(rows, Cost::Memory)
 }
 
-/// Writes `STEM.png` and `STEM.svg` (error against time), `STEM_bytes.png` and `STEM_bytes.svg` into a folder that
-/// exists, each whole or not at all; returns their paths.
+/// Writes the plots of error against time and against bytes under two stems, each as PNG with texts by their keys, SVG
+/// and PDF, into a folder that exists, each whole or not at all; returns their paths.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write_plots(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
+pub fn write_plots(
+    rows: &[Row],
+    folder: &Path,
+    stems: &[String; 2],
+    texts: &[(String, String)],
+) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
-    for (drawing, stem) in
-        [(error_time(rows), stem.to_string()), (error_bytes(rows), format!("{stem}_bytes"))]
-    {
-        for (extension, bytes) in
-            [("png", drawing.png()?), ("svg", drawing.svg(None).into_string().into_bytes())]
-        {
-            let path = folder.join(format!("{stem}.{extension}"));
+    for (drawing, stem) in [error_time(rows), error_bytes(rows)].into_iter().zip(stems) {
+        for ending in PLOT_ENDINGS {
+            let bytes = match ending {
+                "png" => with_texts(drawing.png()?, texts)?,
+                "svg" => drawing.svg(None).into_string().into_bytes(),
+                _ => drawing.pdf()?,
+            };
+            let path = folder.join(format!("{stem}.{ending}"));
             write_whole(&path, |file| file.write_all(&bytes))?;
             paths.push(path);
         }

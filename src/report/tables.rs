@@ -1,21 +1,52 @@
 //! The table for reading: Markdown and LaTeX, units in the headings, three significant digits.
 
 mod columns;
+mod latex;
 
 use super::budgets::lines;
 use super::number::significant;
-use super::writers::{columns_markdown, json, table_csv};
+use super::run::Run;
+use super::writers::{columns_markdown, table_csv, table_json};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::measure::table::Row;
-use columns::{SHOWN, Shown};
+use columns::{SHOWN, Shown, chosen, one_line};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+/// Which columns the tables for reading have, and how wide they may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layout {
+    /// Columns by their names in the CSV file; `None`: a few in LaTeX and on the terminal, most in Markdown.
+    pub columns: Option<Vec<String>>,
+    /// The LaTeX table is no wider, points.
+    pub tex_width_pt: f64,
+}
+
+impl Layout {
+    /// A4 with margins of 2.5 cm: 16 cm of text.
+    pub const TEX_WIDTH_PT: f64 = 455.0;
+
+    /// Columns by their names in the CSV file.
+    ///
+    /// # Errors
+    /// A name that is no column's.
+    pub fn check(&self) -> Result<()> {
+        self.columns.as_deref().map_or(Ok(()), |names| chosen(names).map(|_| ()))
+    }
+}
+
+impl Default for Layout {
+    fn default() -> Self {
+        Self { columns: None, tex_width_pt: Self::TEX_WIDTH_PT }
+    }
+}
+
 /// The main columns of the rows as an aligned Markdown table with a caption, and which method is closest within each
 /// budget that rows were tuned for.
-pub fn summary(rows: &[Row]) -> String {
-    markdown_table(rows, |s| s.on_paper) + &remarks(rows) + &answers(rows)
+pub fn summary(rows: &[Row], layout: &Layout) -> String {
+    let few: Vec<Shown> = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
+    markdown_table(rows, &picked(layout, few)) + &remarks(rows) + &answers(rows)
 }
 
 /// The notes of single rows.
@@ -50,8 +81,8 @@ pub fn budget_lines(rows: &[Row]) -> Vec<String> {
 
 /// The rows as an aligned Markdown table with a caption, with what there is to say about single rows and what was left
 /// out below it.
-pub fn markdown(rows: &[Row]) -> String {
-    let mut out = markdown_table(rows, |_| true);
+pub fn markdown(rows: &[Row], layout: &Layout) -> String {
+    let mut out = markdown_table(rows, &picked(layout, SHOWN.to_vec()));
     out += "\nErrors are of transmittance (0 to 1): `ray err` along light rays, `point err` at the points the \
         camera sees; the picture's are against the exact picture, RMSE and PSNR in linear RGBA, SSIM in sRGB. Times \
         are medians. Every column is in the CSV file beside this one.\n";
@@ -74,11 +105,11 @@ pub fn markdown(rows: &[Row]) -> String {
     out
 }
 
-fn markdown_table(rows: &[Row], wanted: impl Fn(&Shown) -> bool) -> String {
-    let (caption, shown) = layout(rows, wanted);
+fn markdown_table(rows: &[Row], wanted: &[Shown]) -> String {
+    let (caption, shown) = filled(rows, wanted);
     let mut out = format!("{}\n\n", escape_markdown(&caption));
     let mut lines = vec![shown.iter().map(|s| escape_markdown(&heading(s))).collect::<Vec<_>>()];
-    lines.extend(rows.iter().map(|r| shown.iter().map(|s| escape_markdown(&(s.value)(r))).collect()));
+    lines.extend(rows.iter().map(|r| shown.iter().map(|s| escape_markdown(&s.value(r))).collect()));
     let width = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0).max(3);
     let widths: Vec<usize> = (0..shown.len()).map(width).collect();
     for (i, line) in lines.iter().enumerate() {
@@ -101,68 +132,101 @@ fn markdown_table(rows: &[Row], wanted: impl Fn(&Shown) -> bool) -> String {
     out
 }
 
-/// The rows as a LaTeX `tabular` (package `booktabs`) to be put into a `table` with `\input`; a rule between
-/// methods. What all rows share is a comment above it.
-pub fn latex(rows: &[Row]) -> String {
-    let (caption, shown) = layout(rows, |s| s.on_paper);
-    let mut out = format!("% Needs \\usepackage{{booktabs}}.\n% {}\n", one_line(&caption));
-    let alignment: String = shown.iter().map(|s| if s.number { 'r' } else { 'l' }).collect();
-    out += &format!("\\begin{{tabular}}{{@{{}}{alignment}@{{}}}}\n\\toprule\n");
-    let line = |cells: Vec<String>| cells.join(" & ") + " \\\\\n";
-    out += &line(shown.iter().map(|s| escape_latex(s.heading)).collect());
-    let unit = |s: &&Shown| if s.unit.is_empty() { String::new() } else { format!("[{}]", s.unit) };
-    // The first column never has a unit, so no `[` follows `\\` to be read as its argument; texts have theirs escaped.
-    out += &line(shown.iter().map(unit).collect());
-    let mut method = None;
-    for row in rows {
-        if method != Some(&row.method) {
-            out += "\\midrule\n";
-            method = Some(&row.method);
-        }
-        let cell = |s: &&Shown| {
-            let value = (s.value)(row);
-            if s.number { latex_number(&value) } else { escape_latex(&value) }
-        };
-        out += &line(shown.iter().map(cell).collect());
-    }
-    out + "\\bottomrule\n\\end{tabular}\n"
-}
-
-/// Writes `compare.csv`, `compare.json`, `compare.md` and `compare.tex` (for `stem` `compare`) and `columns.md`, which says
-/// what the columns are, into a folder that exists, each whole or not at all, and returns their paths.
+/// Writes `compare.csv`, `compare.json`, `compare.md`, `compare.tex`, and `columns.md`, which says what the columns are,
+/// into a folder that exists, each whole or not at all. Gives their paths, and what could not be put as it was asked for.
 ///
 /// # Errors
-/// A file that cannot be written.
-pub fn write_tables(rows: &[Row], folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
+/// A column that there is not, or a file that cannot be written.
+pub fn write_tables(
+    rows: &[Row],
+    folder: &Path,
+    run: &Run,
+    layout: &Layout,
+) -> Result<(Vec<PathBuf>, Vec<String>)> {
+    layout.check()?;
+    let (caption, shown) = self::layout(rows, layout);
+    let latex = latex::latex(rows, &caption, &shown, layout.tex_width_pt);
+    let remarks = match latex.left_out.is_empty() {
+        true => Vec::new(),
+        false => vec![format!(
+            "compare.tex is {} pt wide and has no room for: {}",
+            layout.tex_width_pt,
+            latex.left_out.join(", ")
+        )],
+    };
     let files = [
-        (format!("{stem}.csv"), table_csv(rows)?),
-        (format!("{stem}.json"), json(rows)?.into_bytes()),
-        (format!("{stem}.md"), markdown(rows).into_bytes()),
-        (format!("{stem}.tex"), latex(rows).into_bytes()),
-        ("columns.md".into(), columns_markdown().into_bytes()),
+        ("compare.csv", table_csv(rows)?),
+        ("compare.json", table_json(rows, run)?.into_bytes()),
+        ("compare.md", (markdown(rows, layout) + &provenance(run)).into_bytes()),
+        ("compare.tex", latex.text.into_bytes()),
+        ("columns.md", columns_markdown().into_bytes()),
     ];
-    files
-        .into_iter()
-        .map(|(name, bytes)| {
-            let path = folder.join(name);
-            write_whole(&path, |file| file.write_all(&bytes))?;
-            Ok(path)
-        })
-        .collect()
+    let write = |(name, bytes): (&str, Vec<u8>)| {
+        let path = folder.join(name);
+        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
+    };
+    Ok((files.into_iter().map(write).collect::<Result<_>>()?, remarks))
+}
+
+/// How the table was made, and how it is made again.
+fn provenance(run: &Run) -> String {
+    let mut out = format!(
+        "\nMade by umbravox {}, revision {} ({}), on {} ({}).",
+        run.version,
+        run.revision,
+        run.profile,
+        escape_markdown(&run.adapter),
+        escape_markdown(&run.driver)
+    );
+    for scene in run.scenes.iter().filter(|s| !s.settings.is_empty()) {
+        let sum =
+            scene.volume_sha256.as_ref().map_or(String::new(), |sum| format!("; volume's SHA-256 {sum}"));
+        out += &format!(" Scene {}: `{}`{sum}.", escape_markdown(&scene.name), scene.file);
+    }
+    if !run.command.is_empty() {
+        out += &format!(" Command line:\n\n```\n{}\n```\n", run.command_line());
+    }
+    if !run.again.is_empty() {
+        // Times decide there, and no two runs have the same.
+        let timed = run.budgets.iter().any(|budget| budget.starts_with("ms="));
+        let but = if timed { " (but for what a search within milliseconds chooses)" } else { "" };
+        out += &format!(
+            "\nThe whole table is made again, with the same errors{but}, by\n\n```\n{}\n```\n",
+            run.again
+        );
+    }
+    out
+}
+
+/// Those of a layout, or these where it does not say which.
+fn picked(layout: &Layout, otherwise: Vec<Shown>) -> Vec<Shown> {
+    // Names were checked before; one that is none picks nothing more.
+    let own = layout.columns.as_deref().and_then(|names| chosen(names).ok());
+    let Some(own) = own else { return otherwise };
+    // What differs between rows and is not chosen would leave them without a name.
+    let told = |s: &Shown| own.iter().any(|o| o.name == s.name);
+    let conditions = SHOWN.iter().filter(|s| s.caption && s.on_paper && !told(s));
+    conditions.chain(&own).copied().collect()
+}
+
+/// The few columns of LaTeX and the terminal, or those of the layout: the caption and what is filled.
+fn layout(rows: &[Row], layout: &Layout) -> (String, Vec<Shown>) {
+    let few = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
+    filled(rows, &picked(layout, few))
 }
 
 /// The caption of what all rows share, a failed one with nothing there aside, and the other columns that any row has a
 /// value in.
-fn layout(rows: &[Row], wanted: impl Fn(&Shown) -> bool) -> (String, Vec<&'static Shown>) {
+fn filled(rows: &[Row], wanted: &[Shown]) -> (String, Vec<Shown>) {
     let (mut caption, mut shown) = (Vec::new(), Vec::new());
-    for s in SHOWN.iter().filter(|s| wanted(s)) {
-        let mut values = rows.iter().map(s.value).filter(|v| !v.is_empty());
+    for s in wanted {
+        let mut values = rows.iter().map(|r| s.value(r)).filter(|v| !v.is_empty());
         let Some(first) = values.next() else { continue };
-        let whole = rows.iter().all(|r| r.has_failed() || !(s.value)(r).is_empty());
+        let whole = rows.iter().all(|r| r.has_failed() || !s.value(r).is_empty());
         if s.caption && whole && values.all(|v| v == first) {
             caption.push(format!("{}: {first}", s.heading));
         } else {
-            shown.push(s);
+            shown.push(*s);
         }
     }
     (caption.join(" · "), shown)
@@ -189,10 +253,6 @@ fn full_name(row: &Row, rows: &[Row]) -> String {
     }
 }
 
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
 pub(super) fn escape_markdown(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in one_line(text).chars() {
@@ -205,36 +265,6 @@ pub(super) fn escape_markdown(text: &str) -> String {
     out.replace("\\[", "[")
 }
 
-fn escape_latex(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in one_line(text).chars() {
-        match c {
-            '\\' => out += "\\textbackslash{}",
-            '~' => out += "\\textasciitilde{}",
-            '^' => out += "\\textasciicircum{}",
-            '<' => out += "\\textless{}",
-            '>' => out += "\\textgreater{}",
-            '|' => out += "\\textbar{}",
-            // After the end of a line these would be taken for its arguments.
-            '[' | '*' => out.extend(['{', c, '}']),
-            '{' | '}' | '$' | '&' | '#' | '_' | '%' => out.extend(['\\', c]),
-            _ => out.push(c),
-        }
-    }
-    out
-}
-
-/// A number made by [`significant`], in mathematics.
-fn latex_number(text: &str) -> String {
-    if text.is_empty() {
-        return String::new();
-    }
-    match text.split_once('e') {
-        Some((mantissa, exponent)) => format!("${mantissa}\\times10^{{{exponent}}}$"),
-        None => format!("${}$", text.replace("inf", "\\infty").replace("NaN", "\\mathrm{NaN}")),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -242,7 +272,7 @@ mod tests {
 
     #[test]
     fn markdown_is_an_aligned_table() {
-        let text = markdown(&sample_rows());
+        let text = markdown(&sample_rows(), &Layout::default());
         assert!(text.starts_with(
             "scene: CT_AVM vessels · adapter: llvmpipe (LLVM 19.1, 256 bits) · picture: 512 x 512 · clock: wall\n"
         ));
@@ -265,9 +295,9 @@ mod tests {
         rows[4].bytes = Some(3 << 20);
         rows[4].map = Some(256);
         rows[4].point_err_rms = Some(0.004);
-        assert!(!summary(&rows).contains("Closest"));
+        assert!(!summary(&rows, &Layout::default()).contains("Closest"));
         rows[4].tuned_for = "bytes=4MiB point_err_rms; ms=150 point_err_rms".into();
-        for text in [summary(&rows), markdown(&rows)] {
+        for text in [summary(&rows, &Layout::default()), markdown(&rows, &Layout::default())] {
             // 145 and 160 ms.
             for line in [
                 "- bytes=4MiB, point err rms: dsm epsilon=0.005 prefilter=1 (0.00100, 4.00 MiB); then \
@@ -278,62 +308,53 @@ mod tests {
                 assert!(text.lines().any(|l| l == line), "{line}\n{text}");
             }
         }
+        rows.retain(|r| r.method != "dsm");
+        assert!(!summary(&rows, &Layout::default()).contains("Best"));
     }
 
     #[test]
     fn what_differs_between_rows_is_a_column() {
         let mut rows = sample_rows();
         rows[1].scene = "engine step".into();
-        let text = markdown(&rows);
+        let text = markdown(&rows, &Layout::default());
         assert!(!text.lines().next().unwrap().contains("scene"));
         assert!(text.contains("| scene ") && text.contains("| engine step "));
     }
 
     #[test]
-    fn latex_is_escaped_and_every_line_has_all_columns() {
-        let mut rows = sample_rows();
-        rows[2].params = "a_b=50% {x} & ~#$^\\ [1] *".into();
-        rows[2].point_err_p99 = Some(1.234e-5);
-        let text = latex(&rows);
-        assert!(text.contains(
-            "a\\_b=50\\% \\{x\\} \\& \\textasciitilde{}\\#\\$\\textasciicircum{}\\textbackslash{} {[}1] {*}"
-        ));
-        assert!(text.contains("$1.23\\times10^{-5}$") && text.contains("$\\infty$"));
-        assert_eq!(text.matches("\\midrule").count(), 4, "one before each method");
-        let begin = text.lines().find(|l| l.starts_with("\\begin")).unwrap();
-        let columns = begin.split("@{}").nth(1).unwrap().len();
-        let lines: Vec<&str> = text.lines().filter(|l| l.ends_with("\\\\")).collect();
-        assert_eq!(lines.len(), 2 + 5);
-        for line in lines {
-            assert_eq!(line.replace("\\&", "").matches('&').count(), columns - 1, "{line}");
-        }
-        // A comment that broke over a line would be typeset.
-        rows.iter_mut().for_each(|r| r.scene = "two\nlines".into());
-        assert!(latex(&rows).contains("% scene: two lines"));
-    }
-
-    #[test]
     fn no_rows_still_make_tables() {
-        assert!(markdown(&[]).contains('|'));
-        assert!(latex(&[]).contains("\\bottomrule"));
+        assert!(markdown(&[], &Layout::default()).contains('|'));
     }
 
     #[test]
     fn files_appear_whole_or_not_at_all() {
         let folder = tempfile::tempdir().unwrap();
-        let paths = write_tables(&sample_rows(), folder.path(), "compare").unwrap();
-        let names = || {
-            let mut names: Vec<_> =
-                std::fs::read_dir(folder.path()).unwrap().map(|f| f.unwrap().file_name()).collect();
-            names.sort();
-            names
-        };
-        assert_eq!(names(), ["columns.md", "compare.csv", "compare.json", "compare.md", "compare.tex"]);
-        assert!(paths.iter().all(|p| std::fs::metadata(p).unwrap().len() > 100));
+        let run = Run { version: "1.2.3".into(), again: "umbravox compare ...".into(), ..Run::default() };
+        let write = |folder: &Path| write_tables(&sample_rows(), folder, &run, &Layout::default());
+        let (paths, remarks) = write(folder.path()).unwrap();
+        let mut names: Vec<_> =
+            std::fs::read_dir(folder.path()).unwrap().map(|f| f.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["columns.md", "compare.csv", "compare.json", "compare.md", "compare.tex"]);
+        assert!(paths.iter().all(|p| std::fs::metadata(p).unwrap().len() > 100) && remarks.is_empty());
+        let text = std::fs::read_to_string(folder.path().join("compare.md")).unwrap();
+        assert!(text.contains("1.2.3") && text.ends_with("umbravox compare ...\n```\n"));
         // A folder in the way: an error, and nothing left behind.
-        std::fs::create_dir(folder.path().join("other.csv")).unwrap();
-        let error = write_tables(&sample_rows(), folder.path(), "other").unwrap_err();
-        assert_eq!(error.exit_status(), 1);
-        assert_eq!(names().len(), 6);
+        let other = tempfile::tempdir().unwrap();
+        std::fs::create_dir(other.path().join("compare.csv")).unwrap();
+        assert_eq!(write(other.path()).unwrap_err().exit_status(), 1);
+        assert_eq!(std::fs::read_dir(other.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn the_columns_that_are_asked_for_are_shown_in_their_order() {
+        let names = ["method", "epsilon", "point_err_rms", "build_wall_ms"].map(String::from);
+        let layout = Layout { columns: Some(names.into()), ..Layout::default() };
+        let text = summary(&sample_rows(), &layout);
+        let heading = text.lines().find(|l| l.starts_with('|')).unwrap();
+        let words: Vec<_> = heading.split('|').map(str::trim).filter(|w| !w.is_empty()).collect();
+        assert_eq!(words, ["method", "epsilon", "point err rms", "build_wall_ms [ms]"]);
+        let unknown = Layout { columns: Some(vec!["colour".into()]), ..Layout::default() };
+        assert_eq!(unknown.check().unwrap_err().exit_status(), 2);
     }
 }

@@ -1,5 +1,6 @@
 //! Rows of any kind as CSV and JSON, and what the columns of a comparison are.
 
+use super::run::Run;
 use crate::error::{Error, Result};
 use crate::measure::table::{COLUMNS, Cell, Column, Row};
 use serde::Serialize;
@@ -29,6 +30,37 @@ pub fn json<T: Serialize>(rows: &[T]) -> Result<String> {
     Ok(text + "\n")
 }
 
+/// A row of `compare.json`: the columns, and what its scene was read from.
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    row: &'a Row,
+    scene_file: Option<&'a str>,
+    volume_sha256: Option<&'a str>,
+    transfer_function_sha256: Option<&'a str>,
+}
+
+impl<'a> Told<'a> {
+    fn of(row: &'a Row, run: &'a Run) -> Self {
+        let record = run.scenes.iter().find(|s| s.name == row.scene);
+        let filled = |text: &'a String| Some(text.as_str()).filter(|t| !t.is_empty());
+        Self {
+            row,
+            scene_file: record.and_then(|s| filled(&s.file)),
+            volume_sha256: record.and_then(|s| s.volume_sha256.as_deref()),
+            transfer_function_sha256: record.and_then(|s| filled(&s.tf_sha256)),
+        }
+    }
+}
+
+/// The rows of a run as [`json`] puts them, each with the file of its scene and the SHA-256 of what that was read from.
+///
+/// # Errors
+/// As there.
+pub fn table_json(rows: &[Row], run: &Run) -> Result<String> {
+    json(&rows.iter().map(|row| Told::of(row, run)).collect::<Vec<_>>())
+}
+
 /// All columns of all rows as CSV with a header line: empty cells are empty, flags `true` or `false`, reals in
 /// the fewest digits that read back as the same number (`inf` for an infinite one).
 ///
@@ -44,24 +76,89 @@ pub fn table_csv(rows: &[Row]) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|e| failed(&e))
 }
 
-/// What each column of [`table_csv`] is, as Markdown.
+/// The columns of `ablation.csv`: name, unit, and what it is.
+const ABLATION: [[&str; 3]; 18] = [
+    ["scene", "", "As in `compare.csv`."],
+    ["adapter", "", "As in `compare.csv`."],
+    ["clock", "", "Whose clock build and frame are from; tables are made by the host."],
+    ["method", "", "As in `compare.csv`."],
+    ["params", "", "As in `compare.csv`."],
+    ["omission", "", "Name for `--force`; empty where the whole method failed."],
+    ["what", "", "What the plan left out."],
+    ["why", "", "Why it could."],
+    ["tables_ms", "ms", "Time to make tables and classes of bricks, as the plan has it, median."],
+    ["tables_ms_forced", "ms", "The same with the work forced back on."],
+    ["build_ms", "ms", "Time to make the shadow structure."],
+    ["build_ms_forced", "ms", "The same with the work forced back on."],
+    ["frame_ms", "ms", "Time of one picture with the structure made."],
+    ["frame_ms_forced", "ms", "The same with the work forced back on."],
+    ["bytes", "", "Memory of shadow structure, tables and bricks, in bytes."],
+    ["bytes_forced", "", "The same with the work forced back on."],
+    ["picture_difference", "", "Largest difference of a channel between the two pictures, linear."],
+    ["note", "", "Why a figure is missing."],
+];
+
+/// The columns of `stability.csv`.
+const STABILITY: [[&str; 3]; 12] = [
+    ["case", "", "Name of the case."],
+    ["method", "", "Shadow method."],
+    ["params", "", "Its settings as `key=value` texts separated by spaces."],
+    [
+        "status",
+        "",
+        "`ok`, or the worst that is wrong: `bound_exceeded`, `not_monotone`, `out_of_range`, `nan`, `failed`.",
+    ],
+    ["ray_err_max", "", "Largest `|T_method - T_exact|` along light rays, of the worst light."],
+    [
+        "bound",
+        "",
+        "What the method promises of it, but for its tolerance in depth; empty where nothing is promised.",
+    ],
+    ["monotone_violations", "", "Depths at which transmittance rises, of all lights."],
+    ["out_of_range", "", "Finite values outside 0 to 1, of all lights."],
+    ["non_finite", "", "Values that are no numbers, of all lights."],
+    ["build_ms", "ms", "Time to make the shadow structure, of the slowest light."],
+    ["bytes", "", "Memory of the shadow structure, in bytes."],
+    ["note", "", "What is wrong, and what costs much more than ordinarily."],
+];
+
+/// What each column of [`table_csv`] is, and of the other two tables, as Markdown.
 pub fn columns_markdown() -> String {
     let mut out = String::from(
         "# Columns of compare.csv\n\n\
-        One row for each method and setting. `compare.json` has the same columns as keys. What was not measured is empty \
-        (`null` in JSON), and a setting is empty where the method has no such key. Errors are of transmittance from the \
-        light, 0 to 1.\n\n| column | unit | what it is |\n| --- | --- | --- |\n",
+        One row for each method and setting. `compare.json` has the same columns as keys, and after them `scene_file`, \
+        `volume_sha256` and `transfer_function_sha256`. What was not measured is empty (`null` in JSON), and a setting is empty where the method has no such key. Errors are of transmittance from the \
+        light, 0 to 1.\n",
     );
-    for Column { name, unit, about } in COLUMNS.iter() {
-        out += &format!("| `{name}` | {unit} | {} |\n", about.replace('|', "\\|"));
+    out += &page(COLUMNS.iter().map(|Column { name, unit, about }| [*name, *unit, about.as_str()]));
+    for (file, about, columns) in [
+        (
+            "ablation.csv",
+            "One row for each method and thing that its plan left out (`compare --ablate`).",
+            &ABLATION[..],
+        ),
+        ("stability.csv", "One row for each case and method (`stability`).", &STABILITY),
+    ] {
+        out += &format!("\n# Columns of {file}\n\n{about}\n");
+        out += &page(columns.iter().copied());
     }
     out
+}
+
+fn page<'a>(columns: impl Iterator<Item = [&'a str; 3]>) -> String {
+    let line =
+        |[name, unit, about]: [&str; 3]| format!("| `{name}` | {unit} | {} |\n", about.replace('|', "\\|"));
+    "\n| column | unit | what it is |\n| --- | --- | --- |\n".to_owned()
+        + &columns.map(line).collect::<String>()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::ablate::Ablation;
+    use crate::measure::stability;
     use crate::measure::table::tests::sample_rows;
+    use crate::report::run::SceneRecord;
 
     #[test]
     fn csv_reads_back_to_the_same_values() {
@@ -97,10 +194,21 @@ mod tests {
     #[test]
     fn json_holds_the_same_rows_in_the_same_order() {
         let rows = sample_rows();
-        let text = json(&rows).unwrap();
+        let scene = SceneRecord {
+            name: rows[0].scene.clone(),
+            volume_sha256: Some("5a".into()),
+            tf_sha256: "7f".into(),
+            ..SceneRecord::default()
+        };
+        let text = table_json(&rows, &Run { scenes: vec![scene], ..Run::default() }).unwrap();
         let parsed: Vec<serde_json::Map<String, serde_json::Value>> = serde_json::from_str(&text).unwrap();
         for (object, row) in parsed.iter().zip(&rows) {
-            assert_eq!(object.len(), COLUMNS.len());
+            assert_eq!(object.len(), COLUMNS.len() + 3);
+            assert_eq!(
+                (&object["volume_sha256"], &object["transfer_function_sha256"]),
+                (&"5a".into(), &"7f".into())
+            );
+            assert!(object["scene_file"].is_null());
             for (cell, column) in row.cells().into_iter().zip(COLUMNS.iter().map(|c| c.name)) {
                 let value = &object[column];
                 match cell {
@@ -116,6 +224,16 @@ mod tests {
         let places: Vec<_> =
             COLUMNS.iter().map(|c| text.find(&format!("\"{}\":", c.name)).unwrap()).collect();
         assert!(places.is_sorted());
+    }
+
+    #[test]
+    fn the_columns_of_the_other_tables_are_those_that_are_written() {
+        let header = |csv: Vec<u8>| String::from_utf8(csv).unwrap().lines().next().unwrap().to_owned();
+        let names =
+            |columns: &[[&str; 3]]| columns.iter().map(|[name, ..]| *name).collect::<Vec<_>>().join(",");
+        assert_eq!(header(csv(&[Ablation::default()]).unwrap()), names(&ABLATION));
+        let row = stability::Row::new("case", "dsm", String::new(), stability::Status::Failed);
+        assert_eq!(header(csv(&[row]).unwrap()), names(&STABILITY));
     }
 
     #[test]

@@ -162,6 +162,14 @@ fn inexact_integers(voxels: &Voxels, element: Element) -> Option<String> {
     }
 }
 
+/// The files that a name stands for: both of a pair.
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    match Pair::of(path).map(|pair| [pair.header(), pair.voxels()]) {
+        Some(both) if both.iter().all(|p| p.exists()) => both.into(),
+        _ => vec![path.into()],
+    }
+}
+
 /// The two files of a `.hdr`/`.img` pair, told from the name of either.
 struct Pair {
     stem: PathBuf,

@@ -1,8 +1,9 @@
 //! Searches within budgets: planted errors, bytes and times must decide, and the command must say what it chose.
 
+use super::cli::umbravox;
 use super::planted::{EXTINCTION, compared_within, haze, scene};
 use super::{TF, no_adapter, read_csv};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::process::Command;
 use std::sync::Arc;
 use std::thread::sleep;
@@ -12,6 +13,7 @@ use umbravox::measure::budget::Budget;
 use umbravox::measure::journal::JOURNAL;
 use umbravox::open::{VolumeSpec, load};
 use umbravox::render::{DeviceTransfer, Forced, LoadedVolume};
+use umbravox::report::run::Run;
 use umbravox::shadow::{
     BuildContext, Entry, Key, Lookup, Marker, Method, ShadowMap, Style, Value, parse, parse_list,
 };
@@ -211,6 +213,68 @@ fn the_command_writes_trials_and_answers_and_goes_on_with_them() {
         (std::fs::read(out.join("trials.csv")).unwrap(), std::fs::read(out.join("budgets.csv")).unwrap()),
         (before, answers)
     );
+}
+
+#[test]
+fn a_tuned_folder_is_recorded_gone_on_with_merged_and_removed_whole() {
+    if no_adapter("folders of compare --budget") {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    std::fs::write(folder.join("tf.json"), TF).unwrap();
+    let status = |args: &[&str]| {
+        let common = ["--points=300", "--rays=20", "--depths=20", "--repeats=1", "--size=24x24"];
+        let scene = ["compare", "phantom:sphere:16", "--tf=tf.json"];
+        let output = umbravox(folder, &[&scene[..], &common, args].concat());
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let tuned = |out: &str, methods: &str, more: &[&str]| {
+        status(&[&["-o", out, "--methods", methods, "--budget=bytes=64KiB"], more].concat())
+    };
+    let files = |out: &str| -> Vec<String> {
+        let names = std::fs::read_dir(folder.join(out)).unwrap();
+        names.map(|f| f.unwrap().file_name().into_string().unwrap()).collect()
+    };
+    assert_eq!(tuned("one", "none;osm:map=64", &[]).0, Some(0));
+    let run = Run::read(&folder.join("one")).unwrap().unwrap();
+    assert!(run.rows.iter().filter(|r| r.chosen).count() >= 1, "{:?}", run.rows);
+    assert!(run.again.contains("--budget bytes=64KiB"), "{}", run.again);
+    assert!(files("one").iter().all(|name| run.files.contains(name)), "{:?}", files("one"));
+
+    // Gone on with: with the budget, or more of them, and not without.
+    let (code, stderr) = status(&["-o", "one", "--methods=none;osm:map=64", "--resume"]);
+    assert!(code == Some(2) && stderr.contains("tuned within bytes=64KiB"), "{stderr}");
+    let (code, stderr) = tuned("one", "none;osm:map=64", &["--budget=bytes=32KiB", "--resume"]);
+    assert_eq!(code, Some(0), "{stderr}");
+    let run = Run::read(&folder.join("one")).unwrap().unwrap();
+    assert!(files("one").iter().all(|name| run.files.contains(name)), "{:?}", files("one"));
+
+    // Methods tuned apart are one table with answers of both; other budgets are none of it.
+    assert_eq!(tuned("two", "dom:layers=2,map=64", &["--budget=bytes=32KiB"]).0, Some(0));
+    let merged = |parts: &[&str], out| umbravox(folder, &[&["merge"], parts, &["-o", out]].concat());
+    let output = merged(&["one", "two"], "all");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let [one, two, all] =
+        ["one", "two", "all"].map(|out| read_any(&folder.join(out).join("trials.csv")).len());
+    assert_eq!(one + two, all);
+    let ranked = read_any(&folder.join("all/budgets.csv"));
+    let methods: HashSet<_> =
+        ranked.iter().filter(|r| r["budget"] == "bytes=64KiB").map(|r| r["method"].as_str()).collect();
+    assert_eq!(methods, HashSet::from(["osm", "dom"]));
+    assert_eq!(tuned("three", "dom:layers=2,map=64", &[]).0, Some(0));
+    let stderr = String::from_utf8(merged(&["one", "three"], "no").stderr).unwrap();
+    assert!(stderr.contains("it is tuned within bytes=64KiB, not bytes=64KiB, bytes=32KiB"), "{stderr}");
+
+    // As if the first run had ended before it recorded what it chose: its pictures go with the table all the same.
+    let mut run = Run::read(&folder.join("one")).unwrap().unwrap();
+    run.rows.retain(|r| !r.chosen);
+    run.files = run.file_names();
+    run.write(&folder.join("one")).unwrap();
+    let (code, stderr) = status(&["-o", "one", "--methods=none", "--overwrite"]);
+    assert_eq!(code, Some(0), "{stderr}");
+    let left = files("one");
+    assert!(!left.iter().any(|name| name.starts_with("picture_osm") || name == "trials.csv"), "{left:?}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use umbravox::error::Result;
 use umbravox::gpu::Gpu;
+use umbravox::measure::facts::Facts;
 use umbravox::measure::job::{Effort, name_of};
 use umbravox::measure::journal::{JOURNAL, Journal};
 use umbravox::measure::progress::{Progress, Status, StepKind, Watch};
@@ -14,6 +15,8 @@ use umbravox::open::presets;
 use umbravox::open::{VolumeSpec, load};
 use umbravox::render::{Forced, Renderer};
 use umbravox::report::make::{Made, Order, Subject, make};
+use umbravox::report::run::{Run, SceneRecord};
+use umbravox::report::tables::Layout;
 use umbravox::scene::Scene;
 use umbravox::shadow::parse_list;
 
@@ -65,13 +68,7 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
     let tf = presets::resolve("uniform", &volume).unwrap().tf;
     let scene = Scene { width: 32, height: 32, ..Scene::framing(&volume) };
     let methods = parse_list(METHODS).unwrap();
-    let order = Order {
-        methods: &methods,
-        effort: Effort { repeats, points: 500, rays: 50, depths: 40 },
-        ablate: false,
-        budgets: &[],
-        remark: "measured by a test",
-    };
+    let effort = Effort { repeats, points: 500, rays: 50, depths: 40 };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), tf.clone(), scene.clone());
         Ok(Subject { volume, tf, strands: None, scene, forced: Forced::NOTHING })
@@ -79,7 +76,12 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
     let renderer = Arc::new(Renderer::new(Gpu::open(None)?));
     let mut journal = Journal::open(folder, true)?;
     let mut progress = Progress::watched(listener);
-    make(&order, &["sphere".into()], &mut read, &renderer, &mut journal, &mut progress)
+    let record = SceneRecord { name: "sphere".into(), size: [32, 32], ..SceneRecord::default() };
+    let facts = Facts::of(renderer.gpu());
+    let run = Run::new(&facts, effort, METHODS, &methods, vec![record], None);
+    let methods = [methods];
+    let order = Order { methods: &methods, budgets: &[], remark: "measured by a test" };
+    make(&order, &run, &mut read, &renderer, &mut journal, &mut progress)
 }
 
 fn journal(folder: &Path) -> String {
@@ -172,7 +174,7 @@ fn a_table_that_is_ended_stops_at_once_and_is_resumed_to_the_same_rows() {
     assert!(rows.iter().all(|r| r.note.contains("measured by a test; its 2 timed rounds are from 2 runs")));
     let errors = |rows: &[Row]| rows.iter().map(figures).collect::<Vec<_>>();
     assert_eq!(errors(&rows), errors(&expected));
-    let written = resumed.write(dir.path()).unwrap();
+    let written = resumed.write(dir.path(), &Layout::default()).unwrap();
     let all = written.tables.iter().chain(&written.plots).chain(&written.pictures).chain([&written.report]);
     all.for_each(|path| assert!(path.is_file(), "{}", path.display()));
     let csv = String::from_utf8(std::fs::read(dir.path().join("compare.csv")).unwrap()).unwrap();

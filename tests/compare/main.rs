@@ -5,8 +5,10 @@ mod budget;
 mod cancel;
 #[path = "../cli/mod.rs"]
 mod cli;
+mod folder;
 mod planted;
 mod resume;
+mod shards;
 mod strands;
 mod table;
 

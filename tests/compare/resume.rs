@@ -100,12 +100,25 @@ fn rows_measured_before_the_interruption_are_not_measured_again() {
     // A table that is whole is made from the journal alone, but for other settings.
     let (table, journal) = (bytes(out.join("compare.csv")), bytes(out.join(JOURNAL)));
     resume(folder, &extra);
+    assert_eq!((bytes(out.join("compare.csv")), bytes(out.join(JOURNAL))), (table.clone(), journal.clone()));
+    // Another scene is not mixed in, and no row is dropped.
+    let refusal = |more: &[&str]| {
+        let output = command(folder, &[&extra[..], more, &["--resume"]].concat()).output().unwrap();
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        stderr.lines().find(|l| l.starts_with("error: ")).unwrap().to_owned()
+    };
+    assert!(refusal(&["--background=#203040"]).contains("background = \"#000000\""));
+    assert!(refusal(&["--light=dir:0,0,1"]).contains("light = "));
+    let output = command(folder, &[&extra[..4], &["--methods=none", "--resume"]].concat()).output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && stderr.contains("rays is among its rows"), "{stderr}");
     assert_eq!((bytes(out.join("compare.csv")), bytes(out.join(JOURNAL))), (table, journal));
-    resume(folder, &[&extra[..], &["--background=#203040"]].concat());
-    assert_eq!(lines(folder, "row").len(), 10);
-    // Those have taken the pictures' names: without its own picture a row is not taken as measured.
-    resume(folder, &extra);
-    assert_eq!(lines(folder, "row").len(), 15);
+    // More methods go on with it.
+    let more = format!("{METHODS};dom:map=64");
+    let order = [&extra[..4], &["--methods", more.as_str()]].concat();
+    resume(folder, &order);
+    assert_eq!(lines(folder, "row").len(), 6);
 }
 
 #[test]
@@ -128,8 +141,9 @@ fn rounds_go_on_where_they_stopped_and_the_row_says_so() {
         assert!(row["note"].contains("its 300 timed rounds are from 2 runs"), "{}", row["note"]);
     }
     // Started anew, it forgets.
-    let output =
-        command(folder, &[&extra[..3], &["--repeats=1", "--methods=none"]].concat()).output().unwrap();
+    let output = command(folder, &[&extra[..3], &["--repeats=1", "--methods=none", "--overwrite"]].concat())
+        .output()
+        .unwrap();
     assert!(output.status.success());
     assert_eq!((lines(folder, "row").len(), lines(folder, "round").len()), (1, 1));
 }

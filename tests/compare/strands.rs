@@ -9,7 +9,7 @@ use umbravox::strands::{Attribute, StrandArrays, Strands, write_hair};
 fn compare(folder: &Path, volume: &str, extra: &[&str]) -> (Vec<HashMap<String, String>>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_umbravox"));
     command.current_dir(folder).args(["compare", volume, "-o", "out", "--rays=10", "--depths=10"]);
-    command.args(["--points=1500", "--repeats=1", "--methods=none;rays"]).args(extra);
+    command.args(["--points=1500", "--repeats=1", "--methods=none;rays", "--overwrite"]).args(extra);
     let Output { status, stderr, .. } = command.output().unwrap();
     let stderr = String::from_utf8(stderr).unwrap();
     assert!(status.success(), "{stderr}");

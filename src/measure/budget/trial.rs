@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 pub struct Trial {
     /// As in the table.
     pub scene: String,
+    /// As in the table.
+    #[serde(default)]
+    pub adapter: String,
     /// Shadow method.
     pub method: String,
     /// Its settings, as in the table.

@@ -92,6 +92,7 @@ fn attempt(
     let reference = shared.get(progress)?;
     let blank = Trial {
         scene: job.scene_name.clone(),
+        adapter: job.session.renderer.gpu().info.name.clone(),
         method: method.name().into(),
         params: method.params(),
         map: method.map_size(),

@@ -297,7 +297,7 @@ fn promises() -> Result<Vec<Case>> {
             .lit(&[
                 ("light along x, y and z", along(1.0, 1.0, 1.0)),
                 ("light along z", along(0.0, 0.0, 1.0)),
-                ("oblique light", along(0.5, -0.5, 0.7071)),
+                ("oblique light", along(0.5, -0.5, std::f64::consts::FRAC_1_SQRT_2)),
             ])
             .set(&[("epsilon", "0.002")], Concerns::All),
         );

@@ -70,13 +70,15 @@ pub fn html(conditions: &Conditions, pictured: &[Pictured]) -> Result<String> {
             body {
                 main {
                     h1 { (title) }
+                    p class="hint" { (about(&rows)) }
+                    (table(&rows))
+                    (plots(&rows))
                     @if !facts.is_empty() {
-                        section aria-label="Conditions" {
+                        section {
+                            h2 { "Conditions" }
                             dl { @for (name, value) in facts { dt { (name) } dd { (value) } } }
                         }
                     }
-                    (table(&rows))
-                    (plots(&rows))
                     section {
                         h2 { "Pictures" }
                         @for (i, pictured) in pictured.iter().enumerate() {
@@ -103,21 +105,38 @@ pub fn write_report(conditions: &Conditions, pictured: &[Pictured], path: &Path)
     write_whole(path, |file| file.write_all(text.as_bytes()))
 }
 
-/// Error against time and against memory, of each scene.
-fn plots(rows: &[Row]) -> Markup {
-    let mut scenes: Vec<&str> = Vec::new();
+/// On what the rows were measured, in a line.
+fn about(rows: &[Row]) -> String {
+    let mut words: Vec<String> = Vec::new();
     for row in rows {
-        if !scenes.contains(&row.scene.as_str()) {
-            scenes.push(&row.scene);
+        for word in [row.adapter.clone(), format!("{} x {} pixels", row.width, row.height)] {
+            if !words.contains(&word) {
+                words.push(word);
+            }
         }
     }
-    let of = |scene: &str| rows.iter().filter(|r| r.scene == scene).cloned().collect::<Vec<_>>();
+    words.join(" · ")
+}
+
+/// Error against time and against memory, of each scene and adapter: a front is of one.
+fn plots(rows: &[Row]) -> Markup {
+    let mut groups: Vec<(&str, &str)> = Vec::new();
+    for row in rows {
+        let group = (row.scene.as_str(), row.adapter.as_str());
+        if !groups.contains(&group) {
+            groups.push(group);
+        }
+    }
+    let of = |group: (&str, &str)| {
+        let own = rows.iter().filter(|r| (r.scene.as_str(), r.adapter.as_str()) == group);
+        own.cloned().collect::<Vec<_>>()
+    };
     let (time, memory) = ("each row of the table", "each row that stores a shadow structure");
     html! {
         section class="plots" {
             h2 { "Error against time and memory" }
-            @for scene in scenes {
-                @let own = of(scene);
+            @for group in groups {
+                @let (own, scene) = (of(group), group.0);
                 (figure(error_time(&own).svg(Some(&format!("Error against time, {scene}: {time} as a point"))), ""))
                 (figure(error_bytes(&own).svg(Some(&format!("Error against memory, {scene}: {memory} as a point"))), ""))
             }
@@ -149,6 +168,9 @@ fn pictures(number: usize, pictured: &Pictured, error_caption: &str) -> Result<M
                     ))
                 }
                 @if picture_png.is_none() && error_png.is_none() && nodes.is_none() { p class="hint" { "no picture" } }
+            }
+            @for (what, text) in [("Note", &row.note), ("Left out", &row.left_out)] {
+                @if !text.is_empty() { p class="hint" { (what) ": " (text) } }
             }
         }
     })
@@ -229,6 +251,18 @@ mod tests {
         assert_eq!(text.matches("<img ").count(), 2 + 1 + 1);
         assert!(text.contains("alt=\"Picture by none\" width=\"3\" height=\"3\">"));
         assert!(text.contains("768 nodes in 256 of 256 texels: 3.00 a texel that meets anything, at most 3"));
+    }
+
+    #[test]
+    fn adapters_have_plots_of_their_own() {
+        let mut pictured = pictured();
+        pictured[4].row.scene = pictured[0].row.scene.clone();
+        let plots = |pictured: &[Pictured]| {
+            html(&Conditions::default(), pictured).unwrap().matches("Error against time, ").count()
+        };
+        assert_eq!(plots(&pictured), 1);
+        pictured[3].row.adapter = "another".into();
+        assert_eq!(plots(&pictured), 2);
     }
 
     #[test]

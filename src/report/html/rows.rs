@@ -1,11 +1,32 @@
 //! The sortable table: every column of the rows.
 
 use crate::measure::table::{COLUMNS, Cell, Column, Row};
-use crate::report::number::significant;
+use crate::report::number::{near_one, significant};
 use maud::{Markup, html};
 
-/// Texts longer than this get a wide column instead of a tall row.
-const LONG_TEXT: usize = 80;
+/// Texts longer than this are shown in a box of a few lines, which scrolls.
+const LONG_TEXT: usize = 40;
+
+/// The columns that are in sight at first, besides the row's name: times, memory, errors and what is promised.
+const MAIN: &[&str] = &[
+    "scene",
+    "adapter",
+    "build_ms",
+    "frame_ms",
+    "fps_moving",
+    "bytes",
+    "ray_err_max",
+    "point_err_rms",
+    "point_err_max",
+    "image_psnr",
+    "image_ssim",
+    "bound",
+    "bound_held",
+    "pareto",
+    "status",
+];
+/// Of these, what is only worth its place where rows differ in it.
+const WHERE_DIFFERENT: &[&str] = &["scene", "adapter", "status"];
 
 /// Method and setting as a reader names it, with the map's size.
 pub fn name(row: &Row) -> String {
@@ -24,8 +45,8 @@ pub fn table(rows: &[Row]) -> Markup {
             p class="hint screen" {
                 "A heading sorts by its column, once more the other way. "
                 label {
-                    input type="checkbox" id="every-column" checked;
-                    " every column (also those that are the same in all rows, and smallest and largest times)"
+                    input type="checkbox" id="every-column" autocomplete="off";
+                    " every column"
                 }
                 " " span id="sorted" role="status" {}
             }
@@ -57,7 +78,7 @@ struct Shown {
     column: &'static Column,
     /// `number` or `text`.
     kind: &'static str,
-    /// The same in all rows, or an extreme of the column before it.
+    /// Not in sight at first.
     minor: bool,
 }
 
@@ -67,18 +88,16 @@ impl Shown {
         let values = || cells.iter().map(|row| &row[index]);
         let number = values().any(|c| matches!(c, Cell::Integer(_) | Cell::Real(_)))
             && values().all(|c| matches!(c, Cell::Integer(_) | Cell::Real(_) | Cell::Empty));
-        let extreme = ["_min", "_max"].iter().filter_map(|e| column.name.strip_suffix(e));
-        let minor = extreme.into_iter().any(|base| COLUMNS.iter().any(|c| c.name == base))
-            || cells.len() > 1 && values().all(|c| *c == cells[0][index]);
+        let same = values().all(|c| *c == cells[0][index]);
+        let empty = values().all(|c| matches!(c, Cell::Empty));
+        let minor = !MAIN.contains(&column.name) || empty || same && WHERE_DIFFERENT.contains(&column.name);
         Self { column, kind: if number { "number" } else { "text" }, minor }
     }
 
     /// Classes of its cells.
     fn classes(&self, more: &str) -> String {
         let minor = if self.minor { " minor" } else { "" };
-        // What the row's heading says too; paper is narrow.
-        let named = if matches!(self.column.name, "method" | "params" | "map") { " named" } else { "" };
-        format!("{}{minor}{named}{more}", self.kind)
+        format!("{}{minor}{more}", self.kind)
     }
 
     fn header(&self) -> Markup {
@@ -105,9 +124,15 @@ impl Shown {
             other => other.to_string(),
         };
         let shown = match cell {
+            Cell::Real(x) if self.column.name == "image_ssim" => near_one(*x),
             Cell::Real(x) => significant(*x, 3).replace('-', "−"),
             Cell::Integer(n) => grouped(*n),
             other => other.to_string(),
+        };
+        let shown = if more == " long" {
+            html! { div { (shown) } }
+        } else {
+            html! { (shown) }
         };
         let full = matches!(cell, Cell::Real(_)).then_some(&value);
         html! { td class=(self.classes(more)) data-value=(value) title=[full] { (shown) } }
@@ -157,17 +182,34 @@ mod tests {
     }
 
     #[test]
-    fn columns_that_say_little_are_marked() {
-        let rows = sample_rows();
-        let cells: Vec<_> = rows.iter().map(Row::cells).collect();
-        let minor =
-            |name: &str| Shown::of(COLUMNS.iter().position(|c| c.name == name).unwrap(), &cells).minor;
-        for name in ["scene", "adapter", "build_ms_min", "frame_ms_max", "width", "image_rmse"] {
-            assert!(minor(name), "{name}");
+    fn what_matters_is_in_sight_and_the_rest_is_not() {
+        let mut rows = sample_rows();
+        let minor = |rows: &[Row], name: &str| {
+            let cells: Vec<_> = rows.iter().map(Row::cells).collect();
+            Shown::of(COLUMNS.iter().position(|c| c.name == name).unwrap(), &cells).minor
+        };
+        // What all rows share, what nobody measured, details, and what the row's name says.
+        for name in
+            ["scene", "adapter", "image_ssim", "build_ms_min", "width", "left_out", "method", "epsilon"]
+        {
+            assert!(minor(&rows, name), "{name}");
         }
-        for name in ["method", "params", "frame_ms", "ray_err_max", "point_err_rms", "pareto", "epsilon"] {
-            assert!(!minor(name), "{name}");
+        for name in ["build_ms", "frame_ms", "bytes", "ray_err_max", "point_err_rms", "bound_held"] {
+            assert!(!minor(&rows, name), "{name}");
         }
+        rows[1].scene = "another".into();
+        assert!(!minor(&rows, "scene"), "scenes are told apart");
+        assert!(MAIN.iter().all(|name| COLUMNS.iter().any(|c| c.name == *name)));
+        let text = table(&rows).into_string();
+        assert!(text.contains("id=\"every-column\"") && !text.contains("checked"));
+    }
+
+    #[test]
+    fn long_texts_do_not_make_tall_rows() {
+        let mut rows = sample_rows();
+        rows[0].note = "many words ".repeat(50);
+        let text = table(&rows).into_string();
+        assert!(text.contains("class=\"text minor long\"") && text.contains("\"><div>many words"));
     }
 
     #[test]

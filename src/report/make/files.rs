@@ -1,62 +1,155 @@
 //! What a table is written with besides itself and the report: plots, pictures and what omissions are worth.
 
 use super::super::ablation;
-use super::super::heat::{round_max, write_heat_map};
+use super::super::grid::{self, Shown};
+use super::super::heat::{heat_map_png, round_max};
+use super::super::made::Made;
+use super::super::names;
 use super::super::plot::write_plots;
+use super::super::run::Run;
 use super::super::writers;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files::output::write_whole;
+use crate::files::picture::{Backdrop, with_texts, write_picture_with};
 use crate::measure::ablate::Ablation;
 use crate::measure::comparison::Compared;
-use crate::measure::job::file_name_part;
 use crate::measure::table::Row;
+use crate::shadow::{Method, NoShadows, NodeMap, TILE};
+use ndarray::Array2;
+use ndarray_npy::WriteNpyExt;
 use std::path::{Path, PathBuf};
 
-/// Error against time and against bytes, a drawing of each a scene; returns the paths.
-pub fn write_scene_plots(rows: &[Row], scenes: &[String], folder: &Path) -> Result<Vec<PathBuf>> {
+/// What a heat map of differences shows.
+pub const DIFFERENCE: &str = "|difference| from rays, linear RGBA";
+
+/// Scene and adapter of a row, which share a scale, a drawing and a front.
+pub(super) type Group<'a> = (&'a str, &'a str);
+
+/// The groups of rows, in the order in which they come.
+pub(super) fn groups<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<Group<'a>> {
+    let mut groups = Vec::new();
+    for row in rows {
+        let group = group(row);
+        if !groups.contains(&group) {
+            groups.push(group);
+        }
+    }
+    groups
+}
+
+pub(super) fn group(row: &Row) -> Group<'_> {
+    (&row.scene, &row.adapter)
+}
+
+/// Error against time and against bytes, a drawing of each a scene and adapter; returns the paths.
+pub fn write_scene_plots(rows: &[Row], run: &Run, folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
-    for scene in scenes {
-        let of_scene: Vec<Row> = rows.iter().filter(|r| r.scene == *scene).cloned().collect();
-        let stem = match scenes.len() {
-            1 => "compare".into(),
-            _ => format!("compare_{}", file_name_part(scene)),
-        };
-        paths.extend(write_plots(&of_scene, folder, &stem)?);
+    for wanted in groups(rows.iter()) {
+        let own: Vec<Row> = rows.iter().filter(|r| group(r) == wanted).cloned().collect();
+        let prefix = run.prefix_of(wanted.0, wanted.1);
+        let stems = names::plots(prefix.trim_end_matches('_'));
+        paths.extend(write_plots(&own, folder, &stems, &run.texts_of(wanted.0))?);
     }
     Ok(paths)
 }
 
-/// Writes where each row's picture differs from that of `rays`, and `pictures.md`, which shows the two side by side;
-/// returns the paths, with those of the pictures, which the journal has written.
-pub fn write_pictures(compared: &[Compared], folder: &Path) -> Result<Vec<PathBuf>> {
+/// The end of the scale of a group's differences: one for all of its rows, but for those without shadows, which would
+/// leave the others black.
+pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone) -> f32 {
+    let largest = |c: &Compared| c.difference.as_ref().map(round_max);
+    let shadowed = compared.clone().filter(|c| c.row.method != NoShadows.name()).filter_map(largest);
+    // `round_max` of nothing wrong is 1, which is no scale to show others on.
+    let told = |scales: &mut dyn Iterator<Item = f32>| scales.filter(|s| *s < 1.0).reduce(f32::max);
+    told(&mut shadowed.into_iter()).or_else(|| told(&mut compared.filter_map(largest))).unwrap_or(1.0)
+}
+
+/// Writes where each row's picture differs from that by `rays`, the nodes of its texels, all pictures of a scene with
+/// their differences beside each other on one scale, and `pictures.md`, which shows them; returns the paths, with those of
+/// the pictures, which the journal has written.
+pub fn write_pictures(made: &Made, folder: &Path) -> Result<Vec<PathBuf>> {
+    let all = &made.comparison.compared;
     let mut paths = vec![folder.join("pictures.md")];
     let mut sheet = String::new();
-    let mut scene = None;
-    for c in compared.iter().filter(|c| c.picture.is_some()) {
-        if scene != Some(&c.row.scene) {
-            let space = if scene.is_some() { "\n" } else { "" };
-            scene = Some(&c.row.scene);
-            sheet += &format!(
-                "{space}## {}\n\n| method | picture | difference from `rays` |\n| --- | --- | --- |\n",
-                c.row.scene
-            );
+    for wanted in groups(all.iter().map(|c| &c.row)) {
+        let own = all.iter().filter(|c| group(&c.row) == wanted && c.picture.is_some());
+        if own.clone().next().is_none() {
+            continue;
         }
-        let name = format!("picture_{}.png", c.slug);
-        sheet += &format!("| {} {} | ![{name}]({name}) |", c.row.method, c.row.params);
-        paths.push(folder.join(name));
-        sheet += &match &c.difference {
-            Some(_) => format!(" ![difference](difference_{}.png) |\n", c.slug),
-            None => " |\n".into(),
-        };
-        if let Some(difference) = &c.difference {
-            let path = folder.join(format!("difference_{}.png", c.slug));
-            let label = "|difference| from rays, linear RGBA";
-            write_heat_map(&path, difference, round_max(difference), label)?;
+        let (prefix, texts) = (made.run.prefix_of(wanted.0, wanted.1), made.run.texts_of(wanted.0));
+        let scale = scale_of(own.clone());
+        let space = if sheet.is_empty() { "" } else { "\n" };
+        let several = all.iter().any(|c| c.row.scene == wanted.0 && c.row.adapter != wanted.1);
+        let on = if several { format!(", {}", wanted.1) } else { String::new() };
+        let grid_name = names::grid(&prefix);
+        sheet += &format!("{space}## {}{on}\n\n![all pictures]({grid_name})\n\n", wanted.0);
+        sheet += "| method | picture | difference from `rays` |\n| --- | --- | --- |\n";
+        let reference = made.references.iter().find(|r| (r.scene.as_str(), r.adapter.as_str()) == wanted);
+        if let Some(reference) = reference {
+            for ending in ["png", "exr"] {
+                let path = folder.join(format!("{}.{ending}", names::reference(&prefix)));
+                write_picture_with(&path, &reference.pixels, Backdrop::Drawn, &texts)?;
+                paths.push(path);
+            }
+            let name = format!("{}.png", names::reference(&prefix));
+            sheet += &format!("| rays, not in the table | ![{name}]({name}) | |\n");
+        }
+        let mut cells: Vec<Shown> = reference
+            .into_iter()
+            .map(|r| Shown { label: "rays".into(), picture: &r.pixels, difference: None })
+            .collect();
+        for c in own {
+            let picture = format!("{}.png", names::picture(&c.slug));
+            paths.push(folder.join(&picture));
+            sheet += &format!("| {} | ![{picture}]({picture}) |", c.row.spec());
+            if let Some(difference) = &c.difference {
+                let name = names::difference(&c.slug);
+                let png = with_texts(heat_map_png(difference, scale, DIFFERENCE)?, &texts)?;
+                write_whole(&folder.join(&name), |file| file.write_all(&png))?;
+                paths.push(folder.join(&name));
+                sheet += &format!(" ![{name}]({name})");
+            }
+            sheet += " |\n";
+            let picture = c.picture.as_ref();
+            let difference = c.difference.as_ref();
+            cells.extend(picture.map(|picture| Shown { label: c.row.spec(), picture, difference }));
+        }
+        let png = with_texts(grid::png(&cells, scale, DIFFERENCE)?, &texts)?;
+        let path = folder.join(grid_name);
+        write_whole(&path, |file| file.write_all(&png))?;
+        paths.push(path);
+    }
+    write_whole(&paths[0], |file| file.write_all(sheet.as_bytes()))?;
+    for (c, nodes) in all.iter().zip(&made.nodes) {
+        if let Some(nodes) = nodes {
+            let path = folder.join(names::nodes(&c.slug));
+            let failed =
+                |e: ndarray_npy::WriteNpyError| Error::runtime("cannot encode nodes", path.display(), e);
+            let mut bytes = Vec::new();
+            signed(nodes).write_npy(&mut bytes).map_err(failed)?;
+            write_whole(&path, |file| file.write_all(&bytes))?;
             paths.push(path);
         }
     }
-    write_whole(&paths[0], |file| file.write_all(sheet.as_bytes()))?;
     Ok(paths)
+}
+
+/// Nodes by texel, -1 where the tile is left out.
+fn signed(map: &NodeMap) -> Array2<i32> {
+    let side = TILE as usize;
+    Array2::from_shape_fn(map.nodes.dim(), |(row, column)| match map.stored[[row / side, column / side]] {
+        true => map.nodes[[row, column]] as i32,
+        false => -1,
+    })
+}
+
+/// The other way than [`signed`].
+pub fn node_map(signed: &Array2<i32>) -> NodeMap {
+    let (rows, columns) = signed.dim();
+    let side = TILE as usize;
+    let stored = Array2::from_shape_fn((rows.div_ceil(side), columns.div_ceil(side)), |(row, column)| {
+        signed[[row * side, column * side]] >= 0
+    });
+    NodeMap { nodes: signed.mapv(|n| n.max(0) as u32), stored }
 }
 
 /// Writes what omissions are worth: every column as CSV and JSON, and a table for reading; returns the paths.
@@ -68,4 +161,38 @@ pub fn write_ablations(rows: &[Ablation], folder: &Path) -> Result<Vec<PathBuf>>
         write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
     };
     files.into_iter().map(write).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::arr2;
+
+    #[test]
+    fn nodes_come_back_from_their_file() {
+        let nodes =
+            Array2::from_shape_fn((20, 20), |(r, c)| if r < 16 && c < 16 { (r * c) as u32 } else { 0 });
+        let map = NodeMap { nodes, stored: arr2(&[[true, false], [false, true]]) };
+        assert_eq!(signed(&map)[[19, 19]], 0);
+        assert_eq!(signed(&map)[[0, 16]], -1);
+        let back = node_map(&signed(&map));
+        assert_eq!((back.nodes, back.stored), (map.nodes, map.stored));
+    }
+
+    #[test]
+    fn one_scale_is_of_all_rows_but_those_without_shadows() {
+        let compared = |method: &str, value: f32| Compared {
+            row: Row { method: method.into(), ..Row::default() },
+            slug: String::new(),
+            picture: None,
+            difference: Some(arr2(&[[0.0, value]])),
+            left_out: Vec::new(),
+        };
+        let all =
+            [compared("none", 0.9), compared("dsm", 0.011), compared("osm", 0.04), compared("dom", 0.0)];
+        assert!((scale_of(all.iter()) - 0.05).abs() < 1e-6);
+        assert!((scale_of(all[3..].iter()) - 1.0).abs() < 1e-6);
+        let low = [compared("none", 0.3)];
+        assert!((scale_of(low.iter()) - 0.5).abs() < 1e-6, "alone it has its own");
+    }
 }

@@ -360,9 +360,12 @@ mod tests {
     #[test]
     fn png_is_twice_the_size_in_points_and_holds_the_colours() {
         let folder = tempfile::tempdir().unwrap();
-        let paths = write_plots(&sample_rows(), folder.path(), "error_time").unwrap();
-        let names = ["error_time.png", "error_time.svg", "error_time_bytes.png", "error_time_bytes.svg"];
+        let paths =
+            write_plots(&sample_rows(), folder.path(), &crate::report::names::plots("head"), &[]).unwrap();
+        let names = ["png", "svg", "pdf"].map(|e| format!("compare_head.{e}"));
         assert!(paths.iter().zip(names).all(|(p, n)| p.ends_with(n) && p.exists()), "{paths:?}");
+        assert_eq!(paths.len(), 6);
+        assert!(std::fs::read(&paths[2]).unwrap().starts_with(b"%PDF-"));
         let picture = image::open(&paths[0]).unwrap().to_rgb8();
         assert_eq!(picture.dimensions(), (2480, 1220));
         for name in ["none", "rays", "dsm", "osm"] {

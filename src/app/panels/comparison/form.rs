@@ -172,7 +172,8 @@ impl Form {
             ui.label("");
             ui.checkbox(&mut self.resume, "Go on with what the folder holds").on_hover_text(
                 "Rows and timed rounds of the same program, adapter, volume, transfer function, scene and settings are \
-                 not measured again; otherwise the table is started anew",
+                 not measured again, and a folder of another scene is refused; otherwise the table is started anew and \
+                 the files of the one that the folder holds are removed",
             );
             ui.end_row();
         });

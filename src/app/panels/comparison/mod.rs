@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::measure::journal::JOURNAL;
 use crate::measure::progress::{StepKind, spoken};
 use crate::measure::table::Row;
+use crate::open::SceneSettings;
 use crate::scene::Scene;
 use eframe::egui;
 use form::Form;
@@ -73,12 +74,13 @@ impl Comparison {
             (Err(_), _) => return,
         };
         let [width, height] = self.form.size;
+        let scene = Scene { width, height, ..document.scene.clone() };
         let wanted = Request {
+            settings: SceneSettings::of_scene(&document.spec, &scene, document.transparent),
             adapter: model.adapter.clone(),
             volume: Arc::clone(&document.volume),
-            spec: document.spec.clone(),
             tf: Arc::clone(&document.tf),
-            scene: Scene { width, height, ..document.scene.clone() },
+            scene,
             methods,
             effort: self.form.effort,
             folder,

@@ -2,16 +2,21 @@
 
 use crate::app::render_thread::mailbox::Wake;
 use crate::error::{Error, Result};
+use crate::files::hash::sha256;
 use crate::files::loading::Loading;
 use crate::files::output::prepare_output_dir;
 use crate::gpu::Gpu;
+use crate::measure::facts::Facts;
 use crate::measure::job::Effort;
 use crate::measure::journal::Journal;
 use crate::measure::progress::{Progress, Status, StepKind, Watch};
 use crate::measure::table::Row;
-use crate::open::VolumeSpec;
+use crate::open::SceneSettings;
 use crate::render::{Forced, Renderer};
+use crate::report::Start;
 use crate::report::make::{Files, Order, Subject, make, scene_name};
+use crate::report::run::{Run, SceneRecord};
+use crate::report::tables::Layout;
 use crate::scene::Scene;
 use crate::shadow::Method;
 use crate::transfer::TransferFunction;
@@ -27,6 +32,9 @@ use std::time::{Duration, Instant};
 /// What every row that is timed beside the window says.
 pub const REMARK: &str = "timed while the window was open, which draws with the same processor";
 
+/// The transfer function's file in the folder of the table.
+const TRANSFER_FUNCTION: &str = "transfer_function.json";
+
 /// A program that ends waits no longer for the step that is being done.
 const LAST_STEP: Duration = Duration::from_secs(3);
 
@@ -35,11 +43,11 @@ pub struct Request {
     /// Its whole name.
     pub adapter: String,
     pub volume: Arc<Volume>,
-    /// Where the volume came from, and how it was read.
-    pub spec: VolumeSpec,
     pub tf: Arc<TransferFunction>,
     /// With the table's own picture size.
     pub scene: Scene,
+    /// What a scene file would say of it, but for the transfer function.
+    pub settings: SceneSettings,
     pub methods: Vec<Box<dyn Method>>,
     pub effort: Effort,
     pub folder: PathBuf,
@@ -156,20 +164,40 @@ impl Watch for Watcher {
 }
 
 fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
-    let Request { adapter, volume, spec, tf, scene, methods, effort, folder, resume } = wanted;
+    let Request { adapter, volume, tf, scene, mut settings, methods, effort, folder, resume } = wanted;
     let renderer = Arc::new(Renderer::new(Gpu::open(Some(&adapter))?));
     prepare_output_dir(&folder)?;
+    let (start, tf_text) = (if resume { Start::Resume } else { Start::Overwrite }, tf.to_json());
+    let facts = Facts::of(renderer.gpu());
+    let texts: Vec<_> = methods.iter().map(|m| facts.row("", [1, 1], m.as_ref()).spec()).collect();
+    settings.name = Some(scene_name(&volume, &tf));
+    settings.tf = Some(TRANSFER_FUNCTION.into());
+    settings.sha256 = settings.spec().sha256()?;
+    let record = SceneRecord {
+        name: settings.name.clone().unwrap_or_default(),
+        file: String::new(),
+        settings: settings.to_toml()?,
+        volume_sha256: settings.sha256.clone(),
+        tf: tf.name.clone(),
+        tf_file: TRANSFER_FUNCTION.into(),
+        tf_sha256: sha256(tf_text.as_bytes()),
+        size: [scene.width, scene.height],
+    };
+    let mut run = Run::new(&facts, effort, &texts.join(";"), &methods, vec![record], None);
+    let other = "choose another folder, or start anew: that removes all files of the table that it holds";
+    run.check(&folder, start).map_err(|e| e.hint(other))?;
     let mut journal = Journal::open(&folder, resume)?;
+    run.begin(&folder, start, &[Some(tf_text)])?;
     let mut progress = Progress::watched(watcher);
     progress.check("opening the device")?;
-    let order = Order { methods: &methods, effort, ablate: false, budgets: &[], remark: REMARK };
-    let names = [scene_name(&volume, &tf)];
+    let methods = [methods];
+    let order = Order { methods: &methods, budgets: &[], remark: REMARK };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), (*tf).clone(), scene.clone());
-        let strands = spec.strands(&Loading::default())?;
+        let strands = settings.spec().strands(&Loading::default())?;
         Ok(Subject { volume, tf, strands, scene, forced: Forced::NOTHING })
     };
-    let made = make(&order, &names, &mut read, &renderer, &mut journal, &mut progress)?;
+    let made = make(&order, &run, &mut read, &renderer, &mut journal, &mut progress)?;
     let (rows, notes) = (made.comparison.rows(), made.comparison.notes.clone());
-    Ok(Finished { rows, notes, files: made.write(&folder)? })
+    Ok(Finished { rows, notes, files: made.write(&folder, &Layout::default())? })
 }

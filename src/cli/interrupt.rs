@@ -1,0 +1,41 @@
+//! Ctrl-C, and the signals by which a batch system ends a job.
+
+use super::told::say;
+use crate::error::{Error, Result};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+static COME: AtomicU32 = AtomicU32::new(0);
+static LISTENS: OnceLock<Result<(), String>> = OnceLock::new();
+
+/// Exit status of what a signal ended, as shells have it: 128 and the number of SIGINT.
+const ENDED: i32 = 130;
+
+/// Hears interrupts (SIGINT, SIGTERM, SIGHUP) from when it is made: the first is to end the work between two steps, the
+/// second ends the program at once.
+pub struct Interrupt(());
+
+impl Interrupt {
+    /// Starts to listen.
+    ///
+    /// # Errors
+    /// The system does not let it.
+    pub fn listen() -> Result<Self> {
+        let listens = LISTENS.get_or_init(|| {
+            let heard = || match COME.fetch_add(1, Ordering::SeqCst) {
+                0 => {
+                    say("note", &"ending after this step; what is measured is kept (once more ends at once)")
+                }
+                _ => std::process::exit(ENDED),
+            };
+            ctrlc::set_handler(heard).map_err(|e| e.to_string())
+        });
+        listens.clone().map_err(|why| Error::runtime("cannot listen for interrupts", "signals", why))?;
+        Ok(Self(()))
+    }
+
+    /// Whether one has come.
+    pub fn has_come(&self) -> bool {
+        COME.load(Ordering::SeqCst) > 0
+    }
+}

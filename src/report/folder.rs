@@ -1,0 +1,164 @@
+//! The folder of a table: whose it is, so that no table is lost in silence and no two mix.
+
+use super::names::RUN;
+use super::run::{RowRecord, Run, scenes_differ};
+use crate::error::{Error, Result};
+use crate::files::output::write_whole;
+use crate::measure::job::Effort;
+use crate::measure::journal::JOURNAL;
+use std::path::{Component, Path};
+
+/// What becomes of a table that the folder holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Start {
+    /// It is refused.
+    New,
+    /// It is gone on with, and so it must be of the same scenes and settings.
+    Resume,
+    /// All its files go, and no others.
+    Overwrite,
+}
+
+impl Run {
+    /// The record of a folder; `None` where there is none.
+    ///
+    /// # Errors
+    /// One that cannot be read.
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join(RUN);
+        let refuse = |why: String| {
+            Error::input("cannot read the record of a table", path.display(), why)
+                .hint("give another folder, or remove this file and those of its table")
+        };
+        match std::fs::read(&path) {
+            Ok(bytes) => serde_json::from_slice(&bytes).map(Some).map_err(|e| refuse(e.to_string())),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(refuse(e.to_string())),
+        }
+    }
+
+    /// Writes the record.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        let path = folder.join(RUN);
+        let text = serde_json::to_string_pretty(self)
+            .map_err(|e| Error::runtime("cannot write file", path.display(), e))?;
+        write_whole(&path, |file| writeln!(file, "{text}"))
+    }
+
+    /// Refuses a folder whose table would be lost, or mixed with this one. Changes nothing. A folder that is missing or
+    /// holds no table is none such.
+    ///
+    /// # Errors
+    /// That, as a fault of the command line.
+    pub fn check(&self, folder: &Path, start: Start) -> Result<()> {
+        let place = folder.display();
+        let earlier = Self::read(folder)?;
+        let holds = |name: &str| std::fs::metadata(folder.join(name)).is_ok_and(|m| m.len() > 0);
+        if !holds(JOURNAL) && !holds("compare.csv") {
+            return Ok(());
+        }
+        let Some(earlier) = earlier else {
+            let why = "it holds a table without run.json, which would say what belongs to it";
+            return Err(Error::input("cannot write table", place, why)
+                .hint("give another folder, or remove that table"));
+        };
+        match start {
+            Start::Overwrite => Ok(()),
+            Start::New => {
+                let state = if earlier.finished { "a table" } else { "an unfinished table" };
+                let why = format!("it holds {state} already");
+                Err(Error::input("cannot write table", place, why)
+                    .hint("--resume goes on with it; --overwrite removes all its files and starts anew"))
+            }
+            Start::Resume => match self.differs_from(&earlier) {
+                None => Ok(()),
+                Some(why) => Err(Error::input("cannot resume", place, why)
+                    .hint("--overwrite removes all its files and starts anew, or give another folder")),
+            },
+        }
+    }
+
+    /// What keeps this run from going on with an earlier one's table; its rounds may be more.
+    fn differs_from(&self, earlier: &Self) -> Option<String> {
+        if !earlier.merged.is_empty() {
+            return Some("its table was merged from several".into());
+        }
+        let effort = |run: &Self| Effort { repeats: 0, ..run.effort };
+        if effort(self) != effort(earlier) {
+            return Some("its errors are of other numbers of points, rays or depths".into());
+        }
+        if self.adapter != earlier.adapter {
+            return Some(format!("it was measured on {}, not {}", earlier.adapter, self.adapter));
+        }
+        if self.shard != earlier.shard {
+            let shard =
+                |run: &Self| run.shard.as_ref().map_or("the whole table".into(), |s| format!("shard {s}"));
+            return Some(format!("it is {}, not {}", shard(earlier), shard(self)));
+        }
+        if let Some(difference) = scenes_differ(&self.scenes, &earlier.scenes) {
+            return Some(difference);
+        }
+        if let Some(budget) = earlier.budgets.iter().find(|b| !self.budgets.contains(b)) {
+            return Some(format!(
+                "its rows are tuned within {budget}, which is not among the budgets asked for"
+            ));
+        }
+        // What a search chooses follows from the budgets.
+        let lost = |row: &&RowRecord| {
+            let asked = row.here && !row.chosen;
+            asked && !self.rows.iter().any(|r| r.here && (r.scene, &r.slug) == (row.scene, &row.slug))
+        };
+        let row = earlier.rows.iter().find(lost)?;
+        Some(format!("{} is among its rows and not among those asked for", row.method))
+    }
+
+    /// Starts: removes what an earlier run wrote here, if that is asked for, and writes the record and what the table is
+    /// made from. `tf_texts` are the transfer functions' files, scene by scene.
+    ///
+    /// # Errors
+    /// A file that cannot be removed or written.
+    pub fn begin(&mut self, folder: &Path, start: Start, tf_texts: &[Option<String>]) -> Result<()> {
+        let earlier = Self::read(folder)?;
+        if let Some(earlier) = earlier.as_ref().filter(|_| start == Start::Overwrite) {
+            earlier.remove_files(folder)?;
+        }
+        self.again = self.command_again(folder);
+        self.files = self.file_names();
+        // Rows that a search chose are not foreseen, and their files are there.
+        let kept = earlier.filter(|_| start == Start::Resume).map_or_else(Vec::new, |earlier| earlier.files);
+        let more: Vec<String> = kept.into_iter().filter(|name| !self.files.contains(name)).collect();
+        self.files.extend(more);
+        self.finished = false;
+        self.write(folder)?;
+        for (scene, tf) in self.scenes.iter().zip(tf_texts) {
+            if !scene.file.is_empty() {
+                write_whole(&folder.join(&scene.file), |file| file.write_all(scene.settings.as_bytes()))?;
+            }
+            if let Some(text) = tf {
+                write_whole(&folder.join(&scene.tf_file), |file| file.write_all(text.as_bytes()))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes the files of the run from its folder, but for the journal, which is open.
+    fn remove_files(&self, folder: &Path) -> Result<()> {
+        for name in self.files.iter().filter(|name| *name != JOURNAL && *name != RUN) {
+            // Whatever the record says, nothing outside the folder is touched.
+            let mut parts = Path::new(name).components();
+            if !matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) {
+                continue;
+            }
+            match std::fs::remove_file(folder.join(name)) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(Error::runtime("cannot remove file", folder.join(name).display(), e));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,114 @@
+//! All that the files of a table are made of.
+
+use super::run::{RowRecord, Run};
+use crate::error::Result;
+use crate::measure::ablate::Ablation;
+use crate::measure::comparison::{Compared, Comparison};
+use crate::measure::stats::image_difference;
+use crate::measure::table::Row;
+use crate::shadow::{Method, NodeMap, ShadowRays};
+use ndarray::Array3;
+use std::borrow::BorrowMut;
+
+/// The picture by `rays` that a scene's differences are from, where none of its rows is one.
+#[derive(Debug, Clone)]
+pub struct ReferencePicture {
+    /// The scene's name.
+    pub scene: String,
+    /// Of the rows on the same adapter.
+    pub adapter: String,
+    /// `height x width x 4`, linear RGBA.
+    pub pixels: Array3<f32>,
+}
+
+/// A comparison of which everything is measured and nothing written but the journal.
+#[derive(Default)]
+pub struct Made {
+    /// Rows, pictures, notes and failures of all scenes.
+    pub comparison: Comparison,
+    /// How it was made.
+    pub run: Run,
+    /// Nodes by texel, row by row, of those that have any.
+    pub nodes: Vec<Option<NodeMap>>,
+    /// Where no row is by `rays`.
+    pub references: Vec<ReferencePicture>,
+    /// What omissions are worth, where that was asked for.
+    pub ablations: Option<Vec<Ablation>>,
+}
+
+impl Made {
+    /// Records the rows as they have come to be, where that is not as they were foreseen.
+    pub fn record_rows(&mut self) {
+        let scene = |row: &Row| self.run.scenes.iter().position(|s| s.name == row.scene);
+        let found: Vec<RowRecord> = self
+            .comparison
+            .compared
+            .iter()
+            .filter_map(|c| {
+                let (method, slug) = (c.row.spec(), c.slug.clone());
+                let scene = scene(&c.row)?;
+                let foreseen = |r: &&RowRecord| !r.chosen && (r.scene, &r.method) == (scene, &method);
+                let chosen = !self.run.rows.iter().any(|r| foreseen(&r));
+                Some(RowRecord { scene, method, slug, here: true, chosen })
+            })
+            .collect();
+        let here = self.run.rows.iter().filter(|r| r.here);
+        if !here.map(|r| (r.scene, &r.method)).eq(found.iter().map(|r| (r.scene, &r.method))) {
+            self.run.rows.retain(|r| !r.here);
+            self.run.rows.extend(found);
+            let more = self.run.file_names().into_iter().filter(|name| !self.run.files.contains(name));
+            let more: Vec<String> = more.collect();
+            self.run.files.extend(more);
+        }
+    }
+}
+
+/// Fills where the rows' pictures differ from the reference.
+pub fn take_differences(compared: &mut [impl BorrowMut<Compared>], reference: &Array3<f32>) -> Result<()> {
+    for c in compared {
+        let c = c.borrow_mut();
+        if let Some(picture) = c.picture.as_ref().filter(|_| c.row.method != ShadowRays::default().name()) {
+            c.difference = Some(image_difference(picture.view(), reference.view())?);
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::run::SceneRecord;
+
+    #[test]
+    fn rows_that_were_not_foreseen_are_recorded_with_their_files() {
+        let record = |method: &str, here| RowRecord {
+            scene: 0,
+            method: method.into(),
+            slug: method.into(),
+            here,
+            chosen: false,
+        };
+        let compared = |method: &str| Compared {
+            row: Row { scene: "a".into(), method: method.into(), ..Row::default() },
+            slug: format!("{method}-tuned"),
+            picture: None,
+            difference: None,
+            left_out: Vec::new(),
+        };
+        let scene = SceneRecord { name: "a".into(), ..SceneRecord::default() };
+        let rows = vec![record("none", true), record("rays", false), record("dsm", true)];
+        let mut made = Made { run: Run { scenes: vec![scene], rows, ..Run::default() }, ..Made::default() };
+        made.comparison.compared = vec![compared("none"), compared("dsm")];
+        let before = made.run.clone();
+        made.record_rows();
+        assert_eq!(made.run, before, "as foreseen");
+        made.comparison.compared.push(compared("osm"));
+        made.record_rows();
+        let methods: Vec<_> = made.run.rows.iter().map(|r| (r.method.as_str(), r.here, r.chosen)).collect();
+        assert_eq!(
+            methods,
+            [("rays", false, false), ("none", true, false), ("dsm", true, false), ("osm", true, true),]
+        );
+        assert!(made.run.files.contains(&"picture_osm-tuned.exr".to_owned()));
+    }
+}

@@ -1,0 +1,50 @@
+//! The names of a table's files: all that a run may write into its folder, known before it is written.
+
+use crate::measure::job::file_name_part;
+
+/// How the table was made.
+pub const RUN: &str = "run.json";
+
+/// What stands before a scene's own files; nothing where there is but one scene.
+pub fn prefix(scene: &str, several: bool) -> String {
+    if several { format!("{}_", file_name_part(scene)) } else { String::new() }
+}
+
+/// A picture by a row, or by `rays` as the reference, without its ending.
+pub fn picture(slug: &str) -> String {
+    format!("picture_{slug}")
+}
+
+/// Where a row's picture differs from the reference.
+pub fn difference(slug: &str) -> String {
+    format!("difference_{slug}.png")
+}
+
+/// The nodes of a row's texels.
+pub fn nodes(slug: &str) -> String {
+    format!("nodes_{slug}.npy")
+}
+
+/// The picture by `rays` that differences are from where no row is one, without its ending.
+pub fn reference(prefix: &str) -> String {
+    picture(&format!("{prefix}reference"))
+}
+
+/// The pictures of a scene beside each other.
+pub fn grid(prefix: &str) -> String {
+    format!("{prefix}pictures.png")
+}
+
+/// The plots of a scene, without their endings: error against time, and against bytes.
+pub fn plots(part: &str) -> [String; 2] {
+    let stem = if part.is_empty() { "compare".to_owned() } else { format!("compare_{part}") };
+    [stem.clone(), format!("{stem}_bytes")]
+}
+
+/// Endings of a plot's files.
+pub const PLOT_ENDINGS: [&str; 3] = ["png", "svg", "pdf"];
+
+/// What stands before a scene's files of one of several adapters.
+pub fn adapter_prefix(prefix: &str, adapter: &str) -> String {
+    format!("{prefix}{}_", file_name_part(adapter))
+}
