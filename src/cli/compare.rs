@@ -74,6 +74,18 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", default_value_t = Effort::default().depths as u32,
         value_parser = clap::value_parser!(u32).range(Effort::DEPTHS))]
     pub depths: u32,
+    /// Which light rays are checked: a sample (--rays), or all: every texel's, at every node besides the depths
+    #[arg(long, value_enum, default_value_t = Checked::Sample)]
+    pub check: Checked,
+}
+
+/// Which light rays are held against the exact ones.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Checked {
+    /// So many, spread over what the light meets.
+    Sample,
+    /// Every texel's.
+    All,
 }
 
 /// How the tables for reading are laid out.
@@ -131,6 +143,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
         points: args.points as usize,
         rays: args.rays as usize,
         depths: args.depths as usize,
+        check_all: args.check == Checked::All,
     };
     let paths = args.scene.scene.clone();
     let scenes = args.scene.into_each()?;

@@ -111,6 +111,8 @@ pub struct RayTest<'a> {
     pub depths: usize,
     /// Depth tolerance that the depths are crowded by where the method promises none, mm.
     pub default_depth_mm: f64,
+    /// Depths that each texel's ray is asked at besides (mm), in the order of the texels; of every one or of none.
+    pub nodes_mm: &'a [Vec<f64>],
 }
 
 impl RayTest<'_> {
@@ -150,7 +152,8 @@ impl RayTest<'_> {
         for (chunk, texels) in self.texels.chunks(RAYS_AT_ONCE).enumerate() {
             let rays: Vec<(MeanCurve<ExactRay>, Vec<f64>)> = texels
                 .par_iter()
-                .map(|&[column, row]| {
+                .enumerate()
+                .map(|(i, &[column, row])| {
                     let center = DVec2::new(f64::from(column), f64::from(row));
                     let curves: Vec<_> = tap_offsets(self.taps)
                         .into_iter()
@@ -164,7 +167,12 @@ impl RayTest<'_> {
                     let range = [first.max(promised), last];
                     let mut jumps: Vec<_> = curves.iter().flat_map(ExactRay::jumps).collect();
                     jumps.sort_by(f64::total_cmp);
-                    let depths = test_depths(range, &jumps, self.depths, tolerance_mm);
+                    let mut depths = test_depths(range, &jumps, self.depths, tolerance_mm);
+                    if let Some(nodes) = self.nodes_mm.get(chunk * RAYS_AT_ONCE + i) {
+                        depths.extend(nodes.iter().filter(|z| (range[0]..=range[1]).contains(*z)));
+                        depths.sort_by(f64::total_cmp);
+                        depths.dedup();
+                    }
                     (MeanCurve(curves), depths)
                 })
                 .collect();

@@ -2,7 +2,7 @@
 //! to be the one asked for.
 
 use super::defaults::settings;
-use super::job::Job;
+use super::job::{Effort, Job};
 use super::table::{OK, Row};
 use crate::gpu::Gpu;
 use crate::shadow::Method;
@@ -72,7 +72,7 @@ pub(super) fn job_key(job: &Job, facts: &Facts) -> u64 {
     let mut hasher = DefaultHasher::new();
     facts.hash(&mut hasher);
     hash_volume(job.volume, &mut hasher);
-    let effort = (job.effort.points, job.effort.rays, job.effort.depths);
+    let effort = Effort { repeats: 0, ..job.effort };
     // `Debug` writes reals in digits that read back as the same number.
     let forced = job.session.transfer.forced;
     // The voxels say which strands they are of.

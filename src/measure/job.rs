@@ -27,6 +27,8 @@ pub struct Effort {
     pub rays: usize,
     /// Depths on each light ray.
     pub depths: usize,
+    /// Every texel's light ray, and besides the depths every node on it, instead of so many rays.
+    pub check_all: bool,
 }
 
 impl Effort {
@@ -42,7 +44,7 @@ impl Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { repeats: 5, points: 20_000, rays: 2000, depths: 200 }
+        Self { repeats: 5, points: 20_000, rays: 2000, depths: 200, check_all: false }
     }
 }
 

@@ -257,13 +257,20 @@ impl<'a> Reference<'a> {
         let job = self.job;
         let space = &shadow.light_space;
         let (field, light, count) = (self.field, job.scene.light, job.effort.rays);
-        let texels =
-            self.texels.entry(space.map_size).or_insert_with(|| texels_to_test(field, light, space, count));
+        let texels = self.texels.entry(space.map_size).or_insert_with(|| match job.effort.check_all {
+            true => (0..space.map_size).flat_map(|r| (0..space.map_size).map(move |c| [c, r])).collect(),
+            false => texels_to_test(field, light, space, count),
+        });
+        let nodes = match job.effort.check_all {
+            true => job.session.node_depths(shadow, texels)?.unwrap_or_default(),
+            false => Vec::new(),
+        };
         let test = RayTest {
             texels,
             taps: method.taps(),
             depths: job.effort.depths,
             default_depth_mm: DEFAULT_DEPTH * job.volume.min_spacing_mm(),
+            nodes_mm: &nodes,
         };
         let report = test.run(field, light, job.session, shadow)?;
         row.set_ray_errors(&report, shadow.bound);

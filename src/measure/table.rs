@@ -152,8 +152,18 @@ columns! {
     bound [""]: Option<f64>,
     /// What the method promises on light rays: tolerance in depth.
     bound_depth_mm ["mm"]: Option<f64>,
+    /// What the method promises on light rays: how far the ray may stray sideways, which float32 does not know better.
+    bound_lateral_mm ["mm"]: Option<f64>,
+    /// What the method promises on light rays: how far values along it may stray, in the volume's values.
+    bound_value [""]: Option<f64>,
+    /// Depths that keep the promise by straying sideways or in value alone.
+    bound_limited [""]: Option<u64>,
     /// Whether the promise held at every depth tested; empty where nothing is promised.
     bound_held [""]: Option<bool>,
+    /// Light rays tested.
+    rays_tested [""]: Option<u64>,
+    /// Depths tested on them, those of nodes included.
+    depths_tested [""]: Option<u64>,
     /// Whether no other row of the scene is at once faster (`fps_moving`) and closer (`point_err_rms`).
     pareto [""]: Option<bool>,
     /// Whether a search within a budget chose the settings; empty where there was none.
@@ -260,12 +270,17 @@ impl Row {
         texts.filter(|(_, text): &(_, String)| !text.is_empty()).collect()
     }
 
-    /// Fills `ray_err_max`, `bound`, `bound_depth_mm` and `bound_held`.
+    /// Fills what is measured along light rays.
     pub fn set_ray_errors(&mut self, report: &BandReport, promise: Option<Bound>) {
         self.ray_err_max = report.ray_err_max();
         self.bound = promise.map(|p| p.transmittance);
         self.bound_depth_mm = promise.map(|p| p.depth_mm);
+        self.bound_lateral_mm = promise.map(|p| p.lateral_mm);
+        self.bound_value = promise.map(|p| p.value);
+        self.bound_limited = promise.map(|_| report.limited as u64);
         self.bound_held = report.held();
+        self.rays_tested = Some(report.rays as u64);
+        self.depths_tested = Some(report.depths as u64);
     }
 
     /// Median time with the light moving, `build_ms + frame_ms`; a missing `build_ms` counts as 0.

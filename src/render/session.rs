@@ -4,7 +4,7 @@ use super::{DeviceTransfer, Forced, LoadedVolume, Picture, Renderer, needs_shado
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::{Light, Scene};
-use crate::shadow::{Method, NodeMap, ShadowMap, node_map};
+use crate::shadow::{Method, NodeMap, ShadowMap, node_depths, node_map};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use glam::DVec3;
@@ -96,5 +96,13 @@ impl Session {
     /// As there.
     pub fn node_map(&self, shadow: &ShadowMap) -> Result<Option<NodeMap>> {
         node_map(self.renderer.kernels(), &self.transfer, shadow)
+    }
+
+    /// Depths of every node of texels of a deep shadow map; see [`node_depths`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn node_depths(&self, shadow: &ShadowMap, texels: &[[u32; 2]]) -> Result<Option<Vec<Vec<f64>>>> {
+        node_depths(self.renderer.kernels(), &self.transfer, shadow, texels)
     }
 }

@@ -15,6 +15,7 @@ use crate::files::output::write_whole;
 use crate::files::picture::read_exr;
 use crate::measure::budget::Trial;
 use crate::measure::comparison::Compared;
+use crate::measure::job::Effort;
 use crate::measure::table::{Row, mark_pareto};
 use crate::shadow::{Method, ShadowRays};
 use ndarray::Array2;
@@ -151,7 +152,7 @@ fn agree(first: &Part, other: &Part) -> Result<()> {
     if program(a) != program(b) {
         return refuse(format!("it was measured by {}, not {}", program(b), program(a)));
     }
-    let effort = |run: &Run| (run.effort.points, run.effort.rays, run.effort.depths);
+    let effort = |run: &Run| Effort { repeats: 0, ..run.effort };
     if effort(a) != effort(b) {
         return refuse("its errors are of other numbers of points, rays or depths".into());
     }

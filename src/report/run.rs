@@ -281,12 +281,13 @@ impl Run {
             words.extend(["--scene".into(), folder.join(&scene.file).to_string_lossy().into_owned()]);
         }
         words.extend(["--methods".into(), self.methods.clone()]);
-        let Effort { repeats, points, rays, depths } = self.effort;
+        let Effort { repeats, points, rays, depths, check_all } = self.effort;
         for (flag, n) in
             [("--repeats", repeats), ("--points", points), ("--rays", rays), ("--depths", depths)]
         {
             words.extend([flag.into(), n.to_string()]);
         }
+        words.extend(check_all.then(|| ["--check".into(), "all".into()]).into_iter().flatten());
         words.extend(self.budgets.iter().flat_map(|budget| ["--budget".into(), budget.clone()]));
         words.extend(self.ablate.then(|| "--ablate".into()));
         words.extend(["-o".into(), "again".into()]);

@@ -34,7 +34,7 @@ mod tolerances;
 
 pub use bom::BoundingOpacityMap;
 pub use dom::{Beyond, DeepOpacityMap};
-pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_map};
+pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
 pub use layered::{Average, LayerSplit, Measure};
 pub use method::{Bound, BuildReport, Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice, Taps};
 pub use none::NoShadows;

@@ -319,6 +319,7 @@ impl Attack {
             taps: shadow::Taps::Within(1),
             depths: DEPTHS,
             default_depth_mm: 0.02 * min_spacing_mm,
+            nodes_mm: &[],
         };
         let report = test.run(&field, self.light, &session, &map)?;
         Ok(Outcome { report, bound: map.bound.unwrap_or_default(), min_spacing_mm })

@@ -116,7 +116,7 @@ pub fn compared_within(
         scene_name: "haze".into(),
         file_prefix: String::new(),
         remark: String::new(),
-        effort: Effort { repeats: 5, points: 4000, rays: 60, depths: 200 },
+        effort: Effort { repeats: 5, points: 4000, rays: 60, depths: 200, check_all: false },
     };
     let mut journal = Journal::nowhere();
     Some(compare_within(&job, methods, budgets, &mut journal, &mut Progress::unseen()).unwrap())

@@ -24,7 +24,7 @@ pub(super) fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (Ba
     };
     let texels: Vec<_> = pick_texels(CANDIDATES, RAYS, meets).into_iter().map(|[c, r]| texel(c, r)).collect();
     let taps = shadow::parse(method).unwrap().taps();
-    let test = RayTest { texels: &texels, taps, depths: DEPTHS, default_depth_mm: 0.1 };
+    let test = RayTest { texels: &texels, taps, depths: DEPTHS, default_depth_mm: 0.1, nodes_mm: &[] };
     let rise = if method == "rays" { tolerance::RAYS_RISE } else { tolerance::MAP_RISE };
     let (mut report, mut sanity) = (BandReport::default(), Sanity::default());
     let visit = |own, _: &[f64], values: &[f32]| {

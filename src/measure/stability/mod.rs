@@ -244,6 +244,7 @@ impl Lit<'_> {
             taps: method.taps(),
             depths: DEPTHS,
             default_depth_mm: DEFAULT_DEPTH * self.case.volume.min_spacing_mm(),
+            nodes_mm: &[],
         };
         let rise = if shadow.lookup.as_ref().is_some_and(|l| l.marches()) { RAYS_RISE } else { MAP_RISE };
         let (mut band, mut rays) = (BandReport::default(), Sanity::default());

@@ -1,6 +1,6 @@
 //! How many nodes each texel of a deep shadow map has, read back only when asked for (Hadwiger et al. 2006, Figure 5).
 
-use super::layout::{self, NAME};
+use super::layout::{self, DEPTH_STEPS, NAME};
 use crate::error::{Error, Result};
 use crate::field::{DeviceTransfer, NO_TILE, TILE, line_of_workgroups};
 use crate::gpu::{Kernels, ShaderVariant, Slot, StorageBuffer, read_back};
@@ -79,6 +79,51 @@ pub fn node_map(kernels: &Kernels, transfer: &DeviceTransfer, shadow: &ShadowMap
         counts.extend(read_back::<u32>(gpu, &found, here)?);
     }
     NodeMap::from_counts(map_size, counts).map(Some)
+}
+
+pub(super) fn steps_shader() -> ShaderVariant {
+    layout::shader("shadow/dsm/steps.wgsl")
+}
+
+/// Depths (mm, in the order of the light) of every node of the given texels `[column, row]`; `None` for a structure that
+/// has none.
+///
+/// # Errors
+/// A lost device, or one out of memory.
+pub fn node_depths(
+    kernels: &Kernels,
+    transfer: &DeviceTransfer,
+    shadow: &ShadowMap,
+    texels: &[[u32; 2]],
+) -> Result<Option<Vec<Vec<f64>>>> {
+    let Some(map) = node_map(kernels, transfer, shadow)? else { return Ok(None) };
+    let gpu = kernels.gpu();
+    let space = &shadow.light_space;
+    let mm_a_step = space.depth_range_mm() / f64::from(DEPTH_STEPS);
+    let mut depths = Vec::with_capacity(texels.len());
+    for texels in texels.chunks(TEXELS_AT_ONCE / 16) {
+        let counts: Vec<u32> = texels.iter().map(|[c, r]| map.nodes[[*r as usize, *c as usize]]).collect();
+        let mut total = 0;
+        let mut places = Vec::with_capacity(texels.len());
+        for ([column, row], count) in texels.iter().zip(&counts) {
+            places.push([row * space.map_size + column, total]);
+            total += count;
+        }
+        let asked = StorageBuffer::from_slice(gpu, "texels", &places)?;
+        let found = StorageBuffer::zeroed(gpu, "steps of nodes", u64::from(total) * 4)?;
+        let stage =
+            [(0, Slot::read(asked.as_entire_binding())), (1, Slot::read_write(found.as_entire_binding()))];
+        let groups = [transfer.group(), &shadow.group, &kernels.group("steps of nodes", &stage)];
+        kernels.run("steps of nodes", &steps_shader(), &groups, line_of_workgroups(places.len()))?;
+        let steps = read_back::<u32>(gpu, &found, total as usize)?;
+        let mut rest = &steps[..];
+        for count in counts {
+            let (own, others) = rest.split_at(count as usize);
+            rest = others;
+            depths.push(own.iter().map(|s| space.z_range[0] + f64::from(*s) * mm_a_step).collect());
+        }
+    }
+    Ok(Some(depths))
 }
 
 #[cfg(test)]

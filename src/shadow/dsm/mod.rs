@@ -19,7 +19,7 @@
 mod count;
 mod layout;
 
-pub use count::{NodeMap, node_map};
+pub use count::{NodeMap, node_depths, node_map};
 
 use layout::{
     DEPTH_STEPS, MOST_LATTICE_STEPS, MOST_MARCHES, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader,
@@ -239,7 +239,7 @@ impl Method for DeepShadowMap {
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
-        vec![self.build_shader(), count::shader()]
+        vec![self.build_shader(), count::shader(), count::steps_shader()]
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
