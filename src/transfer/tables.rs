@@ -37,7 +37,7 @@ impl TexelMapping {
     }
 }
 
-/// The tables; layouts are those of `shaders/common/transfer.wgsl`.
+/// The tables; layouts are those of `shaders/field/transfer.wgsl`.
 #[derive(Debug, Clone)]
 pub struct TransferTables {
     /// `[start, amount, slope, 1 - amount]` by ascending value, amounts at the start; the first is everything below the

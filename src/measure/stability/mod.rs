@@ -6,12 +6,15 @@
 //! (between depths that float32 can tell apart), a promise that is not kept. Methods that promise nothing are judged on the first three, and their error is
 //! reported. Time and bytes are set beside those of the same method on the ordinary case.
 
+mod case;
 mod cases;
 mod fields;
 mod judge;
+mod promises;
 mod row;
 
-pub use cases::{Case, Concerns, ORDINARY, all};
+pub use case::{Case, Concerns};
+pub use cases::{ORDINARY, all};
 pub use judge::{Findings, Status};
 pub use row::Row;
 
