@@ -6,7 +6,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 cargo=${CARGO:-cargo}
 umbravox=${CARGO_TARGET_DIR:-target}/debug/umbravox
-"$cargo" build --locked
+# Together with a test, so that nothing is compiled twice for other features.
+"$cargo" test --locked --no-run --test gpu --test attack
 
 declare -A drivers=([llvmpipe]="" [swiftshader]="")
 for folder in /usr/share/vulkan/icd.d /usr/local/share/vulkan/icd.d /etc/vulkan/icd.d; do
