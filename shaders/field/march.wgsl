@@ -137,6 +137,8 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var pieces_left = 0u;
     // The cell is one piece, whatever turns the cubic takes.
     var plain = false;
+    // The ray was marched to its end: some adapters end loops that they find long, and say nothing.
+    var done = false;
     loop {
         var steps = 0u;
         loop {
@@ -192,7 +194,10 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             }
         }
         if u >= 1.0 {
-            if !walking { break; }
+            if !walking {
+                done = true;
+                break;
+            }
             continue;
         }
 
@@ -247,7 +252,10 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             let rise = extinction_slope(j, sigma) * steepness / chord_mm;
             let bend = sqrt(sigma * sigma + rise);
             let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm);
-            if piece_mm * bend > reach {
+            // Where the slope is steep but the depth small, the quarter of the difference says more.
+            let depth = sigma * piece_mm;
+            let stray = depth * depth + 2.0 * abs(sigma_b - sigma_a) * piece_mm;
+            if piece_mm * bend > reach && stray > reach * reach {
                 // From here extinction is sigma_a + rise h at most, and sigma at most.
                 let near = sigma_a + sqrt(rise);
                 let parts_mm = max(2.0 * reach / (near + sqrt(near * near + 4.0 * rise * reach)), reach / bend);
@@ -257,7 +265,10 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         }
         let h = piece_end - u;
         let mean = 0.5 * (extinction_in(j, cubic(c, u + GAUSS_LOW * h)) + extinction_in(j, cubic(c, u + GAUSS_HIGH * h)));
-        if sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm) { break; }
+        if sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm) {
+            done = true;
+            break;
+        }
         u = select(piece_end, 1.0, piece_end > 1.0 - LEAST_PIECE);
         value = end_value;
         pieces_left -= 1u;
@@ -266,4 +277,5 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             u = 1.0;
         }
     }
+    if !done { ran_out(); }
 }

@@ -8,8 +8,8 @@ const VALUE_BINS: u32 = #{VALUE_BINS};
 const TABLE_BINS: u32 = #{TABLE_BINS};
 const PAIR_BINS: u32 = #{PAIR_BINS};
 const LN_2: f32 = 0.6931472;
-// Optical depth of which a tenth may be lost each time that opacity nears 1.
-const UNEVEN_DEPTH: f32 = 1e-4;
+// Optical depth of which a tenth may be lost each time that opacity nears 1, of a whole ray.
+const UNEVEN_DEPTH: f32 = 5e-4;
 const NO_NODE: u32 = #{NO_NODE};
 const MORE_NODES: u32 = #{MORE_NODES};
 const MAX_INTERVALS: u32 = #{MAX_INTERVALS};
@@ -79,7 +79,7 @@ fn extinction_slope(j: u32, most: f32) -> f32 {
 // a stretch on which that matters: two-point Gauss errs by less than 1e-3 of a stretch where it does not.
 fn uneven(a: f32, b: f32, length_mm: f32) -> bool {
     let per_mm = field.inv_reference_length;
-    return (per_mm > 0.0) & (abs(b - a) > LN_2 * per_mm) & (max(a, b) * length_mm > UNEVEN_DEPTH);
+    return (per_mm > 0.0) & (abs(b - a) > LN_2 * per_mm) & (max(a, b) * length_mm * f32(field.size.x + field.size.y + field.size.z) > UNEVEN_DEPTH);
 }
 
 fn extinction_at(value: f32) -> f32 {

@@ -411,6 +411,12 @@ fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
         if left < EYE_OVER { break; }
     }
 #endif
+    // Some adapters end loops that they find long, and say nothing.
+#ifdef RESUMABLE
+    if walk.walking && left >= EYE_OVER && !interrupted { ran_out(); }
+#else
+    if walk.walking && left >= EYE_OVER { ran_out(); }
+#endif
 #ifdef RESUMABLE
     if interrupted {
         picture[index] = vec4<f32>(color, left);

@@ -41,10 +41,14 @@ impl<C: Curve> Curve for MeanCurve<C> {
     }
 }
 
-/// Transmittances between which any curve lies that follows, from stretch to stretch, one or another of some curves.
+/// Transmittances between which any curve lies that follows, from stretch to stretch, one or another of some curves; of
+/// several sets of curves, the means of these.
 #[derive(Debug, Clone)]
-pub struct Neighbourhood {
-    /// Ascending depths, mm, and the least and the largest transmittance at each.
+pub struct Neighbourhood(Vec<Envelope>);
+
+/// The least and the largest transmittance at each of some depths (mm, ascending).
+#[derive(Debug, Clone)]
+struct Envelope {
     depths_mm: Vec<f64>,
     range: Vec<[f64; 2]>,
 }
@@ -63,27 +67,32 @@ impl Neighbourhood {
             range.push([(-most).exp(), (-least).exp()]);
             before = here;
         }
-        Self { depths_mm, range }
+        Self(vec![Envelope { depths_mm, range }])
     }
 
-    /// The mean of several, which have the same depths.
-    pub fn mean(all: &[Self]) -> Option<Self> {
-        let first = all.first()?;
-        let mean = |i: usize, end: usize| all.iter().map(|n| n.range[i][end]).sum::<f64>() / all.len() as f64;
-        let range = (0..first.range.len()).map(|i| [mean(i, 0), mean(i, 1)]).collect();
-        Some(Self { depths_mm: first.depths_mm.clone(), range })
+    /// The mean of several: what a pre-filtered map's curves lie around.
+    pub fn mean(all: Vec<Self>) -> Self {
+        Self(all.into_iter().flat_map(|n| n.0).collect())
+    }
+
+    fn mean_of(&self, of: impl Fn(&Envelope) -> f64) -> f64 {
+        self.0.iter().map(of).sum::<f64>() / self.0.len().max(1) as f64
     }
 
     /// The least transmittance at a depth (that of the next one further on that it was made for).
     fn least(&self, z: f64) -> f64 {
-        let i = self.depths_mm.partition_point(|d| *d < z);
-        self.range.get(i).or(self.range.last()).map_or(0.0, |r| r[0])
+        self.mean_of(|e| {
+            let i = e.depths_mm.partition_point(|d| *d < z);
+            e.range.get(i).or(e.range.last()).map_or(0.0, |r| r[0])
+        })
     }
 
     /// The largest (that of the next one nearer).
     fn most(&self, z: f64) -> f64 {
-        let i = self.depths_mm.partition_point(|d| *d <= z);
-        i.checked_sub(1).map_or(1.0, |i| self.range[i][1])
+        self.mean_of(|e| {
+            let i = e.depths_mm.partition_point(|d| *d <= z);
+            i.checked_sub(1).map_or(1.0, |i| e.range[i][1])
+        })
     }
 }
 
@@ -457,6 +466,28 @@ mod tests {
         assert_eq!(forwards, backwards);
         assert_eq!((forwards.worst.unwrap().ray, forwards.violations, forwards.depths), (1, 3, 8));
         assert_eq!(forwards.held(), Some(false));
+    }
+
+    #[test]
+    fn neighbouring_curves_widen_the_band_and_no_more() {
+        // A jump that one of two curves has at 1 mm and the other at 1.5 mm.
+        let jumps = [1.0, 1.5].map(|at| move |z: f64| if z >= at { 0.7 } else { 0.0 });
+        let near = |depths: Vec<f64>| Neighbourhood::of(&jumps, depths);
+        let one = near(vec![0.5, 1.0, 1.2, 1.5, 2.0]);
+        assert_eq!([one.least(0.5), one.most(0.5)], [1.0, 1.0]);
+        assert!((one.least(1.2) - (-0.7f64).exp()).abs() < 1e-12 && one.most(1.2) == 1.0);
+        // Of two taps with depths of their own the means.
+        let both = Neighbourhood::mean(vec![one, near(vec![0.1, 3.0])]);
+        assert!((both.least(1.2) - (-0.7f64).exp()).abs() < 1e-12);
+        assert_eq!(both.most(1.2), 1.0);
+        let suspect = |t: f32, near: Option<Neighbourhood>| {
+            BandReport::of_ray_among(0, &exact, &[1.2], &[t], Some(BAND), |_| near)
+        };
+        let outside = (exact(1.2) + 0.1) as f32;
+        assert_eq!(suspect(outside, None).violations, 1);
+        let excused = suspect(outside, Some(both.clone()));
+        assert_eq!((excused.violations, excused.limited, excused.held()), (0, 1, Some(true)));
+        assert_eq!(suspect(f32::NAN, Some(both)).violations, 1);
     }
 
     #[test]

@@ -198,7 +198,7 @@ impl RayTest<'_> {
                         nearby.of_ray(ray.at(ray.start_mm), ray.direction, ray.start_mm, &known)
                     };
                     let all: Option<Vec<_>> = tap_offsets(self.taps).into_iter().map(around).collect();
-                    Neighbourhood::mean(&all?)
+                    Some(Neighbourhood::mean(all?))
                 };
                 let report = BandReport::of_ray_among(ray, exact, depths, own, band, neighbours);
                 visit(report, depths, own);

@@ -155,4 +155,5 @@ fn finish() {
         if writer.used > ROW_NODES { break; }
         put(select(tail, NO_ROW, writer.used == ROW_NODES));
     }
+    if writer.used <= ROW_NODES { ran_out(); }
 }

@@ -3,6 +3,7 @@
 use super::case::{Case, Concerns, case};
 use super::fields::*;
 use crate::error::Result;
+use crate::transfer::TransferFunction;
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -55,6 +56,17 @@ pub fn promises() -> Result<Vec<Case>> {
         solid,
         extinction(&[(0.5, 0.0), (0.5, 1e4)]),
     ));
+    let stripes = volume([400, 4, 4], |p| p.x % 2.0)?;
+    cases.push(
+        case(
+            "opacity-1-in-400-cells",
+            "opacity nears 1 in every cell of a long ray that loses next to nothing",
+            stripes,
+            TransferFunction { reference_length_mm: 1.7e5, ..opacity(&[(0.0, 0.0), (1.0, 1.0)]) },
+        )
+        .lit(&[("light along x", along(1.0, 0.0, 0.0)), ("oblique light", along(0.9, 0.003, -0.002))])
+        .set(&[("epsilon", "0.002")], Concerns::All),
+    );
     for (name, about, key) in [
         (
             "voxels-1-1-1000-mean",
