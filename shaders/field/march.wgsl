@@ -15,14 +15,14 @@
 //       the optical depth, of a smooth stretch between two depths (mm), whose chord is straight enough for the sink
 //       where it stands; FAR where it does not look inside
 //
-// Control flow: an inner loop walks to the next cell with extinction, the outer one takes a single piece a turn. Lanes
-// of a subgroup then wait for each other only there, and what is expensive stands in the program once. That is why
-// `march` is one long function: its two loops share their state, and llvmpipe of Mesa 22.3 has crashed on branches
-// that were moved into functions of their own.
+// Control flow: one inner loop walks to the next cell with extinction, another takes a stretch in pieces, the outer one
+// is a single stretch a turn. Lanes of a subgroup then wait for each other only there, and what is expensive stands in the
+// program once. That is why `march` is one long function: its loops share their state, and llvmpipe of Mesa 22.3 has
+// crashed on branches that were moved into functions of their own.
 #define_import_path umbravox::march
 
 #import umbravox::field::{field, Cell, cell_values, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
-#import umbravox::transfer::{interval_start, interval_at, extinction_in, extinction_slope, uneven, nodes_between, NO_NODE, MORE_NODES}
+#import umbravox::transfer::{interval_start, interval_at, extinction_in, amount_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::ran_out
 
@@ -45,6 +45,8 @@ const HALVINGS: i32 = 40;
 // Parts of one cell beyond those that are counted one by one: their depths add up to no more than a ray's, and opacity
 // nears 1 a few times at most.
 const MOST_PARTS: u32 = 512u;
+// Pieces of a ray whose sums are as good as is promised.
+const MOST_PIECES: u32 = #{MOST_PIECES};
 
 // c.x + u (c.y + u (c.z + u c.w))
 fn cubic(c: vec4<f32>, u: f32) -> f32 {
@@ -117,7 +119,6 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     let span = box_span(o, inv_d, d, field.active_lo, field.active_hi);
     let end = min(span.y, z_to);
     let forward = d > vec3<f32>(0.0);
-    let ahead = select(vec3<i32>(0), vec3<i32>(1), forward);
     let moves = abs(d) >= vec3<f32>(1e-20);
     let top = vec3<i32>(field.size);
     // Every step leaves a cell for good, and on each axis the ray goes one way.
@@ -135,8 +136,8 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var value = 0.0;
     // Pieces that the cell may still be cut into.
     var pieces_left = 0u;
-    // The cell is one piece, whatever turns the cubic takes.
-    var plain = false;
+    // Pieces of the whole ray.
+    var pieces = 0u;
     // The ray was marched to its end: some adapters end loops that they find long, and say nothing.
     var done = false;
     loop {
@@ -168,17 +169,6 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                     value = c.x;
                     // Breakpoints, each met up to three times, and parts that are short or span a share of a whole ray.
                     pieces_left = 3u * field.intervals + u32(min(chord_mm / short_mm, 1e6)) + MOST_PARTS;
-                    let inside = nodes_between(least, most);
-                    let j = interval_at(least);
-                    let sigma_a = extinction_in(j, least);
-                    let sigma_b = extinction_in(j, most);
-                    // However extinction lies between its least and most, depth strays from its chord by a quarter of
-                    // their difference at most.
-                    let depth = max(sigma_a, sigma_b) * chord_mm;
-                    let stray = depth * depth + 2.0 * abs(sigma_b - sigma_a) * chord_mm;
-                    let reach = longest_depth(sink, z, exit);
-                    plain = inside.x == NO_NODE && inside.w != MORE_NODES && !uneven(sigma_a, sigma_b, chord_mm)
-                        && stray <= reach * reach;
                 }
             }
             z = exit;
@@ -203,24 +193,23 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
 
         // The monotone stretch ahead, and the first breakpoint on it.
         let cuts = extrema(c);
-        let next_cut = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
-        let turn = select(next_cut, 1.0, plain);
+        let turn = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
         let turn_value = cubic(c, turn);
-        var piece_end = turn;
+        var stretch_end = turn;
         var end_value = turn_value;
         let nodes = nodes_between(value, turn_value);
         var node = 0.0;
         var crosses = false;
         for (var k = 3; k >= 0; k--) {
             let v = interval_start(nodes[k]);
-            if !plain && nodes[k] < MORE_NODES && (v - value) * (v - turn_value) < 0.0 {
+            if nodes[k] < MORE_NODES && (v - value) * (v - turn_value) < 0.0 {
                 node = v;
                 crosses = true;
             }
         }
 #ifdef MANY_BREAKPOINTS
         // More breakpoints than the table holds: the next one ahead ends the value's own interval.
-        if !plain && nodes.w == MORE_NODES {
+        if nodes.w == MORE_NODES {
             let here = interval_at(value);
             let falling = select(here, here - 1u, interval_start(here) >= value && here > 0u);
             node = select(interval_start(falling), interval_start(here + 1u), turn_value > value);
@@ -228,51 +217,46 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         }
 #endif
         if crosses {
-            piece_end = crossing(c, u, turn, value, turn_value, node);
+            stretch_end = crossing(c, u, turn, value, turn_value, node);
             end_value = node;
         }
         let j = interval_at(0.5 * (value + end_value));
-        if !plain {
-            let sigma_a = extinction_in(j, value);
-            var sigma_b = extinction_in(j, end_value);
-            // Opacity that nears 1 makes a logarithm too steep for the quadrature.
-            for (var k = 0; k < HALVINGS; k++) {
-                if !uneven(sigma_a, sigma_b, (piece_end - u) * chord_mm) { break; }
-                piece_end = max(u + 0.5 * (piece_end - u), min(u + LEAST_PIECE, piece_end));
-                end_value = cubic(c, piece_end);
-                sigma_b = extinction_in(j, end_value);
-            }
-            // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a
-            // stretch of the cubic is a parabola, which lies between its Bernstein coefficients.
-            let share = piece_end - u;
-            let piece_mm = share * chord_mm;
-            let slope_a = cubic_slope(c, u);
-            let steepness = max(max(abs(slope_a), abs(slope_a + share * (c.z + 3.0 * u * c.w))), abs(cubic_slope(c, piece_end)));
-            let sigma = max(sigma_a, sigma_b);
-            let rise = extinction_slope(j, sigma) * steepness / chord_mm;
-            let bend = sqrt(sigma * sigma + rise);
-            let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm);
-            // Where the slope is steep but the depth small, the quarter of the difference says more.
-            let depth = sigma * piece_mm;
-            let stray = depth * depth + 2.0 * abs(sigma_b - sigma_a) * piece_mm;
-            if piece_mm * bend > reach && stray > reach * reach {
-                // From here extinction is sigma_a + rise h at most, and sigma at most.
-                let near = sigma_a + sqrt(rise);
-                let parts_mm = max(2.0 * reach / (near + sqrt(near * near + 4.0 * rise * reach)), reach / bend);
-                piece_end = u + share / ceil(piece_mm / max(parts_mm, short_mm));
-                end_value = cubic(c, piece_end);
-            }
+        let amount_a = amount_in(j, value);
+        var amount_b = amount_in(j, end_value);
+        // Opacity that nears 1 makes a logarithm too steep for the quadrature.
+        for (var k = 0; k < HALVINGS; k++) {
+            if !uneven(amount_a, amount_b, (stretch_end - u) * chord_mm) { break; }
+            stretch_end = max(u + 0.5 * (stretch_end - u), min(u + LEAST_PIECE, stretch_end));
+            end_value = cubic(c, stretch_end);
+            amount_b = amount_in(j, end_value);
         }
-        let h = piece_end - u;
-        let mean = 0.5 * (extinction_in(j, cubic(c, u + GAUSS_LOW * h)) + extinction_in(j, cubic(c, u + GAUSS_HIGH * h)));
-        if sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm) {
-            done = true;
-            break;
+
+        // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a
+        // stretch of the cubic is a parabola, which lies between its Bernstein coefficients.
+        let sigma = max(extinction_of(amount_a), extinction_of(amount_b));
+        let slope_a = cubic_slope(c, u);
+        let steepness = max(
+            max(abs(slope_a), abs(slope_a + (stretch_end - u) * (c.z + 3.0 * u * c.w))),
+            abs(cubic_slope(c, stretch_end)),
+        );
+        let rise = extinction_slope(j, min(amount_a.y, amount_b.y)) * steepness / chord_mm;
+        let bend = sqrt(sigma * sigma + rise) * chord_mm;
+        loop {
+            let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + stretch_end * chord_mm);
+            let parts = ceil((stretch_end - u) * min(bend / reach, chord_mm / short_mm));
+            let piece_end = select(stretch_end, u + (stretch_end - u) / parts, parts > 1.0);
+            let h = piece_end - u;
+            let mean = 0.5 * (extinction_in(j, cubic(c, u + GAUSS_LOW * h)) + extinction_in(j, cubic(c, u + GAUSS_HIGH * h)));
+            done = sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm);
+            u = piece_end;
+            pieces_left -= 1u;
+            pieces += 1u;
+            if done || u >= stretch_end || pieces_left == 0u { break; }
         }
-        u = select(piece_end, 1.0, piece_end > 1.0 - LEAST_PIECE);
+        if done { break; }
         value = end_value;
-        pieces_left -= 1u;
-        if pieces_left == 0u {
+        u = select(u, 1.0, u > 1.0 - LEAST_PIECE);
+        if pieces_left == 0u || pieces > MOST_PIECES {
             ran_out();
             u = 1.0;
         }

@@ -8,9 +8,9 @@ const VALUE_BINS: u32 = #{VALUE_BINS};
 const TABLE_BINS: u32 = #{TABLE_BINS};
 const PAIR_BINS: u32 = #{PAIR_BINS};
 const LN_2: f32 = 0.6931472;
+const SQRT_HALF_BITS: u32 = 0x3f3504f3u;
 // Optical depth of which a tenth may be lost each time that opacity nears 1, of a whole ray.
 const UNEVEN_DEPTH: f32 = 5e-4;
-const NO_NODE: u32 = #{NO_NODE};
 const MORE_NODES: u32 = #{MORE_NODES};
 const MAX_INTERVALS: u32 = #{MAX_INTERVALS};
 
@@ -48,38 +48,56 @@ fn interval_at(value: f32) -> u32 {
 // -log(1 - a) for an opacity a and what it lacks of 1, to a few units in the last place: `log` itself is off by 2^-21 near
 // 1, which is much beside small opacities.
 fn absorbance(a: f32, lacking: f32) -> f32 {
-    // 2 atanh(t)
-    let t = a / (2.0 - a);
+    // lacking = m 2^k with m from sqrt(1/2) to sqrt(2), whose logarithm is 2 atanh((m - 1) / (m + 1)).
+    let k = bitcast<i32>(bitcast<u32>(lacking) + (0x3f800000u - SQRT_HALF_BITS)) >> 23u;
+    let m = bitcast<f32>(bitcast<u32>(lacking) + ((127u - u32(k)) << 23u));
+    let short = select(1.0 - m, a, k == 127);
+    let t = short / (2.0 - short);
     let s = t * t;
-    let series = 2.0 * t * (1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0 + s / 11.0)))));
-    return select(series, -log(lacking), a > 0.5);
+    let series = 2.0 * t * (1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0)))));
+    return series + f32(127 - k) * LN_2;
+}
+
+// What the transfer function gives at a value inside the interval j: its extinction (1/mm) or opacity, and in the latter
+// case the share of light that opacity lets through (else 1).
+fn amount_in(j: u32, value: f32) -> vec2<f32> {
+    let piece = interval_table.intervals[j];
+    let risen = piece.z * (value - piece.x);
+    let amount = max(piece.y + risen, 0.0);
+    let opacity = field.inv_reference_length > 0.0;
+    return vec2<f32>(
+        select(amount, min(amount, MAX_OPACITY), opacity),
+        select(1.0, clamp(piece.w - risen, 1.0 - MAX_OPACITY, 1.0), opacity),
+    );
+}
+
+// Extinction (1/mm) of an amount.
+fn extinction_of(amount: vec2<f32>) -> f32 {
+    let per_mm = field.inv_reference_length;
+    return select(amount.x, absorbance(amount.x, amount.y) * per_mm, per_mm > 0.0);
 }
 
 // Extinction (1/mm) at a value inside the interval j.
 fn extinction_in(j: u32, value: f32) -> f32 {
-    let piece = interval_table.intervals[j];
-    let risen = piece.z * (value - piece.x);
-    let amount = piece.y + risen;
-    if field.inv_reference_length > 0.0 {
-        let lacking = clamp(piece.w - risen, 1.0 - MAX_OPACITY, 1.0);
-        return absorbance(clamp(amount, 0.0, MAX_OPACITY), lacking) * field.inv_reference_length;
-    }
-    return max(amount, 0.0);
+    return extinction_of(amount_in(j, value));
 }
 
-// Extinction's steepest change with the value inside the interval j (1/mm per value), up to the extinction `most`.
-fn extinction_slope(j: u32, most: f32) -> f32 {
+// Extinction's steepest change with the value inside the interval j (1/mm per value), where opacity lets through the
+// share `least` at least.
+fn extinction_slope(j: u32, least: f32) -> f32 {
     // No branch on a uniform: llvmpipe of Mesa 22.3 crashes where there are many.
     let per_mm = field.inv_reference_length;
-    let steeper = exp(select(0.0, most / max(per_mm, 1e-30), per_mm > 0.0));
-    return abs(interval_table.intervals[j].z) * steeper * select(1.0, per_mm, per_mm > 0.0);
+    return abs(interval_table.intervals[j].z) * select(1.0, per_mm / least, per_mm > 0.0);
 }
 
-// Whether the share of light that opacity lets through changes by more than a factor of 2 between two extinctions, over
-// a stretch on which that matters: two-point Gauss errs by less than 1e-3 of a stretch where it does not.
-fn uneven(a: f32, b: f32, length_mm: f32) -> bool {
-    let per_mm = field.inv_reference_length;
-    return (per_mm > 0.0) & (abs(b - a) > LN_2 * per_mm) & (max(a, b) * length_mm * f32(field.size.x + field.size.y + field.size.z) > UNEVEN_DEPTH);
+// Whether the share of light that opacity lets through changes by more than a factor of 2 between two amounts, over a
+// stretch on which that matters: two-point Gauss errs by less than 1e-3 of a stretch where it does not.
+fn uneven(a: vec2<f32>, b: vec2<f32>, length_mm: f32) -> bool {
+    let least = min(a.y, b.y);
+    // -log(x) is at most (1 - x) / sqrt(x), and for an x of 2^k or more -k log(2).
+    let powers = f32(127 - i32(bitcast<u32>(least) >> 23u)) * LN_2;
+    let most_depth = min((1.0 - least) * inverseSqrt(least), powers) * field.inv_reference_length * length_mm;
+    return (max(a.y, b.y) > 2.0 * least) & (most_depth * f32(field.size.x + field.size.y + field.size.z) > UNEVEN_DEPTH);
 }
 
 fn extinction_at(value: f32) -> f32 {
@@ -137,8 +155,8 @@ fn pair_bin(value: f32) -> u32 {
     return u32(clamp((value - field.bin_origin) * field.bins_per_value * (f32(PAIR_BINS) / f32(VALUE_BINS)), 0.0, f32(PAIR_BINS - 1u)));
 }
 
-// Four interval indices, NO_NODE past the last, in the order in which a value going from a to b meets them; MORE_NODES
-// in the last place where there are more than the table holds.
+// Four interval indices in the order in which a value going from a to b meets them: above MORE_NODES past the last,
+// MORE_NODES in the last place where there are more than the table holds.
 fn nodes_between(a: f32, b: f32) -> vec4<u32> {
     let packed = textureLoad(pair_nodes, vec2<u32>(pair_bin(b), pair_bin(a)), 0);
     return vec4<u32>(packed.x & 0xffffu, packed.x >> 16u, packed.y & 0xffffu, packed.y >> 16u);

@@ -23,6 +23,6 @@ pub use light_space::{LightSpace, Projection, Rounding};
 pub use loaded::{LoadedVolume, grid_from_world};
 pub use omittable::{Forced, Omittable};
 pub use pool_sizes::PoolSizes;
-pub use shader::{SHORT_PIECE, field_shader, line_of_workgroups, marching};
+pub use shader::{MOST_ROUNDINGS, SHORT_PIECE, field_shader, line_of_workgroups, marching};
 pub use tile_march::TileMarch;
 pub use tile_pace::TilePace;

@@ -3,7 +3,7 @@
 use super::constants::{FAR, LINE_THREADS, NO_TILE, TILE};
 use super::light_space::Projection;
 use crate::gpu::{Constant, ShaderVariant};
-use crate::transfer::{MAX_INTERVALS, MAX_OPACITY, MORE_NODES, NO_NODE, PAIR_BINS, TABLE_BINS, VALUE_BINS};
+use crate::transfer::{MAX_INTERVALS, MAX_OPACITY, MORE_NODES, PAIR_BINS, TABLE_BINS, VALUE_BINS};
 use crate::volume::BRICK_CELLS;
 
 /// The module that marches light rays.
@@ -15,18 +15,26 @@ pub(super) const ROOT_TOLERANCE: f32 = 1.0 / 4_194_304.0;
 /// Length below which the light march cuts no piece further, in smallest voxel spacings.
 pub const SHORT_PIECE: f64 = 0.01;
 
+/// Pieces that a sink adds up by themselves before they join the others.
+const PARTS_OF_SUM: u32 = 64;
+/// Pieces of a light ray beyond which it is refused: their sums might be off by more than is promised.
+const MOST_PIECES: u32 = PARTS_OF_SUM * (MOST_ROUNDINGS - PARTS_OF_SUM);
+/// Roundings, one after another, of the optical depth of a light ray whose pieces were added up.
+pub const MOST_ROUNDINGS: u32 = 5000;
+
 const CONSTANTS: &[Constant] = &[
     Constant::float("ROOT_TOLERANCE", ROOT_TOLERANCE),
     Constant::float("SHORT_PIECE", SHORT_PIECE as f32),
     Constant::signed("BRICK_CELLS", BRICK_CELLS as i32),
     Constant::unsigned("BRICK_SHIFT", BRICK_CELLS.ilog2()),
     Constant::float("FAR", FAR),
+    Constant::unsigned("PARTS_OF_SUM", PARTS_OF_SUM),
+    Constant::unsigned("MOST_PIECES", MOST_PIECES),
     Constant::float("MAX_OPACITY", MAX_OPACITY as f32),
     Constant::unsigned("VALUE_BINS", VALUE_BINS as u32),
     Constant::unsigned("VALUE_BIN_VECTORS", VALUE_BINS as u32 / 4),
     Constant::unsigned("TABLE_BINS", TABLE_BINS as u32),
     Constant::unsigned("PAIR_BINS", PAIR_BINS as u32),
-    Constant::unsigned("NO_NODE", NO_NODE as u32),
     Constant::unsigned("MORE_NODES", MORE_NODES as u32),
     Constant::unsigned("MAX_INTERVALS", MAX_INTERVALS as u32),
     Constant::unsigned("PERSPECTIVE", Projection::Perspective as u32),
@@ -52,7 +60,7 @@ impl ShaderVariant {
     /// With the march, which hands its pieces to the sink that comes last before it.
     #[must_use]
     pub fn with_march(self, sink: &'static str) -> Self {
-        self.modules(&[sink, MARCH])
+        self.modules(&["field/sums.wgsl", sink, MARCH])
     }
 
     /// With the march and the sink that only adds up optical depth.

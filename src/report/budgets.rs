@@ -101,8 +101,8 @@ pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
 }
 
 /// An answer's rank as `budgets.csv` has it.
-#[derive(Serialize)]
-struct Ranked<'a> {
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Ranked<'a> {
     scene: &'a str,
     adapter: &'a str,
     budget: String,

@@ -6,7 +6,7 @@ use crate::measure::claims::{Figure, Row};
 use serde::Serialize;
 
 /// A row as it is written: the columns of `claims.csv`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Record {
     /// As cited.
     pub paper: String,

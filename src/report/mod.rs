@@ -21,6 +21,7 @@ pub mod nodes;
 pub mod number;
 pub mod plot;
 pub mod run;
+mod side_tables;
 pub mod stability;
 pub mod tables;
 pub mod writers;

@@ -354,7 +354,11 @@ mod tests {
         let heading = text.lines().find(|l| l.starts_with('|')).unwrap();
         let words: Vec<_> = heading.split('|').map(str::trim).filter(|w| !w.is_empty()).collect();
         assert_eq!(words, ["method", "epsilon", "point err rms", "build_wall_ms [ms]"]);
-        let unknown = Layout { columns: Some(vec!["colour".into()]), ..Layout::default() };
-        assert_eq!(unknown.check().unwrap_err().exit_status(), 2);
+        for (names, named) in [(vec!["colour"], "`colour`"), (vec![""], "``"), (vec!["map", "map"], "`map`")]
+        {
+            let names = names.into_iter().map(String::from).collect();
+            let error = Layout { columns: Some(names), ..Layout::default() }.check().unwrap_err();
+            assert!(error.exit_status() == 2 && error.to_string().contains(named), "{error}");
+        }
     }
 }

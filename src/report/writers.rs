@@ -1,6 +1,7 @@
 //! Rows of any kind as CSV and JSON, and what the columns of a comparison are.
 
 use super::run::Run;
+use super::side_tables::{SIDE_TABLES, SideTable};
 use crate::error::{Error, Result};
 use crate::measure::table::{COLUMNS, Cell, Column, Row};
 use serde::Serialize;
@@ -76,53 +77,7 @@ pub fn table_csv(rows: &[Row]) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|e| failed(&e))
 }
 
-/// The columns of `ablation.csv`: name, unit, and what it is.
-const ABLATION: [[&str; 3]; 18] = [
-    ["scene", "", "As in `compare.csv`."],
-    ["adapter", "", "As in `compare.csv`."],
-    ["clock", "", "Whose clock build and frame are from; tables are made by the host."],
-    ["method", "", "As in `compare.csv`."],
-    ["params", "", "As in `compare.csv`."],
-    ["omission", "", "Name for `--force`; empty where the whole method failed."],
-    ["what", "", "What the plan left out."],
-    ["why", "", "Why it could."],
-    ["tables_ms", "ms", "Time to make tables and classes of bricks, as the plan has it, median."],
-    ["tables_ms_forced", "ms", "The same with the work forced back on."],
-    ["build_ms", "ms", "Time to make the shadow structure."],
-    ["build_ms_forced", "ms", "The same with the work forced back on."],
-    ["frame_ms", "ms", "Time of one picture with the structure made."],
-    ["frame_ms_forced", "ms", "The same with the work forced back on."],
-    ["bytes", "", "Memory of shadow structure, tables and bricks, in bytes."],
-    ["bytes_forced", "", "The same with the work forced back on."],
-    ["picture_difference", "", "Largest difference of a channel between the two pictures, linear."],
-    ["note", "", "Why a figure is missing."],
-];
-
-/// The columns of `stability.csv`.
-const STABILITY: [[&str; 3]; 12] = [
-    ["case", "", "Name of the case."],
-    ["method", "", "Shadow method."],
-    ["params", "", "Its settings as `key=value` texts separated by spaces."],
-    [
-        "status",
-        "",
-        "`ok`, or the worst that is wrong: `bound_exceeded`, `not_monotone`, `out_of_range`, `nan`, `failed`.",
-    ],
-    ["ray_err_max", "", "Largest `|T_method - T_exact|` along light rays, of the worst light."],
-    [
-        "bound",
-        "",
-        "What the method promises of it, but for its tolerance in depth; empty where nothing is promised.",
-    ],
-    ["monotone_violations", "", "Depths at which transmittance rises, of all lights."],
-    ["out_of_range", "", "Finite values outside 0 to 1, of all lights."],
-    ["non_finite", "", "Values that are no numbers, of all lights."],
-    ["build_ms", "ms", "Time to make the shadow structure, of the slowest light."],
-    ["bytes", "", "Memory of the shadow structure, in bytes."],
-    ["note", "", "What is wrong, and what costs much more than ordinarily."],
-];
-
-/// What each column of [`table_csv`] is, and of the other two tables, as Markdown.
+/// What each column of [`table_csv`] is, and of the other tables, as Markdown.
 pub fn columns_markdown() -> String {
     let mut out = String::from(
         "# Columns of compare.csv\n\n\
@@ -131,14 +86,7 @@ pub fn columns_markdown() -> String {
         light, 0 to 1.\n",
     );
     out += &page(COLUMNS.iter().map(|Column { name, unit, about }| [*name, *unit, about.as_str()]));
-    for (file, about, columns) in [
-        (
-            "ablation.csv",
-            "One row for each method and thing that its plan left out (`compare --ablate`).",
-            &ABLATION[..],
-        ),
-        ("stability.csv", "One row for each case and method (`stability`).", &STABILITY),
-    ] {
+    for SideTable { file, about, columns } in SIDE_TABLES {
         out += &format!("\n# Columns of {file}\n\n{about}\n");
         out += &page(columns.iter().copied());
     }
@@ -155,8 +103,6 @@ fn page<'a>(columns: impl Iterator<Item = [&'a str; 3]>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::ablate::Ablation;
-    use crate::measure::stability;
     use crate::measure::table::tests::sample_rows;
     use crate::report::run::SceneRecord;
 
@@ -224,16 +170,6 @@ mod tests {
         let places: Vec<_> =
             COLUMNS.iter().map(|c| text.find(&format!("\"{}\":", c.name)).unwrap()).collect();
         assert!(places.is_sorted());
-    }
-
-    #[test]
-    fn the_columns_of_the_other_tables_are_those_that_are_written() {
-        let header = |csv: Vec<u8>| String::from_utf8(csv).unwrap().lines().next().unwrap().to_owned();
-        let names =
-            |columns: &[[&str; 3]]| columns.iter().map(|[name, ..]| *name).collect::<Vec<_>>().join(",");
-        assert_eq!(header(csv(&[Ablation::default()]).unwrap()), names(&ABLATION));
-        let row = stability::Row::new("case", "dsm", String::new(), stability::Status::Failed);
-        assert_eq!(header(csv(&[row]).unwrap()), names(&STABILITY));
     }
 
     #[test]

@@ -7,7 +7,7 @@ pub mod presets;
 mod tables;
 
 pub use change::TransferChange;
-pub use pairs::{MORE_NODES, NO_NODE, PAIR_BINS, PairTable};
+pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
 pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
 
 /// Which quantity a file gives, and so which one is interpolated linearly between points.

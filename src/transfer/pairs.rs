@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Bins a side of the table, over the same range of values as the bins of the intervals.
 pub const PAIR_BINS: usize = 256;
 /// "No node" in an entry.
-pub const NO_NODE: u16 = 0xffff;
+const NO_NODE: u16 = 0xffff;
 /// "More nodes than fit" in the last place of an entry.
 pub const MORE_NODES: u16 = 0xfffe;
 /// Share of a bin by which float32 may put a value into its neighbour.

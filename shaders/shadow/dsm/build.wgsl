@@ -9,7 +9,7 @@
 #import umbravox::dsm_layout::{own, DEPTH_STEPS, MOST_LATTICE_STEPS}
 #ifdef MARCH_CELLS
 #import umbravox::march::march
-#import umbravox::sink::Sink
+#import umbravox::sink::start_sink
 #endif
 
 const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
@@ -81,9 +81,9 @@ fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
         for (var tap = 0u; tap < own.taps; tap++) {
             let ray = light_ray(texel + tap_offset(tap));
 #ifdef MARCH_CELLS
-            var sink = Sink(0.0);
+            var sink = start_sink();
             march(&sink, ray.o, ray.d, z, z_next);
-            let depth = sink.optical_depth;
+            let depth = sink.optical_depth.total;
 #else
             let depth = sampled_depth(ray.o, ray.d, z, z_next);
 #endif
@@ -116,7 +116,7 @@ fn build(
     start_writer(record_of(here.texel));
 #ifdef WHOLE_CURVE
     let ray = light_ray(texel);
-    var sink = Sink(0.0, own.longest_depth);
+    var sink = start_sink();
     march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);
 #else
     regular_curve(texel, light.depth_start_mm, z_end);

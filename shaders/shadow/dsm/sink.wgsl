@@ -3,14 +3,19 @@
 
 #import umbravox::dsm_nodes::push
 #import umbravox::dsm_layout::own
+#import umbravox::sums::{Sum, empty_sum, with_part}
 
 // Optical depth at which the ray is over (a stated term of the bound).
 const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 
 struct Sink {
-    optical_depth: f32,
+    optical_depth: Sum,
     // Optical depth whose chord stays within the tolerance at the present transmittance.
     longest_depth: f32,
+}
+
+fn start_sink() -> Sink {
+    return Sink(empty_sum(), own.longest_depth);
 }
 
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
@@ -19,9 +24,9 @@ fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
     if depth <= 0.0 { return false; }
-    (*sink).optical_depth += depth;
-    let half = exp(-0.5 * (*sink).optical_depth);
+    (*sink).optical_depth = with_part((*sink).optical_depth, depth);
+    let half = exp(-0.5 * (*sink).optical_depth.total);
     (*sink).longest_depth = own.longest_depth / half;
     push(z_from, z_to, half * half);
-    return (*sink).optical_depth > OPAQUE_DEPTH;
+    return (*sink).optical_depth.total > OPAQUE_DEPTH;
 }

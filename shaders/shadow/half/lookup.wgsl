@@ -3,7 +3,7 @@
 
 #import umbravox::light::{light, light_point, light_ray}
 #import umbravox::march::march
-#import umbravox::sink::Sink
+#import umbravox::sink::start_sink
 
 struct Own {
     share: f32,
@@ -13,7 +13,7 @@ struct Own {
 
 fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
-    var sink = Sink(0.0);
+    var sink = start_sink();
     march(&sink, g, -light_ray(p.texel).d, 0.0, p.z + light.light_distance);
-    return select(1.0, own.share, sink.optical_depth > 1e-3);
+    return select(1.0, own.share, sink.optical_depth.total > 1e-3);
 }

@@ -3,14 +3,14 @@
 
 #import umbravox::light::{light, light_point, light_ray}
 #import umbravox::march::march
-#import umbravox::sink::Sink
+#import umbravox::sink::start_sink
 
 // Transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
     let d = light_ray(p.texel).d;
     // Walked from the point towards the light: away from where it matters least, towards the end of the ray.
-    var sink = Sink(0.0);
+    var sink = start_sink();
     march(&sink, g, -d, 0.0, p.z + light.light_distance);
-    return exp(-sink.optical_depth);
+    return exp(-sink.optical_depth.total);
 }

@@ -47,7 +47,7 @@ impl Paper {
             (Some(paper), None) => Ok(paper),
             _ => {
                 let known = Self::ALL.map(Self::name).join(", ");
-                Err(Error::input("unknown paper", format!("--paper {name}"), format!("there is: {known}"))
+                Err(Error::input("unknown paper", format!("--paper: `{name}`"), format!("there is: {known}"))
                     .hint("one author's name will do: hadwiger, kim, yuksel, voicu"))
             }
         }

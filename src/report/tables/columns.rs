@@ -112,7 +112,7 @@ pub fn chosen(names: &[String]) -> Result<Vec<Shown>> {
         }
         let unknown = || {
             let known = COLUMNS.iter().map(|c| c.name).collect::<Vec<_>>().join(", ");
-            Error::input("unknown column", format!("--columns: {name}"), "the table has none of that name")
+            Error::input("unknown column", format!("--columns: `{name}`"), "the table has none of that name")
                 .hint(format!("columns: {known}"))
         };
         let column = COLUMNS.iter().find(|c| c.name == name).ok_or_else(unknown)?;
@@ -120,7 +120,15 @@ pub fn chosen(names: &[String]) -> Result<Vec<Shown>> {
         let number = !WORDS.contains(&name);
         Ok(Shown { name, heading: name, unit: column.unit, number, on_paper: true, caption: false, source })
     };
-    names.iter().map(of).collect()
+    let shown: Vec<Shown> = names.iter().map(of).collect::<Result<_>>()?;
+    match shown.iter().enumerate().find(|(i, s)| shown[..*i].iter().any(|other| other.name == s.name)) {
+        Some((_, twice)) => Err(Error::input(
+            "bad list of columns",
+            format!("--columns: `{}`", twice.name),
+            "it stands there twice",
+        )),
+        None => Ok(shown),
+    }
 }
 
 /// Columns of words among those that are shown only where they are asked for.
