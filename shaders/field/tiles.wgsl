@@ -1,6 +1,7 @@
 // The texel of a thread in a pass over tiles: a workgroup a tile of the list, a thread a texel.
 #define_import_path umbravox::tiles
 
+#import umbravox::dispatch::spread
 #import umbravox::light::light
 #import umbravox::tile_table::TILE
 
@@ -16,7 +17,7 @@ struct TileTexel {
 }
 
 fn tile_texel(group: vec3<u32>, groups: vec3<u32>, local: vec3<u32>) -> TileTexel {
-    let index = group.y * groups.x + group.x;
+    let index = spread(group.y * groups.x + group.x, groups.x * groups.y);
     let tile = tile_list[min(index, arrayLength(&tile_list) - 1u)];
     let texel = vec2<u32>(tile % light.tiles_across, tile / light.tiles_across) * TILE + local.xy;
     let inside = index < arrayLength(&tile_list) && all(texel < vec2<u32>(light.map_size));

@@ -10,6 +10,7 @@
 //                                                   lies between. Whatever it reads is bound in group 1 from binding 1
 //                                                   on; binding 0 is the light space for all methods.
 
+#import umbravox::dispatch::spread
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::{integral_at, mean_over}
 #import umbravox::watch::ran_out
@@ -333,11 +334,18 @@ fn gather(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function
 
 // As long as it is for its variants: what is shared by them stands in the functions above.
 @compute @workgroup_size(#{PICTURE_SIDE}, #{PICTURE_SIDE})
-fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
+fn raycast(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+) {
+    // llvmpipe of Mesa 22.3 crashes where the uniform comes first.
     let column = id.x + frame.first_column;
-    if column >= frame.size.x || id.y >= frame.rows { return; }
-    let index = id.y * frame.size.x + column;
-    let ray = eye_ray(vec2<u32>(column, id.y + frame.first_row));
+    let row = spread(group.y, groups.y) * #{PICTURE_SIDE} + local.y;
+    if column >= frame.size.x || row >= frame.rows { return; }
+    let index = row * frame.size.x + column;
+    let ray = eye_ray(vec2<u32>(column, row + frame.first_row));
     var walk = start_walk(ray);
     var color = vec3<f32>(0.0);
     // Transmittance to the eye.

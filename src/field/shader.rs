@@ -46,7 +46,13 @@ const CONSTANTS: &[Constant] = &[
 
 /// A variant that reads the field and the light space; methods with tiles have the tile table too.
 pub fn field_shader(entry: &'static str) -> ShaderVariant {
-    let modules = ["field/watch.wgsl", "field/field.wgsl", "field/transfer.wgsl", "field/light.wgsl"];
+    let modules = [
+        "field/watch.wgsl",
+        "field/dispatch.wgsl",
+        "field/field.wgsl",
+        "field/transfer.wgsl",
+        "field/light.wgsl",
+    ];
     ShaderVariant::of(entry).modules(&modules).constants(CONSTANTS)
 }
 
@@ -75,9 +81,35 @@ pub fn marching(variant: &ShaderVariant) -> bool {
     variant.modules.contains(&MARCH)
 }
 
-/// Workgroups of [`LINE_THREADS`] for so many things, in two dimensions, since one holds no more than 65,535.
+/// Workgroups of [`LINE_THREADS`] for so many things.
 pub fn line_of_workgroups(things: usize) -> [u32; 3] {
-    let groups = (things as u32).div_ceil(LINE_THREADS);
-    let across = groups.clamp(1, 1024);
-    [across, groups.div_ceil(across), 1]
+    shape_of((things as u32).div_ceil(LINE_THREADS))
+}
+
+/// So many workgroups in two dimensions, since one holds no more than 65,535: no more rows than that takes, and less than a
+/// workgroup a row that has nothing to do.
+pub fn shape_of(workgroups: u32) -> [u32; 3] {
+    let rows = workgroups.div_ceil(65_535).max(1);
+    [workgroups.div_ceil(rows).max(1), rows, 1]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_workgroup_has_work_but_for_the_last_of_rows() {
+        for workgroups in [1, 2, 255, 256, 257, 262, 1025, 65_535] {
+            assert_eq!(shape_of(workgroups), [workgroups, 1, 1]);
+        }
+        for workgroups in [65_536, 70_001, 131_071, 1_000_003] {
+            let [across, rows, _] = shape_of(workgroups);
+            assert!(across <= 65_535 && rows == workgroups.div_ceil(65_535));
+            assert!(
+                (workgroups..workgroups + rows).contains(&(across * rows)),
+                "{workgroups}: {across} x {rows}"
+            );
+        }
+        assert_eq!((shape_of(0), line_of_workgroups(20_000)), ([1, 1, 1], [313, 1, 1]));
+    }
 }

@@ -1,5 +1,6 @@
 //! Takes the tiles of a map apart into submissions, each about as long as the renderer wants it.
 
+use super::shader::shape_of;
 use crate::gpu::{Gpu, Span};
 use std::sync::{Mutex, PoisonError};
 
@@ -23,10 +24,9 @@ impl TilePart {
         })
     }
 
-    /// A workgroup a tile, in two dimensions, since one holds no more than 65,535.
+    /// A workgroup a tile.
     pub fn workgroups(&self) -> [u32; 3] {
-        let across = self.count.clamp(1, 256);
-        [across, self.count.div_ceil(across), 1]
+        shape_of(self.count)
     }
 }
 
