@@ -138,7 +138,7 @@ fn the_table_has_a_column_a_method_and_the_exact_one() {
 }
 
 #[test]
-fn a_folder_gets_the_table_and_both_plots_and_a_file_only_itself() {
+fn a_folder_gets_the_table_and_all_plots_and_a_file_only_itself() {
     if no_adapter("probe --curve -o") {
         return;
     }
@@ -155,7 +155,8 @@ fn a_folder_gets_the_table_and_both_plots_and_a_file_only_itself() {
     let svg = std::fs::read_to_string(file("out/curve.svg")).unwrap();
     assert!(svg.contains("light point:40,50,300") && svg.contains("dsm epsilon=0.02"));
     assert_eq!(image::open(file("out/curve.png")).unwrap().width(), 2000);
-    assert_eq!(std::fs::read_dir(file("out")).unwrap().count(), 3);
+    assert!(std::fs::read(file("out/curve.pdf")).unwrap().starts_with(b"%PDF-"));
+    assert_eq!(std::fs::read_dir(file("out")).unwrap().count(), 4);
 
     ask(&["--shadow", "osm:map=32,layers=8", "-o", "one.svg"]);
     assert!(std::fs::read_to_string(file("one.svg")).unwrap().contains("osm layers=8"));

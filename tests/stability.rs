@@ -67,5 +67,12 @@ fn bad_command_lines_are_refused_before_anything_is_made() {
     assert!(refuse(&["-o", "out", "--case", "nonsense"]).contains("light-inside"), "it says what there is");
     assert!(refuse(&["-o", "out", "--methods", "dsm:epsilon=2"]).contains("--methods"));
     assert!(refuse(&["-o", "file"]).contains("not a folder"));
+    let held = dir.path().join("held");
+    std::fs::create_dir(&held).unwrap();
+    std::fs::write(held.join("stability.csv"), "case\n").unwrap();
+    assert!(refuse(&["-o", "held"]).contains("it holds stability.csv already"));
+    std::fs::write(held.join("claims.csv"), "paper\n").unwrap();
+    assert!(refused(dir.path(), &["claims", "-o", "held"]).contains("it holds claims.csv already"));
+    assert_eq!(std::fs::read_to_string(held.join("claims.csv")).unwrap(), "paper\n");
     assert!(refuse(&[]).contains("--output"));
 }

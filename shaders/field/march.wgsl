@@ -2,8 +2,8 @@
 //
 // Inside a cell the value along the ray is a cubic, which is formed exactly; it is cut at its extrema and where it
 // passes a breakpoint of the transfer function, found through the pre-compressed table (Hadwiger et al. 2006, 3.2) and
-// placed on the cubic. Between cuts extinction is a straight function of a monotone cubic, which two-point Gauss
-// integrates exactly, or the logarithm of one, which it integrates well where opacity does not near 1 too fast. How
+// placed on the cubic. Between cuts extinction is a straight function of a monotone cubic, which four-point
+// Gauss integrates exactly, or the logarithm of one, which it integrates well where opacity does not near 1 too fast. How
 // short pieces are beyond that is derived in docs/bound.md.
 //
 // The sink, a module that defines `umbravox::sink`, takes the pieces. It offers
@@ -22,12 +22,13 @@
 #define_import_path umbravox::march
 
 #import umbravox::field::{field, Cell, cell_values, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
-#import umbravox::transfer::{interval_start, interval_at, extinction_in, amount_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
+#import umbravox::transfer::{interval_start, interval_at, extinction_in, amounts_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::ran_out
 
-const GAUSS_LOW: f32 = 0.21132487;
-const GAUSS_HIGH: f32 = 0.78867513;
+// Of Gauss and Legendre on [0, 1], exact to the seventh degree.
+const GAUSS_POINTS = vec4<f32>(#{GAUSS_OUTER}, #{GAUSS_INNER}, 1.0 - #{GAUSS_INNER}, 1.0 - #{GAUSS_OUTER});
+const GAUSS_WEIGHTS = vec4<f32>(#{OUTER_WEIGHT}, #{INNER_WEIGHT}, #{INNER_WEIGHT}, #{OUTER_WEIGHT});
 // Cells that a lane walks through before those of its subgroup that have found something go on (best of 2, 4 and no
 // limit on llvmpipe).
 const WALK_STEPS: u32 = 4u;
@@ -39,11 +40,10 @@ const ROOT_TOLERANCE: f32 = #{ROOT_TOLERANCE};
 const LEAST_PIECE: f32 = 1e-6;
 // Length below which a piece is straight enough, in smallest voxel spacings: a stated depth of the bound.
 const SHORT_PIECE: f32 = #{SHORT_PIECE};
-// Halvings of a piece over which opacity nears 1: enough for all that float32 knows of it.
-const HALVINGS: i32 = 40;
+// Shortenings, by half at least, of a piece over which opacity nears 1: enough for all that float32 knows of it.
+const SHORTENINGS: i32 = 40;
 
-// Parts of one cell beyond those that are counted one by one: their depths add up to no more than a ray's, and opacity
-// nears 1 a few times at most.
+// Parts of one cell beyond those that are counted one by one: their depths add up to no more than a ray's.
 const MOST_PARTS: u32 = 512u;
 // Pieces of a ray whose sums are as good as is promised.
 const MOST_PIECES: u32 = #{MOST_PIECES};
@@ -167,8 +167,9 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                     chord_mm = exit - z;
                     u = 0.0;
                     value = c.x;
-                    // Breakpoints, each met up to three times, and parts that are short or span a share of a whole ray.
-                    pieces_left = 3u * field.intervals + u32(min(chord_mm / short_mm, 1e6)) + MOST_PARTS;
+                    // Intervals, each gone through up to three times and shortened where opacity nears 1, and parts that are
+                    // short or span a share of a whole ray.
+                    pieces_left = 3u * field.intervals * u32(SHORTENINGS) + u32(min(chord_mm / short_mm, 1e6)) + MOST_PARTS;
                 }
             }
             z = exit;
@@ -221,32 +222,36 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             end_value = node;
         }
         let j = interval_at(0.5 * (value + end_value));
-        let amount_a = amount_in(j, value);
-        var amount_b = amount_in(j, end_value);
+        var ends = amounts_in(j, vec4<f32>(value, end_value, value, value));
         // Opacity that nears 1 makes a logarithm too steep for the quadrature.
-        for (var k = 0; k < HALVINGS; k++) {
-            if !uneven(amount_a, amount_b, (stretch_end - u) * chord_mm) { break; }
-            stretch_end = max(u + 0.5 * (stretch_end - u), min(u + LEAST_PIECE, stretch_end));
+        for (var k = 0; k < SHORTENINGS; k++) {
+            if !uneven(ends, (stretch_end - u) * chord_mm) { break; }
+            // Were the value straight, this would change it by nearly the factor; halving at least ends it.
+            let twice = select(0.5, 1.0, ends.lacking.y > ends.lacking.x);
+            let kept = min(0.98 * twice * ends.lacking.x / abs(ends.lacking.y - ends.lacking.x), 0.5);
+            stretch_end = max(u + kept * (stretch_end - u), min(u + LEAST_PIECE, stretch_end));
             end_value = cubic(c, stretch_end);
-            amount_b = amount_in(j, end_value);
+            ends = amounts_in(j, vec4<f32>(value, end_value, value, value));
         }
 
         // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a
         // stretch of the cubic is a parabola, which lies between its Bernstein coefficients.
-        let sigma = max(extinction_of(amount_a), extinction_of(amount_b));
+        let sigmas = extinction_of(ends);
+        let sigma = max(sigmas.x, sigmas.y);
         let slope_a = cubic_slope(c, u);
         let steepness = max(
             max(abs(slope_a), abs(slope_a + (stretch_end - u) * (c.z + 3.0 * u * c.w))),
             abs(cubic_slope(c, stretch_end)),
         );
-        let rise = extinction_slope(j, min(amount_a.y, amount_b.y)) * steepness / chord_mm;
+        let rise = extinction_slope(j, min(ends.lacking.x, ends.lacking.y)) * steepness / chord_mm;
         let bend = sqrt(sigma * sigma + rise) * chord_mm;
         loop {
             let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + stretch_end * chord_mm);
             let parts = ceil((stretch_end - u) * min(bend / reach, chord_mm / short_mm));
             let piece_end = select(stretch_end, u + (stretch_end - u) / parts, parts > 1.0);
             let h = piece_end - u;
-            let mean = 0.5 * (extinction_in(j, cubic(c, u + GAUSS_LOW * h)) + extinction_in(j, cubic(c, u + GAUSS_HIGH * h)));
+            let at = u + h * GAUSS_POINTS;
+            let mean = dot(GAUSS_WEIGHTS, extinction_in(j, c.x + at * (c.y + at * (c.z + at * c.w))));
             done = sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm);
             u = piece_end;
             pieces_left -= 1u;

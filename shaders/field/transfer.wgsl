@@ -9,8 +9,8 @@ const TABLE_BINS: u32 = #{TABLE_BINS};
 const PAIR_BINS: u32 = #{PAIR_BINS};
 const LN_2: f32 = 0.6931472;
 const SQRT_HALF_BITS: u32 = 0x3f3504f3u;
-// Optical depth of which a tenth may be lost each time that opacity nears 1, of a whole ray.
-const UNEVEN_DEPTH: f32 = 5e-4;
+// Optical depth of which a tenth may be lost each time that opacity nears 1, over a whole ray.
+const UNEVEN_DEPTH: f32 = #{UNEVEN_DEPTH};
 const MORE_NODES: u32 = #{MORE_NODES};
 const MAX_INTERVALS: u32 = #{MAX_INTERVALS};
 
@@ -45,41 +45,47 @@ fn interval_at(value: f32) -> u32 {
     return j;
 }
 
-// -log(1 - a) for an opacity a and what it lacks of 1, to a few units in the last place: `log` itself is off by 2^-21 near
+// -log(1 - a) for opacities a and what they lack of 1, to a few units in the last place: `log` itself is off by 2^-21 near
 // 1, which is much beside small opacities.
-fn absorbance(a: f32, lacking: f32) -> f32 {
+fn absorbance(a: vec4<f32>, lacking: vec4<f32>) -> vec4<f32> {
     // lacking = m 2^k with m from sqrt(1/2) to sqrt(2), whose logarithm is 2 atanh((m - 1) / (m + 1)).
-    let k = bitcast<i32>(bitcast<u32>(lacking) + (0x3f800000u - SQRT_HALF_BITS)) >> 23u;
-    let m = bitcast<f32>(bitcast<u32>(lacking) + ((127u - u32(k)) << 23u));
-    let short = select(1.0 - m, a, k == 127);
+    let bits = bitcast<vec4<u32>>(lacking);
+    let biased = (bits + (0x3f800000u - SQRT_HALF_BITS)) >> vec4<u32>(23u);
+    let m = bitcast<vec4<f32>>(bits + ((127u - biased) << vec4<u32>(23u)));
+    let short = select(1.0 - m, a, biased == vec4<u32>(127u));
     let t = short / (2.0 - short);
     let s = t * t;
     let series = 2.0 * t * (1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0)))));
-    return series + f32(127 - k) * LN_2;
+    return series + (127.0 - vec4<f32>(biased)) * LN_2;
 }
 
-// What the transfer function gives at a value inside the interval j: its extinction (1/mm) or opacity, and in the latter
+// What the transfer function gives at values inside the interval j: its extinction (1/mm) or opacity, and in the latter
 // case the share of light that opacity lets through (else 1).
-fn amount_in(j: u32, value: f32) -> vec2<f32> {
+struct Amounts {
+    given: vec4<f32>,
+    lacking: vec4<f32>,
+}
+
+fn amounts_in(j: u32, values: vec4<f32>) -> Amounts {
     let piece = interval_table.intervals[j];
-    let risen = piece.z * (value - piece.x);
-    let amount = max(piece.y + risen, 0.0);
+    let risen = piece.z * (values - piece.x);
+    let given = max(piece.y + risen, vec4<f32>(0.0));
     let opacity = field.inv_reference_length > 0.0;
-    return vec2<f32>(
-        select(amount, min(amount, MAX_OPACITY), opacity),
-        select(1.0, clamp(piece.w - risen, 1.0 - MAX_OPACITY, 1.0), opacity),
+    return Amounts(
+        select(given, min(given, vec4<f32>(MAX_OPACITY)), opacity),
+        select(vec4<f32>(1.0), clamp(piece.w - risen, vec4<f32>(1.0 - MAX_OPACITY), vec4<f32>(1.0)), opacity),
     );
 }
 
-// Extinction (1/mm) of an amount.
-fn extinction_of(amount: vec2<f32>) -> f32 {
+// Extinction (1/mm) of amounts.
+fn extinction_of(amounts: Amounts) -> vec4<f32> {
     let per_mm = field.inv_reference_length;
-    return select(amount.x, absorbance(amount.x, amount.y) * per_mm, per_mm > 0.0);
+    return select(amounts.given, absorbance(amounts.given, amounts.lacking) * per_mm, per_mm > 0.0);
 }
 
-// Extinction (1/mm) at a value inside the interval j.
-fn extinction_in(j: u32, value: f32) -> f32 {
-    return extinction_of(amount_in(j, value));
+// Extinction (1/mm) at values inside the interval j.
+fn extinction_in(j: u32, values: vec4<f32>) -> vec4<f32> {
+    return extinction_of(amounts_in(j, values));
 }
 
 // Extinction's steepest change with the value inside the interval j (1/mm per value), where opacity lets through the
@@ -90,18 +96,21 @@ fn extinction_slope(j: u32, least: f32) -> f32 {
     return abs(interval_table.intervals[j].z) * select(1.0, per_mm / least, per_mm > 0.0);
 }
 
-// Whether the share of light that opacity lets through changes by more than a factor of 2 between two amounts, over a
-// stretch on which that matters: two-point Gauss errs by less than 1e-3 of a stretch where it does not.
-fn uneven(a: vec2<f32>, b: vec2<f32>, length_mm: f32) -> bool {
-    let least = min(a.y, b.y);
+// Whether the share of light that opacity lets through changes by more than a factor of 2 between two values (of four
+// amounts the first two), over a stretch on which that matters: four-point Gauss errs by less than 1.3e-3 of a stretch
+// where it does not (docs/bound.md).
+fn uneven(ends: Amounts, length_mm: f32) -> bool {
+    let least = min(ends.lacking.x, ends.lacking.y);
     // -log(x) is at most (1 - x) / sqrt(x), and for an x of 2^k or more -k log(2).
-    let powers = f32(127 - i32(bitcast<u32>(least) >> 23u)) * LN_2;
+    let powers = (127.0 - f32(bitcast<u32>(least) >> 23u)) * LN_2;
     let most_depth = min((1.0 - least) * inverseSqrt(least), powers) * field.inv_reference_length * length_mm;
-    return (max(a.y, b.y) > 2.0 * least) & (most_depth * f32(field.size.x + field.size.y + field.size.z) > UNEVEN_DEPTH);
+    // A ray comes near opacity 1 no more often than in each interval of three stretches of each cell.
+    let often = f32(field.size.x + field.size.y + field.size.z) * f32(field.intervals);
+    return (max(ends.lacking.x, ends.lacking.y) > 2.0 * least) & (most_depth * often > UNEVEN_DEPTH);
 }
 
 fn extinction_at(value: f32) -> f32 {
-    return extinction_in(interval_at(value), value);
+    return extinction_in(interval_at(value), vec4<f32>(value)).x;
 }
 
 #ifdef ONE_COLOR

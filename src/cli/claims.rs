@@ -3,7 +3,7 @@
 use super::told::{load, print_result, say};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
+use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
 use crate::measure::claims::scenes::{STAND_INS, StandIn, Subject};
 use crate::measure::claims::{Claim, Paper, all, run as run_claims, scene_names};
@@ -41,6 +41,9 @@ pub struct ClaimsArgs {
     /// Use the graphics adapter whose name contains NAME [default: the fastest]
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
+    /// Write the table anew where DIR holds one
+    #[arg(long)]
+    pub overwrite: bool,
     /// The rows as JSON on stdout
     #[arg(long)]
     pub json: bool,
@@ -55,6 +58,9 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let asked = |c: &Claim| papers.is_empty() || papers.contains(&c.paper);
     let claims: Vec<Claim> = all().into_iter().filter(asked).collect();
     check_output_dir(&args.output)?;
+    if !args.overwrite {
+        check_no_table(&args.output, "claims.csv")?;
+    }
     let given = given_scenes(&args.scene)?;
     // A mistake in the last file is not to be found minutes later.
     for (name, settings) in &given {

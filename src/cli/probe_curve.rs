@@ -8,7 +8,7 @@ use crate::measure::light_curve::{LightCurve, MethodCurve};
 use crate::open::{Loaded, SceneSettings};
 use crate::render::Session;
 use crate::report::make::scene_name;
-use crate::report::plot::curve::{curve_png, curve_svg};
+use crate::report::plot::curve::{curve_pdf, curve_png, curve_svg};
 use crate::shadow::{CURVES, parse_list};
 use glam::DVec3;
 use serde::Serialize;
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Files that can be asked for by their ending; any other name is a folder for all of them.
-const ENDINGS: &[&str] = &["csv", "svg", "png"];
+const ENDINGS: &[&str] = &["csv", "svg", "png", "pdf"];
 
 /// Where the result goes.
 enum Destination<'a> {
@@ -73,6 +73,7 @@ pub fn run(
     let file = |ending: &str| match ending {
         "svg" => Ok(curve_svg(&curve, &found, &about).into_bytes()),
         "png" => curve_png(&curve, &found, &about),
+        "pdf" => curve_pdf(&curve, &found, &about),
         _ => curve.csv(&found),
     };
     let write = |path: &Path, ending: &str| {
@@ -149,8 +150,8 @@ pub struct CurveFlags {
     #[arg(long, value_name = "METHODS", help = format!("With --curve: methods separated by `;`; a value without `=` \
         is one more for the key before it [default: the method of --shadow, or {}]", CURVES.as_str()))]
     pub methods: Option<String>,
-    /// With --curve: a .csv, .svg or .png file, or a folder for curve.csv, curve.svg and curve.png [default: CSV on
-    /// stdout]
+    /// With --curve: a .csv, .svg, .png or .pdf file, or a folder for curve.csv, curve.svg, curve.png and curve.pdf
+    /// [default: CSV on stdout]
     #[arg(short, long, value_name = "DIR|FILE")]
     pub output: Option<PathBuf>,
 }

@@ -2,7 +2,7 @@
 
 use super::told::{print_result, say};
 use crate::error::{Error, Result};
-use crate::files::output::{check_output_dir, prepare_output_dir, write_whole};
+use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
 use crate::measure::stability::{Case, Row, Status, all, run as run_cases};
 use crate::render::Renderer;
@@ -29,6 +29,9 @@ pub struct StabilityArgs {
     /// Use the graphics adapter whose name contains NAME [default: the fastest]
     #[arg(long, value_name = "NAME")]
     pub adapter: Option<String>,
+    /// Write the table anew where DIR holds one
+    #[arg(long)]
+    pub overwrite: bool,
     /// The rows as JSON on stdout
     #[arg(long)]
     pub json: bool,
@@ -46,6 +49,9 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     let every = all()?;
     let cases = pick(&every, &args.cases)?;
     check_output_dir(&args.output)?;
+    if !args.overwrite {
+        check_no_table(&args.output, "stability.csv")?;
+    }
     let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}")
         .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
     let bar = ProgressBar::new(cases.len() as u64 + 1).with_style(style);

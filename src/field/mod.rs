@@ -23,6 +23,8 @@ pub use light_space::{LightSpace, Projection, Rounding};
 pub use loaded::{LoadedVolume, grid_from_world};
 pub use omittable::{Forced, Omittable};
 pub use pool_sizes::PoolSizes;
-pub use shader::{MOST_ROUNDINGS, SHORT_PIECE, field_shader, line_of_workgroups, marching};
+pub use shader::{
+    GAUSS, MOST_ROUNDINGS, SHORT_PIECE, UNEVEN_DEPTH, field_shader, line_of_workgroups, marching,
+};
 pub use tile_march::TileMarch;
 pub use tile_pace::TilePace;

@@ -22,7 +22,20 @@ const MOST_PIECES: u32 = PARTS_OF_SUM * (MOST_ROUNDINGS - PARTS_OF_SUM);
 /// Roundings, one after another, of the optical depth of a light ray whose pieces were added up.
 pub const MOST_ROUNDINGS: u32 = 5000;
 
+/// Points and weights of Gauss and Legendre's four on [0, 1], the other two by symmetry: exact to the seventh degree.
+pub const GAUSS: [[f64; 2]; 2] = [
+    [0.069_431_844_202_973_71, 0.173_927_422_568_726_93],
+    [0.330_009_478_207_571_87, 0.326_072_577_431_273_07],
+];
+/// Optical depth of a whole ray of which a tenth may be lost each time that opacity nears 1, in three stretches a cell.
+pub const UNEVEN_DEPTH: f64 = 4e-4;
+
 const CONSTANTS: &[Constant] = &[
+    Constant::float("GAUSS_OUTER", GAUSS[0][0] as f32),
+    Constant::float("GAUSS_INNER", GAUSS[1][0] as f32),
+    Constant::float("OUTER_WEIGHT", GAUSS[0][1] as f32),
+    Constant::float("INNER_WEIGHT", GAUSS[1][1] as f32),
+    Constant::float("UNEVEN_DEPTH", UNEVEN_DEPTH as f32),
     Constant::float("ROOT_TOLERANCE", ROOT_TOLERANCE),
     Constant::float("SHORT_PIECE", SHORT_PIECE as f32),
     Constant::signed("BRICK_CELLS", BRICK_CELLS as i32),

@@ -57,6 +57,19 @@ pub fn check_output_dir(path: &Path) -> Result<()> {
     }
 }
 
+/// Refuses a folder that holds a table, by the name of its file, so that none is lost in silence.
+///
+/// # Errors
+/// That, as a fault of the command line.
+pub fn check_no_table(folder: &Path, file: &str) -> Result<()> {
+    if std::fs::metadata(folder.join(file)).is_ok_and(|m| m.len() > 0) {
+        let why = format!("it holds {file} already");
+        return Err(Error::input("cannot write table", folder.display(), why)
+            .hint("--overwrite writes it anew, or give another folder"));
+    }
+    Ok(())
+}
+
 /// Makes an output folder, with those above it, when it is missing, and refuses one that cannot be written to.
 ///
 /// # Errors

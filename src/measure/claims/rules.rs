@@ -46,11 +46,15 @@ impl Holds {
     }
 }
 
-/// A ratio that a paper gives as a range: yes within it, widened by [`TIME_SLACK`] at both ends; partly where it is
-/// outside and yet on the range's side of 1 by more than [`EQUAL`].
+/// A ratio that a paper gives as a range: yes within it, widened by [`TIME_SLACK`] at both ends but not beyond 1, where the
+/// range is on one side of that; partly where it is outside and yet on the range's side of 1 by more than [`EQUAL`], or
+/// where the widened range holds it and it is [`EQUAL`] to 1.
 pub fn within(ratio: f64, [low, high]: [f64; 2]) -> Holds {
     let side = if low + high > 2.0 { ratio >= EQUAL } else { ratio <= 1.0 / EQUAL };
-    Holds::of(low / TIME_SLACK <= ratio && ratio <= high * TIME_SLACK, side)
+    let opposite = (low > 1.0 && ratio <= 1.0) || (high < 1.0 && ratio >= 1.0);
+    let near = low / TIME_SLACK <= ratio && ratio <= high * TIME_SLACK;
+    let equal = (1.0 / EQUAL..=EQUAL).contains(&ratio);
+    Holds::of(near && !opposite, side || near && equal)
 }
 
 /// A ratio said to be large: yes from `wanted` on, partly above [`EQUAL`].
@@ -136,6 +140,12 @@ mod tests {
             (0.5, [1.5, 3.0], No),
             (0.5, [0.1, 0.2], Partly),
             (0.99, [0.1, 0.2], No),
+            (0.91, [1.02, 1.2], No),
+            (0.99, [1.02, 1.2], Partly),
+            (1.01, [1.02, 1.2], Yes),
+            (1.04, [0.8, 0.97], Partly),
+            (1.1, [0.8, 0.97], No),
+            (0.95, [0.92, 1.05], Yes),
         ] {
             assert_eq!(within(ratio, range), verdict, "{ratio} in {range:?}");
         }

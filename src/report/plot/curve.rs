@@ -41,6 +41,14 @@ pub fn curve_png(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Re
     figure(curve, methods, scene).png()
 }
 
+/// The same as a PDF file.
+///
+/// # Errors
+/// The encoder's own.
+pub fn curve_pdf(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Result<Vec<u8>> {
+    figure(curve, methods, scene).pdf()
+}
+
 /// A method's line.
 struct Line {
     name: String,

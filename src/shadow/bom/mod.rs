@@ -11,7 +11,7 @@
 //! * The interval `[1, N]` of the logarithm is `log_size`, 256 by default: no size of the lookup texture is stated, and the
 //!   appendix's own rounding of `log2` to a whole number is not followed.
 //! * The lookup texture of the hybrid split (5.2.2, 5.2.3, sections 7 and 9 of its appendix) has 1024 bins of float32
-//!   instead of 256 of 8 bits, and a second row with the planes themselves, which the build cuts at.
+//!   instead of 8 bits, and a second row with the planes themselves, which the build cuts at.
 //! * `split=auto` chooses as 5.2.3 does, from eleven ratios over whole images, but on the device and from a coarse
 //!   map. Images are opacities `1 - T`, not rounded to 8 bits: rounded images of few levels look unlike each other
 //!   (`measure=difference` does round). Two images without contrast count as fully correlated.
