@@ -446,7 +446,7 @@ impl Found {
 
 impl Attack {
     /// Without its voxels.
-    fn shown(&self) -> String {
+    pub fn shown(&self) -> String {
         let points = &self.points[..self.points.len().min(12)];
         format!(
             "{:?} voxels of {:?} mm, turn {:?}, shear {:?}, whole {}, {:?} per {} mm {points:?} ({} points), {:?}, {}",
