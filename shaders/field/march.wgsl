@@ -226,9 +226,10 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         // Opacity that nears 1 makes a logarithm too steep for the quadrature.
         for (var k = 0; k < SHORTENINGS; k++) {
             if !uneven(ends, (stretch_end - u) * chord_mm) { break; }
-            // Were the value straight, this would change it by nearly the factor; halving at least ends it.
+            // Were the value straight, this would change it by nearly the factor. Where it begins flat that is far too
+            // little, hence the limit; halving at least ends it.
             let twice = select(0.5, 1.0, ends.lacking.y > ends.lacking.x);
-            let kept = min(0.98 * twice * ends.lacking.x / abs(ends.lacking.y - ends.lacking.x), 0.5);
+            let kept = clamp(0.98 * twice * ends.lacking.x / abs(ends.lacking.y - ends.lacking.x), 0.0625, 0.5);
             stretch_end = max(u + kept * (stretch_end - u), min(u + LEAST_PIECE, stretch_end));
             end_value = cubic(c, stretch_end);
             ends = amounts_in(j, vec4<f32>(value, end_value, value, value));
