@@ -4,14 +4,14 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::io::Write;
 use std::process::{Command, Stdio};
-use umbravox::field::marching;
+use umbravox::field::{marches_cells, marches_samples};
 use umbravox::gpu::{ShaderVariant, compose, shader_paths};
 use umbravox::render::shaders;
 use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
 use wgpu::naga::{self, back};
 
 /// Settings whose code stands apart from all others': each is tried with the defaults of the rest.
-const ALONE: [&str; 2] = ["lookup", "average"];
+const ALONE: [&str; 3] = ["lookup", "average", "march"];
 
 /// Every combination of a method's words, with few and many of what it counts.
 fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
@@ -50,7 +50,12 @@ fn variants() -> Vec<(ShaderVariant, bool)> {
     }
     let mut list = Vec::new();
     for variant in wanted {
-        let search: &[&[&str]] = if marching(&variant) { &[&[], &["MANY_BREAKPOINTS"]] } else { &[&[]] };
+        // What a transfer function adds.
+        let search: &[&[&str]] = match (marches_cells(&variant), marches_samples(&variant)) {
+            (true, _) => &[&[], &["MANY_BREAKPOINTS"]],
+            (_, true) => &[&[], &["ONE_COLOR"]],
+            _ => &[&[]],
+        };
         for more in search {
             for adapter in [&[][..], &["MANUAL_TRILINEAR"]] {
                 let variant = variant.clone().defs([*more, adapter].concat());

@@ -31,8 +31,9 @@ struct LightSpace {
     // Depths between which all active bricks lie, mm: from depth_start_mm on, depth_range_mm long.
     depth_start_mm: f32,
     depth_range_mm: f32,
-    padding_a: f32,
-    padding_b: f32,
+    // Distance of samples along a ray, mm, where light rays are marched by regular ones.
+    step_mm: f32,
+    padding: f32,
 }
 
 // Every pipeline has a light, also those whose method has no map: shading asks where it is.

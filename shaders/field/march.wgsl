@@ -17,14 +17,15 @@
 //
 // Control flow: one inner loop walks to the next cell with extinction, another takes a stretch in pieces, the outer one
 // is a single stretch a turn. Lanes of a subgroup then wait for each other only there, and what is expensive stands in the
-// program once. That is why `march` is one long function: its loops share their state, and llvmpipe of Mesa 22.3 has
-// crashed on branches that were moved into functions of their own.
+// program once. Loops end at their last line, as in `umbravox::walk`. That is why `march` is one long function: its loops
+// share their state, and llvmpipe of Mesa 22.3 has crashed on branches that were moved into functions of their own.
 #define_import_path umbravox::march
 
-#import umbravox::field::{field, Cell, cell_values, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::{interval_start, interval_at, extinction_in, amounts_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::ran_out
+#import umbravox::work::{count_work, LOADS, CELLS, PIECES}
 
 // Of Gauss and Legendre on [0, 1], exact to the seventh degree.
 const GAUSS_POINTS = vec4<f32>(#{GAUSS_OUTER}, #{GAUSS_INNER}, 1.0 - #{GAUSS_INNER}, 1.0 - #{GAUSS_OUTER});
@@ -128,6 +129,10 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var z = max(span.x, z_from);
     var cell = clamp(vec3<i32>(floor(o + z * d)), vec3<i32>(0), top);
     var walking = z < end;
+    // Values of the cell that the ray comes from, and the axis along which it does; `held` where they are known.
+    var values = Cell(vec4<f32>(0.0), vec4<f32>(0.0));
+    var held = false;
+    var along = vec3<bool>(false, false, true);
     // The cell that is being taken apart: its chord's start and length, the cubic, and how far it is done.
     var chord_z = 0.0;
     var chord_mm = 0.0;
@@ -140,49 +145,65 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var pieces = 0u;
     // The ray was marched to its end: some adapters end loops that they find long, and say nothing.
     var done = false;
+    // A cell, or the ray, has taken more pieces than it may.
+    var over = false;
     loop {
         var steps = 0u;
         loop {
-            if u < 1.0 || !walking || steps >= WALK_STEPS { break; }
             steps += 1u;
-            let brick = cell >> BRICK_SHIFT;
-            let distance = brick_distance_at(brick);
-            // Through one cell, or out of the cube of bricks that are known to be empty.
-            let lo = select(cell, (brick - (distance - 1)) * BRICK_CELLS, distance > 0);
-            let hi = select(cell + 1, (brick + distance) * BRICK_CELLS, distance > 0);
-            let exits = select(vec3<f32>(FAR), (vec3<f32>(select(lo, hi, forward)) - o) * inv_d, moves);
-            let exit = max(min(min(exits.x, exits.y), min(exits.z, end)), z);
-            let p = o + exit * d;
-            if distance == 0 && exit > z {
-                let values = cell_values(cell);
-                let lo4 = min(values.lo, values.hi);
-                let hi4 = max(values.lo, values.hi);
-                let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));
-                let most = max(max(hi4.x, hi4.y), max(hi4.z, hi4.w));
-                if most > field.first_value && least < field.last_value {
-                    let f = clamp(o + z * d - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0));
-                    let e = clamp(p - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0)) - f;
-                    c = chord_cubic(values, f, e);
-                    chord_z = z;
-                    chord_mm = exit - z;
-                    u = 0.0;
-                    value = c.x;
-                    // Intervals, each gone through up to three times and shortened where opacity nears 1, and parts that are
-                    // short or span a share of a whole ray.
-                    pieces_left = 3u * field.intervals * u32(SHORTENINGS) + u32(min(chord_mm / short_mm, 1e6)) + MOST_PARTS;
+            if u >= 1.0 && walking {
+                let brick = cell >> BRICK_SHIFT;
+                let distance = brick_distance_at(brick);
+                count_work(LOADS, 1u);
+                // Through one cell, or out of the cube of bricks that are known to be empty.
+                let lo = select(cell, (brick - (distance - 1)) * BRICK_CELLS, distance > 0);
+                let hi = select(cell + 1, (brick + distance) * BRICK_CELLS, distance > 0);
+                let exits = select(vec3<f32>(FAR), (vec3<f32>(select(lo, hi, forward)) - o) * inv_d, moves);
+                let exit = max(min(min(exits.x, exits.y), min(exits.z, end)), z);
+                let p = o + exit * d;
+                if distance == 0 {
+                    values = next_cell_values(values, cell, along, any(forward & along), held);
+                    count_work(CELLS, select(0u, 1u, held));
+                    count_work(LOADS, 4u);
+                    let lo4 = min(values.lo, values.hi);
+                    let hi4 = max(values.lo, values.hi);
+                    let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));
+                    let most = max(max(hi4.x, hi4.y), max(hi4.z, hi4.w));
+                    if held && exit > z && most > field.first_value && least < field.last_value {
+                        let f = clamp(o + z * d - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0));
+                        let e = clamp(p - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0)) - f;
+                        c = chord_cubic(values, f, e);
+                        chord_z = z;
+                        chord_mm = exit - z;
+                        u = 0.0;
+                        value = c.x;
+                        // Intervals, each gone through up to three times and shortened where opacity nears 1, and
+                        // parts that are short or span a share of a whole ray.
+                        let short_parts = u32(min(chord_mm / short_mm, 1e6));
+                        pieces_left = 3u * field.intervals * u32(SHORTENINGS) + short_parts + MOST_PARTS;
+                    }
+                }
+                if distance > 0 || held {
+                    z = exit;
+                    // On the face that is left the next cell is known; rounding must not put it back, there or
+                    // anywhere.
+                    let past = select(lo - 1, hi, forward);
+                    let inner = clamp(vec3<i32>(floor(p)), select(lo, cell, forward), select(cell, hi - 1, forward));
+                    let leaves = exits <= vec3<f32>(exit);
+                    let next = select(select(cell, inner, moves), past, leaves);
+                    // Past an edge or a corner, and after a leap, nothing is known.
+                    held = distance == 0 && !(leaves.x && leaves.y) && !(leaves.z && (leaves.x || leaves.y));
+                    along = select(vec3<bool>(false, false, true), leaves, held);
+                    cell = next;
+                    walking = z < end && all(cell >= vec3<i32>(0)) && all(cell <= top);
+                    cells_left -= 1;
+                    walking = walking && cells_left >= 0;
+                } else {
+                    // The nearer face is known now: the next turn takes the cell.
+                    held = true;
                 }
             }
-            z = exit;
-            // On the face that is left the next cell is known; rounding must not put it back, there or anywhere.
-            let past = select(lo - 1, hi, forward);
-            let inner = clamp(vec3<i32>(floor(p)), select(lo, cell, forward), select(cell, hi - 1, forward));
-            cell = select(select(cell, inner, moves), past, exits <= vec3<f32>(exit));
-            walking = z < end && all(cell >= vec3<i32>(0)) && all(cell <= top);
-            cells_left -= 1;
-            if cells_left < 0 {
-                ran_out();
-                walking = false;
-            }
+            if u < 1.0 || !walking || steps >= WALK_STEPS { break; }
         }
         if u >= 1.0 {
             if !walking {
@@ -255,6 +276,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             let mean = dot(GAUSS_WEIGHTS, extinction_in(j, c.x + at * (c.y + at * (c.z + at * c.w))));
             done = sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm);
             u = piece_end;
+            count_work(PIECES, 1u);
             pieces_left -= 1u;
             pieces += 1u;
             if done || u >= stretch_end || pieces_left == 0u { break; }
@@ -263,9 +285,9 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         value = end_value;
         u = select(u, 1.0, u > 1.0 - LEAST_PIECE);
         if pieces_left == 0u || pieces > MOST_PIECES {
-            ran_out();
+            over = true;
             u = 1.0;
         }
     }
-    if !done { ran_out(); }
+    if !done || over || cells_left < 0 { ran_out(); }
 }

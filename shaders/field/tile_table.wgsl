@@ -2,6 +2,7 @@
 #define_import_path umbravox::tile_table
 
 #import umbravox::light::{light, OCTAHEDRAL}
+#import umbravox::work::{count_work, LOADS}
 
 const TILE: u32 = #{TILE};
 const NO_TILE: u32 = #{NO_TILE};
@@ -12,6 +13,7 @@ const NO_TILE: u32 = #{NO_TILE};
 
 // The record of a texel, NO_TILE where it has none.
 fn record_of(texel: vec2<u32>) -> u32 {
+    count_work(LOADS, 1u);
     let first = textureLoad(tile_table, texel / TILE, 0).x;
     return select(first + (texel.y % TILE) * TILE + texel.x % TILE, NO_TILE, first == NO_TILE);
 }

@@ -2,6 +2,7 @@
 #define_import_path umbravox::transfer
 
 #import umbravox::field::field
+#import umbravox::work::{count_work, LOADS}
 
 const MAX_OPACITY: f32 = #{MAX_OPACITY};
 const VALUE_BINS: u32 = #{VALUE_BINS};
@@ -24,11 +25,12 @@ struct IntervalTable {
 
 // Small tables are uniforms and large ones textures: on software adapters storage buffers are read lane by lane.
 @group(0) @binding(4) var<uniform> interval_table: IntervalTable;
-// Integrals over the value up to each bin edge: extinction times colour (rgb), extinction (w); with ONE_COLOR extinction
-// alone.
+// Integrals over the value up to each bin edge: extinction times colour (rgb), extinction (w). Not with ONE_COLOR.
 @group(0) @binding(5) var integrals: texture_2d<f32>;
 // Pre-compressed visibility: up to four interval starts at which it bends between two values, four u16 in a pair.
 @group(0) @binding(6) var pair_nodes: texture_2d<u32>;
+// Integrals of extinction alone over the value, a texel a bin: up to the bin, and what the bin adds.
+@group(0) @binding(8) var extinction_bins: texture_2d<f32>;
 
 fn interval_start(j: u32) -> f32 {
     return interval_table.intervals[min(j, MAX_INTERVALS - 1u)].x;
@@ -113,52 +115,67 @@ fn extinction_at(value: f32) -> f32 {
     return extinction_in(interval_at(value), vec4<f32>(value)).x;
 }
 
-#ifdef ONE_COLOR
-// Extinction alone: its colour is one.
-fn integral_edge(i: u32) -> f32 {
-    return textureLoad(integrals, vec2<u32>(i, 0u), 0).x;
+// The bin of the integrals that a value falls into, and how far into it.
+fn table_place(value: f32) -> f32 {
+    return clamp((value - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
 }
 
-fn colored(mean: f32) -> vec4<f32> {
-    return vec4<f32>(field.color_r, field.color_g, field.color_b, 1.0) * max(mean, 0.0);
-}
-#else
-fn integral_edge(i: u32) -> vec4<f32> {
-    return textureLoad(integrals, vec2<u32>(i, 0u), 0);
+// The integral of extinction over all values up to one, and extinction there.
+struct Integral {
+    sum: f32,
+    slope: f32,
 }
 
-fn colored(mean: vec4<f32>) -> vec4<f32> {
-    return max(mean, vec4<f32>(0.0));
-}
-#endif
-
-// The integrals at a value, linear between bin edges.
-#ifdef ONE_COLOR
-fn integral_at(value: f32) -> f32 {
-#else
-fn integral_at(value: f32) -> vec4<f32> {
-#endif
-    let x = clamp((value - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
+fn integral_at(value: f32) -> Integral {
+    let x = table_place(value);
     let i = min(u32(x), TABLE_BINS - 1u);
+    count_work(LOADS, 1u);
+    let bin = textureLoad(extinction_bins, vec2<u32>(i, 0u), 0).xy;
     // Written so that it is exact where the integrals are equal: no extinction must stay none.
-    let low = integral_edge(i);
-    return low + (integral_edge(i + 1u) - low) * (x - f32(i));
+    return Integral(bin.x + bin.y * (x - f32(i)), bin.y * field.table_per_value);
+}
+
+// Mean extinction (1/mm) over a stretch on which the value goes linearly from a to b.
+fn mean_between(a: f32, b: f32, at_a: Integral, at_b: Integral) -> f32 {
+    // Below half a bin the difference of integrals is mostly rounding: the bins' own slopes stand in.
+    let short = abs(b - a) * field.table_per_value < 0.5;
+    let apart = (at_b.sum - at_a.sum) / select(b - a, 1.0, short);
+    return max(select(apart, 0.5 * (at_a.slope + at_b.slope), short), 0.0);
+}
+
+#ifdef ONE_COLOR
+alias ColorIntegral = Integral;
+
+fn color_integral_at(value: f32) -> ColorIntegral {
+    return integral_at(value);
 }
 
 // Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) over a stretch on which the value goes linearly from a to b.
-#ifdef ONE_COLOR
-fn mean_over(a: f32, b: f32, integral_a: f32, integral_b: f32) -> vec4<f32> {
-#else
-fn mean_over(a: f32, b: f32, integral_a: vec4<f32>, integral_b: vec4<f32>) -> vec4<f32> {
-#endif
-    // Below half a bin the difference of integrals is mostly rounding: the bin's own slope stands in.
-    if abs(b - a) * field.table_per_value < 0.5 {
-        let x = clamp((0.5 * (a + b) - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
-        let i = min(u32(x), TABLE_BINS - 1u);
-        return colored((integral_edge(i + 1u) - integral_edge(i)) * field.table_per_value);
-    }
-    return colored((integral_b - integral_a) / (b - a));
+fn mean_color(a: f32, b: f32, at_a: ColorIntegral, at_b: ColorIntegral) -> vec4<f32> {
+    return vec4<f32>(field.color_r, field.color_g, field.color_b, 1.0) * mean_between(a, b, at_a, at_b);
 }
+#else
+// As Integral, of extinction times colour (rgb) and extinction (w).
+struct ColorIntegral {
+    sum: vec4<f32>,
+    slope: vec4<f32>,
+}
+
+fn color_integral_at(value: f32) -> ColorIntegral {
+    let x = table_place(value);
+    let i = min(u32(x), TABLE_BINS - 1u);
+    count_work(LOADS, 2u);
+    let low = textureLoad(integrals, vec2<u32>(i, 0u), 0);
+    let rise = textureLoad(integrals, vec2<u32>(i + 1u, 0u), 0) - low;
+    return ColorIntegral(low + rise * (x - f32(i)), rise * field.table_per_value);
+}
+
+fn mean_color(a: f32, b: f32, at_a: ColorIntegral, at_b: ColorIntegral) -> vec4<f32> {
+    let short = abs(b - a) * field.table_per_value < 0.5;
+    let apart = (at_b.sum - at_a.sum) / select(b - a, 1.0, short);
+    return max(select(apart, 0.5 * (at_a.slope + at_b.slope), short), vec4<f32>(0.0));
+}
+#endif
 
 fn pair_bin(value: f32) -> u32 {
     return u32(clamp((value - field.bin_origin) * field.bins_per_value * (f32(PAIR_BINS) / f32(VALUE_BINS)), 0.0, f32(PAIR_BINS - 1u)));
@@ -167,6 +184,7 @@ fn pair_bin(value: f32) -> u32 {
 // Four interval indices in the order in which a value going from a to b meets them: above MORE_NODES past the last,
 // MORE_NODES in the last place where there are more than the table holds.
 fn nodes_between(a: f32, b: f32) -> vec4<u32> {
+    count_work(LOADS, 1u);
     let packed = textureLoad(pair_nodes, vec2<u32>(pair_bin(b), pair_bin(a)), 0);
     return vec4<u32>(packed.x & 0xffffu, packed.x >> 16u, packed.y & 0xffffu, packed.y >> 16u);
 }

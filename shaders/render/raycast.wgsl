@@ -1,9 +1,9 @@
 // The ray caster: pre-integrated extinction along eye rays, brick skipping, early end, shadows through one lookup.
 //
-// A ray is walked from sample to sample; between two of them lies a stretch. Only stretches with extinction are
-// gathered. With shadows a stretch is cut into parts, parts make a run, and a run asks the lookup once for the light at
-// its end; with LOOKUP_EACH every part is a run of its own. What is expensive stands in the program once, and lanes of a
-// subgroup wait for each other only there.
+// A ray is walked from sample to sample (`umbravox::walk`), which finds stretches with extinction. With shadows a stretch
+// is cut into parts, parts make a run, and a run asks the lookup once for the light at its end; with LOOKUP_EACH every
+// part is a run of its own. What is expensive stands in the program once, and lanes of a subgroup wait for each other only
+// there.
 //
 // The lookup, a module that defines `umbravox::method`, offers
 //   fn transmittance(g: vec3<f32>) -> f32           from the light to a grid-space point of the domain; 1 where nothing
@@ -11,9 +11,11 @@
 //                                                   on; binding 0 is the light space for all methods.
 
 #import umbravox::dispatch::spread
-#import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
-#import umbravox::transfer::{integral_at, mean_over}
+#import umbravox::field::{field, value_at, FAR}
+#import umbravox::walk::{Line, Walk, line_through, start_walk, walk_on, count_turn, exhausted, sample_depth}
+#import umbravox::transfer::{color_integral_at, mean_color}
 #import umbravox::watch::ran_out
+#import umbravox::work::{count_work, add_work, LOOKUPS}
 #ifdef SHADOWS
 #import umbravox::method::transmittance
 #endif
@@ -62,18 +64,21 @@ struct Resumption {
 }
 @group(2) @binding(2) var<storage, read_write> resumption: Resumption;
 // Shadow lookups a pixel and dispatch.
-const LOOKUPS: u32 = 8u;
+const MOST_LOOKUPS: u32 = 8u;
 #endif
 
 // Transmittance below which the eye ray is over.
 const EYE_OVER: f32 = 5e-4;
-// Optical depth of the parts of a stretch that is thicker than `THICKEST_PART`.
+// Optical depth of the parts of a stretch that is thicker than `THICKEST_PART`; one of which the eye sees less than a
+// quarter may be that much thicker.
 const LIT_DEPTH: f32 = 0.75;
 const THICKEST_PART: f32 = 1.0;
+const UNSEEN_PART: f32 = 4.0;
 const MAX_PARTS: f32 = 16.0;
-// A run of parts shares its lookups until it has so many parts or such optical depth.
-const FULL_RUN: f32 = 0.25;
-// Optical depth of a run whose start may be lit as its end is.
+// A run of parts shares its lookups until it has so many parts, or until the eye sees so much of it (of all that it sees
+// along the ray): what is seen through much else needs no light of its own.
+const FULL_RUN: f32 = 0.15;
+// Of a run whose start may be lit as its end is, the same.
 #ifdef LOOKUP_EACH
 const RUN_PARTS: u32 = 1u;
 const FAINT_RUN: f32 = 0.0;
@@ -81,154 +86,27 @@ const FAINT_RUN: f32 = 0.0;
 const RUN_PARTS: u32 = 4u;
 const FAINT_RUN: f32 = 0.05;
 #endif
+// Turns after which lanes whose run is complete do not wait for the others (best of 4, 6, 8 and no limit on llvmpipe).
+const GATHER_TURNS: u32 = 4u;
 const DARKEST: f32 = 1e-6;
-// Float32 counts no further one by one.
-const MOST_SAMPLES: f32 = 16777216.0;
 // One to walk, one to see that a stretch is thick, and four for each part of it.
 const TURNS_A_SAMPLE: u32 = 72u;
 
 // ---- The ray of a pixel ----
 
-struct EyeRay {
-    // Grid space: the point of depth 0, where the ray crosses the frame's plane, and the way per mm.
-    o: vec3<f32>,
-    d: vec3<f32>,
-    inv_d: vec3<f32>,
-    // Depths between which it lies in the domain, mm, and between which samples are taken.
-    t_in: f32,
-    t_out: f32,
-    start: f32,
-    end: f32,
-}
-
-fn eye_ray(pixel: vec2<u32>) -> EyeRay {
+fn eye_ray(pixel: vec2<u32>) -> Line {
     let ndc = (2.0 * (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.size) - 1.0) * vec2<f32>(1.0, -1.0) * frame.half_extent;
     let across = ndc.x * frame.grid_right + ndc.y * frame.grid_up;
     let slant = sqrt(1.0 + dot(ndc, ndc));
+    // Depth 0 is where the ray crosses the frame's plane.
     let o = frame.plane_center + frame.plane_distance_mm * across;
     let d = (frame.grid_forward + across) / slant;
-    let inv_d = safe_inverse(d);
-    let domain = box_span(o, inv_d, d, vec3<f32>(0.5), vec3<f32>(field.size) + 0.5);
-    let t_in = max(domain.x, -frame.plane_distance_mm * slant);
-#ifdef SKIP_BRICKS
-    let occupied = box_span(o, inv_d, d, field.active_lo, field.active_hi);
-    return EyeRay(o, d, inv_d, t_in, domain.y, max(occupied.x, t_in), min(occupied.y, domain.y));
-#else
-    return EyeRay(o, d, inv_d, t_in, domain.y, t_in, domain.y);
-#endif
-}
-
-// ---- Walking from sample to sample ----
-
-struct Walk {
-    // The sample ahead; samples sit on the lattice t = k step, whatever is skipped, and on the ends of the domain.
-    k: f32,
-    walking: bool,
-    // The last sample and its value; `valid`: there is one.
-    b: f32,
-    value_b: f32,
-    valid: bool,
-    // A stretch with extinction has been found: its part that is not gathered yet starts at u and ends at b.
-    found: bool,
-    u: f32,
-    value_u: f32,
-    // Turns that all loops of the pixel may still take.
-    turns_left: u32,
-#ifdef SKIP_BRICKS
-    // The last sample that was leapt over comes next, since the stretch behind it has extinction.
-    stepped_back: bool,
-    leapt: bool,
-    // The last sample lies in an inactive brick.
-    leaving: bool,
-#endif
-}
-
-fn start_walk(ray: EyeRay) -> Walk {
-    let k = floor(ray.start / frame.step_mm);
-    // A sample ends at most so many parts, each of which may be lit twice; a leap over bricks takes three turns more.
-    let samples = u32(clamp((ray.end - ray.start) / frame.step_mm, 0.0, MOST_SAMPLES)) + 2u;
-    let turns = samples * TURNS_A_SAMPLE + 3u * (field.size.x + field.size.y + field.size.z);
-#ifdef SKIP_BRICKS
-    return Walk(k, ray.start < ray.end, ray.t_in, 0.0, false, false, 0.0, 0.0, turns, false, false, false);
-#else
-    return Walk(k, ray.start < ray.end, ray.t_in, 0.0, false, false, 0.0, 0.0, turns);
-#endif
-}
-
-// Counts a turn of a loop; ends the ray, and says so, where it has had more than it can need.
-fn spent(walk: ptr<function, Walk>) -> bool {
-    if (*walk).turns_left == 0u {
-        ran_out();
-        (*walk).walking = false;
-        (*walk).found = false;
-        return true;
-    }
-    (*walk).turns_left -= 1u;
-    return false;
-}
-
-#ifdef SKIP_BRICKS
-// The first sample past the cube of `distance` empty bricks around a brick.
-fn past_empty_bricks(ray: EyeRay, brick: vec3<i32>, distance: i32) -> f32 {
-    let reach = distance - 1;
-    let forward = ray.d > vec3<f32>(0.0);
-    let face = select((brick - reach) * BRICK_CELLS, (brick + reach + 1) * BRICK_CELLS, forward);
-    let moves = abs(ray.d) >= vec3<f32>(1e-20);
-    let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - ray.o) * ray.inv_d, moves);
-    return min(exits.x, min(exits.y, exits.z));
-}
-#endif
-
-// Walks until a stretch with extinction lies behind the last sample, or the ray ends.
-fn walk_on(walk: ptr<function, Walk>, ray: EyeRay) {
-    let h = frame.step_mm;
-    loop {
-        if (*walk).found || !(*walk).walking || spent(walk) { break; }
-        let t = clamp((*walk).k * h, ray.t_in, ray.t_out);
-        let g = ray.o + t * ray.d;
-#ifdef SKIP_BRICKS
-        let brick = clamp(vec3<i32>(floor(g)), vec3<i32>(0), vec3<i32>(field.size)) >> BRICK_SHIFT;
-        let distance = brick_distance_at(brick);
-        if distance > 0 && ((*walk).leaving || !(*walk).valid) && !(*walk).stepped_back {
-            // A stretch between two inactive bricks is empty as well: they touch, and so share a value.
-            let exit = past_empty_bricks(ray, brick, distance);
-            // Rounding may put the last face before the end for ever; the sample itself has passed it.
-            (*walk).walking = max(exit, t) < ray.end;
-            (*walk).k = max(floor(exit / h), (*walk).k) + 1.0;
-            (*walk).leapt = true;
-            (*walk).valid = false;
-            continue;
-        }
-        if (*walk).leapt {
-            (*walk).leapt = false;
-            (*walk).stepped_back = true;
-            (*walk).k -= 1.0;
-            continue;
-        }
-#endif
-        let value = value_at(g);
-        let last = (*walk).value_b;
-        if (*walk).valid && min(last, value) < field.last_value && max(last, value) > field.first_value {
-            (*walk).found = true;
-            (*walk).u = (*walk).b;
-            (*walk).value_u = last;
-        }
-        (*walk).b = t;
-        (*walk).value_b = value;
-        (*walk).walking = t < ray.end;
-        (*walk).k += 1.0;
-#ifdef SKIP_BRICKS
-        // A sample in an inactive brick may still start a stretch into the next, active one.
-        (*walk).leaving = distance > 0 && !(*walk).stepped_back;
-        (*walk).stepped_back = false;
-#endif
-        (*walk).valid = true;
-    }
+    return line_through(o, d, -frame.plane_distance_mm * slant, FAR, frame.step_mm);
 }
 
 // Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) where the value goes from a to b.
-fn mean_between(a: f32, b: f32) -> vec4<f32> {
-    return mean_over(a, b, integral_at(a), integral_at(b));
+fn mean_over(a: f32, b: f32) -> vec4<f32> {
+    return mean_color(a, b, color_integral_at(a), color_integral_at(b));
 }
 
 // ---- Shading and light ----
@@ -277,10 +155,11 @@ fn mean_light(a: f32, b: f32, depth: f32) -> f32 {
 
 struct Run {
     parts: u32,
-    // Depths between which it lies, mm, its optical depth and its colour.
+    // Depths between which it lies, mm, its optical depth, how much of it the eye sees, and its colour.
     start: f32,
     end: f32,
     depth: f32,
+    seen: f32,
     color: vec3<f32>,
     shaded: vec3<f32>,
     // Length of a stretch's parts where it is too thick to be lit as a whole.
@@ -289,32 +168,28 @@ struct Run {
     closing: bool,
 }
 
-// Gathers parts of stretches until the run is complete; `left` is the transmittance to the eye.
-fn gather(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function, f32>, ray: EyeRay) {
-    loop {
-        if (*run).closing || spent(walk) { break; }
-        walk_on(walk, ray);
-        // A run ends where the extinction does, and at the end of the ray.
-        (*run).closing = (*run).parts > 0u && (!(*walk).found || (*walk).u != (*run).end);
-        if (*run).closing || !(*walk).found { break; }
-        let begin = (*walk).u;
-        let b = (*walk).b;
-        // A part that float32 cannot tell from nothing takes the rest.
-        let part_end = begin + (*run).part_mm;
-        let to = select(part_end, b, begin + 1.5 * (*run).part_mm > b || part_end <= begin);
-        let value_to = mix((*walk).value_u, (*walk).value_b, select((to - begin) / (b - begin), 1.0, to == b));
-        let mean = mean_between((*walk).value_u, value_to);
-        let depth = mean.w * (to - begin);
-        if depth > THICKEST_PART && (*run).part_mm == FAR {
-            (*run).part_mm = (to - begin) / clamp(ceil(depth / LIT_DEPTH), 1.0, MAX_PARTS);
-            continue;
-        }
-        (*walk).u = to;
+// Gathers the part of a stretch that lies behind; `left` is the transmittance to the eye.
+fn gather_part(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function, f32>, ray: Line) {
+    let begin = (*walk).from_t;
+    let b = sample_depth(ray, (*walk).k);
+    // A part that float32 cannot tell from nothing takes the rest.
+    let part_end = begin + (*run).part_mm;
+    let to = select(part_end, b, begin + 1.5 * (*run).part_mm > b || part_end <= begin);
+    let value_to = mix((*walk).from_value, (*walk).value, select((to - begin) / (b - begin), 1.0, to == b));
+    let mean = mean_over((*walk).from_value, value_to);
+    let depth = mean.w * (to - begin);
+    // Too thick to be lit as a whole: taken again in parts.
+    let thick = depth * min(UNSEEN_PART * *left, 1.0) > THICKEST_PART && (*run).part_mm == FAR;
+    if thick {
+        (*run).part_mm = (to - begin) / clamp(ceil(depth / LIT_DEPTH), 1.0, MAX_PARTS);
+    } else {
+        (*walk).from_t = to;
         (*walk).found = to < b;
         (*run).part_mm = select(FAR, (*run).part_mm, (*walk).found);
-        (*walk).value_u = value_to;
+        (*walk).from_value = value_to;
         let alpha = 1.0 - exp(-depth);
         let emitted = *left * alpha * mean.rgb / max(mean.w, 1e-30);
+        (*run).seen += *left * alpha;
         *left *= 1.0 - alpha;
         (*run).color += emitted;
 #ifdef SHADING
@@ -327,7 +202,24 @@ fn gather(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function
             (*run).depth += depth;
             (*run).parts += 1u;
         }
-        (*run).closing = (*run).parts >= RUN_PARTS || (*run).depth >= FULL_RUN || *left < EYE_OVER;
+        (*run).closing = (*run).parts >= RUN_PARTS || (*run).seen >= FULL_RUN || *left < EYE_OVER;
+    }
+}
+
+// Gathers parts of stretches until the run is complete or the ray ends, or for some turns.
+fn gather(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function, f32>, ray: Line) {
+    var turns = 0u;
+    loop {
+        turns += 1u;
+        if !(*run).closing {
+            walk_on(walk, ray);
+            // A run ends where the extinction does, and at the end of the ray.
+            (*run).closing = (*run).parts > 0u && (!(*walk).found || (*walk).from_t != (*run).end);
+            if (*walk).found && !(*run).closing { gather_part(run, walk, left, ray); }
+            count_turn(walk);
+        }
+        let over = !((*walk).found || (*walk).walking) && (*run).parts == 0u;
+        if (*run).closing || over || turns >= GATHER_TURNS { break; }
     }
 }
 #endif
@@ -346,7 +238,7 @@ fn raycast(
     if column >= frame.size.x || row >= frame.rows { return; }
     let index = row * frame.size.x + column;
     let ray = eye_ray(vec2<u32>(column, row + frame.first_row));
-    var walk = start_walk(ray);
+    var walk = start_walk(ray, TURNS_A_SAMPLE);
     var color = vec3<f32>(0.0);
     // Transmittance to the eye.
     var left = 1.0;
@@ -359,76 +251,81 @@ fn raycast(
         color = picture[index].rgb;
         left = picture[index].a;
         walk.k = resume;
-#ifdef SKIP_BRICKS
-        walk.stepped_back = true;
-#endif
     }
 #endif
 #ifdef SHADOWS
-    var run = Run(0u, 0.0, 0.0, 0.0, vec3<f32>(0.0), vec3<f32>(0.0), FAR, false);
+    var run = Run(0u, 0.0, 0.0, 0.0, 0.0, vec3<f32>(0.0), vec3<f32>(0.0), FAR, false);
     // The light at `lit_t`.
     var lit = 1.0;
     var lit_t = -FAR;
     loop {
 #ifdef RESUMABLE
-        if !walk.found && run.parts == 0u && lookups >= LOOKUPS && walk.walking {
+        if !walk.found && run.parts == 0u && lookups >= MOST_LOOKUPS && walk.walking {
             interrupted = true;
             break;
         }
-        lookups += 1u;
 #endif
         gather(&run, &walk, &left, ray);
-        if !run.closing { break; }
-        // One lookup a turn: where the start of a run has no light yet, that is this turn's.
-        let fresh = lit_t != run.start && run.depth > FAINT_RUN;
-        let light_here = transmittance(ray.o + select(run.end, run.start, fresh) * ray.d);
-        if fresh {
-            lit = light_here;
-            lit_t = run.start;
-            continue;
-        }
-        lit = select(light_here, lit, lit_t == run.start);
-        let light = (1.0 - frame.ambient) * mean_light(lit, light_here, max(run.depth, 1e-12));
-#ifdef SHADING
-        color += frame.ambient * run.color + light * run.shaded;
-        run.shaded = vec3<f32>(0.0);
-#else
-        color += (frame.ambient + light) * run.color;
+        if run.closing {
+#ifdef RESUMABLE
+            lookups += 1u;
 #endif
-        run.color = vec3<f32>(0.0);
-        run.depth = 0.0;
-        run.parts = 0u;
-        run.closing = false;
-        lit = light_here;
-        lit_t = run.end;
-        if left < EYE_OVER { break; }
+            // One lookup a turn: where the start of a run has no light yet, that is this turn's.
+            let fresh = lit_t != run.start && run.seen > FAINT_RUN;
+            count_work(LOOKUPS, 1u);
+            let light_here = transmittance(ray.o + select(run.end, run.start, fresh) * ray.d);
+            if fresh {
+                lit = light_here;
+                lit_t = run.start;
+            } else {
+                lit = select(light_here, lit, lit_t == run.start);
+                let light = (1.0 - frame.ambient) * mean_light(lit, light_here, max(run.depth, 1e-12));
+#ifdef SHADING
+                color += frame.ambient * run.color + light * run.shaded;
+                run.shaded = vec3<f32>(0.0);
+#else
+                color += (frame.ambient + light) * run.color;
+#endif
+                run.color = vec3<f32>(0.0);
+                run.depth = 0.0;
+                run.seen = 0.0;
+                run.parts = 0u;
+                run.closing = false;
+                lit = light_here;
+                lit_t = run.end;
+            }
+        }
+        if !run.closing && run.parts == 0u && (left < EYE_OVER || !(walk.found || walk.walking)) { break; }
     }
 #else
     loop {
         walk_on(&walk, ray);
-        if !walk.found { break; }
-        walk.found = false;
-        let mean = mean_between(walk.value_u, walk.value_b);
-        let alpha = 1.0 - exp(-mean.w * (walk.b - walk.u));
-        var light = 1.0;
+        if walk.found {
+            walk.found = false;
+            let to = sample_depth(ray, walk.k);
+            let mean = mean_over(walk.from_value, walk.value);
+            let alpha = 1.0 - exp(-mean.w * (to - walk.from_t));
+            var light = 1.0;
 #ifdef SHADING
-        light = shading_factor(ray.o + 0.5 * (walk.u + walk.b) * ray.d, ray.d);
+            light = shading_factor(ray.o + 0.5 * (walk.from_t + to) * ray.d, ray.d);
 #endif
-        color += left * alpha * mean.rgb / max(mean.w, 1e-30) * (frame.ambient + (1.0 - frame.ambient) * light);
-        left *= 1.0 - alpha;
-        if left < EYE_OVER { break; }
+            color += left * alpha * mean.rgb / max(mean.w, 1e-30) * (frame.ambient + (1.0 - frame.ambient) * light);
+            left *= 1.0 - alpha;
+        }
+        if left < EYE_OVER || !walk.walking { break; }
     }
 #endif
+    add_work();
     // Some adapters end loops that they find long, and say nothing.
 #ifdef RESUMABLE
-    if walk.walking && left >= EYE_OVER && !interrupted { ran_out(); }
+    if exhausted(walk) || (walk.walking && left >= EYE_OVER && !interrupted) { ran_out(); }
 #else
-    if walk.walking && left >= EYE_OVER { ran_out(); }
+    if exhausted(walk) || (walk.walking && left >= EYE_OVER) { ran_out(); }
 #endif
 #ifdef RESUMABLE
     if interrupted {
         picture[index] = vec4<f32>(color, left);
-        resumption.resume[index] = walk.k - 1.0;
+        resumption.resume[index] = walk.k;
         atomicAdd(&resumption.unfinished, 1u);
         return;
     }

@@ -1,6 +1,6 @@
 //! What building a shadow structure needs: a volume under a light on a device.
 
-use super::{DeviceTransfer, LightSpace, PoolSizes, TilePace};
+use super::{DeviceTransfer, LightSpace, March, PoolSizes, TilePace};
 use crate::error::Result;
 use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Span, uniform_buffer};
 use crate::scene::Light;
@@ -30,8 +30,12 @@ impl BuildContext<'_> {
     }
 
     /// A map of `map_size` texels a side, fitted to the active bricks.
-    pub fn light_space(&self, map_size: u32) -> LightSpace {
-        LightSpace::fit(self.volume, &self.transfer.active, self.light, map_size)
+    pub fn light_space(&self, map_size: u32, march: March) -> LightSpace {
+        let mut space = LightSpace::fit(self.volume, &self.transfer.active, self.light, map_size);
+        if let March::Samples { step } = march {
+            space.step_mm = step * self.volume.min_spacing_mm();
+        }
+        space
     }
 
     /// Binding 0 of group 1.

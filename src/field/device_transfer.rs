@@ -1,6 +1,6 @@
 //! A transfer function on the device, for one volume: tables, active bricks and their distances.
 
-use super::{ActiveBricks, Forced, LoadedVolume, Omittable, marching};
+use super::{ActiveBricks, Forced, LoadedVolume, Omittable, marches_cells, marches_samples};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Group, ShaderVariant, Slot, table_texture, uniform_buffer};
 use crate::transfer::{
@@ -104,6 +104,7 @@ struct Bindings {
     distances: wgpu::TextureView,
     intervals: wgpu::Buffer,
     integrals: wgpu::TextureView,
+    extinction: wgpu::TextureView,
 }
 
 impl Bindings {
@@ -121,6 +122,7 @@ impl Bindings {
             Slot::floats(&self.integrals),
             Slot::words(pair_nodes),
             Slot::read_write(gpu.watch.binding()),
+            Slot::floats(&self.extinction),
         ];
         Group::new(gpu, "field", &(0..).zip(slots).collect::<Vec<_>>())
     }
@@ -163,6 +165,7 @@ impl DeviceTransfer {
             distances: distance_texture(gpu, &active, forced),
             intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(&tables)?),
             integrals: integral_texture(gpu, &tables, one_color(tf, forced).is_some())?,
+            extinction: extinction_texture(gpu, &tables)?,
         };
         Self {
             empty: active.active == 0,
@@ -283,8 +286,9 @@ impl DeviceTransfer {
     /// # Errors
     /// A device out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
-        if !marching(&variant) {
-            return Ok(variant);
+        if !marches_cells(&variant) {
+            let one_color = marches_samples(&variant) && self.one_color;
+            return Ok(variant.defs(one_color.then_some("ONE_COLOR")));
         }
         let many = self.make_march_table(gpu)?.many_breakpoints;
         let search = many || self.forced.has(Omittable::BreakpointSearch);
@@ -336,14 +340,18 @@ fn field_uniform(
     }
 }
 
-/// The integrals over the value; of extinction alone where there is one colour.
+/// The integrals of extinction over the value.
+fn extinction_texture(gpu: &Gpu, tables: &TransferTables) -> Result<wgpu::TextureView> {
+    let bins = tables.extinction_bins();
+    let size = [bins.len() as u32, 1];
+    table_texture(gpu, "extinction integrals", wgpu::TextureFormat::Rg32Float, size, &bins)
+}
+
+/// The integrals of extinction and its colour over the value; nothing where there is one colour.
 fn integral_texture(gpu: &Gpu, tables: &TransferTables, one_color: bool) -> Result<wgpu::TextureView> {
-    let size = [tables.integrals.len() as u32, 1];
-    if one_color {
-        let extinction: Vec<f32> = tables.integrals.iter().map(|i| i[3]).collect();
-        return table_texture(gpu, "extinction integrals", wgpu::TextureFormat::R32Float, size, &extinction);
-    }
-    table_texture(gpu, "transfer integrals", wgpu::TextureFormat::Rgba32Float, size, &tables.integrals)
+    let edges = if one_color { &[[0.0; 4]][..] } else { &tables.integrals };
+    let format = wgpu::TextureFormat::Rgba32Float;
+    table_texture(gpu, "transfer integrals", format, [edges.len() as u32, 1], edges)
 }
 
 /// Grid-space box (index + 1) of the active bricks, clipped to the domain; empty at the origin where there is none.

@@ -63,7 +63,8 @@ pub(super) struct LightUniform {
     pub texel_offset: [f32; 2],
     pub depth_start_mm: f32,
     pub depth_range_mm: f32,
-    pub padding: [f32; 2],
+    pub step_mm: f32,
+    pub padding: f32,
 }
 
 /// A fitted projection.
@@ -84,6 +85,8 @@ pub struct LightSpace {
     texel_offset: DVec2,
     /// Depths between which all active bricks lie, mm.
     pub z_range: [f64; 2],
+    /// Distance of samples along a ray, mm, where light rays are marched by regular ones; else 0.
+    pub step_mm: f64,
 }
 
 /// A box of cells in grid space (`index + 1`).
@@ -120,6 +123,7 @@ impl LightSpace {
             texel_scale: DVec2::ONE,
             texel_offset: DVec2::ZERO,
             z_range: [0.0, 0.0],
+            step_mm: 0.0,
         };
         space.frame_from_world = space.world_from_frame.inverse();
         let corners = bounds
@@ -300,7 +304,8 @@ impl LightSpace {
             texel_offset: self.texel_offset.as_vec2().to_array(),
             depth_start_mm: self.z_range[0] as f32,
             depth_range_mm: self.depth_range_mm() as f32,
-            padding: [0.0; 2],
+            step_mm: self.step_mm as f32,
+            padding: 0.0,
         }
     }
 
@@ -437,6 +442,7 @@ mod tests {
             ("texel_offset", offset_of!(LightUniform, texel_offset)),
             ("depth_start_mm", offset_of!(LightUniform, depth_start_mm)),
             ("depth_range_mm", offset_of!(LightUniform, depth_range_mm)),
+            ("step_mm", offset_of!(LightUniform, step_mm)),
         ];
         let expected = offsets.map(|(name, at)| (name.to_string(), at)).to_vec();
         assert_eq!((size, members), (size_of::<LightUniform>(), expected));

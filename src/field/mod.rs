@@ -24,7 +24,8 @@ pub use loaded::{LoadedVolume, grid_from_world};
 pub use omittable::{Forced, Omittable};
 pub use pool_sizes::PoolSizes;
 pub use shader::{
-    GAUSS, MOST_ROUNDINGS, SHORT_PIECE, UNEVEN_DEPTH, field_shader, line_of_workgroups, marching,
+    DEPTH_SINK, GAUSS, MOST_ROUNDINGS, March, SHORT_PIECE, UNEVEN_DEPTH, field_shader, line_of_workgroups,
+    marches_cells, marches_samples,
 };
 pub use tile_march::TileMarch;
 pub use tile_pace::TilePace;

@@ -2,12 +2,33 @@
 
 use super::constants::{FAR, LINE_THREADS, NO_TILE, TILE};
 use super::light_space::Projection;
-use crate::gpu::{Constant, ShaderVariant};
+use crate::gpu::{Constant, ShaderVariant, WORK_KINDS, WORK_WORDS};
 use crate::transfer::{MAX_INTERVALS, MAX_OPACITY, MORE_NODES, PAIR_BINS, TABLE_BINS, VALUE_BINS};
 use crate::volume::BRICK_CELLS;
 
-/// The module that marches light rays.
-const MARCH: &str = "field/march.wgsl";
+/// The modules that march light rays: cell by cell, and by regular samples.
+const MARCH_CELLS: &str = "field/march.wgsl";
+const MARCH_SAMPLES: &str = "field/march_samples.wgsl";
+/// The module that walks along lines by regular samples.
+const WALK: &str = "field/walk.wgsl";
+
+/// Defined where walks leap over bricks without extinction.
+const SKIP_BRICKS: &str = "SKIP_BRICKS";
+
+/// The sink that only adds up optical depth.
+pub const DEPTH_SINK: &str = "field/depth_sink.wgsl";
+
+/// How light rays are marched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum March {
+    /// Cell by cell: every one exactly.
+    Cells,
+    /// By regular samples with the transfer function's integrals between them.
+    Samples {
+        /// Their distance, in smallest voxel spacings.
+        step: f64,
+    },
+}
 
 /// Value to which the light march finds a breakpoint, as a share of the largest of the stretch: 2^-22, four units in the
 /// last place.
@@ -31,6 +52,8 @@ pub const GAUSS: [[f64; 2]; 2] = [
 pub const UNEVEN_DEPTH: f64 = 4e-4;
 
 const CONSTANTS: &[Constant] = &[
+    Constant::unsigned("WORK_KINDS", WORK_KINDS),
+    Constant::unsigned("WORK_WORDS", WORK_WORDS),
     Constant::float("GAUSS_OUTER", GAUSS[0][0] as f32),
     Constant::float("GAUSS_INNER", GAUSS[1][0] as f32),
     Constant::float("OUTER_WEIGHT", GAUSS[0][1] as f32),
@@ -61,6 +84,7 @@ const CONSTANTS: &[Constant] = &[
 pub fn field_shader(entry: &'static str) -> ShaderVariant {
     let modules = [
         "field/watch.wgsl",
+        "field/work.wgsl",
         "field/dispatch.wgsl",
         "field/field.wgsl",
         "field/transfer.wgsl",
@@ -76,22 +100,37 @@ impl ShaderVariant {
         self.modules(&["field/tile_table.wgsl"])
     }
 
-    /// With the march, which hands its pieces to the sink that comes last before it.
+    /// With a march, which hands its pieces to a sink.
     #[must_use]
-    pub fn with_march(self, sink: &'static str) -> Self {
-        self.modules(&["field/sums.wgsl", sink, MARCH])
+    pub fn with_march(self, march: March, sink: &'static str) -> Self {
+        let shader = self.modules(&["field/sums.wgsl", sink]);
+        match march {
+            March::Cells => shader.modules(&[MARCH_CELLS]),
+            March::Samples { .. } => shader.modules(&[WALK, MARCH_SAMPLES]).defs([SKIP_BRICKS]),
+        }
     }
 
-    /// With the march and the sink that only adds up optical depth.
+    /// With walks along lines by regular samples, which leap over bricks without extinction or do not.
+    #[must_use]
+    pub fn with_walk(self, skip_bricks: bool) -> Self {
+        self.modules(&[WALK]).defs(skip_bricks.then_some(SKIP_BRICKS))
+    }
+
+    /// With the march cell by cell and the sink that only adds up optical depth.
     #[must_use]
     pub fn with_depth_march(self) -> Self {
-        self.with_march("field/depth_sink.wgsl")
+        self.with_march(March::Cells, DEPTH_SINK)
     }
 }
 
-/// Whether a variant marches light rays, and so needs the pre-compressed table.
-pub fn marching(variant: &ShaderVariant) -> bool {
-    variant.modules.contains(&MARCH)
+/// Whether a variant marches light rays cell by cell, and so needs the pre-compressed table.
+pub fn marches_cells(variant: &ShaderVariant) -> bool {
+    variant.modules.contains(&MARCH_CELLS)
+}
+
+/// Whether a variant marches light rays by regular samples.
+pub fn marches_samples(variant: &ShaderVariant) -> bool {
+    variant.modules.contains(&MARCH_SAMPLES)
 }
 
 /// Workgroups of [`LINE_THREADS`] for so many things.

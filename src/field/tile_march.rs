@@ -1,7 +1,7 @@
 //! A tiled map in the making: which tiles are built, where their records lie, and passes over them.
 
 use super::constants::{NO_TILE, TILE_TEXELS};
-use super::{BuildContext, LightSpace, Omittable};
+use super::{BuildContext, LightSpace, March, Omittable};
 use crate::error::Result;
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
 
@@ -24,13 +24,13 @@ pub struct TileMarch<'a> {
 }
 
 impl<'a> TileMarch<'a> {
-    /// Of a map of `map_size` texels a side.
+    /// Of a map of so many texels a side, whose rays are marched so.
     ///
     /// # Errors
     /// A map that the adapter cannot hold.
-    pub fn fit(context: &BuildContext<'a>, map_size: u32) -> Result<Self> {
+    pub fn fit(context: &BuildContext<'a>, map_size: u32, march: March) -> Result<Self> {
         let gpu = context.gpu();
-        let light_space = context.light_space(map_size);
+        let light_space = context.light_space(map_size, march);
         let mut occupied = light_space.occupied_tiles(context.volume, &context.transfer.active);
         if context.transfer.forced.has(Omittable::Tiles) {
             occupied.fill(true);

@@ -1,8 +1,9 @@
 //! Compute pipelines of one device, compiled when first needed, and running them timed.
 
-use super::{Gpu, Group, PassTimer, PipelineStore, ShaderVariant, Slot, Span, compose};
+use super::{Gpu, Group, PassTimer, PipelineStore, ShaderVariant, Slot, Span, Work, compose, read_back};
 use crate::error::{Error, Result};
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// What a pipeline was compiled for: its shader and the kinds of what groups 0, 1 and 2 bind.
@@ -15,6 +16,8 @@ pub struct Kernels {
     store: Option<PipelineStore>,
     /// Uniforms of groups 1 and 2 are read as storage, see [`Self::new`].
     live: bool,
+    /// Pipelines count their work, see [`Self::counting_work`].
+    counting: AtomicBool,
     pipelines: Mutex<HashMap<Key, Arc<wgpu::ComputePipeline>>>,
 }
 
@@ -25,7 +28,7 @@ impl Kernels {
     pub fn new(gpu: Gpu, live: bool) -> Self {
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
-        Self { gpu, timer, store, live, pipelines: Mutex::default() }
+        Self { gpu, timer, store, live, counting: AtomicBool::new(false), pipelines: Mutex::default() }
     }
 
     /// The device itself.
@@ -51,6 +54,9 @@ impl Kernels {
         let mut variant = variant.clone();
         if !self.gpu.filters_float32 {
             variant.defs.push("MANUAL_TRILINEAR");
+        }
+        if self.counting.load(Ordering::Relaxed) {
+            variant.defs.push("COUNT_WORK");
         }
         let label = Some(variant.entry);
         let key = (variant, groups.iter().map(|g| g.kinds.clone()).collect());
@@ -81,6 +87,24 @@ impl Kernels {
         self.gpu.take_error()?;
         self.pipelines.lock().map_err(|_| poisoned())?.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
+    }
+
+    /// What passes do, counted by variants of their shaders that are slower for it: nothing of `passes` is to be timed.
+    ///
+    /// # Errors
+    /// Those of `passes`, or a lost device.
+    pub fn counting_work<T>(&self, passes: impl FnOnce() -> Result<T>) -> Result<(T, Work)> {
+        self.take_work()?;
+        self.counting.store(true, Ordering::Relaxed);
+        let made = passes();
+        self.counting.store(false, Ordering::Relaxed);
+        Ok((made?, self.take_work()?))
+    }
+
+    fn take_work(&self) -> Result<Work> {
+        let counters = self.gpu.watch.counters();
+        let words = read_back::<u32>(&self.gpu, counters, (counters.size() / 4) as usize)?;
+        Ok(self.gpu.watch.take_work(&self.gpu.queue, &words))
     }
 
     /// Runs so many workgroups of a pipeline and waits for them; nothing runs where there are none.

@@ -20,4 +20,4 @@ pub(crate) use layout::{assert_layout, wgsl_layout};
 pub use pipeline_cache::PipelineStore;
 pub use shaders::{Constant, ShaderVariant, compose, shader_paths};
 pub use timing::{Clock, PassTimer, Span};
-pub use watch::Watch;
+pub use watch::{WORK_KINDS, WORK_WORDS, Watch, Work};

@@ -23,6 +23,7 @@ pub mod ablate;
 pub mod band;
 pub mod budget;
 mod cell;
+pub mod check;
 pub mod claims;
 pub mod compare;
 pub mod comparison;

@@ -1,6 +1,7 @@
 //! What the methods of a scene are measured against, and a row as it is before it is timed: errors and a picture.
 
 use super::budget::{Budget, Trial};
+use super::check::check;
 use super::errors::{RayTest, SeenReference, texels_to_test};
 use super::facts::Facts;
 use super::job::{Job, SLOW_FRAME_MS, name_of};
@@ -195,7 +196,11 @@ impl<'a> Reference<'a> {
             row.add_note(&job.remark);
         }
         let exact = &self.exact_picture;
-        let drawn = job.session.render(&shadow, &exact.scene)?;
+        let kernels = renderer.kernels();
+        let (drawn, picture_work) = kernels.counting_work(|| job.session.render(&shadow, &exact.scene))?;
+        let (_, build_work) = kernels.counting_work(|| job.session.shadow(used, job.scene.light))?;
+        let pixels = u64::from(exact.scene.width) * u64::from(exact.scene.height);
+        row.set_work((build_work, report.texels_built()), (picture_work, pixels));
         row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
         row.image_ssim = ssim(drawn.pixels.view(), exact.pixels.view())?;
         row.image_exact_err = Some(exact.error);
@@ -211,6 +216,9 @@ impl<'a> Reference<'a> {
             }
             progress.check(&format!("{name}: errors on light rays"))?;
             notes.extend(self.measure_rays(method, &shadow, &mut row)?);
+            if let Some(check) = check(job.session, method, &shadow, job.scene)? {
+                row.set_check(&check);
+            }
         }
         let measured = Measured { row, slug: slug.into(), left_out, notes, frame_ms: picture.span.best().0 };
         Ok((measured, picture.pixels))

@@ -3,10 +3,11 @@
 use super::band::BandReport;
 pub use super::cell::Cell;
 use super::cell::FromText;
+use super::check::Check;
 use super::defaults::setting_columns;
 use super::stats::{ErrorStats, ImageError};
 use super::timing::Timing;
-use crate::gpu::Clock;
+use crate::gpu::{Clock, Work};
 use crate::shadow::Bound;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use std::borrow::BorrowMut;
@@ -160,6 +161,27 @@ columns! {
     bound_limited [""]: Option<u64>,
     /// Whether the promise held at every depth tested; empty where nothing is promised.
     bound_held [""]: Option<bool>,
+    /// Texels whose light rays were marched by regular samples and were held against the same map marched by cells; empty
+    /// where rays are marched by cells.
+    check_n [""]: Option<u64>,
+    /// The least tolerance in transmittance within which all of them stay, where curves may be a step of depth apart.
+    check_max [""]: Option<f64>,
+    /// The tolerance that is stated: 0.1, or twice what one such map may be off by itself where that is more.
+    check_tolerance [""]: Option<f64>,
+    /// Whether it held in all of them: with 99 % confidence fewer than `4.6 / check_n` of all texels break it.
+    check_ok [""]: Option<bool>,
+    /// Work of a picture, counted and not timed on the picture that `image_rmse` is of: samples of the volume by its filter,
+    /// a pixel.
+    work_samples [""]: Option<f64>,
+    /// The same: questions for the light at a point, a pixel.
+    work_lookups [""]: Option<f64>,
+    /// The same: texture reads of all kinds, a pixel.
+    work_loads [""]: Option<f64>,
+    /// Work of a build, counted: cells that a texel's light ray is marched through, or samples where it is marched by these;
+    /// texels of tiles that are built.
+    work_cells [""]: Option<f64>,
+    /// The same: pieces of a texel's light ray whose optical depth is integrated.
+    work_pieces [""]: Option<f64>,
     /// Light rays tested.
     rays_tested [""]: Option<u64>,
     /// Depths tested on them, those of nodes included.
@@ -281,6 +303,23 @@ impl Row {
         self.bound_held = report.held();
         self.rays_tested = Some(report.rays as u64);
         self.depths_tested = Some(report.depths as u64);
+    }
+
+    /// Fills `work_*`: of a build of so many texels, and of a picture of so many pixels.
+    pub fn set_work(&mut self, (build, texels): (Work, u64), (picture, pixels): (Work, u64)) {
+        let each = |work: u64, of: u64| (of > 0).then_some(work as f64 / of as f64);
+        self.work_samples = each(picture.samples, pixels);
+        self.work_lookups = each(picture.lookups, pixels);
+        self.work_loads = each(picture.loads, pixels);
+        self.work_cells = each(build.cells + build.samples, texels);
+        self.work_pieces = each(build.pieces, texels);
+    }
+
+    /// Fills `check_*`.
+    pub fn set_check(&mut self, check: &Check) {
+        self.check_n = Some(check.texels);
+        [self.check_max, self.check_tolerance] = [check.max, check.tolerance].map(Some);
+        self.check_ok = Some(check.ok());
     }
 
     /// Median time with the light moving, `build_ms + frame_ms`; a missing `build_ms` counts as 0.

@@ -175,7 +175,7 @@ fn raycast_shader(
     shader
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
-        .defs(skip_bricks.then_some("SKIP_BRICKS"))
+        .with_walk(skip_bricks)
         .defs(one_color.then_some("ONE_COLOR"))
 }
 

@@ -1,10 +1,10 @@
 //! What a shadow method is to everything else: its line of the registry, what it builds, and what it promises.
 
-use super::settings::{self, Key, Lookups, MAP, Value};
+use super::settings::{self, Key, Lookups, MAP, MARCH, STEP, Value};
 use super::spec::Setting;
 use super::style::Style;
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, LightSpace, Omittable, marching};
+use crate::field::{BuildContext, LightSpace, Omittable, TILE_TEXELS, marches_cells};
 use crate::gpu::{Group, ShaderVariant, Span};
 
 /// A method as all others know it.
@@ -85,7 +85,7 @@ impl Lookup {
 
     /// A lookup marches a whole ray: pictures are then made in several dispatches.
     pub fn marches(&self) -> bool {
-        marching(&self.0)
+        marches_cells(&self.0)
     }
 }
 
@@ -144,6 +144,11 @@ pub struct BuildReport {
 }
 
 impl BuildReport {
+    /// Texels of the tiles that were built.
+    pub fn texels_built(&self) -> u64 {
+        u64::from((self.tiles - self.tiles_left_out) * TILE_TEXELS)
+    }
+
     /// Fills in the host's part of a build that took so many milliseconds.
     pub fn set_host_ms(&mut self, all_ms: f64) {
         self.host_ms = (all_ms - self.device.map_or(0.0, |s| s.wall_ms)).max(0.0);
@@ -218,6 +223,19 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         };
         let settings = keys.iter().zip(&values).filter(shown);
         settings.map(|(key, value)| format!("{}={value}", key.name)).collect::<Vec<_>>().join(" ")
+    }
+
+    /// The same map marched cell by cell, and the step in smallest voxel spacings, where it is marched by regular samples.
+    fn by_cells(&self) -> Option<(Box<dyn Method>, f64)> {
+        let (keys, mut values) = (self.entry().keys, self.values());
+        let place = |name: &str| keys.iter().position(|key| key.name == name);
+        let (march, step) = (place(MARCH)?, place(STEP)?);
+        let by_samples =
+            values[march] == Value::Choice("samples") && settings::applies(keys, &values, &keys[march]);
+        let Value::Number(step) = values[step] else { return None };
+        values[march] = Value::Choice("cells");
+        let made = (self.entry().make)(&values)?;
+        by_samples.then_some((made, step))
     }
 
     /// Texels a side, where it has a map.

@@ -4,6 +4,7 @@
 
 use super::spec::Setting;
 use crate::error::{Error, Result};
+use crate::field::March;
 use std::fmt;
 
 /// What values a key takes.
@@ -292,6 +293,26 @@ macro_rules! settings {
 
 pub(super) use {choices, settings};
 
+choices! {
+    /// How light rays are marched.
+    pub enum MarchBy {
+        /// Cell by cell, every one exactly.
+        Cells = "cells",
+        /// By regular samples.
+        Samples = "samples",
+    }
+}
+
+impl MarchBy {
+    /// With the distance of samples, in smallest voxel spacings.
+    pub fn with_step(self, step: f64) -> March {
+        match self {
+            Self::Cells => March::Cells,
+            Self::Samples => March::Samples { step },
+        }
+    }
+}
+
 /// Name of the key for texels a side.
 pub(super) const MAP: &str = "map";
 /// Key of methods that have a map.
@@ -316,6 +337,21 @@ choices! {
         Each = "each",
     }
 }
+
+/// Names of the keys for how light rays are marched, and for the distance of samples.
+pub(super) const MARCH: &str = "march";
+pub(super) const STEP: &str = "step";
+/// Key of methods that have a map.
+pub(super) const MARCH_KEY: Key =
+    Key::choice(MarchBy::NAMES, "cells", "light rays cell by cell, exactly, or by regular samples")
+        .coarse("samples");
+/// Key of methods that have a map.
+pub(super) const STEP_KEY: Key = Key::number(
+    [0.01, 8.0],
+    "0.5",
+    "distance of samples along light rays, in smallest spacings (march=samples)",
+)
+.when(When::Is(MARCH, "samples"));
 
 /// Key of every method that is looked up.
 pub(super) const LOOKUP_KEY: Key = Key::choice(

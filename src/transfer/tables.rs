@@ -119,10 +119,16 @@ impl TransferTables {
         }
     }
 
-    /// Bytes on the device, where integrals are kept without colour for functions of one colour.
+    /// Integrals of extinction alone, a bin each: up to the bin, and what the bin adds.
+    pub fn extinction_bins(&self) -> Vec<[f32; 2]> {
+        self.integrals.windows(2).map(|edges| [edges[0][3], edges[1][3] - edges[0][3]]).collect()
+    }
+
+    /// Bytes on the device, where functions of one colour have no integrals of it.
     pub fn bytes(&self, one_color: bool) -> u64 {
-        let integrals = size_of_val(&self.integrals[..]) / if one_color { 4 } else { 1 };
-        (size_of_val(&self.intervals[..]) + size_of_val(&self.interval_of_bin[..]) + integrals) as u64
+        let colors = if one_color { 0 } else { size_of_val(&self.integrals[..]) };
+        let intervals = size_of_val(&self.intervals[..]) + size_of_val(&self.interval_of_bin[..]);
+        (intervals + TABLE_BINS * size_of::<[f32; 2]>() + colors) as u64
     }
 }
 

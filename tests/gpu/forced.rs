@@ -25,7 +25,14 @@ fn cases(volume: &Arc<Volume>, range: [f64; 2]) -> Vec<Case> {
         methods,
         edit,
     };
-    let maps: &[_] = &["dsm:map=192", "osm:layers=8,map=192", "dom:layers=7,map=192", "bom:layers=7,map=192"];
+    let maps: &[_] = &[
+        "dsm:map=192",
+        "dsm:map=192,march=samples",
+        "osm:layers=8,map=192",
+        "dom:layers=7,map=192",
+        "bom:layers=7,map=192",
+        "bom:layers=7,map=192,march=samples",
+    ];
     vec![
         case(Omittable::Bricks, &jumps, maps, same),
         case(Omittable::Tiles, &jumps, maps, same),

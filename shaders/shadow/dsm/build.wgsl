@@ -3,6 +3,7 @@
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::extinction_at
 #import umbravox::light::{light, light_ray}
+#import umbravox::work::add_work
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
 #import umbravox::dsm_nodes::{start_writer, push, finish, cut_short}
@@ -122,4 +123,5 @@ fn build(
     regular_curve(texel, light.depth_start_mm, z_end);
 #endif
     finish();
+    add_work();
 }

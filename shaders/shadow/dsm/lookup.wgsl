@@ -2,6 +2,7 @@
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}
+#import umbravox::work::{count_work, LOADS}
 #import umbravox::tile_table::{record_of, wrapped_texel, NO_TILE}
 #import umbravox::dsm_layout::{own, row_texel, NO_ROW, FILLER, DEPTH_STEPS, MOST_ROWS}
 
@@ -20,44 +21,53 @@ const LAST_STEP: f32 = DEPTH_STEPS + 0.5;
 fn texel_at(texel: vec2<u32>) -> Texel {
     let row = record_of(texel);
     if row == NO_TILE { return Texel(NO_ROW, vec4<u32>(0xffffffffu)); }
+    count_work(LOADS, 1u);
     return Texel(row, textureLoad(node_rows, row_texel(row), 0));
+}
+
+// The nodes before and after a depth.
+struct Around {
+    before: u32,
+    after: u32,
+}
+
+// With four more nodes, of which the first ones have been passed.
+fn narrowed(before: u32, nodes: vec4<u32>, passed: vec4<bool>) -> Around {
+    let first = select(select(select(before, nodes.x, passed.x), nodes.y, passed.y), nodes.z, passed.z);
+    let next = select(select(select(nodes.w, nodes.z, !passed.z), nodes.y, !passed.y), nodes.x, !passed.x);
+    return Around(select(first, nodes.w, passed.w), next);
 }
 
 // Transmittance stored for one texel at a depth in steps.
 fn texel_transmittance(texel: Texel, step: f32) -> f32 {
     let limit = u32(step);
     var row = texel.row;
-    var head = texel.head;
-    if (head.x >> 16u) > limit || row == NO_ROW { return 1.0; }
-    // The nodes before and after the depth; before the first one all light arrives.
-    var before = FILLER;
-    var after = FILLER;
-    // Linear search by rows, without branches inside one: rows are short, and few texels have a second.
-    for (var rows = 0u; rows < MOST_ROWS; rows++) {
-        let tail = textureLoad(node_rows, row_texel(row) + vec2<u32>(1u, 0u), 0);
-        let head_passed = (head >> vec4<u32>(16u)) <= vec4<u32>(limit);
-        let tail_passed = (tail.xyz >> vec3<u32>(16u)) <= vec3<u32>(limit);
-        before = select(before, head.x, head_passed.x);
-        before = select(before, head.y, head_passed.y);
-        before = select(before, head.z, head_passed.z);
-        before = select(before, head.w, head_passed.w);
-        before = select(before, tail.x, tail_passed.x);
-        before = select(before, tail.y, tail_passed.y);
-        before = select(before, tail.z, tail_passed.z);
-        after = select(tail.z, tail.y, !tail_passed.y);
-        after = select(after, tail.x, !tail_passed.x);
-        after = select(after, head.w, !head_passed.w);
-        after = select(after, head.z, !head_passed.z);
-        after = select(after, head.y, !head_passed.y);
-        after = select(after, head.x, !head_passed.x);
-        row = tail.w;
-        if !tail_passed.z || row == NO_ROW { break; }
-        head = textureLoad(node_rows, row_texel(row), 0);
+    var passed = (texel.head >> vec4<u32>(16u)) <= vec4<u32>(limit);
+    // Before the first node all light arrives.
+    let outside = !passed.x || row == NO_ROW;
+    var around = narrowed(FILLER, texel.head, passed);
+    // Linear search by half rows, without branches inside one: rows are short, and few texels have a second.
+    var searching = passed.w && row != NO_ROW;
+    var tail = true;
+    for (var turn = 1u; turn < 2u * MOST_ROWS; turn++) {
+        let words = textureLoad(node_rows, row_texel(row) + vec2<u32>(select(0u, 1u, tail), 0u), 0);
+        if searching {
+            count_work(LOADS, 1u);
+            // The last word of a row is the link to the next.
+            let nodes = select(words, words.xyzz, tail);
+            passed = (nodes >> vec4<u32>(16u)) <= vec4<u32>(limit);
+            around = narrowed(around.before, nodes, passed);
+            row = select(row, words.w, tail);
+            searching = passed.w && row != NO_ROW;
+            tail = !tail;
+        }
+        if !searching { break; }
     }
-    let a = f32(before >> 16u);
-    let b = f32(after >> 16u);
+    let a = f32(around.before >> 16u);
+    let b = f32(around.after >> 16u);
     let w = clamp((step - a) / max(b - a, 1e-6), 0.0, 1.0);
-    return mix(f32(before & 0xffffu), f32(after & 0xffffu), w) / 65535.0;
+    let stored = mix(f32(around.before & 0xffffu), f32(around.after & 0xffffu), w) / 65535.0;
+    return select(stored, 1.0, outside);
 }
 
 // Transmittance from the light to a grid-space point.

@@ -1,6 +1,7 @@
 // Builds a layered map: a workgroup a tile, a thread a texel.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
+#import umbravox::work::add_work
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
 #import umbravox::layers::own
@@ -50,4 +51,5 @@ fn build(
 #endif
     finish(sink.optical_depth);
     if met_something() { atomicAdd(&stage.texels_hit, 1u); }
+    add_work();
 }

@@ -5,6 +5,8 @@
 // shares of its texel's extent: 0 at the start, 1 at the end.
 #define_import_path umbravox::layers
 
+#import umbravox::work::{count_work, LOADS}
+
 // Texels across the texture of records.
 const RECORD_TEXTURE_WIDTH: u32 = #{RECORD_TEXTURE_WIDTH};
 // Stretches of a tabulated split.
@@ -67,6 +69,7 @@ fn layer_at(row: u32, share: f32) -> f32 {
 #ifdef SPLIT_TABLE
     let bin = share * f32(SPLIT_BINS);
     let i = min(u32(bin), SPLIT_BINS - 1u);
+    count_work(LOADS, 2u);
     let low = textureLoad(splits, vec2<u32>(i, 2u * row), 0).x;
     return mix(low, textureLoad(splits, vec2<u32>(i + 1u, 2u * row), 0).x, bin - f32(i));
 #else
@@ -82,6 +85,7 @@ fn layer_at(row: u32, share: f32) -> f32 {
 // The share of the extent at which plane k lies.
 fn plane_at(row: u32, k: u32) -> f32 {
 #ifdef SPLIT_TABLE
+    count_work(LOADS, 1u);
     return textureLoad(splits, vec2<u32>(k, 2u * row + 1u), 0).x;
 #else
     let layers = f32(own.layers);

@@ -3,6 +3,7 @@
 
 #import umbravox::light::light
 #import umbravox::tile_table::NO_TILE
+#import umbravox::work::{count_work, LOADS}
 #import umbravox::layers::{own, block_place, layer_at, plane_at, split_row_bit}
 
 @group(1) @binding(3) var records: texture_2d<u32>;
@@ -34,6 +35,7 @@ fn header_depth(block: vec4<u32>, bit: u32) -> f32 {
 // The extent that a record's first block states.
 fn extent_of(record: u32) -> Extent {
     if record == NO_TILE { return Extent(false, 0.0, 1.0, 0u); }
+    count_work(LOADS, 1u);
     let block = textureLoad(records, block_place(record, 0u), 0);
     let first = select(extractBits(block.x, 0u, own.header_bits & 31u), block.x, own.header_bits == 32u);
     var extent = Extent(first != 0u, header_depth(block, 0u), 0.0, 0u);
@@ -77,6 +79,7 @@ fn optical_depth_at(record: u32, place: Place) -> f32 {
     // Plane 0 is the start, where nothing has been met; plane k is in the k-th slot.
     let high = own.first_slot + place.k;
     let low = max(high, 1u) - 1u;
+    count_work(LOADS, 2u);
     let low_words = textureLoad(records, block_place(record, low >> own.block_slot_shift), 0);
     let high_words = textureLoad(records, block_place(record, high >> own.block_slot_shift), 0);
     let before = select(slot_value(low_words, low), 0.0, place.k == 0u);

@@ -263,8 +263,31 @@ fn settings() -> Result<Vec<Case>> {
         ("step-too-long", "steps of 64 (eye) and 8 (light) smallest spacings", 64.0, "8"),
         ("step-too-short", "steps of 0.01 smallest spacing", 0.01, "0.01"),
     ] {
-        let long = with(name, about, &[("precompress", "off"), ("step", light_step)], Concerns::All);
-        cases.push(Case { step, ..long });
+        let settings = [("precompress", "off"), ("march", "samples"), ("step", light_step)];
+        cases.push(Case { step, ..with(name, about, &settings, Concerns::All) });
+    }
+    let sheet = volume([SIDE; 3], |p| if p.x + p.y + p.z == 37.0 { 1.0 } else { 0.0 })?;
+    for (name, about, field, tf) in [
+        (
+            "samples-rough",
+            "light rays by regular samples through noise",
+            volume([SIDE; 3], rough)?,
+            haze(1.0),
+        ),
+        (
+            "samples-opaque",
+            "the same, where all is opaque at once",
+            Arc::clone(&sheet),
+            extinction(&[(0.3, 0.0), (0.3, 1e6)]),
+        ),
+        (
+            "samples-peak",
+            "the same, through a peak that lies between samples",
+            sheet,
+            extinction(&[(0.49, 0.0), (0.5, 50.0), (0.51, 0.0)]),
+        ),
+    ] {
+        cases.push(case(name, about, field, tf).set(&[("march", "samples")], Concerns::ThoseWithKeys));
     }
     let depth_100 = extinction(&[(0.0, 100.0 / SIDE as f64)]);
     cases.push(

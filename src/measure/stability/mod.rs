@@ -296,7 +296,8 @@ mod tests {
         assert_eq!(over("rays", "map-1"), None);
         assert_eq!(over("osm:layers=4", "bits-8").unwrap(), "osm:layers=4,bits=8");
         assert_eq!(over("rays", "step-too-long").unwrap(), "rays");
-        assert_eq!(over("dsm", "step-too-long").unwrap(), "dsm:precompress=off,step=8");
+        assert_eq!(over("dsm", "step-too-long").unwrap(), "dsm:precompress=off,march=samples,step=8");
+        assert_eq!(over("bom", "step-too-long").unwrap(), "bom:march=samples,step=8");
         assert_eq!(over("none", "comb").unwrap(), "none");
         // Every setting of every case is one that the methods take.
         for case in &cases {

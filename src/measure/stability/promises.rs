@@ -57,20 +57,30 @@ pub fn promises() -> Result<Vec<Case>> {
         extinction(&[(0.5, 0.0), (0.5, 1e4)]),
     ));
     let lone = |p: DVec3| if p.x % 2.0 + p.y % 2.0 + p.z % 2.0 == 3.0 { 1.0 } else { 0.0 };
-    cases.push(
-        case(
+    for (name, about, voxels, top, reference_length_mm) in [
+        (
             "lone-voxels",
             "every cell's opacity rises from 0 with the third power of depth",
             volume([SIDE; 3], lone)?,
-            TransferFunction { reference_length_mm: 0.5, ..opacity(&[(0.0, 0.0), (1.0, 0.5)]) },
-        )
-        .lit(&[
+            0.5,
+            0.5,
+        ),
+        (
+            "lone-holes",
+            "every cell's opacity leaves 1 with the third power of depth",
+            volume([SIDE; 3], |p| 1.0 - lone(p))?,
+            1.0,
+            1e3,
+        ),
+    ] {
+        let tf = TransferFunction { reference_length_mm, ..opacity(&[(0.0, 0.0), (1.0, top)]) };
+        let lights = [
             ("light along x, y and z", along(1.0, 1.0, 1.0)),
             ("light along x and y", along(1.0, 1.0, 0.0)),
             ("oblique light", along(0.5, -0.5, std::f64::consts::FRAC_1_SQRT_2)),
-        ])
-        .set(&[("epsilon", "0.002")], Concerns::All),
-    );
+        ];
+        cases.push(case(name, about, voxels, tf).lit(&lights).set(&[("epsilon", "0.002")], Concerns::All));
+    }
     let stripes = volume([400, 4, 4], |p| p.x % 2.0)?;
     cases.push(
         case(

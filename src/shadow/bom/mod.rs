@@ -25,7 +25,9 @@ use super::layered::{
     Measure, RATIO_KEY, Recipe, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, settings};
+use super::settings::{
+    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value, settings,
+};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::BuildContext;
@@ -48,6 +50,10 @@ settings! {
         depth_bits: u32 = DEPTH_BITS_KEY,
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
+        /// How light rays are marched.
+        march: MarchBy = MARCH_KEY,
+        /// Distance of their samples, in smallest voxel spacings.
+        step: f64 = STEP_KEY,
         /// Texels a side.
         map: u32 = MAP_KEY,
         /// How texels around a point are used.
@@ -82,7 +88,8 @@ impl BoundingOpacityMap {
     fn recipe(&self, split: Split) -> Recipe {
         let Self { layers, bits, depth_bits, filter, average, .. } = *self;
         let record = Record { layers, bits, depths: 2, depth_bits, own_split: self.layering().by_texel() };
-        Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, average, kernel: 1 }
+        let march = self.march.with_step(self.step);
+        Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, average, kernel: 1, march }
     }
 }
 

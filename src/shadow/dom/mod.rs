@@ -24,7 +24,8 @@ use super::layered::{
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::settings::{
-    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, When, choices, settings,
+    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value, When,
+    choices, settings,
 };
 use super::style::{Marker, Style};
 use crate::error::Result;
@@ -73,6 +74,10 @@ settings! {
         depth_bits: u32 = DEPTH_BITS_KEY,
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
+        /// How light rays are marched.
+        march: MarchBy = MARCH_KEY,
+        /// Distance of their samples, in smallest voxel spacings.
+        step: f64 = STEP_KEY,
         /// Texels a side.
         map: u32 = MAP_KEY,
         /// How texels around a point are used.
@@ -115,6 +120,7 @@ impl DeepOpacityMap {
             filter,
             average,
             kernel: 1,
+            march: self.march.with_step(self.step),
         }
     }
 }
@@ -184,7 +190,7 @@ mod tests {
             ("dom:depth_bits=12", "expected 8|16|32"),
             (
                 "dom:slicing=uniform",
-                "there is: layers, split, ratio, log_size, measure, spread, beyond, depth_bits, bits, map, filter, average, lookup",
+                "there is: layers, split, ratio, log_size, measure, spread, beyond, depth_bits, bits, march, step, map, filter, average, lookup",
             ),
         ] {
             let error = parse_list(text).unwrap_err();

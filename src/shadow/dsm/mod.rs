@@ -26,11 +26,13 @@ use layout::{
 };
 
 use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
-use super::settings::{FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, choices, settings};
+use super::settings::{
+    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, Value, When, choices, settings,
+};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, LightSpace, TILE_TEXELS, TileMarch};
+use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, TILE_TEXELS, TileMarch};
 use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, uniform_buffer};
 use bytemuck::{Pod, Zeroable};
 
@@ -64,16 +66,18 @@ settings! {
             "table",
             "pre-compressed transfer-function table, or regular point samples",
         ),
+        /// How light rays are marched.
+        march: MarchBy = MARCH_KEY.when(When::Unless("precompress", "off")),
         /// Texels a side.
         map: u32 = MAP_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,
-        /// Distance of regular samples along the light ray (`precompress=off`, and twice that of pre-filtered
-        /// lattices), in units of the smallest voxel spacing.
+        /// Distance of regular samples along the light ray (`march=samples`, `precompress=off`, and twice that of
+        /// pre-filtered lattices), in units of the smallest voxel spacing.
         step: f64 = Key::number(
             [0.01, 8.0],
             "0.5",
-            "regular light step, in smallest spacings (precompress=off, prefilter)",
+            "regular light step, in smallest spacings (march=samples, precompress=off, prefilter)",
         ),
         /// Added to a point's depth before it is looked up, in units of the smallest voxel spacing.
         offset: f64 = Key::number([-8.0, 8.0], "0", "added to a point's depth, in smallest spacings"),
@@ -123,7 +127,11 @@ struct Counters {
 }
 
 impl DeepShadowMap {
-    /// Cell by cell with a single ray: the whole curve goes to the compression as it comes.
+    fn march(&self) -> March {
+        self.march.with_step(self.step)
+    }
+
+    /// With a single ray: the whole curve goes to the compression as it comes.
     fn whole_curve(&self) -> bool {
         self.precompress == Precompress::Table && self.prefilter == 1
     }
@@ -142,7 +150,7 @@ impl DeepShadowMap {
 
     /// The promise; `docs/bound.md` derives its terms.
     fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
-        if self.precompress == Precompress::Off {
+        if self.precompress == Precompress::Off || self.march == MarchBy::Samples {
             return None;
         }
         let spacing = context.volume.min_spacing_mm();
@@ -172,8 +180,10 @@ impl DeepShadowMap {
         let shader = shader.defs((self.prefilter > 1).then_some("PREFILTER"));
         match (self.precompress, self.whole_curve()) {
             (Precompress::Off, _) => shader,
-            (_, true) => shader.defs(["WHOLE_CURVE", "MARCH_CELLS"]).with_march("shadow/dsm/sink.wgsl"),
-            (_, false) => shader.defs(["MARCH_CELLS"]).with_depth_march(),
+            (_, true) => {
+                shader.defs(["WHOLE_CURVE", "MARCH_CELLS"]).with_march(self.march(), "shadow/dsm/sink.wgsl")
+            }
+            (_, false) => shader.defs(["MARCH_CELLS"]).with_march(self.march(), DEPTH_SINK),
         }
     }
 
@@ -244,7 +254,7 @@ impl Method for DeepShadowMap {
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let gpu = context.gpu();
-        let tiles = TileMarch::fit(context, self.map)?;
+        let tiles = TileMarch::fit(context, self.map, self.march())?;
         let mut own = self.own(context, &tiles);
         // As many rows as the build before has needed, and some more since the light has moved. Before the first one a
         // quarter more than texels does for most scenes; the counter says what this one needs.

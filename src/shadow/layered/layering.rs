@@ -105,7 +105,7 @@ impl Layering {
         map: u32,
         recipe: impl Fn(Split) -> Recipe,
     ) -> Result<Built<'a>> {
-        let tiles = TileMarch::fit(context, map)?;
+        let tiles = TileMarch::fit(context, map, recipe(self.any()).march)?;
         let (mut choice, mut regions, mut search) = (None, None, None);
         let split = match (self.plain(), self.split) {
             (Some(split), _) => split,

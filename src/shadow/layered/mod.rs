@@ -30,7 +30,7 @@ use super::method::{BuildReport, Lookup, Method, PassLeftOut, ShadowMap};
 use super::settings::{Filter, Key, choices};
 use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE, longest_depth};
 use crate::error::Result;
-use crate::field::{BuildContext, LightSpace, Omittable, TILE_TEXELS, TileMarch, field_shader};
+use crate::field::{BuildContext, LightSpace, March, Omittable, TILE_TEXELS, TileMarch, field_shader};
 use crate::gpu::{
     Constant, Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, table_texture,
     uniform_buffer,
@@ -94,6 +94,8 @@ pub(super) struct Recipe {
     pub average: Average,
     /// Texels a side that a lookup averages.
     pub kernel: u32,
+    /// How light rays are marched.
+    pub march: March,
 }
 
 /// `Own` of `shaders/shadow/layered/layout.wgsl`.
@@ -135,7 +137,7 @@ pub(super) fn shader(entry: &'static str) -> ShaderVariant {
 /// The papers' depth pass, which nothing here reads.
 fn depth_pass_shader() -> ShaderVariant {
     let start = shader("shadow/layered/start.wgsl").modules(&["field/tiles.wgsl"]);
-    start.with_march("shadow/layered/start_sink.wgsl")
+    start.with_march(March::Cells, "shadow/layered/start_sink.wgsl")
 }
 
 impl Recipe {
@@ -155,7 +157,7 @@ impl Recipe {
     pub fn build_shader(&self) -> ShaderVariant {
         let shader = shader("shadow/layered/build.wgsl").modules(&["field/tiles.wgsl"]);
         let shader = shader.defs(self.record.write_defs()).defs(self.split.def());
-        shader.with_march("shadow/layered/sink.wgsl")
+        shader.with_march(self.march, "shadow/layered/sink.wgsl")
     }
 
     /// The numbers of a map.
@@ -302,6 +304,7 @@ mod tests {
             filter: Filter::Nearest,
             average: Average::Depth,
             kernel: 1,
+            march: March::Cells,
         };
         assert_layout!(&recipe.build_shader(), "Own", Own: layers, first_slot, record_blocks, block_mask,
             block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,

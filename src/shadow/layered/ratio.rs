@@ -61,11 +61,12 @@ fn curve_recipe(map: &Recipe) -> Recipe {
         filter: Filter::Nearest,
         average: Average::Depth,
         kernel: 1,
+        march: map.march,
     }
 }
 
 fn curves<'a>(context: &BuildContext<'a>, recipe: &Recipe, map: u32) -> Result<Built<'a>> {
-    curve_recipe(recipe).build(context, TileMarch::fit(context, map)?, None)
+    curve_recipe(recipe).build(context, TileMarch::fit(context, map, recipe.march)?, None)
 }
 
 /// The passes of a search: for a whole map, and by region.

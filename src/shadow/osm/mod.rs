@@ -19,10 +19,13 @@ use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, Recipe, Record, SPLIT_BINS, Split, SplitTable,
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
-use super::settings::{FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, Value, choices, settings};
+use super::settings::{
+    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value, choices,
+    settings,
+};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, TileMarch};
+use crate::field::{BuildContext, March, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 
 /// Exponent of `slicing=gamma`.
@@ -59,6 +62,10 @@ settings! {
         kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged"),
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
+        /// How light rays are marched.
+        march: MarchBy = MARCH_KEY,
+        /// Distance of their samples, in smallest voxel spacings.
+        step: f64 = STEP_KEY,
         /// Texels a side.
         map: u32 = MAP_KEY,
         /// How texels around a point are used.
@@ -87,17 +94,18 @@ pub(super) static ENTRY: Entry = Entry {
 const NOT_WEIGHED: PassLeftOut =
     PassLeftOut { what: "weighing the volume", why: "a single plane lies at its far side", optional: None };
 
-fn mass_shader(lit: bool) -> ShaderVariant {
+fn mass_shader(march: March, lit: bool) -> ShaderVariant {
     let shader =
         layered::shader("shadow/osm/mass.wgsl").constants(&[Constant::unsigned("MASS_RAYS", MASS_RAYS)]);
-    shader.defs(lit.then_some("WEIGH_LIGHT")).with_march("shadow/osm/mass_sink.wgsl")
+    shader.defs(lit.then_some("WEIGH_LIGHT")).with_march(march, "shadow/osm/mass_sink.wgsl")
 }
 
 impl OpacityShadowMap {
     fn recipe(&self, split: Split) -> Recipe {
         let Self { layers, bits, filter, average, kernel, .. } = *self;
         let record = Record { layers, bits, depths: 0, depth_bits: 0, own_split: false };
-        Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel }
+        let march = self.march.with_step(self.step);
+        Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, march }
     }
 
     /// The split where the volume need not be weighed.
@@ -119,7 +127,7 @@ impl OpacityShadowMap {
             &tiles.group("optical mass", &[(1, context.kernels.uniform(&own))]),
             &context.kernels.group("optical mass", &[(0, Slot::read_write(mass.as_entire_binding()))]),
         ];
-        let shader = mass_shader(self.slicing == Slicing::Lit);
+        let shader = mass_shader(self.march.with_step(self.step), self.slicing == Slicing::Lit);
         let span = context.run("optical mass", &shader, groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
         Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
     }
@@ -145,11 +153,12 @@ impl Method for OpacityShadowMap {
 
     fn passes(&self) -> Vec<ShaderVariant> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        vec![self.recipe(split).build_shader(), mass_shader(false), mass_shader(true)]
+        let recipe = self.recipe(split);
+        vec![recipe.build_shader(), mass_shader(recipe.march, false), mass_shader(recipe.march, true)]
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let tiles = TileMarch::fit(context, self.map)?;
+        let tiles = TileMarch::fit(context, self.map, self.march.with_step(self.step))?;
         let (split, weighing) = match self.plain_split() {
             Some(split) => (split, None),
             None => {
@@ -201,7 +210,10 @@ mod tests {
             ("osm:bits=24", "expected 8|16|32"),
             ("osm:map=0", "expected 1..8192"),
             ("osm:filter=linear", "expected nearest|bilinear"),
-            ("osm:epsilon=0.1", "there is: layers, slicing, kernel, bits, map, filter, average, lookup"),
+            (
+                "osm:epsilon=0.1",
+                "there is: layers, slicing, kernel, bits, march, step, map, filter, average, lookup",
+            ),
         ] {
             let error = parse_list(text).unwrap_err();
             assert!(error.to_string().contains(why), "{error}");
