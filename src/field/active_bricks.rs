@@ -120,46 +120,44 @@ fn count_and_bounds(counts: [usize; 3], distance: &[u8]) -> (usize, Option<[[usi
 
 /// Chebyshev distance transform in place, from 0 for seeds and 255 elsewhere; exact up to 255.
 ///
-/// Along x two sweeps count steps; along y and then z, `d(i) = min over i' of max(|i - i'|, d'(i'))`, because the
-/// largest of the three axes' distances is what counts. Whole rows are compared at once, which vectorises.
+/// Two sweeps over rows, one from each end (Rosenfeld and Pfaltz 1966): a brick is one further than the nearest of its 26
+/// neighbours, of which each sweep knows the half that lies before it.
 fn chebyshev([nx, ny, nz]: [usize; 3], distance: &mut [u8]) {
-    distance.par_chunks_mut(nx).with_min_len(64).for_each(|row| {
-        let step = |before: &mut u8, d: &mut u8| {
-            *d = (*d).min(before.saturating_add(1));
-            *before = *d;
-        };
-        row.iter_mut().fold(u8::MAX, |mut before, d| {
-            step(&mut before, d);
-            before
-        });
-        row.iter_mut().rev().fold(u8::MAX, |mut before, d| {
-            step(&mut before, d);
-            before
-        });
-    });
-    // Rows of one xy plane are nx apart, those of one xz plane nx * ny.
-    for (stride, n) in [(nx, ny), (nx * ny, nz)] {
-        let before = distance.to_vec();
-        distance.par_chunks_mut(nx).enumerate().with_min_len(16).for_each(|(row, out)| {
-            let start = row * nx;
-            let i = start / stride % n;
-            for r in 1..n.min(usize::from(u8::MAX)) {
-                let mut merge = |from: usize| {
-                    for (d, &g) in out.iter_mut().zip(&before[from..from + nx]) {
-                        *d = (*d).min(g.max(r as u8));
-                    }
-                };
-                if i >= r {
-                    merge(start - r * stride);
-                }
-                if i + r < n {
-                    merge(start + r * stride);
-                }
-                // Nothing further away can be nearer than what every brick of the row has.
-                if out.iter().all(|&d| usize::from(d) <= r) {
-                    break;
-                }
+    let rows = ny * nz;
+    // The nearest of neighbouring rows, with a brick more at both ends.
+    let mut nearest = vec![u8::MAX; nx + 2];
+    for forward in [true, false] {
+        for turn in 0..rows {
+            let row = if forward { turn } else { rows - 1 - turn };
+            let (y, z) = (row % ny, row / ny);
+            // Rows before this one, counted from the end that the sweep starts at.
+            let (y, z) = if forward { (y, z) } else { (ny - 1 - y, nz - 1 - z) };
+            let known = [
+                (y > 0).then_some(1),
+                (z > 0 && y + 1 < ny).then(|| ny - 1),
+                (z > 0).then_some(ny),
+                (z > 0 && y > 0).then(|| ny + 1),
+            ];
+            nearest[1..=nx].fill(u8::MAX);
+            for back in known.into_iter().flatten() {
+                let neighbour = if forward { row - back } else { row + back };
+                let values = &distance[neighbour * nx..][..nx];
+                nearest[1..=nx].iter_mut().zip(values).for_each(|(near, d)| *near = (*near).min(*d));
             }
-        });
+            let own = &mut distance[row * nx..][..nx];
+            for (d, near) in own.iter_mut().zip(nearest.windows(3)) {
+                *d = (*d).min(near[0].min(near[1]).min(near[2]).saturating_add(1));
+            }
+            let mut before = u8::MAX;
+            let mut step = |d: &mut u8| {
+                *d = (*d).min(before.saturating_add(1));
+                before = *d;
+            };
+            if forward {
+                own.iter_mut().for_each(&mut step)
+            } else {
+                own.iter_mut().rev().for_each(&mut step)
+            }
+        }
     }
 }

@@ -37,7 +37,8 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let w = p.texel - base;
     let corner = vec2<i32>(base) - i32((own.kernel - 1u) / 2u);
     var sum = 0.0;
-    for (var i = 0u; i < side * side; i++) {
+    var i = 0u;
+    loop {
         let at = vec2<u32>(i % side, i / side);
         let record = record_of(wrapped_texel(corner + vec2<i32>(at)));
         let depth = optical_depth_at(record, place);
@@ -47,6 +48,8 @@ fn transmittance(g: vec3<f32>) -> f32 {
 #else
         sum += weight * depth;
 #endif
+        i += 1u;
+        if i >= side * side { break; }
     }
 #ifdef AVERAGE_TRANSMITTANCE
     return sum;
