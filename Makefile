@@ -2,7 +2,7 @@
 # make test    every test
 # make adapters   the device's tests, the stability suite and the search on every software Vulkan that is there
 # make lint    formatting and clippy, as CI runs them
-# make bench   the criterion benches
+# make bench   the criterion benches, and what shadows cost at which error (UMBRAVOX_BEFORE: another binary, in turn)
 # make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another)
 # make strip   docs/strip.png and the README's table (out/strip/compare.md) anew
 # make check-tools   what is missing to build and run; installs nothing
