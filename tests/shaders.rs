@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::io::Write;
 use std::process::{Command, Stdio};
-use umbravox::field::{marches_cells, marches_samples};
+use umbravox::field::marches_cells;
 use umbravox::gpu::{ShaderVariant, compose, shader_paths};
 use umbravox::render::shaders;
 use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
@@ -50,12 +50,7 @@ fn variants() -> Vec<(ShaderVariant, bool)> {
     }
     let mut list = Vec::new();
     for variant in wanted {
-        // What a transfer function adds.
-        let search: &[&[&str]] = match (marches_cells(&variant), marches_samples(&variant)) {
-            (true, _) => &[&[], &["MANY_BREAKPOINTS"]],
-            (_, true) => &[&[], &["ONE_COLOR"]],
-            _ => &[&[]],
-        };
+        let search: &[&[&str]] = if marches_cells(&variant) { &[&[], &["MANY_BREAKPOINTS"]] } else { &[&[]] };
         for more in search {
             for adapter in [&[][..], &["MANUAL_TRILINEAR"]] {
                 let variant = variant.clone().defs([*more, adapter].concat());

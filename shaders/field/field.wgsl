@@ -4,6 +4,8 @@
 // domain is [0.5, n + 0.5]^3 and brick b holds the cells BRICK_CELLS b .. BRICK_CELLS (b + 1) - 1.
 #define_import_path umbravox::field
 
+#import umbravox::work::{count_work, SAMPLES, LOADS}
+
 const BRICK_CELLS: i32 = #{BRICK_CELLS};
 // log2 of it.
 const BRICK_SHIFT: vec3<u32> = vec3<u32>(#{BRICK_SHIFT});
@@ -49,6 +51,7 @@ struct Cell {
 }
 
 fn cell_values(cell: vec3<i32>) -> Cell {
+    count_work(LOADS, 8u);
     let last = vec3<i32>(field.size) - 1;
     let a = clamp(cell - 1, vec3<i32>(0), last);
     let b = clamp(cell, vec3<i32>(0), last);
@@ -72,6 +75,7 @@ fn cell_values(cell: vec3<i32>) -> Cell {
 // the same, and four are read, on the face that is farther along. Where nothing is known yet those of the nearer face are
 // read (not `far`): asked again, all eight are there.
 fn next_cell_values(before: Cell, cell: vec3<i32>, along: vec3<bool>, forward: bool, far: bool) -> Cell {
+    count_work(LOADS, 4u);
     let last = vec3<i32>(field.size) - 1;
     let plane = select(cell - 1, cell, vec3<bool>(forward == far));
     let a = clamp(select(cell - 1, plane, along), vec3<i32>(0), last);
@@ -99,6 +103,7 @@ fn next_cell_values(before: Cell, cell: vec3<i32>, along: vec3<bool>, forward: b
 
 // The field at a grid-space point inside the domain.
 fn value_at(g: vec3<f32>) -> f32 {
+    count_work(SAMPLES, 1u);
 #ifdef MANUAL_TRILINEAR
     let base = floor(g);
     let w = g - base;
@@ -107,11 +112,13 @@ fn value_at(g: vec3<f32>) -> f32 {
     let y = mix(xy.xz, xy.yw, w.x);
     return mix(y.x, y.y, w.y);
 #else
+    count_work(LOADS, 1u);
     return textureSampleLevel(volume, linear_clamp, (g - 0.5) * field.inv_size, 0.0).x;
 #endif
 }
 
 fn brick_distance_at(brick: vec3<i32>) -> i32 {
+    count_work(LOADS, 1u);
     return i32(textureLoad(brick_distance, brick, 0).x);
 }
 

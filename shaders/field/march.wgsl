@@ -25,7 +25,7 @@
 #import umbravox::transfer::{interval_start, interval_at, extinction_in, amounts_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::ran_out
-#import umbravox::work::{count_work, LOADS, CELLS, PIECES}
+#import umbravox::work::{count_work, CELLS, PIECES}
 
 // Of Gauss and Legendre on [0, 1], exact to the seventh degree.
 const GAUSS_POINTS = vec4<f32>(#{GAUSS_OUTER}, #{GAUSS_INNER}, 1.0 - #{GAUSS_INNER}, 1.0 - #{GAUSS_OUTER});
@@ -154,7 +154,6 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             if u >= 1.0 && walking {
                 let brick = cell >> BRICK_SHIFT;
                 let distance = brick_distance_at(brick);
-                count_work(LOADS, 1u);
                 // Through one cell, or out of the cube of bricks that are known to be empty.
                 let lo = select(cell, (brick - (distance - 1)) * BRICK_CELLS, distance > 0);
                 let hi = select(cell + 1, (brick + distance) * BRICK_CELLS, distance > 0);
@@ -164,7 +163,6 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                 if distance == 0 {
                     values = next_cell_values(values, cell, along, any(forward & along), held);
                     count_work(CELLS, select(0u, 1u, held));
-                    count_work(LOADS, 4u);
                     let lo4 = min(values.lo, values.hi);
                     let hi4 = max(values.lo, values.hi);
                     let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));

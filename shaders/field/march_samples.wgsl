@@ -13,7 +13,7 @@
 #import umbravox::watch::ran_out
 #import umbravox::work::{count_work, PIECES}
 
-// Pieces of one stretch.
+// Parts of one stretch, all of one length.
 const STRETCH_PARTS: f32 = 16.0;
 
 // Marches the ray o + z d (grid space, d per mm) over the depths [z_from, z_to].
@@ -21,6 +21,8 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     let line = line_through(o, d, z_from, z_to, light.step_mm);
     var walk = start_walk(line, u32(STRETCH_PARTS) + 4u);
     var done = false;
+    // Length of the parts of a stretch; 0 where one begins.
+    var part_mm = 0.0;
     loop {
         walk_on(&walk, line);
         if walk.found {
@@ -32,19 +34,22 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             let mm_a_value = (behind - walk.from_t) / select(rise, 1.0, rise == 0.0);
             let start = walk.from_t + (a - walk.from_value) * mm_a_value;
             let stretch_end = max(behind - (walk.value - b) * mm_a_value, start);
-            let length = stretch_end - start;
             let at_a = integral_at(a);
-            let mean = mean_between(a, b, at_a, integral_at(b));
-            // The sink says how long a piece may be.
-            let reach = longest_depth(sink, start, stretch_end);
-            let share = 1.0 / clamp(ceil(mean * length / reach), 1.0, STRETCH_PARTS);
-            let last = share == 1.0;
-            let to = select(start + length * share, stretch_end, last);
-            let value = select(mix(a, b, share), b, last);
+            if part_mm == 0.0 {
+                // The sink says how long a piece may be.
+                let length = stretch_end - start;
+                let depth = mean_between(a, b, at_a, integral_at(b)) * length;
+                part_mm = length / clamp(ceil(depth / longest_depth(sink, start, stretch_end)), 1.0, STRETCH_PARTS);
+            }
+            // A part that float32 cannot tell from nothing takes the rest.
+            let last = start + 1.5 * part_mm > stretch_end || start + part_mm <= start;
+            let to = select(start + part_mm, stretch_end, last);
+            let value = select(mix(a, b, part_mm / max(stretch_end - start, 1e-30)), b, last);
             done = sink_piece(sink, start, to, mean_between(a, value, at_a, integral_at(value)) * (to - start));
             walk.from_t = to;
             walk.from_value = value;
             walk.found = !last;
+            part_mm = select(part_mm, 0.0, last);
             count_work(PIECES, 1u);
             count_turn(&walk);
         }

@@ -29,7 +29,8 @@ struct IntervalTable {
 @group(0) @binding(5) var integrals: texture_2d<f32>;
 // Pre-compressed visibility: up to four interval starts at which it bends between two values, four u16 in a pair.
 @group(0) @binding(6) var pair_nodes: texture_2d<u32>;
-// Integrals of extinction alone over the value, a texel a bin: up to the bin, and what the bin adds.
+// Integrals of extinction alone over the value, a texel a bin: up to the bin, what float32 has rounded off that, what the
+// bin adds.
 @group(0) @binding(8) var extinction_bins: texture_2d<f32>;
 
 fn interval_start(j: u32) -> f32 {
@@ -123,6 +124,8 @@ fn table_place(value: f32) -> f32 {
 // The integral of extinction over all values up to one, and extinction there.
 struct Integral {
     sum: f32,
+    // Beside the sum: a tall peak before a bin takes nothing from what little the bin adds.
+    rest: f32,
     slope: f32,
 }
 
@@ -130,16 +133,16 @@ fn integral_at(value: f32) -> Integral {
     let x = table_place(value);
     let i = min(u32(x), TABLE_BINS - 1u);
     count_work(LOADS, 1u);
-    let bin = textureLoad(extinction_bins, vec2<u32>(i, 0u), 0).xy;
+    let bin = textureLoad(extinction_bins, vec2<u32>(i, 0u), 0).xyz;
     // Written so that it is exact where the integrals are equal: no extinction must stay none.
-    return Integral(bin.x + bin.y * (x - f32(i)), bin.y * field.table_per_value);
+    return Integral(bin.x, bin.y + bin.z * (x - f32(i)), bin.z * field.table_per_value);
 }
 
 // Mean extinction (1/mm) over a stretch on which the value goes linearly from a to b.
 fn mean_between(a: f32, b: f32, at_a: Integral, at_b: Integral) -> f32 {
     // Below half a bin the difference of integrals is mostly rounding: the bins' own slopes stand in.
     let short = abs(b - a) * field.table_per_value < 0.5;
-    let apart = (at_b.sum - at_a.sum) / select(b - a, 1.0, short);
+    let apart = ((at_b.sum - at_a.sum) + (at_b.rest - at_a.rest)) / select(b - a, 1.0, short);
     return max(select(apart, 0.5 * (at_a.slope + at_b.slope), short), 0.0);
 }
 

@@ -8,7 +8,6 @@
 // its start.
 #define_import_path umbravox::walk
 
-#import umbravox::work::{count_work, SAMPLES, LOADS}
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 
 struct Line {
@@ -83,6 +82,12 @@ fn exhausted(walk: Walk) -> bool {
     return walk.turns_left == 0u;
 }
 
+#ifdef SKIP_BRICKS
+fn brick_at(line: Line, t: f32) -> vec3<i32> {
+    return clamp(vec3<i32>(floor(line.o + t * line.d)), vec3<i32>(0), vec3<i32>(field.size)) >> BRICK_SHIFT;
+}
+#endif
+
 // Takes a sample, or a leap.
 fn take_turn(walk: ptr<function, Walk>, line: Line) {
     let behind = sample_depth(line, (*walk).k);
@@ -91,13 +96,14 @@ fn take_turn(walk: ptr<function, Walk>, line: Line) {
     var occupied = true;
     var k = (*walk).k + 1.0;
 #ifdef SKIP_BRICKS
-    let cell = clamp(vec3<i32>(floor(line.o + ahead * line.d)), vec3<i32>(0), vec3<i32>(field.size));
-    let brick = cell >> BRICK_SHIFT;
+    let brick = brick_at(line, ahead);
     let distance = brick_distance_at(brick);
-    count_work(LOADS, 1u);
     occupied = distance == 0;
-    // A stretch between two inactive bricks is empty: they touch, and so share a value.
-    leaps = !occupied && !(*walk).occupied;
+    // A stretch between two inactive bricks is empty where they touch, and so share a value, and where all is empty between
+    // them; a long step may pass an active one.
+    let apart = abs(brick - brick_at(line, behind));
+    let joined = max(apart.x, max(apart.y, apart.z)) <= max(distance - 1, 1);
+    leaps = !occupied && !(*walk).occupied && joined;
     // To the last sample in the cube of empty bricks around this one.
     let forward = line.d > vec3<f32>(0.0);
     let face = select((brick - (distance - 1)) * BRICK_CELLS, (brick + distance) * BRICK_CELLS, forward);
@@ -106,8 +112,6 @@ fn take_turn(walk: ptr<function, Walk>, line: Line) {
     // Rounding may put the last face before the sample, which has passed it.
     k = select(k, max(floor(min(exits.x, min(exits.y, exits.z)) / line.step_mm), k), leaps);
 #endif
-    count_work(SAMPLES, 1u);
-    count_work(LOADS, 1u);
     let value = value_at(line.o + select(behind, ahead, (*walk).valid) * line.d);
     let last = (*walk).value;
     let taken = (*walk).valid && !leaps;

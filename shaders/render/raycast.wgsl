@@ -89,7 +89,7 @@ const FAINT_RUN: f32 = 0.05;
 // Turns after which lanes whose run is complete do not wait for the others (best of 4, 6, 8 and no limit on llvmpipe).
 const GATHER_TURNS: u32 = 4u;
 const DARKEST: f32 = 1e-6;
-// One to walk, one to see that a stretch is thick, and four for each part of it.
+// One to walk, one to see that a stretch is thick, four for each part of it, and some to spare.
 const TURNS_A_SAMPLE: u32 = 72u;
 
 // ---- The ray of a pixel ----

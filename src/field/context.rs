@@ -6,6 +6,10 @@ use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Span, uniform_buffer};
 use crate::scene::Light;
 use crate::volume::Volume;
 
+/// Regular samples of a light ray: software adapters end the loops of a thread after 65,536 turns in all, of which a sample
+/// takes up to 8.
+const MOST_LIGHT_SAMPLES: f64 = 8192.0;
+
 /// A volume under a light on a device.
 #[derive(Clone, Copy)]
 pub struct BuildContext<'a> {
@@ -33,7 +37,8 @@ impl BuildContext<'_> {
     pub fn light_space(&self, map_size: u32, march: March) -> LightSpace {
         let mut space = LightSpace::fit(self.volume, &self.transfer.active, self.light, map_size);
         if let March::Samples { step } = march {
-            space.step_mm = step * self.volume.min_spacing_mm();
+            let shortest = space.depth_range_mm() / MOST_LIGHT_SAMPLES;
+            space.step_mm = (step * self.volume.min_spacing_mm()).max(shortest);
         }
         space
     }

@@ -1,6 +1,6 @@
 //! A transfer function on the device, for one volume: tables, active bricks and their distances.
 
-use super::{ActiveBricks, Forced, LoadedVolume, Omittable, marches_cells, marches_samples};
+use super::{ActiveBricks, Forced, LoadedVolume, Omittable, marches_cells};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Group, ShaderVariant, Slot, table_texture, uniform_buffer};
 use crate::transfer::{
@@ -287,8 +287,7 @@ impl DeviceTransfer {
     /// A device out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
         if !marches_cells(&variant) {
-            let one_color = marches_samples(&variant) && self.one_color;
-            return Ok(variant.defs(one_color.then_some("ONE_COLOR")));
+            return Ok(variant);
         }
         let many = self.make_march_table(gpu)?.many_breakpoints;
         let search = many || self.forced.has(Omittable::BreakpointSearch);
@@ -342,9 +341,14 @@ fn field_uniform(
 
 /// The integrals of extinction over the value.
 fn extinction_texture(gpu: &Gpu, tables: &TransferTables) -> Result<wgpu::TextureView> {
-    let bins = tables.extinction_bins();
-    let size = [bins.len() as u32, 1];
-    table_texture(gpu, "extinction integrals", wgpu::TextureFormat::Rg32Float, size, &bins)
+    let size = [tables.extinction_bins.len() as u32, 1];
+    table_texture(
+        gpu,
+        "extinction integrals",
+        wgpu::TextureFormat::Rgba32Float,
+        size,
+        &tables.extinction_bins,
+    )
 }
 
 /// The integrals of extinction and its colour over the value; nothing where there is one colour.

@@ -128,11 +128,6 @@ pub fn marches_cells(variant: &ShaderVariant) -> bool {
     variant.modules.contains(&MARCH_CELLS)
 }
 
-/// Whether a variant marches light rays by regular samples.
-pub fn marches_samples(variant: &ShaderVariant) -> bool {
-    variant.modules.contains(&MARCH_SAMPLES)
-}
-
 /// Workgroups of [`LINE_THREADS`] for so many things.
 pub fn line_of_workgroups(things: usize) -> [u32; 3] {
     shape_of((things as u32).div_ceil(LINE_THREADS))

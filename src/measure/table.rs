@@ -168,7 +168,8 @@ columns! {
     check_max [""]: Option<f64>,
     /// The tolerance that is stated: 0.1, or twice what one such map may be off by itself where that is more.
     check_tolerance [""]: Option<f64>,
-    /// Whether it held in all of them: with 99 % confidence fewer than `4.6 / check_n` of all texels break it.
+    /// Whether it held in all of them at 24 random depths each: with 99 % confidence fewer than `4.6 / check_n` of texels
+    /// that meet extinction, asked so, break it.
     check_ok [""]: Option<bool>,
     /// Work of a picture, counted and not timed on the picture that `image_rmse` is of: samples of the volume by its filter,
     /// a pixel.
@@ -177,10 +178,10 @@ columns! {
     work_lookups [""]: Option<f64>,
     /// The same: texture reads of all kinds, a pixel.
     work_loads [""]: Option<f64>,
-    /// Work of a build, counted: cells that a texel's light ray is marched through, or samples where it is marched by these;
-    /// texels of tiles that are built.
+    /// All work of a build, searches for splits among it, counted: cells that light rays are marched through, and samples
+    /// where they are marched by these, a texel of tiles that are built.
     work_cells [""]: Option<f64>,
-    /// The same: pieces of a texel's light ray whose optical depth is integrated.
+    /// The same: pieces of light rays whose optical depth is integrated.
     work_pieces [""]: Option<f64>,
     /// Light rays tested.
     rays_tested [""]: Option<u64>,

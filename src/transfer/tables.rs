@@ -47,6 +47,9 @@ pub struct TransferTables {
     pub interval_of_bin: Vec<u32>,
     /// `[extinction * rgb, extinction]` integrated from the lowest texel value to each of `TABLE_BINS + 1` bin edges.
     pub integrals: Vec<[f32; 4]>,
+    /// Extinction alone, a bin each: its integral up to the bin, what float32 has rounded off that, what the bin adds, and
+    /// nothing. A tall peak before a bin so takes nothing from what little the bin adds.
+    pub extinction_bins: Vec<[f32; 4]>,
     /// Texel values `<= first_value` and `>= last_value` have no extinction.
     pub first_value: f32,
     /// See `first_value`.
@@ -99,9 +102,11 @@ impl TransferTables {
         let [lo, hi] = texel_range;
         let table_width = if hi > lo { hi - lo } else { 1.0 };
         let (first_value, last_value) = extinct_range(tf, mapping);
+        let bins = bins(tf, mapping, &breaks, lo, table_width);
         Self {
             interval_of_bin,
-            integrals: integrals(tf, mapping, &breaks, lo, table_width),
+            integrals: integrals(&bins),
+            extinction_bins: extinction_bins(&bins),
             first_value,
             last_value,
             bin_origin: first as f32,
@@ -119,16 +124,11 @@ impl TransferTables {
         }
     }
 
-    /// Integrals of extinction alone, a bin each: up to the bin, and what the bin adds.
-    pub fn extinction_bins(&self) -> Vec<[f32; 2]> {
-        self.integrals.windows(2).map(|edges| [edges[0][3], edges[1][3] - edges[0][3]]).collect()
-    }
-
     /// Bytes on the device, where functions of one colour have no integrals of it.
     pub fn bytes(&self, one_color: bool) -> u64 {
         let colors = if one_color { 0 } else { size_of_val(&self.integrals[..]) };
         let intervals = size_of_val(&self.intervals[..]) + size_of_val(&self.interval_of_bin[..]);
-        (intervals + TABLE_BINS * size_of::<[f32; 2]>() + colors) as u64
+        (intervals + size_of_val(&self.extinction_bins[..]) + colors) as u64
     }
 }
 
@@ -223,13 +223,14 @@ fn extinct_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
     (first, last)
 }
 
-fn integrals(
+/// The integrals of extinction times colour, and of extinction, over each bin.
+fn bins(
     tf: &TransferFunction,
     mapping: TexelMapping,
     breaks: &[f64],
     origin: f64,
     width: f64,
-) -> Vec<[f32; 4]> {
+) -> Vec<[f64; 4]> {
     // Gauss-Legendre, 4 points: bins are narrow and pieces between breakpoints smooth.
     const NODES: [(f64, f64); 4] = [
         (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
@@ -256,7 +257,11 @@ fn integrals(
         }
         sum
     };
-    let bins = (0..TABLE_BINS).into_par_iter().map(bin).collect::<Vec<_>>();
+    (0..TABLE_BINS).into_par_iter().map(bin).collect()
+}
+
+/// Sums of bins up to each edge.
+fn integrals(bins: &[[f64; 4]]) -> Vec<[f32; 4]> {
     let mut total = [0.0f64; 4];
     let mut list = vec![[0.0f32; 4]];
     for b in bins {
@@ -264,4 +269,15 @@ fn integrals(
         list.push(total.map(|t| t as f32));
     }
     list
+}
+
+fn extinction_bins(bins: &[[f64; 4]]) -> Vec<[f32; 4]> {
+    let mut total = 0.0;
+    let bin = |b: &[f64; 4]| {
+        let sum = total as f32;
+        let rest = (total - f64::from(sum)) as f32;
+        total += b[3];
+        [sum, rest, b[3] as f32, 0.0]
+    };
+    bins.iter().map(bin).collect()
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use umbravox::measure::check::check;
+use umbravox::render::Omittable;
 
 const LIGHT: Light = Light::Directional { toward: DVec3::new(0.4, -0.3, 0.9) };
 
@@ -57,4 +58,71 @@ fn the_check_tells_fine_samples_from_coarse_ones() {
     }
     assert_eq!(found("dsm:map=128,precompress=off"), None);
     assert_eq!(found("rays"), None);
+}
+
+/// A wall one voxel thick between two halves, which a function with a peak between their values sees alone.
+fn wall() -> (Arc<Volume>, TransferFunction) {
+    let value = |(x, _, _): (usize, usize, usize)| if x < 20 { 0.0 } else { 1.0 };
+    let voxels = Voxels::F32(Array3::from_shape_fn((24, 24, 48), |(k, j, i)| value((i, j, k))));
+    let tf = extinction(&[(0.3, 0.0), (0.5, 5.0), (0.7, 0.0)]);
+    (Arc::new(volume_of(voxels, DAffine3::IDENTITY)), tf)
+}
+
+#[test]
+fn steps_longer_than_bricks_leap_over_no_active_one() {
+    let (volume, tf) = wall();
+    let Some(lean) = Setup::open(&volume, &tf) else { return };
+    let Some(forced) = Setup::forced(&volume, &tf, Forced::only(Omittable::Bricks)) else { return };
+    let points = points(&volume);
+    for step in [0.5, 4.0, 5.0, 6.0, 8.0] {
+        let scene = Scene { step, ..lean.scene(40, 40) };
+        let [a, b] = [&lean, &forced].map(|s| s.picture("none", &scene));
+        let off = a.iter().zip(&b).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max);
+        assert!(off <= tolerance::SKIPPING, "eye step {step}: {off}");
+        assert!(b.iter().any(|v| *v > 0.5), "the wall is seen");
+        let spec = format!("osm:bits=32,map=32,march=samples,step={step}");
+        let light = Light::Directional { toward: DVec3::new(-1.0, 0.02, 0.03) };
+        let [a, b] = [&lean, &forced].map(|s| s.query(&s.shadow(&spec, light), &points));
+        assert!(rms(&a, &b) < 1e-6, "light step {step}: {}", rms(&a, &b));
+        assert!(b.iter().any(|t| *t < 0.5), "the wall casts a shadow");
+    }
+}
+
+/// Thin matter behind a peak that is millions of times as dense, in the function's values: sums must not swallow it.
+#[test]
+fn little_extinction_beside_a_tall_peak_is_kept() {
+    let ramp = Array3::from_shape_fn((16, 16, 24), |(_, _, i)| 0.2 + 0.03 * i as f32);
+    let volume = Arc::new(volume_of(Voxels::F32(ramp), DAffine3::IDENTITY));
+    for peak in [1.0, 1e3, 1e6] {
+        let tf = extinction(&[(0.01, 0.0), (0.05, peak), (0.1, 0.05), (1.0, 0.05)]);
+        let Some(setup) = Setup::open(&volume, &tf) else { return };
+        let points = points(&volume);
+        let [cells, samples] = ["cells", "samples"]
+            .map(|by| setup.query(&setup.shadow(&format!("osm:bits=32,map=64,march={by}"), LIGHT), &points));
+        let off = rms(&cells, &samples);
+        println!("peak {peak:e}: {off:e}");
+        assert!(off < 1e-3 && cells.iter().any(|t| *t < 0.8), "{peak}: {off}");
+    }
+}
+
+/// Extinction at the far end of a long stretch, and more samples than loops may have turns.
+#[test]
+fn loops_end_where_stretches_are_long_and_where_steps_are_short() {
+    let two = Array3::from_shape_fn((1, 1, 2), |(_, _, i)| i as f32);
+    let volume = Arc::new(volume_of(Voxels::F32(two), DAffine3::IDENTITY));
+    let late = extinction(&[(0.999, 0.0), (1.0, 1e4)]);
+    let long = Array3::from_shape_fn((200, 8, 8), |(k, _, _)| (k % 2) as f32);
+    let apart = DAffine3::from_scale(DVec3::new(1.0, 1.0, 100.0));
+    let long = Arc::new(volume_of(Voxels::F32(long), apart));
+    let thin = extinction(&[(0.0, 0.0), (1.0, 1e-5)]);
+    for (volume, tf, step) in
+        [(&volume, &late, 8.0), (&volume, &late, 0.5), (&long, &thin, 0.5), (&long, &thin, 0.01)]
+    {
+        let Some(setup) = Setup::open(volume, tf) else { return };
+        for method in ["dsm", "osm", "dom", "bom"] {
+            let spec = format!("{method}:map=16,march=samples,step={step}");
+            let map = setup.shadow(&spec, Light::Directional { toward: DVec3::new(-0.001, 0.01, 1.0) });
+            assert!(setup.query(&map, &[DVec3::ZERO])[0].is_finite(), "{spec}");
+        }
+    }
 }

@@ -8,14 +8,14 @@
 #import umbravox::tile_table::record_of
 #import umbravox::dsm_nodes::{start_writer, push, finish, cut_short}
 #import umbravox::dsm_layout::{own, DEPTH_STEPS, MOST_LATTICE_STEPS}
-#ifdef MARCH_CELLS
+#ifdef MARCHES
 #import umbravox::march::march
 #import umbravox::sink::start_sink
 #endif
 
 const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 
-#ifndef MARCH_CELLS
+#ifndef MARCHES
 // Optical depth between two depths by the trapezoid rule over point samples of the extinction (`precompress=off`).
 fn sampled_depth(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> f32 {
     let size = vec3<f32>(field.size);
@@ -81,7 +81,7 @@ fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
         var step_depth = 0.0;
         for (var tap = 0u; tap < own.taps; tap++) {
             let ray = light_ray(texel + tap_offset(tap));
-#ifdef MARCH_CELLS
+#ifdef MARCHES
             var sink = start_sink();
             march(&sink, ray.o, ray.d, z, z_next);
             let depth = sink.optical_depth.total;

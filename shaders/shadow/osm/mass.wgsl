@@ -1,6 +1,7 @@
 // The optical mass of the volume by depth, over rays spread over the map: what slicing by density divides evenly.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
+#import umbravox::work::add_work
 #import umbravox::march::march
 #import umbravox::sink::{Sink, store_bin}
 
@@ -15,4 +16,5 @@ fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
     var sink = Sink(0u, 0.0, 0.0);
     march(&sink, ray.o, ray.d, light.depth_start_mm, depth_end_mm());
     store_bin(sink.bin, sink.depth);
+    add_work();
 }

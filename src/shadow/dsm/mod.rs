@@ -181,9 +181,9 @@ impl DeepShadowMap {
         match (self.precompress, self.whole_curve()) {
             (Precompress::Off, _) => shader,
             (_, true) => {
-                shader.defs(["WHOLE_CURVE", "MARCH_CELLS"]).with_march(self.march(), "shadow/dsm/sink.wgsl")
+                shader.defs(["WHOLE_CURVE", "MARCHES"]).with_march(self.march(), "shadow/dsm/sink.wgsl")
             }
-            (_, false) => shader.defs(["MARCH_CELLS"]).with_march(self.march(), DEPTH_SINK),
+            (_, false) => shader.defs(["MARCHES"]).with_march(self.march(), DEPTH_SINK),
         }
     }
 
