@@ -38,13 +38,17 @@ impl Figures {
         self.row[column].as_f64().unwrap_or(f64::NAN)
     }
 
+    fn params(&self) -> &str {
+        self.row["params"].as_str().unwrap_or_default()
+    }
+
     fn print(&self, who: &str, scene: &str, none_ms: f64) {
         let work = ["work_samples", "work_lookups", "work_loads", "work_cells", "work_pieces"];
         let work = work.map(|column| format!("{:.1}", self.number(column))).join(" / ");
         println!(
             "| {scene} | {who} | {} {} | {} | {:.1} | {:.1} | {:.2} | {:.4} | {:.4} | {} | {work} |",
             self.row["method"].as_str().unwrap_or_default(),
-            self.row["params"].as_str().unwrap_or_default(),
+            self.params(),
             self.row["map"],
             median(&self.build_ms),
             median(&self.frame_ms),
@@ -68,7 +72,7 @@ fn measure(
         .arg("compare")
         .args(scene)
         .args(["--methods", methods, "--light", "dir:0.5,-0.5,0.7071", "--size", "512x512", "--step", "1"])
-        .args(["--repeats", "5", "--points", "4000", "--rays", "400", "--depths", "40", "--overwrite", "-o"])
+        .args(["--repeats", "5", "--points", "4000", "--rays", "400", "--depths", "40", "-o"])
         .arg(folder.path())
         .output()
         .map_err(|e| e.to_string())?;
@@ -129,7 +133,8 @@ fn main() -> ExitCode {
         for (who, _, _, rows) in &builds {
             let is_none = |f: &&Figures| f.row["method"] == "none";
             let none_ms = rows.values().find(is_none).map_or(f64::NAN, |f| median(&f.frame_ms));
-            let fixed = |f: &&Figures| is_none(f) || (f.row["map"] == 512 && f.number("epsilon") == 0.02);
+            let fixed =
+                |f: &&Figures| is_none(f) || (f.row["map"] == 512 && f.params().contains("epsilon=0.02"));
             rows.values().filter(fixed).for_each(|f| f.print(who, name, none_ms));
             for error in ERRORS {
                 let close = rows.values().filter(|f| f.number("point_err_rms") <= error);
