@@ -10,7 +10,7 @@
 const PERSPECTIVE: u32 = #{PERSPECTIVE};
 const OCTAHEDRAL: u32 = #{OCTAHEDRAL};
 
-// The projection of a map and nothing else; a method's own numbers are at binding 1.
+// The projection of a map and the step along its rays; a method's own numbers are at binding 1.
 struct LightSpace {
     // Rows of the affine map to the light frame from grid space.
     frame_from_grid_a: vec4<f32>,

@@ -57,10 +57,10 @@ pub fn check(
     shadow: &ShadowMap,
     scene: &Scene,
 ) -> Result<Option<Check>> {
-    let Some((cells, step)) = method.by_cells() else { return Ok(None) };
-    let depth_mm = step * session.loaded.volume.min_spacing_mm();
+    let Some(cells) = method.by_cells() else { return Ok(None) };
     let by_cells = session.shadow(cells.as_ref(), scene.light)?;
     let space = &shadow.light_space;
+    let depth_mm = space.step_mm;
     let [near, far] = space.z_range;
     let near = near.max(space.ray_start());
     let side = u64::from(space.map_size);

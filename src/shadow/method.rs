@@ -1,6 +1,6 @@
 //! What a shadow method is to everything else: its line of the registry, what it builds, and what it promises.
 
-use super::settings::{self, Key, Lookups, MAP, MARCH, STEP, Value};
+use super::settings::{self, Key, Lookups, MAP, MARCH, Value};
 use super::spec::Setting;
 use super::style::Style;
 use crate::error::{Error, Result};
@@ -225,17 +225,15 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         settings.map(|(key, value)| format!("{}={value}", key.name)).collect::<Vec<_>>().join(" ")
     }
 
-    /// The same map marched cell by cell, and the step in smallest voxel spacings, where it is marched by regular samples.
-    fn by_cells(&self) -> Option<(Box<dyn Method>, f64)> {
+    /// The same map marched cell by cell, where it is marched by regular samples.
+    fn by_cells(&self) -> Option<Box<dyn Method>> {
         let (keys, mut values) = (self.entry().keys, self.values());
-        let place = |name: &str| keys.iter().position(|key| key.name == name);
-        let (march, step) = (place(MARCH)?, place(STEP)?);
-        let by_samples =
-            values[march] == Value::Choice("samples") && settings::applies(keys, &values, &keys[march]);
-        let Value::Number(step) = values[step] else { return None };
+        let march = keys.iter().position(|key| key.name == MARCH)?;
+        if values[march] != Value::Choice("samples") || !settings::applies(keys, &values, &keys[march]) {
+            return None;
+        }
         values[march] = Value::Choice("cells");
-        let made = (self.entry().make)(&values)?;
-        by_samples.then_some((made, step))
+        (self.entry().make)(&values)
     }
 
     /// Texels a side, where it has a map.

@@ -338,9 +338,8 @@ choices! {
     }
 }
 
-/// Names of the keys for how light rays are marched, and for the distance of samples.
+/// Name of the key for how light rays are marched.
 pub(super) const MARCH: &str = "march";
-pub(super) const STEP: &str = "step";
 /// Key of methods that have a map.
 pub(super) const MARCH_KEY: Key =
     Key::choice(MarchBy::NAMES, "cells", "light rays cell by cell, exactly, or by regular samples")

@@ -8,7 +8,8 @@
 //!   every texel of a tile that holds active bricks has a first row, further rows come from a pool shared by all tiles
 //!   (an atomic counter), so that one long texel does not lengthen its whole tile.
 //! * Rays are marched cell by cell instead of at regular steps: inside a cell the field along a ray is a cubic, and the
-//!   pre-compressed table tells at which values visibility bends; no peak or grazing touch is stepped over.
+//!   pre-compressed table tells at which values visibility bends; no peak or grazing touch is stepped over. `march=samples`
+//!   has the paper's steps, with the integrals of extinction between two of them instead of that table.
 //! * The stored slope is clamped to be no more than zero, which never leaves the window: output is monotone.
 //! * `filter=bilinear` lays the four functions over each other at the depth where each first meets extinction (where
 //!   these are close enough to be one surface) before it averages them: without that, slanted lit walls shadow
