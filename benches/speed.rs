@@ -1,5 +1,9 @@
 //! What shadows cost beside the picture without them, at what error: a table of three scenes, of this build alone or in turn
-//! with another one's binary (`UMBRAVOX_BEFORE`), whose rows come first. Figures are medians over all runs.
+//! with another one's binary (`UMBRAVOX_BEFORE`), whose rows come first, and with VTK's ray caster (`UMBRAVOX_PEER`: a
+//! command that takes VOLUME TF --eye --target --fov --light --size --step and prints `MODE median min max` in ms).
+//! `UMBRAVOX_SCENES` names some of the scenes, `UMBRAVOX_ROUNDS` runs of each. Figures are medians over all runs.
+//!
+//! Besides: how building and drawing grow with the volume, and how much of two cores a build takes.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -9,10 +13,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// Runs of each binary, unless `UMBRAVOX_ROUNDS` says otherwise.
+/// Runs of each.
 const ROUNDS: usize = 2;
 /// Where errors of 0.02 and 0.04 lie, and the ends of the range.
-const MAPS: &str = "160,176,192,256,288,320,384,512,576";
+const MAPS: &str = "160,176,192,224,256,288,320,352,384,448,512,576";
+/// Sides of the phantom between which growth is told, at this map.
+const GROWTH: [u32; 2] = [128, 512];
+const LIGHT: &str = "0.5,-0.5,0.7071";
 const ERRORS: [f64; 3] = [0.02, 0.03, 0.04];
 
 /// Builds and frames (ms) of a row in all runs, and what does not change from run to run.
@@ -71,7 +78,7 @@ fn measure(
     let told = Command::new(binary)
         .arg("compare")
         .args(scene)
-        .args(["--methods", methods, "--light", "dir:0.5,-0.5,0.7071", "--size", "512x512", "--step", "1"])
+        .args(["--methods", methods, "--light", &format!("dir:{LIGHT}"), "--size", "512x512", "--step", "1"])
         .args(["--repeats", "5", "--points", "4000", "--rays", "400", "--depths", "40", "-o"])
         .arg(folder.path())
         .output()
@@ -87,6 +94,84 @@ fn measure(
         figures.frame_ms.extend(row["frame_ms"].as_f64());
         figures.row = row;
     }
+    Ok(())
+}
+
+/// Medians (ms) of the peer's modes on a scene of a file, a transfer function and a camera.
+fn peer(command: &str, scene: &[String]) -> Result<BTreeMap<String, f64>, String> {
+    let mut words = command.split_whitespace();
+    let program = words.next().ok_or("UMBRAVOX_PEER is empty")?;
+    let told = Command::new(program)
+        .args(words)
+        .args([&scene[0], &scene[2]])
+        .args(&scene[3..])
+        .args(["--light", LIGHT, "--size", "512", "--step", "1", "--modes", "unshaded,shadows"])
+        .output()
+        .map_err(|e| e.to_string())?;
+    let text = String::from_utf8_lossy(&told.stdout);
+    let line = |line: &str| {
+        let mut words = line.split_whitespace();
+        Some((words.next()?.to_owned(), words.next()?.parse().ok()?))
+    };
+    let modes: BTreeMap<_, _> = text.lines().filter_map(line).collect();
+    match modes.contains_key("shadows") {
+        true => Ok(modes),
+        false => Err(String::from_utf8_lossy(&told.stderr).into_owned()),
+    }
+}
+
+/// Frame and build of a fixed map on phantoms of two sizes.
+fn print_growth(binary: &Path) -> Result<(), String> {
+    let mut times = Vec::new();
+    for side in GROWTH {
+        let scene = [format!("phantom:thorax:{side}"), "--tf".into(), "ct".into()];
+        let mut rows = BTreeMap::new();
+        measure(binary, &scene, "none;dsm:map=512,march=cells,samples", &mut rows)?;
+        times.push(rows);
+    }
+    println!(
+        "\n| growth from thorax:{} to thorax:{}, picture and map fixed | build | frame |",
+        GROWTH[0], GROWTH[1]
+    );
+    println!("|---|---|---|");
+    for (key, small) in &times[0] {
+        let Some(large) = times[1].get(key) else { continue };
+        let ratio = |ms: fn(&Figures) -> &[f64]| median(ms(large)) / median(ms(small));
+        println!("| {key} | {:.2} | {:.2} |", ratio(|f| &f.build_ms), ratio(|f| &f.frame_ms));
+    }
+    Ok(())
+}
+
+/// How many cores builds keep busy: processor time by wall time of a process's many builds less few.
+#[cfg(target_os = "linux")]
+fn print_busy(scene: &[String], name: &str, march: &str) -> Result<(), String> {
+    use std::sync::Arc;
+    use umbravox::open::{VolumeSpec, load, presets};
+    use umbravox::render::{Forced, Session};
+    use umbravox::{scene::Light, shadow};
+    let words = |e: umbravox::Error| e.to_string();
+    let volume = Arc::new(load(&VolumeSpec::new(scene[0].clone())).map_err(words)?);
+    let tf = presets::resolve(&scene[2], &volume).map_err(words)?.tf;
+    let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default()).map_err(words)?;
+    let method = shadow::parse(&format!("dsm:map=512,march={march}")).map_err(words)?;
+    let light = Light::Directional { toward: glam::DVec3::new(0.5, -0.5, 0.7071) };
+    // Pipelines and pools are made in the first two.
+    for _ in 0..2 {
+        session.shadow(method.as_ref(), light).map_err(words)?;
+    }
+    let ticks = || -> Option<f64> {
+        let text = std::fs::read_to_string("/proc/self/stat").ok()?;
+        let mut fields = text.rsplit(')').next()?.split_whitespace().skip(11);
+        Some(fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?)
+    };
+    let (start, before) = (std::time::Instant::now(), ticks());
+    for _ in 0..10 {
+        session.shadow(method.as_ref(), light).map_err(words)?;
+    }
+    let (wall, after) = (start.elapsed().as_secs_f64(), ticks());
+    // A tick is a hundredth of a second.
+    let busy = after.zip(before).map_or(f64::NAN, |(a, b)| (a - b) / 100.0 / wall);
+    println!("| {name}, march={march} | {busy:.2} |");
     Ok(())
 }
 
@@ -112,13 +197,17 @@ fn main() -> ExitCode {
     let now = PathBuf::from(env!("CARGO_BIN_EXE_umbravox"));
     let before = std::env::var_os("UMBRAVOX_BEFORE").map(PathBuf::from);
     let by_cells = format!("none;dsm:epsilon=0.02,0.06,map={MAPS}");
-    let by_samples = format!("{by_cells};dsm:march=samples,step=0.5,1,epsilon=0.02,0.06,map={MAPS}");
+    let by_samples = format!("{by_cells};dsm:march=samples,step=0.5,0.75,1,epsilon=0.02,0.06,map={MAPS}");
     println!(
         "| scene | build of | method | map | build ms | frame ms | frame / none | point_err_rms | ray_err_max | check_ok | samples / lookups / loads a pixel / cells / pieces a texel |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    let chosen = std::env::var("UMBRAVOX_SCENES").ok();
+    scenes.retain(|(name, _)| chosen.as_ref().is_none_or(|list| list.split(',').any(|one| one == name)));
+    let peer_command = std::env::var("UMBRAVOX_PEER").ok();
     let rounds = std::env::var("UMBRAVOX_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(ROUNDS);
     for (name, scene) in &scenes {
+        let mut peer_ms: BTreeMap<String, Vec<f64>> = BTreeMap::new();
         let mut builds: Vec<_> =
             before.iter().map(|path| ("before", path, &by_cells, BTreeMap::new())).collect();
         builds.push(("now", &now, &by_samples, BTreeMap::new()));
@@ -129,6 +218,16 @@ fn main() -> ExitCode {
                     return ExitCode::FAILURE;
                 }
             }
+            // The phantom is no file.
+            if let Some(command) = peer_command.as_ref().filter(|_| !scene[0].starts_with("phantom")) {
+                match peer(command, scene) {
+                    Ok(modes) => modes.into_iter().for_each(|(m, ms)| peer_ms.entry(m).or_default().push(ms)),
+                    Err(why) => println!("{name}: no peer: {why}"),
+                }
+            }
+        }
+        for (mode, ms) in &peer_ms {
+            println!("| {name} | peer | {mode} | | | {:.1} | | | | | |", median(ms));
         }
         for (who, _, _, rows) in &builds {
             let is_none = |f: &&Figures| f.row["method"] == "none";
@@ -147,6 +246,20 @@ fn main() -> ExitCode {
                 }
             }
         }
+    }
+    let mut rest = print_growth(&now);
+    #[cfg(target_os = "linux")]
+    {
+        println!("\n| cores busy during builds of map 512 | processor time / wall time |\n|---|---|");
+        for (name, scene) in &scenes {
+            for march in ["cells", "samples"] {
+                rest = rest.and_then(|()| print_busy(scene, name, march));
+            }
+        }
+    }
+    if let Err(why) = rest {
+        println!("{why}");
+        return ExitCode::FAILURE;
     }
     ExitCode::SUCCESS
 }

@@ -2,10 +2,10 @@
 
 use fastrand::Rng;
 use glam::{DVec2, DVec3};
-use umbravox::field::{ActiveBricks, LightSpace, Projection, TILE};
+use umbravox::field::{ActiveBricks, LightSpace, MapShape, March, Projection, TILE, View};
 use umbravox::open::presets;
 use umbravox::open::{VolumeSpec, load};
-use umbravox::scene::Light;
+use umbravox::scene::{Camera, Light, Scene};
 use umbravox::volume::{BRICK_CELLS, Bricks, Volume};
 
 fn chest() -> (Volume, ActiveBricks) {
@@ -13,6 +13,10 @@ fn chest() -> (Volume, ActiveBricks) {
     let tf = presets::resolve("bone", &volume).unwrap().tf;
     let active = ActiveBricks::of(&Bricks::build(&volume), &tf);
     (volume, active)
+}
+
+fn shape(texels: u32) -> MapShape {
+    MapShape { texels: Some(texels), fits_view: true, reach: 1, march: March::Cells }
 }
 
 fn lights(volume: &Volume) -> [(Projection, Light); 5] {
@@ -35,7 +39,7 @@ fn rays_and_points_are_inverse() {
     let (volume, active) = chest();
     let mut random = Rng::with_seed(1);
     for (projection, light) in lights(&volume) {
-        let space = LightSpace::fit(&volume, &active, light, 300);
+        let space = LightSpace::fit(&volume, &active, light, shape(300), None);
         assert_eq!(space.projection, projection);
         let [near, far] = space.z_range;
         assert!(near < far);
@@ -75,8 +79,8 @@ fn tiles_cover_every_active_brick() {
         .collect();
     assert!(bricks.len() > 50 && bricks.len() < active.distance.len());
     for (projection, light) in lights(&volume) {
-        for map in [1, 16, 17, 100, 512] {
-            let space = LightSpace::fit(&volume, &active, light, map);
+        for map in [1u32, 16, 17, 100, 512] {
+            let space = LightSpace::fit(&volume, &active, light, shape(map), None);
             let tiles = space.occupied_tiles(&volume, &active);
             let across = space.tiles_across();
             assert_eq!((across, tiles.len() as u32), (map.div_ceil(TILE), across * across));
@@ -111,11 +115,68 @@ fn tiles_cover_every_active_brick() {
 fn tiles_without_bricks_are_left_out() {
     let (volume, active) = chest();
     let light = Light::Directional { toward: DVec3::new(1.0, 1.0, 1.0) };
-    let tiles = LightSpace::fit(&volume, &active, light, 512).occupied_tiles(&volume, &active);
+    let tiles = LightSpace::fit(&volume, &active, light, shape(512), None).occupied_tiles(&volume, &active);
     let empty = tiles.iter().filter(|t| !**t).count();
     assert!(
         empty > tiles.len() / 20,
         "a box seen along its diagonal leaves corners: {empty} of {}",
         tiles.len()
     );
+}
+
+/// Random points of what a camera sees lie within the texels of a map fitted to that, one texel from its rim or more.
+#[test]
+fn a_map_of_a_view_covers_what_is_seen() {
+    let (volume, active) = chest();
+    let mut random = Rng::with_seed(3);
+    let whole = Camera::framing(&volume, DVec3::Z, 40.0);
+    let inside = Camera { eye: whole.target + DVec3::new(20.0, 5.0, 0.0), fov_deg: 50.0, ..whole };
+    for camera in [whole, Camera { fov_deg: 6.0, ..whole }, inside] {
+        let scene = Scene { camera, width: 300, height: 200, ..Scene::framing(&volume) };
+        let view = View::of(&scene);
+        for (projection, light) in lights(&volume) {
+            let space = LightSpace::fit(&volume, &active, light, shape(100), Some(&view));
+            let everything = LightSpace::fit(&volume, &active, light, shape(100), None);
+            let finer = projection != Projection::Octahedral && camera.fov_deg < 10.0;
+            assert!(
+                space.texel_mm() < if finer { 0.95 } else { 1.001 } * everything.texel_mm(),
+                "{projection:?}"
+            );
+            assert!(space.serves(&volume, &active, light, Some(&view)));
+            assert!(everything.serves(&volume, &active, light, None));
+            assert_eq!(
+                space.serves(&volume, &active, light, None),
+                space.texel_mm() == everything.texel_mm()
+            );
+            let mut seen = 0;
+            for _ in 0..20_000 {
+                let (i, j) = (300.0 * random.f64() - 0.5, 200.0 * random.f64() - 0.5);
+                let away = (camera.eye.distance(camera.target) + 600.0 * (random.f64() - 0.5)).max(1.0);
+                let point = camera.eye + away * camera.ray_direction(i, j, 300, 200);
+                let grid = volume.index_from_world().transform_point3(point) + 1.0;
+                let brick = (grid / BRICK_CELLS as f64).floor();
+                let counts = DVec3::from_array(active.counts.map(|n| n as f64));
+                if brick.cmplt(DVec3::ZERO).any() || brick.cmpge(counts).any() {
+                    continue;
+                }
+                let at = brick.x + counts.x * (brick.y + counts.y * brick.z);
+                let dims = DVec3::from_array(volume.dims().map(|n| n as f64));
+                if active.distance[at as usize] > 0
+                    || grid.cmplt(DVec3::splat(0.5)).any()
+                    || grid.cmpgt(dims + 0.5).any()
+                {
+                    continue;
+                }
+                seen += 1;
+                let (texel, _) = space.light_point(point);
+                let rim = if projection == Projection::Octahedral { -0.5 } else { 0.5 };
+                let (low, high) = (DVec2::splat(rim - 1e-6), DVec2::splat(99.0 - rim + 1e-6));
+                assert!(
+                    texel.cmpge(low).all() && texel.cmple(high).all(),
+                    "{projection:?}: {point} at {texel}"
+                );
+            }
+            assert!(seen > 300, "{seen}");
+        }
+    }
 }

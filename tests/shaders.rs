@@ -19,7 +19,7 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
         Kind::Choice(names) => names.iter().map(|n| n.to_string()).collect(),
         // Records are packed by how many layers there are; sides of maps make no other shader, nor do numbers.
         Kind::Whole { least, most } if most <= 512 => (least..least + 9).map(|n| n.to_string()).collect(),
-        Kind::Whole { .. } | Kind::Number { .. } => Vec::new(),
+        Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => Vec::new(),
     };
     let keys = entry.keys.iter().filter(|k| k.when == When::Always && !ALONE.contains(&k.name));
     let keys = keys.map(|k| (k.name, values(k.kind))).filter(|(_, v)| !v.is_empty());

@@ -79,25 +79,25 @@ impl MethodChoice {
         shadow::parse(&self.spec())
     }
 
-    /// A cheaper one for while a hand moves: no more than `map` texels a side, and a compression that is no finer than
-    /// what such texels show.
+    /// A cheaper one for while a hand moves: its keys' coarse values, and no more than `map` texels a side where it has
+    /// `own` of them.
     #[must_use]
-    pub fn coarse(&self, map: u32) -> Self {
+    pub fn coarse(&self, own: u32, map: u32) -> Self {
         let mut coarse = self.clone();
-        if self.map().is_some_and(|m| m > map) {
-            for (key, value) in self.entry().keys.iter().zip(&mut coarse.values) {
-                if let Some(now) = key.parse(value) {
-                    *value = key.coarser(now).to_string();
-                }
+        for (key, value) in self.entry().keys.iter().zip(&mut coarse.values) {
+            if let Some(now) = key.parse(value) {
+                *value = key.coarser(now).to_string();
             }
+        }
+        if own > map && self.get("map").is_some() {
             coarse.set("map", map.to_string());
         }
         coarse
     }
 
-    /// Texels a side, where the method has a map.
-    pub fn map(&self) -> Option<u32> {
-        self.get("map").and_then(|m| m.parse().ok())
+    /// Texels a side, where the method has a map: as set, or as many as maps have chosen for themselves.
+    pub fn map(&self, chosen: u32) -> Option<u32> {
+        self.get("map").map(|m| m.parse().unwrap_or(chosen))
     }
 }
 
@@ -112,12 +112,17 @@ mod tests {
             assert_eq!(choice.spec(), entry.name);
             assert_eq!(MethodChoice::parse(&choice.spec()).unwrap(), choice);
             choice.method().unwrap();
-            choice.coarse(64).method().unwrap();
+            choice.coarse(512, 64).method().unwrap();
         }
         let choice = MethodChoice::parse("dsm:epsilon=0.01,map=256").unwrap();
         assert_eq!(choice.spec(), "dsm:epsilon=0.01,map=256");
-        assert_eq!(choice.coarse(128).map(), Some(128));
-        assert_eq!(choice.coarse(512), choice, "a coarser map is never a finer one");
+        assert_eq!(choice.map(512), Some(256));
+        assert_eq!(choice.coarse(256, 128).map(512), Some(128));
+        assert_eq!(choice.coarse(256, 512).map(512), Some(256), "a coarser map is never a finer one");
+        let choice = MethodChoice::parse("dsm").unwrap();
+        assert_eq!((choice.map(300), choice.coarse(300, 512).map(300)), (Some(300), Some(300)));
+        assert_eq!(choice.coarse(300, 192).map(300), Some(192));
+        assert_eq!(MethodChoice::parse("rays").unwrap().map(300), None);
     }
 
     #[test]

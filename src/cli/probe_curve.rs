@@ -65,7 +65,7 @@ pub fn run(
         found.push(MethodCurve {
             method: method.name().into(),
             params: method.params(),
-            map: method.map_size(),
+            map: method.has_map().then_some(shadow.light_space.map_size),
             transmittance: session.query(&shadow, &points)?,
         });
     }

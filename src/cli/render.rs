@@ -39,7 +39,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
     let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?;
     let method = needed_method(&session, &scene, method);
-    let shadow = session.shadow(method.as_ref(), scene.light)?;
+    let shadow = session.shadow_of(method.as_ref(), &scene)?;
     let picture = session.render(&shadow, &scene)?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     let texts = [

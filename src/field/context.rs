@@ -1,6 +1,6 @@
 //! What building a shadow structure needs: a volume under a light on a device.
 
-use super::{DeviceTransfer, LightSpace, March, PoolSizes, TilePace};
+use super::{DeviceTransfer, LightSpace, MapShape, March, PoolSizes, TilePace, View};
 use crate::error::Result;
 use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Span, uniform_buffer};
 use crate::scene::Light;
@@ -25,6 +25,8 @@ pub struct BuildContext<'a> {
     pub transfer: &'a DeviceTransfer,
     /// The light that it stands in.
     pub light: Light,
+    /// What the picture shows, where the shadows are for a picture.
+    pub view: Option<&'a View>,
 }
 
 impl BuildContext<'_> {
@@ -33,10 +35,11 @@ impl BuildContext<'_> {
         self.kernels.gpu()
     }
 
-    /// A map of `map_size` texels a side, fitted to the active bricks.
-    pub fn light_space(&self, map_size: u32, march: March) -> LightSpace {
-        let mut space = LightSpace::fit(self.volume, &self.transfer.active, self.light, map_size);
-        if let March::Samples { step } = march {
+    /// A map fitted to the active bricks, or to what of them is seen.
+    pub fn light_space(&self, shape: MapShape) -> LightSpace {
+        let active = &self.transfer.active;
+        let mut space = LightSpace::fit(self.volume, active, self.light, shape, self.view);
+        if let March::Samples { step } = shape.march {
             let shortest = space.depth_range_mm() / MOST_LIGHT_SAMPLES;
             space.step_mm = (step * self.volume.min_spacing_mm()).max(shortest);
         }

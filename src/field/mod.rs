@@ -13,13 +13,14 @@ mod pool_sizes;
 mod shader;
 mod tile_march;
 mod tile_pace;
+mod view;
 
 pub use active_bricks::{ActiveBricks, extinction_intervals};
 pub use constants::{FAR, LINE_THREADS, NO_TILE, TILE, TILE_TEXELS};
 pub use context::BuildContext;
 pub use device_transfer::{DeviceTransfer, MarchTable};
 pub use device_volume::{DeviceVolume, TexelFormat};
-pub use light_space::{LightSpace, Projection, Rounding};
+pub use light_space::{LightSpace, MapShape, Projection, Rounding};
 pub use loaded::{LoadedVolume, grid_from_world};
 pub use omittable::{Forced, Omittable};
 pub use pool_sizes::PoolSizes;
@@ -29,3 +30,4 @@ pub use shader::{
 };
 pub use tile_march::TileMarch;
 pub use tile_pace::TilePace;
+pub use view::View;

@@ -1,7 +1,7 @@
 //! A tiled map in the making: which tiles are built, where their records lie, and passes over them.
 
 use super::constants::{NO_TILE, TILE_TEXELS};
-use super::{BuildContext, LightSpace, March, Omittable};
+use super::{BuildContext, LightSpace, MapShape, Omittable};
 use crate::error::Result;
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
 
@@ -16,6 +16,8 @@ pub struct TileMarch<'a> {
     pub light_space: LightSpace,
     light: wgpu::Buffer,
     table: wgpu::TextureView,
+    /// Numbers of the tiles that are built, in the order of their records.
+    built_tiles: Vec<u32>,
     list: wgpu::Buffer,
     /// Tiles of the map, and those that are built.
     pub tiles: u32,
@@ -24,13 +26,13 @@ pub struct TileMarch<'a> {
 }
 
 impl<'a> TileMarch<'a> {
-    /// Of a map of so many texels a side, whose rays are marched so.
+    /// Of a map of this shape.
     ///
     /// # Errors
     /// A map that the adapter cannot hold.
-    pub fn fit(context: &BuildContext<'a>, map_size: u32, march: March) -> Result<Self> {
+    pub fn fit(context: &BuildContext<'a>, shape: MapShape) -> Result<Self> {
         let gpu = context.gpu();
-        let light_space = context.light_space(map_size, march);
+        let light_space = context.light_space(shape);
         let mut occupied = light_space.occupied_tiles(context.volume, &context.transfer.active);
         if context.transfer.forced.has(Omittable::Tiles) {
             occupied.fill(true);
@@ -47,6 +49,7 @@ impl<'a> TileMarch<'a> {
             tiles: entries.len() as u32,
             built: list.len() as u32,
             list: StorageBuffer::from_slice(gpu, "tile list", &list)?,
+            built_tiles: list,
         })
     }
 
@@ -79,13 +82,41 @@ impl<'a> TileMarch<'a> {
         own: &[(u32, Slot<'_>)],
         stage: &[(u32, Slot<'_>)],
     ) -> Result<Span> {
+        self.run_over((&self.list, self.built), label, variant, own, stage)
+    }
+
+    /// The same over some of the built tiles, which `places` names by the order of their records.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn run_again(
+        &self,
+        places: &[usize],
+        label: &'static str,
+        variant: &ShaderVariant,
+        own: &[(u32, Slot<'_>)],
+        stage: &[(u32, Slot<'_>)],
+    ) -> Result<Span> {
+        let some: Vec<u32> = places.iter().map(|place| self.built_tiles[*place]).collect();
+        let list = StorageBuffer::from_slice(self.context.gpu(), "some tiles", &some)?;
+        self.run_over((&list, some.len() as u32), label, variant, own, stage)
+    }
+
+    fn run_over(
+        &self,
+        (list_of_tiles, count): (&wgpu::Buffer, u32),
+        label: &'static str,
+        variant: &ShaderVariant,
+        own: &[(u32, Slot<'_>)],
+        stage: &[(u32, Slot<'_>)],
+    ) -> Result<Span> {
         let context = &self.context;
         let group = self.group(label, own);
         let mut span: Option<Span> = None;
         let mut last = None;
-        let mut parts = context.pace.parts(context.gpu(), label, self.built);
+        let mut parts = context.pace.parts(context.gpu(), label, count);
         while let Some(part) = parts.next(context.gpu(), last) {
-            let list = (0, Slot::read(part.binding(&self.list)));
+            let list = (0, Slot::read(part.binding(list_of_tiles)));
             let stage = context.kernels.group(label, &[&[list][..], stage].concat());
             let took = context.run(label, variant, [&group, &stage], part.workgroups())?;
             span = Some(span.map_or(took, |s| s.plus(took)));

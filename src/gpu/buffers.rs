@@ -63,11 +63,25 @@ pub fn store_texture(
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING
+            | wgpu::TextureUsages::STORAGE_BINDING
+            | wgpu::TextureUsages::COPY_SRC
+            | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     });
     gpu.take_error()?;
     Ok(texture.create_view(&Default::default()))
+}
+
+/// Copies the first rows of a [`store_texture`] into another that is as wide, and waits for it.
+///
+/// # Errors
+/// A lost device.
+pub fn copy_rows(gpu: &Gpu, from: &wgpu::TextureView, to: &wgpu::TextureView, rows: u32) -> Result<()> {
+    let size = wgpu::Extent3d { height: rows, ..from.texture().size() };
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_texture(from.texture().as_image_copy(), to.texture().as_image_copy(), size);
+    gpu.wait_for(gpu.queue.submit([encoder.finish()]))
 }
 
 /// A side with room for `side` texels that is no power of two, where the adapter's textures go on so far.

@@ -12,7 +12,9 @@ mod timing;
 mod watch;
 
 pub use bindings::{Group, Slot};
-pub use buffers::{StorageBuffer, read_back, steady_side, store_texture, table_texture, uniform_buffer};
+pub use buffers::{
+    StorageBuffer, copy_rows, read_back, steady_side, store_texture, table_texture, uniform_buffer,
+};
 pub use device::{DeviceLoss, Gpu};
 pub use kernels::Kernels;
 #[cfg(test)]

@@ -5,8 +5,8 @@ use super::progress::{Progress, Step, StepKind};
 use super::stats::{Spread, image_difference};
 use super::timing::{StageTimes, Timing, Turns, clock_name, interleave};
 use crate::error::{Error, Result};
-use crate::render::{Forced, Omission, Omittable, Picture};
-use crate::shadow::{Method, NoShadows, ShadowMap};
+use crate::render::{Forced, Omission, Omittable, Picture, View};
+use crate::shadow::{Method, NoShadows};
 use serde::Serialize;
 use std::cell::RefCell;
 use std::time::Instant;
@@ -174,8 +174,9 @@ fn run(job: &Job, method: &dyn Method, forced: Forced) -> Result<Run> {
     let transfer = renderer.transfer(loaded, job.tf, forced)?;
     let needed = crate::render::needs_shadows(job.scene, job.volume, &transfer).is_ok();
     let start = Instant::now();
-    let shadow: ShadowMap =
-        renderer.shadow(loaded, &transfer, if needed { method } else { &NoShadows }, job.scene.light)?;
+    let method = if needed { method } else { &NoShadows };
+    let view = View::of(job.scene);
+    let shadow = renderer.shadow_in(loaded, &transfer, method, job.scene.light, Some(&view))?;
     let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
     let picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
     let march = transfer.march_table();

@@ -58,15 +58,17 @@ pub fn check(
     scene: &Scene,
 ) -> Result<Option<Check>> {
     let Some(cells) = method.by_cells() else { return Ok(None) };
-    let by_cells = session.shadow(cells.as_ref(), scene.light)?;
+    let by_cells = session.shadow_of(cells.as_ref(), scene)?;
     let space = &shadow.light_space;
     let depth_mm = space.step_mm;
     let [near, far] = space.z_range;
     let near = near.max(space.ray_start());
     let side = u64::from(space.map_size);
     let mut known = HashSet::new();
-    let drawn = (0..DRAWN as u64).map(|i| mix(i) % (side * side)).filter(|place| known.insert(*place));
     let centre = |place: u64| DVec2::new((place % side) as f64, (place / side) as f64);
+    let drawn = (0..DRAWN as u64)
+        .map(|i| mix(i) % (side * side))
+        .filter(|place| known.insert(*place) && space.covers(centre(*place)));
     let rays: Vec<_> = drawn.map(|place| space.world_ray(centre(place))).collect();
     // Behind everything, light is missing where a ray has met something.
     let ends: Vec<_> = rays.iter().map(|(start, along)| *start + *along * far).collect();

@@ -89,10 +89,13 @@ pub fn texels_to_test(
         .into_par_iter()
         .map(|i| {
             let texel = DVec2::new(f64::from(i % blocks), f64::from(i / blocks)) + 0.5;
-            meets_extinction(field, light, light_space, texel * f64::from(block) - 0.5)
+            let texel = texel * f64::from(block) - 0.5;
+            light_space.covers(texel) && meets_extinction(field, light, light_space, texel)
         })
         .collect();
-    pick_texels(map, count, |column, row| met[(row / block * blocks + column / block) as usize])
+    let picked = pick_texels(map, count, |column, row| met[(row / block * blocks + column / block) as usize]);
+    let covered = |t: &[u32; 2]| light_space.covers(DVec2::new(f64::from(t[0]), f64::from(t[1])));
+    picked.into_iter().filter(covered).collect()
 }
 
 /// Whether the light ray through texel coordinates meets any extinction.

@@ -76,7 +76,7 @@ impl Job<'_> {
         // Where no light can be kept from a sample, that of `none` is built.
         let needed = self.session.needs_shadows(self.scene).is_ok();
         let start = Instant::now();
-        let shadow = self.session.shadow(if needed { method } else { &NoShadows }, self.scene.light)?;
+        let shadow = self.session.shadow_of(if needed { method } else { &NoShadows }, self.scene)?;
         let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
         let frame = self.session.render(&shadow, self.scene)?.span;
         let report = &shadow.report;

@@ -14,11 +14,11 @@ use super::table::Row;
 use super::timing::Timing;
 use crate::error::Result;
 use crate::exact::ExactField;
-use crate::render::{Omission, Session};
+use crate::render::{Omission, Session, View};
 use crate::scene::Scene;
-use crate::shadow::{Method, NoShadows, ShadowMap};
+use crate::shadow::{LightSpace, Method, NoShadows, ShadowMap};
+use glam::DVec2;
 use ndarray::Array3;
-use std::collections::HashMap;
 use std::time::Instant;
 
 /// Pixels of the exact picture that `image_*` compare with, and those of them by which its own error is told.
@@ -48,8 +48,8 @@ pub(super) struct Reference<'a> {
     exact_picture: ExactPicture,
     /// Where the volume stands for strands.
     strands: Option<StrandReference>,
-    /// Tested texels by map size: the light space of a scene depends on nothing else.
-    texels: HashMap<u32, Vec<[u32; 2]>>,
+    /// Tested texels of maps that are laid out alike.
+    texels: Vec<(LightSpace, Vec<[u32; 2]>)>,
     bricks_ms: Option<f64>,
     tables_ms: Option<f64>,
     /// The pre-compressed table, which only some methods need.
@@ -132,7 +132,7 @@ impl<'a> Reference<'a> {
             seen,
             exact_picture,
             strands,
-            texels: HashMap::new(),
+            texels: Vec::new(),
             bricks_ms: median(bricks),
             tables_ms: median(tables),
             march_table_ms: median(march_tables),
@@ -154,12 +154,16 @@ impl<'a> Reference<'a> {
         let transfer = job.session.fresh_transfer(job.tf)?;
         let used = if needed.is_ok() { method } else { &NoShadows };
         let Session { renderer, loaded, .. } = job.session;
+        let build = || {
+            let view = View::of(job.scene);
+            renderer.shadow_in(loaded, &transfer, used, job.scene.light, Some(&view))
+        };
         let start = Instant::now();
-        let mut shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+        let mut shadow = build()?;
         let build_first_ms = start.elapsed().as_secs_f64() * 1e3;
         if shadow.report.guessed {
             // The row is about what a moved light finds.
-            shadow = renderer.shadow(loaded, &transfer, used, job.scene.light)?;
+            shadow = build()?;
         }
         let marched = transfer.march_table().is_some() || shadow.lookup.as_ref().is_some_and(|l| l.marches());
         if marched {
@@ -183,6 +187,7 @@ impl<'a> Reference<'a> {
         }
         let mut row = Row {
             build_first_ms: Some(build_first_ms),
+            map: method.has_map().then_some(shadow.light_space.map_size),
             bytes: Some(report.bytes),
             bytes_used: Some(report.bytes_used),
             nodes_total: report.nodes_total,
@@ -198,7 +203,7 @@ impl<'a> Reference<'a> {
         let exact = &self.exact_picture;
         let kernels = renderer.kernels();
         let (drawn, picture_work) = kernels.counting_work(|| job.session.render(&shadow, &exact.scene))?;
-        let (_, build_work) = kernels.counting_work(|| job.session.shadow(used, job.scene.light))?;
+        let (_, build_work) = kernels.counting_work(|| job.session.shadow_of(used, job.scene))?;
         let pixels = u64::from(exact.scene.width) * u64::from(exact.scene.height);
         row.set_work((build_work, report.texels_built()), (picture_work, pixels));
         row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
@@ -228,9 +233,9 @@ impl<'a> Reference<'a> {
     /// it is.
     pub fn trial(&self, method: &dyn Method, budgets: &[Budget], mut trial: Trial) -> Result<Trial> {
         let job = self.job;
-        let mut shadow = job.session.shadow(method, job.scene.light)?;
+        let mut shadow = job.session.shadow_of(method, job.scene)?;
         if shadow.report.guessed {
-            shadow = job.session.shadow(method, job.scene.light)?;
+            shadow = job.session.shadow_of(method, job.scene)?;
         }
         trial.bytes = Some(shadow.report.bytes);
         let drawn = job.session.render(&shadow, &self.exact_picture.scene)?;
@@ -265,10 +270,19 @@ impl<'a> Reference<'a> {
         let job = self.job;
         let space = &shadow.light_space;
         let (field, light, count) = (self.field, job.scene.light, job.effort.rays);
-        let texels = self.texels.entry(space.map_size).or_insert_with(|| match job.effort.check_all {
-            true => (0..space.map_size).flat_map(|r| (0..space.map_size).map(move |c| [c, r])).collect(),
-            false => texels_to_test(field, light, space, count),
+        let known = self.texels.iter().position(|(known, _)| known.is_laid_out_as(space));
+        let known = known.unwrap_or_else(|| {
+            let side = space.map_size;
+            let all = (0..side).flat_map(|r| (0..side).map(move |c| [c, r]));
+            let covered = |t: &[u32; 2]| space.covers(DVec2::new(f64::from(t[0]), f64::from(t[1])));
+            let texels = match job.effort.check_all {
+                true => all.filter(covered).collect(),
+                false => texels_to_test(field, light, space, count),
+            };
+            self.texels.push((space.clone(), texels));
+            self.texels.len() - 1
         });
+        let texels = &self.texels[known].1;
         let nodes = match job.effort.check_all {
             true => job.session.node_depths(shadow, texels)?.unwrap_or_default(),
             false => Vec::new(),

@@ -2,6 +2,7 @@
 
 use super::{DeviceTransfer, Forced, LoadedVolume, Renderer, needs_shadows};
 use crate::error::Result;
+use crate::field::View;
 use crate::scene::{Light, Scene};
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use crate::transfer::{TransferChange, TransferFunction};
@@ -23,6 +24,9 @@ pub enum Change {
     Method,
     /// The camera.
     Camera,
+    /// What the camera sees, so that a map fitted to what it saw no longer serves; beside [`Self::Camera`], or where the
+    /// picture's shape changes.
+    View,
     /// Ambient light, shading, background, step, skipping, picture size.
     Picture,
 }
@@ -44,7 +48,7 @@ pub enum Stage {
 
 /// What each change makes stale. Whether a stale shadow structure is then made is the plan's decision
 /// ([`needs_shadows`]).
-pub const INVALIDATES: [(Change, &[Stage]); 8] = [
+pub const INVALIDATES: [(Change, &[Stage]); 9] = [
     (Change::Volume, &[Stage::Upload, Stage::Tables, Stage::Shadows, Stage::Frame]),
     (Change::Opacity, &[Stage::Tables, Stage::Shadows, Stage::Frame]),
     (Change::UnusedValues, &[]),
@@ -52,6 +56,7 @@ pub const INVALIDATES: [(Change, &[Stage]); 8] = [
     (Change::Light, &[Stage::Shadows, Stage::Frame]),
     (Change::Method, &[Stage::Shadows, Stage::Frame]),
     (Change::Camera, &[Stage::Frame]),
+    (Change::View, &[Stage::Shadows, Stage::Frame]),
     (Change::Picture, &[Stage::Frame]),
 ];
 
@@ -85,6 +90,24 @@ pub struct Work {
     /// Shadow structures, ms.
     pub build_ms: Option<f64>,
 }
+
+/// Where a shadow structure is going to be looked up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AskedFor {
+    /// In the picture of a scene: a map may be fitted to what the camera sees.
+    Picture,
+    /// At any point.
+    AnyPoint,
+}
+
+impl AskedFor {
+    fn view(self, scene: &Scene) -> Option<View> {
+        (self == Self::Picture).then(|| View::of(scene))
+    }
+}
+
+/// Share of what is seen that a map covers besides on each side, so that a camera that moves a little needs no other.
+const VIEW_MARGIN: f64 = 0.1;
 
 /// Which map is meant.
 #[derive(Debug, Clone, PartialEq)]
@@ -157,12 +180,29 @@ impl Kept {
     /// Whether [`Self::prepare`] would build nothing: the method's structure is made, or the scene needs none.
     pub fn has(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene) -> bool {
         let unneeded = |t: &DeviceTransfer| needs_shadows(scene, &loaded.volume, t).is_err();
-        self.place(spec, scene.light, true).is_some() || self.transfer().is_some_and(unneeded)
+        self.serving(loaded, spec, scene, AskedFor::Picture).is_some()
+            || self.transfer().is_some_and(unneeded)
     }
 
-    /// Where a structure is kept; one that stands for none needed serves every method.
+    /// [`Change::View`], where maps of the method under this light are kept, but none for what the camera sees.
+    pub fn change_of_view(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene) -> Option<Change> {
+        let outgrown = self.place(spec, scene.light, true).is_some() && !self.has(loaded, spec, scene);
+        outgrown.then_some(Change::View)
+    }
+
+    /// Where a map is kept that serves.
+    fn serving(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene, asked: AskedFor) -> Option<usize> {
+        let (_, transfer) = self.transfer.as_ref()?;
+        let view = asked.view(scene);
+        self.maps.iter().rposition(|(key, map)| {
+            let same = key.light == scene.light && key.needed && key.method == spec;
+            same && map.light_space.serves(&loaded.volume, &transfer.active, scene.light, view.as_ref())
+        })
+    }
+
+    /// Where a structure is kept, the most lately used one; what stands for none needed serves every method.
     fn place(&self, spec: &str, light: Light, needed: bool) -> Option<usize> {
-        self.maps.iter().position(|(key, _)| {
+        self.maps.iter().rposition(|(key, _)| {
             (key.light, key.needed) == (light, needed) && (!needed || key.method == spec)
         })
     }
@@ -177,20 +217,21 @@ impl Kept {
         renderer: &Renderer,
         loaded: &LoadedVolume,
         (spec, method): (&str, &dyn Method),
-        scene: &Scene,
+        (scene, asked): (&Scene, AskedFor),
         work: &mut Work,
     ) -> Result<()> {
         let Some((_, transfer)) = &self.transfer else { return Ok(()) };
         let needed = needs_shadows(scene, &loaded.volume, transfer).is_ok();
         // A map serves a scene that needs none; what was made where none was needed serves no other.
-        let kept = self.place(spec, scene.light, true);
+        let kept = self.serving(loaded, spec, scene, asked);
         if let Some(found) = kept.or_else(|| self.place(spec, scene.light, false).filter(|_| !needed)) {
             let found = self.maps.remove(found);
             self.maps.push(found);
             return Ok(());
         }
         let method = if needed { method } else { &NoShadows };
-        let map = renderer.shadow(loaded, transfer, method, scene.light)?;
+        let view = asked.view(scene).map(|view| view.with_margin(VIEW_MARGIN));
+        let map = renderer.shadow_in(loaded, transfer, method, scene.light, view.as_ref())?;
         if needed {
             *work.build_ms.get_or_insert(0.0) += map.report.build_ms();
         }
@@ -207,8 +248,9 @@ impl Kept {
 
     /// What [`Self::prepare`] has made for these.
     pub fn shadow(&self, spec: &str, light: Light) -> Option<&ShadowMap> {
-        let found = self.place(spec, light, true).or_else(|| self.place(spec, light, false));
-        found.map(|at| &self.maps[at].1)
+        let found =
+            self.maps.iter().rfind(|(key, _)| key.light == light && (!key.needed || key.method == spec));
+        found.map(|(_, map)| map)
     }
 }
 

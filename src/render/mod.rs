@@ -12,14 +12,14 @@ mod session;
 mod shader;
 
 pub use display::{DisplayTexture, Drawn, Screen};
-pub use kept::{Change, INVALIDATES, Kept, Stage, Work};
+pub use kept::{AskedFor, Change, INVALIDATES, Kept, Stage, Work};
 pub use pace::Pace;
 pub use picture::Picture;
 pub use plan::{Omission, Plan, needs_shadows};
 pub use renderer::Renderer;
 pub use session::Session;
 
-pub use crate::field::{DeviceTransfer, Forced, LoadedVolume, Omittable};
+pub use crate::field::{DeviceTransfer, Forced, LoadedVolume, Omittable, View};
 
 use crate::gpu::ShaderVariant;
 use crate::shadow::Lookup;

@@ -1,7 +1,7 @@
 //! What a scene needs, and what is left out: every decision is a line of `--explain`.
 
 use super::shader::CONSTANTS;
-use crate::field::{DeviceTransfer, LoadedVolume, Omittable, field_shader};
+use crate::field::{DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
 use crate::gpu::ShaderVariant;
 use crate::scene::{Scene, Shading, Skip};
 use crate::shadow::{Lookup, ShadowMap};
@@ -70,23 +70,10 @@ pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) 
     }
 }
 
-/// Whether a box of index coordinates may show in the picture: not where all of its corners lie beyond one side of the
-/// view.
+/// Whether a box of index coordinates may show in the picture.
 fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
-    let frame = scene.camera.frame();
-    let tan = (0.5 * scene.camera.fov_deg.to_radians()).tan();
-    let aspect = f64::from(scene.width) / f64::from(scene.height);
-    let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| {
-        let pick = |bit: u32, lo: f64, hi: f64| if i >> bit & 1 == 0 { lo } else { hi };
-        let index = DVec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z));
-        let d = volume.world_from_index().transform_point3(index) - scene.camera.eye;
-        [d.dot(frame.right), d.dot(frame.up), d.dot(frame.forward)]
-    });
-    // Rounding on the device may put a ray a little beside where it is meant to be.
-    let (right, up) = (1.001 * tan * aspect, 1.001 * tan);
-    // Each side as the sign of a distance from it: outwards is positive.
-    let outwards = |[x, y, z]: [f64; 3]| [-z, x - right * z, -x - right * z, y - up * z, -y - up * z];
-    !(0..5).any(|side| corners.iter().all(|corner| outwards(*corner)[side] > 0.0))
+    let sides = View::of(scene).sides(&volume.world_from_index());
+    sides.may_show(0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
 impl Plan {
@@ -133,7 +120,11 @@ impl Plan {
         if shadows && report.tiles_left_out > 0 {
             let what = format!("{} of {} shadow tiles", report.tiles_left_out, report.tiles);
             let saved = Some(megabytes(report.bytes_left_out));
-            omit(what, "no active brick under them", saved, Some(Omittable::Tiles));
+            let why = match shadow.light_space.is_of_view() {
+                true => "no active brick under them, or out of view",
+                false => "no active brick under them",
+            };
+            omit(what, why, saved, Some(Omittable::Tiles));
         }
         for pass in report.passes_left_out.iter().filter(|_| shadows) {
             omit(pass.what.into(), pass.why, None, pass.optional);

@@ -1,7 +1,7 @@
 //! What draws on one device.
 
 use crate::error::Result;
-use crate::field::{DeviceTransfer, Forced, LoadedVolume, TilePace};
+use crate::field::{DeviceTransfer, Forced, LoadedVolume, TilePace, View};
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::Light;
 use crate::shadow::{BuildContext, Method, ShadowMap};
@@ -83,11 +83,27 @@ impl Renderer {
         method: &dyn Method,
         light: Light,
     ) -> Result<ShadowMap> {
+        self.shadow_in(loaded, transfer, method, light, None)
+    }
+
+    /// The same for the pictures of a view: points outside of it may be looked up wrongly. `None` is as [`Self::shadow`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn shadow_in(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        method: &dyn Method,
+        light: Light,
+        view: Option<&View>,
+    ) -> Result<ShadowMap> {
         let start = Instant::now();
         let made_before = transfer.march_table().is_some();
         let LoadedVolume { volume, pool_sizes, .. } = loaded;
         let (kernels, pace) = (&self.kernels, &self.tile_pace);
-        let mut map = method.build(&BuildContext { kernels, pace, pool_sizes, volume, transfer, light })?;
+        let mut map =
+            method.build(&BuildContext { kernels, pace, pool_sizes, volume, transfer, light, view })?;
         // Tables are made once for a transfer function, and have a time of their own.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);

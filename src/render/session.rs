@@ -2,6 +2,7 @@
 
 use super::{DeviceTransfer, Forced, LoadedVolume, Picture, Renderer, needs_shadows};
 use crate::error::Result;
+use crate::field::View;
 use crate::gpu::Gpu;
 use crate::scene::{Light, Scene};
 use crate::shadow::{Method, NodeMap, ShadowMap, node_depths, node_map};
@@ -66,12 +67,21 @@ impl Session {
         needs_shadows(scene, &self.loaded.volume, &self.transfer)
     }
 
-    /// Builds a shadow structure; see [`Renderer::shadow`].
+    /// Builds a shadow structure that holds at every point; see [`Renderer::shadow`].
     ///
     /// # Errors
     /// As there.
     pub fn shadow(&self, method: &dyn Method, light: Light) -> Result<ShadowMap> {
         self.renderer.shadow(&self.loaded, &self.transfer, method, light)
+    }
+
+    /// Builds a shadow structure for the picture of a scene; see [`Renderer::shadow_in`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn shadow_of(&self, method: &dyn Method, scene: &Scene) -> Result<ShadowMap> {
+        let view = View::of(scene);
+        self.renderer.shadow_in(&self.loaded, &self.transfer, method, scene.light, Some(&view))
     }
 
     /// Renders a picture; see [`Renderer::render`].

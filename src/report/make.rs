@@ -213,7 +213,7 @@ impl Made {
 
 /// The picture by a shadow ray per sample.
 fn reference(job: &Job) -> Result<ReferencePicture> {
-    let shadow = job.session.shadow(&ShadowRays::default(), job.scene.light)?;
+    let shadow = job.session.shadow_of(&ShadowRays::default(), job.scene)?;
     let pixels = job.session.render(&shadow, job.scene)?.pixels;
     let adapter = job.session.renderer.gpu().info.name.clone();
     Ok(ReferencePicture { scene: job.scene_name.clone(), adapter, pixels })
@@ -224,7 +224,7 @@ fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<N
     if compared.row.nodes_total.is_none() {
         return Ok(None);
     }
-    let shadow = job.session.shadow(method, job.scene.light)?;
+    let shadow = job.session.shadow_of(method, job.scene)?;
     job.session.node_map(&shadow)
 }
 

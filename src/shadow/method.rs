@@ -236,7 +236,12 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         (self.entry().make)(&values)
     }
 
-    /// Texels a side, where it has a map.
+    /// Whether it has a map, of texels that light rays go through.
+    fn has_map(&self) -> bool {
+        self.entry().keys.iter().any(|key| key.name == MAP)
+    }
+
+    /// Texels a side, where it has a map and a setting says so; else the scene does ([`LightSpace::map_size`]).
     fn map_size(&self) -> Option<u32> {
         let mut settings = self.entry().keys.iter().zip(self.values());
         settings.find_map(|(key, value)| match value {

@@ -11,7 +11,7 @@ pub struct Axis {
     /// Place among the entry's keys.
     key: usize,
     values: Vec<Value>,
-    /// Place of the key's default among the values.
+    /// Where a search starts: place of the key's default among the values, or the middle where that is a word for a number.
     default: usize,
     /// Values are numbers, and each costs no less memory than the one before.
     pub ordered: bool,
@@ -55,10 +55,14 @@ impl SearchSpace {
             let (place, key) = found.ok_or_else(|| wrong(name, "the method has no such key"))?;
             let values = texts.iter().map(|text| key.parse(text)).collect::<Option<Vec<_>>>();
             let values = values.ok_or_else(|| wrong(name, "a value is none of the key's"))?;
-            let default = values.iter().position(|v| Some(*v) == key.parse(key.default));
+            let default = match key.parse(key.default) {
+                // What a scene makes of a word is not known here: the middle is as good as any other place.
+                Some(Value::Choice(_)) if matches!(key.kind, Kind::WholeOr { .. }) => Some(values.len() / 2),
+                default => values.iter().position(|v| Some(*v) == default),
+            };
             let default = default.ok_or_else(|| wrong(name, "the default is not among the values"))?;
             let ordered = match key.kind {
-                Kind::Whole { .. } | Kind::Number { .. } => true,
+                Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => true,
                 Kind::Choice(names) => names.iter().all(|name| name.parse::<f64>().is_ok()),
             };
             axes.push(Axis { key: place, values, default, ordered });
@@ -72,7 +76,7 @@ impl SearchSpace {
         &self.axes
     }
 
-    /// Where every key has its default.
+    /// Where every key has its default, or the middle of its values.
     pub fn default_place(&self) -> Vec<usize> {
         self.axes.iter().map(|axis| axis.default).collect()
     }
@@ -113,8 +117,12 @@ mod tests {
         for entry in METHODS {
             let Some(space) = SearchSpace::of(entry).unwrap() else { continue };
             tunable.push(entry.name);
-            let default = space.method(&space.default_place()).unwrap();
-            assert_eq!(default.values(), parse(entry.name).unwrap().values());
+            // What a scene would choose is searched among numbers.
+            let start = space.method(&space.default_place()).unwrap();
+            let default = parse(entry.name).unwrap();
+            for ((key, start), default) in entry.keys.iter().zip(start.values()).zip(default.values()) {
+                assert!(start == default || matches!(key.kind, Kind::WholeOr { .. }), "{}", key.name);
+            }
             for (i, axis) in space.axes().iter().enumerate() {
                 assert!(axis.len() > 1, "{}", entry.name);
                 for index in 0..axis.len() {

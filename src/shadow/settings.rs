@@ -4,7 +4,7 @@
 
 use super::spec::Setting;
 use crate::error::{Error, Result};
-use crate::field::March;
+use crate::field::{MapShape, March};
 use std::fmt;
 
 /// What values a key takes.
@@ -16,6 +16,15 @@ pub enum Kind {
         least: u32,
         /// The largest.
         most: u32,
+    },
+    /// A whole number, or a word for one that a scene chooses.
+    WholeOr {
+        /// The smallest.
+        least: u32,
+        /// The largest.
+        most: u32,
+        /// The word.
+        word: &'static str,
     },
     /// Any number.
     Number {
@@ -31,11 +40,11 @@ pub enum Kind {
 /// The value of a key.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
-    /// Of [`Kind::Whole`].
+    /// Of [`Kind::Whole`] and [`Kind::WholeOr`].
     Whole(u32),
     /// Of [`Kind::Number`].
     Number(f64),
-    /// Of [`Kind::Choice`].
+    /// Of [`Kind::Choice`], and the word of [`Kind::WholeOr`].
     Choice(&'static str),
 }
 
@@ -89,6 +98,16 @@ impl Key {
         Self::new(Kind::Whole { least, most }, default, help)
     }
 
+    /// The same, or a word.
+    pub const fn whole_or(
+        [least, most]: [u32; 2],
+        word: &'static str,
+        default: &'static str,
+        help: &'static str,
+    ) -> Self {
+        Self::new(Kind::WholeOr { least, most, word }, default, help)
+    }
+
     /// A number between two, these included.
     pub const fn number([least, most]: [f64; 2], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Number { least, most }, default, help)
@@ -118,6 +137,7 @@ impl Key {
     pub fn values(&self) -> String {
         match self.kind {
             Kind::Whole { least, most } => format!("{least}..{most}"),
+            Kind::WholeOr { least, most, word } => format!("{word}|{least}..{most}"),
             Kind::Number { least, most } => format!("{least}..{most}"),
             Kind::Choice(names) => names.join("|"),
         }
@@ -126,7 +146,8 @@ impl Key {
     /// The value that a text says, where it is one of the key's.
     pub fn parse(&self, text: &str) -> Option<Value> {
         match self.kind {
-            Kind::Whole { least, most } => {
+            Kind::WholeOr { word, .. } if text == word => Some(Value::Choice(word)),
+            Kind::Whole { least, most } | Kind::WholeOr { least, most, .. } => {
                 text.parse().ok().filter(|n| (least..=most).contains(n)).map(Value::Whole)
             }
             Kind::Number { least, most } => {
@@ -214,6 +235,25 @@ impl Field for u32 {
 
     fn to_value(self, key: &Key) -> Option<Value> {
         key.parse(&self.to_string())
+    }
+}
+
+/// A number, or none where a word leaves it to the scene.
+impl Field for Option<u32> {
+    fn from_value(value: Value) -> Option<Self> {
+        match value {
+            Value::Whole(value) => Some(Some(value)),
+            Value::Choice(_) => Some(None),
+            Value::Number(_) => None,
+        }
+    }
+
+    fn to_value(self, key: &Key) -> Option<Value> {
+        match (self, key.kind) {
+            (Some(number), _) => key.parse(&number.to_string()),
+            (None, Kind::WholeOr { word, .. }) => Some(Value::Choice(word)),
+            (None, _) => None,
+        }
     }
 }
 
@@ -316,7 +356,36 @@ impl MarchBy {
 /// Name of the key for texels a side.
 pub(super) const MAP: &str = "map";
 /// Key of methods that have a map.
-pub(super) const MAP_KEY: Key = Key::whole([1, 8192], "512", "texels a side");
+pub(super) const MAP_KEY: Key = Key::whole_or(
+    [1, 8192],
+    "auto",
+    "auto",
+    "texels a side; auto: about a voxel each, finer where zoomed in",
+);
+
+choices! {
+    /// What a map is fitted across.
+    pub enum Fit {
+        /// What of the active bricks the camera sees.
+        View = "view",
+        /// All of them.
+        Volume = "volume",
+    }
+}
+
+impl Fit {
+    /// A map with so many texels a side (`None`: by the scene), marched so.
+    pub fn shape(self, texels: Option<u32>, march: March) -> MapShape {
+        MapShape { texels, fits_view: self == Self::View, reach: 1, march }
+    }
+}
+
+/// Key of methods that have a map.
+pub(super) const FIT_KEY: Key = Key::choice(
+    Fit::NAMES,
+    "view",
+    "texels across what the picture shows, or across all that has extinction",
+);
 
 choices! {
     /// How the four texels around a point are used.

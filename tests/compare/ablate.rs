@@ -11,7 +11,7 @@ fn every_omission_is_forced_back_on() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    let methods = "none;dsm:map=192;dom:map=192,layers=3";
+    let methods = "none;dsm:map=192;dom:map=192,layers=31";
     let mut args = vec!["compare", "phantom:shell:48", "--size=48x48", "--tf", "tf.json", "-o", "out"];
     args.extend([
         "--points=200",

@@ -155,11 +155,11 @@ fn a_kernel_is_judged_by_the_texels_that_it_averages() {
     };
     let light = lights(setup.volume())[0].1;
     let error = |rest: &str| {
-        let method = format!("osm:layers=256,map=48,bits=32{rest}");
+        let method = format!("osm:layers=512,map=48,bits=32{rest}");
         along_light_rays(&setup, &method, light).0.ray_err_max().unwrap()
     };
     let (plain, kernel) = (error(""), error(",kernel=3,average=transmittance"));
-    println!("256 planes: one texel {plain:.4}, a kernel of nine {kernel:.4}");
+    println!("512 planes: one texel {plain:.4}, a kernel of nine {kernel:.4}");
     assert!(plain < 2.0 * tolerance::LAYERS_EVERYWHERE && kernel < 2.0 * tolerance::LAYERS_EVERYWHERE);
 }
 

@@ -1,7 +1,7 @@
 //! What an edit makes stale, row by row, and that what is kept is still right.
 
 use super::*;
-use umbravox::render::{Change, INVALIDATES, Kept, LoadedVolume, Stage, Work};
+use umbravox::render::{AskedFor, Change, INVALIDATES, Kept, LoadedVolume, Stage, Work};
 use umbravox::scene::Camera;
 
 /// A scene that is edited.
@@ -15,7 +15,7 @@ struct State {
 
 impl State {
     fn first() -> Self {
-        let volume = phantom("shell:40");
+        let volume = phantom("shell:64");
         let scene = Scene { width: 49, height: 37, ambient: 0.15, ..Scene::framing(&volume) };
         Self { volume, tf: ramp(), method: "dsm:map=64", scene }
     }
@@ -58,7 +58,9 @@ impl Session {
         made.extend(work.table_ms.filter(|_| work.classify_ms.is_none()).map(|_| Stage::Colors));
         let method = shadow::parse(state.method).unwrap();
         let named = (state.method, method.as_ref());
-        self.kept.prepare(self.renderer, &self.loaded, named, &state.scene, &mut work).unwrap();
+        changes.extend(self.kept.change_of_view(&self.loaded, state.method, &state.scene));
+        let asked = (&state.scene, AskedFor::Picture);
+        self.kept.prepare(self.renderer, &self.loaded, named, asked, &mut work).unwrap();
         made.extend(work.build_ms.map(|_| Stage::Shadows));
         let stale = self.shown.is_none() || changes.iter().any(|c| c.invalidates(Stage::Frame));
         self.shown = Some(state.clone());
@@ -89,6 +91,7 @@ fn edit(state: &mut State, change: Change) {
         Change::Light => state.scene.light = Light::Directional { toward: DVec3::new(-0.3, 0.9, 0.1) },
         Change::Method => state.method = "dsm:map=64,epsilon=0.3",
         Change::Camera => state.scene.camera.eye += DVec3::new(3.0, -5.0, 2.0),
+        Change::View => state.scene.camera.fov_deg = 5.0,
         Change::Picture => state.scene.background = [0.3, 0.1, 0.2],
     }
 }
@@ -109,7 +112,9 @@ fn every_row_of_the_table() {
         let mut state = start.clone();
         edit(&mut state, change);
         let (changes, made, picture) = session.show(&state);
-        assert_eq!(changes, [change]);
+        // The view changes with the camera.
+        let camera = (change == Change::View).then_some(Change::Camera);
+        assert_eq!(changes, camera.into_iter().chain([change]).collect::<Vec<_>>());
         let expected: Vec<Stage> = stages.iter().copied().filter(|s| *s != Stage::Frame).collect();
         assert_eq!(made, expected, "{change:?}");
         assert_eq!(picture.is_some(), stages.contains(&Stage::Frame), "{change:?}");
@@ -157,6 +162,43 @@ fn a_light_that_goes_back_finds_its_map() {
     state.scene.light = light;
     let (_, made, picture) = session.show(&state);
     assert_eq!((made, picture), (vec![], Some(first)));
+}
+
+#[test]
+fn a_map_serves_the_views_that_it_covers() {
+    let mut state = State::first();
+    let Some(mut session) = Session::open(&state.volume) else { return };
+    session.show(&state);
+    let framed = state.scene.camera;
+    let zoomed = Camera { fov_deg: 5.0, ..framed };
+    state.scene.camera = zoomed;
+    assert_eq!(session.show(&state).1, [Stage::Shadows], "half of it is not needed");
+    // A little to the side is covered, far to the side is not.
+    let aside = |share: f64| Camera { target: framed.target + share * framed.up * 10.0, ..zoomed };
+    for (camera, made) in [(aside(0.02), vec![]), (aside(1.0), vec![Stage::Shadows]), (framed, vec![])] {
+        state.scene.camera = camera;
+        let shown = session.show(&state);
+        assert_eq!(shown.1, made, "{camera:?}");
+        same_as_from_nothing(&state, &shown.2.unwrap(), "another view");
+    }
+    // A map for the picture is none for every point, and one for every point does for a picture that shows all.
+    state.scene.camera = zoomed;
+    session.show(&state);
+    for (spec, asked, built) in [
+        ("dsm:map=64,epsilon=0.1", AskedFor::AnyPoint, true),
+        ("dsm:map=64,epsilon=0.1", AskedFor::Picture, true),
+        ("dsm:map=64,epsilon=0.1,fit=volume", AskedFor::Picture, true),
+        ("dsm:map=64,epsilon=0.1,fit=volume", AskedFor::AnyPoint, false),
+    ] {
+        let method = shadow::parse(spec).unwrap();
+        let mut work = Work::default();
+        let (renderer, loaded) = (session.renderer, &session.loaded);
+        session
+            .kept
+            .prepare(renderer, loaded, (spec, method.as_ref()), (&state.scene, asked), &mut work)
+            .unwrap();
+        assert_eq!(work.build_ms.is_some(), built, "{spec} {asked:?}");
+    }
 }
 
 #[test]

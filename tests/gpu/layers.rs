@@ -126,7 +126,11 @@ fn deep_opacity_begins_where_matter_does() {
         let before = lit_side(&setup, light, &[-0.05, -0.5, -3.0]);
         assert!(before.len() > 60, "{place}: {}", before.len());
         let points: Vec<DVec3> = before.iter().map(|p| p.0).collect();
-        for method in ["dom:layers=3", "dom:layers=3,depth_bits=32,filter=nearest", "bom:layers=3"] {
+        for method in [
+            "dom:layers=3,map=512",
+            "dom:layers=3,map=512,depth_bits=32,filter=nearest",
+            "bom:layers=3,map=512",
+        ] {
             let map = setup.shadow(method, light);
             let lit = setup.query(&map, &points).iter().filter(|t| **t == 1.0).count();
             // Between texels a curved surface lies a hair off the plane through its neighbours.

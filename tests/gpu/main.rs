@@ -19,6 +19,7 @@ mod samples;
 mod shading;
 mod strands;
 mod tolerance;
+mod view;
 
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;

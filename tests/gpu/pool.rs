@@ -1,4 +1,4 @@
-//! A pool that runs out is grown and the build repeated: never cut short in silence, and not every time.
+//! A pool that runs out is grown and what it was too small for is built again: never cut short in silence, nor every time.
 
 use super::*;
 use umbravox::shadow::BuildReport;
@@ -18,6 +18,10 @@ fn a_pool_that_runs_out_grows() {
     // Attempts that failed have been paid for.
     let device_ms = |report: BuildReport| report.device.unwrap().wall_ms;
     assert!(device_ms(first) > 1.2 * device_ms(second), "{first:?} {second:?}");
+    // What stayed and what was built again are the same map as what is built at once.
+    let across: Vec<DVec3> =
+        (0..2000).map(|i| DVec3::new(f64::from(i % 50), f64::from(i / 50), 25.0) - 24.0).collect();
+    assert_eq!(setup.query(&map, &across), setup.query(&again, &across));
     assert!(second.bytes_used <= second.bytes && second.bytes < second.bytes_used * 5 / 4, "{second:?}");
     // Other settings have a pool of their own.
     assert!(setup.shadow("dsm:epsilon=0.0005,map=48", light).report.guessed);

@@ -26,8 +26,15 @@ struct Counters {
 
 @group(2) @binding(1) var node_texture: texture_storage_2d<rgba32uint, write>;
 @group(2) @binding(2) var<storage, read_write> counters: Counters;
+// For each tile, by its place among those with records: rows beyond its own that it has asked for, and its texels that did
+// not get all of theirs.
+@group(2) @binding(3) var<storage, read_write> asked: array<atomic<u32>>;
+
+const TILE_TEXELS: u32 = #{TILE_TEXELS};
 
 struct Writer {
+    // The texel's record, which is its first row.
+    record: u32,
     // Row being filled, nodes in it, nodes in all.
     row: u32,
     used: u32,
@@ -48,7 +55,7 @@ struct Writer {
 var<private> writer: Writer;
 
 fn start_writer(row: u32) {
-    writer = Writer(row, 0u, 0u, vec4<u32>(0u), 0.0, 1.0, -STEEPEST, STEEPEST, 0.0, 1.0);
+    writer = Writer(row, row, 0u, 0u, vec4<u32>(0u), 0.0, 1.0, -STEEPEST, STEEPEST, 0.0, 1.0);
 }
 
 // Puts a word (node or link) into the row and stores the half row that it completes.
@@ -148,6 +155,10 @@ fn finish() {
         atomicAdd(&counters.nodes_total, writer.count);
         atomicMax(&counters.nodes_max, writer.count);
         atomicAdd(&counters.texels_hit, 1u);
+        // Counted at the end: in the loops above, atomics whose places differ between lanes bring llvmpipe down.
+        let tile = writer.record / TILE_TEXELS;
+        atomicAdd(&asked[2u * tile], (writer.count - 1u) / ROW_NODES);
+        atomicAdd(&asked[2u * tile + 1u], select(0u, 1u, writer.row == NO_ROW));
     }
     if writer.row == NO_ROW { return; }
     let tail = (FILLER << 16u) | u32(round(writer.origin_t * 65535.0));

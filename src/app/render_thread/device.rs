@@ -3,7 +3,7 @@
 use crate::app::method_choice::MethodChoice;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::render::{Change, DeviceTransfer, Kept, LoadedVolume, Renderer, Work};
+use crate::render::{AskedFor, Change, DeviceTransfer, Kept, LoadedVolume, Renderer, Work};
 use crate::scene::Scene;
 use crate::shadow::ShadowMap;
 use crate::transfer::TransferFunction;
@@ -56,17 +56,23 @@ impl OnDevice {
         self.loaded.as_ref().is_some_and(|loaded| self.kept.has(loaded, &choice.spec(), scene))
     }
 
-    /// Builds the shadow structure of a method, unless it is kept.
+    /// Builds the shadow structure of a method for the picture of a scene, or for every point under its light, unless it
+    /// is kept.
     ///
     /// # Errors
     /// Settings out of range, a structure that the adapter cannot hold, or no volume or tables to make it of.
-    pub fn prepare(&mut self, choice: &MethodChoice, scene: &Scene, work: &mut Work) -> Result<Prepared<'_>> {
+    pub fn prepare(
+        &mut self,
+        choice: &MethodChoice,
+        asked: (&Scene, AskedFor),
+        work: &mut Work,
+    ) -> Result<Prepared<'_>> {
         let nothing = || Error::runtime("cannot draw", "render thread", "no volume is open");
         let loaded = self.loaded.as_ref().ok_or_else(nothing)?;
         let (spec, method) = (choice.spec(), choice.method()?);
-        self.kept.prepare(&self.renderer, loaded, (&spec, method.as_ref()), scene, work)?;
+        self.kept.prepare(&self.renderer, loaded, (&spec, method.as_ref()), asked, work)?;
         let transfer = self.kept.transfer().ok_or_else(nothing)?;
-        let shadow = self.kept.shadow(&spec, scene.light).ok_or_else(nothing)?;
+        let shadow = self.kept.shadow(&spec, asked.0.light).ok_or_else(nothing)?;
         Ok(Prepared { renderer: &self.renderer, loaded, transfer, shadow, spec })
     }
 }

@@ -7,7 +7,7 @@ use super::quality::{Quality, Speeds};
 use crate::app::reading::Opened;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::render::{DisplayTexture, Screen, Stage, Work};
+use crate::render::{AskedFor, DisplayTexture, Screen, Stage, Work};
 use crate::scene::Scene;
 use std::sync::Arc;
 use std::time::Duration;
@@ -109,10 +109,10 @@ impl Engine {
         let mut longest_band_ms = 0.0_f64;
         for choice in &quality.choices {
             let mut built = Work::default();
-            let made = self.device.prepare(choice, &scene, &mut built)?;
+            let made = self.device.prepare(choice, (&scene, AskedFor::Picture), &mut built)?;
             if let Some(ms) = built.build_ms {
                 *work.build_ms.get_or_insert(0.0) += ms;
-                self.speeds.learn_build(choice, ms);
+                self.speeds.learn_build(choice, made.shadow.light_space.map_size, ms);
             }
             if !go_on() {
                 return Ok(None);

@@ -4,7 +4,7 @@ use super::device::OnDevice;
 use super::mailbox::Speaker;
 use super::messages::{DifferenceRequest, DifferenceSide, Differences, Event};
 use crate::error::Result;
-use crate::render::{DisplayTexture, Work};
+use crate::render::{AskedFor, DisplayTexture, Work};
 use crate::report::heat::{inferno, round_max};
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ pub fn compare(
     let scene = &request.view.scene;
     let mut found = Vec::new();
     for choice in &request.methods {
-        let made = device.prepare(choice, scene, &mut work)?;
+        let made = device.prepare(choice, (scene, AskedFor::Picture), &mut work)?;
         let map = request.view.errors(made.renderer, made.loaded, made.transfer, made.shadow, &go_on)?;
         let Some(map) = map else {
             speaker.say(Event::DifferenceUnfinished(Arc::clone(request)));

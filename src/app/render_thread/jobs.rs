@@ -8,7 +8,7 @@ use super::messages::{
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::picture::write_picture_as;
-use crate::render::{DisplayTexture, Forced, Pace, Screen, Work};
+use crate::render::{AskedFor, DisplayTexture, Forced, Pace, Screen, Work};
 use crate::scene::Scene;
 use crate::shadow::NoShadows;
 use glam::DVec3;
@@ -51,7 +51,7 @@ pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -
     let scene = Scene { light: request.light, ambient: request.ambient, ..Scene::framing(&volume) };
     let mut methods = Vec::new();
     for choice in &request.methods {
-        let made = device.prepare(choice, &scene, &mut work)?;
+        let made = device.prepare(choice, (&scene, AskedFor::AnyPoint), &mut work)?;
         let found = made.renderer.query(made.loaded, made.transfer, made.shadow, &points)?;
         let at_point = found.last().copied().map_or(1.0, f64::from);
         let curve = depths.iter().zip(&found).map(|(&z, &t)| [z, f64::from(t)]).collect();
@@ -100,7 +100,7 @@ pub fn export(
     }
     let mut work = Work::default();
     device.set_transfer(&export.tf, &mut work)?;
-    let made = device.prepare(&export.method, &export.scene, &mut work)?;
+    let made = device.prepare(&export.method, (&export.scene, AskedFor::Picture), &mut work)?;
     let mut last = -1.0_f32;
     let go_on = |share: f32| {
         if share - last >= 0.01 {

@@ -46,8 +46,10 @@ impl Quality {
 pub struct Speeds {
     pub whole: Pace,
     pub moving: Pace,
-    /// Milliseconds that a texel of a shadow map takes to build, by method.
-    build_ms_per_texel: Vec<(&'static str, f64)>,
+    /// Milliseconds that a texel of a shadow map takes to build, by method and how light rays are marched.
+    build_ms_per_texel: Vec<(String, f64)>,
+    /// Texels a side of the last map that chose them for itself.
+    chosen_map: u32,
     /// How much longer the step is while a hand moves.
     moving_step: f64,
 }
@@ -56,23 +58,42 @@ impl Speeds {
     /// Nothing is known yet; a submission keeps the queue no longer than about `submission_ms`.
     pub fn new(submission_ms: f64) -> Self {
         let pace = || Pace::new(submission_ms);
-        Self { whole: pace(), moving: pace(), build_ms_per_texel: Vec::new(), moving_step: MOVING_STEP }
+        Self {
+            whole: pace(),
+            moving: pace(),
+            build_ms_per_texel: Vec::new(),
+            chosen_map: MAP_SIDES[0],
+            moving_step: MOVING_STEP,
+        }
     }
 
-    /// Notes what a map took to build.
-    pub fn learn_build(&mut self, choice: &MethodChoice, ms: f64) {
-        let Some(map) = choice.map() else { return };
-        let now = ms / (f64::from(map) * f64::from(map)).max(1.0);
-        match self.build_ms_per_texel.iter_mut().find(|(name, _)| *name == choice.name) {
-            Some((_, known)) => *known = 0.5 * (*known + now),
-            None => self.build_ms_per_texel.push((choice.name, now)),
+    /// Notes what a map of so many texels a side took to build.
+    pub fn learn_build(&mut self, choice: &MethodChoice, map: u32, ms: f64) {
+        let Some(set) = choice.map(0) else { return };
+        if set == 0 {
+            self.chosen_map = map;
         }
+        let now = ms / (f64::from(map) * f64::from(map)).max(1.0);
+        let kind = kind(choice);
+        match self.build_ms_per_texel.iter_mut().find(|(known, _)| *known == kind) {
+            Some((_, known)) => *known = 0.5 * (*known + now),
+            None => self.build_ms_per_texel.push((kind, now)),
+        }
+    }
+
+    /// Texels a side; 0 where the method has no map.
+    fn map(&self, choice: &MethodChoice) -> u32 {
+        choice.map(self.chosen_map).unwrap_or(0)
     }
 
     /// Milliseconds that a map would take to build, where it has to be; unknown before the first of its kind.
     fn build_ms(&self, choice: &MethodChoice, subject: &Subject, device: &OnDevice) -> f64 {
-        let Some(map) = choice.map().filter(|_| !device.has(choice, &subject.scene)) else { return 0.0 };
-        let known = self.build_ms_per_texel.iter().find(|(name, _)| *name == choice.name);
+        let map = self.map(choice);
+        if map == 0 || device.has(choice, &subject.scene) {
+            return 0.0;
+        }
+        let kind = kind(choice);
+        let known = self.build_ms_per_texel.iter().find(|(known, _)| *known == kind);
         known.map_or(MOVING_MS, |(_, ms)| ms * f64::from(map) * f64::from(map))
     }
 
@@ -88,8 +109,10 @@ impl Speeds {
         let count = whole.choices.len() as f64;
         let build_ms = |choice: &MethodChoice| self.build_ms(choice, subject, device);
         let coarse = |choice: &MethodChoice| {
-            let fits = |side: &&u32| build_ms(&choice.coarse(**side)) <= 0.5 * MOVING_MS / count;
-            choice.coarse(MAP_SIDES.iter().find(fits).copied().unwrap_or(MAP_SIDES[MAP_SIDES.len() - 1]))
+            let own = self.map(choice);
+            let fits = |side: &&u32| build_ms(&choice.coarse(own, **side)) <= 0.5 * MOVING_MS / count;
+            let side = MAP_SIDES.iter().find(fits).copied().unwrap_or(MAP_SIDES[MAP_SIDES.len() - 1]);
+            choice.coarse(own, side)
         };
         let choices: Vec<MethodChoice> = whole.choices.iter().map(coarse).collect();
         let left_ms = (MOVING_MS - choices.iter().map(build_ms).sum::<f64>()).max(0.3 * MOVING_MS) / count;
@@ -108,4 +131,9 @@ impl Speeds {
             choices,
         }
     }
+}
+
+/// What costs alike: a method, with how it marches light rays.
+fn kind(choice: &MethodChoice) -> String {
+    format!("{} {}", choice.name, choice.get("march").unwrap_or_default())
 }

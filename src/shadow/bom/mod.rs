@@ -26,11 +26,12 @@ use super::layered::{
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::settings::{
-    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value, settings,
+    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
+    settings,
 };
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::BuildContext;
+use crate::field::{BuildContext, MapShape};
 use crate::gpu::ShaderVariant;
 
 settings! {
@@ -54,8 +55,10 @@ settings! {
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
         step: f64 = STEP_KEY,
-        /// Texels a side.
-        map: u32 = MAP_KEY,
+        /// Texels a side; `None`: by the scene.
+        map: Option<u32> = MAP_KEY,
+        /// What it is fitted across.
+        fit: Fit = FIT_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,
         /// What the filter averages.
@@ -80,6 +83,10 @@ pub(super) static ENTRY: Entry = Entry {
 };
 
 impl BoundingOpacityMap {
+    fn shape(&self) -> MapShape {
+        self.fit.shape(self.map, self.march.with_step(self.step))
+    }
+
     fn layering(&self) -> Layering {
         let Self { layers, split, ratio, log_size, measure, .. } = *self;
         Layering { layers, split, ratio, log_size, measure }
@@ -88,8 +95,8 @@ impl BoundingOpacityMap {
     fn recipe(&self, split: Split) -> Recipe {
         let Self { layers, bits, depth_bits, filter, average, .. } = *self;
         let record = Record { layers, bits, depths: 2, depth_bits, own_split: self.layering().by_texel() };
-        let march = self.march.with_step(self.step);
-        Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, average, kernel: 1, march }
+        let shape = self.shape();
+        Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, average, kernel: 1, shape }
     }
 }
 
@@ -112,7 +119,7 @@ impl Method for BoundingOpacityMap {
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let built = self.layering().build(context, self.map, |split| self.recipe(split))?;
+        let built = self.layering().build(context, |split| self.recipe(split))?;
         Ok(built.into_map(context, self))
     }
 }

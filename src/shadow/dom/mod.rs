@@ -24,12 +24,12 @@ use super::layered::{
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::settings::{
-    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value, When,
-    choices, settings,
+    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
+    When, choices, settings,
 };
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::BuildContext;
+use crate::field::{BuildContext, MapShape};
 use crate::gpu::ShaderVariant;
 
 choices! {
@@ -78,8 +78,10 @@ settings! {
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
         step: f64 = STEP_KEY,
-        /// Texels a side.
-        map: u32 = MAP_KEY,
+        /// Texels a side; `None`: by the scene.
+        map: Option<u32> = MAP_KEY,
+        /// What it is fitted across.
+        fit: Fit = FIT_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,
         /// What the filter averages.
@@ -104,6 +106,10 @@ pub(super) static ENTRY: Entry = Entry {
 };
 
 impl DeepOpacityMap {
+    fn shape(&self) -> MapShape {
+        self.fit.shape(self.map, self.march.with_step(self.step))
+    }
+
     fn layering(&self) -> Layering {
         let Self { layers, split, ratio, log_size, measure, .. } = *self;
         Layering { layers, split, ratio, log_size, measure }
@@ -120,7 +126,7 @@ impl DeepOpacityMap {
             filter,
             average,
             kernel: 1,
-            march: self.march.with_step(self.step),
+            shape: self.shape(),
         }
     }
 }
@@ -144,7 +150,7 @@ impl Method for DeepOpacityMap {
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let built = self.layering().build(context, self.map, |split| self.recipe(split))?;
+        let built = self.layering().build(context, |split| self.recipe(split))?;
         Ok(built.into_map(context, self))
     }
 }
@@ -190,7 +196,7 @@ mod tests {
             ("dom:depth_bits=12", "expected 8|16|32"),
             (
                 "dom:slicing=uniform",
-                "there is: layers, split, ratio, log_size, measure, spread, beyond, depth_bits, bits, march, step, map, filter, average, lookup",
+                "there is: layers, split, ratio, log_size, measure, spread, beyond, depth_bits, bits, march, step, map, fit, filter, average, lookup",
             ),
         ] {
             let error = parse_list(text).unwrap_err();

@@ -1,6 +1,6 @@
 //! How a deep shadow map's nodes are stored, as `shaders/shadow/dsm/layout.wgsl` reads and writes them.
 
-use crate::field::field_shader;
+use crate::field::{TILE_TEXELS, field_shader};
 use crate::gpu::{Constant, ShaderVariant};
 use crate::shadow::tolerances::OPAQUE_DEPTH;
 
@@ -27,6 +27,7 @@ const CONSTANTS: &[Constant] = &[
     Constant::unsigned("MOST_ROWS", 2 * (DEPTH_STEPS + 1) / ROW_NODES + 2),
     Constant::unsigned("MOST_LATTICE_STEPS", MOST_LATTICE_STEPS),
     Constant::unsigned("FILLER", DEPTH_STEPS + 1),
+    Constant::unsigned("TILE_TEXELS", TILE_TEXELS),
     Constant::float("OPAQUE_DEPTH", OPAQUE_DEPTH),
 ];
 

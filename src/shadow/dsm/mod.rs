@@ -6,7 +6,8 @@
 //! Deviations from the paper, and why:
 //! * One compute pass builds the map. The paper's passes of eight nodes each become rows of seven nodes and a link:
 //!   every texel of a tile that holds active bricks has a first row, further rows come from a pool shared by all tiles
-//!   (an atomic counter), so that one long texel does not lengthen its whole tile.
+//!   (an atomic counter), so that one long texel does not lengthen its whole tile. Where the pool runs out it is made as
+//!   large as the count says, and the tiles that it was too small for are built again.
 //! * Rays are marched cell by cell instead of at regular steps: inside a cell the field along a ray is a cubic, and the
 //!   pre-compressed table tells at which values visibility bends; no peak or grazing touch is stepped over. `march=samples`
 //!   has the paper's steps, with the integrals of extinction between two of them instead of that table.
@@ -28,13 +29,16 @@ use layout::{
 
 use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
 use super::settings::{
-    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, Value, When, choices, settings,
+    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, Value, When,
+    choices, settings,
 };
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};
 use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, TILE_TEXELS, TileMarch};
-use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, uniform_buffer};
+use crate::gpu::{
+    Gpu, ShaderVariant, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer,
+};
 use bytemuck::{Pod, Zeroable};
 
 /// Transmittance at which a ray is taken to be over (`OPAQUE_DEPTH` of the shaders).
@@ -69,8 +73,10 @@ settings! {
         ),
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY.when(When::Unless("precompress", "off")),
-        /// Texels a side.
-        map: u32 = MAP_KEY,
+        /// Texels a side; `None`: by the scene.
+        map: Option<u32> = MAP_KEY,
+        /// What it is fitted across.
+        fit: Fit = FIT_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,
         /// Distance of regular samples along the light ray (`march=samples`, `precompress=off`, and twice that of
@@ -205,21 +211,30 @@ impl DeepShadowMap {
         }
     }
 
-    /// One build with the pool of rows that `own` says.
+    /// Builds some tiles (`None`: all) into the pool of rows that `own` says; `counters` holds what is in use already.
     fn fill(
         &self,
         context: &BuildContext<'_>,
         tiles: &TileMarch<'_>,
+        some: Option<&[usize]>,
         own: &Own,
-        nodes: &wgpu::TextureView,
+        (nodes, asked): (&wgpu::TextureView, &wgpu::Buffer),
+        counters: Counters,
     ) -> Result<(Span, Counters)> {
         let gpu = context.gpu();
         let own = uniform_buffer(gpu, "deep shadow map", own);
-        let counters = StorageBuffer::zeroed(gpu, "deep shadow map counters", size_of::<Counters>() as u64)?;
-        let stage =
-            [(1, Slot::store(nodes, NODE_FORMAT)), (2, Slot::read_write(counters.as_entire_binding()))];
+        let counters = StorageBuffer::from_slice(gpu, "deep shadow map counters", &[counters])?;
+        let stage = [
+            (1, Slot::store(nodes, NODE_FORMAT)),
+            (2, Slot::read_write(counters.as_entire_binding())),
+            (3, Slot::read_write(asked.as_entire_binding())),
+        ];
         let own = [(1, context.kernels.uniform(&own))];
-        let span = tiles.run("deep shadow map build", &self.build_shader(), &own, &stage)?;
+        let (label, shader) = ("deep shadow map build", self.build_shader());
+        let span = match some {
+            None => tiles.run(label, &shader, &own, &stage)?,
+            Some(places) => tiles.run_again(places, label, &shader, &own, &stage)?,
+        };
         let counters = read_back::<Counters>(gpu, &counters, 1)?[0];
         if counters.texels_cut > 0 {
             let why = format!("the adapter ended {} light rays before they were done", counters.texels_cut);
@@ -228,6 +243,13 @@ impl DeepShadowMap {
         }
         Ok((span, counters))
     }
+}
+
+/// A pool of so many rows, in whole lines of the texture; a map without tiles keeps one.
+fn pool_of(gpu: &Gpu, own: &mut Own, rows: u32) -> Result<wgpu::TextureView> {
+    own.pool_rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
+    let size = [NODE_TEXTURE_WIDTH, own.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
+    store_texture(gpu, "deep shadow map nodes", NODE_FORMAT, size)
 }
 
 impl Method for DeepShadowMap {
@@ -255,31 +277,41 @@ impl Method for DeepShadowMap {
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let gpu = context.gpu();
-        let tiles = TileMarch::fit(context, self.map, self.march())?;
+        let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march()))?;
         let mut own = self.own(context, &tiles);
         // As many rows as the build before has needed, and some more since the light has moved. Before the first one a
         // quarter more than texels does for most scenes; the counter says what this one needs.
         let settings = format!("{self:?}");
         let known = context.pool_sizes.last(&settings);
         let more = |used: u32| used + used / 8 + own.tile_rows / 64;
-        let mut pool_rows = own.tile_rows + known.map_or(own.tile_rows / 4, more);
+        let pool_rows = own.tile_rows + known.map_or(own.tile_rows / 4, more);
+        let mut nodes = pool_of(gpu, &mut own, pool_rows)?;
+        let asked = StorageBuffer::zeroed(gpu, "rows asked for", 8 * u64::from(tiles.built))?;
+        let (mut device, counters) =
+            self.fill(context, &tiles, None, &own, (&nodes, &asked), Counters::zeroed())?;
+        let mut overflow_rows = counters.overflow_rows;
         let mut pool_growths = 0;
-        let mut device: Option<Span> = None;
-        let (nodes, counters) = loop {
-            // Whole lines of the texture; a map without tiles keeps one.
-            own.pool_rows = pool_rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
-            let size = [NODE_TEXTURE_WIDTH, own.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
-            let nodes = store_texture(gpu, "deep shadow map nodes", NODE_FORMAT, size)?;
-            let (took, counters) = self.fill(context, &tiles, &own, &nodes)?;
-            device = Some(device.map_or(took, |before| before.plus(took)));
-            if own.tile_rows + counters.overflow_rows <= own.pool_rows {
-                break (nodes, counters);
+        if own.tile_rows + overflow_rows > own.pool_rows {
+            // What is built stays; tiles that the pool was too small for are built again, behind it.
+            let rows = read_back::<[u32; 2]>(gpu, &asked, tiles.built as usize)?;
+            let short: Vec<usize> = (0..rows.len()).filter(|place| rows[*place][1] > 0).collect();
+            let missing: u32 = short.iter().map(|place| rows[*place][0]).sum();
+            let before = own.pool_rows;
+            let larger = pool_of(gpu, &mut own, before + missing)?;
+            copy_rows(gpu, &nodes, &larger, before / (NODE_TEXTURE_WIDTH / 2))?;
+            nodes = larger;
+            let used = Counters { overflow_rows: before - own.tile_rows, ..Zeroable::zeroed() };
+            let (took, counted) = self.fill(context, &tiles, Some(&short), &own, (&nodes, &asked), used)?;
+            device = device.plus(took);
+            overflow_rows = counted.overflow_rows;
+            pool_growths = 1;
+            if own.tile_rows + overflow_rows > own.pool_rows {
+                let why = "tiles that were built again asked for more rows than the first time";
+                return Err(Error::runtime("cannot build the deep shadow map", self.params(), why));
             }
-            pool_rows = own.tile_rows + more(counters.overflow_rows);
-            pool_growths += 1;
-        };
+        }
         context.pool_sizes.learn(settings, counters.overflow_rows);
-        let used_rows = own.tile_rows + counters.overflow_rows;
+        let used_rows = own.tile_rows + overflow_rows;
         let uniform = uniform_buffer(gpu, "deep shadow map", &own);
         let left_out = tiles.tiles - tiles.built;
         Ok(ShadowMap {
@@ -291,7 +323,7 @@ impl Method for DeepShadowMap {
             lookup: self.lookup(),
             report: BuildReport {
                 host_ms: 0.0,
-                device,
+                device: Some(device),
                 bytes: u64::from(own.pool_rows) * ROW_BYTES + tiles.table_bytes(),
                 bytes_used: u64::from(used_rows) * ROW_BYTES + tiles.table_bytes(),
                 guessed: known.is_none(),

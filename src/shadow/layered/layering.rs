@@ -102,15 +102,19 @@ impl Layering {
     pub fn build<'a>(
         &self,
         context: &BuildContext<'a>,
-        map: u32,
         recipe: impl Fn(Split) -> Recipe,
     ) -> Result<Built<'a>> {
-        let tiles = TileMarch::fit(context, map, recipe(self.any()).march)?;
+        let tiles = TileMarch::fit(context, recipe(self.any()).shape)?;
         let (mut choice, mut regions, mut search) = (None, None, None);
         let split = match (self.plain(), self.split) {
             (Some(split), _) => split,
             (None, LayerSplit::Texel) => {
-                let (rows, took) = choose_by_region(context, &recipe(self.any()), self.log_size, map)?;
+                let (rows, took) = choose_by_region(
+                    context,
+                    &recipe(self.any()),
+                    self.log_size,
+                    tiles.light_space.map_size,
+                )?;
                 (regions, search) = (Some(rows), Some(took));
                 Split::Tables(all_splits(self.log_size))
             }

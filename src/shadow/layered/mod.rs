@@ -30,7 +30,9 @@ use super::method::{BuildReport, Lookup, Method, PassLeftOut, ShadowMap};
 use super::settings::{Filter, Key, choices};
 use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE, longest_depth};
 use crate::error::Result;
-use crate::field::{BuildContext, LightSpace, March, Omittable, TILE_TEXELS, TileMarch, field_shader};
+use crate::field::{
+    BuildContext, LightSpace, MapShape, March, Omittable, TILE_TEXELS, TileMarch, field_shader,
+};
 use crate::gpu::{
     Constant, Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, table_texture,
     uniform_buffer,
@@ -94,8 +96,8 @@ pub(super) struct Recipe {
     pub average: Average,
     /// Texels a side that a lookup averages.
     pub kernel: u32,
-    /// How light rays are marched.
-    pub march: March,
+    /// Of the map, and how its light rays are marched.
+    pub shape: MapShape,
 }
 
 /// `Own` of `shaders/shadow/layered/layout.wgsl`.
@@ -157,7 +159,7 @@ impl Recipe {
     pub fn build_shader(&self) -> ShaderVariant {
         let shader = shader("shadow/layered/build.wgsl").modules(&["field/tiles.wgsl"]);
         let shader = shader.defs(self.record.write_defs()).defs(self.split.def());
-        shader.with_march(self.march, "shadow/layered/sink.wgsl")
+        shader.with_march(self.shape.march, "shadow/layered/sink.wgsl")
     }
 
     /// The numbers of a map.
@@ -293,6 +295,7 @@ impl Built<'_> {
 mod tests {
     use super::*;
     use crate::gpu::assert_layout;
+    use crate::shadow::settings::Fit;
 
     #[test]
     fn numbers_of_a_map_have_one_layout() {
@@ -304,7 +307,7 @@ mod tests {
             filter: Filter::Nearest,
             average: Average::Depth,
             kernel: 1,
-            march: March::Cells,
+            shape: Fit::Volume.shape(Some(64), March::Cells),
         };
         assert_layout!(&recipe.build_shader(), "Own", Own: layers, first_slot, record_blocks, block_mask,
             block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,

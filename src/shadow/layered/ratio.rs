@@ -7,7 +7,7 @@
 
 use super::{Average, Built, Recipe, Record, Split, SplitTable};
 use crate::error::Result;
-use crate::field::{BuildContext, TileMarch};
+use crate::field::{BuildContext, MapShape, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
 use crate::shadow::method::SplitChoice;
 use crate::shadow::settings::{Filter, choices};
@@ -61,12 +61,13 @@ fn curve_recipe(map: &Recipe) -> Recipe {
         filter: Filter::Nearest,
         average: Average::Depth,
         kernel: 1,
-        march: map.march,
+        shape: map.shape,
     }
 }
 
 fn curves<'a>(context: &BuildContext<'a>, recipe: &Recipe, map: u32) -> Result<Built<'a>> {
-    curve_recipe(recipe).build(context, TileMarch::fit(context, map, recipe.march)?, None)
+    let shape = MapShape { texels: Some(map), ..recipe.shape };
+    curve_recipe(recipe).build(context, TileMarch::fit(context, shape)?, None)
 }
 
 /// The passes of a search: for a whole map, and by region.

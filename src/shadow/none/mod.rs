@@ -4,7 +4,7 @@ use super::method::{BuildReport, Entry, Lookup, Method, ShadowMap};
 use super::settings::Value;
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, March};
+use crate::field::{BuildContext, MapShape, March};
 
 /// `none`: every point sees the light.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +45,8 @@ const TEST_MAP: u32 = 512;
 
 /// A structure of the light space alone.
 pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>) -> ShadowMap {
-    let light_space = context.light_space(TEST_MAP, March::Cells);
+    let shape = MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march: March::Cells };
+    let light_space = context.light_space(shape);
     let light = context.light_uniform(&light_space);
     ShadowMap {
         method: method.name(),

@@ -20,12 +20,12 @@ use super::layered::{
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
 use super::settings::{
-    FILTER_KEY, Filter, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value, choices,
-    settings,
+    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
+    choices, settings,
 };
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, March, TileMarch};
+use crate::field::{BuildContext, MapShape, March, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 
 /// Exponent of `slicing=gamma`.
@@ -66,8 +66,10 @@ settings! {
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
         step: f64 = STEP_KEY,
-        /// Texels a side.
-        map: u32 = MAP_KEY,
+        /// Texels a side; `None`: by the scene.
+        map: Option<u32> = MAP_KEY,
+        /// What it is fitted across.
+        fit: Fit = FIT_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,
         /// What filters and the kernel average.
@@ -101,11 +103,16 @@ fn mass_shader(march: March, lit: bool) -> ShaderVariant {
 }
 
 impl OpacityShadowMap {
+    fn shape(&self) -> MapShape {
+        let shape = self.fit.shape(self.map, self.march.with_step(self.step));
+        MapShape { reach: self.kernel.div_ceil(2), ..shape }
+    }
+
     fn recipe(&self, split: Split) -> Recipe {
         let Self { layers, bits, filter, average, kernel, .. } = *self;
         let record = Record { layers, bits, depths: 0, depth_bits: 0, own_split: false };
-        let march = self.march.with_step(self.step);
-        Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, march }
+        let shape = self.shape();
+        Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, shape }
     }
 
     /// The split where the volume need not be weighed.
@@ -127,7 +134,7 @@ impl OpacityShadowMap {
             &tiles.group("optical mass", &[(1, context.kernels.uniform(&own))]),
             &context.kernels.group("optical mass", &[(0, Slot::read_write(mass.as_entire_binding()))]),
         ];
-        let shader = mass_shader(self.march.with_step(self.step), self.slicing == Slicing::Lit);
+        let shader = mass_shader(self.shape().march, self.slicing == Slicing::Lit);
         let span = context.run("optical mass", &shader, groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
         Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
     }
@@ -154,11 +161,15 @@ impl Method for OpacityShadowMap {
     fn passes(&self) -> Vec<ShaderVariant> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
         let recipe = self.recipe(split);
-        vec![recipe.build_shader(), mass_shader(recipe.march, false), mass_shader(recipe.march, true)]
+        vec![
+            recipe.build_shader(),
+            mass_shader(recipe.shape.march, false),
+            mass_shader(recipe.shape.march, true),
+        ]
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let tiles = TileMarch::fit(context, self.map, self.march.with_step(self.step))?;
+        let tiles = TileMarch::fit(context, self.shape())?;
         let (split, weighing) = match self.plain_split() {
             Some(split) => (split, None),
             None => {
@@ -208,11 +219,11 @@ mod tests {
             ("osm:slicing=bsp", "expected uniform|density|lit|gamma"),
             ("osm:kernel=2", "expected 1|3"),
             ("osm:bits=24", "expected 8|16|32"),
-            ("osm:map=0", "expected 1..8192"),
+            ("osm:map=0", "expected auto|1..8192"),
             ("osm:filter=linear", "expected nearest|bilinear"),
             (
                 "osm:epsilon=0.1",
-                "there is: layers, slicing, kernel, bits, march, step, map, filter, average, lookup",
+                "there is: layers, slicing, kernel, bits, march, step, map, fit, filter, average, lookup",
             ),
         ] {
             let error = parse_list(text).unwrap_err();

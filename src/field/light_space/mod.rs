@@ -3,16 +3,21 @@
 //! The light frame is in millimetres, `(a, b, h)` with `h` away from the light; depth `z` is distance along the light
 //! ray. Everything is composed here in `f64`; `shaders/field/light.wgsl` is the same mapping in `f32`.
 
-use super::constants::{FAR, TILE};
-use super::{ActiveBricks, grid_from_world};
-use crate::scene::Light;
-use crate::volume::{BRICK_CELLS, Volume};
-use bytemuck::{Pod, Zeroable};
-use glam::{DAffine3, DMat3, DVec2, DVec3};
+mod boxes;
+mod fit;
+mod region;
+mod rounding;
 
-/// A perspective map wider than this (tangent of the half angle) becomes octahedral: its corner texels would be far
-/// coarser than its centre.
-const WIDEST_TANGENT: f64 = 2.0;
+pub use fit::MapShape;
+pub use rounding::Rounding;
+
+use super::ActiveBricks;
+use super::constants::TILE;
+use crate::volume::Volume;
+use boxes::{GridBox, active_boxes};
+use bytemuck::{Pod, Zeroable};
+use glam::{DAffine3, DVec2, DVec3};
+use region::Region;
 
 /// How light rays map to texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,27 +28,6 @@ pub enum Projection {
     Perspective = 1,
     /// Point light inside or close to the active bricks: all directions.
     Octahedral = 2,
-}
-
-/// Roundings of half a unit in the last place, at most, that a coordinate of a light ray goes through: 3 of the plane
-/// coordinate (a division counts as 5), 3 of the way, 4 of products and sums, and those of the inputs.
-const ROUNDINGS: f64 = 16.0;
-
-/// The same of a sum of four products with rounded factors.
-const DOT_ROUNDINGS: f64 = 6.0;
-/// Texels by which a texel coordinate may be astray where a promise is made near a point light.
-const MOST_ASTRAY: f64 = 2.5e-4;
-
-/// What float32 makes of positions on light rays.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rounding {
-    /// How far a point may lie from its place, mm.
-    pub position_mm: f64,
-    /// How far a texel coordinate may lie from its place, texels; no farther from a point light than
-    /// `from_light_mm` it may lie anywhere.
-    pub texels: f64,
-    /// See `texels`, mm.
-    pub from_light_mm: f64,
 }
 
 /// `LightSpace` of `shaders/field/light.wgsl`.
@@ -87,80 +71,12 @@ pub struct LightSpace {
     pub z_range: [f64; 2],
     /// Distance of samples along a ray, mm, where light rays are marched by regular ones; else 0.
     pub step_mm: f64,
-}
-
-/// A box of cells in grid space (`index + 1`).
-#[derive(Clone, Copy)]
-struct GridBox {
-    center: DVec3,
-    half: DVec3,
+    /// What of the plane the map covers, where it was fitted to a view; `None`: all active bricks.
+    region: Option<Region>,
+    shape: MapShape,
 }
 
 impl LightSpace {
-    /// Fits a map of `map_size` texels a side to the active bricks, one empty texel around them.
-    pub fn fit(volume: &Volume, active: &ActiveBricks, light: Light, map_size: u32) -> Self {
-        let grid_from_world = grid_from_world(volume);
-        let world_from_grid = grid_from_world.inverse();
-        let bounds = active_box(active, volume.dims());
-        let center = world_from_grid.transform_point3(bounds.center);
-        let (axis, distance) = match light {
-            Light::Directional { toward } => (-toward.normalize(), f64::from(FAR)),
-            Light::Point { position } => {
-                let d = center - position;
-                let axis = if d.length() > 1e-9 { d.normalize() } else { DVec3::Z };
-                (axis, d.length())
-            }
-        };
-        let a = axis.any_orthonormal_vector();
-        let b = axis.cross(a);
-        let mut space = Self {
-            projection: Projection::Orthographic,
-            map_size,
-            world_from_frame: DAffine3::from_mat3_translation(DMat3::from_cols(a, b, axis), center),
-            frame_from_world: DAffine3::IDENTITY,
-            grid_from_world,
-            light_distance: distance,
-            texel_scale: DVec2::ONE,
-            texel_offset: DVec2::ZERO,
-            z_range: [0.0, 0.0],
-            step_mm: 0.0,
-        };
-        space.frame_from_world = space.world_from_frame.inverse();
-        let corners = bounds
-            .corners()
-            .map(|g| space.frame_from_world.transform_point3(world_from_grid.transform_point3(g)));
-        if let Light::Point { position } = light {
-            let nearest = corners.iter().map(|c| c.z + distance).fold(f64::INFINITY, f64::min);
-            let widest = corners
-                .iter()
-                .map(|c| c.truncate().abs().max_element() / (c.z + distance))
-                .fold(0.0, f64::max);
-            if nearest > 1e-3 * volume.min_spacing_mm() && widest < WIDEST_TANGENT {
-                space.projection = Projection::Perspective;
-            } else {
-                space.projection = Projection::Octahedral;
-                space.light_distance = 0.0;
-                space.world_from_frame.translation = position;
-                space.frame_from_world = space.world_from_frame.inverse();
-            }
-        }
-        let (lo, hi) = if space.projection == Projection::Octahedral {
-            (DVec2::NEG_ONE, DVec2::ONE)
-        } else {
-            let plane = corners.map(|c| space.plane(c));
-            plane.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(lo, hi), p| (lo.min(*p), hi.max(*p)))
-        };
-        let size = f64::from(map_size);
-        // A border of empty texels makes the map meet the full light around it without a seam.
-        let border = if space.projection == Projection::Octahedral || map_size < 8 { 0.0 } else { 1.0 };
-        let extent = (hi - lo).max(DVec2::splat(1e-9));
-        space.texel_scale = DVec2::splat(size - 2.0 * border) / extent;
-        space.texel_offset = DVec2::splat(border - 0.5) - lo * space.texel_scale;
-        let [near, far] = space.depths(&world_from_grid, bounds);
-        space.z_range = [near, far];
-        space
-    }
-
     /// Texel coordinates (centres at whole numbers) and depth (mm) of a world point.
     pub fn light_point(&self, world: DVec3) -> (DVec2, f64) {
         let p = self.frame_from_world.transform_point3(world);
@@ -169,7 +85,10 @@ impl LightSpace {
 
     /// World point of depth 0 on the ray through texel coordinates, and the ray's unit direction away from the light.
     pub fn world_ray(&self, texel: DVec2) -> (DVec3, DVec3) {
-        let plane = (texel - self.texel_offset) / self.texel_scale;
+        self.ray_of_plane((texel - self.texel_offset) / self.texel_scale)
+    }
+
+    fn ray_of_plane(&self, plane: DVec2) -> (DVec3, DVec3) {
         let (start, w) = match self.projection {
             Projection::Orthographic => (plane.extend(0.0), DVec3::Z),
             Projection::Perspective => {
@@ -190,55 +109,6 @@ impl LightSpace {
         }
     }
 
-    /// How far float32 may put a point of a texel's ray from where it is: see `docs/bound.md`, "Positions".
-    pub fn rounding(&self, volume: &Volume) -> Rounding {
-        let unit = ROUNDINGS * f64::from(f32::EPSILON) / 2.0;
-        let world_from_grid = self.grid_from_world.inverse();
-        let grid_from_frame = self.grid_from_world * self.world_from_frame;
-        let frame_from_grid = self.frame_from_world * world_from_grid;
-        // The largest plane coordinates of texels, and depths.
-        let last = f64::from(self.map_size) - 0.5;
-        let ends = [-0.5, last].map(|t| ((DVec2::splat(t) - self.texel_offset) / self.texel_scale).abs());
-        let plane = ends[0].max(ends[1]);
-        let deepest = self.z_range[0].abs().max(self.z_range[1].abs());
-        let reach = match self.projection {
-            Projection::Orthographic => DVec3::new(plane.x, plane.y, deepest),
-            // Start and way of the ray, each with its own roundings.
-            Projection::Perspective => self.light_distance * plane.extend(plane.length_squared()) + deepest,
-            Projection::Octahedral => DVec3::splat(deepest),
-        };
-        let m = grid_from_frame.matrix3;
-        let grid = grid_from_frame.translation.abs()
-            + m.x_axis.abs() * reach.x
-            + m.y_axis.abs() * reach.y
-            + m.z_axis.abs() * reach.z;
-        let length =
-            |m: DMat3, v: DVec3| m.x_axis.length() * v.x + m.y_axis.length() * v.y + m.z_axis.length() * v.z;
-        let built = unit * length(world_from_grid.matrix3, grid);
-        // A point that is looked up, from grid space to the light's.
-        let far = DVec3::from_array(volume.dims().map(|n| n as f64 + 0.5));
-        let m = frame_from_grid.matrix3;
-        let frame = m.x_axis.abs() * far.x
-            + m.y_axis.abs() * far.y
-            + m.z_axis.abs() * far.z
-            + frame_from_grid.translation.abs();
-        let asked = DOT_ROUNDINGS * f64::from(f32::EPSILON) / 2.0 * frame;
-        // The nearer to a point light, the more texels a point is astray by.
-        let (texels, from_light_mm) = match self.projection {
-            Projection::Orthographic => ((asked.truncate() * self.texel_scale).max_element(), 0.0),
-            Projection::Perspective | Projection::Octahedral => {
-                let texels_mm =
-                    (asked.length() * self.texel_scale).max_element() * (1.0 + plane.max_element());
-                let nearest = self.z_range[0] + self.light_distance;
-                let texels = (texels_mm / nearest.max(f64::MIN_POSITIVE)).min(MOST_ASTRAY);
-                let from_light_mm = texels_mm / MOST_ASTRAY;
-                (texels, if from_light_mm > nearest { from_light_mm } else { 0.0 })
-            }
-        };
-        let mapped = DOT_ROUNDINGS * f64::from(f32::EPSILON) / 2.0 * f64::from(self.map_size);
-        Rounding { position_mm: built + asked.length(), texels: texels + mapped, from_light_mm }
-    }
-
     /// How far apart the ends of [`Self::z_range`] lie, mm; above 0.
     pub fn depth_range_mm(&self) -> f64 {
         (self.z_range[1] - self.z_range[0]).max(1e-9)
@@ -246,11 +116,15 @@ impl LightSpace {
 
     /// Width of a texel in the middle of the map, mm.
     pub fn texel_mm(&self) -> f64 {
-        let plane = (1.0 / self.texel_scale).max_element();
+        self.mm_per_plane() * (1.0 / self.texel_scale).max_element()
+    }
+
+    /// Millimetres across the light in the middle of what is covered, for each unit of the plane's coordinates.
+    fn mm_per_plane(&self) -> f64 {
         match self.projection {
-            Projection::Orthographic => plane,
-            Projection::Perspective => plane * self.light_distance,
-            Projection::Octahedral => plane * self.z_range[1],
+            Projection::Orthographic => 1.0,
+            Projection::Perspective => self.light_distance,
+            Projection::Octahedral => self.z_range[1],
         }
     }
 
@@ -268,13 +142,18 @@ impl LightSpace {
         }
         let world_from_grid = self.grid_from_world.inverse();
         let mut tiles = vec![false; (across * across) as usize];
+        let [first, end] = self.texels_covered().unwrap_or([DVec2::NEG_INFINITY, DVec2::INFINITY]);
         for brick in active_boxes(active, volume.dims()) {
             let (lo, hi) = self.texels(&world_from_grid, brick);
-            let last = i64::from(across) - 1;
             // Taps of the pre-filter and rounding reach a little past a brick's own texels.
+            let (lo, hi) = ((lo - 1.0).max(first), (hi + 1.0).min(end));
+            if lo.cmpgt(hi).any() {
+                continue;
+            }
+            let last = i64::from(across) - 1;
             let tile = |t: f64| ((t / f64::from(TILE)).floor() as i64).clamp(0, last) as usize;
-            for y in tile(lo.y - 1.0)..=tile(hi.y + 1.0) {
-                for x in tile(lo.x - 1.0)..=tile(hi.x + 1.0) {
+            for y in tile(lo.y)..=tile(hi.y) {
+                for x in tile(lo.x)..=tile(hi.x) {
                     tiles[y * across as usize + x] = true;
                 }
             }
@@ -364,15 +243,6 @@ impl LightSpace {
     }
 }
 
-impl GridBox {
-    fn corners(&self) -> [DVec3; 8] {
-        std::array::from_fn(|c| {
-            let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };
-            self.center + self.half * DVec3::new(sign(0), sign(1), sign(2))
-        })
-    }
-}
-
 fn octahedral_from_direction(w: DVec3) -> DVec2 {
     let p = w.truncate() / (w.x.abs() + w.y.abs() + w.z.abs()).max(1e-300);
     if w.z >= 0.0 { p } else { fold(p) }
@@ -387,28 +257,6 @@ fn direction_from_octahedral(p: DVec2) -> DVec3 {
 fn fold(p: DVec2) -> DVec2 {
     let sign = |v: f64| if v >= 0.0 { 1.0 } else { -1.0 };
     DVec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y))
-}
-
-fn clipped(lo: [usize; 3], hi: [usize; 3], dims: [usize; 3]) -> GridBox {
-    let low = DVec3::from_array(lo.map(|b| ((b * BRICK_CELLS) as f64).max(0.5)));
-    let high = DVec3::from_array(std::array::from_fn(|a| {
-        (((hi[a] + 1) * BRICK_CELLS) as f64).min(dims[a] as f64 + 0.5)
-    }));
-    GridBox { center: 0.5 * (low + high), half: 0.5 * (high - low) }
-}
-
-/// Box of all active bricks (of the whole domain where there is none).
-fn active_box(active: &ActiveBricks, dims: [usize; 3]) -> GridBox {
-    let [lo, hi] = active.bounds.unwrap_or([[0; 3], active.counts.map(|n| n - 1)]);
-    clipped(lo, hi, dims)
-}
-
-fn active_boxes(active: &ActiveBricks, dims: [usize; 3]) -> impl Iterator<Item = GridBox> + '_ {
-    let [nx, ny, _] = active.counts;
-    active.distance.iter().enumerate().filter(|(_, d)| **d == 0).map(move |(i, _)| {
-        let at = [i % nx, i / nx % ny, i / (nx * ny)];
-        clipped(at, at, dims)
-    })
 }
 
 #[cfg(test)]

@@ -1,0 +1,173 @@
+#!/usr/bin/env python3
+"""Runs the tables of docs/measured.md on the adapter that is here and writes docs/measured/ADAPTER.md.
+
+usage: measured.py UMBRAVOX [--adapter NAME] [--only SECTION,...] [--quick]
+Sections: errors, methods, promise, stability, tuned, cost, growth. All of them take about an hour and a half on two cores
+with a software adapter, and minutes on a graphics card. --quick takes fewer repeats and rays, to see that all runs.
+Scans are found where UMBRAVOX_DATA names them (../shared/data); without them the built-in chest stands for all.
+"""
+import argparse, json, os, pathlib, re, subprocess, sys, tempfile, time
+
+ap = argparse.ArgumentParser(usage=__doc__)
+ap.add_argument("umbravox"), ap.add_argument("--adapter"), ap.add_argument("--only")
+ap.add_argument("--quick", action="store_true")
+a = ap.parse_args()
+root = pathlib.Path(__file__).resolve().parent.parent
+data = pathlib.Path(os.environ.get("UMBRAVOX_DATA", root.parent / "shared" / "data"))
+work = pathlib.Path(tempfile.mkdtemp(prefix="measured-"))
+LIGHT = ["--light", "dir:0.5,-0.5,0.7071"]
+EFFORT = ["--repeats", "1", "--points", "500", "--rays", "100", "--depths", "20"] if a.quick else ["--repeats", "7"]
+
+
+def ramp(name, points):
+    """A transfer function of a file: value and opacity over a millimetre."""
+    path = work / f"{name}.json"
+    path.write_text(json.dumps({"name": name, "points": [{"value": v, "opacity": o} for v, o in points]}))
+    return str(path)
+
+
+def scenes():
+    """Name, and the words that name volume, transfer function and camera."""
+    yield "thorax:128", ["phantom:thorax:128", "--tf", "ct"]
+    for name, points, camera in [
+        ("CT_AVM", [(190, 0), (310, 0.3)], "--eye 150,-260,160 --target 18.4,17,12 --fov 40"),
+        ("engine", [(60, 0), (120, 0.6)], "--eye 300,-300,200 --target 0,0,0 --fov 40"),
+    ]:
+        scan = data / f"{name}.nii.gz"
+        if scan.is_file():
+            yield name, [str(scan), "--tf", ramp(name, points), *camera.split()]
+
+
+def run(*words):
+    """The program's own output; ends everything where it fails."""
+    adapter = ["--adapter", a.adapter] if a.adapter else []
+    told = subprocess.run([a.umbravox, *map(str, words), *adapter], capture_output=True, text=True)
+    if told.returncode != 0:
+        sys.exit(f"{' '.join(map(str, words))}: status {told.returncode}\n{told.stderr}")
+    return told.stdout
+
+
+def compare(*words, effort=EFFORT):
+    """Rows of a comparison."""
+    folder = tempfile.mkdtemp(dir=work)
+    run("compare", *words, *effort, "-o", folder, "--overwrite")
+    return json.loads((pathlib.Path(folder) / "compare.json").read_text())
+
+
+def cell(value):
+    if value is None or value == "":
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "**no**"
+    if isinstance(value, float):
+        return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return str(value)
+
+
+def table(rows, columns):
+    """Markdown: columns of the comparison, by their names."""
+    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    return "\n".join(lines + ["| " + " | ".join(cell(row.get(c)) for c in columns) + " |" for row in rows])
+
+
+TIMES = ["scene", "method", "params", "map", "build_ms", "frame_ms", "bytes"]
+ERRORS = ["ray_err_max", "point_err_rms", "image_rmse", "bound", "bound_held", "check_ok"]
+WORK = ["work_samples", "work_lookups", "work_loads", "work_cells", "work_pieces"]
+
+
+def errors():
+    """Planes of `osm` halve the error where matter is even; the regular march does not end where the cells do."""
+    tf = work / "even.json"
+    tf.write_text(json.dumps({"name": "even", "quantity": "extinction_per_mm", "points": [{"value": 0, "extinction_per_mm": 0}, {"value": 1000, "extinction_per_mm": 0.05}]}))
+    rows = compare("phantom:slab", "--tf", tf, "--light", "dir:0.4,-0.5,0.75", "--size", "64x64", "--methods", "osm:bits=32,map=64,fit=volume,layers=8,16,32,64,128,256")
+    for name, scene in scenes():
+        rows += compare(*scene, *LIGHT, "--size", "256x256", "--name", name, "--methods", "dsm:epsilon=0.005,map=512,precompress=off,step=0.5,1,2;dsm:epsilon=0.005,map=512,march=cells;dsm:epsilon=0.005,map=512,march=samples,step=0.5,1")
+    return table(rows, ["scene", "method", "params", "map", *ERRORS])
+
+
+def methods():
+    """`examples/chest.toml`, 320x320, map 256."""
+    rows = compare("--scene", root / "examples" / "chest.toml", "--methods", "none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31")
+    return table(rows, TIMES[1:] + ERRORS)
+
+
+def promise():
+    """Every texel and node: a ramp of opacity, a step and an isosurface, three epsilons, map 192."""
+    rows = []
+    effort = ["--repeats", "1", "--points", "100", "--depths", "40", *(["--rays", "500"] if a.quick else ["--check", "all"])]
+    for name, scene in scenes():
+        values = {"engine": (60, 120)}.get(name, (190, 310))
+        low, high = values
+        middle, width = (low + high) / 2, (high - low) / 100
+        functions = {
+            "ramp": [(low, 0), (high, 0.5)],
+            "step": [(middle, 0), (middle + 1e-3, 0.9)],
+            "surface": [(middle - width, 0), (middle, 0.9), (middle + width, 0)],
+        }
+        for kind, points in functions.items():
+            tf = ramp(f"{name}-{kind}", points)
+            rows += compare(scene[0], "--tf", tf, *LIGHT, "--size", "64x64", "--name", f"{name} {kind}", "--methods", "dsm:map=192,fit=volume,epsilon=0.06,0.02,0.005", effort=effort)
+    return table(rows, ["scene", "params", "ray_err_max", "bound", "bound_held", "bound_limited", "rays_tested", "depths_tested"])
+
+
+def stability():
+    """Stiff and extreme cases, every method."""
+    folder = tempfile.mkdtemp(dir=work)
+    told = run("stability", "-o", folder, "--overwrite")
+    return "```\n" + told.strip().splitlines()[-1] + "\n```"
+
+
+def tuned():
+    """Settings searched within budgets, beside the defaults."""
+    name, scene = list(scenes())[-1]
+    folder = tempfile.mkdtemp(dir=work)
+    methods = ["--methods", "dsm;osm;dom;bom"]
+    run("compare", *scene, *LIGHT, *methods, *EFFORT, "--budget", "bytes=2MiB,8MiB", "-o", folder, "--overwrite")
+    rows = json.loads((pathlib.Path(folder) / "compare.json").read_text())
+    return table(rows, [*TIMES, *ERRORS[:3], "tuned_for"])
+
+
+def cost():
+    """What shadows cost at which error, 512x512, `--step 1`; the fastest row of each scene up to an error is marked."""
+    maps = "192,256,320,384,512"
+    rows = []
+    for name, scene in scenes():
+        own = compare(*scene, *LIGHT, "--size", "512x512", "--step", "1", "--name", name, "--methods", f"none;dsm:map=auto,{maps};dsm:march=samples,map={maps}")
+        for error in (0.02, 0.03, 0.04):
+            close = [r for r in own if (r["point_err_rms"] or 1) <= error]
+            if close:
+                best = min(close, key=lambda r: (r["build_ms"] or 0) + r["frame_ms"])
+                best["fastest up to"] = ", ".join(filter(None, [best.get("fastest up to"), f"{error}"]))
+        rows += own
+    return table(rows, [*TIMES[:6], "fastest up to", "point_err_rms", "ray_err_max", "check_ok", *WORK])
+
+
+def growth():
+    """The same picture and map of larger volumes."""
+    rows = []
+    for side in (128, 256) if a.quick else (128, 256, 512):
+        rows += compare(f"phantom:thorax:{side}", "--tf", "ct", *LIGHT, "--size", "512x512", "--name", f"thorax:{side}", "--methods", "none;dsm:map=512,march=cells,samples")
+    return table(rows, TIMES)
+
+
+sections = {f.__name__: f for f in (errors, methods, promise, stability, tuned, cost, growth)}
+chosen = a.only.split(",") if a.only else list(sections)
+unknown = [name for name in chosen if name not in sections]
+if unknown:
+    sys.exit(f"no section {', '.join(unknown)}; there is: {', '.join(sections)}")
+first = compare("phantom:slab:16", "--size", "16x16", "--methods", "none", effort=["--repeats", "1", "--points", "10", "--rays", "10"])[0]
+parts = [
+    f"# Measured on {first['adapter']}",
+    f"Written by `make measured`{' --quick, to see that it runs: no figures to quote' if a.quick else ''}. Driver {first['driver']}, "
+    f"{first['threads']} threads of the host, clock `{first['clock']}`, umbravox {first['version']} ({first['profile']}, revision {first['revision']}). "
+    "Columns are those of [columns.md](../columns.md).",
+]
+for name in chosen:
+    start = time.time()
+    print(f"{name} ...", file=sys.stderr, flush=True)
+    body = sections[name]()
+    parts.append(f"## {name.capitalize()}\n{sections[name].__doc__}\n\n{body}\n\nIn {time.time() - start:.0f} s.")
+path = root / "docs" / "measured" / (re.sub(r"[^A-Za-z0-9.]+", "-", first["adapter"]).strip("-") + ".md")
+path.parent.mkdir(exist_ok=True)
+path.write_text("\n\n".join(parts) + "\n")
+print(path)

@@ -1,0 +1,94 @@
+//! What a camera may see of a volume: all that a picture's shadows have to be right in.
+
+use crate::scene::{Camera, Scene};
+use glam::{DAffine3, DVec3};
+
+/// A camera with the shape and the size of its picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    camera: Camera,
+    /// Width of the picture by its height.
+    aspect: f64,
+    /// Rows of the picture.
+    height: u32,
+    /// Share of what is seen, on each side, that a map covers besides: a camera that moves a little stays within it.
+    pub(super) margin: f64,
+}
+
+impl View {
+    /// Of a scene's picture, no more.
+    pub fn of(scene: &Scene) -> Self {
+        let aspect = f64::from(scene.width) / f64::from(scene.height);
+        Self { camera: scene.camera, aspect, height: scene.height, margin: 0.0 }
+    }
+
+    /// The same, and a share of what is seen on each side besides.
+    #[must_use]
+    pub fn with_margin(self, margin: f64) -> Self {
+        Self { margin, ..self }
+    }
+
+    /// The view's sides in coordinates from which `world_from` leads to world mm.
+    pub fn sides(&self, world_from: &DAffine3) -> ViewSides {
+        let frame = self.camera.frame();
+        // Rounding on the device may put a ray a little beside where it is meant to be.
+        let up = 1.001 * (0.5 * self.camera.fov_deg.to_radians()).tan();
+        let right = up * self.aspect;
+        let outwards = [
+            -frame.forward,
+            frame.right - right * frame.forward,
+            -frame.right - right * frame.forward,
+            frame.up - up * frame.forward,
+            -frame.up - up * frame.forward,
+        ];
+        let m = world_from.matrix3.transpose();
+        let from_eye = world_from.translation - self.camera.eye;
+        ViewSides(outwards.map(|n| (m * n, n.dot(from_eye))))
+    }
+
+    /// Along the view, of length 1.
+    pub(super) fn forward(&self) -> DVec3 {
+        self.camera.frame().forward
+    }
+
+    /// Width of a pixel on a plane through a world point, mm.
+    pub(super) fn pixel_mm(&self, world: DVec3) -> f64 {
+        let distance = (world - self.camera.eye).dot(self.camera.frame().forward);
+        2.0 * (0.5 * self.camera.fov_deg.to_radians()).tan() * distance.max(0.0) / f64::from(self.height)
+    }
+}
+
+/// Half-spaces outside of which all that is seen lies: outward normal, and distance of the origin along it.
+#[derive(Debug, Clone, Copy)]
+pub struct ViewSides([(DVec3, f64); 5]);
+
+impl ViewSides {
+    /// Whether a box may show: not where all of it lies beyond one side.
+    pub fn may_show(&self, center: DVec3, half: DVec3) -> bool {
+        !self.0.iter().any(|(normal, origin)| normal.dot(center) + origin > normal.abs().dot(half))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::Phantom;
+
+    #[test]
+    fn boxes_beyond_a_side_do_not_show() {
+        let volume = Phantom::Slab.build(8).unwrap();
+        let camera = Camera { eye: DVec3::ZERO, target: DVec3::Y, up: DVec3::Z, fov_deg: 90.0 };
+        let scene = Scene { camera, width: 200, height: 100, ..Scene::framing(&volume) };
+        let view = View::of(&scene);
+        let sides = view.sides(&DAffine3::IDENTITY);
+        let shows = |x: f64, y: f64, z: f64| sides.may_show(DVec3::new(x, y, z), DVec3::splat(0.5));
+        assert!(shows(0.0, 10.0, 0.0) && shows(19.0, 10.0, 9.0) && shows(0.0, 0.0, 0.0));
+        assert!(!shows(0.0, -10.0, 0.0) && !shows(23.0, 10.0, 0.0) && !shows(0.0, 10.0, -12.0));
+        // 100 rows across twice the distance.
+        assert!((view.pixel_mm(DVec3::new(5.0, 50.0, 5.0)) - 1.0).abs() < 1e-12);
+        // In other coordinates the same boxes show.
+        let moved = view.sides(&DAffine3::from_translation(DVec3::new(0.0, -20.0, 0.0)));
+        assert!(moved.may_show(DVec3::new(0.0, 30.0, 0.0), DVec3::ONE));
+        assert!(!moved.may_show(DVec3::new(0.0, 10.0, 0.0), DVec3::ONE));
+    }
+}
