@@ -2,8 +2,10 @@
 # make test    every test
 # make adapters   the device's tests, the stability suite and the search on every software Vulkan that is there
 # make lint    formatting and clippy, as CI runs them
-# make bench   the criterion benches, and what shadows cost at which error (UMBRAVOX_BEFORE: another binary, in turn)
+# make bench   the criterion benches, and what shadows cost at which error (in turn with UMBRAVOX_BEFORE, another binary, and
+#              UMBRAVOX_PEER, a command that runs VTK's ray caster)
 # make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another)
+# make measured   every table of docs/measured.md on the adapter that is here, into docs/measured/ADAPTER.md (MEASURED_FLAGS="--only cost")
 # make strip   docs/strip.png and the README's table (out/strip/compare.md) anew
 # make check-tools   what is missing to build and run; installs nothing
 
@@ -18,7 +20,7 @@ SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
 STRIP_METHODS := none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31
 XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 
-.PHONY: demo test adapters lint bench shots strip setup check-tools
+.PHONY: demo test adapters lint bench shots measured strip setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -52,6 +54,10 @@ shots:
 	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/shots.txt
 	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/drags.txt
 	@echo && cat out/shots/drags.tsv
+
+measured: setup
+	$(CARGO) build --release --locked
+	UMBRAVOX_DATA="$(UMBRAVOX_DATA)" scripts/measured.py $(UMBRAVOX) $(MEASURED_FLAGS)
 
 strip: setup
 	$(CARGO) build --release --locked

@@ -51,8 +51,8 @@ fn what_the_picture_shows_is_right_and_finer_than_across_the_volume() {
                 assert!(view < whole + 2e-3, "{what}");
                 if i == 1 {
                     assert!(fine < 0.9 * wide && few < many, "{what}");
-                    // What layers miss along the ray is as before.
-                    assert!(view < 0.7 * whole || !method.starts_with("dsm"), "{what}");
+                    // What layers miss along the ray is as before; where hardly anything is wrong, chance decides.
+                    assert!(view < 0.7 * whole || !method.starts_with("dsm") || whole < 1e-3, "{what}");
                 }
             }
         }
