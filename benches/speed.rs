@@ -154,7 +154,7 @@ fn print_busy(scene: &[String], name: &str, march: &str) -> Result<(), String> {
     let tf = presets::resolve(&scene[2], &volume).map_err(words)?.tf;
     let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default()).map_err(words)?;
     let method = shadow::parse(&format!("dsm:map=512,march={march}")).map_err(words)?;
-    let light = Light::Directional { toward: glam::DVec3::new(0.5, -0.5, 0.7071) };
+    let light = Light::Directional { toward: glam::DVec3::new(0.5, -0.5, std::f64::consts::FRAC_1_SQRT_2) };
     // Pipelines and pools are made in the first two.
     for _ in 0..2 {
         session.shadow(method.as_ref(), light).map_err(words)?;
