@@ -1,10 +1,12 @@
 //! Fitting a map to what it is to cover: all active bricks, or those that the camera may see.
 
 use super::boxes::{GridBox, active_box, active_rows};
+use super::projection::Projection;
 use super::region::Region;
-use super::{LightSpace, Projection};
+use super::shape::MapShape;
+use super::space::LightSpace;
 use crate::field::constants::FAR;
-use crate::field::{ActiveBricks, March, View, grid_from_world};
+use crate::field::{ActiveBricks, View, grid_from_world};
 use crate::scene::Light;
 use crate::volume::Volume;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
@@ -12,19 +14,6 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 /// A perspective map wider than this (tangent of the half angle) becomes octahedral: its corner texels would be far
 /// coarser than its centre.
 const WIDEST_TANGENT: f64 = 2.0;
-
-/// How a map is laid out over what it is to cover, and how its rays are marched.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MapShape {
-    /// Texels a side; `None`: about one for each voxel, and finer where the picture shows voxels larger than that.
-    pub texels: Option<u32>,
-    /// Across what the camera sees of the active bricks, and not across all of them.
-    pub fits_view: bool,
-    /// Texels around a point that a lookup reads, on each side.
-    pub reach: u32,
-    /// How its light rays are marched.
-    pub march: March,
-}
 
 /// Texels a side of maps that choose for themselves.
 const LEAST_TEXELS: f64 = 64.0;

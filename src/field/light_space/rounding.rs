@@ -1,6 +1,7 @@
 //! What float32 makes of light space.
 
-use super::{LightSpace, Projection};
+use super::projection::Projection;
+use super::space::LightSpace;
 use crate::volume::Volume;
 use glam::{DMat3, DVec2, DVec3};
 
