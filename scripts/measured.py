@@ -2,11 +2,13 @@
 """Runs the tables of docs/measured.md on the adapter that is here and writes docs/measured/ADAPTER.md.
 
 usage: measured.py UMBRAVOX [--adapter NAME] [--only SECTION,...] [--quick]
-Sections: errors, methods, promise, stability, tuned, cost, growth. All of them take about an hour and a half on two cores
-with a software adapter, and minutes on a graphics card. --quick takes fewer repeats and rays, to see that all runs.
+Sections: errors, methods, promise, stability, tuned, cost, growth. All of them take hours on two cores with a software
+adapter, and minutes on a graphics card. The file is written after each section; --only leaves its other sections as they
+are. --quick takes fewer repeats and rays, to see that all runs, and prints to the screen alone.
+A section that fails says so in its place, and the others go on: a card on which something fails is worth a report.
 Scans are found where UMBRAVOX_DATA names them (../shared/data); without them the built-in chest stands for all.
 """
-import argparse, json, os, pathlib, re, subprocess, sys, tempfile, time
+import argparse, atexit, json, os, pathlib, re, shutil, subprocess, sys, tempfile, time
 
 ap = argparse.ArgumentParser(usage=__doc__)
 ap.add_argument("umbravox"), ap.add_argument("--adapter"), ap.add_argument("--only")
@@ -15,6 +17,7 @@ a = ap.parse_args()
 root = pathlib.Path(__file__).resolve().parent.parent
 data = pathlib.Path(os.environ.get("UMBRAVOX_DATA", root.parent / "shared" / "data"))
 work = pathlib.Path(tempfile.mkdtemp(prefix="measured-"))
+atexit.register(shutil.rmtree, work, ignore_errors=True)
 LIGHT = ["--light", "dir:0.5,-0.5,0.7071"]
 EFFORT = ["--repeats", "1", "--points", "500", "--rays", "100", "--depths", "20"] if a.quick else ["--repeats", "7"]
 
@@ -38,20 +41,27 @@ def scenes():
             yield name, [str(scan), "--tf", ramp(name, points), *camera.split()]
 
 
-def run(*words):
-    """The program's own output; ends everything where it fails."""
+class Failed(Exception):
+    """A command that made nothing that could be shown."""
+
+
+def run(*words, well=(0,)):
+    """The program's own output; status 1 is that of a table with a row that is not well."""
     adapter = ["--adapter", a.adapter] if a.adapter else []
     told = subprocess.run([a.umbravox, *map(str, words), *adapter], capture_output=True, text=True)
-    if told.returncode != 0:
-        sys.exit(f"{' '.join(map(str, words))}: status {told.returncode}\n{told.stderr}")
+    if told.returncode not in well:
+        raise Failed(f"{' '.join(map(str, words))}: status {told.returncode}\n{told.stderr}")
     return told.stdout
 
 
 def compare(*words, effort=EFFORT):
-    """Rows of a comparison."""
+    """Rows of a comparison; those that failed have no figures but say why in `note`."""
     folder = tempfile.mkdtemp(dir=work)
-    run("compare", *words, *effort, "-o", folder, "--overwrite")
-    return json.loads((pathlib.Path(folder) / "compare.json").read_text())
+    run("compare", *words, *effort, "-o", folder, "--overwrite", well=(0, 1))
+    path = pathlib.Path(folder) / "compare.json"
+    if not path.is_file():
+        raise Failed(f"compare {' '.join(map(str, words))}: no table")
+    return json.loads(path.read_text())
 
 
 def cell(value):
@@ -78,7 +88,7 @@ WORK = ["work_samples", "work_lookups", "work_loads", "work_cells", "work_pieces
 def errors():
     """Planes of `osm` halve the error where matter is even; the regular march does not end where the cells do."""
     tf = work / "even.json"
-    tf.write_text(json.dumps({"name": "even", "quantity": "extinction_per_mm", "points": [{"value": 0, "extinction_per_mm": 0}, {"value": 1000, "extinction_per_mm": 0.05}]}))
+    tf.write_text(json.dumps({"name": "even", "points": [{"value": 0, "extinction": 0}, {"value": 1000, "extinction": 0.05}]}))
     rows = compare("phantom:slab", "--tf", tf, "--light", "dir:0.4,-0.5,0.75", "--size", "64x64", "--methods", "osm:bits=32,map=64,fit=volume,layers=8,16,32,64,128,256")
     for name, scene in scenes():
         rows += compare(*scene, *LIGHT, "--size", "256x256", "--name", name, "--methods", "dsm:epsilon=0.005,map=512,precompress=off,step=0.5,1,2;dsm:epsilon=0.005,map=512,march=cells;dsm:epsilon=0.005,map=512,march=samples,step=0.5,1")
@@ -113,17 +123,15 @@ def promise():
 def stability():
     """Stiff and extreme cases, every method."""
     folder = tempfile.mkdtemp(dir=work)
-    told = run("stability", "-o", folder, "--overwrite")
+    told = run("stability", "-o", folder, "--overwrite", well=(0, 1))
     return "```\n" + told.strip().splitlines()[-1] + "\n```"
 
 
 def tuned():
     """Settings searched within budgets, beside the defaults."""
     name, scene = list(scenes())[-1]
-    folder = tempfile.mkdtemp(dir=work)
-    methods = ["--methods", "dsm;osm;dom;bom"]
-    run("compare", *scene, *LIGHT, *methods, *EFFORT, "--budget", "bytes=2MiB,8MiB", "-o", folder, "--overwrite")
-    rows = json.loads((pathlib.Path(folder) / "compare.json").read_text())
+    methods = ["--name", name, "--methods", "dsm;osm;dom;bom"]
+    rows = compare(*scene, *LIGHT, *methods, "--budget", "bytes=2MiB,8MiB")
     return table(rows, [*TIMES, *ERRORS[:3], "tuned_for"])
 
 
@@ -134,7 +142,7 @@ def cost():
     for name, scene in scenes():
         own = compare(*scene, *LIGHT, "--size", "512x512", "--step", "1", "--name", name, "--methods", f"none;dsm:map=auto,{maps};dsm:march=samples,map={maps}")
         for error in (0.02, 0.03, 0.04):
-            close = [r for r in own if (r["point_err_rms"] or 1) <= error]
+            close = [r for r in own if r["point_err_rms"] is not None and r["point_err_rms"] <= error]
             if close:
                 best = min(close, key=lambda r: (r["build_ms"] or 0) + r["frame_ms"])
                 best["fastest up to"] = ", ".join(filter(None, [best.get("fastest up to"), f"{error}"]))
@@ -155,19 +163,32 @@ chosen = a.only.split(",") if a.only else list(sections)
 unknown = [name for name in chosen if name not in sections]
 if unknown:
     sys.exit(f"no section {', '.join(unknown)}; there is: {', '.join(sections)}")
-first = compare("phantom:slab:16", "--size", "16x16", "--methods", "none", effort=["--repeats", "1", "--points", "10", "--rays", "10"])[0]
-parts = [
-    f"# Measured on {first['adapter']}",
-    f"Written by `make measured`{' --quick, to see that it runs: no figures to quote' if a.quick else ''}. Driver {first['driver']}, "
-    f"{first['threads']} threads of the host, clock `{first['clock']}`, umbravox {first['version']} ({first['profile']}, revision {first['revision']}). "
-    "Columns are those of [columns.md](../columns.md).",
-]
+try:
+    first = compare("phantom:slab:16", "--size", "16x16", "--methods", "none", effort=["--repeats", "1", "--points", "10", "--rays", "10"])[0]
+except (Failed, OSError) as why:
+    sys.exit(f"measured.py: {why}")
+adapter = first["adapter"]
+path = root / "docs" / "measured" / (re.sub(r"[^A-Za-z0-9.]+", "-", adapter).strip("-") + ".md")
+build = f"umbravox {first['version']}, revision {first['revision']} ({first['profile']}), driver {first['driver']}, {first['threads']} threads of the host, clock `{first['clock']}`"
+parts = {}
+if path.is_file() and not a.quick:
+    # Sections that are not measured now stay, with what they were measured with.
+    for text in path.read_text().split("\n## ")[1:]:
+        parts[text.split("\n")[0].lower()] = "## " + text.rstrip()
 for name in chosen:
     start = time.time()
     print(f"{name} ...", file=sys.stderr, flush=True)
-    body = sections[name]()
-    parts.append(f"## {name.capitalize()}\n{sections[name].__doc__}\n\n{body}\n\nIn {time.time() - start:.0f} s.")
-path = root / "docs" / "measured" / (re.sub(r"[^A-Za-z0-9.]+", "-", first["adapter"]).strip("-") + ".md")
-path.parent.mkdir(exist_ok=True)
-path.write_text("\n\n".join(parts) + "\n")
-print(path)
+    try:
+        body = sections[name]()
+    except Failed as why:
+        body = f"**Failed.**\n```\n{why}\n```"
+        print(why, file=sys.stderr)
+    parts[name] = f"## {name.capitalize()}\n{sections[name].__doc__}\n\n{body}\n\n{build}; in {time.time() - start:.0f} s."
+    if a.quick:
+        print(parts[name] + "\n", flush=True)
+        continue
+    head = f"# Measured on {adapter}\nWritten by `make measured`. Columns are those of [columns.md](../columns.md); times are ms, medians."
+    path.parent.mkdir(exist_ok=True)
+    path.with_suffix(".part").write_text("\n\n".join([head, *(parts[n] for n in sections if n in parts)]) + "\n")
+    path.with_suffix(".part").replace(path)
+    print(path, file=sys.stderr)

@@ -22,6 +22,12 @@ impl View {
         Self { camera: scene.camera, aspect, height: scene.height, margin: 0.0 }
     }
 
+    /// The same, or wider, so that a picture of another shape from the same camera lies in it.
+    #[must_use]
+    pub fn holding(self, other: &Scene) -> Self {
+        Self { aspect: self.aspect.max(Self::of(other).aspect), ..self }
+    }
+
     /// The same, and a share of what is seen on each side besides.
     #[must_use]
     pub fn with_margin(self, margin: f64) -> Self {

@@ -155,7 +155,8 @@ impl<'a> Reference<'a> {
         let used = if needed.is_ok() { method } else { &NoShadows };
         let Session { renderer, loaded, .. } = job.session;
         let build = || {
-            let view = View::of(job.scene);
+            // The small picture, whose sides are rounded, may be a little wider.
+            let view = View::of(job.scene).holding(&self.exact_picture.scene);
             renderer.shadow_in(loaded, &transfer, used, job.scene.light, Some(&view))
         };
         let start = Instant::now();
@@ -179,7 +180,7 @@ impl<'a> Reference<'a> {
         }
         let report = &shadow.report;
         let mut left_out = picture.plan.left_out;
-        if let (Err(why), Some(_)) = (needed, method.map_size()) {
+        if let (Err(why), true) = (needed, method.has_map()) {
             left_out.insert(
                 0,
                 Omission { what: "shadow map".into(), why: why.into(), saved: None, optional: None },
@@ -187,7 +188,7 @@ impl<'a> Reference<'a> {
         }
         let mut row = Row {
             build_first_ms: Some(build_first_ms),
-            map: method.has_map().then_some(shadow.light_space.map_size),
+            map: (needed.is_ok() && method.has_map()).then_some(shadow.light_space.map_size),
             bytes: Some(report.bytes),
             bytes_used: Some(report.bytes_used),
             nodes_total: report.nodes_total,

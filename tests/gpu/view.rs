@@ -100,9 +100,9 @@ fn maps_choose_texels_as_wide_as_voxels_and_finer_where_those_are_large() {
         };
         let texel = space(whole, 60).texel_mm();
         assert!((0.7..=1.0).contains(&(texel / voxel)), "{light:?}: {texel} mm, voxels {voxel} mm");
-        // Zoomed in, two pixels a texel, and no less than a quarter of a voxel.
+        // Zoomed in, two pixels a texel, and no less than half a voxel.
         let near = space(part, 400);
-        assert!((0.24..0.6).contains(&(near.texel_mm() / voxel)), "{light:?}: {}", near.texel_mm());
+        assert!((0.48..0.6).contains(&(near.texel_mm() / voxel)), "{light:?}: {}", near.texel_mm());
         let everywhere = setup.session.shadow(method.as_ref(), light).unwrap().light_space;
         assert!((0.7..=1.0).contains(&(everywhere.texel_mm() / voxel)), "{light:?}");
     }

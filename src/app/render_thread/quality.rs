@@ -109,6 +109,10 @@ impl Speeds {
         let count = whole.choices.len() as f64;
         let build_ms = |choice: &MethodChoice| self.build_ms(choice, subject, device);
         let coarse = |choice: &MethodChoice| {
+            // What is made already is finer, and costs nothing.
+            if build_ms(choice) == 0.0 {
+                return choice.clone();
+            }
             let own = self.map(choice);
             let fits = |side: &&u32| build_ms(&choice.coarse(own, **side)) <= 0.5 * MOVING_MS / count;
             let side = MAP_SIDES.iter().find(fits).copied().unwrap_or(MAP_SIDES[MAP_SIDES.len() - 1]);

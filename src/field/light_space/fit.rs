@@ -22,8 +22,6 @@ const MOST_TEXELS: f64 = 2048.0;
 /// the field between voxels is smooth.
 const PIXELS_PER_TEXEL: f64 = 2.0;
 const MOST_TEXELS_PER_VOXEL: f64 = 2.0;
-/// A map of fewer texels a side has no border, and covers everything.
-const LEAST_WITH_BORDER: u32 = 8;
 /// A map that is this many times as large as what a view needs, or whose texels are as many times too wide, no longer
 /// serves it.
 const MOST_TOO_LARGE: f64 = 2.0;
@@ -145,7 +143,7 @@ impl LightSpace {
         // it, as many as lookups read.
         let border = match self.projection {
             Projection::Octahedral => 0.0,
-            _ if self.map_size < LEAST_WITH_BORDER => 0.0,
+            _ if self.map_size < MapShape::LEAST_WITH_BORDER => 0.0,
             _ if self.region.is_some() => f64::from(self.shape.reach),
             _ => 1.0,
         };
@@ -208,7 +206,7 @@ impl LightSpace {
 
     /// Whether the map may cover a part of the active bricks alone.
     fn can_fit_view(&self) -> bool {
-        let has_border = self.shape.texels.is_none_or(|texels| texels >= LEAST_WITH_BORDER);
+        let has_border = self.shape.texels.is_none_or(|texels| texels >= MapShape::LEAST_WITH_BORDER);
         self.shape.fits_view && has_border && self.projection != Projection::Octahedral
     }
 

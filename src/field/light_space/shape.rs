@@ -14,3 +14,8 @@ pub struct MapShape {
     /// How its light rays are marched.
     pub march: March,
 }
+
+impl MapShape {
+    /// A map of fewer texels a side has no border, and covers everything.
+    pub const LEAST_WITH_BORDER: u32 = 8;
+}

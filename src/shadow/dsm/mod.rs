@@ -231,15 +231,18 @@ impl DeepShadowMap {
         ];
         let own = [(1, context.kernels.uniform(&own))];
         let (label, shader) = ("deep shadow map build", self.build_shader());
-        let span = match some {
-            None => tiles.run(label, &shader, &own, &stage)?,
-            Some(places) => tiles.run_again(places, label, &shader, &own, &stage)?,
+        let ran = match some {
+            None => tiles.run(label, &shader, &own, &stage),
+            Some(places) => tiles.run_again(places, label, &shader, &own, &stage),
         };
+        let limited =
+            "software adapters limit loops: fewer pre-filter taps or a longer step will do, or march=samples";
+        let many = self.prefilter > 1 && self.march == MarchBy::Cells;
+        let span = ran.map_err(|e| if many { e.hint(limited) } else { e })?;
         let counters = read_back::<Counters>(gpu, &counters, 1)?[0];
         if counters.texels_cut > 0 {
             let why = format!("the adapter ended {} light rays before they were done", counters.texels_cut);
-            return Err(Error::runtime("cannot build the deep shadow map", self.params(), why)
-                .hint("software adapters limit loops: fewer pre-filter taps or a longer step will do"));
+            return Err(Error::runtime("cannot build the deep shadow map", self.params(), why).hint(limited));
         }
         Ok((span, counters))
     }
@@ -283,7 +286,7 @@ impl Method for DeepShadowMap {
         // quarter more than texels does for most scenes; the counter says what this one needs.
         let settings = format!("{self:?}");
         let known = context.pool_sizes.last(&settings);
-        let more = |used: u32| used + used / 8 + own.tile_rows / 64;
+        let more = |share: f64| (share * 1.125 * f64::from(own.tile_rows)) as u32 + own.tile_rows / 64;
         let pool_rows = own.tile_rows + known.map_or(own.tile_rows / 4, more);
         let mut nodes = pool_of(gpu, &mut own, pool_rows)?;
         let asked = StorageBuffer::zeroed(gpu, "rows asked for", 8 * u64::from(tiles.built))?;
@@ -310,7 +313,8 @@ impl Method for DeepShadowMap {
                 return Err(Error::runtime("cannot build the deep shadow map", self.params(), why));
             }
         }
-        context.pool_sizes.learn(settings, counters.overflow_rows);
+        let share = f64::from(counters.overflow_rows) / f64::from(own.tile_rows.max(1));
+        context.pool_sizes.learn(settings, share);
         let used_rows = own.tile_rows + overflow_rows;
         let uniform = uniform_buffer(gpu, "deep shadow map", &own);
         let left_out = tiles.tiles - tiles.built;

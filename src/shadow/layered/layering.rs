@@ -1,9 +1,9 @@
 //! How the layers of `dom` and `bom` share the extent of a texel, and a build that may have to choose it first.
 
-use super::ratio::{self, Measure, all_splits, choose, choose_by_region, hybrid};
+use super::ratio::{self, Measure, REGION_TEXELS, all_splits, choose, choose_by_region, hybrid};
 use super::{Built, NO_DEPTH_PASS, Recipe, Split};
 use crate::error::Result;
-use crate::field::{BuildContext, TileMarch};
+use crate::field::{BuildContext, MapShape, TileMarch};
 use crate::gpu::ShaderVariant;
 use crate::shadow::method::PassLeftOut;
 use crate::shadow::settings::{Key, When, choices};
@@ -104,7 +104,13 @@ impl Layering {
         context: &BuildContext<'a>,
         recipe: impl Fn(Split) -> Recipe,
     ) -> Result<Built<'a>> {
-        let tiles = TileMarch::fit(context, recipe(self.any()).shape)?;
+        let mut shape = recipe(self.any()).shape;
+        if self.split == LayerSplit::Texel {
+            // The map of its regions has to be able to cover the same.
+            let least = REGION_TEXELS * MapShape::LEAST_WITH_BORDER;
+            shape.fits_view &= shape.texels.is_none_or(|texels| texels >= least);
+        }
+        let tiles = TileMarch::fit(context, shape)?;
         let (mut choice, mut regions, mut search) = (None, None, None);
         let split = match (self.plain(), self.split) {
             (Some(split), _) => split,
