@@ -10,7 +10,7 @@
 //                                                   lies between. Whatever it reads is bound in group 1 from binding 1
 //                                                   on; binding 0 is the light space for all methods.
 
-#import umbravox::dispatch::spread
+#import umbravox::frame::{frame, picture, pixel_of}
 #import umbravox::field::{field, value_at, FAR}
 #import umbravox::walk::{Line, Walk, line_through, start_walk, walk_on, count_turn, exhausted, sample_depth}
 #import umbravox::transfer::{color_integral_at, mean_color}
@@ -23,36 +23,6 @@
 #import umbravox::light::{light_point, light_ray}
 #endif
 
-struct Frame {
-    // Grid-space centre of a plane across the view near the volume (keeps float32 rays exact for far eyes).
-    plane_center: vec3<f32>,
-    plane_distance_mm: f32,
-    // Grid units per mm along the camera's axes.
-    grid_forward: vec3<f32>,
-    step_mm: f32,
-    grid_right: vec3<f32>,
-    ambient: f32,
-    grid_up: vec3<f32>,
-    // First row of this band of the picture.
-    first_row: u32,
-    background: vec3<f32>,
-    rows: u32,
-    // Half extents of the picture at unit distance: (W/H) tan(fov/2), tan(fov/2).
-    half_extent: vec2<f32>,
-    size: vec2<u32>,
-    // World mm per grid unit (columns), for shading.
-    world_x: vec3<f32>,
-    // 1 where the shading counts, 0 where it is only computed (forced).
-    shading_weight: f32,
-    world_y: vec3<f32>,
-    // First column of this part of the band.
-    first_column: u32,
-    world_z: vec3<f32>,
-    padding_c: f32,
-}
-
-@group(2) @binding(0) var<uniform> frame: Frame;
-@group(2) @binding(1) var<storage, read_write> picture: array<vec4<f32>>;
 #ifdef RESUMABLE
 // A picture made in several dispatches, since one would loop longer than some adapters allow (software ones end every
 // loop of an invocation after 65,536 turns in all).
@@ -94,14 +64,19 @@ const TURNS_A_SAMPLE: u32 = 72u;
 
 // ---- The ray of a pixel ----
 
-fn eye_ray(pixel: vec2<u32>) -> Line {
+// The ray through a pixel, as far as something may show along it.
+fn eye_ray(pixel: vec2<u32>, nearest_mm: f32, farthest_mm: f32) -> Line {
     let ndc = (2.0 * (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.size) - 1.0) * vec2<f32>(1.0, -1.0) * frame.half_extent;
     let across = ndc.x * frame.grid_right + ndc.y * frame.grid_up;
     let slant = sqrt(1.0 + dot(ndc, ndc));
     // Depth 0 is where the ray crosses the frame's plane.
     let o = frame.plane_center + frame.plane_distance_mm * across;
     let d = (frame.grid_forward + across) / slant;
-    return line_through(o, d, -frame.plane_distance_mm * slant, FAR, frame.step_mm);
+    var ray = line_through(o, d, -frame.plane_distance_mm * slant, FAR, frame.step_mm);
+    // The lattice of samples stays as it is.
+    ray.start = max(ray.start, nearest_mm * slant);
+    ray.end = min(ray.end, farthest_mm * slant);
+    return ray;
 }
 
 // Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) where the value goes from a to b.
@@ -227,17 +202,14 @@ fn gather(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<function
 // As long as it is for its variants: what is shared by them stands in the functions above.
 @compute @workgroup_size(#{PICTURE_SIDE}, #{PICTURE_SIDE})
 fn raycast(
-    @builtin(global_invocation_id) id: vec3<u32>,
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_id) local: vec3<u32>,
 ) {
-    // llvmpipe of Mesa 22.3 crashes where the uniform comes first.
-    let column = id.x + frame.first_column;
-    let row = spread(group.y, groups.y) * #{PICTURE_SIDE} + local.y;
-    if column >= frame.size.x || row >= frame.rows { return; }
-    let index = row * frame.size.x + column;
-    let ray = eye_ray(vec2<u32>(column, row + frame.first_row));
+    let pixel = pixel_of(group, groups, local, 0u, frame.tiles_cast);
+    if !pixel.inside { return; }
+    let index = pixel.index;
+    let ray = eye_ray(pixel.at, pixel.nearest_mm, pixel.farthest_mm);
     var walk = start_walk(ray, TURNS_A_SAMPLE);
     var color = vec3<f32>(0.0);
     // Transmittance to the eye.

@@ -3,8 +3,9 @@
 
 use crate::transfer::TransferFunction;
 use crate::volume::{BRICK_CELLS, Bricks};
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Which bricks a transfer function gives any extinction, and how far the next of them is.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,6 +18,8 @@ pub struct ActiveBricks {
     pub active: usize,
     /// First and last brick (inclusive) of the smallest box around the active ones.
     pub bounds: Option<[[usize; 3]; 2]>,
+    /// See [`Self::outer`].
+    outer: OnceLock<Vec<IVec3>>,
 }
 
 /// The values with extinction above 0, as disjoint closed intervals of `f64` in rising order; outer ends may be
@@ -83,7 +86,36 @@ impl ActiveBricks {
         if active > 0 && active < distance.len() {
             chebyshev(counts, &mut distance);
         }
-        Self { counts, distance, active, bounds }
+        Self { counts, distance, active, bounds, outer: OnceLock::new() }
+    }
+
+    /// [`Self::distance`] of a brick, where there is one.
+    pub fn distance_at(&self, brick: IVec3) -> Option<u8> {
+        let counts = IVec3::from_array(self.counts.map(|n| n as i32));
+        let there = brick.cmpge(IVec3::ZERO).all() && brick.cmplt(counts).all();
+        there.then(|| self.distance[((brick.z * counts.y + brick.y) * counts.x + brick.x) as usize])
+    }
+
+    /// The active bricks that have an inactive one, or nothing, beside one of their faces: what is seen of all active ones
+    /// from outside of them.
+    pub fn outer(&self) -> &[IVec3] {
+        self.outer.get_or_init(|| {
+            let [nx, ny, nz] = self.counts;
+            let mut outer = Vec::new();
+            for (row, line) in self.distance.chunks_exact(nx).enumerate() {
+                let (y, z) = (row % ny, row / ny);
+                let edge = y == 0 || z == 0 || y + 1 == ny || z + 1 == nz;
+                for x in (0..nx).filter(|x| line[*x] == 0) {
+                    let i = row * nx + x;
+                    let beside = [1, nx, nx * ny];
+                    let bare = |step: &usize| self.distance[i - step] != 0 || self.distance[i + step] != 0;
+                    if edge || x == 0 || x + 1 == nx || beside.iter().any(bare) {
+                        outer.push(IVec3::new(x as i32, y as i32, z as i32));
+                    }
+                }
+            }
+            outer
+        })
     }
 
     /// The active bricks' box in index coordinates of a grid of `dims` voxels, cut to its domain `[-0.5, n - 0.5]`.

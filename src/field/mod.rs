@@ -26,7 +26,7 @@ pub use omittable::{Forced, Omittable};
 pub use pool_sizes::PoolSizes;
 pub use shader::{
     DEPTH_SINK, GAUSS, MOST_ROUNDINGS, March, SHORT_PIECE, UNEVEN_DEPTH, field_shader, line_of_workgroups,
-    marches_cells,
+    marches_cells, shape_of,
 };
 pub use tile_march::TileMarch;
 pub use tile_pace::TilePace;

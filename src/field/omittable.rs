@@ -11,6 +11,8 @@ use std::str::FromStr;
 pub enum Omittable {
     /// Bricks without extinction, on eye rays and light rays.
     Bricks,
+    /// Tiles of the picture in which no active brick may show, and eye rays before the first and behind the last one.
+    EyeTiles,
     /// Tiles of a shadow map without active bricks.
     Tiles,
     /// The shadow structure and its lookups, where no light can be kept from what is seen.
@@ -29,11 +31,12 @@ pub enum Omittable {
 
 impl Omittable {
     /// All, in the order of the pipeline.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Colors,
         Self::MarchTable,
         Self::BreakpointSearch,
         Self::Bricks,
+        Self::EyeTiles,
         Self::Tiles,
         Self::DepthPass,
         Self::Shadows,
@@ -44,6 +47,7 @@ impl Omittable {
     pub fn name(self) -> &'static str {
         match self {
             Self::Bricks => "bricks",
+            Self::EyeTiles => "eye-tiles",
             Self::Tiles => "tiles",
             Self::Shadows => "shadows",
             Self::MarchTable => "march-table",

@@ -116,13 +116,26 @@ impl Kernels {
         label: &str,
         variant: &ShaderVariant,
         groups: &[&Group],
-        [x, y, z]: [u32; 3],
+        size: [u32; 3],
     ) -> Result<Span> {
-        let pipeline = self.pipeline(variant, groups)?;
+        self.run_all(label, &[(variant, size)], groups)
+    }
+
+    /// Runs pipelines one after another over the same groups, as [`Self::run`] does one.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn run_all(
+        &self,
+        label: &str,
+        passes: &[(&ShaderVariant, [u32; 3])],
+        groups: &[&Group],
+    ) -> Result<Span> {
+        let useful = passes.iter().filter(|(_, size)| size.iter().all(|n| *n > 0));
+        let pipelines = useful.map(|(variant, size)| Ok((self.pipeline(variant, groups)?, *size)));
+        let pipelines = pipelines.collect::<Result<Vec<_>>>()?;
         self.timer.compute(&self.gpu, label, |pass| {
-            if x > 0 && y > 0 && z > 0 {
-                record(pass, &pipeline, groups, [x, y, z]);
-            }
+            pipelines.iter().for_each(|(pipeline, size)| record(pass, pipeline, groups, *size));
         })
     }
 

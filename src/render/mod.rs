@@ -2,6 +2,7 @@
 //! pictures.
 
 mod display;
+mod eye_tiles;
 mod kept;
 mod pace;
 mod picture;
@@ -25,10 +26,12 @@ use crate::gpu::ShaderVariant;
 use crate::shadow::Lookup;
 
 /// Every pipeline of this room with a lookup, or with none, for tests of shaders: the ray caster by what its plan
-/// decides, queries, and what encodes pictures for the screen.
+/// decides, queries, what fills their background, and what encodes pictures for the screen.
 pub fn shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = plan::raycast_shaders(lookup);
     list.extend(lookup.map(query::shader));
-    list.extend(lookup.is_none().then(display::shader));
+    if lookup.is_none() {
+        list.extend([display::shader(), picture::background_shader()]);
+    }
     list
 }

@@ -1,10 +1,12 @@
 //! Pictures: rays cast band by band, into host memory here and into a window's textures in [`super::display`].
 
+use super::eye_tiles::EyeTiles;
 use super::pace::{AtOnce, Pace, Pacing};
-use super::shader::{PICTURE_SIDE, picture_workgroups};
+use super::plan::plane_distance_mm;
+use super::shader::{CONSTANTS, PICTURE_SIDE};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
-use crate::field::{DeviceTransfer, FAR, LoadedVolume, grid_from_world};
+use crate::field::{DeviceTransfer, FAR, LoadedVolume, grid_from_world, shape_of};
 use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 use crate::scene::{Scene, Shading};
 use crate::shadow::ShadowMap;
@@ -12,6 +14,7 @@ use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use ndarray::Array3;
+use std::time::Instant;
 
 /// `Frame` of `shaders/render/raycast.wgsl`.
 #[repr(C)]
@@ -32,7 +35,7 @@ struct FrameUniform {
     pub world_x: [f32; 3],
     pub shading_weight: f32,
     pub world_y: [f32; 3],
-    pub first_column: u32,
+    pub tiles_cast: u32,
     pub world_z: [f32; 3],
     pub padding_c: f32,
 }
@@ -127,21 +130,26 @@ impl Renderer {
             // What the plan says of the pre-compressed table is of one that is made.
             transfer.prepared(self.gpu(), lookup.within(""))?;
         }
-        let plan = Plan::of(scene, loaded, transfer, shadow);
+        let start = Instant::now();
+        let (plan, tiles) = Plan::with_tiles(scene, loaded, transfer, shadow);
+        let tiles_ms = start.elapsed().as_secs_f64() * 1e3;
         let shader = transfer.prepared(self.gpu(), plan.raycast_shader(transfer, shadow))?;
-        let caster = Caster { loaded, transfer, shadow, scene, shader, resumable: plan.resumable(shadow) };
+        let resumable = plan.resumable(shadow);
+        let caster = Caster { loaded, transfer, shadow, scene, tiles, shader, resumable };
         let (width, height) = (scene.width, scene.height);
         // Large pictures are drawn in bands that the adapter can bind.
         let row_bytes = u64::from(width) * 16;
         let limits = self.gpu().device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX).clamp(1, height);
-        let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| 0.0), wall_ms: 0.0 };
+        let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX);
+        let highest = (highest / PICTURE_SIDE).max(1) * PICTURE_SIDE;
+        // A picture's time has what the host does for its rays.
+        let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| tiles_ms), wall_ms: tiles_ms };
         let mut made: Option<(wgpu::Buffer, u32)> = None;
         let mut first_row = 0;
         while first_row < height {
             let Some(pixels) = pacing.pixels_next() else { return Ok(None) };
-            let rows = pixels_to_rows(pixels, width).clamp(1, highest).min(height - first_row);
+            let rows = pixels_to_rows(pixels, width).min(highest).min(height - first_row);
             let buffer = match &made {
                 Some((buffer, rows_made)) if *rows_made >= rows => buffer.clone(),
                 _ => {
@@ -181,19 +189,29 @@ impl Renderer {
         while first_column < width {
             let Some(budget) = pixels.take().or_else(|| pacing.pixels_next()) else { return Ok(false) };
             let columns = pixels_to_columns(budget, rows).min(width - first_column);
-            let uniform = frame_uniform(&caster.loaded.volume, caster.scene, [first_column, first_row], rows);
+            let (tiles, cast) = caster.tiles.part([first_column, first_row], [columns, rows]);
+            let left_out = tiles.len() as u32 - cast;
+            let tiles = StorageBuffer::from_slice(self.gpu(), "tiles of the picture", &tiles)?;
+            let uniform = FrameUniform {
+                first_row,
+                rows,
+                tiles_cast: cast,
+                ..frame_uniform(&caster.loaded.volume, caster.scene)
+            };
             let uniform = uniform_buffer(self.gpu(), "frame", &uniform);
             let stage = [
                 (0, self.kernels.uniform(&uniform)),
                 (1, Slot::read_write(buffer.as_entire_binding())),
                 (2, Slot::read_write(progress.as_entire_binding())),
+                (3, Slot::read(tiles.as_entire_binding())),
             ];
             let stage = self.kernels.group("frame", &stage);
             let groups = [caster.transfer.group(), &caster.shadow.group, &stage];
             let mut part: Option<Span> = None;
+            let background = background_shader();
+            let passes = [(&background, workgroups(left_out)), (&caster.shader, workgroups(cast))];
             let took = loop {
-                let workgroups = picture_workgroups(columns, rows);
-                let took = self.kernels.run("ray cast", &caster.shader, &groups, workgroups)?;
+                let took = self.kernels.run_all("ray cast", &passes, &groups)?;
                 let so_far = part.map_or(took, |s| s.plus(took));
                 part = Some(so_far);
                 if !caster.resumable || read_back::<u32>(self.gpu(), &progress, 1)?[0] == 0 {
@@ -215,6 +233,7 @@ struct Caster<'a> {
     transfer: &'a DeviceTransfer,
     shadow: &'a ShadowMap,
     scene: &'a Scene,
+    tiles: EyeTiles,
     shader: ShaderVariant,
     resumable: bool,
 }
@@ -232,20 +251,26 @@ fn pixels_to_columns(pixels: u32, rows: u32) -> u32 {
     (pixels / rows.max(1) / PICTURE_SIDE * PICTURE_SIDE).max(LEAST_COLUMNS)
 }
 
-fn frame_uniform(
-    volume: &Volume,
-    scene: &Scene,
-    [first_column, first_row]: [u32; 2],
-    rows: u32,
-) -> FrameUniform {
+/// Workgroups for so many tiles.
+fn workgroups(tiles: u32) -> [u32; 3] {
+    match tiles {
+        0 => [0; 3],
+        tiles => shape_of(tiles),
+    }
+}
+
+pub(super) fn background_shader() -> ShaderVariant {
+    ShaderVariant::of("render/background.wgsl")
+        .modules(&["field/dispatch.wgsl", "render/frame.wgsl"])
+        .constants(CONSTANTS)
+}
+
+/// What is one for all parts of a picture.
+fn frame_uniform(volume: &Volume, scene: &Scene) -> FrameUniform {
     let grid_from_world = grid_from_world(volume);
     let world_from_grid = grid_from_world.inverse().matrix3;
     let frame = scene.camera.frame();
-    let corners = volume.corners_mm();
-    let center = corners.iter().sum::<DVec3>() / 8.0;
-    let spacing = volume.min_spacing_mm();
-    // Rays start on a plane through the volume's centre: far eyes then cost no precision.
-    let distance = (center - scene.camera.eye).dot(frame.forward).max(spacing);
+    let distance = plane_distance_mm(scene, volume);
     let plane_center = scene.camera.eye + distance * frame.forward;
     let f32s = |v: DVec3| v.as_vec3().to_array();
     let grid = |v: DVec3| f32s(grid_from_world.transform_vector3(v));
@@ -255,14 +280,11 @@ fn frame_uniform(
         plane_center: f32s(grid_from_world.transform_point3(plane_center)),
         plane_distance_mm: distance as f32,
         grid_forward: grid(frame.forward),
-        step_mm: (scene.step * spacing) as f32,
+        step_mm: (scene.step * volume.min_spacing_mm()) as f32,
         grid_right: grid(frame.right),
         ambient: scene.ambient as f32,
         grid_up: grid(frame.up),
-        first_row,
-        first_column,
         background: scene.background.map(|c| c as f32),
-        rows,
         half_extent: [(aspect * tan) as f32, tan as f32],
         size: [scene.width, scene.height],
         world_x: f32s(world_from_grid.x_axis),
@@ -277,13 +299,15 @@ fn frame_uniform(
 mod tests {
     use super::*;
     use crate::gpu::assert_layout;
+    use crate::render::eye_tiles::TileUniform;
 
     #[test]
     fn frames_have_one_layout() {
         let shader = &crate::render::shaders(None)[0];
+        assert_layout!(shader, "Tile", TileUniform: at, nearest_mm, farthest_mm);
         assert_layout!(shader, "Frame", FrameUniform: plane_center, plane_distance_mm, grid_forward, step_mm, grid_right,
             ambient, grid_up, first_row, background, rows, half_extent, size, world_x, shading_weight, world_y,
-            first_column, world_z);
+            tiles_cast, world_z);
     }
 
     #[test]

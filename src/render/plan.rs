@@ -1,5 +1,6 @@
 //! What a scene needs, and what is left out: every decision is a line of `--explain`.
 
+use super::eye_tiles::EyeTiles;
 use super::shader::CONSTANTS;
 use crate::field::{DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
 use crate::gpu::ShaderVariant;
@@ -76,9 +77,25 @@ fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
     sides.may_show(0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
+/// Distance of a frame's plane from the eye, mm: through the volume's centre, so that far eyes cost no precision.
+pub(super) fn plane_distance_mm(scene: &Scene, volume: &Volume) -> f64 {
+    let center = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
+    (center - scene.camera.eye).dot(scene.camera.frame().forward).max(volume.min_spacing_mm())
+}
+
 impl Plan {
     /// Decides for one picture; the shadow structure is made.
     pub fn of(scene: &Scene, loaded: &LoadedVolume, transfer: &DeviceTransfer, shadow: &ShadowMap) -> Self {
+        Self::with_tiles(scene, loaded, transfer, shadow).0
+    }
+
+    /// The same, and in which tiles of the picture rays are cast.
+    pub(super) fn with_tiles(
+        scene: &Scene,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+    ) -> (Self, EyeTiles) {
         let forced = transfer.forced;
         let mut left_out = Vec::new();
         let mut omit = |what: String, why: &str, saved: Option<String>, optional: Option<Omittable>| {
@@ -109,6 +126,17 @@ impl Plan {
             let saved = Some(format!("{share:.1} % of the volume"));
             omit(what, "no extinction in them", saved, Some(Omittable::Bricks));
         }
+        let plane_mm = plane_distance_mm(scene, &loaded.volume);
+        let tiles = match skip_bricks && !forced.has(Omittable::EyeTiles) {
+            true => EyeTiles::of(scene, &loaded.volume, &transfer.active, plane_mm),
+            false => EyeTiles::all(scene),
+        };
+        let [all, empty] = tiles.counts();
+        if empty > 0 {
+            let what = format!("{empty} of {all} tiles of the picture");
+            let saved = Some(format!("{:.1} % of the rays", 100.0 * empty as f64 / all as f64));
+            omit(what, "no active brick shows in them", saved, Some(Omittable::EyeTiles));
+        }
         let needed = needs_shadows(scene, &loaded.volume, transfer);
         let shadows = shadow.lookup.is_some() && needed.is_ok();
         match (&shadow.lookup, needed) {
@@ -137,7 +165,7 @@ impl Plan {
             let saved = Some("6 samples a lit sample".into());
             omit("gradients".into(), "shading none", saved, Some(Omittable::Gradients));
         }
-        Self { shadows, skip_bricks, shading, left_out }
+        (Self { shadows, skip_bricks, shading, left_out }, tiles)
     }
 
     /// Whether the picture is made in several dispatches.
@@ -164,6 +192,7 @@ fn raycast_shader(
         |l| l.within(entry).defs(["SHADOWS"]).defs(l.marches().then_some("RESUMABLE")),
     );
     shader
+        .modules(&["render/frame.wgsl"])
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
         .with_walk(skip_bricks)

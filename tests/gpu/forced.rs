@@ -35,6 +35,12 @@ fn cases(volume: &Arc<Volume>, range: [f64; 2]) -> Vec<Case> {
     ];
     vec![
         case(Omittable::Bricks, &jumps, maps, same),
+        case(Omittable::EyeTiles, &jumps, &["none", "rays", "dsm:map=64", "dsm:map=64,lookup=each"], same),
+        case(Omittable::EyeTiles, &jumps, &["none", "osm:map=64"], |s| {
+            // From inside, so that some bricks lie beside and behind the eye.
+            let eye = s.camera.target + 0.12 * (s.camera.eye - s.camera.target);
+            Scene { camera: Camera { eye, fov_deg: 110.0, ..s.camera }, ..s }
+        }),
         case(Omittable::Tiles, &jumps, maps, same),
         case(Omittable::Gradients, &ramp, &["none", "dsm:map=64"], same),
         case(Omittable::MarchTable, &ramp, &["none", "dsm:map=64,precompress=off"], same),

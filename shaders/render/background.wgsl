@@ -1,0 +1,14 @@
+// The background, in tiles of a picture in which nothing can show.
+
+#import umbravox::frame::{frame, picture, tiles, pixel_of}
+
+@compute @workgroup_size(#{PICTURE_SIDE}, #{PICTURE_SIDE})
+fn fill(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+) {
+    let pixel = pixel_of(group, groups, local, frame.tiles_cast, arrayLength(&tiles));
+    if !pixel.inside { return; }
+    picture[pixel.index] = vec4<f32>(frame.background, 0.0);
+}

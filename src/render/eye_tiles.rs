@@ -1,0 +1,213 @@
+//! Which tiles of a picture eye rays are cast in, and between which depths: the active bricks, projected.
+//!
+//! Hadwiger et al. (2006, section 3) rasterise the faces of bricks to find where each ray begins and ends. Here the bricks on
+//! the outside of what is active are projected as spheres on the host, and a whole tile shares its bounds: a picture of
+//! mostly background is mostly not cast, and what is seen through much empty space begins where that ends.
+
+use super::shader::PICTURE_SIDE;
+use crate::field::{ActiveBricks, FAR, grid_from_world};
+use crate::scene::Scene;
+use crate::volume::{BRICK_CELLS, Volume};
+use bytemuck::{Pod, Zeroable};
+use glam::{DMat3, DVec3};
+
+/// `Tile` of `shaders/render/frame.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub(super) struct TileUniform {
+    pub at: [u32; 2],
+    pub nearest_mm: f32,
+    pub farthest_mm: f32,
+}
+
+/// Spheres are this much larger than bricks, for what float32 makes of rays.
+const ROUNDING: f64 = 1.01;
+/// Pixels around a sphere's place in the picture that it may still show in.
+const PIXELS_AROUND: f64 = 1.0;
+
+/// The tiles of a picture, row by row, each with the depths between which active bricks may show in it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct EyeTiles {
+    across: u32,
+    /// Least and largest distance along the view from the frame's plane, mm; the least is larger where nothing may show.
+    depths: Vec<[f32; 2]>,
+}
+
+impl EyeTiles {
+    /// All tiles, without bounds.
+    pub fn all(scene: &Scene) -> Self {
+        Self::filled(scene, [-FAR, FAR])
+    }
+
+    fn filled(scene: &Scene, depths: [f32; 2]) -> Self {
+        let [across, down] = [scene.width, scene.height].map(|n| n.div_ceil(PICTURE_SIDE));
+        Self { across, depths: vec![depths; across as usize * down as usize] }
+    }
+
+    /// Those in which active bricks may show; depths are from a plane across the view at `plane_mm` from the eye.
+    pub fn of(scene: &Scene, volume: &Volume, active: &ActiveBricks, plane_mm: f64) -> Self {
+        let mut tiles = Self::filled(scene, [FAR, -FAR]);
+        let frame = scene.camera.frame();
+        let grid_from_world = grid_from_world(volume);
+        let world_from_grid = grid_from_world.inverse();
+        // World mm along the camera's axes.
+        let axes = DMat3::from_cols(frame.right, frame.up, frame.forward).transpose();
+        let brick = axes * world_from_grid.matrix3 * BRICK_CELLS as f64;
+        let first = axes
+            * (world_from_grid.transform_point3(DVec3::splat(0.5 * BRICK_CELLS as f64)) - scene.camera.eye);
+        let diagonals = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
+        let radius =
+            diagonals.map(|[y, z]| (brick * DVec3::new(1.0, y, z)).length()).into_iter().fold(0.0, f64::max);
+        let radius = 0.5 * ROUNDING * radius;
+        // An eye among active bricks sees the inner ones, too.
+        let eye = grid_from_world.transform_point3(scene.camera.eye) / BRICK_CELLS as f64;
+        let inside = active.distance_at(eye.floor().as_ivec3()).is_some_and(|d| d <= 1);
+        let up = (0.5 * scene.camera.fov_deg.to_radians()).tan();
+        let [width, height] = [scene.width, scene.height].map(f64::from);
+        let pixels_per_tangent = [0.5 * width / (up * width / height), 0.5 * height / up];
+        for at in active.outer() {
+            let center = first + brick * at.as_dvec3();
+            let [near, far] = [center.z - radius, center.z + radius];
+            if far <= 0.0 {
+                continue;
+            }
+            let from_eye = inside || near <= 0.0;
+            let depths = [if from_eye { -FAR } else { (near - plane_mm) as f32 }, (far - plane_mm) as f32];
+            // Of a sphere beside the eye nothing is known but that it is there.
+            let range = |side: f64, scale: f64, size: f64| {
+                let ends = [near, far].map(|z| [(side - radius) / z, (side + radius) / z]);
+                let pixel = |tangent: f64| 0.5 * size + scale * tangent;
+                match near > 0.0 {
+                    true => [pixel(ends[0][0].min(ends[1][0])), pixel(ends[0][1].max(ends[1][1]))],
+                    false => [0.0, size],
+                }
+            };
+            let columns = range(center.x, pixels_per_tangent[0], width);
+            let rows = range(-center.y, pixels_per_tangent[1], height);
+            tiles.mark(columns, rows, [width, height], depths);
+        }
+        tiles
+    }
+
+    /// Widens the depths of all tiles that a rectangle of pixels touches.
+    fn mark(&mut self, columns: [f64; 2], rows: [f64; 2], size: [f64; 2], depths: [f32; 2]) {
+        let tiles = |[lo, hi]: [f64; 2], size: f64| {
+            let [lo, hi] = [lo - PIXELS_AROUND, hi + PIXELS_AROUND];
+            // A comparison that is false of what is no number keeps such a brick.
+            if hi < 0.0 || lo >= size {
+                return 0..0;
+            }
+            let tile = |pixel: f64| (pixel.clamp(0.0, size - 1.0) / f64::from(PICTURE_SIDE)) as usize;
+            tile(lo)..tile(hi) + 1
+        };
+        let columns = tiles(columns, size[0]);
+        for row in tiles(rows, size[1]) {
+            let row = &mut self.depths[row * self.across as usize..][..self.across as usize];
+            for own in &mut row[columns.clone()] {
+                *own = [own[0].min(depths[0]), own[1].max(depths[1])];
+            }
+        }
+    }
+
+    /// Tiles of the picture, and those of them in which nothing may show.
+    pub fn counts(&self) -> [usize; 2] {
+        [self.depths.len(), self.depths.iter().filter(|[near, far]| near > far).count()]
+    }
+
+    /// The tiles of a part of the picture, those in which rays are cast first, and how many these are; its corner and size
+    /// are in pixels, the corner that of a tile.
+    pub fn part(&self, [column, row]: [u32; 2], [columns, rows]: [u32; 2]) -> (Vec<TileUniform>, u32) {
+        let place = |(x, y): (u32, u32)| {
+            let [nearest_mm, farthest_mm] = self.depths[(y * self.across + x) as usize];
+            TileUniform { at: [x * PICTURE_SIDE, y * PICTURE_SIDE], nearest_mm, farthest_mm }
+        };
+        let range = |first: u32, count: u32| first / PICTURE_SIDE..(first + count).div_ceil(PICTURE_SIDE);
+        let all = range(row, rows).flat_map(|y| range(column, columns).map(move |x| (x, y))).map(place);
+        let (mut cast, rest): (Vec<_>, Vec<_>) = all.partition(|tile| tile.nearest_mm <= tile.farthest_mm);
+        let count = cast.len() as u32;
+        cast.extend(rest);
+        (cast, count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Camera;
+    use crate::transfer::{Quantity, TransferFunction};
+    use crate::volume::{Bricks, Phantom};
+
+    /// Every ray of a picture that passes through an active brick does so in its tile, between its depths.
+    fn nothing_is_missed(volume: &Volume, active: &ActiveBricks, scene: &Scene) -> EyeTiles {
+        let plane = 50.0;
+        let tiles = EyeTiles::of(scene, volume, active, plane);
+        let frame = scene.camera.frame();
+        let grid_from_world = grid_from_world(volume);
+        let up = (0.5 * scene.camera.fov_deg.to_radians()).tan();
+        let right = up * f64::from(scene.width) / f64::from(scene.height);
+        for (y, x) in (0..scene.height).flat_map(|y| (0..scene.width).map(move |x| (y, x))) {
+            let ndc = |i: u32, n: u32| 2.0 * (f64::from(i) + 0.5) / f64::from(n) - 1.0;
+            let along = frame.forward + right * ndc(x, scene.width) * frame.right
+                - up * ndc(y, scene.height) * frame.up;
+            let [near, far] = tiles.depths[((y / PICTURE_SIDE) * tiles.across + x / PICTURE_SIDE) as usize];
+            for k in 0..1500 {
+                let z = 0.2 * f64::from(k);
+                let g = grid_from_world.transform_point3(scene.camera.eye + z * along);
+                let brick = (g / BRICK_CELLS as f64).floor().as_ivec3();
+                if active.distance_at(brick) == Some(0) {
+                    let depth = (z - plane) as f32;
+                    assert!(
+                        near <= depth && depth <= far,
+                        "{x}, {y}: {depth} not in {near}..{far}, {scene:?}"
+                    );
+                }
+            }
+        }
+        tiles
+    }
+
+    #[test]
+    fn no_active_brick_is_missed_from_anywhere() {
+        let volume = Phantom::Shell.build(48).unwrap();
+        let bricks = Bricks::build(&volume);
+        let tf = TransferFunction::new(Quantity::Opacity, &[(400.0, 0.0), (600.0, 0.5)]);
+        let active = ActiveBricks::of(&bricks, &tf);
+        let framing = Scene::framing(&volume);
+        let away = framing.camera.eye - framing.camera.target;
+        let at = |eye: DVec3, target: DVec3, fov_deg: f64| Camera { eye, target, fov_deg, ..framing.camera };
+        let center = framing.camera.target;
+        let cameras = [
+            framing.camera,
+            at(center + 0.6 * away, center + DVec3::new(9.0, -4.0, 14.0), 20.0),
+            at(center, center + DVec3::new(1.0, 0.4, -0.3), 100.0),
+            at(center + 0.2 * away, center, 130.0),
+            at(center + DVec3::new(14.0, 2.0, 1.0), center - away, 75.0),
+            at(center + 4.0 * away, center, 50.0),
+        ];
+        let mut left_out = 0;
+        for (camera, [width, height]) in
+            cameras.into_iter().zip([[40, 40], [61, 23], [17, 50]].into_iter().cycle())
+        {
+            let scene = Scene { camera, width, height, ..framing.clone() };
+            left_out += nothing_is_missed(&volume, &active, &scene).counts()[1];
+        }
+        assert!(left_out > 20, "{left_out}");
+    }
+
+    #[test]
+    fn a_part_has_each_of_its_tiles_once() {
+        let volume = Phantom::Slab.build(8).unwrap();
+        let scene = Scene { width: 100, height: 50, ..Scene::framing(&volume) };
+        let mut tiles = EyeTiles::filled(&scene, [FAR, -FAR]);
+        tiles.mark([30.0, 40.0], [10.0, 12.0], [100.0, 50.0], [1.0, 2.0]);
+        let (list, cast) = tiles.part([16, 8], [84, 20]);
+        assert_eq!((list.len(), cast), (11 * 3, 3));
+        assert!(
+            list[..3].iter().all(|t| t.at[1] == 8 && (24..=40).contains(&t.at[0]) && t.farthest_mm == 2.0)
+        );
+        assert_eq!(tiles.counts(), [13 * 7, 13 * 7 - 3]);
+        tiles.mark([f64::NEG_INFINITY, -5.0], [0.0, 9.0], [100.0, 50.0], [0.0, 9.0]);
+        assert_eq!(tiles.counts()[1], 13 * 7 - 3, "beside the picture");
+        assert_eq!(EyeTiles::all(&scene).part([0, 0], [100, 50]).1, 13 * 7);
+    }
+}
