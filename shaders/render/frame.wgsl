@@ -1,8 +1,6 @@
 // A picture's frame, and the pixels of a workgroup: one of the picture's tiles.
 #define_import_path umbravox::frame
 
-#import umbravox::dispatch::spread
-
 struct Frame {
     // Grid-space centre of a plane across the view near the volume (keeps float32 rays exact for far eyes).
     plane_center: vec3<f32>,
@@ -53,9 +51,9 @@ struct Pixel {
     farthest_mm: f32,
 }
 
-// The pixel of a thread in a pass over the tiles from `first` to before `end`.
+// The pixel of a thread in a pass over the tiles from `first` to before `end`; the list is spread over the picture already.
 fn pixel_of(group: vec3<u32>, groups: vec3<u32>, local: vec3<u32>, first: u32, end: u32) -> Pixel {
-    let place = spread(group.y * groups.x + group.x, groups.x * groups.y) + first;
+    let place = group.y * groups.x + group.x + first;
     let tile = tiles[min(place, arrayLength(&tiles) - 1u)];
     let at = local.xy + tile.at;
     let row = at.y - frame.first_row;

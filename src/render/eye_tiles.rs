@@ -9,7 +9,8 @@ use crate::field::{ActiveBricks, FAR, grid_from_world};
 use crate::scene::Scene;
 use crate::volume::{BRICK_CELLS, Volume};
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, IVec3};
+use rayon::prelude::*;
 
 /// `Tile` of `shaders/render/frame.wgsl`.
 #[repr(C)]
@@ -22,6 +23,8 @@ pub(super) struct TileUniform {
 
 /// Spheres are this much larger than bricks, for what float32 makes of rays.
 const ROUNDING: f64 = 1.01;
+/// Bricks that a thread takes at once.
+const LEAST_SHARE: usize = 1 << 13;
 /// Pixels around a sphere's place in the picture that it may still show in.
 const PIXELS_AROUND: f64 = 1.0;
 
@@ -46,7 +49,6 @@ impl EyeTiles {
 
     /// Those in which active bricks may show; depths are from a plane across the view at `plane_mm` from the eye.
     pub fn of(scene: &Scene, volume: &Volume, active: &ActiveBricks, plane_mm: f64) -> Self {
-        let mut tiles = Self::filled(scene, [FAR, -FAR]);
         let frame = scene.camera.frame();
         let grid_from_world = grid_from_world(volume);
         let world_from_grid = grid_from_world.inverse();
@@ -65,11 +67,11 @@ impl EyeTiles {
         let up = (0.5 * scene.camera.fov_deg.to_radians()).tan();
         let [width, height] = [scene.width, scene.height].map(f64::from);
         let pixels_per_tangent = [0.5 * width / (up * width / height), 0.5 * height / up];
-        for at in active.outer() {
+        let mark = |tiles: &mut Self, at: &IVec3| {
             let center = first + brick * at.as_dvec3();
             let [near, far] = [center.z - radius, center.z + radius];
             if far <= 0.0 {
-                continue;
+                return;
             }
             let from_eye = inside || near <= 0.0;
             let depths = [if from_eye { -FAR } else { (near - plane_mm) as f32 }, (far - plane_mm) as f32];
@@ -85,8 +87,22 @@ impl EyeTiles {
             let columns = range(center.x, pixels_per_tangent[0], width);
             let rows = range(-center.y, pixels_per_tangent[1], height);
             tiles.mark(columns, rows, [width, height], depths);
+        };
+        let none = || Self::filled(scene, [FAR, -FAR]);
+        let share = |bricks: &[IVec3]| {
+            let mut tiles = none();
+            bricks.iter().for_each(|at| mark(&mut tiles, at));
+            tiles
+        };
+        active.outer().par_chunks(LEAST_SHARE).map(share).reduce(none, Self::with)
+    }
+
+    /// What either has.
+    fn with(mut self, other: Self) -> Self {
+        for (own, other) in self.depths.iter_mut().zip(other.depths) {
+            *own = [own[0].min(other[0]), own[1].max(other[1])];
         }
-        tiles
+        self
     }
 
     /// Widens the depths of all tiles that a rectangle of pixels touches.
@@ -122,7 +138,11 @@ impl EyeTiles {
             TileUniform { at: [x * PICTURE_SIDE, y * PICTURE_SIDE], nearest_mm, farthest_mm }
         };
         let range = |first: u32, count: u32| first / PICTURE_SIDE..(first + count).div_ceil(PICTURE_SIDE);
-        let all = range(row, rows).flat_map(|y| range(column, columns).map(move |x| (x, y))).map(place);
+        // Software adapters deal workgroups to their threads in contiguous shares, and neighbours cost alike: rows are in the
+        // order of `shaders/field/dispatch.wgsl`, in which each share of up to 16 is spread over the picture.
+        let mut lines: Vec<u32> = range(row, rows).collect();
+        lines.sort_by_key(|y| (*y as u8 & 15).reverse_bits());
+        let all = lines.into_iter().flat_map(|y| range(column, columns).map(move |x| (x, y))).map(place);
         let (mut cast, rest): (Vec<_>, Vec<_>) = all.partition(|tile| tile.nearest_mm <= tile.farthest_mm);
         let count = cast.len() as u32;
         cast.extend(rest);

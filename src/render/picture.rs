@@ -260,9 +260,7 @@ fn workgroups(tiles: u32) -> [u32; 3] {
 }
 
 pub(super) fn background_shader() -> ShaderVariant {
-    ShaderVariant::of("render/background.wgsl")
-        .modules(&["field/dispatch.wgsl", "render/frame.wgsl"])
-        .constants(CONSTANTS)
+    ShaderVariant::of("render/background.wgsl").modules(&["render/frame.wgsl"]).constants(CONSTANTS)
 }
 
 /// What is one for all parts of a picture.
