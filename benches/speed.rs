@@ -196,8 +196,10 @@ fn main() -> ExitCode {
     scenes.extend(scan("engine", metal, "--eye 300,-300,200 --target 0,0,0 --fov 40"));
     let now = PathBuf::from(env!("CARGO_BIN_EXE_umbravox"));
     let before = std::env::var_os("UMBRAVOX_BEFORE").map(PathBuf::from);
-    let by_cells = format!("none;dsm:epsilon=0.02,0.06,map={MAPS}");
-    let by_samples = format!("{by_cells};dsm:march=samples,step=0.5,0.75,1,epsilon=0.02,0.06,map={MAPS}");
+    let by_cells = format!("none;dsm:epsilon=0.02,map={MAPS}");
+    let by_samples = format!(
+        "{by_cells};dsm:march=samples,step=0.5,0.75,1,epsilon=0.02,map={MAPS};dsm:map=512,fit=volume,march=cells,samples"
+    );
     println!(
         "| scene | build of | method | map | build ms | frame ms | frame / none | point_err_rms | ray_err_max | check_ok | samples / lookups / loads a pixel / cells / pieces a texel |"
     );

@@ -6,6 +6,7 @@ use crate::field::View;
 use crate::scene::{Light, Scene};
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use crate::transfer::{TransferChange, TransferFunction};
+use std::cell::Cell;
 
 /// What may differ from one picture to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,6 +110,27 @@ impl AskedFor {
 /// Share of what is seen that a map covers besides on each side, so that a camera that moves a little needs no other.
 const VIEW_MARGIN: f64 = 0.1;
 
+/// A map that is kept.
+struct KeptMap {
+    key: MapKey,
+    map: ShadowMap,
+    /// The view (none: every point) that was last asked about, and whether the map serves it: a picture asks several times,
+    /// and going through the bricks of a large volume takes milliseconds.
+    asked: Cell<Option<(Option<View>, bool)>>,
+}
+
+impl KeptMap {
+    fn serves(&self, loaded: &LoadedVolume, transfer: &DeviceTransfer, view: Option<View>) -> bool {
+        if let Some((_, serves)) = self.asked.get().filter(|(asked, _)| *asked == view) {
+            return serves;
+        }
+        let space = &self.map.light_space;
+        let serves = space.serves(&loaded.volume, &transfer.active, self.key.light, view.as_ref());
+        self.asked.set(Some((view, serves)));
+        serves
+    }
+}
+
 /// Which map is meant.
 #[derive(Debug, Clone, PartialEq)]
 struct MapKey {
@@ -128,7 +150,7 @@ pub struct Kept {
     transfer: Option<(TransferFunction, DeviceTransfer)>,
     forced: Forced,
     /// Maps of the tables' extinction; the most lately used is last.
-    maps: Vec<(MapKey, ShadowMap)>,
+    maps: Vec<KeptMap>,
 }
 
 impl Kept {
@@ -194,15 +216,16 @@ impl Kept {
     fn serving(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene, asked: AskedFor) -> Option<usize> {
         let (_, transfer) = self.transfer.as_ref()?;
         let view = asked.view(scene);
-        self.maps.iter().rposition(|(key, map)| {
+        self.maps.iter().rposition(|kept| {
+            let key = &kept.key;
             let same = key.light == scene.light && key.needed && key.method == spec;
-            same && map.light_space.serves(&loaded.volume, &transfer.active, scene.light, view.as_ref())
+            same && kept.serves(loaded, transfer, view)
         })
     }
 
     /// Where a structure is kept, the most lately used one; what stands for none needed serves every method.
     fn place(&self, spec: &str, light: Light, needed: bool) -> Option<usize> {
-        self.maps.iter().rposition(|(key, _)| {
+        self.maps.iter().rposition(|KeptMap { key, .. }| {
             (key.light, key.needed) == (light, needed) && (!needed || key.method == spec)
         })
     }
@@ -237,9 +260,10 @@ impl Kept {
         }
         if !needed {
             // One is enough, and must not drive out what took long to build.
-            self.maps.retain(|(key, _)| key.needed);
+            self.maps.retain(|kept| kept.key.needed);
         }
-        self.maps.push((MapKey { method: spec.into(), light: scene.light, needed }, map));
+        let key = MapKey { method: spec.into(), light: scene.light, needed };
+        self.maps.push(KeptMap { key, map, asked: Cell::new(None) });
         if self.maps.len() > MOST_MAPS {
             self.maps.remove(0);
         }
@@ -248,9 +272,8 @@ impl Kept {
 
     /// What [`Self::prepare`] has made for these.
     pub fn shadow(&self, spec: &str, light: Light) -> Option<&ShadowMap> {
-        let found =
-            self.maps.iter().rfind(|(key, _)| key.light == light && (!key.needed || key.method == spec));
-        found.map(|(_, map)| map)
+        let named = |key: &MapKey| key.light == light && (!key.needed || key.method == spec);
+        self.maps.iter().rfind(|kept| named(&kept.key)).map(|kept| &kept.map)
     }
 }
 
