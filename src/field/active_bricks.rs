@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use std::sync::OnceLock;
 
 /// Which bricks a transfer function gives any extinction, and how far the next of them is.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct ActiveBricks {
     /// Bricks along each axis.
     pub counts: [usize; 3],

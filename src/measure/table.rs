@@ -107,9 +107,9 @@ columns! {
     build_gpu_ms ["ms"]: Option<f64>,
     /// From asking for the structure to having it, by the host's clock.
     build_wall_ms ["ms"]: Option<f64>,
-    /// `frame_ms` by the adapter's timestamps; empty where it has none.
+    /// `frame_ms` by the adapter's timestamps and, of the host, what finds where rays are cast; empty where there are none.
     frame_gpu_ms ["ms"]: Option<f64>,
-    /// From submitting a picture's work to its end, by the host's clock.
+    /// From submitting a picture's work to its end, by the host's clock, and what finds where rays are cast.
     frame_wall_ms ["ms"]: Option<f64>,
     /// Time to classify the bricks anew after the transfer function was edited, by the host's clock.
     bricks_ms ["ms"]: Option<f64>,

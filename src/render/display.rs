@@ -102,7 +102,7 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
 pub struct Drawn {
     /// What was left out.
     pub plan: Plan,
-    /// Time of the ray casting alone.
+    /// Time of the ray casting, and of finding on the host where rays are to be cast.
     pub span: Span,
     /// The longest that a single band kept the queue, ms.
     pub longest_band_ms: f64,

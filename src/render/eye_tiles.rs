@@ -34,7 +34,16 @@ pub(super) struct EyeTiles {
     across: u32,
     /// Least and largest distance along the view from the frame's plane, mm; the least is larger where nothing may show.
     depths: Vec<[f32; 2]>,
+    /// The same of what may show in all of them, until it is theirs.
+    everywhere: [f32; 2],
 }
+
+/// The least and the largest of both.
+fn widened(own: [f32; 2], other: [f32; 2]) -> [f32; 2] {
+    [own[0].min(other[0]), own[1].max(other[1])]
+}
+
+const NOTHING: [f32; 2] = [FAR, -FAR];
 
 impl EyeTiles {
     /// All tiles, without bounds.
@@ -44,7 +53,7 @@ impl EyeTiles {
 
     fn filled(scene: &Scene, depths: [f32; 2]) -> Self {
         let [across, down] = [scene.width, scene.height].map(|n| n.div_ceil(PICTURE_SIDE));
-        Self { across, depths: vec![depths; across as usize * down as usize] }
+        Self { across, depths: vec![depths; across as usize * down as usize], everywhere: NOTHING }
     }
 
     /// Those in which active bricks may show; depths are from a plane across the view at `plane_mm` from the eye.
@@ -75,33 +84,36 @@ impl EyeTiles {
             }
             let from_eye = inside || near <= 0.0;
             let depths = [if from_eye { -FAR } else { (near - plane_mm) as f32 }, (far - plane_mm) as f32];
-            // Of a sphere beside the eye nothing is known but that it is there.
+            // Tangents between which the sphere shows; one that reaches behind the eye has an end on its far side alone.
             let range = |side: f64, scale: f64, size: f64| {
-                let ends = [near, far].map(|z| [(side - radius) / z, (side + radius) / z]);
-                let pixel = |tangent: f64| 0.5 * size + scale * tangent;
-                match near > 0.0 {
-                    true => [pixel(ends[0][0].min(ends[1][0])), pixel(ends[0][1].max(ends[1][1]))],
-                    false => [0.0, size],
-                }
+                let [lo, hi] = [side - radius, side + radius];
+                let near = near.max(1e-9);
+                let least = if lo > 0.0 { lo / far } else { lo / near };
+                let most = if hi < 0.0 { hi / far } else { hi / near };
+                [least, most].map(|tangent| 0.5 * size + scale * tangent)
             };
             let columns = range(center.x, pixels_per_tangent[0], width);
             let rows = range(-center.y, pixels_per_tangent[1], height);
             tiles.mark(columns, rows, [width, height], depths);
         };
-        let none = || Self::filled(scene, [FAR, -FAR]);
+        let none = || Self::filled(scene, NOTHING);
         let share = |bricks: &[IVec3]| {
             let mut tiles = none();
             bricks.iter().for_each(|at| mark(&mut tiles, at));
             tiles
         };
-        active.outer().par_chunks(LEAST_SHARE).map(share).reduce(none, Self::with)
+        let mut tiles = active.outer().par_chunks(LEAST_SHARE).map(share).reduce(none, Self::with);
+        let everywhere = tiles.everywhere;
+        tiles.depths.iter_mut().for_each(|own| *own = widened(*own, everywhere));
+        tiles
     }
 
     /// What either has.
     fn with(mut self, other: Self) -> Self {
         for (own, other) in self.depths.iter_mut().zip(other.depths) {
-            *own = [own[0].min(other[0]), own[1].max(other[1])];
+            *own = widened(*own, other);
         }
+        self.everywhere = widened(self.everywhere, other.everywhere);
         self
     }
 
@@ -109,18 +121,22 @@ impl EyeTiles {
     fn mark(&mut self, columns: [f64; 2], rows: [f64; 2], size: [f64; 2], depths: [f32; 2]) {
         let tiles = |[lo, hi]: [f64; 2], size: f64| {
             let [lo, hi] = [lo - PIXELS_AROUND, hi + PIXELS_AROUND];
-            // A comparison that is false of what is no number keeps such a brick.
             if hi < 0.0 || lo >= size {
                 return 0..0;
             }
             let tile = |pixel: f64| (pixel.clamp(0.0, size - 1.0) / f64::from(PICTURE_SIDE)) as usize;
             tile(lo)..tile(hi) + 1
         };
-        let columns = tiles(columns, size[0]);
-        for row in tiles(rows, size[1]) {
+        let (columns, rows) = (tiles(columns, size[0]), tiles(rows, size[1]));
+        if columns.len() * rows.len() == self.depths.len() {
+            // Of bricks around the eye there may be thousands.
+            self.everywhere = widened(self.everywhere, depths);
+            return;
+        }
+        for row in rows {
             let row = &mut self.depths[row * self.across as usize..][..self.across as usize];
             for own in &mut row[columns.clone()] {
-                *own = [own[0].min(depths[0]), own[1].max(depths[1])];
+                *own = widened(*own, depths);
             }
         }
     }
@@ -203,6 +219,9 @@ mod tests {
             at(center + 0.2 * away, center, 130.0),
             at(center + DVec3::new(14.0, 2.0, 1.0), center - away, 75.0),
             at(center + 4.0 * away, center, 50.0),
+            // Bricks on both sides of the plane through the eye, across the view.
+            at(center + DVec3::new(27.0, 0.0, 3.0), center + DVec3::new(27.0, 100.0, 0.0), 60.0),
+            at(center + DVec3::new(0.0, 0.0, 33.0), center + DVec3::new(100.0, 0.0, 30.0), 140.0),
         ];
         let mut left_out = 0;
         for (camera, [width, height]) in
@@ -218,7 +237,7 @@ mod tests {
     fn a_part_has_each_of_its_tiles_once() {
         let volume = Phantom::Slab.build(8).unwrap();
         let scene = Scene { width: 100, height: 50, ..Scene::framing(&volume) };
-        let mut tiles = EyeTiles::filled(&scene, [FAR, -FAR]);
+        let mut tiles = EyeTiles::filled(&scene, NOTHING);
         tiles.mark([30.0, 40.0], [10.0, 12.0], [100.0, 50.0], [1.0, 2.0]);
         let (list, cast) = tiles.part([16, 8], [84, 20]);
         assert_eq!((list.len(), cast), (11 * 3, 3));

@@ -16,7 +16,7 @@ use glam::DVec3;
 use ndarray::Array3;
 use std::time::Instant;
 
-/// `Frame` of `shaders/render/raycast.wgsl`.
+/// `Frame` of `shaders/render/frame.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct FrameUniform {
@@ -44,7 +44,7 @@ struct FrameUniform {
 pub struct Picture {
     /// `height x width x 4`: linear RGB over the background, and opacity `1 - T_eye`.
     pub pixels: Array3<f32>,
-    /// Time of the ray casting alone.
+    /// Time of the ray casting, and of finding on the host where rays are to be cast.
     pub span: Span,
     /// What was left out.
     pub plan: Plan,
@@ -131,7 +131,7 @@ impl Renderer {
             transfer.prepared(self.gpu(), lookup.within(""))?;
         }
         let start = Instant::now();
-        let (plan, tiles) = Plan::with_tiles(scene, loaded, transfer, shadow);
+        let (plan, tiles) = Plan::of(scene, loaded, transfer, shadow);
         let tiles_ms = start.elapsed().as_secs_f64() * 1e3;
         let shader = transfer.prepared(self.gpu(), plan.raycast_shader(transfer, shadow))?;
         let resumable = plan.resumable(shadow);
@@ -143,7 +143,7 @@ impl Renderer {
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX);
         let highest = (highest / PICTURE_SIDE).max(1) * PICTURE_SIDE;
-        // A picture's time has what the host does for its rays.
+        // A picture's time has what the host takes to find where its rays are to be cast.
         let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| tiles_ms), wall_ms: tiles_ms };
         let mut made: Option<(wgpu::Buffer, u32)> = None;
         let mut first_row = 0;

@@ -84,13 +84,8 @@ pub(super) fn plane_distance_mm(scene: &Scene, volume: &Volume) -> f64 {
 }
 
 impl Plan {
-    /// Decides for one picture; the shadow structure is made.
-    pub fn of(scene: &Scene, loaded: &LoadedVolume, transfer: &DeviceTransfer, shadow: &ShadowMap) -> Self {
-        Self::with_tiles(scene, loaded, transfer, shadow).0
-    }
-
-    /// The same, and in which tiles of the picture rays are cast.
-    pub(super) fn with_tiles(
+    /// Decides for one picture, and in which tiles of it rays are cast; the shadow structure is made.
+    pub(super) fn of(
         scene: &Scene,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
@@ -127,15 +122,15 @@ impl Plan {
             omit(what, "no extinction in them", saved, Some(Omittable::Bricks));
         }
         let plane_mm = plane_distance_mm(scene, &loaded.volume);
-        let tiles = match skip_bricks && !forced.has(Omittable::EyeTiles) {
+        let tiles = match scene.skip == Skip::Bricks && !forced.has(Omittable::EyeTiles) {
             true => EyeTiles::of(scene, &loaded.volume, &transfer.active, plane_mm),
             false => EyeTiles::all(scene),
         };
         let [all, empty] = tiles.counts();
         if empty > 0 {
             let what = format!("{empty} of {all} tiles of the picture");
-            let saved = Some(format!("{:.1} % of the rays", 100.0 * empty as f64 / all as f64));
-            omit(what, "no active brick shows in them", saved, Some(Omittable::EyeTiles));
+            let saved = Some(format!("{:.1} % of them", 100.0 * empty as f64 / all as f64));
+            omit(what, "no active brick may show in them", saved, Some(Omittable::EyeTiles));
         }
         let needed = needs_shadows(scene, &loaded.volume, transfer);
         let shadows = shadow.lookup.is_some() && needed.is_ok();
