@@ -75,7 +75,8 @@ def cell(value):
 
 
 def table(rows, columns):
-    """Markdown: columns of the comparison, by their names."""
+    """Markdown: columns of the comparison, by their names; and why, where a row failed."""
+    columns = [*columns, *(["status", "note"] if any(row.get("status") != "ok" for row in rows) else [])]
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     return "\n".join(lines + ["| " + " | ".join(cell(row.get(c)) for c in columns) + " |" for row in rows])
 
@@ -162,7 +163,8 @@ sections = {f.__name__: f for f in (errors, methods, promise, stability, tuned, 
 chosen = a.only.split(",") if a.only else list(sections)
 unknown = [name for name in chosen if name not in sections]
 if unknown:
-    sys.exit(f"no section {', '.join(unknown)}; there is: {', '.join(sections)}")
+    print(f"measured.py: no section {', '.join(unknown)}; there is: {', '.join(sections)}", file=sys.stderr)
+    sys.exit(2)
 try:
     first = compare("phantom:slab:16", "--size", "16x16", "--methods", "none", effort=["--repeats", "1", "--points", "10", "--rays", "10"])[0]
 except (Failed, OSError) as why:
