@@ -71,15 +71,19 @@ fn cell_values(cell: vec3<i32>) -> Cell {
     );
 }
 
-// The values of a cell that lies one further along an axis (`along`) than one whose values are known: four of them are
-// the same, and four are read, on the face that is farther along. Where nothing is known yet those of the nearer face are
-// read (not `far`): asked again, all eight are there.
-fn next_cell_values(before: Cell, cell: vec3<i32>, along: vec3<bool>, forward: bool, far: bool) -> Cell {
+// The values of a cell that lies one further along an axis (`along`) than one whose values are known, both as seen with
+// some axes mirrored: four of them are the same, and four are read, on the face that is farther along. Where nothing is
+// known yet those of the nearer face are read (not `held`): asked again, all eight are there.
+fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: vec3<bool>, held: bool) -> Cell {
     count_work(LOADS, 4u);
     let last = vec3<i32>(field.size) - 1;
-    let plane = select(cell - 1, cell, vec3<bool>(forward == far));
-    let a = clamp(select(cell - 1, plane, along), vec3<i32>(0), last);
-    let b = clamp(select(cell, plane, along), vec3<i32>(0), last);
+    let low = clamp(cell - 1, vec3<i32>(0), last);
+    let high = clamp(cell, vec3<i32>(0), last);
+    let near = select(low, high, mirrored);
+    let far = select(high, low, mirrored);
+    let plane = select(near, far, held);
+    let a = select(near, plane, along);
+    let b = select(far, plane, along);
     let face = vec4<f32>(
         textureLoad(volume, a, 0).x,
         textureLoad(volume, vec3<i32>(b.x, select(a.y, b.y, along.x), a.z), 0).x,
@@ -88,17 +92,12 @@ fn next_cell_values(before: Cell, cell: vec3<i32>, along: vec3<bool>, forward: b
     );
     let lo = before.lo;
     let hi = before.hi;
-    let kept_x = select(vec4<f32>(lo.xz, hi.xz), vec4<f32>(lo.yw, hi.yw), forward);
-    let kept_y = select(vec4<f32>(lo.xy, hi.xy), vec4<f32>(lo.zw, hi.zw), forward);
-    let kept_z = select(lo, hi, forward);
-    let kept = select(select(kept_z, kept_y, along.y), kept_x, along.x);
-    let minus = select(face, kept, forward);
-    let plus = select(kept, face, forward);
-    let lo_x = vec4<f32>(minus.x, plus.x, minus.y, plus.y);
-    let hi_x = vec4<f32>(minus.z, plus.z, minus.w, plus.w);
-    let lo_y = vec4<f32>(minus.xy, plus.xy);
-    let hi_y = vec4<f32>(minus.zw, plus.zw);
-    return Cell(select(select(minus, lo_y, along.y), lo_x, along.x), select(select(plus, hi_y, along.y), hi_x, along.x));
+    let kept = select(select(hi, vec4<f32>(lo.zw, hi.zw), along.y), vec4<f32>(lo.yw, hi.yw), along.x);
+    let lo_x = vec4<f32>(kept.x, face.x, kept.y, face.y);
+    let hi_x = vec4<f32>(kept.z, face.z, kept.w, face.w);
+    let lo_y = vec4<f32>(kept.xy, face.xy);
+    let hi_y = vec4<f32>(kept.zw, face.zw);
+    return Cell(select(select(kept, lo_y, along.y), lo_x, along.x), select(select(face, hi_y, along.y), hi_x, along.x));
 }
 
 // The field at a grid-space point inside the domain.

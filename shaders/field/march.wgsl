@@ -119,15 +119,24 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     let inv_d = safe_inverse(d);
     let span = box_span(o, inv_d, d, field.active_lo, field.active_hi);
     let end = min(span.y, z_to);
-    let forward = d > vec3<f32>(0.0);
     let moves = abs(d) >= vec3<f32>(1e-20);
     let top = vec3<i32>(field.size);
+    // From here on in a frame whose axes all go with the ray: those along which it goes down are mirrored about whole
+    // bricks, so that bricks stay bricks.
+    let mirrored = d < vec3<f32>(0.0);
+    let whole = ((top + BRICK_CELLS) >> BRICK_SHIFT) * BRICK_CELLS;
+    let first_cell = select(vec3<i32>(0), whole - 1, mirrored);
+    let sense = select(vec3<i32>(1), vec3<i32>(-1), mirrored);
+    let from_o = select(o, vec3<f32>(whole) - o, mirrored);
+    let way = abs(d);
+    let inv_way = abs(inv_d);
+    let last_cell = select(top, whole - 1, mirrored);
     // Every step leaves a cell for good, and on each axis the ray goes one way.
     var cells_left = top.x + top.y + top.z + 3;
     let short_mm = SHORT_PIECE * field.min_spacing_mm;
     // Where the walk stands: the cell not yet looked at, and the depth at which the ray enters it.
     var z = max(span.x, z_from);
-    var cell = clamp(vec3<i32>(floor(o + z * d)), vec3<i32>(0), top);
+    var cell = clamp(vec3<i32>(floor(from_o + z * way)), last_cell - top, last_cell);
     var walking = z < end;
     // Values of the cell that the ray comes from, and the axis along which it does; `held` where they are known.
     var values = Cell(vec4<f32>(0.0), vec4<f32>(0.0));
@@ -152,23 +161,21 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         loop {
             steps += 1u;
             if u >= 1.0 && walking {
-                let brick = cell >> BRICK_SHIFT;
-                let distance = brick_distance_at(brick);
+                let distance = brick_distance_at((first_cell + sense * cell) >> BRICK_SHIFT);
                 // Through one cell, or out of the cube of bricks that are known to be empty.
-                let lo = select(cell, (brick - (distance - 1)) * BRICK_CELLS, distance > 0);
-                let hi = select(cell + 1, (brick + distance) * BRICK_CELLS, distance > 0);
-                let exits = select(vec3<f32>(FAR), (vec3<f32>(select(lo, hi, forward)) - o) * inv_d, moves);
+                let past = select(cell + 1, ((cell >> BRICK_SHIFT) + distance) * BRICK_CELLS, distance > 0);
+                let exits = select(vec3<f32>(FAR), (vec3<f32>(past) - from_o) * inv_way, moves);
                 let exit = max(min(min(exits.x, exits.y), min(exits.z, end)), z);
-                let p = o + exit * d;
+                let p = from_o + exit * way;
                 if distance == 0 {
-                    values = next_cell_values(values, cell, along, any(forward & along), held);
+                    values = next_cell_values(values, first_cell + sense * cell, mirrored, along, held);
                     count_work(CELLS, select(0u, 1u, held));
                     let lo4 = min(values.lo, values.hi);
                     let hi4 = max(values.lo, values.hi);
                     let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));
                     let most = max(max(hi4.x, hi4.y), max(hi4.z, hi4.w));
                     if held && exit > z && most > field.first_value && least < field.last_value {
-                        let f = clamp(o + z * d - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0));
+                        let f = clamp(from_o + z * way - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0));
                         let e = clamp(p - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0)) - f;
                         c = chord_cubic(values, f, e);
                         chord_z = z;
@@ -185,15 +192,14 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                     z = exit;
                     // On the face that is left the next cell is known; rounding must not put it back, there or
                     // anywhere.
-                    let past = select(lo - 1, hi, forward);
-                    let inner = clamp(vec3<i32>(floor(p)), select(lo, cell, forward), select(cell, hi - 1, forward));
+                    let inner = clamp(vec3<i32>(floor(p)), cell, past - 1);
                     let leaves = exits <= vec3<f32>(exit);
                     let next = select(select(cell, inner, moves), past, leaves);
                     // Past an edge or a corner, and after a leap, nothing is known.
                     held = distance == 0 && !(leaves.x && leaves.y) && !(leaves.z && (leaves.x || leaves.y));
                     along = select(vec3<bool>(false, false, true), leaves, held);
                     cell = next;
-                    walking = z < end && all(cell >= vec3<i32>(0)) && all(cell <= top);
+                    walking = z < end && all(cell <= last_cell);
                     cells_left -= 1;
                     walking = walking && cells_left >= 0;
                 } else {

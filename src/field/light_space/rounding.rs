@@ -2,12 +2,14 @@
 
 use super::projection::Projection;
 use super::space::LightSpace;
-use crate::volume::Volume;
+use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Roundings of half a unit in the last place, at most, that a coordinate of a light ray goes through: 3 of the plane
-/// coordinate (a division counts as 5), 3 of the way, 4 of products and sums, and those of the inputs.
-const ROUNDINGS: f64 = 16.0;
+/// coordinate (a division counts as 5), 3 of the way, 4 of products and sums, one of mirroring, and those of the inputs.
+const ROUNDINGS: f64 = 17.0;
+/// Roundings beside those, as large as a coordinate in the mirrored volume: of the start and of a point.
+const MIRRORED_ROUNDINGS: f64 = 2.0;
 
 /// The same of a sum of four products with rounded factors.
 const DOT_ROUNDINGS: f64 = 6.0;
@@ -51,7 +53,9 @@ impl LightSpace {
             + m.z_axis.abs() * reach.z;
         let length =
             |m: DMat3, v: DVec3| m.x_axis.length() * v.x + m.y_axis.length() * v.y + m.z_axis.length() * v.z;
-        let built = unit * length(world_from_grid.matrix3, grid);
+        let whole = DVec3::from_array(volume.dims().map(|n| (n + BRICK_CELLS) as f64));
+        let mirrored = MIRRORED_ROUNDINGS * f64::from(f32::EPSILON) / 2.0;
+        let built = length(world_from_grid.matrix3, unit * grid + mirrored * whole);
         // A point that is looked up, from grid space to the light's.
         let far = DVec3::from_array(volume.dims().map(|n| n as f64 + 0.5));
         let m = frame_from_grid.matrix3;
