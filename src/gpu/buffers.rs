@@ -84,6 +84,16 @@ pub fn copy_rows(gpu: &Gpu, from: &wgpu::TextureView, to: &wgpu::TextureView, ro
     gpu.wait_for(gpu.queue.submit([encoder.finish()]))
 }
 
+/// A sampler that filters linearly and goes on at the edges.
+pub fn linear_sampler(gpu: &Gpu) -> wgpu::Sampler {
+    gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+        label: Some("linear"),
+        mag_filter: wgpu::FilterMode::Linear,
+        min_filter: wgpu::FilterMode::Linear,
+        ..Default::default()
+    })
+}
+
 /// A side with room for `side` texels that is no power of two, where the adapter's textures go on so far.
 ///
 /// llvmpipe compiles a shader anew, for half a second, when a side of its textures becomes a power of two or ceases to be

@@ -13,7 +13,8 @@ mod watch;
 
 pub use bindings::{Group, Slot};
 pub use buffers::{
-    StorageBuffer, copy_rows, read_back, steady_side, store_texture, table_texture, uniform_buffer,
+    StorageBuffer, copy_rows, linear_sampler, read_back, steady_side, store_texture, table_texture,
+    uniform_buffer,
 };
 pub use device::{DeviceLoss, Gpu};
 pub use kernels::Kernels;

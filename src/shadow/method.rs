@@ -160,6 +160,15 @@ impl BuildReport {
     }
 }
 
+/// What transmittance does along a light ray by a method's own definition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Curve {
+    /// It falls with depth, and stays within 0 and 1.
+    Falls,
+    /// It may rise and exceed 1, as a series does that rings.
+    Rings,
+}
+
 /// Rays whose mean transmittance a map is to give at the centre of a texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Taps {
@@ -200,6 +209,10 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// Rays whose mean a lookup at a texel's centre stands for.
     fn taps(&self) -> Taps {
         Taps::Within(1)
+    }
+    /// What transmittance does along a light ray.
+    fn curve(&self) -> Curve {
+        Curve::Falls
     }
     /// Makes what lookups read.
     ///

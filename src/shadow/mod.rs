@@ -18,10 +18,12 @@
 mod bom;
 mod dom;
 mod dsm;
+mod fourier;
 #[cfg(feature = "half")]
 mod half;
 mod layered;
 mod method;
+mod moments;
 mod none;
 mod osm;
 mod rays;
@@ -31,12 +33,17 @@ pub mod settings;
 pub mod spec;
 mod style;
 mod tolerances;
+mod vectors;
 
 pub use bom::BoundingOpacityMap;
 pub use dom::{Beyond, DeepOpacityMap};
 pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
+pub use fourier::{Damping, FourierOpacityMap};
 pub use layered::{Average, LayerSplit, Measure};
-pub use method::{Bound, BuildReport, Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice, Taps};
+pub use method::{
+    Bound, BuildReport, Curve, Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice, Taps,
+};
+pub use moments::{Basis, MomentMap};
 pub use none::NoShadows;
 pub use osm::{OpacityShadowMap, Slicing};
 pub use rays::ShadowRays;

@@ -2,7 +2,7 @@
 
 use super::method::{Entry, Method};
 use super::spec;
-use super::{bom, dom, dsm, none, osm, rays};
+use super::{bom, dom, dsm, fourier, moments, none, osm, rays};
 use crate::error::{Error, Result};
 use std::sync::LazyLock;
 
@@ -14,6 +14,8 @@ pub const METHODS: &[&Entry] = &[
     &osm::ENTRY,
     &dom::ENTRY,
     &bom::ENTRY,
+    &fourier::ENTRY,
+    &moments::ENTRY,
     #[cfg(feature = "half")]
     &super::half::ENTRY,
 ];

@@ -1,6 +1,7 @@
 //! How a method looks in every figure.
 
-/// Colour and marker. Colours are of the Okabe-Ito palette (Okabe and Ito 2008), whose yellow is too pale on white.
+/// Colour and marker. Colours are of the Okabe-Ito palette (Okabe and Ito 2008), whose yellow is too pale on white, and,
+/// where it ends, of Tol's muted one (Tol 2021).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Style {
     /// sRGB.
@@ -18,6 +19,10 @@ pub enum Marker {
     Diamond,
     Up,
     Down,
+    Left,
+    Right,
+    Pentagon,
+    Spark,
     Cross,
     Plus,
     Star,

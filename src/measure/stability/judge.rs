@@ -1,7 +1,7 @@
 //! What is wrong with a method on a case, if anything.
 
 use super::super::band::{BandReport, Sanity};
-use crate::shadow::Bound;
+use crate::shadow::{Bound, Curve};
 use serde::Serialize;
 
 /// The column `status`, from good to bad.
@@ -61,6 +61,8 @@ pub struct Findings {
     pub promise: Option<Bound>,
     /// The same transmittances on their own.
     pub rays: Sanity,
+    /// What transmittance may do along a ray by the method's own definition; `None`: it falls.
+    pub curve: Option<Curve>,
     /// Channels of the picture that are not finite, and that are outside `[0, 1]`.
     pub picture_non_finite: usize,
     /// Finite channels outside `[0, 1]`.
@@ -94,6 +96,9 @@ impl Findings {
     pub fn status(&self) -> Status {
         if self.non_finite() > 0 {
             Status::Nan
+        } else if self.curve == Some(Curve::Rings) {
+            // Values outside [0, 1] and rises are counted and said, and are what the method is.
+            Status::Ok
         } else if self.out_of_range() > 0 {
             Status::OutOfRange
         } else if self.rays.monotone_violations > 0 {

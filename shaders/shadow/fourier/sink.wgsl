@@ -1,0 +1,72 @@
+// Sink that gathers the Fourier coefficients of extinction along one ray (Jansen & Bavoil 2010).
+//
+// A piece of optical depth d, spread evenly between the shares s0 and s1 of the map's depth, adds to a_k and b_k twice
+// d times the mean of cos(2 pi k s) and sin(2 pi k s): those of its middle times sin(k h) / (k h), h being pi (s1 - s0).
+#define_import_path umbravox::sink
+
+#import umbravox::light::light
+#import umbravox::vectors::{own, VECTORS}
+
+const TERMS: u32 = #{TERMS};
+const PI: f32 = 3.14159265358979;
+// Nobody looks inside a piece.
+const FAR: f32 = #{FAR};
+
+struct Sink {
+    optical_depth: f32,
+}
+
+// a_0, then a_k and b_k in pairs; one term fills what the last vector has left over.
+var<private> sums: array<vec4<f32>, VECTORS>;
+var<private> gathered: f32;
+
+fn start_sink(turn: u32) -> Sink {
+    for (var v = 0u; v < VECTORS; v++) { sums[v] = vec4<f32>(0.0); }
+    gathered = 0.0;
+    return Sink(0.0);
+}
+
+fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
+    return FAR;
+}
+
+fn times(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);
+}
+
+fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
+    if !(depth > 0.0) { return false; }
+    let d = min(depth, own.most_depth - (*sink).optical_depth);
+    let middle = PI * (z_from + z_to - 2.0 * light.depth_start_mm) / light.depth_range_mm;
+    let half = PI * (z_to - z_from) / light.depth_range_mm;
+    let turn = vec2<f32>(cos(middle), sin(middle));
+    let widening = vec2<f32>(cos(half), sin(half));
+    var at = vec2<f32>(1.0, 0.0);
+    var wide = vec2<f32>(1.0, 0.0);
+    for (var v = 0u; v < VECTORS; v++) {
+        // Two terms a vector, the first of all being a_0 (and b_0, which is none).
+        var pair = vec4<f32>(at, 0.0, 0.0);
+        let k = f32(2u * v);
+        let share = select(wide.y / max(k * half, 1e-30), 1.0 - k * k * half * half / 6.0, k * half < 0.05);
+        at = times(at, turn);
+        wide = times(wide, widening);
+        let next = (k + 1.0) * half;
+        let next_share = select(wide.y / max(next, 1e-30), 1.0 - next * next / 6.0, next < 0.05);
+        sums[v] += 2.0 * d * vec4<f32>(pair.xy * share, at * next_share);
+        at = times(at, turn);
+        wide = times(wide, widening);
+    }
+    (*sink).optical_depth += d;
+    gathered = (*sink).optical_depth;
+    return (*sink).optical_depth >= own.most_depth;
+}
+
+fn finish() {}
+
+fn met_something() -> bool {
+    return gathered > 0.0;
+}
+
+fn vector_of(v: u32) -> vec4<f32> {
+    return sums[v];
+}

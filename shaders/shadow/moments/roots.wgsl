@@ -1,0 +1,38 @@
+// The roots of a polynomial with real ones only: t^n + c[n-1] t^(n-1) + ... + c[0] of degree two, three or four.
+#define_import_path umbravox::real_roots
+
+const MOST_ROOTS: u32 = 4u;
+// Steps of Laguerre's iteration, which on such polynomials converges from anywhere, with the third power in the end.
+const LAGUERRE_STEPS: i32 = 7;
+
+fn quadratic_roots(b: f32, c: f32) -> vec2<f32> {
+    let root = sqrt(max(0.25 * b * b - c, 0.0));
+    // The larger one without cancellation, the other by their product.
+    let larger = -0.5 * b - select(-root, root, b >= 0.0);
+    return vec2<f32>(larger, select(c / larger, 0.0, larger == 0.0));
+}
+
+fn cubic_roots(a: f32, b: f32, c: f32) -> vec3<f32> {
+    let q = max((a * a - 3.0 * b) / 9.0, 0.0);
+    let r = (2.0 * a * a * a - 9.0 * a * b + 27.0 * c) / 54.0;
+    let length = sqrt(q);
+    let angle = acos(clamp(r / max(q * length, 1e-30), -1.0, 1.0)) / 3.0;
+    let third = 2.09439510239320;
+    return -2.0 * length * vec3<f32>(cos(angle), cos(angle + third), cos(angle - third)) - a / 3.0;
+}
+
+fn quartic_roots(a: f32, b: f32, c: f32, d: f32) -> vec4<f32> {
+    var t = -0.25 * a;
+    for (var i = 0; i < LAGUERRE_STEPS; i++) {
+        let value = (((t + a) * t + b) * t + c) * t + d;
+        let slope = ((4.0 * t + 3.0 * a) * t + 2.0 * b) * t + c;
+        let bend = (12.0 * t + 6.0 * a) * t + 2.0 * b;
+        let root = sqrt(max(9.0 * slope * slope - 12.0 * value * bend, 0.0));
+        let below = slope + select(-root, root, slope >= 0.0);
+        t -= select(4.0 * value / below, 0.0, below == 0.0);
+    }
+    // What is left without that root.
+    let p = a + t;
+    let q = b + t * p;
+    return vec4<f32>(cubic_roots(p, q, c + t * q), t);
+}

@@ -1,0 +1,72 @@
+// Sink that gathers the moments of the matter along one ray (Muenstermann et al. 2018, 3): its optical depth, and the means
+// over it of powers of the depth or of points on the unit circle.
+#define_import_path umbravox::sink
+
+#import umbravox::light::light
+#import umbravox::vectors::{own, VECTORS}
+
+const MOMENTS: u32 = #{MOMENTS};
+// Nobody looks inside a piece.
+const FAR: f32 = #{FAR};
+
+struct Sink {
+    optical_depth: f32,
+}
+
+// Optical depth, then the moments times it.
+var<private> sums: array<f32, #{MOMENTS} + 1>;
+
+fn start_sink(turn: u32) -> Sink {
+    for (var k = 0u; k <= MOMENTS; k++) { sums[k] = 0.0; }
+    return Sink(0.0);
+}
+
+fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
+    return FAR;
+}
+
+fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
+    if !(depth > 0.0) { return false; }
+    let d = min(depth, own.most_depth - (*sink).optical_depth);
+    let from_share = (z_from - light.depth_start_mm) / light.depth_range_mm;
+    let to_share = (z_to - light.depth_start_mm) / light.depth_range_mm;
+    sums[0] += d;
+#ifdef TRIGONOMETRIC
+    // The mean of e^(i k phi) over the piece: that of its middle times sin(k h) / (k h).
+    let middle = 0.5 * own.a.z * (from_share + to_share);
+    let half = 0.5 * own.a.z * (to_share - from_share);
+    for (var k = 1u; 2u * k <= MOMENTS; k++) {
+        let x = f32(k) * half;
+        let narrowing = select(sin(x) / max(x, 1e-30), 1.0 - x * x / 6.0, x < 0.05);
+        sums[2u * k - 1u] += d * narrowing * cos(f32(k) * middle);
+        sums[2u * k] += d * narrowing * sin(f32(k) * middle);
+    }
+#else
+    // The mean of x^k from a to b is (a^k + a^(k-1) b + ... + b^k) / (k + 1).
+    let a = 2.0 * from_share - 1.0;
+    let b = 2.0 * to_share - 1.0;
+    var power = 1.0;
+    var sum = 1.0;
+    for (var k = 1u; k <= MOMENTS; k++) {
+        power *= a;
+        sum = sum * b + power;
+        sums[k] += d * sum / f32(k + 1u);
+    }
+#endif
+    (*sink).optical_depth += d;
+    return (*sink).optical_depth >= own.most_depth;
+}
+
+fn finish() {}
+
+fn met_something() -> bool {
+    return sums[0] > 0.0;
+}
+
+fn number(i: u32) -> f32 {
+    return select(0.0, sums[min(i, MOMENTS)], i <= MOMENTS);
+}
+
+fn vector_of(v: u32) -> vec4<f32> {
+    return vec4<f32>(number(4u * v), number(4u * v + 1u), number(4u * v + 2u), number(4u * v + 3u));
+}

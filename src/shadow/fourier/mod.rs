@@ -1,0 +1,120 @@
+//! `fourier`: Fourier opacity maps.
+//!
+//! Jansen and Bavoil 2010, *Fourier Opacity Mapping*. Extinction along a light ray, over the share `s` of the map's depth,
+//! is kept as the first terms of its Fourier series, `a_0 / 2 + sum of a_k cos(2 pi k s) + b_k sin(2 pi k s)`; optical
+//! depth is the series' integral. The coefficients are sums over what the ray meets, in any order, so that they may be
+//! blended and filtered.
+//!
+//! It is exact for a medium of its own terms and rings around everything sharper: transmittance is not monotone, and may
+//! exceed 1 where the integral dips below 0. That is part of the method, and is left as it is.
+//!
+//! Deviations from the paper, and why:
+//! * A piece of the march is a stretch and not a point: its coefficients are the means over it, in closed form.
+//! * `damping=lanczos` weighs term `k` of `n` with `sin(x) / x`, `x = pi k / (n + 1)`, which rings less and blurs more;
+//!   it is ours.
+//! * Depth is counted over the map's range, which holds the active bricks, for all texels alike.
+//! * A ray is over where 2^-11 of the light is left, as in every map here: what lies behind does not ring.
+//! * Texels are filtered by the hardware with `bits=16`; 32-bit floats, which not every adapter filters, by the program.
+
+use super::method::{Curve, Entry, Lookup, Method, ShadowMap};
+use super::settings::{
+    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
+    choices, settings,
+};
+use super::style::{Marker, Style};
+use super::vectors::Recipe;
+use crate::error::Result;
+use crate::field::BuildContext;
+use crate::gpu::{Constant, ShaderVariant};
+
+choices! {
+    /// How terms are weighed.
+    pub enum Damping {
+        /// All alike, as in the paper.
+        None = "none",
+        /// By Lanczos' sigma factors.
+        Lanczos = "lanczos",
+    }
+}
+
+settings! {
+    /// Settings of a Fourier opacity map.
+    pub struct FourierOpacityMap {
+        /// Terms of the series beside the constant, `n` of the paper.
+        terms: u32 = Key::whole([1, 31], "7", "of the series beside the constant").telling(),
+        /// How they are weighed.
+        damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos' factors, which ring less"),
+        /// Bits of a coefficient: 16 or 32.
+        bits: u32 = Key::choice(&["16", "32"], "16", "of a coefficient, a float"),
+        /// How light rays are marched.
+        march: MarchBy = MARCH_KEY,
+        /// Distance of their samples, in smallest voxel spacings.
+        step: f64 = STEP_KEY,
+        /// Texels a side; `None`: by the scene.
+        map: Option<u32> = MAP_KEY,
+        /// What it is fitted across.
+        fit: Fit = FIT_KEY,
+        /// How texels around a point are used.
+        filter: Filter = FILTER_KEY,
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
+    }
+}
+
+pub(super) static ENTRY: Entry = Entry {
+    name: "fourier",
+    summary: "Fourier opacity maps (Jansen and Bavoil 2010): extinction along the light as a series",
+    keys: FourierOpacityMap::KEYS,
+    make: |values| Some(Box::new(FourierOpacityMap::from_values(values)?)),
+    compared: "fourier:terms=3,7,15",
+    curve: "fourier:terms=7",
+    stability: "fourier:map=64",
+    style: Style { color: [136, 34, 85], marker: Marker::Left },
+    tuned: "fourier:terms=1,3,5,7,11,15,23,31,damping=none,lanczos,bits=16,32,filter=nearest,bilinear,\
+        map=64,96,128,192,256,384,512,768,1024",
+};
+
+impl FourierOpacityMap {
+    fn recipe(&self) -> Recipe {
+        Recipe {
+            // Two terms a vector, the constant being one of them.
+            vectors: self.terms / 2 + 1,
+            bits: self.bits,
+            filter: self.filter,
+            linear: true,
+            shape: self.fit.shape(self.map, self.march.with_step(self.step)),
+            constants: vec![Constant::unsigned("TERMS", self.terms)],
+            defs: (self.damping == Damping::Lanczos).then_some("LANCZOS").into_iter().collect(),
+            turns: None,
+            sink: "shadow/fourier/sink.wgsl",
+            lookup: &["shadow/fourier/lookup.wgsl"],
+            numbers: [[0.0; 4]; 2],
+        }
+    }
+}
+
+impl Method for FourierOpacityMap {
+    fn entry(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn values(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        Some(self.recipe().lookup().asked_by(self.lookup))
+    }
+
+    fn passes(&self) -> Vec<ShaderVariant> {
+        vec![self.recipe().build_shader()]
+    }
+
+    fn curve(&self) -> Curve {
+        Curve::Rings
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        self.recipe().build(context, self)
+    }
+}

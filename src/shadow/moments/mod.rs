@@ -1,0 +1,166 @@
+//! `moments`: moment-based transmittance.
+//!
+//! Münstermann, Krumpen, Klein and Peters 2018, *Moment-Based Order-Independent Transparency*, and Peters, Münstermann,
+//! Wetzstein and Klein 2016, *Beyond Hard Shadows: Moment Shadow Maps for Single Scattering, Soft Shadows and Translucent
+//! Occluders*. A texel keeps the optical depth `b_0` of its ray and the first moments `b_1 ... b_n` of where that lies:
+//! means of powers of the depth, from -1 to 1 over the map's range (`basis=power`), or of points on the unit circle
+//! (`basis=trigonometric`, whose 2, 3 or 4 complex numbers are 4, 6 or 8 real ones). They are sums, and so may be blended
+//! and filtered.
+//!
+//! Moments say of any depth how much of `b_0` lies in front of it at least and at most. Transmittance is that of a depth
+//! between these two, `beta` of the way (the paper's overestimation): with `beta=0` never darker than the truth, with
+//! `beta=1` never lighter, but for rounding. It is exact for up to `n / 2` opaque sheets.
+//!
+//! Deviations from the papers, and why:
+//! * A piece of the march is a stretch and not a point: its moments are the means over it, in closed form.
+//! * The two bounds come from the weights of the canonical distribution (Tari et al. 2005), each from its kernel
+//!   polynomial, and not from an interpolating polynomial; they are positive and made to add up to one, so that
+//!   transmittance stays within `exp(-b_0)` and 1. Roots are taken relative to the depth that is asked for, where they are
+//!   finite; on the circle by the same code.
+//! * A place in the zone in which the circle closes (the paper's wrapping zone, a tenth of pi) counts by its angle.
+//! * Moments are 32-bit floats; the paper's 16-bit quantisation is absent. Texels are filtered by the program, since not
+//!   every adapter filters 32-bit floats.
+//! * `bias` is a factor to the paper's own, for 32-bit floats: 5e-7, 5e-6 and 5e-5 for 4, 6 and 8 powers, 4e-7, 8e-7 and
+//!   1.5e-6 for 2, 3 and 4 complex ones.
+//! * A ray is over where 2^-11 of the light is left, as in every map here.
+
+use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::settings::{
+    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
+    choices, settings,
+};
+use super::style::{Marker, Style};
+use super::vectors::Recipe;
+use crate::error::Result;
+use crate::field::BuildContext;
+use crate::gpu::{Constant, ShaderVariant};
+
+/// Norm of an orthogonal polynomial below which it is rounding.
+const LEAST_NORM: f32 = 1e-11;
+/// Angle of the circle that holds no depths, in which it closes.
+const CLOSING_ANGLE: f32 = 0.1 * std::f32::consts::PI;
+
+const POWER_LOOKUP: &[&str] =
+    &["shadow/moments/roots.wgsl", "shadow/moments/power.wgsl", "shadow/moments/lookup.wgsl"];
+const TRIGONOMETRIC_LOOKUP: &[&str] =
+    &["shadow/moments/roots.wgsl", "shadow/moments/trigonometric.wgsl", "shadow/moments/lookup.wgsl"];
+
+choices! {
+    /// Of what a distribution's moments are means.
+    pub enum Basis {
+        /// Powers of the depth.
+        Power = "power",
+        /// Points on the unit circle, and their powers.
+        Trigonometric = "trigonometric",
+    }
+}
+
+settings! {
+    /// Settings of a map of moments.
+    pub struct MomentMap {
+        /// Real numbers a texel beside the optical depth: 4, 6 or 8.
+        moments: u32 = Key::choice(&["4", "6", "8"], "6", "numbers beside the optical depth (trigonometric: 2, 3, 4 complex ones)").telling(),
+        /// What they are means of.
+        basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle"),
+        /// From the least to the greatest optical depth that the moments allow.
+        beta: f64 = Key::number([0.0, 1.0], "0.25", "from the least (0) to the greatest (1) optical depth that moments allow"),
+        /// Factor to the paper's bias.
+        bias: f64 = Key::number([0.0, 1e4], "1", "of moments towards a wide distribution's, as a factor to the paper's"),
+        /// How light rays are marched.
+        march: MarchBy = MARCH_KEY,
+        /// Distance of their samples, in smallest voxel spacings.
+        step: f64 = STEP_KEY,
+        /// Texels a side; `None`: by the scene.
+        map: Option<u32> = MAP_KEY,
+        /// What it is fitted across.
+        fit: Fit = FIT_KEY,
+        /// How texels around a point are used.
+        filter: Filter = FILTER_KEY,
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
+    }
+}
+
+pub(super) static ENTRY: Entry = Entry {
+    name: "moments",
+    summary: "moments of the matter along the light (Muenstermann et al. 2018), and bounds from them",
+    keys: MomentMap::KEYS,
+    make: |values| Some(Box::new(MomentMap::from_values(values)?)),
+    compared: "moments:moments=4,6,8",
+    curve: "moments",
+    stability: "moments:moments=4,8,map=64;moments:basis=trigonometric,map=64",
+    style: Style { color: [51, 34, 136], marker: Marker::Right },
+    tuned: "moments:moments=4,6,8,basis=power,trigonometric,beta=0,0.25,0.5,0.75,1,filter=nearest,bilinear,\
+        map=64,96,128,192,256,384,512,768,1024",
+};
+
+impl MomentMap {
+    /// The paper's bias, and the even moments of the distribution towards which powers are biased.
+    fn papers_bias(&self) -> (f64, [f32; 4]) {
+        match (self.basis, self.moments) {
+            (Basis::Power, 4) => (5e-7, [0.375, 0.375, 0.0, 0.0]),
+            (Basis::Power, 6) => (5e-6, [0.48, 0.451, 0.45, 0.0]),
+            (Basis::Power, _) => (5e-5, [0.75, 0.676_666_7, 0.63, 0.600_303]),
+            (Basis::Trigonometric, 4) => (4e-7, [0.0; 4]),
+            (Basis::Trigonometric, 6) => (8e-7, [0.0; 4]),
+            (Basis::Trigonometric, _) => (1.5e-6, [0.0; 4]),
+        }
+    }
+
+    fn recipe(&self) -> Recipe {
+        let (bias, wide) = self.papers_bias();
+        let circle = self.basis == Basis::Trigonometric;
+        let degree = match self.moments {
+            4 => "DEGREE_2",
+            6 => "DEGREE_3",
+            _ => "DEGREE_4",
+        };
+        Recipe {
+            vectors: (self.moments + 1).div_ceil(4),
+            bits: 32,
+            filter: self.filter,
+            linear: true,
+            shape: self.fit.shape(self.map, self.march.with_step(self.step)),
+            constants: vec![
+                Constant::unsigned("MOMENTS", self.moments),
+                Constant::unsigned("DEGREE", self.moments / 2),
+                Constant::float("LEAST_NORM", LEAST_NORM),
+            ],
+            defs: [Some(degree), circle.then_some("TRIGONOMETRIC")].into_iter().flatten().collect(),
+            turns: None,
+            sink: "shadow/moments/sink.wgsl",
+            lookup: if circle { TRIGONOMETRIC_LOOKUP } else { POWER_LOOKUP },
+            numbers: [
+                [
+                    self.beta as f32,
+                    (self.bias * bias).min(1.0) as f32,
+                    std::f32::consts::TAU - CLOSING_ANGLE,
+                    0.0,
+                ],
+                wide,
+            ],
+        }
+    }
+}
+
+impl Method for MomentMap {
+    fn entry(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn values(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        Some(self.recipe().lookup().asked_by(self.lookup))
+    }
+
+    fn passes(&self) -> Vec<ShaderVariant> {
+        vec![self.recipe().build_shader()]
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        self.recipe().build(context, self)
+    }
+}

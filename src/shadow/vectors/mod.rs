@@ -1,0 +1,157 @@
+//! Maps that keep a fixed number of four-vectors a texel: what `fourier` and `moments` share.
+//!
+//! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread a texel, whose sink is the method's own) and one
+//! atlas of tiles. Every tile has a margin of one texel that repeats what its neighbours hold (324 instead of 256 texels),
+//! so that the hardware's filter, which these methods are made for, never leaves a tile; tiles without active bricks take
+//! no memory, as in every map here.
+//!
+//! A ray is over at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`: what lies behind is not gathered. Pieces of the march
+//! are whole stretches of a cell ([`Recipe::sink`] takes what lies between two depths as spread evenly).
+
+use super::method::{BuildReport, Lookup, Method, ShadowMap};
+use super::settings::Filter;
+use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE};
+use crate::error::Result;
+use crate::field::{BuildContext, MapShape, TILE, TILE_TEXELS, TileMarch, field_shader};
+use crate::gpu::{
+    Constant, ShaderVariant, Slot, StorageBuffer, linear_sampler, read_back, store_texture, uniform_buffer,
+};
+use bytemuck::{Pod, Zeroable};
+
+/// Texels a side of a tile with its margin.
+const TILE_SIDE: u32 = TILE + 2;
+/// Tiles across the atlas: as many as every adapter's textures hold.
+const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
+
+/// What one map of vectors is to be.
+pub(super) struct Recipe {
+    /// Four-vectors a texel.
+    pub vectors: u32,
+    /// Bits of a stored number: 16 or 32 (floats).
+    pub bits: u32,
+    pub filter: Filter,
+    /// Whether a filter may take the vectors' means, as the hardware does.
+    pub linear: bool,
+    pub shape: MapShape,
+    /// Constants and definitions of the method's modules.
+    pub constants: Vec<Constant>,
+    pub defs: Vec<&'static str>,
+    /// Marches a ray, the first one from behind, where one does not do.
+    pub turns: Option<u32>,
+    /// The module `umbravox::sink`.
+    pub sink: &'static str,
+    /// The module `umbravox::method`, and those that it imports.
+    pub lookup: &'static [&'static str],
+    /// The method's own numbers: `own.a` and `own.b`.
+    pub numbers: [[f32; 4]; 2],
+}
+
+/// `Own` of `shaders/shadow/vectors/layout.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct Own {
+    a: [f32; 4],
+    b: [f32; 4],
+    inv_size: [f32; 2],
+    most_depth: f32,
+    same_surface_mm: f32,
+}
+
+impl Recipe {
+    fn shader(&self, entry: &'static str) -> ShaderVariant {
+        let constants = [
+            Constant::unsigned("VECTORS", self.vectors),
+            Constant::unsigned("ATLAS_TILES_ACROSS", TILES_ACROSS),
+            Constant::unsigned("TILE_SHIFT", TILE.ilog2()),
+        ];
+        let shader = field_shader(entry).with_tile_table().modules(&["shadow/vectors/layout.wgsl"]);
+        shader.constants(&constants).constants(&self.constants).defs(self.defs.iter().copied())
+    }
+
+    /// The hardware filters what is linear and 16 bits wide; not every adapter filters 32.
+    fn hardware_filter(&self) -> bool {
+        self.linear && self.bits == 16 && self.filter == Filter::Bilinear
+    }
+
+    /// The pass that marches.
+    pub fn build_shader(&self) -> ShaderVariant {
+        let shader = self.shader("shadow/vectors/build.wgsl").modules(&["field/tiles.wgsl"]);
+        let shader = shader.defs((self.bits == 16).then_some("BITS_16")).defs(self.turns.map(|_| "TURNS"));
+        let turns = Constant::unsigned("TURNS", self.turns.unwrap_or(1));
+        shader.constants(&[turns]).with_march(self.shape.march, self.sink)
+    }
+
+    /// How the map is looked up.
+    pub fn lookup(&self) -> Lookup {
+        let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]).modules(self.lookup);
+        let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
+        Lookup::new(shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER")))
+    }
+
+    fn format(&self) -> wgpu::TextureFormat {
+        if self.bits == 16 { wgpu::TextureFormat::Rgba16Float } else { wgpu::TextureFormat::Rgba32Float }
+    }
+
+    /// Bytes of a texel's vectors.
+    fn texel_bytes(&self) -> u64 {
+        u64::from(self.vectors * self.bits / 2)
+    }
+
+    /// Builds the map.
+    ///
+    /// # Errors
+    /// A map that the adapter cannot hold.
+    pub fn build(&self, context: &BuildContext<'_>, method: &dyn Method) -> Result<ShadowMap> {
+        let gpu = context.gpu();
+        let tiles = TileMarch::fit(context, self.shape)?;
+        let size = [
+            TILES_ACROSS.min(tiles.built.max(1)) * TILE_SIDE,
+            tiles.built.div_ceil(TILES_ACROSS).max(1) * self.vectors * TILE_SIDE,
+        ];
+        let atlas = store_texture(gpu, "shadow map of vectors", self.format(), size)?;
+        // Its sides are rounded up.
+        let held = atlas.texture().size();
+        let own = Own {
+            a: self.numbers[0],
+            b: self.numbers[1],
+            inv_size: [1.0 / held.width as f32, 1.0 / held.height as f32],
+            most_depth: OPAQUE_DEPTH,
+            same_surface_mm: (STEEPEST_SURFACE * tiles.light_space.texel_mm()) as f32,
+        };
+        let own = uniform_buffer(gpu, "map of vectors", &own);
+        let hit = StorageBuffer::zeroed(gpu, "texels hit", 4)?;
+        let numbers = (1, context.kernels.uniform(&own));
+        let stage = [(1, Slot::store(&atlas, self.format())), (2, Slot::read_write(hit.as_entire_binding()))];
+        let span = tiles.run("map of vectors build", &self.build_shader(), &[numbers.clone()], &stage)?;
+
+        let sampler = linear_sampler(gpu);
+        let filtered = self.hardware_filter();
+        let sample_type = wgpu::TextureSampleType::Float { filterable: filtered };
+        let mut slots =
+            vec![numbers, (3, Slot::texture(&atlas, sample_type, wgpu::TextureViewDimension::D2))];
+        if filtered {
+            slots.push((4, Slot::sampler(&sampler, true)));
+        }
+        let left_out = tiles.tiles - tiles.built;
+        let texels = u64::from(size[0] * size[1] / self.vectors);
+        let report = BuildReport {
+            device: Some(span),
+            bytes: texels * self.texel_bytes() + tiles.table_bytes(),
+            bytes_used: u64::from(tiles.built * TILE_SIDE * TILE_SIDE) * self.texel_bytes()
+                + tiles.table_bytes(),
+            texels_hit: Some(u64::from(read_back::<u32>(gpu, &hit, 1)?[0])),
+            tiles: tiles.tiles,
+            tiles_left_out: left_out,
+            bytes_left_out: u64::from(left_out * TILE_TEXELS) * self.texel_bytes(),
+            ..Default::default()
+        };
+        Ok(ShadowMap {
+            method: method.name(),
+            group: tiles.group("map of vectors", &slots),
+            lookup: method.lookup(),
+            light_space: tiles.light_space,
+            report,
+            bound: None,
+        })
+    }
+}
