@@ -165,6 +165,8 @@ impl BuildReport {
 pub enum Curve {
     /// It falls with depth, and stays within 0 and 1.
     Falls,
+    /// It stays within 0 and 1, but may rise.
+    Stays,
     /// It may rise and exceed 1, as a series does that rings.
     Rings,
 }

@@ -15,7 +15,9 @@
 //!   `shaders/render/raycast.wgsl`.
 //! * Constants that both sides know come from Rust, as `#{NAME}` ([`Constant`](crate::gpu::Constant)).
 
+mod avsm;
 mod bom;
+mod clusters;
 mod dom;
 mod dsm;
 mod fourier;
@@ -35,7 +37,9 @@ mod style;
 mod tolerances;
 mod vectors;
 
+pub use avsm::AdaptiveShadowMap;
 pub use bom::BoundingOpacityMap;
+pub use clusters::DensityClusters;
 pub use dom::{Beyond, DeepOpacityMap};
 pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
 pub use fourier::{Damping, FourierOpacityMap};

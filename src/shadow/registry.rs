@@ -2,7 +2,7 @@
 
 use super::method::{Entry, Method};
 use super::spec;
-use super::{bom, dom, dsm, fourier, moments, none, osm, rays};
+use super::{avsm, bom, clusters, dom, dsm, fourier, moments, none, osm, rays};
 use crate::error::{Error, Result};
 use std::sync::LazyLock;
 
@@ -14,7 +14,9 @@ pub const METHODS: &[&Entry] = &[
     &osm::ENTRY,
     &dom::ENTRY,
     &bom::ENTRY,
+    &clusters::ENTRY,
     &fourier::ENTRY,
+    &avsm::ENTRY,
     &moments::ENTRY,
     #[cfg(feature = "half")]
     &super::half::ENTRY,

@@ -15,6 +15,7 @@ mod layers;
 mod nodes;
 mod parts;
 mod pool;
+mod rivals;
 mod samples;
 mod shading;
 mod strands;

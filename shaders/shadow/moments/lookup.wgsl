@@ -14,16 +14,13 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
     let place = place_of(p);
     if place.lit { return 1.0; }
-    var sums: array<f32, #{MOMENTS} + 1>;
-    for (var v = 0u; v < VECTORS; v++) {
-        let vector = vector_of(place, v);
-        for (var i = 0u; i < 4u; i++) {
-            if 4u * v + i <= #{MOMENTS} { sums[4u * v + i] = vector[i]; }
-        }
-    }
-    if sums[0] <= LEAST_DEPTH { return 1.0; }
+    let first = vector_of(place, 0u);
+    let second = vector_of(place, 1u);
+    var third = vec4<f32>(0.0);
+    if VECTORS > 2u { third = vector_of(place, 2u); }
+    if first.x <= LEAST_DEPTH { return 1.0; }
     let share = (p.z - light.depth_start_mm) / light.depth_range_mm;
     // Behind the map's range lies all of it.
-    if share >= 1.0 { return exp(-sums[0]); }
-    return exp(-sums[0] * share_before(sums, share));
+    if share >= 1.0 { return exp(-first.x); }
+    return exp(-first.x * share_before(first, second, third, share));
 }

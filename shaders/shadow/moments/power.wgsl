@@ -5,98 +5,112 @@
 // least and most: its weights in front of the depth are the least share, and with that at the depth the greatest. Its other
 // places are the roots of the kernel polynomial K(x0, x) = sum of p_k(x0) p_k(x) / D_k, p_k being the monic orthogonal
 // polynomials of the moments and D_k their norms; a place's weight is 1 / K(x, x).
+//
+// Written out without loops: software adapters count the turns of all loops of a ray together.
 #define_import_path umbravox::moment_share
 
 #import umbravox::vectors::own
-#import umbravox::real_roots::{quadratic_roots, cubic_roots, quartic_roots}
+#import umbravox::real_roots::real_roots
 
-const MOMENTS: u32 = #{MOMENTS};
-// Roots, and degree of the last orthogonal polynomial.
-const DEGREE: u32 = #{DEGREE};
 // Norms below this are rounding.
 const LEAST_NORM: f32 = #{LEAST_NORM};
 // A place further away than this has no weight.
 const FARTHEST: f32 = 1e3;
 
-// Entries of the unit lower triangle of the moments' Hankel matrix, row by row, and the norms.
-var<private> lower: array<f32, 25>;
-var<private> norms: array<f32, 5>;
-var<private> at: array<f32, 5>;
-
-fn factor(b: array<f32, #{MOMENTS} + 1>) {
-    var moments = b;
-    for (var j = 0u; j <= DEGREE; j++) {
-        for (var i = j; i <= DEGREE; i++) {
-            var left = moments[i + j];
-            for (var k = 0u; k < j; k++) { left -= lower[5u * i + k] * lower[5u * j + k] * norms[k]; }
-            if i == j { norms[j] = max(left, LEAST_NORM); }
-            lower[5u * i + j] = left / norms[j];
-        }
-    }
+// The unit lower triangle of the moments' Hankel matrix, row by row from the second, and one over the norms of p_1 to p_4;
+// that of p_0 is 1.
+struct Basis {
+    row_b: f32,
+    row_c: vec2<f32>,
+    row_d: vec3<f32>,
+    row_e: vec4<f32>,
+    inverse_norms: vec4<f32>,
 }
 
-// The orthogonal polynomials at x, in `at`; returns K(x, x).
-fn kernel_at(x: f32) -> f32 {
-    var power = 1.0;
-    var sum = 0.0;
-    for (var i = 0u; i <= DEGREE; i++) {
-        var p = power;
-        for (var k = 0u; k < i; k++) { p -= lower[5u * i + k] * at[k]; }
-        at[i] = p;
-        sum += p * p / norms[i];
-        power *= x;
-    }
-    return sum;
+fn inverse_norm(norm: f32) -> f32 {
+    return 1.0 / max(norm, LEAST_NORM);
 }
 
-fn root_vector(q: array<f32, 5>) -> vec4<f32> {
-    // An unused root is a place without weight.
+// From b_1 to b_4 and b_5 to b_8, those beyond the last being 0.
+fn basis_of(b: vec4<f32>, more: vec4<f32>) -> Basis {
+    let d1 = max(b.y - b.x * b.x, LEAST_NORM);
+    let l21 = (b.z - b.y * b.x) / d1;
+    let l31 = (b.w - b.z * b.x) / d1;
+    let d2 = max(b.w - b.y * b.y - l21 * l21 * d1, LEAST_NORM);
 #ifdef DEGREE_2
-    return vec4<f32>(quadratic_roots(q[1], q[0]), 0.0, 0.0);
+    return Basis(b.x, vec2<f32>(b.y, l21), vec3<f32>(0.0), vec4<f32>(0.0), vec4<f32>(1.0 / d1, 1.0 / d2, 0.0, 0.0));
 #else
+    let l32 = (more.x - b.z * b.y - l31 * l21 * d1) / d2;
+    let d3 = max(more.y - b.z * b.z - l31 * l31 * d1 - l32 * l32 * d2, LEAST_NORM);
+    let third = vec3<f32>(b.z, l31, l32);
 #ifdef DEGREE_3
-    return vec4<f32>(cubic_roots(q[2], q[1], q[0]), 0.0);
+    let norms = vec4<f32>(1.0 / d1, 1.0 / d2, 1.0 / d3, 0.0);
+    return Basis(b.x, vec2<f32>(b.y, l21), third, vec4<f32>(0.0), norms);
 #else
-    return quartic_roots(q[3], q[2], q[1], q[0]);
+    let l41 = (more.x - b.w * b.x) / d1;
+    let l42 = (more.y - b.w * b.y - l41 * l21 * d1) / d2;
+    let l43 = (more.z - b.w * b.z - l41 * l31 * d1 - l42 * l32 * d2) / d3;
+    let d4 = more.w - b.w * b.w - l41 * l41 * d1 - l42 * l42 * d2 - l43 * l43 * d3;
+    let norms = vec4<f32>(1.0 / d1, 1.0 / d2, 1.0 / d3, inverse_norm(d4));
+    return Basis(b.x, vec2<f32>(b.y, l21), third, vec4<f32>(b.w, l41, l42, l43), norms);
 #endif
 #endif
 }
 
-// The share in front of a depth share, `own.a.x` of the way from the least to the greatest. `sums`: optical depth and the
-// moments times it.
-fn share_before(sums: array<f32, #{MOMENTS} + 1>, depth_share: f32) -> f32 {
-    var b = sums;
-    let scale = 1.0 / b[0];
-    var wide = array<f32, 8>(0.0, own.b.x, 0.0, own.b.y, 0.0, own.b.z, 0.0, own.b.w);
-    for (var k = 1u; k <= MOMENTS; k++) { b[k] = mix(b[k] * scale, wide[k - 1u], own.a.y); }
-    b[0] = 1.0;
-    factor(b);
+// p_1 to p_4 at x.
+fn polynomials(basis: Basis, x: f32) -> vec4<f32> {
+    let p1 = x - basis.row_b;
+    let p2 = x * x - basis.row_c.x - basis.row_c.y * p1;
+    let p3 = x * x * x - basis.row_d.x - basis.row_d.y * p1 - basis.row_d.z * p2;
+    let p4 = x * x * x * x - basis.row_e.x - basis.row_e.y * p1 - basis.row_e.z * p2 - basis.row_e.w * p3;
+    return vec4<f32>(p1, p2, p3, p4);
+}
+
+fn kernel_of(basis: Basis, p: vec4<f32>) -> f32 {
+    return 1.0 + dot(p * p, basis.inverse_norms);
+}
+
+// Weight of the place that a root stands for, and whether it lies in front.
+fn weight_of(basis: Basis, x: f32, t: f32) -> vec2<f32> {
+    let counts = abs(t) * FARTHEST > 1.0;
+    let place = x + 1.0 / select(1.0, t, counts);
+    let weight = select(0.0, 1.0 / kernel_of(basis, polynomials(basis, place)), counts);
+    return vec2<f32>(weight, select(0.0, weight, t < 0.0));
+}
+
+// The share in front of a depth share, `own.a.x` of the way from the least to the greatest. `b`: optical depth and the
+// moments times it, from the first vector on.
+fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_share: f32) -> f32 {
+    let scale = 1.0 / first.x;
+    let wide = vec4<f32>(0.0, own.b.x, 0.0, own.b.y);
+    let wider = vec4<f32>(0.0, own.b.z, 0.0, own.b.w);
+    let b = mix(vec4<f32>(first.yzw, second.x) * scale, wide, own.a.y);
+    let more = mix(vec4<f32>(second.yzw, third.x) * scale, wider, own.a.y);
+    let basis = basis_of(b, more);
     let x = 2.0 * depth_share - 1.0;
-    let here = kernel_at(x);
-    // K(x, .) by powers.
-    var c = array<f32, 5>();
-    for (var n = 0u; n <= DEGREE; n++) {
-        let i = DEGREE - n;
-        c[i] = at[i] / norms[i];
-        for (var j = i + 1u; j <= DEGREE; j++) { c[i] -= lower[5u * j + i] * c[j]; }
-    }
-    // By powers of y = (its argument) - x, and then of 1 / y: the roots are finite, since none lies at x, and the leading
-    // coefficient is K(x, x), which is largest.
-    for (var n = 0u; n < DEGREE; n++) {
-        for (var i = DEGREE; i > n; i--) { c[i - 1u] += x * c[i]; }
-    }
-    var q = array<f32, 5>();
-    for (var i = 0u; i < DEGREE; i++) { q[i] = c[DEGREE - i] / here; }
-    var roots = root_vector(q);
-    var before = own.a.x / here;
-    var all = 1.0 / here;
-    for (var i = 0u; i < DEGREE; i++) {
-        let t = roots[i];
-        if abs(t) * FARTHEST > 1.0 {
-            let weight = 1.0 / kernel_at(x + 1.0 / t);
-            all += weight;
-            before += select(0.0, weight, t < 0.0);
-        }
-    }
-    return clamp(before / all, 0.0, 1.0);
+    let p = polynomials(basis, x);
+    let here = kernel_of(basis, p);
+    // K(x, .) by powers, from the first on.
+    let h = p * basis.inverse_norms;
+    let c4 = h.w;
+    let c3 = h.z - basis.row_e.w * c4;
+    let c2 = h.y - basis.row_d.z * c3 - basis.row_e.z * c4;
+    let c1 = h.x - basis.row_c.y * c2 - basis.row_d.y * c3 - basis.row_e.y * c4;
+    // By powers of y = (its argument) - x, and then of t = 1 / y: the roots are finite, since none lies at x, and the
+    // leading coefficient is K(x, x), which is largest.
+    let shifted = vec4<f32>(
+        c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * 4.0 * c4)),
+        c2 + x * (3.0 * c3 + x * 6.0 * c4),
+        c3 + x * 4.0 * c4,
+        c4,
+    );
+    let roots = real_roots(shifted / here);
+    var weights = weight_of(basis, x, roots.x) + weight_of(basis, x, roots.y);
+#ifndef DEGREE_2
+    weights += weight_of(basis, x, roots.z);
+#ifndef DEGREE_3
+    weights += weight_of(basis, x, roots.w);
+#endif
+#endif
+    return clamp((weights.y + own.a.x / here) / (weights.x + 1.0 / here), 0.0, 1.0);
 }

@@ -1,7 +1,6 @@
-// The roots of a polynomial with real ones only: t^n + c[n-1] t^(n-1) + ... + c[0] of degree two, three or four.
+// The roots of a polynomial with real ones only, of degree two, three or four.
 #define_import_path umbravox::real_roots
 
-const MOST_ROOTS: u32 = 4u;
 // Steps of Laguerre's iteration, which on such polynomials converges from anywhere, with the third power in the end.
 const LAGUERRE_STEPS: i32 = 7;
 
@@ -35,4 +34,31 @@ fn quartic_roots(a: f32, b: f32, c: f32, d: f32) -> vec4<f32> {
     let p = a + t;
     let q = b + t * p;
     return vec4<f32>(cubic_roots(p, q, c + t * q), t);
+}
+
+// A step further than this, of a root's own size and 1, is no mending but a double root's.
+const LONGEST_STEP: f32 = 0.1;
+
+// One step of Newton's for each root: closed forms are as exact as the largest root, and others may be far smaller.
+fn mended(roots: vec4<f32>, c: array<f32, 5>) -> vec4<f32> {
+    let value = (((c[4] * roots + c[3]) * roots + c[2]) * roots + c[1]) * roots + c[0];
+    let slope = ((4.0 * c[4] * roots + 3.0 * c[3]) * roots + 2.0 * c[2]) * roots + c[1];
+    let step = value / select(slope, vec4<f32>(1.0), slope == vec4<f32>(0.0));
+    return roots - select(vec4<f32>(0.0), step, abs(step) < LONGEST_STEP * (1.0 + abs(roots)));
+}
+
+// The roots of t^n + c.x t^(n-1) + c.y t^(n-2) + ..., n of which are roots and the others 0.
+fn real_roots(c: vec4<f32>) -> vec4<f32> {
+#ifdef DEGREE_2
+    return vec4<f32>(quadratic_roots(c.x, c.y), 0.0, 0.0);
+#else
+#ifdef DEGREE_3
+    let all = array<f32, 5>(c.z, c.y, c.x, 1.0, 0.0);
+    let roots = vec4<f32>(cubic_roots(c.x, c.y, c.z), 0.0);
+#else
+    let all = array<f32, 5>(c.w, c.z, c.y, c.x, 1.0);
+    let roots = quartic_roots(c.x, c.y, c.z, c.w);
+#endif
+    return mended(mended(roots, all), all);
+#endif
 }

@@ -5,17 +5,33 @@
 #define_import_path umbravox::moment_share
 
 #import umbravox::vectors::own
-#import umbravox::real_roots::{quadratic_roots, cubic_roots, quartic_roots}
+#import umbravox::real_roots::real_roots
 
-const MOMENTS: u32 = #{MOMENTS};
-const DEGREE: u32 = #{DEGREE};
 const LEAST_NORM: f32 = #{LEAST_NORM};
 const FULL: f32 = 6.28318530717959;
 
-// Entries of the unit lower triangle of the moments' Toeplitz matrix, row by row, and the norms.
-var<private> lower: array<vec2<f32>, 25>;
-var<private> norms: array<f32, 5>;
-var<private> at: array<vec2<f32>, 5>;
+// The unit lower triangle of the moments' Toeplitz matrix and one over the norms of p_1 to p_4; that of p_0 is 1.
+struct Basis {
+    b_a: vec2<f32>,
+    c_a: vec2<f32>,
+    c_b: vec2<f32>,
+    d_a: vec2<f32>,
+    d_b: vec2<f32>,
+    d_c: vec2<f32>,
+    e_a: vec2<f32>,
+    e_b: vec2<f32>,
+    e_c: vec2<f32>,
+    e_d: vec2<f32>,
+    inverse_norms: vec4<f32>,
+}
+
+// p_1 to p_4 at a point of the circle.
+struct Polynomials {
+    first: vec2<f32>,
+    second: vec2<f32>,
+    third: vec2<f32>,
+    fourth: vec2<f32>,
+}
 
 fn times(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);
@@ -25,99 +41,122 @@ fn conjugate(a: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(a.x, -a.y);
 }
 
-// From c_0 = 1, c_1, ...
-fn factor(c: array<vec2<f32>, 5>) {
-    var moments = c;
-    for (var j = 0u; j <= DEGREE; j++) {
-        for (var i = j; i <= DEGREE; i++) {
-            var left = moments[i - j];
-            for (var k = 0u; k < j; k++) {
-                left -= times(lower[5u * i + k], conjugate(lower[5u * j + k])) * norms[k];
-            }
-            if i == j { norms[j] = max(left.x, LEAST_NORM); }
-            lower[5u * i + j] = left / norms[j];
-        }
-    }
+fn times_conjugate(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
+    return times(a, conjugate(b));
 }
 
-// The orthogonal polynomials at a point of the circle, in `at`; returns K(z, z).
-fn kernel_at(z: vec2<f32>) -> f32 {
-    var power = vec2<f32>(1.0, 0.0);
-    var sum = 0.0;
-    for (var i = 0u; i <= DEGREE; i++) {
-        var p = power;
-        for (var k = 0u; k < i; k++) { p -= times(lower[5u * i + k], at[k]); }
-        at[i] = p;
-        sum += dot(p, p) / norms[i];
-        power = times(power, z);
-    }
-    return sum;
-}
-
-fn root_vector(q: array<f32, 5>) -> vec4<f32> {
-#ifdef DEGREE_2
-    return vec4<f32>(quadratic_roots(q[1], q[0]), 0.0, 0.0);
-#else
-#ifdef DEGREE_3
-    return vec4<f32>(cubic_roots(q[2], q[1], q[0]), 0.0);
-#else
-    return quartic_roots(q[3], q[2], q[1], q[0]);
+fn basis_of(c1: vec2<f32>, c2: vec2<f32>, c3: vec2<f32>, c4: vec2<f32>) -> Basis {
+    let d1 = max(1.0 - dot(c1, c1), LEAST_NORM);
+    let l21 = (c1 - times_conjugate(c2, c1)) / d1;
+    let d2 = max(1.0 - dot(c2, c2) - dot(l21, l21) * d1, LEAST_NORM);
+    var basis: Basis;
+    basis.b_a = c1;
+    basis.c_a = c2;
+    basis.c_b = l21;
+    basis.inverse_norms = vec4<f32>(1.0 / d1, 1.0 / d2, 0.0, 0.0);
+#ifndef DEGREE_2
+    let l31 = (c2 - times_conjugate(c3, c1)) / d1;
+    let l32 = (c1 - times_conjugate(c3, c2) - times_conjugate(l31, l21) * d1) / d2;
+    let d3 = max(1.0 - dot(c3, c3) - dot(l31, l31) * d1 - dot(l32, l32) * d2, LEAST_NORM);
+    basis.d_a = c3;
+    basis.d_b = l31;
+    basis.d_c = l32;
+    basis.inverse_norms.z = 1.0 / d3;
+#ifndef DEGREE_3
+    let l41 = (c3 - times_conjugate(c4, c1)) / d1;
+    let l42 = (c2 - times_conjugate(c4, c2) - times_conjugate(l41, l21) * d1) / d2;
+    let l43 = (c1 - times_conjugate(c4, c3) - times_conjugate(l41, l31) * d1 - times_conjugate(l42, l32) * d2) / d3;
+    let d4 = 1.0 - dot(c4, c4) - dot(l41, l41) * d1 - dot(l42, l42) * d2 - dot(l43, l43) * d3;
+    basis.e_a = c4;
+    basis.e_b = l41;
+    basis.e_c = l42;
+    basis.e_d = l43;
+    basis.inverse_norms.w = 1.0 / max(d4, LEAST_NORM);
 #endif
 #endif
+    return basis;
 }
 
-fn share_before(sums: array<f32, #{MOMENTS} + 1>, depth_share: f32) -> f32 {
-    var b = sums;
-    let scale = (1.0 - own.a.y) / b[0];
-    var c = array<vec2<f32>, 5>();
-    c[0] = vec2<f32>(1.0, 0.0);
-    for (var k = 1u; k <= DEGREE; k++) { c[k] = vec2<f32>(b[2u * k - 1u], b[2u * k]) * scale; }
-    factor(c);
+fn polynomials(basis: Basis, z: vec2<f32>) -> Polynomials {
+    let z2 = times(z, z);
+    var p: Polynomials;
+    p.first = z - basis.b_a;
+    p.second = z2 - basis.c_a - times(basis.c_b, p.first);
+#ifndef DEGREE_2
+    p.third = times(z2, z) - basis.d_a - times(basis.d_b, p.first) - times(basis.d_c, p.second);
+#ifndef DEGREE_3
+    p.fourth = times(z2, z2) - basis.e_a - times(basis.e_b, p.first) - times(basis.e_c, p.second) - times(basis.e_d, p.third);
+#endif
+#endif
+    return p;
+}
+
+fn kernel_of(basis: Basis, p: Polynomials) -> f32 {
+    let squares = vec4<f32>(dot(p.first, p.first), dot(p.second, p.second), dot(p.third, p.third), dot(p.fourth, p.fourth));
+    return 1.0 + dot(squares, basis.inverse_norms);
+}
+
+// Weight of the place that a root stands for, and how much of it lies in front.
+fn weight_of(basis: Basis, z: vec2<f32>, angle: f32, t: f32) -> vec2<f32> {
+    let place = vec2<f32>(t * t - 1.0, 2.0 * t) / (t * t + 1.0);
+    let weight = 1.0 / kernel_of(basis, polynomials(basis, times(z, place)));
+    let reached = angle + 2.0 * atan2(1.0, t);
+    return vec2<f32>(weight, weight * clamp((reached - own.a.z) / (FULL - own.a.z), 0.0, 1.0));
+}
+
+fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_share: f32) -> f32 {
+    let scale = (1.0 - own.a.y) / first.x;
+    let basis = basis_of(
+        first.yz * scale,
+        vec2<f32>(first.w, second.x) * scale,
+        second.yz * scale,
+        vec2<f32>(second.w, third.x) * scale,
+    );
     let angle = own.a.z * depth_share;
     let z = vec2<f32>(cos(angle), sin(angle));
-    let here = kernel_at(z);
+    let p = polynomials(basis, z);
+    let here = kernel_of(basis, p);
     // K(z, .) by powers, each times that power of z.
-    var g = array<vec2<f32>, 5>();
-    for (var n = 0u; n <= DEGREE; n++) {
-        let i = DEGREE - n;
-        g[i] = conjugate(at[i]) / norms[i];
-        for (var j = i + 1u; j <= DEGREE; j++) { g[i] -= times(lower[5u * j + i], g[j]); }
-    }
-    var power = vec2<f32>(1.0, 0.0);
-    for (var i = 0u; i <= DEGREE; i++) {
-        g[i] = times(g[i], power);
-        power = times(power, z);
-    }
+    let norms = basis.inverse_norms;
+    let z2 = times(z, z);
+    let c4 = conjugate(p.fourth) * norms.w;
+    let c3 = conjugate(p.third) * norms.z - times(basis.e_d, c4);
+    let c2 = conjugate(p.second) * norms.y - times(basis.d_c, c3) - times(basis.e_c, c4);
+    let c1 = conjugate(p.first) * norms.x - times(basis.c_b, c2) - times(basis.d_b, c3) - times(basis.e_b, c4);
+    let g0 = vec2<f32>(1.0, 0.0) - times(basis.b_a, c1) - times(basis.c_a, c2) - times(basis.d_a, c3)
+        - times(basis.e_a, c4);
+    let g1 = times(c1, z);
+    let g2 = times(c2, z2);
+    let g3 = times(c3, times(z2, z));
+    let g4 = times(c4, times(z2, z2));
     // With z (t + i) / (t - i) for the point of the circle, t the cotangent of half the angle from z on, K (t - i)^n is real
     // and its leading coefficient K(z, z): sums of (t + i)^k (t - i)^(n - k) times g_k.
-    var q = array<f32, 5>();
 #ifdef DEGREE_2
-    q[1] = -(2.0 * g[2].y - 2.0 * g[0].y);
-    q[0] = -(g[0].x - g[1].x + g[2].x);
+    let q = vec4<f32>(2.0 * g0.y - 2.0 * g2.y, g1.x - g0.x - g2.x, 0.0, 0.0);
 #else
 #ifdef DEGREE_3
-    q[2] = -(-3.0 * g[0].y - g[1].y + g[2].y + 3.0 * g[3].y);
-    q[1] = -(3.0 * g[0].x - g[1].x - g[2].x + 3.0 * g[3].x);
-    q[0] = -g[0].y + g[1].y - g[2].y + g[3].y;
+    let q = vec4<f32>(
+        3.0 * g0.y + g1.y - g2.y - 3.0 * g3.y,
+        g1.x + g2.x - 3.0 * g0.x - 3.0 * g3.x,
+        g1.y + g3.y - g0.y - g2.y,
+        0.0,
+    );
 #else
-    q[3] = -(-4.0 * g[0].y - 2.0 * g[1].y + 2.0 * g[3].y + 4.0 * g[4].y);
-    q[2] = -(6.0 * g[0].x - 2.0 * g[2].x + 6.0 * g[4].x);
-    q[1] = -4.0 * g[0].y + 2.0 * g[1].y - 2.0 * g[3].y + 4.0 * g[4].y;
-    q[0] = g[0].x - g[1].x + g[2].x - g[3].x + g[4].x;
+    let q = vec4<f32>(
+        4.0 * g0.y + 2.0 * g1.y - 2.0 * g3.y - 4.0 * g4.y,
+        2.0 * g2.x - 6.0 * g0.x - 6.0 * g4.x,
+        2.0 * g1.y - 4.0 * g0.y - 2.0 * g3.y + 4.0 * g4.y,
+        g0.x - g1.x + g2.x - g3.x + g4.x,
+    );
 #endif
 #endif
-    for (var i = 0u; i < DEGREE; i++) { q[i] = q[i] / here; }
-    var roots = root_vector(q);
-    var before = own.a.x / here;
-    var all = 1.0 / here;
-    for (var i = 0u; i < DEGREE; i++) {
-        let t = roots[i];
-        let place = vec2<f32>(t * t - 1.0, 2.0 * t) / (t * t + 1.0);
-        let weight = 1.0 / kernel_at(times(z, place));
-        let reached = angle + 2.0 * atan2(1.0, t);
-        let wrapped = clamp((reached - own.a.z) / (FULL - own.a.z), 0.0, 1.0);
-        all += weight;
-        before += weight * wrapped;
-    }
-    return clamp(before / all, 0.0, 1.0);
+    let roots = real_roots(q / here);
+    var weights = weight_of(basis, z, angle, roots.x) + weight_of(basis, z, angle, roots.y);
+#ifndef DEGREE_2
+    weights += weight_of(basis, z, angle, roots.z);
+#ifndef DEGREE_3
+    weights += weight_of(basis, z, angle, roots.w);
+#endif
+#endif
+    return clamp((weights.y + own.a.x / here) / (weights.x + 1.0 / here), 0.0, 1.0);
 }

@@ -50,7 +50,7 @@ fn build(
     let z_end = depth_end_mm();
 #ifdef TURNS
     // More than one march a ray, in a loop, so that the march stands here once.
-    for (var turn = 0u; turn < #{TURNS}u; turn++) {
+    for (var turn = 0u; turn < #{TURNS}; turn++) {
         // The first is from behind.
         let behind = turn == 0u;
         var sink = start_sink(turn);

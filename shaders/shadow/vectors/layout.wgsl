@@ -18,8 +18,7 @@ struct Own {
     inv_size: vec2<f32>,
     // Optical depth at which a ray is over.
     most_depth: f32,
-    // Neighbouring texels whose first depths differ by less see the same surface, mm.
-    same_surface_mm: f32,
+    padding: f32,
 }
 
 @group(1) @binding(1) var<uniform> own: Own;

@@ -131,15 +131,16 @@ pub fn run(
     Ok(rows)
 }
 
-/// A method with a case's settings put over its own; nothing where the case does not concern it.
+/// A method with those of a case's settings put over its own that it can have; nothing where the case does not concern it.
 fn put_over(method: &Setting, case: &Case) -> Option<Setting> {
     let keys = METHODS.iter().find(|m| m.name == method.name).map_or(&[][..], |m| m.keys);
-    let known = |key: &str| keys.iter().any(|k| k.name == key);
-    if case.concerns == Concerns::ThoseWithKeys && !case.settings.iter().all(|(key, _)| known(key)) {
+    let known =
+        |(key, value): &(&str, String)| keys.iter().any(|k| k.name == *key && k.parse(value).is_some());
+    if case.concerns == Concerns::ThoseWithKeys && !case.settings.iter().all(known) {
         return None;
     }
     let mut method = method.clone();
-    for (key, value) in case.settings.iter().filter(|(key, _)| known(key)) {
+    for (key, value) in case.settings.iter().filter(|setting| known(setting)) {
         method.params.retain(|(k, _)| k != key);
         method.params.push(((*key).to_owned(), value.clone()));
     }

@@ -1,16 +1,17 @@
-//! Maps that keep a fixed number of four-vectors a texel: what `fourier` and `moments` share.
+//! Maps that keep a fixed number of four-vectors a texel: what `fourier`, `moments`, `clusters` and
+//! `avsm` share.
 //!
 //! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread a texel, whose sink is the method's own) and one
 //! atlas of tiles. Every tile has a margin of one texel that repeats what its neighbours hold (324 instead of 256 texels),
-//! so that the hardware's filter, which these methods are made for, never leaves a tile; tiles without active bricks take
+//! so that the hardware's filter, which `fourier` and `moments` are made for, never leaves a tile; tiles without active bricks take
 //! no memory, as in every map here.
 //!
-//! A ray is over at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`: what lies behind is not gathered. Pieces of the march
-//! are whole stretches of a cell ([`Recipe::sink`] takes what lies between two depths as spread evenly).
+//! A ray is over at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`: what lies behind is not gathered. But for `avsm`, pieces
+//! of the march are whole stretches of a cell, whose matter is taken to be spread evenly.
 
 use super::method::{BuildReport, Lookup, Method, ShadowMap};
 use super::settings::Filter;
-use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE};
+use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TILE, TILE_TEXELS, TileMarch, field_shader};
 use crate::gpu::{
@@ -22,6 +23,10 @@ use bytemuck::{Pod, Zeroable};
 const TILE_SIDE: u32 = TILE + 2;
 /// Tiles across the atlas: as many as every adapter's textures hold.
 const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
+
+/// The module `umbravox::method` of methods whose vectors cannot be averaged: it averages the transmittances of
+/// `umbravox::texel_curve`.
+pub(super) const TEXELS_FILTER: &str = "shadow/vectors/filter.wgsl";
 
 /// What one map of vectors is to be.
 pub(super) struct Recipe {
@@ -54,7 +59,7 @@ struct Own {
     b: [f32; 4],
     inv_size: [f32; 2],
     most_depth: f32,
-    same_surface_mm: f32,
+    padding: f32,
 }
 
 impl Recipe {
@@ -116,7 +121,7 @@ impl Recipe {
             b: self.numbers[1],
             inv_size: [1.0 / held.width as f32, 1.0 / held.height as f32],
             most_depth: OPAQUE_DEPTH,
-            same_surface_mm: (STEEPEST_SURFACE * tiles.light_space.texel_mm()) as f32,
+            padding: 0.0,
         };
         let own = uniform_buffer(gpu, "map of vectors", &own);
         let hit = StorageBuffer::zeroed(gpu, "texels hit", 4)?;

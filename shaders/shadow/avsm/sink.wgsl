@@ -1,0 +1,86 @@
+// Sink that keeps a fixed number of nodes of the visibility function of one ray (Salvi et al. 2010, 3.2).
+//
+// A piece is appended as one node, or as two where nothing lay before it. Where that is more than there is room for, the
+// inner node goes whose loss changes the area under the curve least: that of the triangle with its neighbours, which stay
+// where they are.
+#define_import_path umbravox::sink
+
+#import umbravox::light::light
+#import umbravox::vectors::own
+
+const NODES: u32 = #{NODES};
+
+struct Sink {
+    optical_depth: f32,
+    // Optical depth whose chord stays within the tolerance at the present transmittance.
+    longest_depth: f32,
+}
+
+// Depth as a share of the map's range, and transmittance; two more than are kept.
+var<private> nodes: array<vec2<f32>, #{NODES} + 2>;
+var<private> count: u32;
+
+fn start_sink(turn: u32) -> Sink {
+    count = 0u;
+    return Sink(0.0, own.a.x);
+}
+
+fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
+    return (*sink).longest_depth;
+}
+
+// Takes out inner nodes until there is room for two more.
+fn make_room() {
+    loop {
+        if count <= NODES { break; }
+        var least = 1u;
+        var least_area = 3.0e38;
+        for (var i = 1u; i <= NODES; i++) {
+            let before = nodes[i] - nodes[i - 1u];
+            let after = nodes[min(i + 1u, NODES + 1u)] - nodes[i];
+            let area = abs(before.x * after.y - before.y * after.x);
+            if i + 1u < count && area < least_area {
+                least = i;
+                least_area = area;
+            }
+        }
+        for (var i = 1u; i <= NODES; i++) {
+            if i >= least { nodes[i] = nodes[i + 1u]; }
+        }
+        count -= 1u;
+    }
+}
+
+fn append(z: f32, visible: f32) {
+    nodes[min(count, NODES + 1u)] = vec2<f32>((z - light.depth_start_mm) / light.depth_range_mm, visible);
+    count += 1u;
+}
+
+fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
+    if !(depth > 0.0) { return false; }
+    let share = (z_from - light.depth_start_mm) / light.depth_range_mm;
+    if count == 0u || share > nodes[min(max(count, 1u), NODES + 2u) - 1u].x {
+        append(z_from, exp(-(*sink).optical_depth));
+    }
+    (*sink).optical_depth += min(depth, own.most_depth);
+    let half = exp(-0.5 * (*sink).optical_depth);
+    (*sink).longest_depth = own.a.x / half;
+    append(z_to, half * half);
+    make_room();
+    return (*sink).optical_depth >= own.most_depth;
+}
+
+fn finish() {}
+
+fn met_something() -> bool {
+    return count > 0u;
+}
+
+// Behind the last node nothing changes.
+fn node(i: u32) -> vec2<f32> {
+    return select(vec2<f32>(2.0, nodes[max(count, 1u) - 1u].y), nodes[min(i, NODES - 1u)], i < count);
+}
+
+fn vector_of(v: u32) -> vec4<f32> {
+    return vec4<f32>(node(2u * v), node(2u * v + 1u));
+}

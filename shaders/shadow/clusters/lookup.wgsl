@@ -1,0 +1,30 @@
+// `clusters`: optical depth of clusters of matter along the light, each spread evenly around its mean (Mertens et al. 2004).
+#define_import_path umbravox::texel_curve
+
+#import umbravox::light::light
+#import umbravox::vectors::VECTORS
+#import umbravox::vectors_read::vector_at
+
+const CLUSTERS: u32 = #{CLUSTERS};
+// An even distribution reaches so many spreads to each side: the square root of 3.
+const REACH: f32 = 1.73205080756888;
+// Half of the thinnest cluster, as a share of the map's depth.
+const THINNEST: f32 = 1e-6;
+
+fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {
+    let share = (z - light.depth_start_mm) / light.depth_range_mm;
+    var numbers: array<f32, 4 * VECTORS>;
+    for (var v = 0u; v < VECTORS; v++) {
+        let four = vector_at(texel, v);
+        numbers[4u * v] = four.x;
+        numbers[4u * v + 1u] = four.y;
+        numbers[4u * v + 2u] = four.z;
+        numbers[4u * v + 3u] = four.w;
+    }
+    var depth = 0.0;
+    for (var c = 0u; c < CLUSTERS; c++) {
+        let half = max(REACH * numbers[3u * c + 1u], THINNEST);
+        depth += numbers[3u * c + 2u] * clamp(0.5 + 0.5 * (share - numbers[3u * c]) / half, 0.0, 1.0);
+    }
+    return exp(-depth);
+}

@@ -1,0 +1,104 @@
+//! `clusters`: density clustering.
+//!
+//! Mertens, Kautz, Bekaert and Van Reeth 2004, *A Self-Shadow Algorithm for Dynamic Hair using Density Clustering*, with
+//! which Yuksel and Keyser 2008 compare. What a light ray meets is gathered in `k` clusters by depth, each with its optical
+//! depth, its mean and its spread (standard deviation); a cluster's matter is taken to lie evenly within `sqrt(3)` spreads
+//! of its mean.
+//!
+//! It is exact for as many even slabs as there are clusters, each nearest to another mean.
+//!
+//! Deviations from the paper, and why:
+//! * A piece of the march is a stretch, whose own spread counts, and goes to the cluster nearest to its middle; the paper's
+//!   fragments are points.
+//! * The marches that find where matter ends and those that gather are one pass; `iterations` beyond one give every piece
+//!   to the nearest mean of the march before.
+//! * Clusters of neighbouring texels are not the same matter, and so transmittances are averaged (`filter=bilinear`).
+//! * A ray is over where 2^-11 of the light is left, as in every map here; the range of depths is that of all matter.
+
+use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::settings::{
+    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
+    settings,
+};
+use super::style::{Marker, Style};
+use super::vectors::{Recipe, TEXELS_FILTER};
+use crate::error::Result;
+use crate::field::BuildContext;
+use crate::gpu::{Constant, ShaderVariant};
+
+settings! {
+    /// Settings of a map of clusters.
+    pub struct DensityClusters {
+        /// Clusters, `k` of the paper.
+        clusters: u32 = Key::whole([1, 16], "4", "of matter along a light ray").telling(),
+        /// Times that matter is given to the nearest mean.
+        iterations: u32 = Key::whole([1, 8], "1", "marches that give matter to the nearest mean"),
+        /// Bits of a mean, a spread and an optical depth: 16 or 32.
+        bits: u32 = Key::choice(&["16", "32"], "16", "of a cluster's mean, spread and optical depth, floats"),
+        /// How light rays are marched.
+        march: MarchBy = MARCH_KEY,
+        /// Distance of their samples, in smallest voxel spacings.
+        step: f64 = STEP_KEY,
+        /// Texels a side; `None`: by the scene.
+        map: Option<u32> = MAP_KEY,
+        /// What it is fitted across.
+        fit: Fit = FIT_KEY,
+        /// How texels around a point are used.
+        filter: Filter = FILTER_KEY,
+        /// How eye samples ask for light.
+        lookup: Lookups = LOOKUP_KEY,
+    }
+}
+
+pub(super) static ENTRY: Entry = Entry {
+    name: "clusters",
+    summary: "density clustering (Mertens et al. 2004): a few clusters of matter along the light",
+    keys: DensityClusters::KEYS,
+    make: |values| Some(Box::new(DensityClusters::from_values(values)?)),
+    compared: "clusters:clusters=2,4,8",
+    curve: "clusters",
+    stability: "clusters:map=64",
+    style: Style { color: [153, 153, 51], marker: Marker::Pentagon },
+    tuned: "clusters:clusters=1,2,3,4,6,8,12,16,iterations=1,2,4,bits=16,32,filter=nearest,bilinear,\
+        map=64,96,128,192,256,384,512,768,1024",
+};
+
+impl DensityClusters {
+    fn recipe(&self) -> Recipe {
+        Recipe {
+            vectors: (3 * self.clusters).div_ceil(4),
+            bits: self.bits,
+            filter: self.filter,
+            linear: false,
+            shape: self.fit.shape(self.map, self.march.with_step(self.step)),
+            constants: vec![Constant::unsigned("CLUSTERS", self.clusters)],
+            defs: Vec::new(),
+            turns: Some(1 + self.iterations),
+            sink: "shadow/clusters/sink.wgsl",
+            lookup: &["shadow/clusters/lookup.wgsl", TEXELS_FILTER],
+            numbers: [[0.0; 4]; 2],
+        }
+    }
+}
+
+impl Method for DensityClusters {
+    fn entry(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn values(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        Some(self.recipe().lookup().asked_by(self.lookup))
+    }
+
+    fn passes(&self) -> Vec<ShaderVariant> {
+        vec![self.recipe().build_shader()]
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        self.recipe().build(context, self)
+    }
+}

@@ -1,0 +1,291 @@
+//! `clusters`, `fourier`, `avsm` and `moments` on media of which each knows the answer, and what each promises by itself.
+
+use super::bound::along_light_rays;
+use super::*;
+use glam::DVec2;
+use umbravox::shadow::METHODS;
+
+/// Towards a light on the z axis, where all texels see the same.
+const ABOVE: Light = Light::Directional { toward: DVec3::Z };
+/// Names of the methods of this file.
+const RIVALS: [&str; 4] = ["clusters", "fourier", "avsm", "moments"];
+
+/// Voxels across the layers, and along them.
+const DEEP: usize = 128;
+const WIDE: usize = 16;
+
+/// A volume of layers: a value by the layer's share of the depth, from the light of [`ABOVE`] on.
+fn layers_of(value: impl Fn(f64) -> f64) -> Arc<Volume> {
+    let share = |k: usize| 1.0 - (k as f64 + 0.5) / DEEP as f64;
+    let voxels = Array3::from_shape_fn((DEEP, WIDE, WIDE), |(k, _, _)| value(share(k)) as f32);
+    Arc::new(volume_of(Voxels::F32(voxels), DAffine3::IDENTITY))
+}
+
+fn ray_err_max(setup: &Setup, method: &str) -> f64 {
+    along_light_rays(setup, method, ABOVE).0.ray_err_max().unwrap()
+}
+
+/// Slabs of one voxel or more: 1000 where a layer is in one.
+fn slabs(volume_shares: &'static [[f64; 2]]) -> Arc<Volume> {
+    layers_of(move |s| if volume_shares.iter().any(|[a, b]| (*a..*b).contains(&s)) { 1000.0 } else { 0.0 })
+}
+
+/// Extinction per mm of what is in a slab, and none beside it.
+fn even(per_mm: f64) -> TransferFunction {
+    extinction(&[(500.0, 0.0), (500.0, per_mm), (1000.0, per_mm)])
+}
+
+/// Points on light rays through the centres of texels, inside the volume.
+fn on_light_rays(setup: &Setup, map: &ShadowMap) -> Vec<DVec3> {
+    let side = map.light_space.map_size;
+    let [start, end] = map.light_space.z_range;
+    let index_from_world = setup.volume().world_from_index().inverse();
+    let dims = setup.volume().dims().map(|n| n as f64 - 1.0);
+    let point = |i: u32| {
+        let texel = DVec2::new(f64::from(i * 7 % side), f64::from(i * 11 % (side - 1)));
+        let (origin, direction) = map.light_space.world_ray(texel);
+        origin + (start + f64::from(i % 19 + 1) / 20.0 * (end - start)) * direction
+    };
+    let inside = |p: &DVec3| {
+        let index = index_from_world.transform_point3(*p).to_array();
+        index.iter().zip(dims).all(|(i, last)| (0.0..=last).contains(i))
+    };
+    (0..800).map(point).filter(inside).collect()
+}
+
+#[test]
+fn fourier_is_exact_for_a_medium_of_its_own_terms() {
+    let wave = |s: f64| {
+        1.2 + 0.5 * (std::f64::consts::TAU * s).cos() - 0.6 * (2.0 * std::f64::consts::TAU * s).sin()
+    };
+    let Some(setup) = Setup::open(&layers_of(wave), &extinction(&[(0.0, 0.0), (3.0, 0.06)])) else { return };
+    let error = |rest: &str| ray_err_max(&setup, &format!("fourier:{rest},filter=nearest,map=32,fit=volume"));
+    let errors = [1, 2, 3, 7].map(|terms| error(&format!("terms={terms},bits=32")));
+    println!("one and two waves, 1, 2, 3, 7 terms: {errors:.5?}");
+    // Between voxels values go straight, and in the outermost halves of voxels they do not change.
+    assert!(errors[0] > 0.03 && errors[1..].iter().all(|e| *e < 1e-3), "{errors:?}");
+    let halves = error("terms=3,bits=16");
+    assert!(halves < 4e-3, "{halves}");
+    // Damping takes from the terms what the medium has of them.
+    assert!(error("terms=2,bits=32,damping=lanczos") > 0.01);
+}
+
+/// What the paper says of the method, and what `stability` prints: around a surface the series rings, before and behind it.
+#[test]
+fn fourier_rings_around_a_surface() {
+    // Faint matter at both ends, so that the map's range is the whole depth.
+    let value = |s: f64| {
+        if (0.45..0.55).contains(&s) {
+            1000.0
+        } else if (0.02..0.98).contains(&s) {
+            0.0
+        } else {
+            100.0
+        }
+    };
+    let wall = extinction(&[(0.0, 0.0), (100.0, 0.001), (1000.0, 0.2)]);
+    let Some(setup) = Setup::open(&layers_of(value), &wall) else { return };
+    let sanity = |terms: u32| {
+        along_light_rays(&setup, &format!("fourier:terms={terms},bits=32,map=32,fit=volume"), ABOVE).1
+    };
+    let [few, many] = [3, 15].map(sanity);
+    println!("a wall, 3 and 15 terms: {few:?} {many:?}");
+    for found in [few, many] {
+        assert!(found.out_of_range > 0 && found.monotone_violations > 0 && found.non_finite == 0);
+    }
+    assert!(many.largest_rise < few.largest_rise);
+}
+
+#[test]
+fn clusters_are_exact_for_as_many_slabs() {
+    let four: &[[f64; 2]] = &[[0.06, 0.2], [0.3, 0.44], [0.55, 0.7], [0.8, 0.95]];
+    let Some(setup) = Setup::open(&slabs(four), &even(0.03)) else { return };
+    let error =
+        |rest: &str| ray_err_max(&setup, &format!("clusters:{rest},filter=nearest,map=32,fit=volume"));
+    let errors = [1, 2, 4].map(|clusters| error(&format!("clusters={clusters},bits=32")));
+    println!("four slabs, 1, 2, 4 clusters: {errors:.5?}");
+    assert!(errors[2] < 1e-3 && errors[1] > 0.01 && errors[0] > 0.02, "{errors:?}");
+    // Slabs that are not nearest to means spread evenly come apart in more marches.
+    let two: &[[f64; 2]] = &[[0.05, 0.25], [0.45, 0.95]];
+    let setup = Setup::open(&slabs(two), &even(0.03)).unwrap();
+    let error = |iterations: u32| {
+        let text =
+            format!("clusters:clusters=2,iterations={iterations},bits=32,filter=nearest,map=32,fit=volume");
+        ray_err_max(&setup, &text)
+    };
+    let errors = [1, 8].map(error);
+    println!("two uneven slabs, 1 and 8 marches: {errors:.5?}");
+    assert!(errors[0] > 0.01 && errors[1] < 1e-3, "{errors:?}");
+}
+
+#[test]
+fn nodes_are_the_curve_while_they_suffice() {
+    let three: &[[f64; 2]] = &[[0.2, 0.21], [0.5, 0.51], [0.8, 0.81]];
+    let Some(setup) = Setup::open(&slabs(three), &even(0.25)) else { return };
+    let error =
+        |nodes: u32| ray_err_max(&setup, &format!("avsm:nodes={nodes},filter=nearest,map=32,fit=volume"));
+    let errors = [4, 6, 16, 32].map(error);
+    println!("three sheets, 4, 6, 16, 32 nodes: {errors:.5?}");
+    // Chords stray by 0.0023 from each sheet's curve, which has no more than ten of them.
+    assert!(errors[3] < 0.004 && errors[0] > 0.05 && errors[1] < errors[0], "{errors:?}");
+}
+
+#[test]
+fn moments_are_exact_for_half_as_many_sheets() {
+    let sheets: [&[[f64; 2]]; 3] = [
+        &[[0.2, 0.208], [0.7, 0.708]],
+        &[[0.2, 0.208], [0.5, 0.508], [0.8, 0.808]],
+        &[[0.1, 0.108], [0.35, 0.358], [0.6, 0.608], [0.9, 0.908]],
+    ];
+    for (moments, shares) in [4, 6, 8].into_iter().zip(sheets) {
+        let Some(setup) = Setup::open(&slabs(shares), &even(0.5)) else { return };
+        let exact = setup.exact();
+        for basis in ["power", "trigonometric"] {
+            for beta in [0.0, 0.25, 1.0] {
+                let method = format!("moments:moments={moments},basis={basis},beta={beta},map=32,fit=volume");
+                let map = setup.shadow(&method, ABOVE);
+                // Half way between neighbouring sheets, before the first and behind the last.
+                let mut edges = vec![[-0.1, 0.0]];
+                edges.extend(shares);
+                edges.push([1.0, 1.1]);
+                let half_way = edges.windows(2).map(|w| 0.5 * (w[0][1] + w[1][0]));
+                let points: Vec<_> =
+                    half_way.map(|s| DVec3::new(7.5, 7.5, (1.0 - s) * DEEP as f64 - 0.5)).collect();
+                for (point, got) in points.iter().zip(setup.query(&map, &points)) {
+                    let truth = exact.transmittance_to_light(*point, &ABOVE);
+                    assert!((f64::from(got) - truth).abs() < 0.02, "{method}: {got} {truth}");
+                }
+            }
+        }
+    }
+}
+
+/// Of matter spread evenly the bounds are known: `1 / sum of (2 k + 1) P_k(0)^2` of it lies in the middle at most.
+#[test]
+fn moments_of_an_even_slab_are_those_of_the_paper() {
+    let Some(setup) = Setup::open(&slabs(&[[0.0, 1.0]]), &even(0.01)) else { return };
+    for (moments, most) in [(4, 1.0 / 2.25), (6, 1.0 / 2.25), (8, 1.0 / 3.515_625)] {
+        for beta in [0.0, 0.5, 1.0] {
+            let method = format!("moments:moments={moments},beta={beta},map=32,fit=volume");
+            let map = setup.shadow(&method, ABOVE);
+            let (origin, direction) = map.light_space.world_ray(DVec2::splat(16.0));
+            let [start, end] = map.light_space.z_range;
+            let got = setup.query(&map, &[origin + 0.5 * (start + end) * direction])[0];
+            let share = 0.5 * (1.0 - most) + beta * most;
+            let truth = (-0.01 * (end - start) * share).exp();
+            assert!((f64::from(got) - truth).abs() < 2e-3, "{method}: {got} {truth}");
+        }
+    }
+}
+
+/// With `beta` at its ends a texel brackets the truth at every depth.
+#[test]
+fn moments_bracket_the_truth() {
+    for name in ["slab:32", "sphere:32", "comb:32", "thorax:64"] {
+        let volume = phantom(name);
+        let range = if name.starts_with("thorax") { [-900.0, 1200.0] } else { [0.0, 1000.0] };
+        for (n, tf) in transfer_functions(range).iter().enumerate() {
+            let Some(setup) = Setup::open(&volume, tf) else { return };
+            let exact = setup.exact();
+            for (place, light) in lights(&volume) {
+                for kind in ["moments=4", "moments=6", "moments=8"] {
+                    let at = |beta: u32| {
+                        let method = format!("moments:{kind},beta={beta},filter=nearest,map=32,fit=volume");
+                        setup.shadow(&method, light)
+                    };
+                    let (least, most) = (at(0), at(1));
+                    let points = on_light_rays(&setup, &least);
+                    let (light_most, light_least) =
+                        (setup.query(&least, &points), setup.query(&most, &points));
+                    for (point, (high, low)) in points.iter().zip(light_most.iter().zip(&light_least)) {
+                        let truth = exact.transmittance_to_light(*point, &light);
+                        let within = f64::from(*low) - 0.01 <= truth && truth <= f64::from(*high) + 0.01;
+                        assert!(within, "{name}, function {n}, {place}, {kind}: {low} {truth} {high}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The margins of tiles hold what the texels beside them do, inside the map and beyond an octahedral map's edge.
+#[test]
+fn filters_cross_the_edges_of_tiles() {
+    let Some(setup) = Setup::open(&phantom("thorax:64"), &opacity(&[(-200.0, 0.0), (600.0, 0.1)])) else {
+        return;
+    };
+    for (place, light) in lights(setup.volume()) {
+        let build = |rest: &str| setup.shadow(&format!("fourier:terms=3{rest},map=48,fit=volume"), light);
+        let nearest = build(",bits=32,filter=nearest");
+        let (program, hardware) = (build(",bits=32"), build(",bits=16"));
+        let space = &nearest.light_space;
+        let z = space.z_range[0] + 0.6 * (space.z_range[1] - space.z_range[0]);
+        let depth = |map: &ShadowMap, texel: DVec2| {
+            let (origin, direction) = space.world_ray(texel);
+            -f64::from(setup.query(map, &[origin + z * direction])[0]).ln()
+        };
+        let mut pairs: Vec<_> =
+            (0..48).map(|i| (DVec2::new(15.0, f64::from(i)), DVec2::new(16.0, f64::from(i)))).collect();
+        pairs.extend((0..48).map(|i| (DVec2::new(f64::from(i), 31.0), DVec2::new(f64::from(i), 32.0))));
+        let mut largest = 0.0_f64;
+        let mut check = |half_way: DVec2, [a, b]: [DVec2; 2]| {
+            let expected = 0.5 * (depth(&nearest, a) + depth(&nearest, b));
+            largest = largest.max((depth(&nearest, a) - depth(&nearest, b)).abs());
+            for (map, tolerance) in [(&program, 2e-4), (&hardware, 0.02)] {
+                let got = depth(map, half_way);
+                assert!((got - expected).abs() < tolerance, "{place}, {half_way}: {got} {expected}");
+            }
+        };
+        for (a, b) in pairs {
+            check(0.5 * (a + b), [a, b]);
+        }
+        if place == "point inside" {
+            for i in 1..47 {
+                let along = f64::from(i);
+                check(DVec2::new(-0.5, along), [DVec2::new(0.0, along), DVec2::new(0.0, 47.0 - along)]);
+                check(DVec2::new(along, 47.5), [DVec2::new(along, 47.0), DVec2::new(47.0 - along, 47.0)]);
+            }
+        }
+        assert!(largest > 0.1, "{place}: {largest}");
+    }
+}
+
+/// What every map here has in common: nothing in front of matter, all of it behind, and a better answer with more numbers.
+#[test]
+fn more_numbers_say_more() {
+    let thorax = opacity(&[(-200.0, 0.0), (600.0, 0.1)]);
+    let Some(setup) = Setup::open(&phantom("thorax:64"), &thorax) else { return };
+    let exact = setup.exact();
+    let steps: [(&str, [u32; 3]); 4] = [
+        ("clusters:clusters=", [1, 4, 16]),
+        ("fourier:terms=", [3, 11, 31]),
+        ("avsm:nodes=", [4, 8, 24]),
+        ("moments:moments=", [4, 6, 8]),
+    ];
+    for (method, numbers) in steps {
+        for (place, light) in lights(setup.volume()) {
+            for march in ["cells", "samples"] {
+                let error = |n: u32| {
+                    let text = format!("{method}{n},march={march},map=64,fit=volume");
+                    let map = setup.shadow(&text, light);
+                    let points = on_light_rays(&setup, &map);
+                    let squares = points.iter().zip(setup.query(&map, &points)).map(|(point, got)| {
+                        (f64::from(got) - exact.transmittance_to_light(*point, &light)).powi(2)
+                    });
+                    (squares.sum::<f64>() / points.len() as f64).sqrt()
+                };
+                let errors = numbers.map(error);
+                println!("{method}{numbers:?}, {place}, {march}: {errors:.4?}");
+                assert!(
+                    errors.windows(2).all(|w| w[1] < 1.02 * w[0]),
+                    "{method} {place} {march}: {errors:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn all_of_them_are_in_the_registry() {
+    assert!(RIVALS.iter().all(|name| METHODS.iter().any(|entry| entry.name == *name)));
+}
