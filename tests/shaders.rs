@@ -18,7 +18,11 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
     let values = |kind: Kind| match kind {
         Kind::Choice(names) => names.iter().map(|n| n.to_string()).collect(),
         // Records are packed by how many layers there are; sides of maps make no other shader, nor do numbers.
-        Kind::Whole { least, most } if most <= 512 => (least..least + 9).map(|n| n.to_string()).collect(),
+        // Other counts are constants of their shaders.
+        Kind::Whole { least, most } if most <= 512 => {
+            let few = if most == 512 { 9 } else { 3 };
+            (least..least + few).map(|n| n.to_string()).collect()
+        }
         Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => Vec::new(),
     };
     let keys = entry.keys.iter().filter(|k| k.when == When::Always && !ALONE.contains(&k.name));

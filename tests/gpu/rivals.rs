@@ -160,6 +160,17 @@ fn moments_are_exact_for_half_as_many_sheets() {
     }
 }
 
+/// A cell may hold more than ends a ray: what is kept of it ends where the ray does.
+#[test]
+fn opaque_slabs_keep_their_slope() {
+    let Some(setup) = Setup::open(&slabs(&[[0.25, 0.75]]), &even(16.6)) else { return };
+    for method in ["clusters:clusters=1,bits=32", "avsm:nodes=16", "osm:layers=512,bits=32"] {
+        let error = ray_err_max(&setup, &format!("{method},filter=nearest,map=32,fit=volume"));
+        println!("an opaque slab, {method}: {error:.4}");
+        assert!(error < if method.starts_with("osm") { 0.6 } else { 0.02 }, "{method}: {error}");
+    }
+}
+
 /// Of matter spread evenly the bounds are known: `1 / sum of (2 k + 1) P_k(0)^2` of it lies in the middle at most.
 #[test]
 fn moments_of_an_even_slab_are_those_of_the_paper() {
@@ -238,6 +249,28 @@ fn filters_cross_the_edges_of_tiles() {
         };
         for (a, b) in pairs {
             check(0.5 * (a + b), [a, b]);
+        }
+        let corner = |map: &ShadowMap| {
+            let around =
+                [[15.0, 15.0], [16.0, 15.0], [15.0, 16.0], [16.0, 16.0]].map(|c| depth(map, c.into()));
+            0.25 * around.iter().sum::<f64>()
+        };
+        let got = depth(&program, DVec2::splat(15.5));
+        assert!((got - corner(&nearest)).abs() < 2e-4, "{place}, where four tiles meet: {got}");
+        for method in ["clusters:clusters=4,bits=32", "avsm:nodes=8"] {
+            let build =
+                |filter: &str| setup.shadow(&format!("{method},map=41,fit=volume,filter={filter}"), light);
+            let (nearest, bilinear) = (build("nearest"), build("bilinear"));
+            for row in 0..41 {
+                let visible = |map: &ShadowMap, column: f64| {
+                    let (origin, direction) =
+                        nearest.light_space.world_ray(DVec2::new(column, f64::from(row)));
+                    f64::from(setup.query(map, &[origin + z * direction])[0])
+                };
+                let expected = 0.5 * (visible(&nearest, 31.0) + visible(&nearest, 32.0));
+                let got = visible(&bilinear, 31.5);
+                assert!((got - expected).abs() < 2e-4, "{place}, {method}, row {row}: {got} {expected}");
+            }
         }
         if place == "point inside" {
             for i in 1..47 {

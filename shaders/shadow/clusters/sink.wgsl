@@ -56,8 +56,10 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
         end = share_of(-z_from);
         return true;
     }
+    let d = min(depth, own.most_depth - (*sink).optical_depth);
     let a = share_of(z_from);
-    let b = share_of(z_to);
+    // Where the ray is over, so is the piece.
+    let b = share_of(z_from + (z_to - z_from) * (d / depth));
     if !begun {
         begun = true;
         for (var c = 0u; c < CLUSTERS; c++) { means[c] = mix(a, end, (f32(c) + 0.5) / f32(CLUSTERS)); }
@@ -67,7 +69,6 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     for (var c = 1u; c < CLUSTERS; c++) {
         nearest = select(nearest, c, abs(means[c] - middle) < abs(means[nearest] - middle));
     }
-    let d = min(depth, own.most_depth - (*sink).optical_depth);
     let off = middle - means[nearest];
     // The mean square over an even piece is that of its middle and a twelfth of its length's.
     sums[nearest] += d * vec3<f32>(1.0, off, off * off + (b - a) * (b - a) / 12.0);

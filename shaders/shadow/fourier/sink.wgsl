@@ -37,8 +37,10 @@ fn times(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
     if !(depth > 0.0) { return false; }
     let d = min(depth, own.most_depth - (*sink).optical_depth);
-    let middle = PI * (z_from + z_to - 2.0 * light.depth_start_mm) / light.depth_range_mm;
-    let half = PI * (z_to - z_from) / light.depth_range_mm;
+    // Where the ray is over, so is the piece.
+    let z_end = z_from + (z_to - z_from) * (d / depth);
+    let middle = PI * (z_from + z_end - 2.0 * light.depth_start_mm) / light.depth_range_mm;
+    let half = PI * (z_end - z_from) / light.depth_range_mm;
     let turn = vec2<f32>(cos(middle), sin(middle));
     let widening = vec2<f32>(cos(half), sin(half));
     var at = vec2<f32>(1.0, 0.0);

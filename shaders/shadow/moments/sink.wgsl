@@ -29,7 +29,9 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     if !(depth > 0.0) { return false; }
     let d = min(depth, own.most_depth - (*sink).optical_depth);
     let from_share = (z_from - light.depth_start_mm) / light.depth_range_mm;
-    let to_share = (z_to - light.depth_start_mm) / light.depth_range_mm;
+    // Where the ray is over, so is the piece.
+    let z_end = z_from + (z_to - z_from) * (d / depth);
+    let to_share = (z_end - light.depth_start_mm) / light.depth_range_mm;
     sums[0] += d;
 #ifdef TRIGONOMETRIC
     // The mean of e^(i k phi) over the piece: that of its middle times sin(k h) / (k h).

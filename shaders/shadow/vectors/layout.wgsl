@@ -6,9 +6,8 @@
 #import umbravox::work::{count_work, LOADS}
 
 const VECTORS: u32 = #{VECTORS};
-// Texels a side of a tile with its margin, and tiles across the atlas.
+// Texels a side of a tile with its margin.
 const TILE_SIDE: u32 = TILE + 2u;
-const TILES_ACROSS: u32 = #{ATLAS_TILES_ACROSS};
 
 struct Own {
     // What the method sets.
@@ -18,7 +17,8 @@ struct Own {
     inv_size: vec2<f32>,
     // Optical depth at which a ray is over.
     most_depth: f32,
-    padding: f32,
+    // Tiles across the atlas.
+    tiles_across: u32,
 }
 
 @group(1) @binding(1) var<uniform> own: Own;
@@ -26,7 +26,7 @@ struct Own {
 // The corner of a tile's first plane in the atlas, margin included, by the number of its first record.
 fn tile_corner(first: u32) -> vec2<u32> {
     let place = first / (TILE * TILE);
-    return vec2<u32>(place % TILES_ACROSS, (place / TILES_ACROSS) * VECTORS) * TILE_SIDE;
+    return vec2<u32>(place % own.tiles_across, (place / own.tiles_across) * VECTORS) * TILE_SIDE;
 }
 
 // The first record of a tile of the map.

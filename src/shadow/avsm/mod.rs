@@ -4,7 +4,7 @@
 //! transmittance, whatever the ray meets; where there would be more, the inner node goes whose loss changes the area under
 //! the curve least, and its neighbours stay. Memory is bounded and the error is not: the counterpart of `dsm`.
 //!
-//! It is the march's own polyline (within 0.0023 of the curve) as long as the nodes suffice.
+//! It is the march's own polyline (cell by cell within 0.0023 of the curve, with 32 bits) as long as the nodes suffice.
 //!
 //! Deviations from the paper, and why:
 //! * Pieces arrive in the order of the march, and are appended; the paper inserts what rasterisation brings in any order.
@@ -52,7 +52,7 @@ pub(super) static ENTRY: Entry = Entry {
     summary: "adaptive volumetric shadow maps (Salvi et al. 2010): a fixed number of nodes a texel",
     keys: AdaptiveShadowMap::KEYS,
     make: |values| Some(Box::new(AdaptiveShadowMap::from_values(values)?)),
-    compared: "avsm:nodes=4,8,16",
+    compared: "avsm:nodes=8,16",
     curve: "avsm",
     stability: "avsm:map=64",
     style: Style { color: [68, 170, 153], marker: Marker::Spark },
@@ -97,5 +97,29 @@ impl Method for AdaptiveShadowMap {
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         self.recipe().build(context, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+
+    #[test]
+    fn every_key_is_read_and_shown() {
+        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
+        assert_eq!(shown("avsm"), ["nodes=8"]);
+        assert_eq!(shown("avsm:nodes=4,16,bits=16,map=64"), ["nodes=4 bits=16", "nodes=16 bits=16"]);
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused_by_name() {
+        for (text, why) in [
+            ("avsm:nodes=5", "expected 4|6|8|12|16|24|32"),
+            ("avsm:epsilon=0.1", "there is: nodes, bits, march, step, map, fit, filter, lookup"),
+        ] {
+            let error = parse_list(text).unwrap_err();
+            assert!(error.to_string().contains(why), "{error}");
+            assert_eq!(error.exit_status(), 2);
+        }
     }
 }

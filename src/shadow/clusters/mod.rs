@@ -32,7 +32,7 @@ settings! {
         /// Clusters, `k` of the paper.
         clusters: u32 = Key::whole([1, 16], "4", "of matter along a light ray").telling(),
         /// Times that matter is given to the nearest mean.
-        iterations: u32 = Key::whole([1, 8], "1", "marches that give matter to the nearest mean"),
+        iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "marches that give matter to the nearest mean"),
         /// Bits of a mean, a spread and an optical depth: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "16", "of a cluster's mean, spread and optical depth, floats"),
         /// How light rays are marched.
@@ -55,7 +55,7 @@ pub(super) static ENTRY: Entry = Entry {
     summary: "density clustering (Mertens et al. 2004): a few clusters of matter along the light",
     keys: DensityClusters::KEYS,
     make: |values| Some(Box::new(DensityClusters::from_values(values)?)),
-    compared: "clusters:clusters=2,4,8",
+    compared: "clusters:clusters=4,8",
     curve: "clusters",
     stability: "clusters:map=64",
     style: Style { color: [153, 153, 51], marker: Marker::Pentagon },
@@ -100,5 +100,31 @@ impl Method for DensityClusters {
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         self.recipe().build(context, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+
+    #[test]
+    fn every_key_is_read_and_shown() {
+        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
+        assert_eq!(shown("clusters"), ["clusters=4"]);
+        assert_eq!(
+            shown("clusters:clusters=2,iterations=1,4,bits=32,map=64"),
+            ["clusters=2 bits=32", "clusters=2 iterations=4 bits=32"]
+        );
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused_by_name() {
+        for (text, why) in
+            [("clusters:clusters=17", "expected 1..16"), ("clusters:iterations=3", "expected 1|2|4|8")]
+        {
+            let error = parse_list(text).unwrap_err();
+            assert!(error.to_string().contains(why), "{error}");
+            assert_eq!(error.exit_status(), 2);
+        }
     }
 }

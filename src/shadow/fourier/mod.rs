@@ -66,7 +66,7 @@ pub(super) static ENTRY: Entry = Entry {
     summary: "Fourier opacity maps (Jansen and Bavoil 2010): extinction along the light as a series",
     keys: FourierOpacityMap::KEYS,
     make: |values| Some(Box::new(FourierOpacityMap::from_values(values)?)),
-    compared: "fourier:terms=3,7,15",
+    compared: "fourier:terms=7,15",
     curve: "fourier:terms=7",
     stability: "fourier:map=64",
     style: Style { color: [136, 34, 85], marker: Marker::Left },
@@ -116,5 +116,33 @@ impl Method for FourierOpacityMap {
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         self.recipe().build(context, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+
+    #[test]
+    fn every_key_is_read_and_shown() {
+        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
+        assert_eq!(shown("fourier"), ["terms=7"]);
+        assert_eq!(
+            shown("fourier:terms=3,15,damping=lanczos,bits=32,map=64"),
+            ["terms=3 damping=lanczos bits=32", "terms=15 damping=lanczos bits=32"]
+        );
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused_by_name() {
+        for (text, why) in [
+            ("fourier:terms=0", "expected 1..31"),
+            ("fourier:bits=8", "expected 16|32"),
+            ("fourier:damping=gauss", "expected none|lanczos"),
+        ] {
+            let error = parse_list(text).unwrap_err();
+            assert!(error.to_string().contains(why), "{error}");
+            assert_eq!(error.exit_status(), 2);
+        }
     }
 }

@@ -22,6 +22,7 @@
 //! * In exact arithmetic transmittance falls with depth for powers, and may rise on the circle, where matter lies close to
 //!   an end of the range. In float32 it rises for powers too where matter is thin, since moments are then nearly those of
 //!   fewer sheets: by up to 0.04 in the worst of the `stability` cases.
+//! * Depth goes evenly over the map's range, as in the shadow maps of 2016; for transparency it is warped by its logarithm.
 //! * Moments are 32-bit floats; the paper's 16-bit quantisation is absent. Texels are filtered by the program, since not
 //!   every adapter filters 32-bit floats.
 //! * `bias` is a factor to the paper's own, for 32-bit floats: 5e-7, 5e-6 and 5e-5 for 4, 6 and 8 powers, 4e-7, 8e-7 and
@@ -90,7 +91,7 @@ pub(super) static ENTRY: Entry = Entry {
     summary: "moments of the matter along the light (Muenstermann et al. 2018), and bounds from them",
     keys: MomentMap::KEYS,
     make: |values| Some(Box::new(MomentMap::from_values(values)?)),
-    compared: "moments:moments=4,6,8",
+    compared: "moments:moments=6,8",
     curve: "moments",
     stability: "moments:moments=4,8,map=64;moments:basis=trigonometric,map=64",
     style: Style { color: [51, 34, 136], marker: Marker::Right },
@@ -169,5 +170,33 @@ impl Method for MomentMap {
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         self.recipe().build(context, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+
+    #[test]
+    fn every_key_is_read_and_shown() {
+        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
+        assert_eq!(shown("moments"), ["moments=6"]);
+        assert_eq!(
+            shown("moments:moments=4,8,basis=trigonometric,beta=0.5,map=64"),
+            ["moments=4 basis=trigonometric beta=0.5", "moments=8 basis=trigonometric beta=0.5"]
+        );
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_refused_by_name() {
+        for (text, why) in [
+            ("moments:moments=5", "expected 4|6|8"),
+            ("moments:beta=2", "expected 0..1"),
+            ("moments:bias=-1", "expected 0..10000"),
+        ] {
+            let error = parse_list(text).unwrap_err();
+            assert!(error.to_string().contains(why), "{error}");
+            assert_eq!(error.exit_status(), 2);
+        }
     }
 }

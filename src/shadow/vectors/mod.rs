@@ -13,7 +13,7 @@ use super::method::{BuildReport, Lookup, Method, ShadowMap};
 use super::settings::Filter;
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
-use crate::field::{BuildContext, MapShape, TILE, TILE_TEXELS, TileMarch, field_shader};
+use crate::field::{BuildContext, MapShape, TILE, TileMarch, field_shader};
 use crate::gpu::{
     Constant, ShaderVariant, Slot, StorageBuffer, linear_sampler, read_back, store_texture, uniform_buffer,
 };
@@ -21,8 +21,6 @@ use bytemuck::{Pod, Zeroable};
 
 /// Texels a side of a tile with its margin.
 const TILE_SIDE: u32 = TILE + 2;
-/// Tiles across the atlas: as many as every adapter's textures hold.
-const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
 
 /// The module `umbravox::method` of methods whose vectors cannot be averaged: it averages the transmittances of
 /// `umbravox::texel_curve`.
@@ -59,16 +57,13 @@ struct Own {
     b: [f32; 4],
     inv_size: [f32; 2],
     most_depth: f32,
-    padding: f32,
+    tiles_across: u32,
 }
 
 impl Recipe {
     fn shader(&self, entry: &'static str) -> ShaderVariant {
-        let constants = [
-            Constant::unsigned("VECTORS", self.vectors),
-            Constant::unsigned("ATLAS_TILES_ACROSS", TILES_ACROSS),
-            Constant::unsigned("TILE_SHIFT", TILE.ilog2()),
-        ];
+        let constants =
+            [Constant::unsigned("VECTORS", self.vectors), Constant::unsigned("TILE_SHIFT", TILE.ilog2())];
         let shader = field_shader(entry).with_tile_table().modules(&["shadow/vectors/layout.wgsl"]);
         shader.constants(&constants).constants(&self.constants).defs(self.defs.iter().copied())
     }
@@ -102,6 +97,13 @@ impl Recipe {
         u64::from(self.vectors * self.bits / 2)
     }
 
+    /// Tiles across the atlas, and its sides in texels: nearly square, so that no side ends before the other.
+    fn atlas(&self, tiles: u32) -> (u32, [u32; 2]) {
+        let across = f64::from(tiles.max(1) * self.vectors).sqrt().ceil() as u32;
+        let across = across.min(tiles.max(1));
+        (across, [across * TILE_SIDE, tiles.div_ceil(across).max(1) * self.vectors * TILE_SIDE])
+    }
+
     /// Builds the map.
     ///
     /// # Errors
@@ -109,10 +111,7 @@ impl Recipe {
     pub fn build(&self, context: &BuildContext<'_>, method: &dyn Method) -> Result<ShadowMap> {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.shape)?;
-        let size = [
-            TILES_ACROSS.min(tiles.built.max(1)) * TILE_SIDE,
-            tiles.built.div_ceil(TILES_ACROSS).max(1) * self.vectors * TILE_SIDE,
-        ];
+        let (tiles_across, size) = self.atlas(tiles.built);
         let atlas = store_texture(gpu, "shadow map of vectors", self.format(), size)?;
         // Its sides are rounded up.
         let held = atlas.texture().size();
@@ -121,7 +120,7 @@ impl Recipe {
             b: self.numbers[1],
             inv_size: [1.0 / held.width as f32, 1.0 / held.height as f32],
             most_depth: OPAQUE_DEPTH,
-            padding: 0.0,
+            tiles_across,
         };
         let own = uniform_buffer(gpu, "map of vectors", &own);
         let hit = StorageBuffer::zeroed(gpu, "texels hit", 4)?;
@@ -147,7 +146,7 @@ impl Recipe {
             texels_hit: Some(u64::from(read_back::<u32>(gpu, &hit, 1)?[0])),
             tiles: tiles.tiles,
             tiles_left_out: left_out,
-            bytes_left_out: u64::from(left_out * TILE_TEXELS) * self.texel_bytes(),
+            bytes_left_out: u64::from(left_out * TILE_SIDE * TILE_SIDE) * self.texel_bytes(),
             ..Default::default()
         };
         Ok(ShadowMap {
@@ -158,5 +157,35 @@ impl Recipe {
             report,
             bound: None,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::March;
+    use crate::gpu::assert_layout;
+    use crate::shadow::settings::Fit;
+
+    #[test]
+    fn numbers_of_a_map_have_one_layout() {
+        let recipe = Recipe {
+            vectors: 2,
+            bits: 16,
+            filter: Filter::Bilinear,
+            linear: true,
+            shape: Fit::Volume.shape(Some(64), March::Cells),
+            constants: vec![Constant::unsigned("TERMS", 3)],
+            defs: Vec::new(),
+            turns: None,
+            sink: "shadow/fourier/sink.wgsl",
+            lookup: &["shadow/fourier/lookup.wgsl"],
+            numbers: [[0.0; 4]; 2],
+        };
+        assert_layout!(&recipe.build_shader(), "Own", Own: a, b, inv_size, most_depth, tiles_across);
+        assert_eq!(recipe.atlas(0), (1, [18, 36]));
+        assert_eq!(recipe.atlas(200), (20, [20 * 18, 10 * 2 * 18]));
+        assert_eq!(recipe.texel_bytes(), 16);
+        assert!(recipe.hardware_filter() && !Recipe { bits: 32, ..recipe }.hardware_filter());
     }
 }
