@@ -126,7 +126,12 @@ impl Recipe {
         let hit = StorageBuffer::zeroed(gpu, "texels hit", 4)?;
         let numbers = (1, context.kernels.uniform(&own));
         let stage = [(1, Slot::store(&atlas, self.format())), (2, Slot::read_write(hit.as_entire_binding()))];
-        let span = tiles.run("map of vectors build", &self.build_shader(), &[numbers.clone()], &stage)?;
+        let span = tiles.run(
+            "map of vectors build",
+            &self.build_shader(),
+            std::slice::from_ref(&numbers),
+            &stage,
+        )?;
 
         let sampler = linear_sampler(gpu);
         let filtered = self.hardware_filter();
