@@ -2,7 +2,7 @@
 
 use super::{ActiveBricks, Forced, LoadedVolume, Omittable, marches_cells};
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, Group, ShaderVariant, Slot, table_texture, uniform_buffer};
+use crate::gpu::{Gpu, Group, ShaderVariant, Slot, clamp_sampler, table_texture, uniform_buffer};
 use crate::transfer::{
     MAX_INTERVALS, PAIR_BINS, PairTable, TexelMapping, TransferFunction, TransferTables, VALUE_BINS,
 };
@@ -128,16 +128,6 @@ impl Bindings {
     }
 }
 
-fn linear_clamp(gpu: &Gpu) -> wgpu::Sampler {
-    let filter = if gpu.filters_float32 { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
-    gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-        label: Some("linear clamp"),
-        mag_filter: filter,
-        min_filter: filter,
-        ..Default::default()
-    })
-}
-
 /// Share of the largest texel value: 2^-19, some 16 roundings of the cubic's terms, the root that a breakpoint is found
 /// to, and the breakpoint's own.
 const VALUE_ROUNDING: f64 = 1.0 / 524_288.0;
@@ -157,11 +147,12 @@ impl DeviceTransfer {
         let bin = on_device.mapping.scale / f64::from(tables.table_per_value);
         let active = ActiveBricks::blurred(bricks, tf, bin);
         let classify_ms = start.elapsed().as_secs_f64() * 1e3;
+        let filter = if gpu.filters_float32 { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
         let uniform = field_uniform(loaded, &tables, tf, &active, forced);
         let bindings = Bindings {
             field: uniform_buffer(gpu, "field", &uniform),
             volume: on_device.view.clone(),
-            sampler: linear_clamp(gpu),
+            sampler: clamp_sampler(gpu, filter),
             distances: distance_texture(gpu, &active, forced),
             intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(&tables)?),
             integrals: integral_texture(gpu, &tables, one_color(tf, forced).is_some())?,

@@ -84,12 +84,12 @@ pub fn copy_rows(gpu: &Gpu, from: &wgpu::TextureView, to: &wgpu::TextureView, ro
     gpu.wait_for(gpu.queue.submit([encoder.finish()]))
 }
 
-/// A sampler that filters linearly and goes on at the edges.
-pub fn linear_sampler(gpu: &Gpu) -> wgpu::Sampler {
+/// A sampler that goes on at the edges.
+pub fn clamp_sampler(gpu: &Gpu, filter: wgpu::FilterMode) -> wgpu::Sampler {
     gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-        label: Some("linear"),
-        mag_filter: wgpu::FilterMode::Linear,
-        min_filter: wgpu::FilterMode::Linear,
+        label: Some("clamp"),
+        mag_filter: filter,
+        min_filter: filter,
         ..Default::default()
     })
 }

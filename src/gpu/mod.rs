@@ -13,7 +13,7 @@ mod watch;
 
 pub use bindings::{Group, Slot};
 pub use buffers::{
-    StorageBuffer, copy_rows, linear_sampler, read_back, steady_side, store_texture, table_texture,
+    StorageBuffer, clamp_sampler, copy_rows, read_back, steady_side, store_texture, table_texture,
     uniform_buffer,
 };
 pub use device::{DeviceLoss, Gpu};

@@ -161,9 +161,10 @@ impl BuildReport {
 }
 
 /// What transmittance does along a light ray by a method's own definition.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Curve {
     /// It falls with depth, and stays within 0 and 1.
+    #[default]
     Falls,
     /// It stays within 0 and 1, but may rise.
     Stays,

@@ -47,14 +47,14 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     var wide = vec2<f32>(1.0, 0.0);
     for (var v = 0u; v < VECTORS; v++) {
         // Two terms a vector, the first of all being a_0 (and b_0, which is none).
-        var pair = vec4<f32>(at, 0.0, 0.0);
+        let even = at;
         let k = f32(2u * v);
         let share = select(wide.y / max(k * half, 1e-30), 1.0 - k * k * half * half / 6.0, k * half < 0.05);
         at = times(at, turn);
         wide = times(wide, widening);
         let next = (k + 1.0) * half;
         let next_share = select(wide.y / max(next, 1e-30), 1.0 - next * next / 6.0, next < 0.05);
-        sums[v] += 2.0 * d * vec4<f32>(pair.xy * share, at * next_share);
+        sums[v] += 2.0 * d * vec4<f32>(even * share, at * next_share);
         at = times(at, turn);
         wide = times(wide, widening);
     }

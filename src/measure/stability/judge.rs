@@ -61,8 +61,8 @@ pub struct Findings {
     pub promise: Option<Bound>,
     /// The same transmittances on their own.
     pub rays: Sanity,
-    /// What transmittance may do along a ray by the method's own definition; `None`: it falls.
-    pub curve: Option<Curve>,
+    /// What transmittance may do along a ray by the method's own definition.
+    pub curve: Curve,
     /// Channels of the picture that are not finite, and that are outside `[0, 1]`.
     pub picture_non_finite: usize,
     /// Finite channels outside `[0, 1]`.
@@ -96,9 +96,9 @@ impl Findings {
     pub fn status(&self) -> Status {
         if self.non_finite() > 0 {
             Status::Nan
-        } else if self.out_of_range() > 0 && self.curve != Some(Curve::Rings) {
+        } else if self.out_of_range() > 0 && self.curve != Curve::Rings {
             Status::OutOfRange
-        } else if self.rays.monotone_violations > 0 && matches!(self.curve, None | Some(Curve::Falls)) {
+        } else if self.rays.monotone_violations > 0 && self.curve == Curve::Falls {
             // What a method may do by its own definition is counted and said all the same.
             Status::NotMonotone
         } else if self.band.held() == Some(false) {
@@ -201,6 +201,25 @@ mod tests {
             let found = of(values, Some(BAND));
             assert_eq!(found.status(), status, "{values:?}");
             assert!(found.complaints().iter().any(|c| c.contains(said)), "{:?}", found.complaints());
+        }
+    }
+
+    #[test]
+    fn a_method_is_judged_by_its_own_definition() {
+        let [a, b, c, d] = EXACT;
+        for (values, by_falling, by_staying, by_ringing) in [
+            (EXACT, Status::Ok, Status::Ok, Status::Ok),
+            ([a, b, c, c + 0.001], Status::NotMonotone, Status::Ok, Status::Ok),
+            ([1.001, b, c, d], Status::OutOfRange, Status::OutOfRange, Status::Ok),
+            ([a, b, f32::NAN, d], Status::Nan, Status::Nan, Status::Nan),
+        ] {
+            for (curve, status) in
+                [(Curve::Falls, by_falling), (Curve::Stays, by_staying), (Curve::Rings, by_ringing)]
+            {
+                let found = Findings { curve, ..of(values, None) };
+                assert_eq!(found.status(), status, "{curve:?}: {values:?}");
+                assert_eq!(found.complaints().is_empty(), values == EXACT, "what is allowed is said too");
+            }
         }
     }
 

@@ -258,7 +258,7 @@ impl Lit<'_> {
             band = band.merge(own);
             rays = rays.merge(judge::sanity(depths, values, [RANGE, rise], apart_mm));
         })?;
-        Ok(Findings { band, promise: shadow.bound, curve: Some(method.curve()), rays, ..Findings::default() })
+        Ok(Findings { band, promise: shadow.bound, curve: method.curve(), rays, ..Findings::default() })
     }
 
     /// The middle of the map and texels spread over what the light meets.

@@ -13,17 +13,15 @@
 //!   over each other. With `filter=nearest` their difference is the compression's.
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
-use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::method::Entry;
 use super::settings::{
     FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
     settings,
 };
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
-use super::vectors::{Recipe, TEXELS_FILTER};
-use crate::error::Result;
-use crate::field::BuildContext;
-use crate::gpu::{Constant, ShaderVariant};
+use super::vectors::{Recipe, TEXELS_FILTER, VectorMap};
+use crate::gpu::Constant;
 
 settings! {
     /// Settings of an adaptive volumetric shadow map.
@@ -60,7 +58,15 @@ pub(super) static ENTRY: Entry = Entry {
         map=64,96,128,192,256,384,512,768,1024",
 };
 
-impl AdaptiveShadowMap {
+impl VectorMap for AdaptiveShadowMap {
+    fn line(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn settings(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
     fn recipe(&self) -> Recipe {
         Recipe {
             vectors: self.nodes / 2,
@@ -73,30 +79,9 @@ impl AdaptiveShadowMap {
             turns: None,
             sink: "shadow/avsm/sink.wgsl",
             lookup: &["shadow/avsm/lookup.wgsl", TEXELS_FILTER],
+            asked_by: self.lookup,
             numbers: [[longest_depth(), 0.0, 0.0, 0.0], [0.0; 4]],
         }
-    }
-}
-
-impl Method for AdaptiveShadowMap {
-    fn entry(&self) -> &'static Entry {
-        &ENTRY
-    }
-
-    fn values(&self) -> Vec<Value> {
-        self.to_values()
-    }
-
-    fn lookup(&self) -> Option<Lookup> {
-        Some(self.recipe().lookup().asked_by(self.lookup))
-    }
-
-    fn passes(&self) -> Vec<ShaderVariant> {
-        vec![self.recipe().build_shader()]
-    }
-
-    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        self.recipe().build(context, self)
     }
 }
 

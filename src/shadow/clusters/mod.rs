@@ -15,16 +15,14 @@
 //! * Clusters of neighbouring texels are not the same matter, and so transmittances are averaged (`filter=bilinear`).
 //! * A ray is over where 2^-11 of the light is left, as in every map here; the range of depths is that of all matter.
 
-use super::method::{Entry, Lookup, Method, ShadowMap};
+use super::method::Entry;
 use super::settings::{
     FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
     settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::{Recipe, TEXELS_FILTER};
-use crate::error::Result;
-use crate::field::BuildContext;
-use crate::gpu::{Constant, ShaderVariant};
+use super::vectors::{Recipe, TEXELS_FILTER, VectorMap};
+use crate::gpu::Constant;
 
 settings! {
     /// Settings of a map of clusters.
@@ -63,7 +61,15 @@ pub(super) static ENTRY: Entry = Entry {
         map=64,96,128,192,256,384,512,768,1024",
 };
 
-impl DensityClusters {
+impl VectorMap for DensityClusters {
+    fn line(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn settings(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
     fn recipe(&self) -> Recipe {
         Recipe {
             vectors: (3 * self.clusters).div_ceil(4),
@@ -76,30 +82,9 @@ impl DensityClusters {
             turns: Some(1 + self.iterations),
             sink: "shadow/clusters/sink.wgsl",
             lookup: &["shadow/clusters/lookup.wgsl", TEXELS_FILTER],
+            asked_by: self.lookup,
             numbers: [[0.0; 4]; 2],
         }
-    }
-}
-
-impl Method for DensityClusters {
-    fn entry(&self) -> &'static Entry {
-        &ENTRY
-    }
-
-    fn values(&self) -> Vec<Value> {
-        self.to_values()
-    }
-
-    fn lookup(&self) -> Option<Lookup> {
-        Some(self.recipe().lookup().asked_by(self.lookup))
-    }
-
-    fn passes(&self) -> Vec<ShaderVariant> {
-        vec![self.recipe().build_shader()]
-    }
-
-    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        self.recipe().build(context, self)
     }
 }
 

@@ -16,16 +16,14 @@
 //! * A ray is over where 2^-11 of the light is left, as in every map here: what lies behind does not ring.
 //! * Texels are filtered by the hardware with `bits=16`; 32-bit floats, which not every adapter filters, by the program.
 
-use super::method::{Curve, Entry, Lookup, Method, ShadowMap};
+use super::method::{Curve, Entry};
 use super::settings::{
     FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
     choices, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::Recipe;
-use crate::error::Result;
-use crate::field::BuildContext;
-use crate::gpu::{Constant, ShaderVariant};
+use super::vectors::{Recipe, VectorMap};
+use crate::gpu::Constant;
 
 choices! {
     /// How terms are weighed.
@@ -74,7 +72,15 @@ pub(super) static ENTRY: Entry = Entry {
         map=64,96,128,192,256,384,512,768,1024",
 };
 
-impl FourierOpacityMap {
+impl VectorMap for FourierOpacityMap {
+    fn line(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn settings(&self) -> Vec<Value> {
+        self.to_values()
+    }
+
     fn recipe(&self) -> Recipe {
         Recipe {
             // Two terms a vector, the constant being one of them.
@@ -88,34 +94,13 @@ impl FourierOpacityMap {
             turns: None,
             sink: "shadow/fourier/sink.wgsl",
             lookup: &["shadow/fourier/lookup.wgsl"],
+            asked_by: self.lookup,
             numbers: [[0.0; 4]; 2],
         }
     }
-}
 
-impl Method for FourierOpacityMap {
-    fn entry(&self) -> &'static Entry {
-        &ENTRY
-    }
-
-    fn values(&self) -> Vec<Value> {
-        self.to_values()
-    }
-
-    fn lookup(&self) -> Option<Lookup> {
-        Some(self.recipe().lookup().asked_by(self.lookup))
-    }
-
-    fn passes(&self) -> Vec<ShaderVariant> {
-        vec![self.recipe().build_shader()]
-    }
-
-    fn curve(&self) -> Curve {
+    fn shape_of_curve(&self) -> Curve {
         Curve::Rings
-    }
-
-    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        self.recipe().build(context, self)
     }
 }
 

@@ -29,16 +29,14 @@
 //!   1.5e-6 for 2, 3 and 4 complex ones.
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
-use super::method::{Curve, Entry, Lookup, Method, ShadowMap};
+use super::method::{Curve, Entry};
 use super::settings::{
     FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
     choices, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::Recipe;
-use crate::error::Result;
-use crate::field::BuildContext;
-use crate::gpu::{Constant, ShaderVariant};
+use super::vectors::{Recipe, VectorMap};
+use crate::gpu::Constant;
 
 /// Norm of an orthogonal polynomial below which it is rounding.
 const LEAST_NORM: f32 = 1e-11;
@@ -111,6 +109,16 @@ impl MomentMap {
             (Basis::Trigonometric, _) => (1.5e-6, [0.0; 4]),
         }
     }
+}
+
+impl VectorMap for MomentMap {
+    fn line(&self) -> &'static Entry {
+        &ENTRY
+    }
+
+    fn settings(&self) -> Vec<Value> {
+        self.to_values()
+    }
 
     fn recipe(&self) -> Recipe {
         let (bias, wide) = self.papers_bias();
@@ -134,6 +142,7 @@ impl MomentMap {
             turns: None,
             sink: "shadow/moments/sink.wgsl",
             lookup: if circle { TRIGONOMETRIC_LOOKUP } else { POWER_LOOKUP },
+            asked_by: self.lookup,
             numbers: [
                 [
                     self.beta as f32,
@@ -145,31 +154,9 @@ impl MomentMap {
             ],
         }
     }
-}
 
-impl Method for MomentMap {
-    fn entry(&self) -> &'static Entry {
-        &ENTRY
-    }
-
-    fn values(&self) -> Vec<Value> {
-        self.to_values()
-    }
-
-    fn lookup(&self) -> Option<Lookup> {
-        Some(self.recipe().lookup().asked_by(self.lookup))
-    }
-
-    fn passes(&self) -> Vec<ShaderVariant> {
-        vec![self.recipe().build_shader()]
-    }
-
-    fn curve(&self) -> Curve {
+    fn shape_of_curve(&self) -> Curve {
         Curve::Stays
-    }
-
-    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        self.recipe().build(context, self)
     }
 }
 

@@ -1,43 +1,48 @@
-//! Maps that keep a fixed number of four-vectors a texel: what `fourier`, `moments`, `clusters` and
-//! `avsm` share.
+//! Maps that keep a fixed number of four-vectors a texel: what `fourier`, `moments`, `clusters` and `avsm` share. Each of
+//! them is a [`VectorMap`]: its settings, and the [`Recipe`] that they come to.
 //!
 //! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread a texel, whose sink is the method's own) and one
 //! atlas of tiles. Every tile has a margin of one texel that repeats what its neighbours hold (324 instead of 256 texels),
-//! so that the hardware's filter, which `fourier` and `moments` are made for, never leaves a tile; tiles without active bricks take
-//! no memory, as in every map here.
+//! so that the hardware's filter, which `fourier` and `moments` are made for, never leaves a tile; tiles without active
+//! bricks take no memory, as in every map here.
 //!
 //! A ray is over at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`: what lies behind is not gathered. But for `avsm`, pieces
 //! of the march are whole stretches of a cell, whose matter is taken to be spread evenly.
 
-use super::method::{BuildReport, Lookup, Method, ShadowMap};
-use super::settings::Filter;
+use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
+use super::settings::{Filter, Lookups, Value};
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TILE, TileMarch, field_shader};
 use crate::gpu::{
-    Constant, ShaderVariant, Slot, StorageBuffer, linear_sampler, read_back, store_texture, uniform_buffer,
+    Constant, ShaderVariant, Slot, StorageBuffer, clamp_sampler, read_back, store_texture, uniform_buffer,
 };
 use bytemuck::{Pod, Zeroable};
 
 /// Texels a side of a tile with its margin.
 const TILE_SIDE: u32 = TILE + 2;
+/// Tiles across the textures of every adapter.
+const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
 
 /// The module `umbravox::method` of methods whose vectors cannot be averaged: it averages the transmittances of
 /// `umbravox::texel_curve`.
 pub(super) const TEXELS_FILTER: &str = "shadow/vectors/filter.wgsl";
 
 /// What one map of vectors is to be.
-pub(super) struct Recipe {
+pub struct Recipe {
     /// Four-vectors a texel.
     pub vectors: u32,
     /// Bits of a stored number: 16 or 32 (floats).
     pub bits: u32,
+    /// How texels around a point are used.
     pub filter: Filter,
     /// Whether a filter may take the vectors' means, as the hardware does.
     pub linear: bool,
+    /// The map's, and how its light rays are marched.
     pub shape: MapShape,
-    /// Constants and definitions of the method's modules.
+    /// Constants of the method's modules.
     pub constants: Vec<Constant>,
+    /// Definitions of the method's modules.
     pub defs: Vec<&'static str>,
     /// Marches a ray, the first one from behind, where one does not do.
     pub turns: Option<u32>,
@@ -47,6 +52,48 @@ pub(super) struct Recipe {
     pub lookup: &'static [&'static str],
     /// The method's own numbers: `own.a` and `own.b`.
     pub numbers: [[f32; 4]; 2],
+    /// How eye samples ask for light.
+    pub asked_by: Lookups,
+}
+
+/// What one such method has that others have not.
+pub trait VectorMap: std::fmt::Debug + Send + Sync {
+    /// As of [`Method::entry`].
+    fn line(&self) -> &'static Entry;
+    /// As of [`Method::values`].
+    fn settings(&self) -> Vec<Value>;
+    /// What its map is to be.
+    fn recipe(&self) -> Recipe;
+    /// As of [`Method::curve`].
+    fn shape_of_curve(&self) -> Curve {
+        Curve::Falls
+    }
+}
+
+impl<M: VectorMap> Method for M {
+    fn entry(&self) -> &'static Entry {
+        self.line()
+    }
+
+    fn values(&self) -> Vec<Value> {
+        self.settings()
+    }
+
+    fn lookup(&self) -> Option<Lookup> {
+        Some(self.recipe().lookup())
+    }
+
+    fn passes(&self) -> Vec<ShaderVariant> {
+        vec![self.recipe().build_shader()]
+    }
+
+    fn curve(&self) -> Curve {
+        self.shape_of_curve()
+    }
+
+    fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
+        self.recipe().build(context, self.entry())
+    }
 }
 
 /// `Own` of `shaders/shadow/vectors/layout.wgsl`.
@@ -74,7 +121,7 @@ impl Recipe {
     }
 
     /// The pass that marches.
-    pub fn build_shader(&self) -> ShaderVariant {
+    fn build_shader(&self) -> ShaderVariant {
         let shader = self.shader("shadow/vectors/build.wgsl").modules(&["field/tiles.wgsl"]);
         let shader = shader.defs((self.bits == 16).then_some("BITS_16")).defs(self.turns.map(|_| "TURNS"));
         let turns = Constant::unsigned("TURNS", self.turns.unwrap_or(1));
@@ -82,10 +129,11 @@ impl Recipe {
     }
 
     /// How the map is looked up.
-    pub fn lookup(&self) -> Lookup {
+    fn lookup(&self) -> Lookup {
         let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]).modules(self.lookup);
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
-        Lookup::new(shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER")))
+        let shader = shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER"));
+        Lookup::new(shader).asked_by(self.asked_by)
     }
 
     fn format(&self) -> wgpu::TextureFormat {
@@ -97,18 +145,22 @@ impl Recipe {
         u64::from(self.vectors * self.bits / 2)
     }
 
-    /// Tiles across the atlas, and its sides in texels: nearly square, so that no side ends before the other.
+    /// Tiles across the atlas, and its sides in texels: as few rows as every adapter's textures are wide for, so that little
+    /// of the last stays empty, and nearly square where those are not high enough.
     fn atlas(&self, tiles: u32) -> (u32, [u32; 2]) {
-        let across = f64::from(tiles.max(1) * self.vectors).sqrt().ceil() as u32;
-        let across = across.min(tiles.max(1));
-        (across, [across * TILE_SIDE, tiles.div_ceil(across).max(1) * self.vectors * TILE_SIDE])
+        let tiles = tiles.max(1);
+        let wide = tiles.div_ceil(TILES_ACROSS);
+        let square = (f64::from(tiles) / f64::from(self.vectors)).sqrt().ceil() as u32;
+        let rows = if wide * self.vectors <= TILES_ACROSS { wide } else { square };
+        let across = tiles.div_ceil(rows);
+        (across, [across * TILE_SIDE, rows * self.vectors * TILE_SIDE])
     }
 
     /// Builds the map.
     ///
     /// # Errors
     /// A map that the adapter cannot hold.
-    pub fn build(&self, context: &BuildContext<'_>, method: &dyn Method) -> Result<ShadowMap> {
+    fn build(&self, context: &BuildContext<'_>, entry: &Entry) -> Result<ShadowMap> {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.shape)?;
         let (tiles_across, size) = self.atlas(tiles.built);
@@ -133,7 +185,7 @@ impl Recipe {
             &stage,
         )?;
 
-        let sampler = linear_sampler(gpu);
+        let sampler = clamp_sampler(gpu, wgpu::FilterMode::Linear);
         let filtered = self.hardware_filter();
         let sample_type = wgpu::TextureSampleType::Float { filterable: filtered };
         let mut slots =
@@ -155,9 +207,9 @@ impl Recipe {
             ..Default::default()
         };
         Ok(ShadowMap {
-            method: method.name(),
+            method: entry.name,
             group: tiles.group("map of vectors", &slots),
-            lookup: method.lookup(),
+            lookup: Some(self.lookup()),
             light_space: tiles.light_space,
             report,
             bound: None,
@@ -186,10 +238,14 @@ mod tests {
             sink: "shadow/fourier/sink.wgsl",
             lookup: &["shadow/fourier/lookup.wgsl"],
             numbers: [[0.0; 4]; 2],
+            asked_by: Lookups::Shared,
         };
         assert_layout!(&recipe.build_shader(), "Own", Own: a, b, inv_size, most_depth, tiles_across);
         assert_eq!(recipe.atlas(0), (1, [18, 36]));
-        assert_eq!(recipe.atlas(200), (20, [20 * 18, 10 * 2 * 18]));
+        assert_eq!(recipe.atlas(200), (200, [200 * 18, 2 * 18]));
+        assert_eq!(recipe.atlas(456), (228, [228 * 18, 2 * 2 * 18]));
+        let (across, sides) = recipe.atlas(300_000);
+        assert!(sides.iter().all(|side| *side < 16_384) && across * (sides[1] / 36) >= 300_000);
         assert_eq!(recipe.texel_bytes(), 16);
         assert!(recipe.hardware_filter() && !Recipe { bits: 32, ..recipe }.hardware_filter());
     }
