@@ -2,7 +2,7 @@
 
 use super::{DeviceTransfer, LightSpace, MapShape, March, PoolSizes, TilePace, View};
 use crate::error::Result;
-use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Span, uniform_buffer};
+use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Slot, Span, uniform_buffer};
 use crate::scene::Light;
 use crate::volume::Volume;
 
@@ -64,5 +64,56 @@ impl BuildContext<'_> {
     ) -> Result<Span> {
         let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
         self.kernels.run(label, &variant, &[self.transfer.group(), shadow, stage], workgroups)
+    }
+
+    /// Runs a pass with a workgroup an entry of a list of words, in submissions as long as the pace has it: the part of the
+    /// list is binding 0 of group 2, beside the slots of `stage`.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_over(
+        &self,
+        (list, count): (&wgpu::Buffer, u32),
+        label: &'static str,
+        variant: &ShaderVariant,
+        shadow: &Group,
+        stage: &[(u32, Slot<'_>)],
+    ) -> Result<Span> {
+        let mut span: Option<Span> = None;
+        let mut last = None;
+        let mut parts = self.pace.parts(self.gpu(), label, count);
+        while let Some(part) = parts.next(self.gpu(), last) {
+            let list = (0, Slot::read(part.binding(list)));
+            let stage = self.kernels.group(label, &[&[list][..], stage].concat());
+            let took = self.run(label, variant, [shadow, &stage], part.workgroups())?;
+            span = Some(span.map_or(took, |s| s.plus(took)));
+            last = Some(took);
+        }
+        Ok(span.unwrap_or_default())
+    }
+
+    /// Runs a pass once a step, each with a group 2 and a size of its own, in submissions as long as the pace has it: each
+    /// step sees what those before it have stored.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_steps(
+        &self,
+        label: &'static str,
+        variant: &ShaderVariant,
+        shadow: &Group,
+        steps: &[(Group, [u32; 3])],
+    ) -> Result<Span> {
+        let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
+        let groups = [self.transfer.group(), shadow];
+        let mut span: Option<Span> = None;
+        let mut last = None;
+        let mut parts = self.pace.single_parts(label, steps.len() as u32);
+        while let Some(part) = parts.next(self.gpu(), last) {
+            let took = self.kernels.run_steps(label, &variant, &groups, &steps[part.range()])?;
+            span = Some(span.map_or(took, |s| s.plus(took)));
+            last = Some(took);
+        }
+        Ok(span.unwrap_or_default())
     }
 }

@@ -82,7 +82,8 @@ impl<'a> TileMarch<'a> {
         own: &[(u32, Slot<'_>)],
         stage: &[(u32, Slot<'_>)],
     ) -> Result<Span> {
-        self.run_over((&self.list, self.built), label, variant, own, stage)
+        let list = (&self.list, self.built);
+        self.context.run_over(list, label, variant, &self.group(label, own), stage)
     }
 
     /// The same over some of the built tiles, which `places` names by the order of their records.
@@ -99,30 +100,8 @@ impl<'a> TileMarch<'a> {
     ) -> Result<Span> {
         let some: Vec<u32> = places.iter().map(|place| self.built_tiles[*place]).collect();
         let list = StorageBuffer::from_slice(self.context.gpu(), "some tiles", &some)?;
-        self.run_over((&list, some.len() as u32), label, variant, own, stage)
-    }
-
-    fn run_over(
-        &self,
-        (list_of_tiles, count): (&wgpu::Buffer, u32),
-        label: &'static str,
-        variant: &ShaderVariant,
-        own: &[(u32, Slot<'_>)],
-        stage: &[(u32, Slot<'_>)],
-    ) -> Result<Span> {
-        let context = &self.context;
-        let group = self.group(label, own);
-        let mut span: Option<Span> = None;
-        let mut last = None;
-        let mut parts = context.pace.parts(context.gpu(), label, count);
-        while let Some(part) = parts.next(context.gpu(), last) {
-            let list = (0, Slot::read(part.binding(list_of_tiles)));
-            let stage = context.kernels.group(label, &[&[list][..], stage].concat());
-            let took = context.run(label, variant, [&group, &stage], part.workgroups())?;
-            span = Some(span.map_or(took, |s| s.plus(took)));
-            last = Some(took);
-        }
-        Ok(span.unwrap_or_default())
+        let list = (&list, some.len() as u32);
+        self.context.run_over(list, label, variant, &self.group(label, own), stage)
     }
 }
 

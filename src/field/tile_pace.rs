@@ -24,6 +24,11 @@ impl TilePart {
         })
     }
 
+    /// Numbers of the things in it.
+    pub fn range(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
+    }
+
     /// A workgroup a tile.
     pub fn workgroups(&self) -> [u32; 3] {
         shape_of(self.count)
@@ -52,7 +57,15 @@ impl TilePace {
     /// Takes a list of `tiles` tiles apart for a pass.
     pub(super) fn parts(&self, gpu: &Gpu, pass: &'static str, tiles: u32) -> TileParts<'_> {
         let offset_bytes = gpu.device.limits().min_storage_buffer_offset_alignment;
-        let granule = offset_bytes.div_ceil(ENTRY_BYTES as u32).max(1);
+        self.in_granules(pass, tiles, offset_bytes.div_ceil(ENTRY_BYTES as u32).max(1))
+    }
+
+    /// Takes so many things apart, of which any may begin a part.
+    pub(super) fn single_parts(&self, pass: &'static str, things: u32) -> TileParts<'_> {
+        self.in_granules(pass, things, 1)
+    }
+
+    fn in_granules(&self, pass: &'static str, tiles: u32, granule: u32) -> TileParts<'_> {
         TileParts { pace: self, pass, tiles, next: 0, granule, building: 0 }
     }
 

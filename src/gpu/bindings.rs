@@ -53,8 +53,16 @@ impl<'a> Slot<'a> {
 
     /// `texture_storage_2d<format, write>`.
     pub fn store(view: &'a wgpu::TextureView, format: wgpu::TextureFormat) -> Self {
+        Self::store_in(view, format, wgpu::TextureViewDimension::D2)
+    }
+
+    /// `texture_storage_2d<format, write>` or `texture_storage_3d<format, write>`.
+    pub(super) fn store_in(
+        view: &'a wgpu::TextureView,
+        format: wgpu::TextureFormat,
+        view_dimension: wgpu::TextureViewDimension,
+    ) -> Self {
         let access = wgpu::StorageTextureAccess::WriteOnly;
-        let view_dimension = wgpu::TextureViewDimension::D2;
         let ty = wgpu::BindingType::StorageTexture { access, format, view_dimension };
         Self { ty, resource: wgpu::BindingResource::TextureView(view) }
     }

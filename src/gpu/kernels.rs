@@ -139,6 +139,26 @@ impl Kernels {
         })
     }
 
+    /// Runs a pipeline once a step, each with a last group and a size of its own, and waits for all: each step sees what
+    /// those before it have stored.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_steps(
+        &self,
+        label: &str,
+        variant: &ShaderVariant,
+        groups: &[&Group],
+        steps: &[(Group, [u32; 3])],
+    ) -> Result<Span> {
+        let all = |last| groups.iter().copied().chain([last]).collect::<Vec<&Group>>();
+        let Some((first, _)) = steps.first() else { return Ok(Span::default()) };
+        let pipeline = self.pipeline(variant, &all(first))?;
+        self.timer.compute(&self.gpu, label, |pass| {
+            steps.iter().for_each(|(last, size)| record(pass, &pipeline, &all(last), *size));
+        })
+    }
+
     /// Runs as [`Self::run`] does, without waiting: the submission can be waited for.
     ///
     /// # Errors

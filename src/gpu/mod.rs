@@ -9,6 +9,7 @@ mod layout;
 mod pipeline_cache;
 mod shaders;
 mod timing;
+mod volume_texture;
 mod watch;
 
 pub use bindings::{Group, Slot};
@@ -23,4 +24,5 @@ pub(crate) use layout::{assert_layout, wgsl_layout};
 pub use pipeline_cache::PipelineStore;
 pub use shaders::{Constant, ShaderVariant, compose, shader_paths};
 pub use timing::{Clock, PassTimer, Span};
+pub use volume_texture::VolumeTexture;
 pub use watch::{WORK_KINDS, WORK_WORDS, Watch, Work};

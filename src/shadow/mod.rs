@@ -24,6 +24,7 @@ mod fourier;
 #[cfg(feature = "half")]
 mod half;
 mod layered;
+mod lightvolume;
 mod method;
 mod moments;
 mod none;
@@ -44,6 +45,7 @@ pub use dom::{Beyond, DeepOpacityMap};
 pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
 pub use fourier::{Damping, FourierOpacityMap};
 pub use layered::{Average, LayerSplit, Measure};
+pub use lightvolume::{LightBuild, LightVolume};
 pub use method::{
     Bound, BuildReport, Curve, Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice, Taps,
 };

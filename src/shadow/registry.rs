@@ -2,7 +2,7 @@
 
 use super::method::{Entry, Method};
 use super::spec;
-use super::{avsm, bom, clusters, dom, dsm, fourier, moments, none, osm, rays};
+use super::{avsm, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
 use crate::error::{Error, Result};
 use std::sync::LazyLock;
 
@@ -18,6 +18,7 @@ pub const METHODS: &[&Entry] = &[
     &fourier::ENTRY,
     &avsm::ENTRY,
     &moments::ENTRY,
+    &lightvolume::ENTRY,
     #[cfg(feature = "half")]
     &super::half::ENTRY,
 ];

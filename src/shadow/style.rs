@@ -23,6 +23,7 @@ pub enum Marker {
     Right,
     Pentagon,
     Spark,
+    Triad,
     Cross,
     Plus,
     Star,

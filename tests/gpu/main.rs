@@ -12,6 +12,7 @@ mod forced;
 mod invariance;
 mod kept;
 mod layers;
+mod light_volume;
 mod nodes;
 mod parts;
 mod pool;

@@ -4,7 +4,7 @@ use super::method::{BuildReport, Entry, Lookup, Method, ShadowMap};
 use super::settings::Value;
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, MapShape, March};
+use crate::field::{BuildContext, LightSpace, MapShape, March};
 
 /// `none`: every point sees the light.
 #[derive(Debug, Clone, Copy)]
@@ -43,10 +43,14 @@ impl Method for NoShadows {
 /// Texels of the light space that methods without a map are tested on.
 const TEST_MAP: u32 = 512;
 
+/// The light space of methods without a map, and how their light rays are marched.
+pub(super) fn test_space(context: &BuildContext<'_>, march: March) -> LightSpace {
+    context.light_space(MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march })
+}
+
 /// A structure of the light space alone.
 pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>) -> ShadowMap {
-    let shape = MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march: March::Cells };
-    let light_space = context.light_space(shape);
+    let light_space = test_space(context, March::Cells);
     let light = context.light_uniform(&light_space);
     ShadowMap {
         method: method.name(),

@@ -1,0 +1,29 @@
+// Marches from every node of some blocks to the light: a workgroup a block.
+
+#import umbravox::dispatch::spread
+#import umbravox::lattice::{lattice, node_place, toward_light, kept}
+#import umbravox::march::march
+#import umbravox::sink::start_sink
+#import umbravox::work::add_work
+
+// Blocks that this dispatch builds: the number of the block along x, y and z in ten bits each.
+@group(2) @binding(0) var<storage, read> blocks: array<u32>;
+@group(2) @binding(1) var light_volume: texture_storage_3d<r32float, write>;
+
+@compute @workgroup_size(#{BLOCK}, #{BLOCK}, #{BLOCK})
+fn gather(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+) {
+    let index = spread(group.y * groups.x + group.x, groups.x * groups.y);
+    let block = blocks[min(index, arrayLength(&blocks) - 1u)];
+    let node = vec3<u32>(block & 1023u, (block >> 10u) & 1023u, block >> 20u) * #{BLOCK} + local;
+    if index >= arrayLength(&blocks) || any(node >= lattice.counts) { return; }
+    let g = node_place(node);
+    let way = toward_light(g);
+    var sink = start_sink();
+    march(&sink, g, way.d, 0.0, way.mm);
+    textureStore(light_volume, node, vec4<f32>(kept(sink.optical_depth.total)));
+    add_work();
+}

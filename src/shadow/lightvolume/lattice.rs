@@ -1,0 +1,162 @@
+//! Where the nodes of a light volume lie, which of them a gather marches from, and in which order a sweep goes over them.
+
+use crate::field::{ActiveBricks, BuildContext, grid_from_world};
+use crate::scene::Light;
+use crate::volume::BRICK_CELLS;
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, UVec3};
+
+/// Nodes a side of a block.
+pub const BLOCK: u32 = 4;
+/// Bits of a block's number along an axis.
+const BLOCK_BITS: u32 = 10;
+
+/// Nodes `scale` voxels apart along each axis of the grid, over the box of the active bricks; two at least along each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lattice {
+    /// Grid-space place of the first.
+    pub first: DVec3,
+    /// Grid units from one to the next.
+    pub scale: f64,
+    /// Along each axis.
+    pub counts: UVec3,
+}
+
+/// `Step` of `shaders/shadow/lightvolume/sweep.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Step {
+    pub axis: u32,
+    pub slice: u32,
+    pub down: u32,
+    pub opening: u32,
+    pub whole: u32,
+}
+
+impl Lattice {
+    /// Around the active bricks; its first node lies on a voxel.
+    pub fn around(active: &ActiveBricks, dims: [usize; 3], scale: f64) -> Self {
+        // Grid space counts voxels from 1.
+        let [lo, hi] = active.index_box(dims).unwrap_or_default().map(|index| index + 1.0);
+        let first = lo.floor();
+        let counts = ((hi - first) / scale).ceil().as_uvec3() + UVec3::ONE;
+        Self { first, scale, counts: counts.max(UVec3::splat(2)) }
+    }
+
+    /// How many.
+    pub fn nodes(&self) -> u64 {
+        self.counts.to_array().iter().map(|n| u64::from(*n)).product()
+    }
+
+    /// The blocks with a node next to an active brick, as `shaders/shadow/lightvolume/gather.wgsl` reads them.
+    pub fn blocks(&self, active: &ActiveBricks) -> Vec<u32> {
+        let counts = (self.counts + (BLOCK - 1)) / BLOCK;
+        let mut wanted = vec![false; counts.to_array().iter().map(|n| *n as usize).product()];
+        let block = |grid: DVec3| {
+            let node = (grid - self.first) / self.scale;
+            (node.max(DVec3::ZERO).as_uvec3().min(self.counts - 1)) / BLOCK
+        };
+        for (number, _) in active.distance.iter().enumerate().filter(|(_, distance)| **distance == 0) {
+            let [x, y, _] = active.counts;
+            let brick = [number % x, number / x % y, number / (x * y)];
+            let lo = DVec3::from(brick.map(|b| (b * BRICK_CELLS) as f64));
+            // A filter reads the nodes on either side.
+            let from = block(lo - self.scale);
+            let to = block(lo + BRICK_CELLS as f64 + self.scale);
+            for z in from.z..=to.z {
+                for y in from.y..=to.y {
+                    let row = ((z * counts.y + y) * counts.x) as usize;
+                    wanted[row + from.x as usize..=row + to.x as usize].fill(true);
+                }
+            }
+        }
+        let name = |number: u32| {
+            let [x, y, z] = [number % counts.x, number / counts.x % counts.y, number / (counts.x * counts.y)];
+            x | y << BLOCK_BITS | z << (2 * BLOCK_BITS)
+        };
+        (0..).zip(&wanted).filter(|(_, wanted)| **wanted).map(|(number, _)| name(number)).collect()
+    }
+
+    /// The slices of every sweep that light needs, each in the order in which light goes through them: one sweep from a
+    /// light at infinity, along the axis that it goes along most; from a point, one for each side of a cube around it that
+    /// sees nodes.
+    pub fn steps(&self, context: &BuildContext<'_>) -> Vec<Step> {
+        let grid_from_world = grid_from_world(context.volume);
+        let counts = self.counts.to_array();
+        match context.light {
+            Light::Directional { toward } => {
+                let toward = (grid_from_world.matrix3 * toward.normalize()).to_array();
+                let axis = (0..3).max_by(|a, b| toward[*a].abs().total_cmp(&toward[*b].abs())).unwrap_or(2);
+                sweep(axis, toward[axis] > 0.0, 0..counts[axis], true)
+            }
+            Light::Point { position } => {
+                let light = (grid_from_world.transform_point3(position) - self.first) / self.scale;
+                let sides = (0..3).flat_map(|axis| [(axis, false), (axis, true)]);
+                sides.flat_map(|(axis, down)| self.side(light, axis, down)).collect()
+            }
+        }
+    }
+
+    /// The sweep away from a light at a place of the lattice along an axis, up or `down`; nothing where no node lies closer
+    /// to that axis than to the others.
+    fn side(&self, light: DVec3, axis: usize, down: bool) -> Vec<Step> {
+        let last = (self.counts - 1).as_dvec3().to_array();
+        let light = light.to_array();
+        // On the device the light's place is rounded.
+        let slack = 1e-3;
+        let reach = if down { light[axis] } else { last[axis] - light[axis] };
+        let aside = |other: usize| (-light[other]).max(light[other] - last[other]).max(0.0);
+        if reach < -slack || (0..3).any(|other| other != axis && aside(other) > reach + slack) {
+            return Vec::new();
+        }
+        let slices = if down {
+            0..(light[axis] + slack).floor().min(last[axis]) as u32 + 1
+        } else {
+            (light[axis] - slack).ceil().max(0.0) as u32..self.counts.to_array()[axis]
+        };
+        sweep(axis, down, slices, false)
+    }
+}
+
+/// Slices along an axis, from the light on.
+fn sweep(axis: usize, down: bool, slices: std::ops::Range<u32>, whole: bool) -> Vec<Step> {
+    let step = |(i, slice): (u32, u32)| Step {
+        axis: axis as u32,
+        slice,
+        down: u32::from(down),
+        opening: u32::from(i == 0),
+        whole: u32::from(whole),
+    };
+    let mut order: Vec<u32> = slices.collect();
+    if down {
+        order.reverse();
+    }
+    (0..).zip(order).map(step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lattice(counts: [u32; 3]) -> Lattice {
+        Lattice { first: DVec3::ZERO, scale: 1.0, counts: counts.into() }
+    }
+
+    #[test]
+    fn sides_are_swept_that_see_nodes() {
+        let lattice = lattice([10, 20, 30]);
+        let slices = |light: [f64; 3], axis, down| {
+            lattice.side(light.into(), axis, down).iter().map(|s| s.slice).collect::<Vec<_>>()
+        };
+        // Far along x: from there alone.
+        assert_eq!(slices([-100.0, 10.0, 15.0], 0, false), (0..10).collect::<Vec<_>>());
+        for (axis, down) in [(0, true), (1, false), (1, true), (2, false), (2, true)] {
+            assert_eq!(slices([-100.0, 10.0, 15.0], axis, down), [0; 0], "{axis} {down}");
+        }
+        // Within: to all sides, and nothing is left out between them.
+        assert_eq!(slices([4.5, 10.0, 15.0], 0, false), [5, 6, 7, 8, 9]);
+        assert_eq!(slices([4.5, 10.0, 15.0], 0, true), [4, 3, 2, 1, 0]);
+        assert_eq!(slices([4.5, 10.0, 15.0], 2, true).first(), Some(&15));
+        assert_eq!(slices([4.5, 10.0, 15.0], 2, false).first(), Some(&15));
+    }
+}
