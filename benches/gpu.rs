@@ -41,9 +41,9 @@ fn stages(criterion: &mut Criterion) {
         });
         let scene = Scene { width: 256, height: 256, ..Scene::framing(&volume) };
         let [none, dsm] = ["none", "dsm:map=256"].map(|m| shadow::parse(m).expect("a method"));
-        group.bench_function("build dsm", |b| b.iter(|| session.shadow(dsm.as_ref(), scene.light)));
+        group.bench_function("build dsm", |b| b.iter(|| session.shadow(dsm.as_ref(), scene.light())));
         for method in [none, dsm] {
-            let map = session.shadow(method.as_ref(), scene.light).expect("a map");
+            let map = session.shadow(method.as_ref(), scene.light()).expect("a map");
             group.bench_function(format!("frame {}", method.name()), |b| {
                 b.iter(|| session.render(&map, &scene))
             });

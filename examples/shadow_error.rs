@@ -28,7 +28,7 @@ fn main() -> umbravox::Result<()> {
 
     // The volume goes to the device once; each light and method makes a shadow structure of its own.
     let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
-    let shadow = session.shadow(method.as_ref(), scene.light)?;
+    let shadow = session.shadow(method.as_ref(), scene.light())?;
     write_picture(&path, &session.render(&shadow, &scene)?.pixels)?;
     println!("{} {}: {} bytes, {}", method.name(), method.params(), shadow.report.bytes, path.display());
 
@@ -38,7 +38,7 @@ fn main() -> umbravox::Result<()> {
     let points: Vec<_> = seen.iter().map(|p| p.position).collect();
     let (mut squares, mut weights, mut worst) = (0.0, 0.0, 0.0_f64);
     for (point, transmittance) in seen.iter().zip(session.query(&shadow, &points)?) {
-        let error = f64::from(transmittance) - field.transmittance_to_light(point.position, &scene.light);
+        let error = f64::from(transmittance) - field.transmittance_to_light(point.position, &scene.light());
         squares += point.weight * error * error;
         weights += point.weight;
         worst = worst.max(error.abs());

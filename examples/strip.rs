@@ -71,14 +71,14 @@ fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbaImage)>> {
     let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
     let mut panels = Vec::new();
     for (label, method) in [("no shadows", "none"), ("shadow rays", "rays"), ("deep shadow map", DSM)] {
-        let shadow = session.shadow_of(shadow::parse(method)?.as_ref(), &scene)?;
+        let shadow = session.shadow_of(shadow::parse(method)?.as_ref(), &scene, scene.light())?;
         let png = picture_png(&session.render(&shadow, &scene)?.pixels)?;
         let picture = image::load_from_memory(&png).map_err(|e| failed(label, &e))?;
         panels.push((label, picture.to_rgba8()));
     }
     let go_on = || true;
     let field = ExactField::new(&volume, &tf);
-    let shadow = session.shadow_of(shadow::parse(DSM)?.as_ref(), &scene)?;
+    let shadow = session.shadow_of(shadow::parse(DSM)?.as_ref(), &scene, scene.light())?;
     let exact = ExactView::new(&field, &scene, Quantity::Light, go_on);
     let map = exact.map(|e| e.errors(&session.renderer, &session.loaded, &session.transfer, &shadow, go_on));
     if let Some(map) = map.transpose()?.flatten() {

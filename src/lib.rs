@@ -28,11 +28,11 @@
 //! let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
 //!
 //! let method = shadow::parse("dsm:epsilon=0.01,map=256")?;
-//! let map = session.shadow(method.as_ref(), scene.light)?;
+//! let map = session.shadow(method.as_ref(), scene.light())?;
 //! write_picture(Path::new("thorax.png"), &session.render(&map, &scene)?.pixels)?;
 //!
 //! let point = scene.camera.target;
-//! let exact = ExactField::new(&volume, &tf).transmittance_to_light(point, &scene.light);
+//! let exact = ExactField::new(&volume, &tf).transmittance_to_light(point, &scene.light());
 //! println!("{} found, {exact} exact", session.query(&map, &[point])?[0]);
 //! # Ok(())
 //! # }

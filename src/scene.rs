@@ -1,5 +1,6 @@
-//! Camera, light and picture settings: plain data.
+//! Camera, lights and picture settings: plain data.
 
+use crate::files::color;
 use crate::volume::Volume;
 use glam::DVec3;
 use serde::{Deserialize, Serialize, Serializer};
@@ -63,7 +64,7 @@ impl Camera {
     }
 }
 
-/// The one light; world millimetres.
+/// Where a light is; world millimetres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
     /// At infinity.
@@ -91,32 +92,89 @@ impl Light {
         }
     }
 
-    /// As `--light` takes it, to four decimals.
-    pub fn text(&self) -> String {
-        let (kind, v) = match self {
+    /// As `--light` takes it, to the last bit.
+    fn exact_text(&self) -> String {
+        let (kind, v) = self.kind();
+        format!("{kind}:{:?},{:?},{:?}", v.x, v.y, v.z)
+    }
+
+    fn kind(&self) -> (&'static str, DVec3) {
+        match *self {
             Self::Directional { toward } => ("dir", toward),
             Self::Point { position } => ("point", position),
-        };
+        }
+    }
+
+    /// As `--light` takes it, to four decimals.
+    pub fn text(&self) -> String {
+        let (kind, v) = self.kind();
         // A direction was normalised: its digits beyond these say nothing.
         let [x, y, z] = v.to_array().map(|c| (c * 1e4).round() / 1e4 + 0.0);
         format!("{kind}:{x},{y},{z}")
     }
 }
 
-/// As `--light` takes it, to the last bit.
-impl Serialize for Light {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let (kind, v) = match self {
-            Self::Directional { toward } => ("dir", toward),
-            Self::Point { position } => ("point", position),
-        };
-        serializer.collect_str(&format_args!("{kind}:{:?},{:?},{:?}", v.x, v.y, v.z))
-    }
-}
-
 impl Default for Light {
     fn default() -> Self {
         Self::Directional { toward: DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2) }
+    }
+}
+
+/// A light: where it is, and how much of each channel it gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightSource {
+    /// Where it is.
+    pub light: Light,
+    /// Linear RGB, in `[0, 1]`.
+    pub color: [f64; 3],
+    /// A factor on the colour, 0 or more.
+    pub intensity: f64,
+}
+
+impl LightSource {
+    /// The colour where none is given.
+    pub const WHITE: [f64; 3] = [1.0; 3];
+
+    /// What a lit point gets from it in each channel, linear.
+    pub fn radiance(&self) -> [f64; 3] {
+        self.color.map(|c| c * self.intensity)
+    }
+
+    /// Whether it gives any light.
+    pub fn shines(&self) -> bool {
+        self.radiance().iter().any(|c| *c > 0.0)
+    }
+
+    /// As `--light` takes it; its place to four decimals.
+    pub fn text(&self) -> String {
+        self.light.text() + &self.factors()
+    }
+
+    /// The keys of `--light` that are not at their defaults, each with a comma before it.
+    fn factors(&self) -> String {
+        let color = (self.color != Self::WHITE).then(|| format!(",color={}", color::to_hex(self.color)));
+        let intensity = (self.intensity != 1.0).then(|| format!(",intensity={}", self.intensity));
+        color.unwrap_or_default() + &intensity.unwrap_or_default()
+    }
+}
+
+/// White, of intensity 1.
+impl From<Light> for LightSource {
+    fn from(light: Light) -> Self {
+        Self { light, color: Self::WHITE, intensity: 1.0 }
+    }
+}
+
+impl Default for LightSource {
+    fn default() -> Self {
+        Light::default().into()
+    }
+}
+
+/// As `--light` takes it, to the last bit of its place and its intensity; colours are of 8 bits a channel.
+impl Serialize for LightSource {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(&format_args!("{}{}", self.light.exact_text(), self.factors()))
     }
 }
 
@@ -147,8 +205,8 @@ pub enum Skip {
 pub struct Scene {
     /// Where it is seen from.
     pub camera: Camera,
-    /// The one light.
-    pub light: Light,
+    /// The lights, at least one.
+    pub lights: Vec<LightSource>,
     /// Share of the light that shadows do not touch, in `[0, 1]`.
     pub ambient: f64,
     /// How surfaces are shaded.
@@ -166,11 +224,39 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Lights that a scene may have: each is a shadow structure and a pass over the picture.
+    pub const MOST_LIGHTS: usize = 16;
+
+    /// The lights that shine, in their order. Where none does it is the first one, which stands for the ambient light alone:
+    /// a picture is drawn once at least.
+    pub fn shining(&self) -> Vec<LightSource> {
+        let shining: Vec<_> = self.lights.iter().copied().filter(LightSource::shines).collect();
+        if shining.is_empty() { self.lights.iter().copied().take(1).collect() } else { shining }
+    }
+
+    /// The lights that shine by their places from 1, where there are several.
+    pub fn lights_apart(&self) -> Vec<(u32, LightSource)> {
+        let numbered = (1..).zip(self.lights.iter().copied()).filter(|(_, source)| source.shines());
+        let lights: Vec<_> = numbered.collect();
+        if lights.len() > 1 { lights } else { Vec::new() }
+    }
+
+    /// Where the first light is: all that there is to say of a scene with one.
+    pub fn light(&self) -> Light {
+        self.lights.first().map_or_else(Light::default, |source| source.light)
+    }
+
+    /// The same scene under one of its lights, or another.
+    #[must_use]
+    pub fn under(&self, light: LightSource) -> Self {
+        Self { lights: vec![light], ..self.clone() }
+    }
+
     /// What every command starts from where nothing is asked for, framing `volume`.
     pub fn framing(volume: &Volume) -> Self {
         Self {
             camera: Camera::framing(volume, DVec3::Z, Camera::DEFAULT_FOV_DEG),
-            light: Light::default(),
+            lights: vec![LightSource::default()],
             ambient: 0.1,
             shading: Shading::None,
             background: [0.0; 3],
@@ -192,5 +278,25 @@ mod tests {
         assert_eq!(light.text(), "dir:0.5,0.5,0.7071");
         let light = Light::Point { position: DVec3::new(-0.0, 2.0, -300.25) };
         assert_eq!(light.text(), "point:0,2,-300.25");
+        let source = LightSource::from(light);
+        assert_eq!(source.text(), light.text());
+        let source = LightSource { color: [1.0, 0.0, 0.0], intensity: 2.5, ..source };
+        assert_eq!(source.text(), "point:0,2,-300.25,color=#ff0000,intensity=2.5");
+    }
+
+    #[test]
+    fn dark_lights_are_left_out_and_one_is_always_left() {
+        let volume = crate::volume::Phantom::Slab.build(8).unwrap();
+        let [a, dark, black] = [(1.0, 0.25), (1.0, 0.0), (0.0, 3.0)].map(|(grey, intensity)| LightSource {
+            color: [grey; 3],
+            intensity,
+            ..LightSource::default()
+        });
+        let scene = |lights: &[LightSource]| Scene { lights: lights.to_vec(), ..Scene::framing(&volume) };
+        assert_eq!(scene(&[dark, a, black, a]).shining(), [a, a]);
+        assert_eq!(scene(&[dark, black]).shining(), [dark]);
+        assert_eq!(scene(&[dark, a, black, a]).lights_apart(), [(2, a), (4, a)]);
+        assert_eq!(scene(&[dark, a]).lights_apart(), []);
+        assert_eq!(a.radiance(), [0.25; 3]);
     }
 }

@@ -187,3 +187,40 @@ fn a_reader_that_goes_away_is_no_error() {
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
 }
+
+#[test]
+fn lights_that_make_no_sense_are_refused_in_one_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let render = |lights: &[&str]| {
+        let flags = lights.iter().flat_map(|light| ["--light", light]);
+        let line = ["render", "phantom:slab:8", "-o", "a.png"].into_iter().chain(flags).collect::<Vec<_>>();
+        refused(dir.path(), &line)
+    };
+    for (light, why) in [
+        ("dir:0,0,1,intensity=-1", "0 to"),
+        ("dir:0,0,1,intensity=nan", "finite"),
+        ("dir:0,0,1,intensity=1,intensity=2", "twice"),
+        ("point:0,0,1,color=red", "#rrggbb"),
+        ("point:0,0,1,size=2", "no key"),
+    ] {
+        let said = render(&["dir:0,0,1", light]);
+        assert!(said.contains("--light") && said.contains(why), "{light}: {said}");
+    }
+    let said = render(&["dir:0,0,1"; 17]);
+    assert!(said.contains("too many lights") && said.contains("17") && said.contains("16"), "{said}");
+    std::fs::write(dir.path().join("two.toml"), "light = ['dir:0,0,1', 'dir:0,1,0,intensity=2']").unwrap();
+    std::fs::write(dir.path().join("none.toml"), "light = []").unwrap();
+    std::fs::write(dir.path().join("mixed.toml"), "light = ['dir:0,0,1', 2]").unwrap();
+    std::fs::write(dir.path().join("p.txt"), "0 0 0").unwrap();
+    for scene in ["none.toml", "mixed.toml"] {
+        let said = refused(dir.path(), &["render", "--scene", scene, "-o", "a.png"]);
+        assert!(said.contains("light"), "{said}");
+    }
+    for what in [["--points", "p.txt"], ["--rays", "p.txt"], ["--curve", "0,0,0"]] {
+        let line = [&["probe", "phantom:slab:8", "--scene", "two.toml"], &what[..]].concat();
+        let said = refused(dir.path(), &line);
+        assert!(said.contains("--light") && said.contains("`probe` is of one"), "{said}");
+    }
+    let line = ["compare", "phantom:slab:8", "-o", "out", "--each-light", "--light", "dir:0,0,1"];
+    assert!(refused(dir.path(), &line).contains("--each-light"));
+}

@@ -27,6 +27,10 @@ struct Frame {
     tiles_cast: u32,
     world_z: vec3<f32>,
     padding_c: f32,
+    // Linear light of this pass's light on a lit point, less the ambient share; read with LIGHT_FACTOR alone.
+    light: vec3<f32>,
+    // 1 where the pass adds to what passes of other lights have left in the picture.
+    adds: u32,
 }
 
 struct Tile {

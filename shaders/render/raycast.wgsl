@@ -5,6 +5,9 @@
 // part is a run of its own. What is expensive stands in the program once, and lanes of a subgroup wait for each other only
 // there.
 //
+// A picture of several lights is a pass for each, with LIGHT_FACTOR, and their sum; the first one carries ambient light and
+// the background.
+//
 // The lookup, a module that defines `umbravox::method`, offers
 //   fn transmittance(g: vec3<f32>) -> f32           from the light to a grid-space point of the domain; 1 where nothing
 //                                                   lies between. Whatever it reads is bound in group 1 from binding 1
@@ -214,6 +217,9 @@ fn raycast(
     var color = vec3<f32>(0.0);
     // Transmittance to the eye.
     var left = 1.0;
+#ifdef LIGHT_FACTOR
+    if frame.adds == 1u { color = picture[index].rgb; }
+#endif
 #ifdef RESUMABLE
     let resume = resumption.resume[index];
     if resume == FAR { return; }
@@ -251,7 +257,11 @@ fn raycast(
                 lit_t = run.start;
             } else {
                 lit = select(light_here, lit, lit_t == run.start);
+#ifdef LIGHT_FACTOR
+                let light = frame.light * mean_light(lit, light_here, max(run.depth, 1e-12));
+#else
                 let light = (1.0 - frame.ambient) * mean_light(lit, light_here, max(run.depth, 1e-12));
+#endif
 #ifdef SHADING
                 color += frame.ambient * run.color + light * run.shaded;
                 run.shaded = vec3<f32>(0.0);
@@ -281,7 +291,11 @@ fn raycast(
 #ifdef SHADING
             light = shading_factor(ray.o + 0.5 * (walk.from_t + to) * ray.d, ray.d);
 #endif
+#ifdef LIGHT_FACTOR
+            color += left * alpha * mean.rgb / max(mean.w, 1e-30) * (frame.ambient + frame.light * light);
+#else
             color += left * alpha * mean.rgb / max(mean.w, 1e-30) * (frame.ambient + (1.0 - frame.ambient) * light);
+#endif
             left *= 1.0 - alpha;
         }
         if left < EYE_OVER || !walk.walking { break; }

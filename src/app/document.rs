@@ -6,10 +6,10 @@ use super::reading::{Beginning, Opened};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::{SceneSettings, VolumeSpec, presets};
-use crate::scene::{Camera, Scene, Shading};
+use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::transfer::TransferFunction;
 use crate::volume::{Histogram, Volume};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -36,8 +36,10 @@ pub struct Document {
     pub method: MethodChoice,
     /// The method on the right of the split.
     pub other: MethodChoice,
-    /// Camera, light and picture settings.
+    /// Camera, lights and picture settings.
     pub scene: Scene,
+    /// Place of the light that hands move and the panel edits; see [`Self::chosen_light`].
+    pub chosen: usize,
     /// The camera that reset goes back to.
     pub home: Camera,
     /// Pictures are written without their background, which is black then.
@@ -61,6 +63,7 @@ impl Document {
             other,
             home: begin.scene.camera,
             scene: begin.scene,
+            chosen: 0,
             transparent: begin.transparent.unwrap_or(false),
         }
     }
@@ -118,6 +121,51 @@ impl Document {
         let corners = self.volume.corners_mm();
         let center = corners.iter().sum::<DVec3>() / 8.0;
         (center, corners.iter().map(|c| c.distance(center)).fold(1e-6, f64::max))
+    }
+
+    /// Place of the light that is edited, the last one where there are fewer.
+    pub fn chosen_light(&self) -> usize {
+        self.chosen.min(self.scene.lights.len().saturating_sub(1))
+    }
+
+    /// The light that is edited.
+    pub fn light(&self) -> LightSource {
+        self.scene.lights.get(self.chosen_light()).copied().unwrap_or_default()
+    }
+
+    /// The same, to be changed.
+    pub fn light_mut(&mut self) -> &mut LightSource {
+        let place = self.chosen_light();
+        if self.scene.lights.is_empty() {
+            self.scene.lights.push(LightSource::default());
+        }
+        &mut self.scene.lights[place]
+    }
+
+    /// Adds a light and edits it: white, at infinity, a third of a turn around the picture's upward axis from the one that
+    /// was edited, so that it shows. Does nothing where there are as many as can be drawn.
+    pub fn add_light(&mut self) {
+        if self.scene.lights.len() >= Scene::MOST_LIGHTS {
+            return;
+        }
+        let (center, _) = self.bounding_sphere();
+        let toward = match self.light().light {
+            Light::Directional { toward } => toward,
+            Light::Point { position } => position - center,
+        };
+        let turn = DQuat::from_axis_angle(self.scene.camera.frame().up, std::f64::consts::TAU / 3.0);
+        let toward = (turn * toward).normalize_or(DVec3::Z);
+        self.scene.lights.push(Light::Directional { toward }.into());
+        self.chosen = self.scene.lights.len() - 1;
+    }
+
+    /// Removes the light that is edited, unless it is the only one.
+    pub fn remove_light(&mut self) {
+        if self.scene.lights.len() > 1 {
+            let place = self.chosen_light();
+            self.scene.lights.remove(place);
+            self.chosen = place.saturating_sub(1);
+        }
     }
 
     /// The scene as a file that `--scene` takes; `tf` is a preset or a path.

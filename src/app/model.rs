@@ -17,7 +17,7 @@ use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::gpu::{DeviceLoss, Gpu};
 use crate::open::{SceneSettings, VolumeSpec, presets};
-use crate::scene::{Scene, Shading};
+use crate::scene::{Light, Scene, Shading};
 use eframe::egui::Rect;
 use std::path::Path;
 use std::sync::Arc;
@@ -79,6 +79,8 @@ pub struct Model {
     pub probe: Option<ProbeResult>,
     /// What was shown when the probe was asked last.
     probed: Option<Subject>,
+    /// The light along whose ray the probe last asked.
+    probed_light: Option<Light>,
     /// What is said below the view.
     pub messages: Vec<Message>,
     /// The view on screen, points.
@@ -112,6 +114,7 @@ impl Model {
             split: Split::default(),
             probe: None,
             probed: None,
+            probed_light: None,
             messages: Vec::new(),
             view: None,
             revision: 0,
@@ -377,12 +380,14 @@ impl Model {
     /// Probes what is seen along a ray, or a point.
     pub fn probe(&mut self, aim: Aim) {
         let Some(document) = &self.document else { return };
+        let light = document.light().light;
+        self.probed_light = Some(light);
         let other = self.split.share.map(|_| &document.other).filter(|other| **other != document.method);
         let methods = std::iter::once(&document.method).chain(other).cloned();
         self.push(Job::Probe(ProbeRequest {
             aim,
             tf: Arc::clone(&document.tf),
-            light: document.scene.light,
+            light,
             ambient: document.scene.ambient,
             // A setting that is being typed has no answer.
             methods: methods.filter(|m| m.method().is_ok()).collect(),
@@ -410,10 +415,9 @@ impl Model {
         }
         // The probe's curves follow once the hand rests.
         if let Some(point) = self.probe.as_ref().map(|p| p.point).filter(|_| self.settled) {
-            let differs = |(a, b): (&Subject, &Subject)| {
-                a.tf != b.tf || a.methods != b.methods || a.scene.light != b.scene.light
-            };
-            if self.probed.as_ref().zip(self.asked.as_ref()).is_some_and(differs) {
+            let differs = |(a, b): (&Subject, &Subject)| a.tf != b.tf || a.methods != b.methods;
+            let elsewhere = self.probed_light != Some(document.light().light);
+            if self.probed.as_ref().zip(self.asked.as_ref()).is_some_and(|both| elsewhere || differs(both)) {
                 self.probe(Aim::Point(point));
             }
             self.probed.clone_from(&self.asked);

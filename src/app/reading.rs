@@ -4,7 +4,7 @@ use super::method_choice::MethodChoice;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::{self, DEFAULT_SHADOW, Loaded, Remark, SceneSettings, VolumeSpec};
-use crate::scene::{Light, Scene};
+use crate::scene::{Light, LightSource, Scene};
 use crate::transfer::TransferFunction;
 use crate::volume::{Histogram, Volume};
 use std::sync::Arc;
@@ -128,7 +128,7 @@ fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Lo
         With::Scene(old) => {
             let settings = SceneSettings::of_volume(&spec);
             let Loaded { volume, tf, tf_source, scene, remarks } = settings.load(loading)?;
-            let scene = Scene { camera: scene.camera, light: as_direction(&old, &scene), ..*old };
+            let scene = Scene { camera: scene.camera, lights: as_directions(&old, &scene), ..*old };
             (volume, texts(remarks), Some(Beginning { tf, tf_source, scene, method, transparent: None }))
         }
     };
@@ -141,9 +141,10 @@ fn texts(remarks: Vec<Remark>) -> Vec<String> {
 }
 
 /// A light at infinity suits any volume; a point light is somewhere in the old one.
-fn as_direction(scene: &Scene, framed: &Scene) -> Light {
-    match scene.light {
-        light @ Light::Directional { .. } => light,
-        Light::Point { .. } => framed.light,
-    }
+fn as_directions(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
+    let suited = |source: &LightSource| match source.light {
+        Light::Directional { .. } => *source,
+        Light::Point { .. } => LightSource { light: framed.light(), ..*source },
+    };
+    scene.lights.iter().map(suited).collect()
 }

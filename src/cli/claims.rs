@@ -64,6 +64,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let given = given_scenes(&args.scene)?;
     // A mistake in the last file is not to be found minutes later.
     for (name, settings) in &given {
+        settings.one_light("claims").map_err(|e| e.at(name))?;
         settings.load(&Loading::default()).map_err(|e| e.at(name))?;
     }
     let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));

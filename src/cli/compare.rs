@@ -53,6 +53,9 @@ pub struct CompareArgs {
     /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on
     #[arg(long)]
     pub ablate: bool,
+    /// Measure each light of a scene with several besides alone, as a scene of its own
+    #[arg(long)]
+    pub each_light: bool,
     /// Measure only the rows of one of N parts of the table, I from 1 to N; `umbravox merge` puts the parts together
     #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with_all = ["ablate", "budget"])]
     pub shard: Option<Shard>,
@@ -151,7 +154,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     if scenes.iter().any(|s| s.shadow.is_some()) {
         say("note", &"--shadow is not used by compare; --methods is");
     }
-    let (asked, first) = read_all(scenes, &paths)?;
+    let (asked, first) = read_all(scenes, &paths, args.each_light)?;
     let renderer = Arc::new(Renderer::new(Gpu::open(adapter.as_deref())?));
     let records = asked.iter().map(|a| a.record.clone()).collect();
     let facts = Facts::of(renderer.gpu());
@@ -265,17 +268,32 @@ fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
 
 /// Reads every scene before anything is done: a mistake in the last is not found hours later. Gives what is recorded of
 /// them, and the first one itself.
-fn read_all(scenes: Vec<SceneSettings>, paths: &[PathBuf]) -> Result<(Vec<Asked>, Loaded)> {
+fn read_all(scenes: Vec<SceneSettings>, paths: &[PathBuf], each_light: bool) -> Result<(Vec<Asked>, Loaded)> {
     let (mut asked, mut names, mut first) = (Vec::new(), Vec::new(), None);
-    let several = scenes.len() > 1;
+    let several = scenes.len() > 1 || each_light;
     for (i, settings) in scenes.into_iter().enumerate() {
         let loaded = load(&settings)?;
         let of_file = || paths.get(i).map(|path| stem(path));
         let name = settings.name.clone().or_else(of_file);
         let name = unused_name(name.unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf)), &names);
-        asked.push(recorded(settings, &loaded, &name, several)?);
-        names.push(name);
+        names.push(name.clone());
+        asked.push(recorded(settings.clone(), &loaded, &name, several)?);
+        for (light, source) in loaded.scene.lights_apart().into_iter().filter(|_| each_light) {
+            let name = unused_name(format!("{name} light {light}"), &names);
+            let alone = SceneSettings { light: Some(vec![source]), ..settings.clone() };
+            let mut alone = recorded(alone, &loaded, &name, several)?;
+            alone.record.light = Some(light);
+            names.push(name);
+            asked.push(alone);
+        }
         first.get_or_insert(loaded);
+    }
+    if each_light && asked.iter().all(|a| a.record.light.is_none()) {
+        return Err(Error::input(
+            "bad command line",
+            "--each-light",
+            "no scene has several lights that shine",
+        ));
     }
     let none = || Error::input("bad command line", "--scene", "no scene");
     Ok((asked, first.ok_or_else(none)?))
@@ -302,6 +320,7 @@ fn recorded(settings: SceneSettings, loaded: &Loaded, name: &str, several: bool)
         tf_file,
         tf_sha256: sha256(loaded.tf.to_json().as_bytes()),
         size: [loaded.scene.width, loaded.scene.height],
+        light: None,
     };
     Ok(Asked { settings, record, tf_text })
 }

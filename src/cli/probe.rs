@@ -56,6 +56,7 @@ pub struct What {
 /// Bad input, or a failure of the device.
 pub fn run(args: ProbeArgs) -> Result<()> {
     let settings = args.scene.into_settings()?;
+    settings.one_light("probe")?;
     if let Some(point_mm) = args.what.curve {
         if args.header {
             let why = "what --curve prints is CSV, which has a header";
@@ -84,11 +85,11 @@ pub fn run(args: ProbeArgs) -> Result<()> {
         let Loaded { volume, tf, scene, .. } = load(&settings)?;
         let exact = {
             let field = ExactField::new(&volume, &tf);
-            let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light);
+            let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light());
             points.par_iter().map(to_light).collect::<Vec<_>>()
         };
         let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?;
-        let shadow = session.shadow(method.as_ref(), scene.light)?;
+        let shadow = session.shadow(method.as_ref(), scene.light())?;
         let found = session.query(&shadow, &points)?;
         let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));
         print_result(&(header(args.header, "T_method T_exact") + &lines.collect::<String>()))?;

@@ -54,14 +54,14 @@ pub fn run(
     let methods = parse_list(list).map_err(|e| e.at(flag))?;
     let destination = destination(output)?;
     let Loaded { volume, tf, scene, .. } = load(settings)?;
-    let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light, point_mm)
+    let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
     let volume = Arc::new(volume);
     let session = Session::open(settings.adapter.as_deref(), Arc::clone(&volume), &tf, settings.forced())?;
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());
     for method in &methods {
-        let shadow = session.shadow(method.as_ref(), scene.light)?;
+        let shadow = session.shadow(method.as_ref(), scene.light())?;
         found.push(MethodCurve {
             method: method.name().into(),
             params: method.params(),
@@ -69,7 +69,7 @@ pub fn run(
             transmittance: session.query(&shadow, &points)?,
         });
     }
-    let about = format!("{}; light {}", scene_name(&volume, &tf), scene.light.text());
+    let about = format!("{}; light {}", scene_name(&volume, &tf), scene.light().text());
     let file = |ending: &str| match ending {
         "svg" => Ok(curve_svg(&curve, &found, &about).into_bytes()),
         "png" => curve_png(&curve, &found, &about),

@@ -8,8 +8,8 @@ use crate::gpu::Clock;
 use crate::measure::facts::REVISION;
 use crate::open::{DEFAULT_SHADOW, Loaded, SceneArgs};
 use crate::render::{Omission, Picture, Session};
-use crate::scene::Scene;
-use crate::shadow::{Method, NoShadows, ShadowMap};
+use crate::scene::{LightSource, Scene};
+use crate::shadow::{Bound, BuildReport, Method, NoShadows, ShadowMap};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -39,8 +39,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
     whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
     let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?;
     let method = needed_method(&session, &scene, method);
-    let shadow = session.shadow_of(method.as_ref(), &scene)?;
-    let picture = session.render(&shadow, &scene)?;
+    let shadows = session.shadows_of(method.as_ref(), &scene)?;
+    let picture = session.render(&shadows, &scene)?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     let texts = [
         ("Software", format!("umbravox {}, revision {REVISION}", env!("CARGO_PKG_VERSION"))),
@@ -49,7 +49,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     ];
     let texts = texts.map(|(key, text)| (key.to_owned(), text));
     write_picture_with(&args.output, &picture.pixels, backdrop, &texts)?;
-    let summary = Summary::of(&args.output, &session, method.as_ref(), &shadow, &picture);
+    let summary = Summary::of(&args.output, &session, method.as_ref(), (&shadows, &scene), &picture);
     if settings.explain {
         summary.explain();
     }
@@ -88,7 +88,16 @@ struct Summary {
     pool_growths: u32,
     bound: Option<f64>,
     bound_depth_mm: Option<f64>,
+    lights: Vec<Lit>,
     left_out: Vec<Omission>,
+}
+
+/// What one light that shines has cost.
+#[derive(Debug, serde::Serialize)]
+struct Lit {
+    light: LightSource,
+    build_ms: f64,
+    bytes: u64,
 }
 
 impl Summary {
@@ -96,10 +105,11 @@ impl Summary {
         output: &Path,
         session: &Session,
         method: &dyn Method,
-        shadow: &ShadowMap,
+        (shadows, scene): (&[ShadowMap], &Scene),
         picture: &Picture,
     ) -> Self {
         let (frame_ms, clock) = picture.span.best();
+        let (report, bound) = (BuildReport::of_all(shadows), Bound::of_all(shadows));
         Self {
             output: output.display().to_string(),
             adapter: session.renderer.gpu().info.name.clone(),
@@ -108,17 +118,18 @@ impl Summary {
             table_ms: session.transfer.table_ms,
             march_table_ms: session.transfer.march_table().map(|t| t.table_ms),
             classify_ms: session.transfer.classify_ms,
-            build_ms: shadow.report.build_ms(),
+            build_ms: report.build_ms(),
             frame_ms,
             frame_wall_ms: picture.span.wall_ms,
             clock,
-            bytes: shadow.report.bytes,
-            nodes_total: shadow.report.nodes_total,
-            nodes_max: shadow.report.nodes_max,
-            texels_hit: shadow.report.texels_hit,
-            pool_growths: shadow.report.pool_growths,
-            bound: shadow.bound.map(|b| b.transmittance),
-            bound_depth_mm: shadow.bound.map(|b| b.depth_mm),
+            bytes: report.bytes,
+            nodes_total: report.nodes_total,
+            nodes_max: report.nodes_max,
+            texels_hit: report.texels_hit,
+            pool_growths: report.pool_growths,
+            bound: bound.map(|b| b.transmittance),
+            bound_depth_mm: bound.map(|b| b.depth_mm),
+            lights: scene.shining().into_iter().zip(shadows).map(Lit::of).collect(),
             left_out: picture.plan.left_out.clone(),
         }
     }
@@ -131,7 +142,18 @@ impl Summary {
         say(format!("{tables}, bricks classified in {:.1} ms", self.classify_ms));
         let built = format!("{:.1} ms, {:.2} MB", self.build_ms, self.bytes as f64 * 1e-6);
         say(format!("shadow method {} {}: {built}", self.method, self.params));
+        if self.lights.len() > 1 {
+            for Lit { light, build_ms, bytes } in &self.lights {
+                say(format!("light {}: {build_ms:.1} ms, {:.2} MB", light.text(), *bytes as f64 * 1e-6));
+            }
+        }
         say(format!("ray cast {:.1} ms", self.frame_ms));
         self.left_out.iter().for_each(|o| say(o.to_string()));
+    }
+}
+
+impl Lit {
+    fn of((light, shadow): (LightSource, &ShadowMap)) -> Self {
+        Self { light, build_ms: shadow.report.build_ms(), bytes: shadow.report.bytes }
     }
 }

@@ -1,8 +1,9 @@
-//! The exact picture, for small sizes: `C = ∫ T_eye sigma c (ambient + (1 - ambient) T_light f) dt + T_eye background`
-//! along each pixel's ray, with an exact shadow ray and the shading factor `f` at every node of an adaptive rule.
+//! The exact picture, for small sizes: `C = ∫ T_eye sigma c (ambient + (1 - ambient) sum_i L_i T_i f_i) dt + T_eye background`
+//! along each pixel's ray, with exact shadow rays and the shading factors `f_i` at every node of an adaptive rule.
 
 use super::ExactField;
 use crate::scene::Scene;
+use glam::DVec3;
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -72,6 +73,22 @@ impl ExactField<'_> {
             .reduce(|| 0.0, f64::max)
     }
 
+    /// What a point (world mm) gets of light in each channel, seen along the unit `sight`: ambient light and that of the
+    /// scene's lights.
+    fn lit(&self, scene: &Scene, x: DVec3, sight: DVec3) -> [f64; 3] {
+        if scene.ambient >= 1.0 {
+            return [1.0; 3];
+        }
+        let mut lit = [scene.ambient; 3];
+        for source in scene.lights.iter().filter(|source| source.shines()) {
+            let factor = self.shading_factor(x, sight, &source.light, scene.shading);
+            let share = (1.0 - scene.ambient) * factor * self.transmittance_to_light(x, &source.light);
+            let radiance = source.radiance();
+            (0..3).for_each(|c| lit[c] += share * radiance[c]);
+        }
+        lit
+    }
+
     /// Linear RGB and opacity through the centre of one pixel.
     fn pixel(&self, scene: &Scene, column: f64, row: f64, rule: Rule) -> [f64; 4] {
         let eye = scene.camera.eye;
@@ -83,13 +100,9 @@ impl ExactField<'_> {
             let tau = (-(-w).ln_1p()).min(curve.total());
             let Some(found) = curve.find(tau) else { return [0.0; 3] };
             let x = eye + direction * found.depth_mm;
-            let lit = if scene.ambient < 1.0 {
-                let factor = self.shading_factor(x, direction, &scene.light, scene.shading);
-                scene.ambient + (1.0 - scene.ambient) * factor * self.transmittance_to_light(x, &scene.light)
-            } else {
-                1.0
-            };
-            self.transfer_function.color(found.value).map(|c| c * lit)
+            let lit = self.lit(scene, x, direction);
+            let color = self.transfer_function.color(found.value);
+            std::array::from_fn(|c| color[c] * lit[c])
         };
         let color = if opacity > 0.0 { integrate(light_at, opacity, rule) } else { [0.0; 3] };
         let [r, g, b] = std::array::from_fn(|c| color[c] + (1.0 - opacity) * scene.background[c]);

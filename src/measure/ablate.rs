@@ -6,7 +6,7 @@ use super::stats::{Spread, image_difference};
 use super::timing::{StageTimes, Timing, Turns, clock_name, interleave};
 use crate::error::{Error, Result};
 use crate::render::{Forced, Omission, Omittable, Picture, View};
-use crate::shadow::{Method, NoShadows};
+use crate::shadow::{BuildReport, Method, NoShadows};
 use serde::Serialize;
 use std::cell::RefCell;
 use std::time::Instant;
@@ -176,11 +176,11 @@ fn run(job: &Job, method: &dyn Method, forced: Forced) -> Result<Run> {
     let start = Instant::now();
     let method = if needed { method } else { &NoShadows };
     let view = View::of(job.scene);
-    let shadow = renderer.shadow_in(loaded, &transfer, method, job.scene.light, Some(&view))?;
+    let shadows = renderer.shadows_in(loaded, &transfer, method, job.scene, Some(&view))?;
     let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
-    let picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
+    let picture = renderer.render(loaded, &transfer, &shadows, job.scene)?;
     let march = transfer.march_table();
-    let report = &shadow.report;
+    let report = BuildReport::of_all(&shadows);
     Ok(Run {
         tables_ms: transfer.table_ms + transfer.classify_ms + march.map_or(0.0, |t| t.table_ms),
         times: StageTimes {

@@ -44,9 +44,17 @@ impl Check {
     pub fn ok(&self) -> bool {
         self.max <= self.tolerance
     }
+
+    /// Both as one: all texels, and the figures of the one that comes nearest to its tolerance or strays furthest beyond.
+    #[must_use]
+    pub fn merge(self, other: Self) -> Self {
+        let share = |c: &Self| c.max / c.tolerance;
+        let worse = if share(&other) > share(&self) { other } else { self };
+        Self { texels: self.texels + other.texels, ..worse }
+    }
 }
 
-/// Holds a built map against its own by cells; `None` where its rays were marched by cells, or not at all, or where none
+/// Holds a built map of a scene's first light against its own by cells; `None` where its rays were marched by cells, or not at all, or where none
 /// of the texels drawn meets any extinction, or two maps of the method may be apart by any amount.
 ///
 /// # Errors
@@ -58,7 +66,7 @@ pub fn check(
     scene: &Scene,
 ) -> Result<Option<Check>> {
     let Some(cells) = method.by_cells() else { return Ok(None) };
-    let by_cells = session.shadow_of(cells.as_ref(), scene)?;
+    let by_cells = session.shadow_of(cells.as_ref(), scene, scene.light())?;
     let space = &shadow.light_space;
     let depth_mm = space.step_mm;
     let [near, far] = space.z_range;

@@ -3,9 +3,8 @@
 use super::stats::ErrorStats;
 use crate::error::Result;
 use crate::exact::ExactField;
-use crate::render::{DeviceTransfer, LoadedVolume, Renderer};
+use crate::render::{DeviceTransfer, LightMaps, LoadedVolume, Renderer};
 use crate::scene::Scene;
-use crate::shadow::ShadowMap;
 use glam::DVec3;
 use ndarray::{Array2, Array3, Axis, concatenate};
 use rayon::prelude::*;
@@ -19,7 +18,7 @@ const BAND_MS: f64 = 25.0;
 /// What is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
-    /// Transmittance from the light to the point that half of a pixel's opacity lies in front of.
+    /// Transmittance from the scene's first light to the point that half of a pixel's opacity lies in front of.
     Light,
     /// The picture: of its three channels (linear RGB) the one that is farthest off.
     Picture,
@@ -65,7 +64,7 @@ impl ExactView {
         quantity: Quantity,
         go_on: impl Fn() -> bool,
     ) -> Option<Self> {
-        let scene = scene.clone();
+        let (scene, light) = (scene.clone(), scene.light());
         let mut seen = Vec::new();
         let mut rows_done: Vec<Array3<f32>> = Vec::new();
         for first in (0..scene.height).step_by(ROWS_AT_ONCE as usize) {
@@ -80,7 +79,7 @@ impl ExactView {
                     let lit = (first_pixel..).zip(found).collect::<Vec<_>>().into_par_iter();
                     seen.par_extend(lit.filter_map(|(pixel, point)| {
                         let point = point?;
-                        let exact = field.transmittance_to_light(point.position, &scene.light);
+                        let exact = field.transmittance_to_light(point.position, &light);
                         Some((pixel, point, exact))
                     }));
                 }
@@ -104,24 +103,26 @@ impl ExactView {
         Some(Self { scene, answer })
     }
 
-    /// A method's errors; `shadow` is for this scene's light. `None` where `go_on`, which is asked now and then, ended it.
+    /// A method's errors; `shadows` are of this scene's lights, in their order. `None` where `go_on`, which is asked now and then, ended it.
     ///
     /// # Errors
     /// A lost device.
-    pub fn errors(
+    pub fn errors<'a>(
         &self,
         renderer: &Renderer,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
-        shadow: &ShadowMap,
+        shadows: impl Into<LightMaps<'a>>,
         go_on: impl Fn() -> bool,
     ) -> Result<Option<ErrorMap>> {
+        let shadows = shadows.into();
         let (width, height) = (self.scene.width as usize, self.scene.height as usize);
         let mut errors = Array2::from_elem((height, width), f32::NAN);
         let known = |error: f64| if error.is_nan() { f64::INFINITY } else { error };
         let mut weighted = Vec::new();
         match &self.answer {
             Answer::Light { pixels, points_mm, weights, exact } => {
+                let Some(shadow) = shadows.maps().first() else { return Ok(None) };
                 let mut values = Vec::with_capacity(points_mm.len());
                 for some in points_mm.chunks(POINTS_AT_ONCE) {
                     if !go_on() {
@@ -137,7 +138,7 @@ impl ExactView {
             }
             Answer::Picture(exact) => {
                 let drawn =
-                    renderer.render_in_bands(loaded, transfer, shadow, &self.scene, BAND_MS, |_| go_on())?;
+                    renderer.render_in_bands(loaded, transfer, shadows, &self.scene, BAND_MS, |_| go_on())?;
                 let Some(picture) = drawn.map(|drawn| drawn.pixels) else { return Ok(None) };
                 for (((row, column), error), exact) in errors.indexed_iter_mut().zip(exact.lanes(Axis(2))) {
                     let off = |c: usize| known(f64::from(picture[[row, column, c]]) - f64::from(exact[c]));

@@ -6,9 +6,9 @@ use super::nearby::Nearby;
 use super::rays::pick_texels;
 use super::stats::ErrorStats;
 use crate::error::Result;
-use crate::exact::{ExactField, OpticalDepthCurve};
+use crate::exact::{ExactField, OpticalDepthCurve, SeenPoint};
 use crate::render::Session;
-use crate::scene::{Light, Scene};
+use crate::scene::{Light, LightSource, Scene};
 use crate::shadow::{LightSpace, ShadowMap, Taps};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -30,10 +30,13 @@ pub struct SeenReference {
 }
 
 impl SeenReference {
-    /// About `count` points; fewer, or none, where the camera sees little.
+    /// About `count` points, under a scene's first light; fewer, or none, where the camera sees little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
-        let seen = field.seen_points(scene, count, SEED);
-        let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light);
+        Self::of(field, &field.seen_points(scene, count, SEED), scene.light())
+    }
+
+    fn of(field: &ExactField, seen: &[SeenPoint], light: Light) -> Self {
+        let to_light = |p: &DVec3| field.transmittance_to_light(*p, &light);
         let points_mm: Vec<_> = seen.iter().map(|p| p.position).collect();
         let exact = points_mm.par_iter().map(to_light).collect();
         Self { points_mm, weights: seen.iter().map(|p| p.weight).collect(), exact }
@@ -69,9 +72,53 @@ impl SeenReference {
     /// # Errors
     /// A lost device.
     pub fn errors(&self, session: &Session, shadow: &ShadowMap) -> Result<Option<ErrorStats>> {
+        ErrorStats::of(self.weighted(session, shadow)?)
+    }
+
+    /// Errors with their weights.
+    fn weighted(&self, session: &Session, shadow: &ShadowMap) -> Result<Vec<(f64, f64)>> {
         let values = session.query(shadow, &self.points_mm)?;
         let error = |(value, exact): (&f32, &f64)| f64::from(*value) - exact;
-        ErrorStats::of(values.iter().zip(&self.exact).map(error).zip(self.weights.iter().copied()))
+        Ok(values.iter().zip(&self.exact).map(error).zip(self.weights.iter().copied()).collect())
+    }
+}
+
+/// Points that the camera sees, shared out among the lights that shine: each part is spread over the picture as all are.
+pub struct SeenByLights(Vec<SeenReference>);
+
+impl SeenByLights {
+    /// About `count` points in all; fewer, or none, where the camera sees little.
+    pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
+        let seen = field.seen_points(scene, count, SEED);
+        let lights = scene.shining();
+        // Any stretch of the sequence that points are from is spread evenly.
+        let place = |i: usize| i * seen.len() / lights.len();
+        let part = |(i, source): (usize, &LightSource)| {
+            SeenReference::of(field, &seen[place(i)..place(i + 1)], source.light)
+        };
+        Self(lights.iter().enumerate().map(part).collect())
+    }
+
+    /// How many points there are.
+    pub fn count(&self) -> usize {
+        self.0.iter().map(SeenReference::len).sum()
+    }
+
+    /// The points of each light.
+    pub fn parts(&self) -> &[SeenReference] {
+        &self.0
+    }
+
+    /// As [`SeenReference::errors`], over all lights together, whose structures are in their order.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn errors(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Option<ErrorStats>> {
+        let mut all = Vec::with_capacity(self.count());
+        for (part, shadow) in self.0.iter().zip(shadows) {
+            all.append(&mut part.weighted(session, shadow)?);
+        }
+        ErrorStats::of(all)
     }
 }
 

@@ -4,7 +4,7 @@ use super::timing::StageTimes;
 use crate::error::Result;
 use crate::render::Session;
 use crate::scene::Scene;
-use crate::shadow::{Method, NoShadows};
+use crate::shadow::{BuildReport, Method, NoShadows};
 use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -58,7 +58,7 @@ pub struct Job<'a> {
     pub tf: &'a TransferFunction,
     /// What the volume was made from, where that is strands.
     pub strands: Option<&'a Strands>,
-    /// Camera, light, and size of the picture.
+    /// Camera, lights, and size of the picture.
     pub scene: &'a Scene,
     /// The column `scene`.
     pub scene_name: String,
@@ -76,10 +76,10 @@ impl Job<'_> {
         // Where no light can be kept from a sample, that of `none` is built.
         let needed = self.session.needs_shadows(self.scene).is_ok();
         let start = Instant::now();
-        let shadow = self.session.shadow_of(if needed { method } else { &NoShadows }, self.scene)?;
+        let shadows = self.session.shadows_of(if needed { method } else { &NoShadows }, self.scene)?;
         let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        let frame = self.session.render(&shadow, self.scene)?.span;
-        let report = &shadow.report;
+        let frame = self.session.render(&shadows, self.scene)?.span;
+        let report = BuildReport::of_all(&shadows);
         Ok(StageTimes { build_host_ms: report.host_ms, build_device: report.device, build_wall_ms, frame })
     }
 }

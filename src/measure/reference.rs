@@ -1,8 +1,9 @@
 //! What the methods of a scene are measured against, and a row as it is before it is timed: errors and a picture.
 
+use super::band::BandReport;
 use super::budget::{Budget, Trial};
-use super::check::check;
-use super::errors::{RayTest, SeenReference, texels_to_test};
+use super::check::{Check, check};
+use super::errors::{RayTest, SeenByLights, texels_to_test};
 use super::facts::Facts;
 use super::job::{Job, SLOW_FRAME_MS, name_of};
 use super::journal::Measured;
@@ -15,8 +16,8 @@ use super::timing::Timing;
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::render::{Omission, Session, View};
-use crate::scene::Scene;
-use crate::shadow::{LightSpace, Method, NoShadows, ShadowMap};
+use crate::scene::{Light, Scene};
+use crate::shadow::{Bound, BuildReport, LightSpace, Method, NoShadows, ShadowMap};
 use glam::DVec2;
 use ndarray::Array3;
 use std::time::Instant;
@@ -44,7 +45,7 @@ pub(super) struct Reference<'a> {
     job: &'a Job<'a>,
     facts: &'a Facts,
     field: &'a ExactField<'a>,
-    seen: SeenReference,
+    seen: SeenByLights,
     exact_picture: ExactPicture,
     /// Where the volume stands for strands.
     strands: Option<StrandReference>,
@@ -88,9 +89,9 @@ impl<'a> Reference<'a> {
     fn new(job: &'a Job, facts: &'a Facts, field: &'a ExactField, progress: &mut Progress) -> Result<Self> {
         let mut notes = Vec::new();
         progress.begin(Step::new(StepKind::Points, ""), "exact transmittance at points")?;
-        let seen = SeenReference::new(field, job.scene, job.effort.points);
-        if seen.len() < job.effort.points {
-            notes.push(format!("point errors are of {} points: the camera sees little", seen.len()));
+        let seen = SeenByLights::new(field, job.scene, job.effort.points);
+        if seen.count() < job.effort.points {
+            notes.push(format!("point errors are of {} points: the camera sees little", seen.count()));
         }
         progress.begin(Step::new(StepKind::ExactPicture, ""), "exact picture")?;
         let small = small_scene(job.scene);
@@ -157,28 +158,29 @@ impl<'a> Reference<'a> {
         let build = || {
             // The small picture, whose sides are rounded, may be a little wider.
             let view = View::of(job.scene).holding(&self.exact_picture.scene);
-            renderer.shadow_in(loaded, &transfer, used, job.scene.light, Some(&view))
+            renderer.shadows_in(loaded, &transfer, used, job.scene, Some(&view))
         };
         let start = Instant::now();
-        let mut shadow = build()?;
+        let mut shadows = build()?;
         let build_first_ms = start.elapsed().as_secs_f64() * 1e3;
-        if shadow.report.guessed {
+        if BuildReport::of_all(&shadows).guessed {
             // The row is about what a moved light finds.
-            shadow = build()?;
+            shadows = build()?;
         }
-        let marched = transfer.march_table().is_some() || shadow.lookup.as_ref().is_some_and(|l| l.marches());
+        let marches = |map: &ShadowMap| map.lookup.as_ref().is_some_and(|l| l.marches());
+        let marched = transfer.march_table().is_some() || shadows.iter().any(marches);
         if marched {
             // Timed runs use the session's own tables, which must not be made in the first of them.
             job.session.transfer.make_march_table(renderer.gpu())?;
         }
         let march_table_ms = self.march_table_ms.filter(|_| marched).unwrap_or_default();
         progress.check(&format!("{name}: drawing"))?;
-        let mut picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
+        let mut picture = renderer.render(loaded, &transfer, &shadows, job.scene)?;
         if picture.span.best().0 > SLOW_FRAME_MS {
             // Drivers compile as late as the first use, and a busy machine takes seconds for it.
-            picture = renderer.render(loaded, &transfer, &shadow, job.scene)?;
+            picture = renderer.render(loaded, &transfer, &shadows, job.scene)?;
         }
-        let report = &shadow.report;
+        let report = BuildReport::of_all(&shadows);
         let mut left_out = picture.plan.left_out;
         if let (Err(why), true) = (needed, method.has_map()) {
             left_out.insert(
@@ -188,7 +190,11 @@ impl<'a> Reference<'a> {
         }
         let mut row = Row {
             build_first_ms: Some(build_first_ms),
-            map: (needed.is_ok() && method.has_map()).then_some(shadow.light_space.map_size),
+            map: shadows
+                .iter()
+                .map(|map| map.light_space.map_size)
+                .max()
+                .filter(|_| needed.is_ok() && method.has_map()),
             bytes: Some(report.bytes),
             bytes_used: Some(report.bytes_used),
             nodes_total: report.nodes_total,
@@ -203,8 +209,8 @@ impl<'a> Reference<'a> {
         }
         let exact = &self.exact_picture;
         let kernels = renderer.kernels();
-        let (drawn, picture_work) = kernels.counting_work(|| job.session.render(&shadow, &exact.scene))?;
-        let (_, build_work) = kernels.counting_work(|| job.session.shadow_of(used, job.scene))?;
+        let (drawn, picture_work) = kernels.counting_work(|| job.session.render(&shadows, &exact.scene))?;
+        let (_, build_work) = kernels.counting_work(|| job.session.shadows_of(used, job.scene))?;
         let pixels = u64::from(exact.scene.width) * u64::from(exact.scene.height);
         row.set_work((build_work, report.texels_built()), (picture_work, pixels));
         row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);
@@ -214,15 +220,20 @@ impl<'a> Reference<'a> {
         let mut notes = self.notes.clone();
         // A structure that was not built has no errors of its own.
         if needed.is_ok() {
-            if let Some(stats) = self.seen.errors(job.session, &shadow)? {
+            if let Some(stats) = self.seen.errors(job.session, &shadows)? {
                 row.set_point_errors(&stats);
             }
-            if let Some(strands) = &self.strands {
-                row.strand_err_rms = strands.rms(job.session, &shadow)?;
+            if let (Some(strands), [shadow]) = (&self.strands, &shadows[..]) {
+                row.strand_err_rms = strands.rms(job.session, shadow)?;
             }
             progress.check(&format!("{name}: errors on light rays"))?;
-            notes.extend(self.measure_rays(method, &shadow, &mut row)?);
-            if let Some(check) = check(job.session, method, &shadow, job.scene)? {
+            notes.extend(self.measure_rays(method, &shadows, &mut row)?);
+            let mut checked = None;
+            for (source, shadow) in job.scene.shining().iter().zip(&shadows) {
+                let own = check(job.session, method, shadow, &job.scene.under(*source))?;
+                checked = checked.zip(own).map_or(checked.or(own), |(a, b): (Check, Check)| Some(a.merge(b)));
+            }
+            if let Some(check) = checked {
                 row.set_check(&check);
             }
         }
@@ -234,12 +245,12 @@ impl<'a> Reference<'a> {
     /// it is.
     pub fn trial(&self, method: &dyn Method, budgets: &[Budget], mut trial: Trial) -> Result<Trial> {
         let job = self.job;
-        let mut shadow = job.session.shadow_of(method, job.scene)?;
-        if shadow.report.guessed {
-            shadow = job.session.shadow_of(method, job.scene)?;
+        let mut shadows = job.session.shadows_of(method, job.scene)?;
+        if BuildReport::of_all(&shadows).guessed {
+            shadows = job.session.shadows_of(method, job.scene)?;
         }
-        trial.bytes = Some(shadow.report.bytes);
-        let drawn = job.session.render(&shadow, &self.exact_picture.scene)?;
+        trial.bytes = Some(BuildReport::of_all(&shadows).bytes);
+        let drawn = job.session.render(&shadows, &self.exact_picture.scene)?;
         let largest_ms =
             budgets.iter().filter(|b| matches!(b, Budget::Ms(_))).map(Budget::amount).reduce(f64::max);
         if let Some(largest_ms) = largest_ms {
@@ -255,22 +266,42 @@ impl<'a> Reference<'a> {
             }
         }
         if budgets.iter().any(|b| trial.need(*b).is_some_and(|need| need <= b.amount())) {
-            trial.point_err_rms = self.seen.errors(job.session, &shadow)?.map(|stats| stats.rms);
+            trial.point_err_rms = self.seen.errors(job.session, &shadows)?.map(|stats| stats.rms);
             trial.image_rmse = Some(image_error(drawn.pixels.view(), self.exact_picture.pixels.view())?.rmse);
         }
         Ok(trial)
     }
 
-    /// Fills what is measured along light rays; says where a promise is not kept.
+    /// Fills what is measured along the rays of all lights, whose structures are in their order; says where a promise is
+    /// not kept.
     fn measure_rays(
         &mut self,
         method: &dyn Method,
-        shadow: &ShadowMap,
+        shadows: &[ShadowMap],
         row: &mut Row,
-    ) -> Result<Option<String>> {
+    ) -> Result<Vec<String>> {
+        let (mut all, mut notes) = (BandReport::default(), Vec::new());
+        for (source, shadow) in self.job.scene.shining().iter().zip(shadows) {
+            // Together they are as many rays as one light's.
+            let count = self.job.effort.rays.div_ceil(shadows.len());
+            let (report, note) = self.measure_rays_of(method, (source.light, shadow), count)?;
+            all = all.merge(report);
+            notes.extend(note);
+        }
+        row.set_ray_errors(&all, Bound::of_all(shadows));
+        Ok(notes)
+    }
+
+    /// The same of one light and so many rays.
+    fn measure_rays_of(
+        &mut self,
+        method: &dyn Method,
+        (light, shadow): (Light, &ShadowMap),
+        count: usize,
+    ) -> Result<(BandReport, Option<String>)> {
         let job = self.job;
         let space = &shadow.light_space;
-        let (field, light, count) = (self.field, job.scene.light, job.effort.rays);
+        let field = self.field;
         let known = self.texels.iter().position(|(known, _)| known.is_laid_out_as(space));
         let known = known.unwrap_or_else(|| {
             let side = space.map_size;
@@ -296,8 +327,7 @@ impl<'a> Reference<'a> {
             nodes_mm: &nodes,
         };
         let report = test.run(field, light, job.session, shadow)?;
-        row.set_ray_errors(&report, shadow.bound);
-        Ok(report.worst.map(|worst| {
+        let note = report.worst.map(|worst| {
             let [column, texel_row] = texels[worst.ray];
             format!(
                 "{}: the bound does not hold at {} of {} depths; worst by {:.6} in texel ({column}, {texel_row}) \
@@ -310,7 +340,8 @@ impl<'a> Reference<'a> {
                 worst.t_method,
                 worst.t_exact
             )
-        }))
+        });
+        Ok((report, note))
     }
 }
 

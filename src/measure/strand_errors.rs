@@ -5,7 +5,7 @@
 //! wide as a voxel, through the cylinders ([`cylinders`](super::cylinders)).
 
 use super::cylinders::beam_halves;
-use super::errors::SeenReference;
+use super::errors::SeenByLights;
 use super::job::Job;
 use super::stats::ErrorStats;
 use crate::error::Result;
@@ -38,8 +38,11 @@ impl StrandReference {
     ///
     /// # Errors
     /// Why there is no such truth for this scene, in a few words.
-    pub fn new(strands: &Strands, job: &Job, seen: &SeenReference) -> Result<Self, &'static str> {
-        let Light::Directional { toward } = job.scene.light else {
+    pub fn new(strands: &Strands, job: &Job, seen: &SeenByLights) -> Result<Self, &'static str> {
+        let [seen] = seen.parts() else {
+            return Err("beams are of one light, and there are several");
+        };
+        let Light::Directional { toward } = job.scene.light() else {
             return Err("beams are parallel, and the light is at a point");
         };
         if !leaves_extinction(job.tf, job.volume) {

@@ -92,9 +92,16 @@ impl TryFrom<Table> for SceneSettings {
             match value {
                 Value::Boolean(on) if is_switch => flags.extend(on.then(|| format!("--{key}"))),
                 _ if is_switch => return Err(Error::input(WHAT, key, "expected true or false")),
+                // A flag that may be given more than once has a list of texts, too.
+                Value::Array(items) if texts_for(argument, items) => {
+                    flags
+                        .extend(items.iter().filter_map(Value::as_str).map(|text| format!("--{key}={text}")));
+                }
                 _ => {
                     let text = text_of(value).ok_or_else(|| {
-                        Error::input(WHAT, key, "expected a string, a number or an array of numbers")
+                        let list =
+                            if is_list(argument) { " of numbers, or of strings" } else { " of numbers" };
+                        Error::input(WHAT, key, format!("expected a string, a number or an array{list}"))
                     })?;
                     match argument.is_some_and(clap::Arg::is_positional) {
                         true => positional.extend(["--".into(), text]),
@@ -111,6 +118,16 @@ impl TryFrom<Table> for SceneSettings {
             Error { hint, ..Error::input(WHAT, key, why) }
         })
     }
+}
+
+/// Whether a flag may be given more than once.
+fn is_list(argument: Option<&clap::Arg>) -> bool {
+    argument.is_some_and(|a| matches!(a.get_action(), ArgAction::Append))
+}
+
+/// Whether these are the texts of a flag that may be given more than once.
+fn texts_for(argument: Option<&clap::Arg>, items: &[Value]) -> bool {
+    is_list(argument) && !items.is_empty() && items.iter().all(Value::is_str)
 }
 
 /// A value as it would stand on the command line.

@@ -1,12 +1,13 @@
 //! One description of a scene: command line, scene file and the window's document are views of [`SceneSettings`].
 
+use super::lights::one_or_list;
 use super::presets::{self, PRESETS, ResolvedTransferFunction};
 use super::values::{self, Background, Size};
 use super::{ReadFlags, VolumeSpec, load_with};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::render::Forced;
-use crate::scene::{Camera, Light, Scene, Shading, Skip};
+use crate::scene::{Camera, LightSource, Scene, Shading, Skip};
 use crate::shadow::{self, METHODS, Method};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -65,9 +66,11 @@ pub struct SceneSettings {
     /// Vertical field of view, degrees [default: 40]
     #[arg(long, value_name = "DEG", value_parser = values::fov_deg, allow_hyphen_values = true, help_heading = "Scene")]
     pub fov: Option<f64>,
-    /// The light: dir:x,y,z towards one at infinity, or point:x,y,z in world mm [default: dir:0.5,0.5,0.7071]
+    /// A light, once or for each of several: dir:x,y,z towards one at infinity, or point:x,y,z in world mm, and behind it
+    /// ,color=#rrggbb (sRGB, white) and ,intensity=F (1) [default: dir:0.5,0.5,0.7071]
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
-    pub light: Option<Light>,
+    #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
+    pub light: Option<Vec<LightSource>>,
     /// Share of the light that shadows do not touch, 0 to 1 [default: 0.1]
     #[arg(long, value_name = "A", value_parser = values::ambient, allow_hyphen_values = true, help_heading = "Scene")]
     pub ambient: Option<f64>,
@@ -149,7 +152,7 @@ pub struct Loaded {
     pub tf: TransferFunction,
     /// The preset or file that `tf` is.
     pub tf_source: String,
-    /// Camera, light and picture.
+    /// Camera, lights and picture.
     pub scene: Scene,
     /// What was assumed.
     pub remarks: Vec<Remark>,
@@ -193,6 +196,7 @@ impl SceneSettings {
     /// Whatever of it cannot be read or does not go together, or it was cancelled.
     pub fn load(&self, loading: &Loading) -> Result<Loaded> {
         let found = self.tf.as_deref().map(presets::find).transpose()?;
+        self.lights()?;
         let volume = load_with(&self.spec(), loading)?;
         let mut remarks: Vec<Remark> =
             volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
@@ -242,7 +246,7 @@ impl SceneSettings {
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
         Ok(Scene {
             camera: self.camera(volume, size)?,
-            light: self.light.unwrap_or(default.light),
+            lights: self.lights()?.unwrap_or(default.lights),
             ambient: self.ambient.unwrap_or(default.ambient),
             shading: self.shading.unwrap_or(default.shading),
             background: match self.background {
@@ -259,7 +263,7 @@ impl SceneSettings {
 
     /// What describes a volume and a scene, the other way than [`Self::spec`] and [`Self::scene`].
     pub fn of_scene(spec: &VolumeSpec, scene: &Scene, is_transparent: bool) -> Self {
-        let Scene { camera, light, ambient, shading, background, step, skip, width, height } = *scene;
+        let Scene { camera, ref lights, ambient, shading, background, step, skip, width, height } = *scene;
         let Camera { eye, target, up, fov_deg } = camera;
         let background = if is_transparent { Background::None } else { Background::Color(background) };
         Self {
@@ -268,7 +272,7 @@ impl SceneSettings {
             target: Some(target),
             up: Some(up),
             fov: Some(fov_deg),
-            light: Some(light),
+            light: Some(lights.clone()),
             ambient: Some(ambient),
             shading: Some(shading),
             background: Some(background),

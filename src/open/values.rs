@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::files::color;
 use crate::render::Forced;
-use crate::scene::Light;
+use crate::scene::{Light, LightSource};
 use crate::volume::RawLayout;
 use glam::DVec3;
 use serde::{Serialize, Serializer};
@@ -109,12 +109,45 @@ pub fn direction(text: &str) -> Result<DVec3, String> {
     Ok(if (v.length_squared() - 1.0).abs() < ROUNDING { v } else { v.normalize() })
 }
 
-/// `dir:x,y,z` or `point:x,y,z`.
-pub fn light(text: &str) -> Result<Light, String> {
-    match text.split_once(':') {
-        Some(("dir", v)) => Ok(Light::Directional { toward: direction(v)? }),
-        Some(("point", v)) => Ok(Light::Point { position: point(v)? }),
-        _ => Err("expected dir:x,y,z or point:x,y,z".into()),
+/// `dir:x,y,z` or `point:x,y,z`, and behind it `,color=#rrggbb` (sRGB) and `,intensity=F`, each once at most.
+pub fn light(text: &str) -> Result<LightSource, String> {
+    let (place, keys) = match text.find('=') {
+        // The key begins behind the last comma before its sign.
+        Some(sign) => text[..sign].rfind(',').map_or((text, None), |at| (&text[..at], Some(&text[at + 1..]))),
+        None => (text, None),
+    };
+    let light = match place.split_once(':') {
+        Some(("dir", v)) => Light::Directional { toward: direction(v)? },
+        Some(("point", v)) => Light::Point { position: point(v)? },
+        _ => return Err("expected dir:x,y,z or point:x,y,z".into()),
+    };
+    let (mut color, mut intensity) = (None, None);
+    for item in keys.into_iter().flat_map(|keys| keys.split(',')) {
+        let (key, value) = item.split_once('=').unwrap_or((item, ""));
+        let twice = match key.trim() {
+            "color" => color.replace(color::parse_hex(value.trim())?).is_some(),
+            "intensity" => intensity.replace(light_intensity(value)?).is_some(),
+            other => return Err(format!("`{other}` is no key of a light: there is color=, intensity=")),
+        };
+        if twice {
+            return Err(format!("`{}` is given twice", key.trim()));
+        }
+    }
+    let white = LightSource::from(light);
+    let color = color.unwrap_or(white.color);
+    Ok(LightSource { light, color, intensity: intensity.unwrap_or(white.intensity) })
+}
+
+/// The brightest that a light may be: sums of more lose what is dim beside them in 32-bit pictures.
+pub const MOST_INTENSITY: f64 = 1e6;
+
+/// An intensity, 0 or more.
+fn light_intensity(text: &str) -> Result<f64, String> {
+    let x = number(text).map_err(|why| format!("intensity: {why}"))?;
+    match (0.0..=MOST_INTENSITY).contains(&x) {
+        // A zero has one sign here.
+        true => Ok(x + 0.0),
+        false => Err(format!("intensity: it must be from 0 to {MOST_INTENSITY:e}")),
     }
 }
 
@@ -174,8 +207,16 @@ mod tests {
         assert_eq!(size("640x480"), Ok(Size { width: 640, height: 480 }));
         assert_eq!(point("-1,2.5, 3e2"), Ok(DVec3::new(-1.0, 2.5, 300.0)));
         assert_eq!(direction("0,0,-4"), Ok(-DVec3::Z));
-        assert_eq!(light("dir:0,2,0"), Ok(Light::Directional { toward: DVec3::Y }));
-        assert_eq!(light("point:0,2,0"), Ok(Light::Point { position: DVec3::Y * 2.0 }));
+        let [up, at] = [Light::Directional { toward: DVec3::Y }, Light::Point { position: DVec3::Y * 2.0 }]
+            .map(LightSource::from);
+        assert_eq!(light("dir:0,2,0"), Ok(up));
+        assert_eq!(light("point:0,2,0"), Ok(at));
+        let red = [1.0, 0.0, 0.0];
+        assert_eq!(light("dir:0,2,0,color=#ff0000"), Ok(LightSource { color: red, ..up }));
+        assert_eq!(light("point:0,2,0, intensity=0"), Ok(LightSource { intensity: 0.0, ..at }));
+        let both = Ok(LightSource { color: red, intensity: 2.5, ..at });
+        assert_eq!(light("point:0,2,0,color=#ff0000,intensity=2.5"), both);
+        assert_eq!(light("point:0,2,0,intensity=2.5,color=#ff0000"), both);
         assert_eq!(spacing_mm("1,2,0.5"), Ok([1.0, 2.0, 0.5]));
         assert_eq!(background("#ff0000"), Ok(Background::Color([1.0, 0.0, 0.0])));
         assert_eq!(background("none"), Ok(Background::None));
@@ -193,8 +234,25 @@ mod tests {
         for bad in ["0,0,0", "1e-300,0,0"] {
             assert!(direction(bad).unwrap_err().contains("length"), "{bad}");
         }
-        for bad in ["", "dir", "dir:", "dir:0,0,0", "sun:1,2,3", "1,2,3", "point:1,2"] {
+        for bad in ["", "dir", "dir:", "dir:0,0,0", "sun:1,2,3", "1,2,3", "point:1,2", "color=#ffffff"] {
             assert!(light(bad).is_err(), "{bad}");
+        }
+        for (keys, why) in [
+            ("color=red", "#rrggbb"),
+            ("color=", "#rrggbb"),
+            ("intensity=", "number"),
+            ("intensity=-1", "0 to"),
+            ("intensity=inf", "finite"),
+            ("intensity=nan", "finite"),
+            ("intensity=1e7", "0 to"),
+            ("intensity=1,intensity=1", "twice"),
+            ("color=#ffffff,intensity=2,color=#ffffff", "twice"),
+            ("colour=#ffffff", "no key"),
+            ("intensity=2,", "no key"),
+            ("intensity=2,5", "no key"),
+        ] {
+            let said = light(&format!("dir:0,0,1,{keys}")).unwrap_err();
+            assert!(said.contains(why), "{keys}: {said}");
         }
         for bad in ["0", "180", "-5", "nan", "inf", "x", "360"] {
             assert!(fov_deg(bad).is_err(), "{bad}");

@@ -1,5 +1,6 @@
 //! Pictures on the screen: encoded to sRGB into a texture of the same device, band by band, with no copy to the host.
 
+use super::lights::LightMaps;
 use super::pace::{Pace, Pacing};
 use super::shader::{CONSTANTS, picture_workgroups};
 use super::{Plan, Renderer};
@@ -7,7 +8,6 @@ use crate::error::{Error, Result};
 use crate::field::{DeviceTransfer, LoadedVolume};
 use crate::gpu::{Gpu, ShaderVariant, Slot, Span, uniform_buffer};
 use crate::scene::Scene;
-use crate::shadow::ShadowMap;
 use bytemuck::{Pod, Zeroable};
 
 /// `Band` of `shaders/render/display.wgsl`.
@@ -121,16 +121,16 @@ pub struct Screen<'a> {
 }
 
 impl Renderer {
-    /// Draws a picture of the texture's size into it, in bands of about `pace.target_ms`; `None` where `go_on` said no
+    /// Draws a picture of the texture's size into it, `shadows` being of its lights, in bands of about `pace.target_ms`; `None` where `go_on` said no
     /// after a band (the texture is then part old, part new).
     ///
     /// # Errors
     /// A picture that the adapter cannot hold, or a lost device.
-    pub fn draw_to(
+    pub fn draw_to<'a>(
         &self,
         Screen { target, pace }: Screen<'_>,
         (loaded, transfer): (&LoadedVolume, &DeviceTransfer),
-        shadow: &ShadowMap,
+        shadows: impl Into<LightMaps<'a>>,
         scene: &Scene,
         go_on: impl FnMut() -> bool,
     ) -> Result<Option<Drawn>> {
@@ -139,7 +139,10 @@ impl Renderer {
         pace.begin();
         let mut pacing = OnScreen { gpu: self.gpu(), pace, go_on, begun: false, longest_ms: 0.0 };
         let mut encoded = None;
-        let drawn = self.draw(loaded, transfer, shadow, &scene, &mut pacing, |band| {
+        let shadows = shadows.into();
+        let maps = shadows.clone();
+        let drawn = self.draw(loaded, transfer, shadows, &scene, &mut pacing, |band| {
+            let Some(map) = maps.maps().first() else { return Ok(false) };
             let size = [scene.width, band.rows];
             let uniform = BandUniform { size, first_row: band.first_row, padding: 0 };
             let uniform = uniform_buffer(self.gpu(), "band", &uniform);
@@ -148,7 +151,7 @@ impl Renderer {
                 (1, Slot::read(band.buffer.as_entire_binding())),
                 (2, Slot::store(&target.view, wgpu::TextureFormat::Rgba8Unorm)),
             ];
-            let groups = [transfer.group(), &shadow.group, &self.kernels.group("display", &stage)];
+            let groups = [transfer.group(), &map.group, &self.kernels.group("display", &stage)];
             // The next band need not wait for this one to be encoded.
             encoded = Some(self.kernels.submit(&shader, &groups, picture_workgroups(size[0], size[1]))?);
             Ok(true)

@@ -19,7 +19,7 @@ pub enum Change {
     UnusedValues,
     /// Colour alone.
     Color,
-    /// The light.
+    /// Where lights are that shine, or how many.
     Light,
     /// The shadow method or its settings.
     Method,
@@ -28,7 +28,7 @@ pub enum Change {
     /// What the camera sees, so that a map fitted to what it saw no longer serves; beside [`Self::Camera`], or where the
     /// picture's shape changes.
     View,
-    /// Ambient light, shading, background, step, skipping, picture size.
+    /// Colours and intensities of lights, ambient light, shading, background, step, skipping, picture size.
     Picture,
 }
 
@@ -69,16 +69,20 @@ impl Change {
 
     /// Everything about the picture that differs from one scene to another.
     pub fn between_scenes(old: &Scene, new: &Scene) -> Vec<Self> {
-        let rest = Scene { camera: new.camera, light: new.light, ..old.clone() };
-        [
-            (old.light != new.light, Self::Light),
-            (old.camera != new.camera, Self::Camera),
-            (rest != *new, Self::Picture),
-        ]
-        .into_iter()
-        .filter_map(|(differs, change)| differs.then_some(change))
-        .collect()
+        let moved = !places(old).eq(&places(new));
+        // Lights elsewhere are all that is said of them.
+        let lights = if moved { &new.lights } else { &old.lights };
+        let rest = Scene { camera: new.camera, lights: lights.clone(), ..old.clone() };
+        [(moved, Self::Light), (old.camera != new.camera, Self::Camera), (rest != *new, Self::Picture)]
+            .into_iter()
+            .filter_map(|(differs, change)| differs.then_some(change))
+            .collect()
     }
+}
+
+/// Where lights are that a picture needs structures for.
+fn places(scene: &Scene) -> Vec<Light> {
+    scene.shining().iter().map(|source| source.light).collect()
 }
 
 /// What a picture's preparation cost, each `None` where nothing had to be done.
@@ -141,7 +145,8 @@ struct MapKey {
     needed: bool,
 }
 
-/// Shadow maps that are kept at once: two methods side by side, each coarse and whole.
+/// Shadow maps that are kept at once for each light of the picture, and for lights that are not in it any more: two methods
+/// side by side, each coarse and whole.
 const MOST_MAPS: usize = 4;
 
 /// Tables and shadow maps of one volume.
@@ -201,24 +206,32 @@ impl Kept {
 
     /// Whether [`Self::prepare`] would build nothing: the method's structure is made, or the scene needs none.
     pub fn has(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene) -> bool {
+        self.missing(loaded, spec, scene) == 0
+    }
+
+    /// How many structures [`Self::prepare`] would build for the picture of a scene.
+    pub fn missing(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene) -> usize {
         let unneeded = |t: &DeviceTransfer| needs_shadows(scene, &loaded.volume, t).is_err();
-        self.serving(loaded, spec, scene, AskedFor::Picture).is_some()
-            || self.transfer().is_some_and(unneeded)
+        if self.transfer().is_some_and(unneeded) {
+            return 0;
+        }
+        let view = AskedFor::Picture.view(scene);
+        places(scene).into_iter().filter(|light| self.serving(loaded, spec, *light, view).is_none()).count()
     }
 
     /// [`Change::View`], where maps of the method under this light are kept, but none for what the camera sees.
     pub fn change_of_view(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene) -> Option<Change> {
-        let outgrown = self.place(spec, scene.light, true).is_some() && !self.has(loaded, spec, scene);
+        let kept = |light: &Light| self.place(spec, *light, true).is_some();
+        let outgrown = places(scene).iter().all(kept) && !self.has(loaded, spec, scene);
         outgrown.then_some(Change::View)
     }
 
     /// Where a map is kept that serves.
-    fn serving(&self, loaded: &LoadedVolume, spec: &str, scene: &Scene, asked: AskedFor) -> Option<usize> {
+    fn serving(&self, loaded: &LoadedVolume, spec: &str, light: Light, view: Option<View>) -> Option<usize> {
         let (_, transfer) = self.transfer.as_ref()?;
-        let view = asked.view(scene);
         self.maps.iter().rposition(|kept| {
             let key = &kept.key;
-            let same = key.light == scene.light && key.needed && key.method == spec;
+            let same = key.light == light && key.needed && key.method == spec;
             same && kept.serves(loaded, transfer, view)
         })
     }
@@ -230,8 +243,8 @@ impl Kept {
         })
     }
 
-    /// Builds the shadow structure of a method, which `spec` names, unless it is kept; no map at all where no light can
-    /// be kept from a sample.
+    /// Builds the shadow structures of a method, which `spec` names, for each light of a scene that shines, unless they are
+    /// kept; no map at all where no light can be kept from a sample.
     ///
     /// # Errors
     /// A structure that the adapter cannot hold.
@@ -243,37 +256,74 @@ impl Kept {
         (scene, asked): (&Scene, AskedFor),
         work: &mut Work,
     ) -> Result<()> {
+        let lights = places(scene);
+        for light in &lights {
+            self.prepare_light(renderer, loaded, (spec, method), (scene, *light, asked), work)?;
+        }
+        self.forget_beyond(&lights);
+        Ok(())
+    }
+
+    fn prepare_light(
+        &mut self,
+        renderer: &Renderer,
+        loaded: &LoadedVolume,
+        (spec, method): (&str, &dyn Method),
+        (scene, light, asked): (&Scene, Light, AskedFor),
+        work: &mut Work,
+    ) -> Result<()> {
         let Some((_, transfer)) = &self.transfer else { return Ok(()) };
         let needed = needs_shadows(scene, &loaded.volume, transfer).is_ok();
         // A map serves a scene that needs none; what was made where none was needed serves no other.
-        let kept = self.serving(loaded, spec, scene, asked);
-        if let Some(found) = kept.or_else(|| self.place(spec, scene.light, false).filter(|_| !needed)) {
+        let kept = self.serving(loaded, spec, light, asked.view(scene));
+        if let Some(found) = kept.or_else(|| self.place(spec, light, false).filter(|_| !needed)) {
             let found = self.maps.remove(found);
             self.maps.push(found);
             return Ok(());
         }
         let method = if needed { method } else { &NoShadows };
         let view = asked.view(scene).map(|view| view.with_margin(VIEW_MARGIN));
-        let map = renderer.shadow_in(loaded, transfer, method, scene.light, view.as_ref())?;
+        let map = renderer.shadow_in(loaded, transfer, method, light, view.as_ref())?;
         if needed {
             *work.build_ms.get_or_insert(0.0) += map.report.build_ms();
         }
         if !needed {
-            // One is enough, and must not drive out what took long to build.
-            self.maps.retain(|kept| kept.key.needed);
+            // One for each light is enough, and must not drive out what took long to build.
+            let lights = places(scene);
+            self.maps.retain(|kept| {
+                kept.key.needed || (lights.contains(&kept.key.light) && kept.key.light != light)
+            });
         }
-        let key = MapKey { method: spec.into(), light: scene.light, needed };
+        let key = MapKey { method: spec.into(), light, needed };
         self.maps.push(KeptMap { key, map, asked: Cell::new(None) });
-        if self.maps.len() > MOST_MAPS {
-            self.maps.remove(0);
-        }
         Ok(())
     }
 
-    /// What [`Self::prepare`] has made for these.
+    /// Lets go of the maps that were used longest ago, beyond those that are kept for these lights and for others.
+    fn forget_beyond(&mut self, lights: &[Light]) {
+        let is_other = |kept: &KeptMap| !lights.contains(&kept.key.light);
+        loop {
+            let others = self.maps.iter().filter(|kept| is_other(kept)).count();
+            // Other lights' maps make room first, and are never more than the maps of one light may be.
+            let too_many = self.maps.len() > MOST_MAPS * lights.len();
+            let first = match others > MOST_MAPS || (too_many && others > 0) {
+                true => self.maps.iter().position(is_other),
+                false => (too_many && !self.maps.is_empty()).then_some(0),
+            };
+            let Some(first) = first else { return };
+            self.maps.remove(first);
+        }
+    }
+
+    /// What [`Self::prepare`] has made for these, under one light.
     pub fn shadow(&self, spec: &str, light: Light) -> Option<&ShadowMap> {
         let named = |key: &MapKey| key.light == light && (!key.needed || key.method == spec);
         self.maps.iter().rfind(|kept| named(&kept.key)).map(|kept| &kept.map)
+    }
+
+    /// What [`Self::prepare`] has made for a scene: for each light that shines, in their order.
+    pub fn shadows(&self, spec: &str, scene: &Scene) -> Option<Vec<&ShadowMap>> {
+        places(scene).into_iter().map(|light| self.shadow(spec, light)).collect()
     }
 }
 

@@ -4,6 +4,7 @@
 mod display;
 mod eye_tiles;
 mod kept;
+mod lights;
 mod pace;
 mod picture;
 mod plan;
@@ -14,6 +15,7 @@ mod shader;
 
 pub use display::{DisplayTexture, Drawn, Screen};
 pub use kept::{AskedFor, Change, INVALIDATES, Kept, Stage, Work};
+pub use lights::LightMaps;
 pub use pace::Pace;
 pub use picture::Picture;
 pub use plan::{Omission, Plan, needs_shadows};

@@ -1,14 +1,15 @@
 //! Pictures: rays cast band by band, into host memory here and into a window's textures in [`super::display`].
 
 use super::eye_tiles::EyeTiles;
+use super::lights::{LightMaps, LightPass};
 use super::pace::{AtOnce, Pace, Pacing};
 use super::plan::plane_distance_mm;
 use super::shader::{CONSTANTS, PICTURE_SIDE};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
 use crate::field::{DeviceTransfer, FAR, LoadedVolume, grid_from_world, shape_of};
-use crate::gpu::{ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
-use crate::scene::{Scene, Shading};
+use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
+use crate::scene::{LightSource, Scene, Shading};
 use crate::shadow::ShadowMap;
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
@@ -38,6 +39,8 @@ struct FrameUniform {
     pub tiles_cast: u32,
     pub world_z: [f32; 3],
     pub padding_c: f32,
+    pub light: [f32; 3],
+    pub adds: u32,
 }
 
 /// A finished picture.
@@ -62,19 +65,20 @@ pub(crate) struct Band<'a> {
 const NOT_STARTED: f32 = -FAR;
 
 impl Renderer {
-    /// Renders one picture.
+    /// Renders one picture; `shadows` are of its lights, in their order.
     ///
     /// # Errors
-    /// A picture that the adapter cannot hold, or a lost device.
-    pub fn render(
+    /// A picture that the adapter cannot hold, shadows of another number of lights, or a lost device.
+    pub fn render<'a>(
         &self,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
-        shadow: &ShadowMap,
+        shadows: impl Into<LightMaps<'a>>,
         scene: &Scene,
     ) -> Result<Picture> {
         let broken = || Error::runtime("cannot render", "picture", "it was left unfinished");
-        self.render_with(loaded, transfer, shadow, scene, &mut AtOnce, |_| true)?.ok_or_else(broken)
+        let drawn = self.render_with(loaded, transfer, shadows.into(), scene, &mut AtOnce, |_| true)?;
+        drawn.ok_or_else(broken)
     }
 
     /// As [`Self::render`], in submissions of about `submission_ms`, so that others can draw in between; `go_on` hears the
@@ -82,30 +86,30 @@ impl Renderer {
     ///
     /// # Errors
     /// As there.
-    pub fn render_in_bands(
+    pub fn render_in_bands<'a>(
         &self,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
-        shadow: &ShadowMap,
+        shadows: impl Into<LightMaps<'a>>,
         scene: &Scene,
         submission_ms: f64,
         go_on: impl FnMut(f32) -> bool,
     ) -> Result<Option<Picture>> {
-        self.render_with(loaded, transfer, shadow, scene, &mut Pace::new(submission_ms), go_on)
+        self.render_with(loaded, transfer, shadows.into(), scene, &mut Pace::new(submission_ms), go_on)
     }
 
     fn render_with(
         &self,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
-        shadow: &ShadowMap,
+        shadows: LightMaps<'_>,
         scene: &Scene,
         pacing: &mut dyn Pacing,
         mut go_on: impl FnMut(f32) -> bool,
     ) -> Result<Option<Picture>> {
         let (width, height) = (scene.width as usize, scene.height as usize);
         let mut pixels = Vec::with_capacity(width * height * 4);
-        let drawn = self.draw(loaded, transfer, shadow, scene, pacing, |band| {
+        let drawn = self.draw(loaded, transfer, shadows, scene, pacing, |band| {
             pixels.extend(read_back::<f32>(self.gpu(), band.buffer, band.rows as usize * width * 4)?);
             Ok(go_on((band.first_row + band.rows) as f32 / height as f32))
         })?;
@@ -121,21 +125,28 @@ impl Renderer {
         &self,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
-        shadow: &ShadowMap,
+        shadows: LightMaps<'_>,
         scene: &Scene,
         pacing: &mut dyn Pacing,
         mut finished: impl FnMut(&Band<'_>) -> Result<bool>,
     ) -> Result<Option<(Plan, Span)>> {
-        if let Some(lookup) = &shadow.lookup {
+        let shadows = shadows.checked(scene)?;
+        let maps = shadows.maps();
+        for lookup in maps.iter().filter_map(|map| map.lookup.as_ref()) {
             // What the plan says of the pre-compressed table is of one that is made.
             transfer.prepared(self.gpu(), lookup.within(""))?;
         }
         let start = Instant::now();
-        let (plan, tiles) = Plan::of(scene, loaded, transfer, shadow);
+        let (plan, tiles) = Plan::of(scene, loaded, transfer, maps);
         let tiles_ms = start.elapsed().as_secs_f64() * 1e3;
-        let shader = transfer.prepared(self.gpu(), plan.raycast_shader(transfer, shadow))?;
-        let resumable = plan.resumable(shadow);
-        let caster = Caster { loaded, transfer, shadow, scene, tiles, shader, resumable };
+        let mut passes = Vec::new();
+        for LightPass { map, radiance } in LightPass::all(scene, &plan) {
+            let shadow = maps[map];
+            let shader = plan.raycast_shader(transfer, shadow, radiance.is_some());
+            let shader = transfer.prepared(self.gpu(), shader)?;
+            passes.push(Pass { shadow, radiance, shader, resumable: plan.resumable(shadow) });
+        }
+        let caster = Caster { loaded, transfer, scene, tiles, passes };
         let (width, height) = (scene.width, scene.height);
         // Large pictures are drawn in bands that the adapter can bind.
         let row_bytes = u64::from(width) * 16;
@@ -180,7 +191,8 @@ impl Renderer {
     ) -> Result<bool> {
         let width = caster.scene.width;
         // A count of unfinished pixels, then where each goes on.
-        let pixels_here = if caster.resumable { rows as usize * width as usize } else { 3 };
+        let resumable = caster.passes.iter().any(|pass| pass.resumable);
+        let pixels_here = if resumable { rows as usize * width as usize } else { 3 };
         let mut start = vec![f32::from_bits(0)];
         start.resize(pixels_here + 1, NOT_STARTED);
         let progress = StorageBuffer::from_slice(self.gpu(), "progress", &start)?;
@@ -192,38 +204,57 @@ impl Renderer {
             let (tiles, cast) = caster.tiles.part([first_column, first_row], [columns, rows]);
             let left_out = tiles.len() as u32 - cast;
             let tiles = StorageBuffer::from_slice(self.gpu(), "tiles of the picture", &tiles)?;
-            let uniform = FrameUniform {
-                first_row,
-                rows,
-                tiles_cast: cast,
-                ..frame_uniform(&caster.loaded.volume, caster.scene)
-            };
-            let uniform = uniform_buffer(self.gpu(), "frame", &uniform);
-            let stage = [
-                (0, self.kernels.uniform(&uniform)),
-                (1, Slot::read_write(buffer.as_entire_binding())),
-                (2, Slot::read_write(progress.as_entire_binding())),
-                (3, Slot::read(tiles.as_entire_binding())),
-            ];
-            let stage = self.kernels.group("frame", &stage);
-            let groups = [caster.transfer.group(), &caster.shadow.group, &stage];
             let mut part: Option<Span> = None;
-            let background = background_shader();
-            let passes = [(&background, workgroups(left_out)), (&caster.shader, workgroups(cast))];
-            let took = loop {
-                let took = self.kernels.run_all("ray cast", &passes, &groups)?;
-                let so_far = part.map_or(took, |s| s.plus(took));
-                part = Some(so_far);
-                if !caster.resumable || read_back::<u32>(self.gpu(), &progress, 1)?[0] == 0 {
-                    break so_far;
+            for (i, pass) in caster.passes.iter().enumerate() {
+                if resumable && i > 0 {
+                    self.gpu().queue.write_buffer(&progress, 0, bytemuck::cast_slice(&start));
                 }
-                self.gpu().queue.write_buffer(&progress, 0, &0u32.to_le_bytes());
-            };
-            pacing.took(rows * columns, took);
-            *span = span.plus(took);
+                let uniform = FrameUniform { first_row, rows, tiles_cast: cast, ..caster.frame_uniform(i) };
+                let uniform = uniform_buffer(self.gpu(), "frame", &uniform);
+                let stage = [
+                    (0, self.kernels.uniform(&uniform)),
+                    (1, Slot::read_write(buffer.as_entire_binding())),
+                    (2, Slot::read_write(progress.as_entire_binding())),
+                    (3, Slot::read(tiles.as_entire_binding())),
+                ];
+                let stage = self.kernels.group("frame", &stage);
+                // The background is there after the first pass.
+                let left_out = if i == 0 { left_out } else { 0 };
+                let took = self.cast_part(caster, pass, &stage, [left_out, cast], &progress)?;
+                part = Some(part.map_or(took, |so_far| so_far.plus(took)));
+            }
+            if let Some(took) = part {
+                pacing.took(rows * columns, took);
+                *span = span.plus(took);
+            }
             first_column += columns;
         }
         Ok(true)
+    }
+
+    /// One pass over a part of a band, in as many dispatches as it takes; the tiles are those left out and those cast.
+    fn cast_part(
+        &self,
+        caster: &Caster<'_>,
+        pass: &Pass<'_>,
+        stage: &Group,
+        tiles: [u32; 2],
+        progress: &wgpu::Buffer,
+    ) -> Result<Span> {
+        let groups = [caster.transfer.group(), &pass.shadow.group, stage];
+        let mut part: Option<Span> = None;
+        let background = background_shader();
+        let [left_out, cast] = tiles.map(workgroups);
+        let passes = [(&background, left_out), (&pass.shader, cast)];
+        loop {
+            let took = self.kernels.run_all("ray cast", &passes, &groups)?;
+            let so_far = part.map_or(took, |s| s.plus(took));
+            part = Some(so_far);
+            if !pass.resumable || read_back::<u32>(self.gpu(), progress, 1)?[0] == 0 {
+                return Ok(so_far);
+            }
+            self.gpu().queue.write_buffer(progress, 0, &0u32.to_le_bytes());
+        }
     }
 }
 
@@ -231,9 +262,29 @@ impl Renderer {
 struct Caster<'a> {
     loaded: &'a LoadedVolume,
     transfer: &'a DeviceTransfer,
-    shadow: &'a ShadowMap,
     scene: &'a Scene,
     tiles: EyeTiles,
+    passes: Vec<Pass<'a>>,
+}
+
+impl Caster<'_> {
+    /// What is one for all parts of a pass. Ambient light and the background are of the first pass; others add to it.
+    fn frame_uniform(&self, pass: usize) -> FrameUniform {
+        let frame = frame_uniform(&self.loaded.volume, self.scene);
+        let lit = 1.0 - self.scene.ambient;
+        let radiance = self.passes[pass].radiance.unwrap_or(LightSource::WHITE);
+        let frame = FrameUniform { light: radiance.map(|c| (lit * c) as f32), ..frame };
+        match pass {
+            0 => frame,
+            _ => FrameUniform { ambient: 0.0, background: [0.0; 3], adds: 1, ..frame },
+        }
+    }
+}
+
+/// One pass over the picture.
+struct Pass<'a> {
+    shadow: &'a ShadowMap,
+    radiance: Option<[f64; 3]>,
     shader: ShaderVariant,
     resumable: bool,
 }
@@ -305,7 +356,7 @@ mod tests {
         assert_layout!(shader, "Tile", TileUniform: at, nearest_mm, farthest_mm);
         assert_layout!(shader, "Frame", FrameUniform: plane_center, plane_distance_mm, grid_forward, step_mm, grid_right,
             ambient, grid_up, first_row, background, rows, half_extent, size, world_x, shading_weight, world_y,
-            tiles_cast, world_z);
+            tiles_cast, world_z, light, adds);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! What a scene needs, and what is left out: every decision is a line of `--explain`.
 
 use super::eye_tiles::EyeTiles;
+use super::lights::tells_apart;
 use super::shader::CONSTANTS;
 use crate::field::{DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
 use crate::gpu::ShaderVariant;
-use crate::scene::{Scene, Shading, Skip};
+use crate::scene::{LightSource, Scene, Shading, Skip};
 use crate::shadow::{Lookup, ShadowMap};
 use crate::transfer::{PAIR_BINS, TABLE_BINS};
 use crate::volume::Volume;
@@ -64,6 +65,8 @@ pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) 
     };
     if scene.ambient >= 1.0 {
         Err("ambient 1")
+    } else if !scene.lights.iter().any(LightSource::shines) {
+        Err("no light shines")
     } else if !in_view(scene, volume, seen) {
         Err("nothing is in view")
     } else {
@@ -84,18 +87,16 @@ pub(super) fn plane_distance_mm(scene: &Scene, volume: &Volume) -> f64 {
 }
 
 impl Plan {
-    /// Decides for one picture, and in which tiles of it rays are cast; the shadow structure is made.
+    /// Decides for one picture, and in which tiles of it rays are cast; the shadow structures of its lights are made.
     pub(super) fn of(
         scene: &Scene,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
-        shadow: &ShadowMap,
+        maps: &[&ShadowMap],
     ) -> (Self, EyeTiles) {
         let forced = transfer.forced;
         let mut left_out = Vec::new();
-        let mut omit = |what: String, why: &str, saved: Option<String>, optional: Option<Omittable>| {
-            left_out.push(Omission { what, why: why.into(), saved, optional });
-        };
+        let mut omit = omitting(&mut left_out);
         if transfer.one_color {
             let saved = Some(megabytes(12 * (TABLE_BINS as u64 + 1)));
             omit("colour in the tables".into(), "all has one colour", saved, Some(Omittable::Colors));
@@ -133,24 +134,11 @@ impl Plan {
             omit(what, "no active brick may show in them", saved, Some(Omittable::EyeTiles));
         }
         let needed = needs_shadows(scene, &loaded.volume, transfer);
-        let shadows = shadow.lookup.is_some() && needed.is_ok();
-        match (&shadow.lookup, needed) {
-            (_, Err(why)) => omit("shadow pass".into(), why, None, Some(Omittable::Shadows)),
-            (None, Ok(())) => omit("shadow pass".into(), "method none", None, None),
-            _ => {}
-        }
-        let report = &shadow.report;
-        if shadows && report.tiles_left_out > 0 {
-            let what = format!("{} of {} shadow tiles", report.tiles_left_out, report.tiles);
-            let saved = Some(megabytes(report.bytes_left_out));
-            let why = match shadow.light_space.is_of_view() {
-                true => "no active brick under them, or out of view",
-                false => "no active brick under them",
-            };
-            omit(what, why, saved, Some(Omittable::Tiles));
-        }
-        for pass in report.passes_left_out.iter().filter(|_| shadows) {
-            omit(pass.what.into(), pass.why, None, pass.optional);
+        let shadows = needed.is_ok() && maps.iter().any(|map| map.lookup.is_some());
+        match needed {
+            Err(why) => omit("shadow pass".into(), why, None, Some(Omittable::Shadows)),
+            Ok(()) if !shadows => omit("shadow pass".into(), "method none", None, None),
+            Ok(()) => omit_of_maps(maps, &mut omit),
         }
         let shading = match scene.shading {
             Shading::None if forced.has(Omittable::Gradients) => Shading::Lambert,
@@ -160,7 +148,20 @@ impl Plan {
             let saved = Some("6 samples a lit sample".into());
             omit("gradients".into(), "shading none", saved, Some(Omittable::Gradients));
         }
-        (Self { shadows, skip_bricks, shading, left_out }, tiles)
+        omit_of_lights(scene, &mut omit);
+        drop(omit);
+        let plan = Self { shadows, skip_bricks, shading, left_out };
+        (plan.with_passes_left_out(scene), tiles)
+    }
+
+    /// Says how many passes over the picture are spared, where nothing tells its lights apart.
+    fn with_passes_left_out(mut self, scene: &Scene) -> Self {
+        let lights = scene.shining().len();
+        if lights > 1 && !tells_apart(&self) {
+            let what = format!("{} of {lights} passes over the picture", lights - 1);
+            omitting(&mut self.left_out)(what, "without shadows and shading lights add up", None, None);
+        }
+        self
     }
 
     /// Whether the picture is made in several dispatches.
@@ -169,9 +170,48 @@ impl Plan {
     }
 
     /// The ray caster that does just this.
-    pub(super) fn raycast_shader(&self, transfer: &DeviceTransfer, shadow: &ShadowMap) -> ShaderVariant {
+    pub(super) fn raycast_shader(
+        &self,
+        transfer: &DeviceTransfer,
+        shadow: &ShadowMap,
+        light_factor: bool,
+    ) -> ShaderVariant {
         let lookup = shadow.lookup.as_ref().filter(|_| self.shadows);
-        raycast_shader(lookup, self.shading, self.skip_bricks, transfer.one_color)
+        raycast_shader(lookup, self.shading, self.skip_bricks, transfer.one_color, light_factor)
+    }
+}
+
+/// What adds to a list: what is left out, why, what that saves, and its name for `--force`.
+fn omitting(list: &mut Vec<Omission>) -> impl FnMut(String, &str, Option<String>, Option<Omittable>) + '_ {
+    |what, why, saved, optional| list.push(Omission { what, why: why.into(), saved, optional })
+}
+
+/// What was left out of shadow structures, of those of several lights together; what their passes leave out is said once.
+fn omit_of_maps(maps: &[&ShadowMap], omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>)) {
+    let sum = |of: &dyn Fn(&ShadowMap) -> u64| maps.iter().map(|map| of(map)).sum::<u64>();
+    let left_out = sum(&|map| map.report.tiles_left_out.into());
+    if left_out > 0 {
+        let what = format!("{left_out} of {} shadow tiles", sum(&|map| map.report.tiles.into()));
+        let why = match maps.iter().any(|map| map.light_space.is_of_view()) {
+            true => "no active brick under them, or out of view",
+            false => "no active brick under them",
+        };
+        omit(what, why, Some(megabytes(sum(&|map| map.report.bytes_left_out))), Some(Omittable::Tiles));
+    }
+    let mut said = Vec::new();
+    for pass in maps.iter().flat_map(|map| map.report.passes_left_out) {
+        if !said.contains(&pass.what) {
+            said.push(pass.what);
+            omit(pass.what.into(), pass.why, None, pass.optional);
+        }
+    }
+}
+
+/// Lights that give none: no structure is built for them, and no pass is made.
+fn omit_of_lights(scene: &Scene, omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>)) {
+    for (i, light) in scene.lights.iter().enumerate().filter(|(_, light)| !light.shines()) {
+        let why = if light.intensity == 0.0 { "its intensity is 0" } else { "it is black" };
+        omit(format!("light {} of {}", i + 1, scene.lights.len()), why, None, None);
     }
 }
 
@@ -180,6 +220,7 @@ fn raycast_shader(
     shading: Shading,
     skip_bricks: bool,
     one_color: bool,
+    light_factor: bool,
 ) -> ShaderVariant {
     let entry = "render/raycast.wgsl";
     let shader = lookup.map_or_else(
@@ -192,6 +233,7 @@ fn raycast_shader(
         .defs(shading_defs(shading).iter().copied())
         .with_walk(skip_bricks)
         .defs(one_color.then_some("ONE_COLOR"))
+        .defs(light_factor.then_some("LIGHT_FACTOR"))
 }
 
 /// Every ray caster that a plan can ask for.
@@ -199,7 +241,9 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = Vec::new();
     for shading in [Shading::None, Shading::Lambert, Shading::BlinnPhong] {
         for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
-            list.push(raycast_shader(lookup, shading, skip_bricks, one_color));
+            for light_factor in [false, true] {
+                list.push(raycast_shader(lookup, shading, skip_bricks, one_color, light_factor));
+            }
         }
     }
     list

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::field::{DeviceTransfer, Forced, LoadedVolume, TilePace, View};
 use crate::gpu::{Gpu, Kernels};
-use crate::scene::Light;
+use crate::scene::{Light, LightSource, Scene};
 use crate::shadow::{BuildContext, Method, ShadowMap};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -108,5 +108,21 @@ impl Renderer {
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);
         Ok(map)
+    }
+
+    /// The same for each light of a scene that shines ([`Scene::shining`]), in their order.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn shadows_in(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        method: &dyn Method,
+        scene: &Scene,
+        view: Option<&View>,
+    ) -> Result<Vec<ShadowMap>> {
+        let build = |source: LightSource| self.shadow_in(loaded, transfer, method, source.light, view);
+        scene.shining().into_iter().map(build).collect()
     }
 }

@@ -1,6 +1,6 @@
 //! A volume and a transfer function made ready on a device: what every drawing command works with.
 
-use super::{DeviceTransfer, Forced, LoadedVolume, Picture, Renderer, needs_shadows};
+use super::{DeviceTransfer, Forced, LightMaps, LoadedVolume, Picture, Renderer, needs_shadows};
 use crate::error::Result;
 use crate::field::View;
 use crate::gpu::Gpu;
@@ -75,21 +75,29 @@ impl Session {
         self.renderer.shadow(&self.loaded, &self.transfer, method, light)
     }
 
-    /// Builds a shadow structure for the picture of a scene; see [`Renderer::shadow_in`].
+    /// Builds a shadow structure for the picture of a scene, under one light; see [`Renderer::shadow_in`].
     ///
     /// # Errors
     /// As there.
-    pub fn shadow_of(&self, method: &dyn Method, scene: &Scene) -> Result<ShadowMap> {
+    pub fn shadow_of(&self, method: &dyn Method, scene: &Scene, light: Light) -> Result<ShadowMap> {
         let view = View::of(scene);
-        self.renderer.shadow_in(&self.loaded, &self.transfer, method, scene.light, Some(&view))
+        self.renderer.shadow_in(&self.loaded, &self.transfer, method, light, Some(&view))
+    }
+
+    /// Builds the shadow structures for the picture of a scene: one for each light that shines, in their order.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn shadows_of(&self, method: &dyn Method, scene: &Scene) -> Result<Vec<ShadowMap>> {
+        self.renderer.shadows_in(&self.loaded, &self.transfer, method, scene, Some(&View::of(scene)))
     }
 
     /// Renders a picture; see [`Renderer::render`].
     ///
     /// # Errors
     /// As there.
-    pub fn render(&self, shadow: &ShadowMap, scene: &Scene) -> Result<Picture> {
-        self.renderer.render(&self.loaded, &self.transfer, shadow, scene)
+    pub fn render<'a>(&self, shadows: impl Into<LightMaps<'a>>, scene: &Scene) -> Result<Picture> {
+        self.renderer.render(&self.loaded, &self.transfer, shadows, scene)
     }
 
     /// Transmittance from the light to world points (mm); see [`Renderer::query`].

@@ -48,7 +48,7 @@ pub struct Subject {
     pub tf: TransferFunction,
     /// What the volume was made from, where that is strands.
     pub strands: Option<Strands>,
-    /// Camera, light, and size of the picture.
+    /// Camera, lights, and size of the picture.
     pub scene: Scene,
     /// What is done although the scene does not need it.
     pub forced: Forced,
@@ -99,7 +99,7 @@ pub fn make(
             continue;
         }
         let Subject { volume, tf, strands, scene, forced } = read(i)?;
-        let mut rows = methods.len();
+        let (mut rows, first) = (methods.len(), made.comparison.compared.len());
         journal.describe(run.picture_texts(i));
         match Session::on(renderer, Arc::clone(&volume), &tf, forced) {
             Ok(session) => {
@@ -124,6 +124,10 @@ pub fn make(
                 made.nodes.extend(methods.iter().map(|_| None));
                 made.comparison.append(failed);
             }
+        }
+        let lights = scene.lights.iter().filter(|light| light.shines()).count() as u32;
+        for compared in &mut made.comparison.compared[first..] {
+            (compared.row.lights, compared.row.light) = (Some(lights), run.scenes[i].light);
         }
         progress.next_scene(rows);
     }
@@ -213,19 +217,21 @@ impl Made {
 
 /// The picture by a shadow ray per sample.
 fn reference(job: &Job) -> Result<ReferencePicture> {
-    let shadow = job.session.shadow_of(&ShadowRays::default(), job.scene)?;
-    let pixels = job.session.render(&shadow, job.scene)?.pixels;
+    let shadows = job.session.shadows_of(&ShadowRays::default(), job.scene)?;
+    let pixels = job.session.render(&shadows, job.scene)?.pixels;
     let adapter = job.session.renderer.gpu().info.name.clone();
     Ok(ReferencePicture { scene: job.scene_name.clone(), adapter, pixels })
 }
 
-/// The nodes of a row's structure, where it has any.
+/// The nodes of a row's structure, where it has any; those of several lights lie in no one map.
 fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<NodeMap>> {
-    if compared.row.nodes_total.is_none() {
-        return Ok(None);
+    match job.scene.shining()[..] {
+        [source] if compared.row.nodes_total.is_some() => {
+            let shadow = job.session.shadow_of(method, job.scene, source.light)?;
+            job.session.node_map(&shadow)
+        }
+        _ => Ok(None),
     }
-    let shadow = job.session.shadow_of(method, job.scene)?;
-    job.session.node_map(&shadow)
 }
 
 /// Volume and transfer function in a few words: `CT_AVM, CT bone`.

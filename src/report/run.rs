@@ -36,6 +36,9 @@ pub struct SceneRecord {
     pub tf_sha256: String,
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
+    /// Which light of the scene before it that has none here this is, from 1, with that light alone.
+    #[serde(default)]
+    pub light: Option<u32>,
 }
 
 /// A row of the whole table, whichever shard it is in.
@@ -277,7 +280,8 @@ impl Run {
     /// A command line that makes the table again, whole, from the scene files in the folder.
     pub(super) fn command_again(&self, folder: &Path) -> String {
         let mut words = vec!["umbravox".to_owned(), "compare".into()];
-        for scene in self.scenes.iter().filter(|s| !s.file.is_empty()) {
+        let each_light = self.scenes.iter().any(|s| s.light.is_some());
+        for scene in self.scenes.iter().filter(|s| !s.file.is_empty() && s.light.is_none()) {
             words.extend(["--scene".into(), folder.join(&scene.file).to_string_lossy().into_owned()]);
         }
         words.extend(["--methods".into(), self.methods.clone()]);
@@ -290,6 +294,7 @@ impl Run {
         words.extend(check_all.then(|| ["--check".into(), "all".into()]).into_iter().flatten());
         words.extend(self.budgets.iter().flat_map(|budget| ["--budget".into(), budget.clone()]));
         words.extend(self.ablate.then(|| "--ablate".into()));
+        words.extend(each_light.then(|| "--each-light".into()));
         words.extend(["-o".into(), "again".into()]);
         words.iter().map(|w| quoted(w)).collect::<Vec<_>>().join(" ")
     }

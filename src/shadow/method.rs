@@ -62,6 +62,21 @@ pub struct Bound {
     pub from_light_mm: f64,
 }
 
+impl Bound {
+    /// What the structures of several lights all promise: the loosest of each; `None` where one promises nothing.
+    pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Option<Self> {
+        let looser = |a: Self, b: Self| Self {
+            transmittance: a.transmittance.max(b.transmittance),
+            depth_mm: a.depth_mm.max(b.depth_mm),
+            lateral_mm: a.lateral_mm.max(b.lateral_mm),
+            value: a.value.max(b.value),
+            from_light_mm: a.from_light_mm.max(b.from_light_mm),
+        };
+        let bounds = maps.into_iter().map(|map| map.bound).collect::<Option<Vec<_>>>()?;
+        bounds.into_iter().reduce(looser)
+    }
+}
+
 /// Modules, definitions and constants that offer `umbravox::method::transmittance`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Lookup(ShaderVariant);
@@ -152,6 +167,36 @@ impl BuildReport {
     /// Fills in the host's part of a build that took so many milliseconds.
     pub fn set_host_ms(&mut self, all_ms: f64) {
         self.host_ms = (all_ms - self.device.map_or(0.0, |s| s.wall_ms)).max(0.0);
+    }
+
+    /// Of the structures of several lights, in their order: sums, and the most of what is a most. A choice of split is each
+    /// map's own.
+    pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Self {
+        maps.into_iter().map(|map| map.report).reduce(Self::plus).unwrap_or_default()
+    }
+
+    fn plus(self, other: Self) -> Self {
+        let device = match (self.device, other.device) {
+            (Some(a), Some(b)) => Some(a.plus(b)),
+            (a, b) => a.or(b),
+        };
+        let sum = |a: Option<u64>, b: Option<u64>| a.zip(b).map_or(a.or(b), |(a, b)| Some(a + b));
+        Self {
+            host_ms: self.host_ms + other.host_ms,
+            device,
+            bytes: self.bytes + other.bytes,
+            bytes_used: self.bytes_used + other.bytes_used,
+            guessed: self.guessed || other.guessed,
+            nodes_total: sum(self.nodes_total, other.nodes_total),
+            nodes_max: self.nodes_max.max(other.nodes_max),
+            texels_hit: sum(self.texels_hit, other.texels_hit),
+            tiles: self.tiles + other.tiles,
+            tiles_left_out: self.tiles_left_out + other.tiles_left_out,
+            bytes_left_out: self.bytes_left_out + other.bytes_left_out,
+            pool_growths: self.pool_growths + other.pool_growths,
+            passes_left_out: self.passes_left_out,
+            split_choice: None,
+        }
     }
 
     /// Host plus device milliseconds, by the better clock.

@@ -34,8 +34,9 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
 
     // Another light is another answer; the old one goes at once.
     let before = none;
-    bench.app().model.document.as_mut().unwrap().scene.light =
-        umbravox::scene::Light::Directional { toward: glam::DVec3::new(-1.0, 0.2, 0.1).normalize() };
+    bench.app().model.document.as_mut().unwrap().scene.lights = vec![
+        umbravox::scene::Light::Directional { toward: glam::DVec3::new(-1.0, 0.2, 0.1).normalize() }.into(),
+    ];
     bench.harness.step();
     assert!(bench.app().difference.found.is_none());
     bench.settle();

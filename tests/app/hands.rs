@@ -127,15 +127,15 @@ fn the_light_and_the_camera_follow_the_hand() {
     bench.drag(center, center + vec2(60.0, 20.0), Modifiers::SHIFT);
     bench.settle();
     let lit = bench.app().model.document.as_ref().unwrap().scene.clone();
-    assert!(lit.light != before.light && lit.camera == before.camera);
+    assert!(lit.lights != before.lights && lit.camera == before.camera);
     bench.drag(center, center + vec2(60.0, 20.0), Modifiers::NONE);
     bench.settle();
     let turned = bench.app().model.document.as_ref().unwrap().scene.clone();
-    assert!(turned.light == lit.light && turned.camera != lit.camera);
+    assert!(turned.lights == lit.lights && turned.camera != lit.camera);
     let sphere = bench.harness.get_by_label("light direction").rect().center();
     bench.drag(sphere, sphere + vec2(20.0, -10.0), Modifiers::NONE);
     bench.settle();
-    assert_ne!(bench.app().model.document.as_ref().unwrap().scene.light, turned.light);
+    assert_ne!(bench.app().model.document.as_ref().unwrap().scene.lights, turned.lights);
 }
 
 #[test]
@@ -169,4 +169,47 @@ fn a_click_probes_what_is_seen_there() {
         probe.exact_at_point
     );
     assert!(probe.exact_at_point > 0.0 && probe.exact_at_point < 1.0);
+}
+
+#[test]
+fn a_second_light_is_added_edited_moved_and_removed() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let lights = |bench: &mut Bench| bench.app().model.document.as_ref().unwrap().scene.lights.clone();
+    let first = lights(&mut bench);
+    assert_eq!(first.len(), 1);
+    let one = bench.pixels();
+    bench.click("add light");
+    bench.settle();
+    let two = lights(&mut bench);
+    assert_eq!((two.len(), two[0]), (2, first[0]));
+    assert!(brightness(&bench.pixels()) > brightness(&one), "two lights are brighter");
+
+    // The one that was added is edited, and hands move it alone.
+    bench.type_into("light intensity", "0.25");
+    bench.settle();
+    let center = bench.app().model.view.unwrap().center();
+    bench.drag(center, center + vec2(60.0, 20.0), Modifiers::SHIFT);
+    bench.settle();
+    let moved = lights(&mut bench);
+    assert_eq!((moved[0], moved[1].intensity), (first[0], 0.25));
+    assert_ne!(moved[1].light, two[1].light);
+
+    bench.click("light 1");
+    bench.drag(center, center + vec2(-40.0, 20.0), Modifiers::SHIFT);
+    bench.settle();
+    let back = lights(&mut bench);
+    assert!(back[1] == moved[1] && back[0].light != first[0].light);
+
+    // A scene file holds both, to the last bit.
+    let document = bench.app().model.document.clone().unwrap();
+    let read = umbravox::open::SceneSettings::from_toml(&document.scene_text("ct").unwrap()).unwrap();
+    assert_eq!(read.scene(&document.volume).unwrap().lights, back);
+
+    // The picture is that of the command line.
+    bench.click("light 2");
+    bench.click("remove light");
+    bench.settle();
+    assert_eq!(lights(&mut bench), back[..1]);
+    bench.click("remove light");
+    assert_eq!(lights(&mut bench).len(), 1, "the last one stays");
 }

@@ -42,7 +42,7 @@ fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
     let flags = after.spec.flags.strands;
     assert_eq!((flags.resolution, flags.kernel, flags.thickness), (Some(40), Some(Kernel::Tent), Some(0.75)));
     assert_eq!((&after.tf, &after.method), (&before.tf, &before.method));
-    assert_eq!((after.scene.camera, after.scene.light), (before.scene.camera, before.scene.light));
+    assert_eq!((after.scene.camera, &after.scene.lights), (before.scene.camera, &before.scene.lights));
     assert_ne!(bench.pixels(), picture);
     let text = after.scene_text("hair").unwrap();
     for key in ["resolution = 40", "kernel = \"tent\"", "thickness = 0.75"] {

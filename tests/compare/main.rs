@@ -6,6 +6,7 @@ mod cancel;
 #[path = "../cli/mod.rs"]
 mod cli;
 mod folder;
+mod lights;
 mod planted;
 mod resume;
 mod shards;

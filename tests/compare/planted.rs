@@ -124,7 +124,7 @@ pub fn compared_within(
 
 pub fn scene(volume: &Volume) -> Scene {
     let light = Light::Directional { toward: glam::DVec3::Z };
-    Scene { light, width: 32, height: 32, ..Scene::framing(volume) }
+    Scene { lights: vec![light.into()], width: 32, height: 32, ..Scene::framing(volume) }
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn a_planted_delay_and_a_planted_error_come_out() {
     let field = ExactField::new(&volume, &tf);
     let (mut weight, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for point in field.seen_points(&scene, 20_000, 77) {
-        let t = field.transmittance_to_light(point.position, &scene.light);
+        let t = field.transmittance_to_light(point.position, &scene.light());
         weight += point.weight;
         sum += point.weight * (t * t - t);
         squares += point.weight * (t * t - t).powi(2);

@@ -25,7 +25,7 @@ fn picture_lit_from_the_eye() {
         tf.points.iter_mut().for_each(|p| p.color = color);
         let field = ExactField::new(&volume, &tf);
         let mut scene = scene(&volume);
-        scene.light = Light::Point { position: scene.camera.eye };
+        scene.lights = vec![Light::Point { position: scene.camera.eye }.into()];
         let picture = field.picture(&scene);
         assert_eq!(picture.dim(), (8, 12, 4));
         let mut seen = 0;
@@ -96,7 +96,7 @@ fn shading_of_a_linear_field_is_one_factor() {
         }
         // The edge is clamped half a voxel wide: a pixel through the middle alone has the one factor nearly everywhere.
         let camera = Camera { target: middle, fov_deg: 1e-3, ..base.camera };
-        let one = Scene { light, camera, width: 1, height: 1, ..base.clone() };
+        let one = Scene { lights: vec![light.into()], camera, width: 1, height: 1, ..base.clone() };
         let red = |shading| field.picture(&Scene { shading, ..one.clone() })[[0, 0, 0]];
         let (plain, lambert) = (f64::from(red(Shading::None)), f64::from(red(Shading::Lambert)));
         assert!(

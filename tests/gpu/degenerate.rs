@@ -37,7 +37,7 @@ fn survives(volume: Volume, tf: &TransferFunction, what: &str) {
             let inside = Camera { eye: near.lerp(far, 0.4), target: far, ..setup.scene(1, 1).camera };
             for scene in [setup.scene(13, 9), Scene { camera: inside, skip: Skip::None, ..setup.scene(7, 5) }]
             {
-                let picture = setup.picture_of(&map, &Scene { light, ..scene });
+                let picture = setup.picture_of(&map, &Scene { lights: vec![light.into()], ..scene });
                 let bad = picture.iter().find(|v| !(0.0..=1.0 + tolerance::RANGE as f32).contains(*v));
                 assert_eq!(bad, None, "{what}, {place}, {method}: a picture's channel");
             }

@@ -14,7 +14,7 @@ fn check(volume: &Arc<Volume>, tf: &TransferFunction, what: &str) {
     ]
     .map(|((place, light), shading)| (format!("{place}, {shading:?}"), light, shading))
     {
-        let scene = Scene { light, shading, ..setup.scene(24, 16) };
+        let scene = Scene { lights: vec![light.into()], shading, ..setup.scene(24, 16) };
         let exact = field.picture(&scene);
         for (method, allowed) in
             [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]

@@ -60,7 +60,7 @@ fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) ->
         for method in methods {
             let scene = edit(lean.scene(61, 47));
             let [a, b] = [&lean, &forced].map(|setup| {
-                let map = setup.shadow(method, scene.light);
+                let map = setup.shadow(method, scene.light());
                 setup
                     .session
                     .renderer

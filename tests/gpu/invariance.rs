@@ -22,7 +22,7 @@ fn cameras(volume: &Volume) -> [Camera; 3] {
 fn skipping_changes_nothing(volume: &Arc<Volume>, tf: &TransferFunction, methods: &[&str], what: &str) {
     let Some(setup) = Setup::open(volume, tf) else { return };
     for method in methods {
-        let map = setup.shadow(method, setup.scene(1, 1).light);
+        let map = setup.shadow(method, setup.scene(1, 1).light());
         for (n, camera) in cameras(volume).into_iter().enumerate() {
             let scene = Scene { camera, ..setup.scene(45, 29) };
             let [skipping, plain] = [&scene, &without_skipping(&scene)].map(|s| setup.picture_of(&map, s));
@@ -72,7 +72,7 @@ fn twice_is_the_same() {
         let Some(setup) = Setup::open(&phantom("thorax:64"), &tf) else { return };
         let scene = setup.scene(50, 34);
         let [first, second] = [(); 2].map(|()| {
-            let map = setup.shadow("dsm:epsilon=0.01,map=100", scene.light);
+            let map = setup.shadow("dsm:epsilon=0.01,map=100", scene.light());
             let report = map.report;
             (
                 setup.picture_of(&map, &scene),
@@ -118,19 +118,23 @@ fn turned_by_a_quarter() {
             Light::Point { position } => Light::Point { position: turn.transform_point3(position) },
         };
         for (method, allowed) in [("rays", tolerance::TURNED), ("none", tolerance::TURNED)] {
-            let before = setup.picture(method, &Scene { light, ..scene.clone() });
+            let before = setup.picture(method, &Scene { lights: vec![light.into()], ..scene.clone() });
             for volume in [&other_affine, &restored] {
                 let Some(after) = Setup::open(volume, &ramp) else { return };
-                let after = after.picture(method, &Scene { light: turned_light, ..turned.clone() });
+                let after =
+                    after.picture(method, &Scene { lights: vec![turned_light.into()], ..turned.clone() });
                 let off = largest_difference(&before, &after);
                 assert!(off <= allowed, "{method}, {light:?}: {off}");
             }
         }
         // A map's texels lie elsewhere after the turn: alike but not the same.
-        let before = setup.picture("dsm:epsilon=0.005,map=256", &Scene { light, ..scene.clone() });
+        let before = setup
+            .picture("dsm:epsilon=0.005,map=256", &Scene { lights: vec![light.into()], ..scene.clone() });
         let Some(after) = Setup::open(&restored, &ramp) else { return };
-        let after =
-            after.picture("dsm:epsilon=0.005,map=256", &Scene { light: turned_light, ..turned.clone() });
+        let after = after.picture(
+            "dsm:epsilon=0.005,map=256",
+            &Scene { lights: vec![turned_light.into()], ..turned.clone() },
+        );
         let rms = rms_difference(&before, &after);
         assert!(rms <= tolerance::DSM_PICTURE_RMS, "dsm, {light:?}: {rms}");
     }
@@ -141,7 +145,7 @@ fn turned_by_a_quarter() {
 fn picture_sizes() {
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);
     let Some(setup) = Setup::open(&phantom("sphere:32"), &ramp) else { return };
-    let map = setup.shadow("dsm:map=64", setup.scene(1, 1).light);
+    let map = setup.shadow("dsm:map=64", setup.scene(1, 1).light());
     for (width, height) in [(1, 1), (1, 9), (17, 1), (7, 5), (65, 33)] {
         let scene = setup.scene(width, height);
         let picture = setup.picture_of(&map, &scene);
@@ -168,7 +172,8 @@ fn map_sizes() {
             for filter in ["nearest", "bilinear"] {
                 for (place, light) in lights(setup.volume()) {
                     let method = format!("dsm:map={size},filter={filter}");
-                    let picture = setup.picture(&method, &Scene { light, ..setup.scene(20, 14) });
+                    let picture =
+                        setup.picture(&method, &Scene { lights: vec![light.into()], ..setup.scene(20, 14) });
                     let sane = picture.iter().all(|v| (0.0..=1.0 + tolerance::RANGE as f32).contains(v));
                     assert!(sane, "{method}, {place}");
                 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use umbravox::render::{AskedFor, Change, INVALIDATES, Kept, LoadedVolume, Stage, Work};
-use umbravox::scene::Camera;
+use umbravox::scene::{Camera, LightSource};
 
 /// A scene that is edited.
 #[derive(Clone)]
@@ -68,8 +68,8 @@ impl Session {
     }
 
     fn picture(&self, state: &State) -> Array3<f32> {
-        let map = self.kept.shadow(state.method, state.scene.light).unwrap();
-        self.renderer.render(&self.loaded, self.kept.transfer().unwrap(), map, &state.scene).unwrap().pixels
+        let maps = self.kept.shadows(state.method, &state.scene).unwrap();
+        self.renderer.render(&self.loaded, self.kept.transfer().unwrap(), maps, &state.scene).unwrap().pixels
     }
 }
 
@@ -88,7 +88,9 @@ fn edit(state: &mut State, change: Change) {
             state.tf.points[4].color = [0.0, 1.0, 0.0];
         }
         Change::Color => state.tf.points[1].color = [1.0, 0.0, 0.0],
-        Change::Light => state.scene.light = Light::Directional { toward: DVec3::new(-0.3, 0.9, 0.1) },
+        Change::Light => {
+            state.scene.lights = vec![Light::Directional { toward: DVec3::new(-0.3, 0.9, 0.1) }.into()]
+        }
         Change::Method => state.method = "dsm:map=64,epsilon=0.3",
         Change::Camera => state.scene.camera.eye += DVec3::new(3.0, -5.0, 2.0),
         Change::View => state.scene.camera.fov_deg = 5.0,
@@ -156,12 +158,37 @@ fn a_light_that_goes_back_finds_its_map() {
     let mut state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
     let first = session.show(&state).2.unwrap();
-    let light = state.scene.light;
+    let light = state.scene.light();
     edit(&mut state, Change::Light);
     assert_eq!(session.show(&state).1, [Stage::Shadows]);
-    state.scene.light = light;
+    state.scene.lights = vec![light.into()];
     let (_, made, picture) = session.show(&state);
     assert_eq!((made, picture), (vec![], Some(first)));
+}
+
+#[test]
+fn of_several_lights_only_the_one_that_moves_is_built_again() {
+    let mut state = State::first();
+    let Some(mut session) = Session::open(&state.volume) else { return };
+    let light = |x, y, z| LightSource::from(Light::Directional { toward: DVec3::new(x, y, z) });
+    state.scene.lights = (0..6).map(|i| light(1.0, f64::from(i), 0.5)).collect();
+    session.show(&state);
+    let built =
+        |session: &Session, state: &State| session.kept.missing(&session.loaded, state.method, &state.scene);
+    assert_eq!(built(&session, &state), 0, "six are kept at once");
+    for i in 0..12 {
+        state.scene.lights[3] = light(-1.0, 0.5, 0.1 * f64::from(i));
+        assert_eq!(built(&session, &state), 1);
+        session.show(&state);
+        assert_eq!(built(&session, &state), 0);
+    }
+    // Colours, and lights that give nothing, build nothing.
+    state.scene.lights[3].color = [1.0, 0.5, 0.0];
+    state.scene.lights[0].intensity = 0.0;
+    assert_eq!(built(&session, &state), 0);
+    let (_, made, picture) = session.show(&state);
+    assert_eq!(made, []);
+    same_as_from_nothing(&state, &picture.unwrap(), "other colours");
 }
 
 #[test]
@@ -221,7 +248,7 @@ fn shadows_wait_until_something_needs_them() {
     }
     state.scene.ambient = 1.0;
     assert_eq!(session.show(&state).1, []);
-    state.scene.light = Light::Directional { toward: DVec3::Z };
+    state.scene.lights = vec![Light::Directional { toward: DVec3::Z }.into()];
     assert_eq!(session.show(&state).1, []);
     state.scene.ambient = 0.2;
     let (_, made, picture) = session.show(&state);

@@ -13,6 +13,7 @@ mod invariance;
 mod kept;
 mod layers;
 mod light_volume;
+mod lights;
 mod nodes;
 mod parts;
 mod pool;
@@ -81,7 +82,7 @@ impl Setup {
     }
 
     fn picture(&self, method: &str, scene: &Scene) -> Array3<f32> {
-        self.picture_of(&self.shadow(method, scene.light), scene)
+        self.picture_of(&self.shadow(method, scene.light()), scene)
     }
 
     fn query(&self, map: &ShadowMap, points_mm: &[DVec3]) -> Vec<f32> {

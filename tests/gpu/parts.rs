@@ -15,7 +15,7 @@ fn a_map_in_parts_is_the_map_at_once() {
     for method in
         ["dsm:map=256,epsilon=0", "osm:map=256,layers=8", "dom:map=256,layers=7", "bom:map=256,layers=7"]
     {
-        let [a, b] = [&whole, &parts].map(|setup| setup.shadow(method, scene.light));
+        let [a, b] = [&whole, &parts].map(|setup| setup.shadow(method, scene.light()));
         assert!(a.report.tiles - a.report.tiles_left_out > 64, "{method}: more than one part");
         let counts = |map: &ShadowMap| {
             (map.report.nodes_total, map.report.nodes_max, map.report.texels_hit, map.report.pool_growths)

@@ -42,7 +42,7 @@ fn the_check_tells_fine_samples_from_coarse_ones() {
     let Some(setup) = Setup::open(&phantom("thorax:64"), &opacity(&[(100.0, 0.0), (300.0, 0.8)])) else {
         return;
     };
-    let scene = Scene { light: LIGHT, ..setup.scene(32, 32) };
+    let scene = Scene { lights: vec![LIGHT.into()], ..setup.scene(32, 32) };
     let found = |spec: &str| {
         let method = shadow::parse(spec).unwrap();
         let map = setup.session.shadow(method.as_ref(), LIGHT).unwrap();

@@ -19,7 +19,10 @@ fn a_ball_is_shaded_by_its_normal() {
         let gloss = 0.3 * halfway.normalize().dot(eye).abs().powi(32);
         // Shadows darken alike with and without shading.
         for method in ["none", "dsm:map=64", "rays"] {
-            let red = |shading| setup.picture(method, &Scene { light, shading, ..base.clone() })[[15, 15, 0]];
+            let red = |shading| {
+                setup.picture(method, &Scene { lights: vec![light.into()], shading, ..base.clone() })
+                    [[15, 15, 0]]
+            };
             let [plain, lambert, blinn_phong] =
                 [Shading::None, Shading::Lambert, Shading::BlinnPhong].map(red);
             for (got, factor) in [(lambert, diffuse), (blinn_phong, diffuse + gloss)] {

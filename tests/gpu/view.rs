@@ -32,7 +32,13 @@ fn what_the_picture_shows_is_right_and_finer_than_across_the_volume() {
     let field = ExactField::new(&volume, &tf);
     for light in lights(&volume) {
         for (i, camera) in cameras(&volume).into_iter().enumerate() {
-            let scene = Scene { camera, light, width: 96, height: 64, ..Scene::framing(&volume) };
+            let scene = Scene {
+                camera,
+                lights: vec![light.into()],
+                width: 96,
+                height: 64,
+                ..Scene::framing(&volume)
+            };
             let seen = SeenReference::new(&field, &scene, 3000);
             assert!(!seen.is_empty());
             for method in
@@ -40,7 +46,7 @@ fn what_the_picture_shows_is_right_and_finer_than_across_the_volume() {
             {
                 let measure = |rest: &str| {
                     let parsed = shadow::parse(&format!("{method},map=64{rest}")).unwrap();
-                    let map = setup.session.shadow_of(parsed.as_ref(), &scene).unwrap();
+                    let map = setup.session.shadow_of(parsed.as_ref(), &scene, scene.light()).unwrap();
                     let rms = seen.errors(&setup.session, &map).unwrap().unwrap().rms;
                     (rms, map.light_space.texel_mm(), map.report.texels_built())
                 };
@@ -67,8 +73,14 @@ fn no_edge_of_the_map_shows_in_the_picture() {
     let Some(setup) = Setup::open(&volume, &tf) else { return };
     for light in lights(&volume) {
         for camera in cameras(&volume) {
-            let scene =
-                Scene { camera, light, width: 64, height: 48, ambient: 0.0, ..Scene::framing(&volume) };
+            let scene = Scene {
+                camera,
+                lights: vec![light.into()],
+                width: 64,
+                height: 48,
+                ambient: 0.0,
+                ..Scene::framing(&volume)
+            };
             for method in [
                 "dsm:epsilon=0.002",
                 "dsm:epsilon=0.002,filter=nearest",
@@ -77,7 +89,10 @@ fn no_edge_of_the_map_shows_in_the_picture() {
             ] {
                 let draw = |rest: &str| {
                     let parsed = shadow::parse(&format!("{method},{rest}")).unwrap();
-                    setup.picture_of(&setup.session.shadow_of(parsed.as_ref(), &scene).unwrap(), &scene)
+                    setup.picture_of(
+                        &setup.session.shadow_of(parsed.as_ref(), &scene, scene.light()).unwrap(),
+                        &scene,
+                    )
                 };
                 let off = largest_difference(&draw("map=64"), &draw("map=64,fit=volume"));
                 assert!(off < 0.02, "{method} {light:?} {camera:?}: {off}");
@@ -95,8 +110,14 @@ fn maps_choose_texels_as_wide_as_voxels_and_finer_where_those_are_large() {
     for light in lights(&volume) {
         let [whole, part, _] = cameras(&volume);
         let space = |camera, height| {
-            let scene = Scene { camera, light, width: height, height, ..Scene::framing(&volume) };
-            setup.session.shadow_of(method.as_ref(), &scene).unwrap().light_space
+            let scene = Scene {
+                camera,
+                lights: vec![light.into()],
+                width: height,
+                height,
+                ..Scene::framing(&volume)
+            };
+            setup.session.shadow_of(method.as_ref(), &scene, scene.light()).unwrap().light_space
         };
         let texel = space(whole, 60).texel_mm();
         assert!((0.7..=1.0).contains(&(texel / voxel)), "{light:?}: {texel} mm, voxels {voxel} mm");

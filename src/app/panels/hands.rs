@@ -26,16 +26,12 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
             let share = ((p.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
             model.split.share = model.split.share.map(|_| share);
         } else if modifiers.shift {
-            let scale = match document.scene.light {
+            let scale = match document.light().light {
                 Light::Directional { .. } => TURN,
                 Light::Point { .. } => 2.0 * (0.5 * document.scene.camera.fov_deg.to_radians()).tan(),
             };
-            camera::drag_light(
-                &mut document.scene.light,
-                &document.scene.camera,
-                scale * right,
-                scale * down,
-            );
+            let camera = document.scene.camera;
+            camera::drag_light(&mut document.light_mut().light, &camera, scale * right, scale * down);
         } else if modifiers.ctrl || modifiers.command {
             camera::pan(&mut document.scene.camera, right, down);
         } else {

@@ -1,5 +1,6 @@
-//! Where the light is, and what surfaces make of it.
+//! Where a light is, and what surfaces make of it.
 
+use super::light_list;
 use crate::app::camera;
 use crate::app::document::name_of;
 use crate::app::model::Model;
@@ -7,13 +8,14 @@ use crate::scene::{Camera, Light, Shading};
 use eframe::egui::{self, Color32, Sense, Stroke, vec2};
 use glam::DVec3;
 
-/// The section of the light and its share of the picture.
+/// The section of the lights and their share of the picture.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let (center, radius) = document.bounding_sphere();
     let camera = document.scene.camera;
+    light_list::show(ui, document);
     ui.horizontal(|ui| {
-        let light = &mut document.scene.light;
+        let light = &mut document.light_mut().light;
         let toward = match *light {
             Light::Directional { toward } => toward,
             Light::Point { position } => position - center,
@@ -68,7 +70,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
                 .accessible_name(format!("shading {}", name_of(shading)));
         }
     });
-    ui.weak("Shift-drag in the view moves the light");
+    ui.weak("Shift-drag in the view moves the light that is edited");
 }
 
 /// The light on a sphere as seen from the camera; a new direction while it is dragged.

@@ -8,6 +8,7 @@ mod hands;
 pub mod help;
 pub mod keys;
 mod light;
+mod light_list;
 mod overlays;
 mod parts;
 pub mod presets;

@@ -31,11 +31,15 @@ pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) 
         painter.circle_stroke(p, 7.0, Stroke::new(3.0, Color32::from_black_alpha(160)));
         painter.circle_stroke(p, 7.0, Stroke::new(1.5, Color32::from_rgb(255, 200, 60)));
     }
-    if let Light::Point { position } = document.scene.light
-        && let Some(p) = project(&camera, rect, position)
-    {
-        painter.circle_filled(p, 6.0, Color32::from_rgb(255, 230, 140));
-        painter.circle_stroke(p, 9.0, Stroke::new(1.5, Color32::from_rgb(255, 230, 140)));
+    for (place, source) in document.scene.lights.iter().enumerate() {
+        if let Light::Point { position } = source.light
+            && let Some(p) = project(&camera, rect, position)
+        {
+            painter.circle_filled(p, 6.0, Color32::from_rgb(255, 230, 140));
+            if place == document.chosen_light() {
+                painter.circle_stroke(p, 9.0, Stroke::new(1.5, Color32::from_rgb(255, 230, 140)));
+            }
+        }
     }
     legend::paint(difference, model, ui, rect);
     let Some(picture) = &model.frame else { return };
@@ -44,7 +48,7 @@ pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) 
     let at = rect.right_bottom() - vec2(10.0, 10.0);
     shadowed_text(painter, at, Align2::RIGHT_BOTTOM, &quality, 11.5, Color32::from_gray(170));
     let shift = ui.input(|i| i.modifiers.shift);
-    if shift && let Light::Directional { toward } = document.scene.light {
+    if shift && let Light::Directional { toward } = document.light().light {
         light_arrow(painter, rect, &camera, toward);
     }
 }

@@ -22,7 +22,8 @@ pub struct Prepared<'a> {
     pub renderer: &'a Renderer,
     pub loaded: &'a LoadedVolume,
     pub transfer: &'a DeviceTransfer,
-    pub shadow: &'a ShadowMap,
+    /// Of each light that shines, in their order.
+    pub shadows: Vec<&'a ShadowMap>,
     pub spec: String,
 }
 
@@ -51,13 +52,14 @@ impl OnDevice {
         self.kept.set_transfer(&self.renderer, loaded, tf, work)
     }
 
-    /// Whether [`Self::prepare`] would build nothing.
-    pub fn has(&self, choice: &MethodChoice, scene: &Scene) -> bool {
-        self.loaded.as_ref().is_some_and(|loaded| self.kept.has(loaded, &choice.spec(), scene))
+    /// How many structures [`Self::prepare`] would build for the picture of a scene.
+    pub fn missing(&self, choice: &MethodChoice, scene: &Scene) -> usize {
+        let missing = |loaded| self.kept.missing(loaded, &choice.spec(), scene);
+        self.loaded.as_ref().map_or(scene.lights.len(), missing)
     }
 
-    /// Builds the shadow structure of a method for the picture of a scene, or for every point under its light, unless it
-    /// is kept.
+    /// Builds the shadow structures of a method for the picture of a scene, or for every point under its lights, unless they
+    /// are kept.
     ///
     /// # Errors
     /// Settings out of range, a structure that the adapter cannot hold, or no volume or tables to make it of.
@@ -72,7 +74,7 @@ impl OnDevice {
         let (spec, method) = (choice.spec(), choice.method()?);
         self.kept.prepare(&self.renderer, loaded, (&spec, method.as_ref()), asked, work)?;
         let transfer = self.kept.transfer().ok_or_else(nothing)?;
-        let shadow = self.kept.shadow(&spec, asked.0.light).ok_or_else(nothing)?;
-        Ok(Prepared { renderer: &self.renderer, loaded, transfer, shadow, spec })
+        let shadows = self.kept.shadows(&spec, asked.0).ok_or_else(nothing)?;
+        Ok(Prepared { renderer: &self.renderer, loaded, transfer, shadows, spec })
     }
 }

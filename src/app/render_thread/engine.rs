@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::render::{AskedFor, DisplayTexture, Screen, Stage, Work};
 use crate::scene::Scene;
+use crate::shadow::{Bound, BuildReport};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -109,10 +110,12 @@ impl Engine {
         let mut longest_band_ms = 0.0_f64;
         for choice in &quality.choices {
             let mut built = Work::default();
+            let missing = self.device.missing(choice, &scene).max(1);
             let made = self.device.prepare(choice, (&scene, AskedFor::Picture), &mut built)?;
             if let Some(ms) = built.build_ms {
                 *work.build_ms.get_or_insert(0.0) += ms;
-                self.speeds.learn_build(choice, made.shadow.light_space.map_size, ms);
+                let map = made.shadows.iter().map(|map| map.light_space.map_size).max().unwrap_or(0);
+                self.speeds.learn_build(choice, map, ms / missing as f64);
             }
             if !go_on() {
                 return Ok(None);
@@ -121,14 +124,16 @@ impl Engine {
             let pace = if whole { &mut self.speeds.whole } else { &mut self.speeds.moving };
             let screen = Screen { target: &texture, pace };
             let field = (made.loaded, made.transfer);
-            let drawn = made.renderer.draw_to(screen, field, made.shadow, &scene, &go_on)?;
+            let report = BuildReport::of_all(made.shadows.iter().copied());
+            let bound = Bound::of_all(made.shadows.iter().copied());
+            let drawn = made.renderer.draw_to(screen, field, made.shadows, &scene, &go_on)?;
             let Some(drawn) = drawn else { return Ok(None) };
             longest_band_ms = longest_band_ms.max(drawn.longest_band_ms);
             sides.push(Side {
                 texture,
                 spec: made.spec,
-                report: made.shadow.report,
-                bound: made.shadow.bound,
+                report,
+                bound,
                 left_out: drawn.plan.left_out,
                 frame_ms: drawn.span.best().0,
             });

@@ -29,7 +29,7 @@ pub fn compare(
     let mut found = Vec::new();
     for choice in &request.methods {
         let made = device.prepare(choice, (scene, AskedFor::Picture), &mut work)?;
-        let map = request.view.errors(made.renderer, made.loaded, made.transfer, made.shadow, &go_on)?;
+        let map = request.view.errors(made.renderer, made.loaded, made.transfer, made.shadows, &go_on)?;
         let Some(map) = map else {
             speaker.say(Event::DifferenceUnfinished(Arc::clone(request)));
             return Ok(());

@@ -48,11 +48,12 @@ pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -
     points.push(point);
     let mut work = Work::default();
     device.set_transfer(&request.tf, &mut work)?;
-    let scene = Scene { light: request.light, ambient: request.ambient, ..Scene::framing(&volume) };
+    let scene = Scene { ambient: request.ambient, ..Scene::framing(&volume).under(request.light.into()) };
     let mut methods = Vec::new();
     for choice in &request.methods {
         let made = device.prepare(choice, (&scene, AskedFor::AnyPoint), &mut work)?;
-        let found = made.renderer.query(made.loaded, made.transfer, made.shadow, &points)?;
+        let Some(shadow) = made.shadows.first() else { continue };
+        let found = made.renderer.query(made.loaded, made.transfer, shadow, &points)?;
         let at_point = found.last().copied().map_or(1.0, f64::from);
         let curve = depths.iter().zip(&found).map(|(&z, &t)| [z, f64::from(t)]).collect();
         methods.push(MethodCurve { spec: made.spec, points: curve, at_point });
@@ -77,11 +78,11 @@ pub fn thumbnail(device: &OnDevice, request: ThumbnailRequest, speaker: &Speaker
     };
     let renderer = &device.renderer;
     let transfer = renderer.transfer(loaded, &tf, Forced::NOTHING)?;
-    let shadow = renderer.shadow(loaded, &transfer, &NoShadows, scene.light)?;
+    let shadows = renderer.shadows_in(loaded, &transfer, &NoShadows, &scene, None)?;
     let texture = Arc::new(DisplayTexture::new(renderer.gpu(), scene.width, scene.height)?);
     let mut pace = Pace::new(BAND_MS);
     let screen = Screen { target: &texture, pace: &mut pace };
-    let drawn = renderer.draw_to(screen, (loaded, &transfer), &shadow, &scene, || true)?;
+    let drawn = renderer.draw_to(screen, (loaded, &transfer), &shadows, &scene, || true)?;
     if drawn.is_some() {
         speaker.say(Event::Thumbnail(Box::new(Thumbnail { index, scene, volume, texture })));
     }
@@ -110,7 +111,8 @@ pub fn export(
         go_on()
     };
     let (renderer, scene) = (made.renderer, &export.scene);
-    let picture = renderer.render_in_bands(made.loaded, made.transfer, made.shadow, scene, BAND_MS, go_on)?;
+    let picture =
+        renderer.render_in_bands(made.loaded, made.transfer, made.shadows, scene, BAND_MS, go_on)?;
     match picture {
         Some(picture) => write_picture_as(&export.path, &picture.pixels, export.backdrop).map(|()| true),
         None => Ok(false),

@@ -86,15 +86,16 @@ impl Speeds {
         choice.map(self.chosen_map).unwrap_or(0)
     }
 
-    /// Milliseconds that a map would take to build, where it has to be; unknown before the first of its kind.
+    /// Milliseconds that maps of all lights would take to build, where they have to be; unknown before the first of its kind.
     fn build_ms(&self, choice: &MethodChoice, subject: &Subject, device: &OnDevice) -> f64 {
         let map = self.map(choice);
-        if map == 0 || device.has(choice, &subject.scene) {
+        let missing = device.missing(choice, &subject.scene) as f64;
+        if map == 0 || missing == 0.0 {
             return 0.0;
         }
         let kind = kind(choice);
         let known = self.build_ms_per_texel.iter().find(|(known, _)| *known == kind);
-        known.map_or(MOVING_MS, |(_, ms)| ms * f64::from(map) * f64::from(map))
+        known.map_or(MOVING_MS, |(_, ms)| missing * ms * f64::from(map) * f64::from(map))
     }
 
     /// Whether a picture is expected to be done so soon that nothing coarser has to come before it.

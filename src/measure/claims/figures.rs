@@ -186,12 +186,12 @@ pub fn measure(
         let compared = compare(&job, &wanted.whole, &mut Journal::nowhere(), progress)?.compared;
         let seen = field.seen_points(&scene, effort.points, SEED);
         let exact: Vec<f64> =
-            seen.par_iter().map(|p| field.transmittance_to_light(p.position, &scene.light)).collect();
+            seen.par_iter().map(|p| field.transmittance_to_light(p.position, &scene.light())).collect();
         for (method, compared) in wanted.whole.iter().zip(compared) {
             progress.check("claims")?;
             let mut figures = Figures { row: compared.row, picture: compared.picture, ..Figures::default() };
             if !figures.row.has_failed() {
-                let shadow = figures.build(&session, method.as_ref(), scene.light)?;
+                let shadow = figures.build(&session, method.as_ref(), scene.light())?;
                 figures.points = at_points(&session, &shadow, &seen, &exact)?;
                 figures.nodes = session.node_map(&shadow)?;
             }
@@ -202,7 +202,7 @@ pub fn measure(
     for method in &wanted.structure {
         progress.check("claims")?;
         let mut figures = Figures { name: name_of(method.as_ref()), ..Figures::default() };
-        if let Err(e) = figures.build(&session, method.as_ref(), scene.light) {
+        if let Err(e) = figures.build(&session, method.as_ref(), scene.light()) {
             figures.row.set_failed(&e);
         }
         all.insert(key(method.as_ref()), figures);

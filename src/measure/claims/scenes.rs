@@ -160,7 +160,7 @@ impl Variant {
         let Subject { volume, tf, scene } = subject;
         let mut scene = scene.clone();
         if let Some(toward) = self.toward {
-            scene.light = Light::Directional { toward: DVec3::from_array(toward) };
+            scene.lights = vec![Light::Directional { toward: DVec3::from_array(toward) }.into()];
         }
         scene.skip = self.skip.unwrap_or(scene.skip);
         if let Some(side) = self.side_px {
@@ -227,7 +227,7 @@ mod tests {
         assert!(same.scene == subject.scene && same.tf == subject.tf && AS_IS.text().is_empty());
         let changed = FROM_ABOVE.dense(4.0).of(&subject);
         assert_eq!(changed.tf.extinction(1.0), 4.0);
-        assert_eq!(changed.scene.light, Light::Directional { toward: DVec3::Z });
+        assert_eq!(changed.scene.light(), Light::Directional { toward: DVec3::Z });
         assert_eq!(FROM_ABOVE.dense(4.0).text(), "extinction x 4, light dir:0,0,1");
         let small = Variant::pixels(64).of(&subject).scene;
         assert_eq!((small.width, small.height, small.camera), (64, 64, subject.scene.camera));

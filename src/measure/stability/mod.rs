@@ -224,7 +224,7 @@ impl Lit<'_> {
         let (case, session) = (self.case, self.session);
         let [width, height] = PICTURE;
         let scene =
-            Scene { light: self.light, step: case.step, width, height, ..Scene::framing(&case.volume) };
+            Scene { step: case.step, width, height, ..Scene::framing(&case.volume).under(self.light.into()) };
         let draw = || -> Result<_> {
             let shadow = session.shadow(method, self.light)?;
             let picture = session.render(&shadow, &scene)?;

@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::files::picture::picture_png;
 use crate::measure::facts::REVISION;
 use crate::measure::job::Job;
+use crate::scene::LightSource;
 use std::path::{Path, PathBuf};
 
 /// Writes the report into a folder and gives its path.
@@ -75,7 +76,7 @@ pub fn scene_conditions(job: &Job) -> [(&'static str, String); 7] {
         ("volume", format!("{}; {nx} x {ny} x {nz} voxels", job.volume.provenance.source)),
         ("transfer function", job.tf.name.clone()),
         ("picture", format!("{} x {} pixels", scene.width, scene.height)),
-        ("light", scene.light.text()),
+        ("light", scene.lights.iter().map(LightSource::text).collect::<Vec<_>>().join("; ")),
         ("eye, target", format!("{}; {} mm", vector(camera.eye), vector(camera.target))),
         ("up, field of view", format!("{}; {} degrees", vector(camera.up), camera.fov_deg)),
         (

@@ -182,6 +182,7 @@ fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
         tf_file: TRANSFER_FUNCTION.into(),
         tf_sha256: sha256(tf_text.as_bytes()),
         size: [scene.width, scene.height],
+        light: None,
     };
     let mut run = Run::new(&facts, effort, &texts.join(";"), &methods, vec![record], None);
     let other = "choose another folder, or start anew: that removes all files of the table that it holds";

@@ -49,7 +49,12 @@ impl Difference {
             *self = self.only_choices();
             return;
         };
-        let question = Question { tf: Arc::clone(&document.tf), scene: document.scene.clone(), quantity };
+        let scene = match quantity {
+            // Transmittance is from the light that is edited, whatever its colour.
+            Quantity::Light => document.scene.under(document.light().light.into()),
+            Quantity::Picture => document.scene.clone(),
+        };
+        let question = Question { tf: Arc::clone(&document.tf), scene, quantity };
         if self.question.as_ref() != Some(&question) {
             *self = self.only_choices();
             // While a hand moves the picture is what is of interest.
@@ -132,7 +137,8 @@ impl Difference {
                 (
                     Some(Quantity::Light),
                     "light",
-                    "Light on what each pixel sees, method less exact: transmittance, 0 to 1 (D)",
+                    "Light on what each pixel sees, of the light that is edited, method less exact: transmittance, \
+                     0 to 1 (D)",
                 ),
                 (
                     Some(Quantity::Picture),
