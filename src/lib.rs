@@ -53,6 +53,7 @@ pub mod field;
 pub mod files;
 pub mod gpu;
 pub mod measure;
+pub mod mesh;
 pub mod open;
 pub mod render;
 pub mod report;

@@ -1,0 +1,301 @@
+//! Meshes from files: STL (binary and text), PLY and OBJ, told apart by content first and by name second.
+//!
+//! Coordinates are world mm, RAS+ as everywhere here; a header that says `SPACE=LPS`, as 3D Slicer writes it, turns the first
+//! two about.
+
+use super::Mesh;
+use crate::error::{Error, Result};
+use glam::DVec3;
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use std::io::{BufRead, Cursor};
+use std::path::Path;
+
+/// File-name endings of the formats.
+pub const MESH_EXTENSIONS: &[&str] = &["stl", "ply", "obj"];
+
+const WHAT: &str = "cannot read mesh";
+/// Bytes of a binary STL file before its triangles, and of each of them.
+const STL_HEADER_BYTES: usize = 84;
+const STL_TRIANGLE_BYTES: usize = 50;
+/// Where a header would say which way its axes go.
+const SPACE_WITHIN: usize = 4096;
+
+/// How a file is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Stl,
+    Ply,
+    Obj,
+}
+
+impl Format {
+    fn of(bytes: &[u8], path: &Path) -> Option<Self> {
+        let counts_fit = bytes.get(80..STL_HEADER_BYTES).is_some_and(|count| {
+            let triangles = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
+            triangles.checked_mul(STL_TRIANGLE_BYTES).is_some_and(|b| b + STL_HEADER_BYTES == bytes.len())
+        });
+        let named = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+        let text = bytes.trim_ascii_start();
+        if text.starts_with(b"ply\n") || text.starts_with(b"ply\r") {
+            Some(Self::Ply)
+        } else if counts_fit || text.starts_with(b"solid") || named("stl") {
+            Some(Self::Stl)
+        } else if named("obj") || bytes.lines().map_while(|l| l.ok()).take(200).any(|l| l.starts_with("v ")) {
+            Some(Self::Obj)
+        } else {
+            None
+        }
+    }
+}
+
+/// Reads a mesh of files, each with its linear RGB colour.
+///
+/// # Errors
+/// A file that cannot be read, is none of the formats, or is damaged.
+pub fn read(files: &[(&Path, [f64; 3])]) -> Result<Mesh> {
+    let names = files.iter().map(|(path, _)| path.display().to_string()).collect::<Vec<_>>();
+    let parts = files.iter().map(|(path, color)| Ok((read_triangles(path)?, *color)));
+    Mesh::new(parts.collect::<Result<_>>()?, &names.join(", "))
+}
+
+fn read_triangles(path: &Path) -> Result<Vec<[DVec3; 3]>> {
+    let refused = |why: String| Error::input(WHAT, path.display(), why);
+    let bytes = std::fs::read(path).map_err(|e| refused(e.to_string()))?;
+    let format = Format::of(&bytes, path).ok_or_else(|| {
+        refused("it is no STL, PLY or OBJ file".into()).hint("other meshes can be exported as one of these")
+    })?;
+    let triangles = match format {
+        Format::Stl => stl(&bytes),
+        Format::Ply => ply(&bytes),
+        Format::Obj => obj(&bytes),
+    };
+    let mut triangles = triangles.map_err(refused)?;
+    let header = String::from_utf8_lossy(&bytes[..bytes.len().min(SPACE_WITHIN)]).into_owned();
+    if header.contains("SPACE=LPS") {
+        triangles.iter_mut().flatten().for_each(|p| *p *= DVec3::new(-1.0, -1.0, 1.0));
+    }
+    Ok(triangles)
+}
+
+type Triangles = std::result::Result<Vec<[DVec3; 3]>, String>;
+
+fn stl(bytes: &[u8]) -> Triangles {
+    let mut cursor = Cursor::new(bytes);
+    let reader = stl_io::create_stl_reader(&mut cursor).map_err(|e| e.to_string())?;
+    let corners = |t: stl_io::Triangle| t.vertices.map(|v| DVec3::from(v.0.map(f64::from)));
+    reader.map(|t| t.map(corners).map_err(|e| e.to_string())).collect()
+}
+
+fn obj(bytes: &[u8]) -> Triangles {
+    let options = tobj::LoadOptions {
+        triangulate: true,
+        ignore_lines: true,
+        ignore_points: true,
+        ..Default::default()
+    };
+    let mut text = bytes;
+    // Materials are not read: a mesh has one colour.
+    let (models, _) =
+        tobj::load_obj_buf(&mut text, &options, |_| Ok(Default::default())).map_err(|e| e.to_string())?;
+    let mut triangles = Vec::new();
+    for model in &models {
+        let points: Vec<DVec3> = model
+            .mesh
+            .positions
+            .chunks_exact(3)
+            .map(|p| DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])))
+            .collect();
+        let faces = model.mesh.indices.chunks_exact(3);
+        for face in faces {
+            triangles.push(corners_of(&points, face.iter().map(|i| i64::from(*i)))?);
+        }
+    }
+    Ok(triangles)
+}
+
+/// Corners of a triangle by the numbers of its points.
+fn corners_of(
+    points: &[DVec3],
+    numbers: impl Iterator<Item = i64>,
+) -> std::result::Result<[DVec3; 3], String> {
+    let mut corners = [DVec3::ZERO; 3];
+    for (corner, number) in corners.iter_mut().zip(numbers) {
+        let found = usize::try_from(number).ok().and_then(|n| points.get(n));
+        *corner = *found.ok_or_else(|| format!("a face names point {number} of {}", points.len()))?;
+    }
+    Ok(corners)
+}
+
+/// A point of a PLY file.
+#[derive(Default)]
+struct PlyPoint {
+    at: [Option<f64>; 3],
+}
+
+impl PropertyAccess for PlyPoint {
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let Some(axis) = ["x", "y", "z"].iter().position(|n| *n == name) else {
+            return PropertyAccessResult::Ignored;
+        };
+        self.at[axis] = match property {
+            Property::Float(v) => Some(f64::from(v)),
+            Property::Double(v) => Some(v),
+            Property::Int(v) => Some(f64::from(v)),
+            Property::UInt(v) => Some(f64::from(v)),
+            Property::Short(v) => Some(f64::from(v)),
+            Property::UShort(v) => Some(f64::from(v)),
+            Property::Char(v) => Some(f64::from(v)),
+            Property::UChar(v) => Some(f64::from(v)),
+            _ => None,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+/// A face of a PLY file.
+#[derive(Default)]
+struct PlyFace {
+    points: Vec<i64>,
+}
+
+impl PropertyAccess for PlyFace {
+    fn new() -> Self {
+        Self::default()
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if name != "vertex_indices" && name != "vertex_index" {
+            return PropertyAccessResult::Ignored;
+        }
+        self.points = match property {
+            Property::ListInt(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListUInt(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListShort(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListUShort(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListChar(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListUChar(v) => v.into_iter().map(i64::from).collect(),
+            _ => return PropertyAccessResult::Ignored,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+fn ply(bytes: &[u8]) -> Triangles {
+    let words = |e: &dyn std::fmt::Display| e.to_string();
+    let mut reader = Reader::new(bytes);
+    let points = Parser::<PlyPoint>::new();
+    let faces = Parser::<PlyFace>::new();
+    let header = points.read_header(&mut reader).map_err(|e| words(&e))?;
+    let mut corners: Vec<DVec3> = Vec::new();
+    let mut polygons: Vec<PlyFace> = Vec::new();
+    for (name, element) in &header.elements {
+        if name == "face" {
+            polygons =
+                faces.read_payload_for_element(&mut reader, element, &header).map_err(|e| words(&e))?;
+        } else {
+            // Others are read past.
+            let read =
+                points.read_payload_for_element(&mut reader, element, &header).map_err(|e| words(&e))?;
+            if name == "vertex" {
+                let place = |p: &PlyPoint| match p.at {
+                    [Some(x), Some(y), Some(z)] => Ok(DVec3::new(x, y, z)),
+                    _ => Err("its points have no x, y and z".to_string()),
+                };
+                corners = read.iter().map(place).collect::<std::result::Result<_, _>>()?;
+            }
+        }
+    }
+    if polygons.is_empty() {
+        return Err("it has no faces".into());
+    }
+    let mut triangles = Vec::new();
+    for polygon in &polygons {
+        let [first, rest @ ..] = &polygon.points[..] else { continue };
+        for pair in rest.windows(2) {
+            triangles.push(corners_of(&corners, [*first, pair[0], pair[1]].into_iter())?);
+        }
+    }
+    Ok(triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn from(name: &str, bytes: &[u8]) -> Result<Mesh> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        read(&[(&path, [1.0; 3])])
+    }
+
+    const TEXT_STL: &str = "solid one\nfacet normal 0 0 1\nouter loop\nvertex 1 2 3\nvertex 2 2 3\nvertex 1 4 3\n\
+        endloop\nendfacet\nendsolid one\n";
+    const SQUARE_PLY: &str = "ply\nformat ascii 1.0\ncomment SPACE=LPS\nelement vertex 4\nproperty float x\n\
+        property double y\nproperty float z\nproperty uchar red\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n0 0 1 9\n2 0 1 9\n2 2 1 9\n0 2 1 9\n4 0 1 2 3\n";
+
+    fn binary_stl(header: &[u8], triangles: &[[f32; 9]]) -> Vec<u8> {
+        let mut bytes = header.to_vec();
+        bytes.resize(80, b' ');
+        bytes.extend((triangles.len() as u32).to_le_bytes());
+        for t in triangles {
+            bytes.extend([0.0f32, 0.0, 1.0].iter().chain(t).flat_map(|c| c.to_le_bytes()));
+            bytes.extend([0, 0]);
+        }
+        bytes
+    }
+
+    #[test]
+    fn every_format_gives_its_triangles() {
+        let corner = |mesh: &Mesh, t: usize, c: usize| mesh.triangles()[t][c];
+        let text = from("a.stl", TEXT_STL.as_bytes()).unwrap();
+        assert_eq!((text.triangles().len(), corner(&text, 0, 2)), (1, DVec3::new(1.0, 4.0, 3.0)));
+        // By content, whatever the name.
+        let t = [1.0, 2.0, 3.0, 2.0, 2.0, 3.0, 1.0, 4.0, 3.0];
+        for header in [&b"made by hand"[..], b"solid, although binary"] {
+            let binary = from("a.bin", &binary_stl(header, &[t, t.map(|c| c + 1.0)])).unwrap();
+            assert_eq!((binary.triangles().len(), corner(&binary, 1, 0)), (2, DVec3::new(2.0, 3.0, 4.0)));
+        }
+        let slicer = from("s.stl", &binary_stl(b"3D Slicer output. SPACE=LPS", &[t])).unwrap();
+        assert_eq!(corner(&slicer, 0, 0), DVec3::new(-1.0, -2.0, 3.0));
+        let ply = from("a.ply", SQUARE_PLY.as_bytes()).unwrap();
+        assert_eq!((ply.triangles().len(), corner(&ply, 1, 1)), (2, DVec3::new(-2.0, -2.0, 1.0)));
+        let obj = "o thing\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1 4//1\nf -4 -3 -2\nl 1 2\n";
+        let obj = from("a.obj", obj.as_bytes()).unwrap();
+        assert_eq!((obj.triangles().len(), corner(&obj, 0, 2)), (3, DVec3::new(1.0, 1.0, 0.0)));
+    }
+
+    #[test]
+    fn what_is_damaged_is_refused_in_one_line() {
+        let mut cut = binary_stl(b"cut", &[[1.0; 9]]);
+        cut.truncate(100);
+        let many = SQUARE_PLY.replace("4 0 1 2 3", "4 0 1 2 7");
+        let negative = SQUARE_PLY.replace("4 0 1 2 3", "4 0 1 2 -1");
+        let huge = SQUARE_PLY.replace("element vertex 4", "element vertex 4000000000");
+        for (name, bytes) in [
+            ("a.stl", &cut[..]),
+            ("a.stl", b""),
+            ("a.stl", b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 1 2\n"),
+            ("a.stl", &binary_stl(b"no triangles", &[])),
+            ("a.stl", &binary_stl(b"no area", &[[1.0; 9]])),
+            ("a.stl", &binary_stl(b"nan", &[[f32::NAN; 9]])),
+            ("a.ply", many.as_bytes()),
+            ("a.ply", negative.as_bytes()),
+            ("a.ply", huge.as_bytes()),
+            ("a.ply", b"ply\nformat ascii 1.0\nend_header\n"),
+            ("a.obj", b"v 0 0 0\nf 1 2 3\n"),
+            ("a.obj", b"nothing\n"),
+            ("a.txt", b"nothing of the kind\n"),
+        ] {
+            let error = from(name, bytes).unwrap_err();
+            assert_eq!(error.exit_status(), 2, "{error}");
+            assert!(!error.to_string().contains('\n'), "{error}");
+        }
+    }
+}

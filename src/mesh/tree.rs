@@ -1,0 +1,281 @@
+//! The tree of boxes over a mesh's triangles, in float64, and rays through it.
+//!
+//! Rays meet triangles by signs of edge functions about the ray (Woop, Benthin and Wald 2013, *Watertight Ray/Triangle
+//! Intersection*): both triangles of an edge decide alike, so that no ray slips through between them.
+
+use bvh::aabb::{Aabb, Bounded};
+use bvh::bounding_hierarchy::BHShape;
+use bvh::bvh::{Bvh, BvhNode};
+use bvh::flat_bvh::FlatNode as CrateNode;
+use glam::DVec3;
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+/// Where a ray meets a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Depth along the ray, mm.
+    pub depth_mm: f64,
+    /// Number of the triangle.
+    pub triangle: usize,
+}
+
+/// A box of the tree, or a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlatNode {
+    /// Smallest and largest coordinates, world mm; nothing for a triangle.
+    pub bounds: [DVec3; 2],
+    /// The triangle; `None`: a box, whose contents follow it in the list.
+    pub triangle: Option<u32>,
+    /// The node to go on with where the box is missed, and after a triangle.
+    pub next: u32,
+}
+
+/// A triangle while the tree is built.
+struct Shape {
+    bounds: Aabb<f64, 3>,
+    node: usize,
+}
+
+impl Bounded<f64, 3> for Shape {
+    fn aabb(&self) -> Aabb<f64, 3> {
+        self.bounds
+    }
+}
+
+impl BHShape<f64, 3> for Shape {
+    fn set_bh_node_index(&mut self, index: usize) {
+        self.node = index;
+    }
+
+    fn bh_node_index(&self) -> usize {
+        self.node
+    }
+}
+
+fn point(p: DVec3) -> Point3<f64> {
+    Point3::new(p.x, p.y, p.z)
+}
+
+fn vector(p: &Point3<f64>) -> DVec3 {
+    DVec3::new(p.x, p.y, p.z)
+}
+
+pub(super) fn build(triangles: &[[DVec3; 3]]) -> Bvh<f64, 3> {
+    let shape = |t: &[DVec3; 3]| {
+        let (lo, hi) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
+        Shape { bounds: Aabb::with_bounds(point(lo), point(hi)), node: 0 }
+    };
+    let mut shapes: Vec<_> = triangles.par_iter().map(shape).collect();
+    Bvh::build(&mut shapes)
+}
+
+pub(super) fn flat(tree: &Bvh<f64, 3>) -> Vec<FlatNode> {
+    let node = |CrateNode { aabb, entry_index, exit_index, shape_index }: CrateNode<f64, 3>| FlatNode {
+        bounds: [vector(&aabb.min), vector(&aabb.max)],
+        triangle: (entry_index == u32::MAX).then_some(shape_index),
+        next: exit_index,
+    };
+    tree.flatten().into_iter().map(node).collect()
+}
+
+/// A ray whose longest axis is made the third, and along which a triangle's corners are sheared.
+struct ShearedRay {
+    origin: DVec3,
+    inverse: DVec3,
+    axes: [usize; 3],
+    shear: DVec3,
+}
+
+impl ShearedRay {
+    fn new(origin: DVec3, direction: DVec3) -> Self {
+        let d = direction.to_array();
+        let z = (0..3).max_by(|a, b| d[*a].abs().total_cmp(&d[*b].abs())).unwrap_or(2);
+        let axes = [(z + 1) % 3, (z + 2) % 3, z];
+        let shear = DVec3::new(d[axes[0]] / d[z], d[axes[1]] / d[z], 1.0 / d[z]);
+        Self { origin, inverse: direction.recip(), axes, shear }
+    }
+
+    /// Depth of a triangle.
+    fn depth(&self, triangle: &[DVec3; 3]) -> Option<f64> {
+        let sheared = |p: &DVec3| {
+            let p = (*p - self.origin).to_array();
+            let [x, y, z] = self.axes.map(|axis| p[axis]);
+            DVec3::new(x - self.shear.x * z, y - self.shear.y * z, z * self.shear.z)
+        };
+        let [a, b, c] = [&triangle[0], &triangle[1], &triangle[2]].map(sheared);
+        let edges = DVec3::new(c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x);
+        let sum = edges.element_sum();
+        let one_side = edges.min_element() >= 0.0 || edges.max_element() <= 0.0;
+        (one_side && sum != 0.0).then(|| edges.dot(DVec3::new(a.z, b.z, c.z)) / sum)
+    }
+
+    /// Whether it passes a box between two depths; boxes are taken a little larger than they are.
+    fn passes(&self, bounds: &Aabb<f64, 3>, [from, to]: [f64; 2]) -> bool {
+        let near = (vector(&bounds.min) - self.origin) * self.inverse;
+        let far = (vector(&bounds.max) - self.origin) * self.inverse;
+        // Where a ray runs within a face this is no number, which comparisons pass over.
+        let enters = near.min(far).to_array().into_iter().fold(from, f64::max);
+        let leaves = near.max(far).to_array().into_iter().fold(to, f64::min);
+        enters <= leaves + 1e-12 * (enters.abs() + leaves.abs())
+    }
+}
+
+/// Goes through all triangles whose boxes a ray passes, nearer than what is found, until `take` has enough; it is given
+/// triangles on the ray.
+fn visit(
+    tree: &Bvh<f64, 3>,
+    triangles: &[[DVec3; 3]],
+    ray: &ShearedRay,
+    [from, to]: [f64; 2],
+    mut take: impl FnMut(Hit) -> Option<f64>,
+) {
+    if tree.nodes.is_empty() {
+        return;
+    }
+    let mut to = to;
+    let mut open = vec![0];
+    while let Some(node) = open.pop() {
+        match &tree.nodes[node] {
+            BvhNode::Node { child_l_index, child_l_aabb, child_r_index, child_r_aabb, .. } => {
+                let children = [(child_l_index, child_l_aabb), (child_r_index, child_r_aabb)];
+                let passed = children.into_iter().filter(|(_, bounds)| ray.passes(bounds, [from, to]));
+                open.extend(passed.map(|(index, _)| *index));
+            }
+            BvhNode::Leaf { shape_index, .. } => {
+                let depth = ray.depth(&triangles[*shape_index]).filter(|z| *z > from && *z < to);
+                let Some(depth_mm) = depth else { continue };
+                match take(Hit { depth_mm, triangle: *shape_index }) {
+                    Some(nearer) => to = nearer,
+                    None => return,
+                }
+            }
+        }
+    }
+}
+
+pub(super) fn first_hit(
+    tree: &Bvh<f64, 3>,
+    triangles: &[[DVec3; 3]],
+    origin: DVec3,
+    direction: DVec3,
+    between_mm: [f64; 2],
+) -> Option<Hit> {
+    let mut first = None;
+    visit(tree, triangles, &ShearedRay::new(origin, direction), between_mm, |hit| {
+        first = Some(hit);
+        Some(hit.depth_mm)
+    });
+    first
+}
+
+pub(super) fn is_hit(
+    tree: &Bvh<f64, 3>,
+    triangles: &[[DVec3; 3]],
+    origin: DVec3,
+    direction: DVec3,
+    between_mm: [f64; 2],
+) -> bool {
+    let mut met = false;
+    visit(tree, triangles, &ShearedRay::new(origin, direction), between_mm, |_| {
+        met = true;
+        None
+    });
+    met
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Mesh, files};
+    use super::*;
+
+    /// Triangles of a sphere: a grid of `2 n` by `n`.
+    pub(super) fn sphere(center: DVec3, radius: f64, n: usize) -> Vec<[DVec3; 3]> {
+        // The same numbers for the same corner, so that it is closed.
+        let at = |i: usize, j: usize| {
+            let [phi, theta] = [i % (2 * n), j].map(|k| std::f64::consts::PI * k as f64 / n as f64);
+            let ring = if j % n == 0 { 0.0 } else { theta.sin() };
+            center + radius * DVec3::new(ring * phi.cos(), ring * phi.sin(), theta.cos())
+        };
+        let quads = (0..2 * n).flat_map(|i| (0..n).map(move |j| (i, j)));
+        quads
+            .flat_map(|(i, j)| {
+                let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                [[a, d, c], [a, c, b]]
+            })
+            .collect()
+    }
+
+    fn mesh(triangles: Vec<[DVec3; 3]>) -> Mesh {
+        Mesh::new(vec![(triangles, [1.0; 3])], "test").unwrap()
+    }
+
+    #[test]
+    fn rays_meet_what_they_meet_one_by_one() {
+        let triangles = sphere(DVec3::new(3.0, -2.0, 1.0), 5.0, 24);
+        let mesh = mesh(triangles);
+        let flat = mesh.flat_tree();
+        for i in 0..2000u32 {
+            let share = |rate: f64| 2.0 * (f64::from(i) * rate).fract() - 1.0;
+            let origin = 9.0 * DVec3::new(share(0.618_034), share(0.754_878), share(0.569_840));
+            let direction = DVec3::new(share(0.324_718), share(0.410_245), share(0.220_744)).normalize();
+            let ray = ShearedRay::new(origin, direction);
+            let all = mesh.triangles().iter().enumerate().filter_map(|(triangle, corners)| {
+                let depth_mm = ray.depth(corners).filter(|z| *z > 0.0)?;
+                Some(Hit { depth_mm, triangle })
+            });
+            let nearest = all.min_by(|a, b| a.depth_mm.total_cmp(&b.depth_mm));
+            let found = mesh.first_hit(origin, direction, [0.0, f64::INFINITY]);
+            assert_eq!(found.map(|h| h.depth_mm), nearest.map(|h| h.depth_mm));
+            assert_eq!(mesh.is_hit(origin, direction, [0.0, f64::INFINITY]), nearest.is_some());
+            // The list is gone through as shaders do.
+            let mut at = 0;
+            let mut met = false;
+            while let Some(node) = flat.get(at) {
+                at = match node.triangle {
+                    Some(t) => {
+                        met |= ray.depth(&mesh.triangles()[t as usize]).is_some_and(|z| z > 0.0);
+                        node.next as usize
+                    }
+                    None => {
+                        let bounds = Aabb::with_bounds(point(node.bounds[0]), point(node.bounds[1]));
+                        if ray.passes(&bounds, [0.0, f64::INFINITY]) { at + 1 } else { node.next as usize }
+                    }
+                };
+            }
+            assert_eq!(met, nearest.is_some());
+        }
+    }
+
+    /// From within a closed surface every ray meets it, also through corners and along edges.
+    #[test]
+    fn no_ray_slips_through() {
+        let mesh = mesh(sphere(DVec3::ZERO, 5.0, 12));
+        let corners = mesh.triangles().iter().flatten().copied();
+        let middles = mesh.triangles().iter().map(|[a, b, _]| 0.5 * (*a + *b));
+        for target in corners.chain(middles) {
+            for origin in [DVec3::ZERO, DVec3::new(0.1, 0.2, -0.3)] {
+                let direction = (target - origin).normalize();
+                let hit = mesh.first_hit(origin, direction, [0.0, f64::INFINITY]).expect("it is closed");
+                assert!((origin + hit.depth_mm * direction).distance(target) < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_single_triangle_and_many_on_one_place_have_trees() {
+        let one = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        for copies in [1, 2, 1000] {
+            let mesh = mesh(vec![one; copies]);
+            let hit = mesh.first_hit(DVec3::new(0.2, 0.2, 3.0), DVec3::NEG_Z, [0.0, 10.0]).unwrap();
+            assert_eq!(hit.depth_mm, 3.0);
+            assert!(mesh.first_hit(DVec3::new(0.2, 0.2, 3.0), DVec3::NEG_Z, [0.0, 3.0]).is_none());
+            assert_eq!(mesh.flat_tree().iter().filter(|n| n.triangle.is_some()).count(), copies);
+        }
+        assert!(Mesh::new(vec![(vec![[DVec3::ZERO; 3]], [1.0; 3])], "test").is_err());
+        let two = Mesh::new(vec![(vec![one; 3], [1.0; 3]), (vec![one, [DVec3::Z; 3]], [0.5; 3])], "test").unwrap();
+        assert_eq!([2, 3].map(|t| two.color(t)[0]), [1.0, 0.5]);
+        assert_eq!((two.triangles().len(), two.left_out()), (4, 1));
+        assert!(files::MESH_EXTENSIONS.contains(&"stl"));
+    }
+}

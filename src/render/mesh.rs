@@ -1,0 +1,107 @@
+//! A mesh on the device: its triangles and the tree over them, in grid space.
+
+use crate::error::Result;
+use crate::field::grid_from_world;
+use crate::gpu::{Constant, Gpu, ShaderVariant, StorageBuffer};
+use crate::mesh::Mesh;
+use crate::volume::Volume;
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// Stands in the tree where a node is a box.
+const NO_TRIANGLE: u32 = u32::MAX;
+/// Boxes are larger on each side by this share of the largest coordinate, for what float32 makes of rays: 2^-19.
+const ROUNDING: f64 = 1.0 / 524_288.0;
+
+/// `Node` of `shaders/mesh/tree.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct Node {
+    lo: [f32; 3],
+    triangle: u32,
+    hi: [f32; 3],
+    next: u32,
+}
+
+/// `Triangle` of `shaders/mesh/tree.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct Triangle {
+    a: [f32; 4],
+    b: [f32; 4],
+    c: [f32; 4],
+    color: [f32; 4],
+}
+
+/// A mesh's buffers.
+pub(super) struct DeviceMesh {
+    pub nodes: wgpu::Buffer,
+    pub triangles: wgpu::Buffer,
+}
+
+impl DeviceMesh {
+    /// In the grid of a volume.
+    ///
+    /// # Errors
+    /// More triangles than the adapter can bind.
+    pub fn new(gpu: &Gpu, mesh: &Mesh, volume: &Volume) -> Result<Self> {
+        let grid_from_world = grid_from_world(volume);
+        let corner = |p: DVec3, normal: f64| {
+            grid_from_world.transform_point3(p).as_vec3().extend(normal as f32).to_array()
+        };
+        let triangle = |(number, corners): (usize, &[DVec3; 3])| {
+            let [a, b, c] = *corners;
+            let normal = mesh.normal(number);
+            let [red, green, blue] = mesh.color(number).map(|c| c as f32);
+            Triangle {
+                a: corner(a, normal.x),
+                b: corner(b, normal.y),
+                c: corner(c, normal.z),
+                color: [red, green, blue, 1.0],
+            }
+        };
+        let triangles: Vec<_> = mesh.triangles().iter().enumerate().map(triangle).collect();
+        let bounds_of = |corners: [DVec3; 8]| {
+            let largest = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+            let slack = DVec3::splat(ROUNDING * largest.max(1.0));
+            let [lo, hi] = corners.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| {
+                [lo.min(*p), hi.max(*p)]
+            });
+            [lo - slack, hi + slack]
+        };
+        let node = |node: crate::mesh::FlatNode| {
+            let corners = match node.triangle {
+                Some(t) => {
+                    let [a, b, c] = mesh.triangles()[t as usize];
+                    [a, b, c, a, b, c, a, b]
+                }
+                None => box_corners(node.bounds),
+            };
+            let [lo, hi] = bounds_of(corners.map(|p| grid_from_world.transform_point3(p)));
+            Node {
+                lo: lo.as_vec3().to_array(),
+                triangle: node.triangle.unwrap_or(NO_TRIANGLE),
+                hi: hi.as_vec3().to_array(),
+                next: node.next,
+            }
+        };
+        let nodes: Vec<_> = mesh.flat_tree().into_iter().map(node).collect();
+        Ok(Self {
+            nodes: StorageBuffer::from_slice(gpu, "mesh tree", &nodes)?,
+            triangles: StorageBuffer::from_slice(gpu, "mesh triangles", &triangles)?,
+        })
+    }
+}
+
+fn box_corners([lo, hi]: [DVec3; 2]) -> [DVec3; 8] {
+    std::array::from_fn(|i| {
+        let side = |bit: usize, axis: usize| if i & bit == 0 { lo[axis] } else { hi[axis] };
+        DVec3::new(side(1, 0), side(2, 1), side(4, 2))
+    })
+}
+
+/// A variant that meets the mesh.
+pub(super) fn with_mesh(shader: ShaderVariant) -> ShaderVariant {
+    let constants = [Constant::unsigned("NO_TRIANGLE", NO_TRIANGLE)];
+    shader.modules(&["mesh/tree.wgsl"]).constants(&constants).defs(["MESH"])
+}
