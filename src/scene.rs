@@ -1,9 +1,11 @@
 //! Camera, lights and picture settings: plain data.
 
 use crate::files::color;
+use crate::mesh::Mesh;
 use crate::volume::Volume;
 use glam::DVec3;
 use serde::{Deserialize, Serialize, Serializer};
+use std::sync::Arc;
 
 /// A pinhole camera; world millimetres, vertical field of view in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -211,6 +213,8 @@ pub struct Scene {
     pub ambient: f64,
     /// How surfaces are shaded.
     pub shading: Shading,
+    /// Opaque things in the volume.
+    pub mesh: Option<Arc<Mesh>>,
     /// Linear RGB.
     pub background: [f64; 3],
     /// Eye-ray step in units of the smallest voxel spacing.
@@ -259,6 +263,7 @@ impl Scene {
             lights: vec![LightSource::default()],
             ambient: 0.1,
             shading: Shading::None,
+            mesh: None,
             background: [0.0; 3],
             step: 0.5,
             skip: Skip::Bricks,

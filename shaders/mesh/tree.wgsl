@@ -42,6 +42,11 @@ fn mesh_normal(triangle: u32) -> vec3<f32> {
     return vec3<f32>(t.a.w, t.b.w, t.c.w);
 }
 
+// Linear RGB of a triangle.
+fn mesh_color(triangle: u32) -> vec3<f32> {
+    return mesh_triangles[triangle].color.rgb;
+}
+
 // Along the axes of a ray, the one that it goes along most being the third.
 fn along_ray(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.xyz, v.zxy, axis == 1u), v.yzx, axis == 0u);

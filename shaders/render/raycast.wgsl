@@ -20,10 +20,17 @@
 #import umbravox::watch::ran_out
 #import umbravox::work::{count_work, add_work, LOOKUPS}
 #ifdef SHADOWS
-#import umbravox::method::transmittance
+#ifdef MESH
+#import umbravox::mesh_light::light_at
+#else
+#import umbravox::method::transmittance as light_at
+#endif
 #endif
 #ifdef SHADING
 #import umbravox::light::{light_point, light_ray}
+#endif
+#ifdef MESH
+#import umbravox::surface::{Surface, surface_along}
 #endif
 
 #ifdef RESUMABLE
@@ -81,6 +88,14 @@ fn eye_ray(pixel: vec2<u32>, nearest_mm: f32, farthest_mm: f32) -> Line {
     ray.end = min(ray.end, farthest_mm * slant);
     return ray;
 }
+
+#ifdef MESH
+// Depth of the eye on the ray of a pixel, mm.
+fn eye_depth(pixel: vec2<u32>) -> f32 {
+    let ndc = (2.0 * (vec2<f32>(pixel) + 0.5) / vec2<f32>(frame.size) - 1.0) * frame.half_extent;
+    return -frame.plane_distance_mm * sqrt(1.0 + dot(ndc, ndc));
+}
+#endif
 
 // Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) where the value goes from a to b.
 fn mean_over(a: f32, b: f32) -> vec4<f32> {
@@ -172,6 +187,10 @@ fn gather_part(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<fun
         (*run).color += emitted;
 #ifdef SHADING
         (*run).shaded += emitted * shading_factor(ray.o + 0.5 * (begin + to) * ray.d, ray.d);
+#else
+#ifdef MESH
+        (*run).shaded += emitted;
+#endif
 #endif
         // Whether a part without extinction is come upon depends on what is skipped: a run must not.
         if depth > 0.0 {
@@ -212,7 +231,13 @@ fn raycast(
     let pixel = pixel_of(group, groups, local, 0u, frame.tiles_cast);
     if !pixel.inside { return; }
     let index = pixel.index;
-    let ray = eye_ray(pixel.at, pixel.nearest_mm, pixel.farthest_mm);
+    var ray = eye_ray(pixel.at, pixel.nearest_mm, pixel.farthest_mm);
+#ifdef MESH
+    // An eye ray ends at the first surface.
+    var surface = surface_along(ray.o, ray.d, eye_depth(pixel.at));
+    ray.end = min(ray.end, surface.z);
+    ray.t_out = max(min(ray.t_out, surface.z), ray.t_in);
+#endif
     var walk = start_walk(ray, TURNS_A_SAMPLE);
     var color = vec3<f32>(0.0);
     // Transmittance to the eye.
@@ -251,7 +276,7 @@ fn raycast(
             // One lookup a turn: where the start of a run has no light yet, that is this turn's.
             let fresh = lit_t != run.start && run.seen > FAINT_RUN;
             count_work(LOOKUPS, 1u);
-            let light_here = transmittance(ray.o + select(run.end, run.start, fresh) * ray.d);
+            let light_here = light_at(ray.o + select(run.end, run.start, fresh) * ray.d);
             if fresh {
                 lit = light_here;
                 lit_t = run.start;
@@ -262,7 +287,7 @@ fn raycast(
 #else
                 let light = (1.0 - frame.ambient) * mean_light(lit, light_here, max(run.depth, 1e-12));
 #endif
-#ifdef SHADING
+#ifdef SHADED
                 color += frame.ambient * run.color + light * run.shaded;
                 run.shaded = vec3<f32>(0.0);
 #else
@@ -277,7 +302,22 @@ fn raycast(
                 lit_t = run.end;
             }
         }
-        if !run.closing && run.parts == 0u && (left < EYE_OVER || !(walk.found || walk.walking)) { break; }
+        var over = !run.closing && run.parts == 0u && (left < EYE_OVER || !(walk.found || walk.walking));
+#ifdef MESH
+        // The surface behind is a run of its own, without a length.
+        if over && surface.met && left >= EYE_OVER {
+            surface.met = false;
+            run.start = surface.z;
+            run.end = surface.z;
+            run.color = left * surface.color;
+            run.shaded = left * surface.color * surface.cosine;
+            run.parts = 1u;
+            run.closing = true;
+            left = 0.0;
+            over = false;
+        }
+#endif
+        if over { break; }
     }
 #else
     loop {
@@ -300,6 +340,16 @@ fn raycast(
         }
         if left < EYE_OVER || !walk.walking { break; }
     }
+#ifdef MESH
+    if surface.met {
+#ifdef LIGHT_FACTOR
+        color += left * surface.color * (frame.ambient + frame.light * surface.cosine);
+#else
+        color += left * surface.color * (frame.ambient + (1.0 - frame.ambient) * surface.cosine);
+#endif
+        left = 0.0;
+    }
+#endif
 #endif
     add_work();
     // Some adapters end loops that they find long, and say nothing.

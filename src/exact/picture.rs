@@ -2,7 +2,8 @@
 //! along each pixel's ray, with exact shadow rays and the shading factors `f_i` at every node of an adaptive rule.
 
 use super::ExactField;
-use crate::scene::Scene;
+use crate::mesh::{Hit, SURFACE_GAP};
+use crate::scene::{Light, Scene};
 use glam::DVec3;
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -82,7 +83,7 @@ impl ExactField<'_> {
         let mut lit = [scene.ambient; 3];
         for source in scene.lights.iter().filter(|source| source.shines()) {
             let factor = self.shading_factor(x, sight, &source.light, scene.shading);
-            let share = (1.0 - scene.ambient) * factor * self.transmittance_to_light(x, &source.light);
+            let share = (1.0 - scene.ambient) * factor * self.light_left(scene, x, &source.light);
             let radiance = source.radiance();
             (0..3).for_each(|c| lit[c] += share * radiance[c]);
         }
@@ -93,7 +94,8 @@ impl ExactField<'_> {
     fn pixel(&self, scene: &Scene, column: f64, row: f64, rule: Rule) -> [f64; 4] {
         let eye = scene.camera.eye;
         let direction = scene.camera.ray_direction(column, row, scene.width, scene.height);
-        let curve = self.curve_along(eye, direction, f64::INFINITY);
+        let surface = first_surface(scene, eye, direction);
+        let curve = self.curve_along(eye, direction, surface.map_or(f64::INFINITY, |hit| hit.depth_mm));
         let opacity = -(-curve.total()).exp_m1();
         // With w = 1 - T_eye as the variable, T_eye sigma dt = dw: empty space takes no part and the weight is 1.
         let light_at = |w: f64| {
@@ -105,9 +107,42 @@ impl ExactField<'_> {
             std::array::from_fn(|c| color[c] * lit[c])
         };
         let color = if opacity > 0.0 { integrate(light_at, opacity, rule) } else { [0.0; 3] };
-        let [r, g, b] = std::array::from_fn(|c| color[c] + (1.0 - opacity) * scene.background[c]);
-        [r, g, b, opacity]
+        let behind = surface.map_or(scene.background, |hit| self.surface_color(scene, eye, direction, hit));
+        let [r, g, b] = std::array::from_fn(|c| color[c] + (1.0 - opacity) * behind[c]);
+        [r, g, b, if surface.is_some() { 1.0 } else { opacity }]
     }
+
+    /// Linear RGB of a mesh where a ray from the eye meets it: its colour in ambient light, and in that of each light by the
+    /// cosine of its angle, on the side that is seen.
+    fn surface_color(&self, scene: &Scene, eye: DVec3, direction: DVec3, hit: Hit) -> [f64; 3] {
+        let Some(mesh) = &scene.mesh else { return scene.background };
+        let x = eye + direction * hit.depth_mm;
+        let normal = mesh.normal(hit.triangle);
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        let mut lit = [scene.ambient; 3];
+        for source in scene.lights.iter().filter(|source| source.shines()) {
+            let cosine = normal.dot(source.light.from_point(x).0).max(0.0);
+            let share = (1.0 - scene.ambient) * cosine * self.light_left(scene, x, &source.light);
+            let radiance = source.radiance();
+            (0..3).for_each(|c| lit[c] += share * radiance[c]);
+        }
+        let color = mesh.color(hit.triangle);
+        std::array::from_fn(|c| color[c] * lit[c])
+    }
+
+    /// Transmittance from a light to a point (world mm), through the volume and past the mesh.
+    fn light_left(&self, scene: &Scene, x: DVec3, light: &Light) -> f64 {
+        let (toward, distance_mm) = light.from_point(x);
+        // What is nearer is the surface that the point lies on.
+        let from_mm = SURFACE_GAP * self.volume.min_spacing_mm();
+        let hidden = scene.mesh.as_ref().is_some_and(|mesh| mesh.is_hit(x, toward, [from_mm, distance_mm]));
+        if hidden { 0.0 } else { self.transmittance_to_light(x, light) }
+    }
+}
+
+/// Where a ray from the eye (world mm) first meets the scene's mesh.
+pub(super) fn first_surface(scene: &Scene, eye: DVec3, direction: DVec3) -> Option<Hit> {
+    scene.mesh.as_ref()?.first_hit(eye, direction, [0.0, f64::INFINITY])
 }
 
 /// Pixels from one that is looked at to the next: a step that shares no factor with the width does not keep to a few

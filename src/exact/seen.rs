@@ -1,6 +1,7 @@
 //! Points that the camera sees, distributed as it sees them.
 
 use super::ExactField;
+use super::picture::first_surface;
 use crate::scene::Scene;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -63,13 +64,20 @@ impl ExactField<'_> {
 
     fn seen_by_pixel(&self, scene: &Scene, [column, row]: [f64; 2], quantile: f64) -> Option<SeenPoint> {
         let direction = scene.camera.ray_direction(column, row, scene.width, scene.height);
-        self.seen_along(scene.camera.eye, direction, quantile)
+        let eye = scene.camera.eye;
+        let length_mm = first_surface(scene, eye, direction).map_or(f64::INFINITY, |hit| hit.depth_mm);
+        self.seen_within(eye, direction, length_mm, quantile)
     }
 
     /// The point along a ray from the eye (world mm, unit direction) that this quantile of the ray's opacity lies in
     /// front of; `None` where there is no opacity.
     pub fn seen_along(&self, eye: DVec3, direction: DVec3, quantile: f64) -> Option<SeenPoint> {
-        let curve = self.curve_along(eye, direction, f64::INFINITY);
+        self.seen_within(eye, direction, f64::INFINITY, quantile)
+    }
+
+    /// The same of a ray that ends.
+    fn seen_within(&self, eye: DVec3, direction: DVec3, length_mm: f64, quantile: f64) -> Option<SeenPoint> {
+        let curve = self.curve_along(eye, direction, length_mm);
         let opacity = -(-curve.total()).exp_m1();
         if opacity <= 0.0 {
             return None;

@@ -22,6 +22,12 @@ impl View {
         Self { camera: scene.camera, aspect, height: scene.height, margin: 0.0 }
     }
 
+    /// All that the shadows of a scene's picture have to be right in; `None`: everywhere, since light is asked for where a mesh
+    /// is seen, and what keeps it from there need not be in view.
+    pub fn of_shadows(scene: &Scene) -> Option<Self> {
+        scene.mesh.is_none().then(|| Self::of(scene))
+    }
+
     /// The same, or wider, so that a picture of another shape from the same camera lies in it.
     #[must_use]
     pub fn holding(self, other: &Scene) -> Self {

@@ -175,8 +175,8 @@ fn run(job: &Job, method: &dyn Method, forced: Forced) -> Result<Run> {
     let needed = crate::render::needs_shadows(job.scene, job.volume, &transfer).is_ok();
     let start = Instant::now();
     let method = if needed { method } else { &NoShadows };
-    let view = View::of(job.scene);
-    let shadows = renderer.shadows_in(loaded, &transfer, method, job.scene, Some(&view))?;
+    let view = View::of_shadows(job.scene);
+    let shadows = renderer.shadows_in(loaded, &transfer, method, job.scene, view.as_ref())?;
     let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
     let picture = renderer.render(loaded, &transfer, &shadows, job.scene)?;
     let march = transfer.march_table();

@@ -157,8 +157,8 @@ impl<'a> Reference<'a> {
         let Session { renderer, loaded, .. } = job.session;
         let build = || {
             // The small picture, whose sides are rounded, may be a little wider.
-            let view = View::of(job.scene).holding(&self.exact_picture.scene);
-            renderer.shadows_in(loaded, &transfer, used, job.scene, Some(&view))
+            let view = View::of_shadows(job.scene).map(|view| view.holding(&self.exact_picture.scene));
+            renderer.shadows_in(loaded, &transfer, used, job.scene, view.as_ref())
         };
         let start = Instant::now();
         let mut shadows = build()?;

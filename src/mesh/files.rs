@@ -3,7 +3,7 @@
 //! Coordinates are world mm, RAS+ as everywhere here; a header that says `SPACE=LPS`, as 3D Slicer writes it, turns the first
 //! two about.
 
-use super::Mesh;
+use super::{Mesh, MeshPart};
 use crate::error::{Error, Result};
 use glam::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
@@ -53,10 +53,11 @@ impl Format {
 ///
 /// # Errors
 /// A file that cannot be read, is none of the formats, or is damaged.
-pub fn read(files: &[(&Path, [f64; 3])]) -> Result<Mesh> {
-    let names = files.iter().map(|(path, _)| path.display().to_string()).collect::<Vec<_>>();
-    let parts = files.iter().map(|(path, color)| Ok((read_triangles(path)?, *color)));
-    Mesh::new(parts.collect::<Result<_>>()?, &names.join(", "))
+pub fn read<'a>(files: impl IntoIterator<Item = (&'a Path, [f64; 3])>) -> Result<Mesh> {
+    let part = |(path, color): (&Path, [f64; 3])| {
+        Ok(MeshPart { source: path.display().to_string(), color, triangles: read_triangles(path)? })
+    };
+    Mesh::new(files.into_iter().map(part).collect::<Result<_>>()?)
 }
 
 fn read_triangles(path: &Path) -> Result<Vec<[DVec3; 3]>> {
@@ -231,7 +232,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        read(&[(&path, [1.0; 3])])
+        read([(path.as_path(), [1.0; 3])])
     }
 
     const TEXT_STL: &str = "solid one\nfacet normal 0 0 1\nouter loop\nvertex 1 2 3\nvertex 2 2 3\nvertex 1 4 3\n\

@@ -14,22 +14,35 @@ use crate::error::{Error, Result};
 use bvh::bvh::Bvh;
 use glam::DVec3;
 
+/// Light is asked for on a surface so far from it (towards the light, in smallest voxel spacings) that it is not hidden by
+/// itself.
+pub const SURFACE_GAP: f64 = 1e-3;
+
 /// A surface of triangles, world mm.
 pub struct Mesh {
     /// Corners of every triangle.
     triangles: Vec<[DVec3; 3]>,
-    /// Number of each part's first triangle, and the part's linear RGB.
-    parts: Vec<(usize, [f64; 3])>,
+    /// Number of each part's first triangle, where the part came from, and its linear RGB.
+    parts: Vec<(usize, String, [f64; 3])>,
     tree: Bvh<f64, 3>,
     /// Triangles without an area, which are left out.
     left_out: usize,
-    /// Where it came from.
+}
+
+/// What a mesh is made of.
+#[derive(Debug, Clone)]
+pub struct MeshPart {
+    /// Where it came from: a path.
     pub source: String,
+    /// Linear RGB.
+    pub color: [f64; 3],
+    /// Corners of every triangle, world mm.
+    pub triangles: Vec<[DVec3; 3]>,
 }
 
 impl std::fmt::Debug for Mesh {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Mesh({} triangles of {})", self.triangles.len(), self.source)
+        write!(f, "Mesh({} triangles)", self.triangles.len())
     }
 }
 
@@ -42,31 +55,35 @@ impl PartialEq for Mesh {
 
 impl Mesh {
     /// sRGB of a mesh that is given none: bone.
-    pub const DEFAULT_COLOR: [u8; 3] = [227, 218, 201];
+    pub const DEFAULT_COLOR: &str = "#e3dac9";
 
-    /// Of parts, each of triangles with their corners in world mm and a linear RGB colour; triangles without an area are left
-    /// out.
+    /// Of parts; triangles without an area are left out.
     ///
     /// # Errors
-    /// A coordinate that is not finite, or nothing with an area.
-    pub fn new(given: Vec<(Vec<[DVec3; 3]>, [f64; 3])>, source: &str) -> Result<Self> {
-        let refused = |why: String| Error::input("cannot use mesh", source, why);
+    /// A coordinate that is not finite, or a part where nothing has an area.
+    pub fn new(given: Vec<MeshPart>) -> Result<Self> {
         let has_area = |t: &[DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared() > 0.0;
         let (mut triangles, mut parts, mut left_out) = (Vec::new(), Vec::new(), 0);
-        for (part, color) in given {
-            if let Some(place) = part.iter().position(|t| !t.iter().all(|p| p.is_finite())) {
+        for part in given {
+            let refused = |why: String| Error::input("cannot use mesh", &part.source, why);
+            if let Some(place) = part.triangles.iter().position(|t| !t.iter().all(|p| p.is_finite())) {
                 return Err(refused(format!("triangle {place} has a corner that is no finite number")));
             }
-            let count = part.len();
-            parts.push((triangles.len(), color));
-            triangles.extend(part.into_iter().filter(has_area));
-            left_out += parts.last().map_or(0, |(first, _)| count + first) - triangles.len();
-        }
-        if triangles.is_empty() {
-            return Err(refused(format!("none of its {left_out} triangles has an area")));
+            let (count, first) = (part.triangles.len(), triangles.len());
+            triangles.extend(part.triangles.iter().filter(|t| has_area(t)));
+            if triangles.len() == first {
+                return Err(refused(format!("none of its {count} triangles has an area")));
+            }
+            left_out += first + count - triangles.len();
+            parts.push((first, part.source, part.color));
         }
         let tree = tree::build(&triangles);
-        Ok(Self { triangles, parts, tree, left_out, source: source.into() })
+        Ok(Self { triangles, parts, tree, left_out })
+    }
+
+    /// Where each part came from, and its linear RGB.
+    pub fn parts(&self) -> impl Iterator<Item = (&str, [f64; 3])> {
+        self.parts.iter().map(|(_, source, color)| (source.as_str(), *color))
     }
 
     /// Corners of every triangle, world mm.
@@ -76,8 +93,8 @@ impl Mesh {
 
     /// Linear RGB of a triangle.
     pub fn color(&self, triangle: usize) -> [f64; 3] {
-        let part = self.parts.partition_point(|(first, _)| *first <= triangle);
-        self.parts[part.max(1) - 1].1
+        let part = self.parts.partition_point(|(first, ..)| *first <= triangle);
+        self.parts[part.max(1) - 1].2
     }
 
     /// Triangles of the source without an area.
@@ -109,6 +126,24 @@ impl Mesh {
 
     /// The tree in one list that is gone through without a stack, as shaders do: boxes in world mm.
     pub fn flat_tree(&self) -> Vec<FlatNode> {
-        tree::flat(&self.tree)
+        tree::flat(&self.tree, &self.triangles)
+    }
+
+    /// Some boxes that hold all triangles, as few as so many levels of the tree have: smallest and largest coordinates, world
+    /// mm.
+    pub fn boxes(&self, levels: usize) -> Vec<[DVec3; 2]> {
+        let nodes = self.flat_tree();
+        let (mut boxes, mut ends, mut at) = (Vec::new(), Vec::new(), 0);
+        while let Some(node) = nodes.get(at) {
+            ends.retain(|end| *end > at);
+            if node.triangle.is_some() || ends.len() >= levels {
+                boxes.push(node.bounds);
+                at = node.next as usize;
+            } else {
+                ends.push(node.next as usize);
+                at += 1;
+            }
+        }
+        boxes
     }
 }

@@ -23,7 +23,7 @@ pub struct Hit {
 /// A box of the tree, or a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlatNode {
-    /// Smallest and largest coordinates, world mm; nothing for a triangle.
+    /// Smallest and largest coordinates, world mm.
     pub bounds: [DVec3; 2],
     /// The triangle; `None`: a box, whose contents follow it in the list.
     pub triangle: Option<u32>,
@@ -61,20 +61,26 @@ fn vector(p: &Point3<f64>) -> DVec3 {
     DVec3::new(p.x, p.y, p.z)
 }
 
+fn bounds([a, b, c]: &[DVec3; 3]) -> [DVec3; 2] {
+    [a.min(*b).min(*c), a.max(*b).max(*c)]
+}
+
 pub(super) fn build(triangles: &[[DVec3; 3]]) -> Bvh<f64, 3> {
     let shape = |t: &[DVec3; 3]| {
-        let (lo, hi) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
-        Shape { bounds: Aabb::with_bounds(point(lo), point(hi)), node: 0 }
+        let [lo, hi] = bounds(t).map(point);
+        Shape { bounds: Aabb::with_bounds(lo, hi), node: 0 }
     };
     let mut shapes: Vec<_> = triangles.par_iter().map(shape).collect();
     Bvh::build(&mut shapes)
 }
 
-pub(super) fn flat(tree: &Bvh<f64, 3>) -> Vec<FlatNode> {
-    let node = |CrateNode { aabb, entry_index, exit_index, shape_index }: CrateNode<f64, 3>| FlatNode {
-        bounds: [vector(&aabb.min), vector(&aabb.max)],
-        triangle: (entry_index == u32::MAX).then_some(shape_index),
-        next: exit_index,
+pub(super) fn flat(tree: &Bvh<f64, 3>, triangles: &[[DVec3; 3]]) -> Vec<FlatNode> {
+    let node = |CrateNode { aabb, entry_index, exit_index, shape_index }: CrateNode<f64, 3>| {
+        // The crate's leaves have no boxes.
+        let triangle = (entry_index == u32::MAX).then_some(shape_index);
+        let of_box = [vector(&aabb.min), vector(&aabb.max)];
+        let bounds = triangle.map_or(of_box, |t| bounds(&triangles[t as usize]));
+        FlatNode { bounds, triangle, next: exit_index }
     };
     tree.flatten().into_iter().map(node).collect()
 }
@@ -186,7 +192,7 @@ pub(super) fn is_hit(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Mesh, files};
+    use super::super::{Mesh, MeshPart, files};
     use super::*;
 
     /// Triangles of a sphere: a grid of `2 n` by `n`.
@@ -206,8 +212,12 @@ mod tests {
             .collect()
     }
 
+    fn part(triangles: Vec<[DVec3; 3]>, grey: f64) -> MeshPart {
+        MeshPart { source: "test".into(), color: [grey; 3], triangles }
+    }
+
     fn mesh(triangles: Vec<[DVec3; 3]>) -> Mesh {
-        Mesh::new(vec![(triangles, [1.0; 3])], "test").unwrap()
+        Mesh::new(vec![part(triangles, 1.0)]).unwrap()
     }
 
     #[test]
@@ -272,8 +282,8 @@ mod tests {
             assert!(mesh.first_hit(DVec3::new(0.2, 0.2, 3.0), DVec3::NEG_Z, [0.0, 3.0]).is_none());
             assert_eq!(mesh.flat_tree().iter().filter(|n| n.triangle.is_some()).count(), copies);
         }
-        assert!(Mesh::new(vec![(vec![[DVec3::ZERO; 3]], [1.0; 3])], "test").is_err());
-        let two = Mesh::new(vec![(vec![one; 3], [1.0; 3]), (vec![one, [DVec3::Z; 3]], [0.5; 3])], "test").unwrap();
+        assert!(Mesh::new(vec![part(vec![[DVec3::ZERO; 3]], 1.0)]).is_err());
+        let two = Mesh::new(vec![part(vec![one; 3], 1.0), part(vec![one, [DVec3::Z; 3]], 0.5)]).unwrap();
         assert_eq!([2, 3].map(|t| two.color(t)[0]), [1.0, 0.5]);
         assert_eq!((two.triangles().len(), two.left_out()), (4, 1));
         assert!(files::MESH_EXTENSIONS.contains(&"stl"));

@@ -3,6 +3,7 @@
 mod file;
 pub mod formats;
 mod lights;
+mod meshes;
 pub mod presets;
 mod refusal;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]

@@ -1,6 +1,7 @@
 //! One description of a scene: command line, scene file and the window's document are views of [`SceneSettings`].
 
 use super::lights::one_or_list;
+use super::meshes::MeshFile;
 use super::presets::{self, PRESETS, ResolvedTransferFunction};
 use super::values::{self, Background, Size};
 use super::{ReadFlags, VolumeSpec, load_with};
@@ -71,6 +72,11 @@ pub struct SceneSettings {
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
     #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
     pub light: Option<Vec<LightSource>>,
+    /// An opaque thing in the volume, once or for each of several: an STL, PLY or OBJ file, world mm, and behind it
+    /// ,color=#rrggbb (sRGB, bone)
+    #[arg(long, value_name = "FILE", value_parser = super::meshes::mesh_file, help_heading = "Scene")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<Vec<MeshFile>>,
     /// Share of the light that shadows do not touch, 0 to 1 [default: 0.1]
     #[arg(long, value_name = "A", value_parser = values::ambient, allow_hyphen_values = true, help_heading = "Scene")]
     pub ambient: Option<f64>,
@@ -205,7 +211,7 @@ impl SceneSettings {
         let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
         let ResolvedTransferFunction { tf, note } = found.suit(&volume);
         remarks.extend(note.map(|note| ("note", note)));
-        let scene = self.scene(&volume)?;
+        let scene = Scene { mesh: self.meshes()?, ..self.scene(&volume)? };
         Ok(Loaded { volume, tf, tf_source, scene, remarks })
     }
 
@@ -237,7 +243,7 @@ impl SceneSettings {
         Ok(all)
     }
 
-    /// The scene for a volume.
+    /// The scene for a volume, without its meshes, which [`Self::load`] reads.
     ///
     /// # Errors
     /// A camera that looks nowhere: eye at the target, or up along the view.
@@ -249,6 +255,7 @@ impl SceneSettings {
             lights: self.lights()?.unwrap_or(default.lights),
             ambient: self.ambient.unwrap_or(default.ambient),
             shading: self.shading.unwrap_or(default.shading),
+            mesh: None,
             background: match self.background {
                 Some(Background::Color(rgb)) => rgb,
                 Some(Background::None) => [0.0; 3],
@@ -263,7 +270,7 @@ impl SceneSettings {
 
     /// What describes a volume and a scene, the other way than [`Self::spec`] and [`Self::scene`].
     pub fn of_scene(spec: &VolumeSpec, scene: &Scene, is_transparent: bool) -> Self {
-        let Scene { camera, ref lights, ambient, shading, background, step, skip, width, height } = *scene;
+        let Scene { camera, ambient, shading, background, step, skip, width, height, .. } = *scene;
         let Camera { eye, target, up, fov_deg } = camera;
         let background = if is_transparent { Background::None } else { Background::Color(background) };
         Self {
@@ -272,7 +279,8 @@ impl SceneSettings {
             target: Some(target),
             up: Some(up),
             fov: Some(fov_deg),
-            light: Some(lights.clone()),
+            light: Some(scene.lights.clone()),
+            mesh: Self::files_of(scene.mesh.as_deref()),
             ambient: Some(ambient),
             shading: Some(shading),
             background: Some(background),

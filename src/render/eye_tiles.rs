@@ -4,13 +4,16 @@
 //! the outside of what is active are projected as spheres on the host, and a whole tile shares its bounds: a picture of
 //! mostly background is mostly not cast, and what is seen through much empty space begins where that ends.
 
+use super::mesh::box_corners;
 use super::shader::PICTURE_SIDE;
 use crate::field::{ActiveBricks, FAR, grid_from_world};
+use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::volume::{BRICK_CELLS, Volume};
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DVec3, IVec3};
+use glam::{DMat3, DVec2, DVec3, IVec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// `Tile` of `shaders/render/frame.wgsl`.
 #[repr(C)]
@@ -44,6 +47,18 @@ fn widened(own: [f32; 2], other: [f32; 2]) -> [f32; 2] {
 }
 
 const NOTHING: [f32; 2] = [FAR, -FAR];
+/// Levels of a mesh's tree whose boxes are projected: 64 boxes.
+const MESH_LEVELS: usize = 6;
+
+/// Tiles along a side of the picture that some pixels lie in.
+fn tiles_of([lo, hi]: [f64; 2], size: f64) -> Range<usize> {
+    let [lo, hi] = [lo - PIXELS_AROUND, hi + PIXELS_AROUND];
+    if hi < 0.0 || lo >= size {
+        return 0..0;
+    }
+    let tile = |pixel: f64| (pixel.clamp(0.0, size - 1.0) / f64::from(PICTURE_SIDE)) as usize;
+    tile(lo)..tile(hi) + 1
+}
 
 impl EyeTiles {
     /// All tiles, without bounds.
@@ -119,15 +134,7 @@ impl EyeTiles {
 
     /// Widens the depths of all tiles that a rectangle of pixels touches.
     fn mark(&mut self, columns: [f64; 2], rows: [f64; 2], size: [f64; 2], depths: [f32; 2]) {
-        let tiles = |[lo, hi]: [f64; 2], size: f64| {
-            let [lo, hi] = [lo - PIXELS_AROUND, hi + PIXELS_AROUND];
-            if hi < 0.0 || lo >= size {
-                return 0..0;
-            }
-            let tile = |pixel: f64| (pixel.clamp(0.0, size - 1.0) / f64::from(PICTURE_SIDE)) as usize;
-            tile(lo)..tile(hi) + 1
-        };
-        let (columns, rows) = (tiles(columns, size[0]), tiles(rows, size[1]));
+        let (columns, rows) = (tiles_of(columns, size[0]), tiles_of(rows, size[1]));
         if columns.len() * rows.len() == self.depths.len() {
             // Of bricks around the eye there may be thousands.
             self.everywhere = widened(self.everywhere, depths);
@@ -139,6 +146,40 @@ impl EyeTiles {
                 *own = widened(*own, depths);
             }
         }
+    }
+
+    /// With the tiles in which a mesh may show: there rays are cast, too.
+    #[must_use]
+    pub fn with_mesh(mut self, scene: &Scene, mesh: &Mesh) -> Self {
+        let frame = scene.camera.frame();
+        let axes = DMat3::from_cols(frame.right, frame.up, frame.forward).transpose();
+        let up = (0.5 * scene.camera.fov_deg.to_radians()).tan();
+        let [width, height] = [scene.width, scene.height].map(f64::from);
+        let scale = 0.5 * height / up;
+        for bounds in mesh.boxes(MESH_LEVELS) {
+            let corners = box_corners(bounds).map(|p| axes * (p - scene.camera.eye));
+            if corners.iter().all(|p| p.z <= 0.0) {
+                continue;
+            }
+            // A box that reaches behind the eye may show anywhere.
+            let behind = corners.iter().any(|p| p.z <= 1e-6 * p.abs().max_element());
+            let pixels = corners
+                .map(|p| DVec2::new(0.5 * width + scale * p.x / p.z, 0.5 * height - scale * p.y / p.z));
+            let ends = pixels
+                .iter()
+                .fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[lo, hi], p| [lo.min(*p), hi.max(*p)]);
+            let [lo, hi] = if behind { [DVec2::ZERO, DVec2::new(width, height)] } else { ends };
+            let (columns, rows) = (tiles_of([lo.x, hi.x], width), tiles_of([lo.y, hi.y], height));
+            for row in rows {
+                let row = &mut self.depths[row * self.across as usize..][..self.across as usize];
+                // What the volume has of a tile stays as it is.
+                row[columns.clone()]
+                    .iter_mut()
+                    .filter(|[near, far]| near > far)
+                    .for_each(|own| *own = [0.0; 2]);
+            }
+        }
+        self
     }
 
     /// Tiles of the picture, and those of them in which nothing may show.

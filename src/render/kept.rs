@@ -107,7 +107,7 @@ pub enum AskedFor {
 
 impl AskedFor {
     fn view(self, scene: &Scene) -> Option<View> {
-        (self == Self::Picture).then(|| View::of(scene))
+        View::of_shadows(scene).filter(|_| self == Self::Picture)
     }
 }
 

@@ -85,7 +85,7 @@ impl LightPass {
 
 /// Whether a picture is another under another light.
 pub(super) fn tells_apart(plan: &Plan) -> bool {
-    plan.shadows || plan.shading != Shading::None
+    plan.shadows || plan.mesh || plan.shading != Shading::None
 }
 
 #[cfg(test)]
@@ -99,7 +99,7 @@ mod tests {
         let light = |color: [f64; 3], intensity| LightSource { color, intensity, ..LightSource::default() };
         let [half, white, red] = [light([1.0; 3], 0.5), light([1.0; 3], 1.0), light([1.0, 0.0, 0.0], 2.0)];
         let passes = |lights: &[LightSource], ambient, shadows, shading| {
-            let plan = Plan { shadows, skip_bricks: true, shading, left_out: Vec::new() };
+            let plan = Plan { shadows, skip_bricks: true, shading, mesh: false, left_out: Vec::new() };
             let scene = Scene { lights: lights.to_vec(), ambient, ..Scene::framing(&volume) };
             let passes = LightPass::all(&scene, &plan);
             assert!(passes.iter().enumerate().all(|(i, pass)| pass.map == i));

@@ -2,11 +2,12 @@
 
 use crate::error::Result;
 use crate::field::grid_from_world;
-use crate::gpu::{Constant, Gpu, ShaderVariant, StorageBuffer};
-use crate::mesh::Mesh;
+use crate::gpu::{Constant, Gpu, Group, ShaderVariant, Slot, StorageBuffer};
+use crate::mesh::{Mesh, SURFACE_GAP};
 use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Stands in the tree where a node is a box.
 const NO_TRIANGLE: u32 = u32::MAX;
@@ -16,7 +17,7 @@ const ROUNDING: f64 = 1.0 / 524_288.0;
 /// `Node` of `shaders/mesh/tree.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(super) struct Node {
+struct Node {
     lo: [f32; 3],
     triangle: u32,
     hi: [f32; 3],
@@ -26,26 +27,49 @@ pub(super) struct Node {
 /// `Triangle` of `shaders/mesh/tree.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(super) struct Triangle {
+struct Triangle {
     a: [f32; 4],
     b: [f32; 4],
     c: [f32; 4],
     color: [f32; 4],
 }
 
-/// A mesh's buffers.
-pub(super) struct DeviceMesh {
-    pub nodes: wgpu::Buffer,
-    pub triangles: wgpu::Buffer,
-}
+/// The mesh that was last drawn, in the grid that it was drawn in.
+#[derive(Default)]
+pub(super) struct KeptMesh(Mutex<Option<(Arc<Mesh>, DAffine3, Group)>>);
 
-impl DeviceMesh {
-    /// In the grid of a volume.
+impl KeptMesh {
+    /// Group 3 of what meets a mesh in the grid of a volume, made where it is another than before.
     ///
     /// # Errors
     /// More triangles than the adapter can bind.
-    pub fn new(gpu: &Gpu, mesh: &Mesh, volume: &Volume) -> Result<Self> {
+    pub fn group(&self, gpu: &Gpu, mesh: &Arc<Mesh>, volume: &Volume) -> Result<Group> {
         let grid_from_world = grid_from_world(volume);
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*kept {
+            Some((known, grid, group)) if known == mesh && *grid == grid_from_world => Ok(group.clone()),
+            _ => {
+                let made = DeviceMesh::new(gpu, mesh, &grid_from_world)?.group(gpu);
+                *kept = Some((Arc::clone(mesh), grid_from_world, made.clone()));
+                Ok(made)
+            }
+        }
+    }
+}
+
+/// A mesh's buffers.
+struct DeviceMesh {
+    nodes: wgpu::Buffer,
+    triangles: wgpu::Buffer,
+}
+
+impl DeviceMesh {
+    fn group(&self, gpu: &Gpu) -> Group {
+        let slots = [&self.nodes, &self.triangles].map(|buffer| Slot::read(buffer.as_entire_binding()));
+        Group::new(gpu, "mesh", &(0..).zip(slots).collect::<Vec<_>>())
+    }
+
+    fn new(gpu: &Gpu, mesh: &Mesh, grid_from_world: &DAffine3) -> Result<Self> {
         let corner = |p: DVec3, normal: f64| {
             grid_from_world.transform_point3(p).as_vec3().extend(normal as f32).to_array()
         };
@@ -64,19 +88,13 @@ impl DeviceMesh {
         let bounds_of = |corners: [DVec3; 8]| {
             let largest = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
             let slack = DVec3::splat(ROUNDING * largest.max(1.0));
-            let [lo, hi] = corners.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| {
-                [lo.min(*p), hi.max(*p)]
-            });
+            let [lo, hi] = corners
+                .iter()
+                .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(*p), hi.max(*p)]);
             [lo - slack, hi + slack]
         };
         let node = |node: crate::mesh::FlatNode| {
-            let corners = match node.triangle {
-                Some(t) => {
-                    let [a, b, c] = mesh.triangles()[t as usize];
-                    [a, b, c, a, b, c, a, b]
-                }
-                None => box_corners(node.bounds),
-            };
+            let corners = box_corners(node.bounds);
             let [lo, hi] = bounds_of(corners.map(|p| grid_from_world.transform_point3(p)));
             Node {
                 lo: lo.as_vec3().to_array(),
@@ -93,15 +111,30 @@ impl DeviceMesh {
     }
 }
 
-fn box_corners([lo, hi]: [DVec3; 2]) -> [DVec3; 8] {
+pub(super) fn box_corners([lo, hi]: [DVec3; 2]) -> [DVec3; 8] {
     std::array::from_fn(|i| {
         let side = |bit: usize, axis: usize| if i & bit == 0 { lo[axis] } else { hi[axis] };
         DVec3::new(side(1, 0), side(2, 1), side(4, 2))
     })
 }
 
-/// A variant that meets the mesh.
-pub(super) fn with_mesh(shader: ShaderVariant) -> ShaderVariant {
-    let constants = [Constant::unsigned("NO_TRIANGLE", NO_TRIANGLE)];
-    shader.modules(&["mesh/tree.wgsl"]).constants(&constants).defs(["MESH"])
+/// A ray caster that meets a mesh, where there is one.
+pub(super) fn with_mesh(shader: ShaderVariant, shadows: bool) -> ShaderVariant {
+    let constants =
+        [Constant::unsigned("NO_TRIANGLE", NO_TRIANGLE), Constant::float("SURFACE_GAP", SURFACE_GAP as f32)];
+    let shader = shader.modules(&["mesh/tree.wgsl", "mesh/surface.wgsl"]).constants(&constants);
+    shader.modules(if shadows { &["mesh/light.wgsl"] } else { &[] }).defs(["MESH", "SHADED"])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::assert_layout;
+
+    #[test]
+    fn trees_have_one_layout() {
+        let shader = crate::render::shaders(None).into_iter().find(|s| s.defs.contains(&"MESH")).unwrap();
+        assert_layout!(&shader, "Node", Node: lo, triangle, hi, next);
+        assert_layout!(&shader, "Triangle", Triangle: a, b, c, color);
+    }
 }

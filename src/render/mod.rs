@@ -5,6 +5,7 @@ mod display;
 mod eye_tiles;
 mod kept;
 mod lights;
+mod mesh;
 mod pace;
 mod picture;
 mod plan;

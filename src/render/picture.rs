@@ -146,7 +146,9 @@ impl Renderer {
             let shader = transfer.prepared(self.gpu(), shader)?;
             passes.push(Pass { shadow, radiance, shader, resumable: plan.resumable(shadow) });
         }
-        let caster = Caster { loaded, transfer, scene, tiles, passes };
+        let mesh =
+            scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
+        let caster = Caster { loaded, transfer, scene, tiles, passes, mesh };
         let (width, height) = (scene.width, scene.height);
         // Large pictures are drawn in bands that the adapter can bind.
         let row_bytes = u64::from(width) * 16;
@@ -242,6 +244,7 @@ impl Renderer {
         progress: &wgpu::Buffer,
     ) -> Result<Span> {
         let groups = [caster.transfer.group(), &pass.shadow.group, stage];
+        let groups: Vec<_> = groups.into_iter().chain(&caster.mesh).collect();
         let mut part: Option<Span> = None;
         let background = background_shader();
         let [left_out, cast] = tiles.map(workgroups);
@@ -265,6 +268,8 @@ struct Caster<'a> {
     scene: &'a Scene,
     tiles: EyeTiles,
     passes: Vec<Pass<'a>>,
+    /// Group 3, where there is a mesh.
+    mesh: Option<Group>,
 }
 
 impl Caster<'_> {

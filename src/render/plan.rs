@@ -2,6 +2,7 @@
 
 use super::eye_tiles::EyeTiles;
 use super::lights::tells_apart;
+use super::mesh::with_mesh;
 use super::shader::CONSTANTS;
 use crate::field::{DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
 use crate::gpu::ShaderVariant;
@@ -50,6 +51,8 @@ pub struct Plan {
     pub skip_bricks: bool,
     /// The shading that is computed: the scene's, or a forced one that does not count.
     pub shading: Shading,
+    /// Whether there is a mesh that rays end at.
+    pub mesh: bool,
     /// Everything that is left out.
     pub left_out: Vec<Omission>,
 }
@@ -60,14 +63,15 @@ pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) 
     if transfer.forced.has(Omittable::Shadows) {
         return Ok(());
     }
-    let Some(seen) = transfer.active.index_box(volume.dims()) else {
-        return Err("no value has extinction");
-    };
-    if scene.ambient >= 1.0 {
+    // A mesh is lit wherever it is, and hides from the light what is behind it.
+    let seen = transfer.active.index_box(volume.dims());
+    if seen.is_none() && scene.mesh.is_none() {
+        Err("no value has extinction")
+    } else if scene.ambient >= 1.0 {
         Err("ambient 1")
     } else if !scene.lights.iter().any(LightSource::shines) {
         Err("no light shines")
-    } else if !in_view(scene, volume, seen) {
+    } else if scene.mesh.is_none() && !seen.is_some_and(|seen| in_view(scene, volume, seen)) {
         Err("nothing is in view")
     } else {
         Ok(())
@@ -127,6 +131,10 @@ impl Plan {
             true => EyeTiles::of(scene, &loaded.volume, &transfer.active, plane_mm),
             false => EyeTiles::all(scene),
         };
+        let tiles = match &scene.mesh {
+            Some(mesh) => tiles.with_mesh(scene, mesh),
+            None => tiles,
+        };
         let [all, empty] = tiles.counts();
         if empty > 0 {
             let what = format!("{empty} of {all} tiles of the picture");
@@ -150,7 +158,7 @@ impl Plan {
         }
         omit_of_lights(scene, &mut omit);
         drop(omit);
-        let plan = Self { shadows, skip_bricks, shading, left_out };
+        let plan = Self { shadows, skip_bricks, shading, mesh: scene.mesh.is_some(), left_out };
         (plan.with_passes_left_out(scene), tiles)
     }
 
@@ -166,7 +174,7 @@ impl Plan {
 
     /// Whether the picture is made in several dispatches.
     pub(super) fn resumable(&self, shadow: &ShadowMap) -> bool {
-        self.shadows && shadow.lookup.as_ref().is_some_and(Lookup::marches)
+        self.shadows && shadow.lookup.as_ref().is_some_and(|lookup| self.mesh || lookup.marches())
     }
 
     /// The ray caster that does just this.
@@ -177,7 +185,11 @@ impl Plan {
         light_factor: bool,
     ) -> ShaderVariant {
         let lookup = shadow.lookup.as_ref().filter(|_| self.shadows);
-        raycast_shader(lookup, self.shading, self.skip_bricks, transfer.one_color, light_factor)
+        let shader = raycast_shader(lookup, self.shading, self.skip_bricks, transfer.one_color, light_factor);
+        match self.mesh {
+            true => with_mesh(shader, lookup.is_some()).defs(lookup.map(|_| "RESUMABLE")),
+            false => shader,
+        }
     }
 }
 
@@ -242,7 +254,9 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     for shading in [Shading::None, Shading::Lambert, Shading::BlinnPhong] {
         for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
             for light_factor in [false, true] {
-                list.push(raycast_shader(lookup, shading, skip_bricks, one_color, light_factor));
+                let shader = raycast_shader(lookup, shading, skip_bricks, one_color, light_factor);
+                list.push(with_mesh(shader.clone(), lookup.is_some()).defs(lookup.map(|_| "RESUMABLE")));
+                list.push(shader);
             }
         }
     }
@@ -253,8 +267,8 @@ pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
 fn shading_defs(shading: Shading) -> &'static [&'static str] {
     match shading {
         Shading::None => &[],
-        Shading::Lambert => &["SHADING"],
-        Shading::BlinnPhong => &["SHADING", "BLINN_PHONG"],
+        Shading::Lambert => &["SHADED", "SHADING"],
+        Shading::BlinnPhong => &["SHADED", "SHADING", "BLINN_PHONG"],
     }
 }
 

@@ -1,5 +1,6 @@
 //! What draws on one device.
 
+use super::mesh::KeptMesh;
 use crate::error::Result;
 use crate::field::{DeviceTransfer, Forced, LoadedVolume, TilePace, View};
 use crate::gpu::{Gpu, Kernels};
@@ -14,18 +15,27 @@ use std::time::Instant;
 pub struct Renderer {
     pub(super) kernels: Kernels,
     tile_pace: TilePace,
+    pub(super) mesh: KeptMesh,
 }
 
 impl Renderer {
     /// For pictures that take as long as they take.
     pub fn new(gpu: Gpu) -> Self {
-        Self { kernels: Kernels::new(gpu, false), tile_pace: TilePace::new(f64::INFINITY) }
+        Self {
+            kernels: Kernels::new(gpu, false),
+            tile_pace: TilePace::new(f64::INFINITY),
+            mesh: KeptMesh::default(),
+        }
     }
 
     /// For a window whose light moves and whose own drawing goes through the same queue: shadow maps are built in
     /// submissions of about `submission_ms`, and what moves is read as storage (see [`Kernels::new`]).
     pub fn live(gpu: Gpu, submission_ms: f64) -> Self {
-        Self { kernels: Kernels::new(gpu, true), tile_pace: TilePace::new(submission_ms) }
+        Self {
+            kernels: Kernels::new(gpu, true),
+            tile_pace: TilePace::new(submission_ms),
+            mesh: KeptMesh::default(),
+        }
     }
 
     /// The device.

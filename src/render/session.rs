@@ -80,8 +80,8 @@ impl Session {
     /// # Errors
     /// As there.
     pub fn shadow_of(&self, method: &dyn Method, scene: &Scene, light: Light) -> Result<ShadowMap> {
-        let view = View::of(scene);
-        self.renderer.shadow_in(&self.loaded, &self.transfer, method, light, Some(&view))
+        let view = View::of_shadows(scene);
+        self.renderer.shadow_in(&self.loaded, &self.transfer, method, light, view.as_ref())
     }
 
     /// Builds the shadow structures for the picture of a scene: one for each light that shines, in their order.
@@ -89,7 +89,13 @@ impl Session {
     /// # Errors
     /// As there.
     pub fn shadows_of(&self, method: &dyn Method, scene: &Scene) -> Result<Vec<ShadowMap>> {
-        self.renderer.shadows_in(&self.loaded, &self.transfer, method, scene, Some(&View::of(scene)))
+        self.renderer.shadows_in(
+            &self.loaded,
+            &self.transfer,
+            method,
+            scene,
+            View::of_shadows(scene).as_ref(),
+        )
     }
 
     /// Renders a picture; see [`Renderer::render`].

@@ -75,7 +75,9 @@ fn a_row_is_of_all_lights_and_each_light_has_its_own() {
     // Each scene can be run again by its file.
     let read = |name: &str| std::fs::read_to_string(dir.path().join("out").join(name)).unwrap();
     assert!(read("sphere-24--haze_scene.toml").contains("light = [\"dir:"));
-    assert!(read("sphere-24--haze-light-3_scene.toml").contains("light = \"point:-60.0,20.0,30.0,color=#ff8000"));
+    assert!(
+        read("sphere-24--haze-light-3_scene.toml").contains("light = \"point:-60.0,20.0,30.0,color=#ff8000")
+    );
     let again: serde_json::Value = serde_json::from_str(&read("run.json")).unwrap();
     let again = again["again"].as_str().unwrap();
     assert!(again.ends_with("--each-light -o again") && again.matches("--scene").count() == 1, "{again}");

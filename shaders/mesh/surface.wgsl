@@ -1,0 +1,29 @@
+// The surface that an eye ray ends at.
+#define_import_path umbravox::surface
+
+#import umbravox::frame::frame
+#import umbravox::light::{light_point, light_ray}
+#import umbravox::mesh::{mesh_hit, mesh_normal, mesh_color, NO_TRIANGLE}
+#import umbravox::field::FAR
+
+struct Surface {
+    // Depth on the ray, mm; FAR where there is none.
+    z: f32,
+    // Of the angle between the light and the side that is seen; 0 where the light is on the other side.
+    cosine: f32,
+    // Linear RGB.
+    color: vec3<f32>,
+    met: bool,
+}
+
+// The first surface on o + z d (grid space) behind the eye's depth.
+fn surface_along(o: vec3<f32>, d: vec3<f32>, eye_mm: f32) -> Surface {
+    let hit = mesh_hit(o, d, eye_mm, FAR, false);
+    let met = hit.triangle != NO_TRIANGLE;
+    let triangle = select(0u, hit.triangle, met);
+    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
+    let normal = mesh_normal(triangle);
+    let seen = select(normal, -normal, dot(normal, to_world * d) > 0.0);
+    let toward = -normalize(to_world * light_ray(light_point(o + hit.z * d).texel).d);
+    return Surface(hit.z, max(dot(seen, toward), 0.0), mesh_color(triangle), met);
+}
