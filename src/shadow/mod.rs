@@ -43,7 +43,7 @@ pub use bom::BoundingOpacityMap;
 pub use clusters::DensityClusters;
 pub use dom::{Beyond, DeepOpacityMap};
 pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
-pub use fourier::{Damping, FourierOpacityMap};
+pub use fourier::{Damping, FourierOpacityMap, SeriesRange};
 pub use layered::{Average, LayerSplit, Measure};
 pub use lightvolume::{LightBuild, LightVolume};
 pub use method::{

@@ -67,6 +67,28 @@ fn fourier_is_exact_for_a_medium_of_its_own_terms() {
     assert!(error("terms=2,bits=32,damping=lanczos") > 0.01);
 }
 
+/// Even slabs at different depths: over its own range each texel's series is its constant, over the map's it rings.
+#[test]
+fn fourier_over_a_texels_own_range_is_exact_for_an_even_slab() {
+    let voxels = Array3::from_shape_fn((DEEP, WIDE, WIDE), |(k, _, i)| {
+        let slab = if i < WIDE / 2 { 10..50 } else { 70..120 };
+        if slab.contains(&k) { 1000.0f32 } else { 0.0 }
+    });
+    let volume = Arc::new(volume_of(Voxels::F32(voxels), DAffine3::IDENTITY));
+    let Some(setup) = Setup::open(&volume, &even(0.03)) else { return };
+    for (terms, bits, most) in [(1, 32, 1e-3), (6, 32, 1e-3), (7, 32, 1e-3), (7, 16, 4e-3)] {
+        let error = |range: &str| {
+            let rest = format!("terms={terms},bits={bits},range={range},filter=nearest,map=32,fit=volume");
+            ray_err_max(&setup, &format!("fourier:{rest}"))
+        };
+        let [map, texel] = ["map", "texel"].map(error);
+        println!(
+            "slabs, {terms} terms of {bits} bits: over the map's range {map:.4}, over texels' {texel:.4}"
+        );
+        assert!(texel < most && map > 0.02, "{terms} {bits}: {map} {texel}");
+    }
+}
+
 /// What the paper says of the method, and what `stability` prints: around a surface the series rings, before and behind it.
 #[test]
 fn fourier_rings_around_a_surface() {

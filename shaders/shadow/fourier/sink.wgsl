@@ -2,6 +2,8 @@
 //
 // A piece of optical depth d, spread evenly between the shares s0 and s1 of the map's depth, adds to a_k and b_k twice
 // d times the mean of cos(2 pi k s) and sin(2 pi k s): those of its middle times sin(k h) / (k h), h being pi (s1 - s0).
+// With TEXEL_RANGE shares are of the texel's own range, from where its ray first meets matter to where it is over: a first
+// march finds it.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
@@ -19,8 +21,24 @@ struct Sink {
 // a_0, then a_k and b_k in pairs; one term fills what the last vector has left over.
 var<private> sums: array<vec4<f32>, VECTORS>;
 var<private> gathered: f32;
+// Depths that shares are of, mm: where they begin, and how many there are.
+var<private> range_start: f32;
+var<private> range_mm: f32;
+#ifdef TEXEL_RANGE
+var<private> seeking: bool;
+var<private> range_end: f32;
+// The shortest range, mm: a ray that meets a single face.
+const LEAST_RANGE: f32 = 1e-3;
+#endif
 
 fn start_sink(turn: u32) -> Sink {
+#ifdef TEXEL_RANGE
+    seeking = turn == 0u;
+    range_mm = max(range_end - range_start, LEAST_RANGE);
+#else
+    range_start = light.depth_start_mm;
+    range_mm = light.depth_range_mm;
+#endif
     for (var v = 0u; v < VECTORS; v++) { sums[v] = vec4<f32>(0.0); }
     gathered = 0.0;
     return Sink(0.0);
@@ -39,8 +57,17 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     let d = min(depth, own.most_depth - (*sink).optical_depth);
     // Where the ray is over, so is the piece.
     let z_end = z_from + (z_to - z_from) * (d / depth);
-    let middle = PI * (z_from + z_end - 2.0 * light.depth_start_mm) / light.depth_range_mm;
-    let half = PI * (z_end - z_from) / light.depth_range_mm;
+#ifdef TEXEL_RANGE
+    if seeking {
+        range_start = select(range_start, z_from, (*sink).optical_depth == 0.0);
+        range_end = z_end;
+        (*sink).optical_depth += d;
+        gathered = (*sink).optical_depth;
+        return (*sink).optical_depth >= own.most_depth;
+    }
+#endif
+    let middle = PI * (z_from + z_end - 2.0 * range_start) / range_mm;
+    let half = PI * (z_end - z_from) / range_mm;
     let turn = vec2<f32>(cos(middle), sin(middle));
     let widening = vec2<f32>(cos(half), sin(half));
     var at = vec2<f32>(1.0, 0.0);
@@ -70,5 +97,13 @@ fn met_something() -> bool {
 }
 
 fn vector_of(v: u32) -> vec4<f32> {
+#ifdef TEXEL_RANGE
+    // The range, as shares of the map's, stands where the term after the last would.
+    let range = vec2<f32>(range_start - light.depth_start_mm, range_mm) / light.depth_range_mm;
+    let last = (TERMS & 1u) == 0u;
+    let with_range = select(vec4<f32>(range, 0.0, 0.0), vec4<f32>(sums[v].xy, range), last);
+    return select(sums[v], with_range, v == (TERMS + 1u) / 2u);
+#else
     return sums[v];
+#endif
 }

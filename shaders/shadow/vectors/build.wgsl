@@ -51,8 +51,12 @@ fn build(
 #ifdef TURNS
     // More than one march a ray, in a loop, so that the march stands here once.
     for (var turn = 0u; turn < #{TURNS}; turn++) {
+#ifdef FROM_BEHIND
         // The first is from behind.
         let behind = turn == 0u;
+#else
+        let behind = false;
+#endif
         var sink = start_sink(turn);
         march(&sink, ray.o, select(ray.d, -ray.d, behind), select(light.depth_start_mm, -z_end, behind),
             select(z_end, -light.depth_start_mm, behind));

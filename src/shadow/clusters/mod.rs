@@ -78,7 +78,8 @@ impl VectorMap for DensityClusters {
             linear: false,
             shape: self.fit.shape(self.map, self.march.with_step(self.step)),
             constants: vec![Constant::unsigned("CLUSTERS", self.clusters)],
-            defs: Vec::new(),
+            // The first march looks for where matter ends.
+            defs: vec!["FROM_BEHIND"],
             turns: Some(1 + self.iterations),
             sink: "shadow/clusters/sink.wgsl",
             lookup: &["shadow/clusters/lookup.wgsl", TEXELS_FILTER],

@@ -12,7 +12,9 @@
 //! * A piece of the march is a stretch and not a point: its coefficients are the means over it, in closed form.
 //! * `damping=lanczos` weighs term `k` of `n` with `sin(x) / x`, `x = pi k / (n + 1)`, which rings less and blurs more;
 //!   it is ours.
-//! * Depth is counted over the map's range, which holds the active bricks, for all texels alike.
+//! * `range=map` counts depth over the map's range, which holds the active bricks, for all texels alike. `range=texel` counts it
+//!   over each texel's own, from where its ray meets matter to where it is over, which a march of its own finds first: the terms
+//!   are then spent on matter. Such series have no mean, and so transmittances are filtered, by the program.
 //! * A ray is over where 2^-11 of the light is left, as in every map here: what lies behind does not ring.
 //! * Texels are filtered by the hardware with `bits=16`; 32-bit floats, which not every adapter filters, by the program.
 
@@ -22,8 +24,11 @@ use super::settings::{
     choices, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::{Recipe, VectorMap};
+use super::vectors::{Recipe, TEXELS_FILTER, VectorMap};
 use crate::gpu::Constant;
+
+const MAP_LOOKUP: &[&str] = &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"];
+const TEXEL_LOOKUP: &[&str] = &["shadow/fourier/series.wgsl", "shadow/fourier/texel.wgsl", TEXELS_FILTER];
 
 choices! {
     /// How terms are weighed.
@@ -35,11 +40,23 @@ choices! {
     }
 }
 
+choices! {
+    /// Depths that the series is over.
+    pub enum SeriesRange {
+        /// The map's.
+        Map = "map",
+        /// Each texel's own.
+        Texel = "texel",
+    }
+}
+
 settings! {
     /// Settings of a Fourier opacity map.
     pub struct FourierOpacityMap {
         /// Terms of the series beside the constant, `n` of the paper.
         terms: u32 = Key::whole([1, 31], "7", "of the series beside the constant").telling(),
+        /// Depths that the series is over.
+        range: SeriesRange = Key::choice(SeriesRange::NAMES, "map", "depths that the series is over: the map's, or each texel's own"),
         /// How they are weighed.
         damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos' factors, which ring less"),
         /// Bits of a coefficient: 16 or 32.
@@ -66,9 +83,9 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(FourierOpacityMap::from_values(values)?)),
     compared: "fourier:terms=7,15",
     curve: "fourier:terms=7",
-    stability: "fourier:map=64",
+    stability: "fourier:map=64,range=map,texel",
     style: Style { color: [136, 34, 85], marker: Marker::Left },
-    tuned: "fourier:terms=1,3,5,7,11,15,23,31,damping=none,lanczos,bits=16,32,filter=nearest,bilinear,\
+    tuned: "fourier:terms=1,3,5,7,11,15,23,31,range=map,texel,damping=none,lanczos,bits=16,32,filter=nearest,bilinear,\
         map=64,96,128,192,256,384,512,768,1024",
 };
 
@@ -82,18 +99,21 @@ impl VectorMap for FourierOpacityMap {
     }
 
     fn recipe(&self) -> Recipe {
+        let own_range = self.range == SeriesRange::Texel;
+        let defs =
+            [(self.damping == Damping::Lanczos).then_some("LANCZOS"), own_range.then_some("TEXEL_RANGE")];
         Recipe {
-            // Two terms a vector, the constant being one of them.
-            vectors: self.terms / 2 + 1,
+            // Two terms a vector, the constant being one of them, and a range another.
+            vectors: (self.terms + u32::from(own_range)) / 2 + 1,
             bits: self.bits,
             filter: self.filter,
-            linear: true,
+            linear: !own_range,
             shape: self.fit.shape(self.map, self.march.with_step(self.step)),
             constants: vec![Constant::unsigned("TERMS", self.terms)],
-            defs: (self.damping == Damping::Lanczos).then_some("LANCZOS").into_iter().collect(),
-            turns: None,
+            defs: defs.into_iter().flatten().collect(),
+            turns: own_range.then_some(2),
             sink: "shadow/fourier/sink.wgsl",
-            lookup: &["shadow/fourier/lookup.wgsl"],
+            lookup: if own_range { TEXEL_LOOKUP } else { MAP_LOOKUP },
             asked_by: self.lookup,
             numbers: [[0.0; 4]; 2],
         }
@@ -116,6 +136,7 @@ mod tests {
             shown("fourier:terms=3,15,damping=lanczos,bits=32,map=64"),
             ["terms=3 damping=lanczos bits=32", "terms=15 damping=lanczos bits=32"]
         );
+        assert_eq!(shown("fourier:range=texel"), ["terms=7 range=texel"]);
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub struct Recipe {
     pub constants: Vec<Constant>,
     /// Definitions of the method's modules.
     pub defs: Vec<&'static str>,
-    /// Marches a ray, the first one from behind, where one does not do.
+    /// Marches a ray, where one does not do.
     pub turns: Option<u32>,
     /// The module `umbravox::sink`.
     pub sink: &'static str,
@@ -236,7 +236,7 @@ mod tests {
             defs: Vec::new(),
             turns: None,
             sink: "shadow/fourier/sink.wgsl",
-            lookup: &["shadow/fourier/lookup.wgsl"],
+            lookup: &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"],
             numbers: [[0.0; 4]; 2],
             asked_by: Lookups::Shared,
         };
