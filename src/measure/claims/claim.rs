@@ -16,11 +16,28 @@ pub enum Paper {
     YukselKeyser,
     /// `bom`.
     Voicu,
+    /// `clusters`.
+    Mertens,
+    /// `fourier`.
+    JansenBavoil,
+    /// `avsm`.
+    Salvi,
+    /// `moments`.
+    Muenstermann,
 }
 
 impl Paper {
     /// Every paper, by year.
-    pub const ALL: [Self; 4] = [Self::KimNeumann, Self::Hadwiger, Self::YukselKeyser, Self::Voicu];
+    pub const ALL: [Self; 8] = [
+        Self::KimNeumann,
+        Self::Mertens,
+        Self::Hadwiger,
+        Self::YukselKeyser,
+        Self::JansenBavoil,
+        Self::Salvi,
+        Self::Voicu,
+        Self::Muenstermann,
+    ];
 
     /// As cited.
     pub fn name(self) -> &'static str {
@@ -29,6 +46,10 @@ impl Paper {
             Self::KimNeumann => "Kim and Neumann 2001",
             Self::YukselKeyser => "Yuksel and Keyser 2008",
             Self::Voicu => "Voicu 2011",
+            Self::Mertens => "Mertens et al. 2004",
+            Self::JansenBavoil => "Jansen and Bavoil 2010",
+            Self::Salvi => "Salvi et al. 2010",
+            Self::Muenstermann => "Münstermann et al. 2018",
         }
     }
 
@@ -37,9 +58,11 @@ impl Paper {
     /// # Errors
     /// None or several are so named.
     pub fn find(name: &str) -> Result<Self> {
-        let wanted = name.trim().to_lowercase();
+        // Keyboards have no umlauts.
+        let plain = |name: &str| name.to_lowercase().replace('ü', "ue");
+        let wanted = plain(name.trim());
         let named = |p: &Self| {
-            let cited = p.name().to_lowercase();
+            let cited = plain(p.name());
             cited == wanted || cited.split_whitespace().any(|word| word == wanted)
         };
         let mut found = Self::ALL.into_iter().filter(named);
@@ -48,7 +71,7 @@ impl Paper {
             _ => {
                 let known = Self::ALL.map(Self::name).join(", ");
                 Err(Error::input("unknown paper", format!("--paper: `{name}`"), format!("there is: {known}"))
-                    .hint("one author's name will do: hadwiger, kim, yuksel, voicu"))
+                    .hint("one author's name will do: hadwiger, kim, yuksel, voicu, mertens, jansen, salvi, muenstermann"))
             }
         }
     }
@@ -206,6 +229,8 @@ mod tests {
             ("kim", Paper::KimNeumann),
             ("Yuksel and Keyser 2008", Paper::YukselKeyser),
             ("2011", Paper::Voicu),
+            ("Muenstermann", Paper::Muenstermann),
+            ("münstermann", Paper::Muenstermann),
         ] {
             assert_eq!(Paper::find(name).unwrap(), paper);
         }

@@ -10,6 +10,7 @@ pub mod claim;
 pub mod figures;
 mod hadwiger;
 mod kim_neumann;
+mod later;
 pub mod rules;
 mod run;
 pub mod scenes;

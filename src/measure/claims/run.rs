@@ -4,7 +4,7 @@ use super::claim::{Claim, Finding, Measured, Need, Row, Trial};
 use super::figures::{Depth, Figures, Wanted, key, measure};
 use super::scenes::{self, StandIn, Subject, Variant};
 use super::turns::time_in_turn;
-use super::{hadwiger, kim_neumann, voicu, yuksel_keyser};
+use super::{hadwiger, kim_neumann, later, voicu, yuksel_keyser};
 use crate::error::{Error, Result};
 use crate::measure::compare::steps;
 use crate::measure::job::Effort;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// Every claim, paper by paper.
 pub fn all() -> Vec<Claim> {
-    [kim_neumann::claims(), hadwiger::claims(), yuksel_keyser::claims(), voicu::claims()]
+    [kim_neumann::claims(), hadwiger::claims(), yuksel_keyser::claims(), voicu::claims(), later::claims()]
         .into_iter()
         .flatten()
         .collect()
