@@ -238,6 +238,11 @@ impl Scene {
         if shining.is_empty() { self.lights.iter().copied().take(1).collect() } else { shining }
     }
 
+    /// How many lights shine.
+    pub fn lights_shining(&self) -> u32 {
+        self.lights.iter().filter(|source| source.shines()).count() as u32
+    }
+
     /// The lights that shine by their places from 1, where there are several.
     pub fn lights_apart(&self) -> Vec<(u32, LightSource)> {
         let numbered = (1..).zip(self.lights.iter().copied()).filter(|(_, source)| source.shines());

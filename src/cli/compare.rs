@@ -308,7 +308,8 @@ fn recorded(settings: SceneSettings, loaded: &Loaded, name: &str, several: bool)
     let prefix = if several { format!("{}_", file_name_part(name)) } else { String::new() };
     let tf_file = tf_text.as_ref().map_or(String::new(), |_| format!("{prefix}transfer_function.json"));
     let tf = if is_preset { loaded.tf_source.clone() } else { tf_file.clone() };
-    let mut resolved = settings.resolved(&loaded.scene, &tf)?;
+    let scene = settings.scene(&loaded.volume)?;
+    let mut resolved = settings.resolved(&scene, &tf)?;
     resolved.name = Some(name.to_owned());
     resolved.sha256 = volume_sha256.clone();
     let record = SceneRecord {
@@ -319,7 +320,7 @@ fn recorded(settings: SceneSettings, loaded: &Loaded, name: &str, several: bool)
         tf: loaded.tf_source.clone(),
         tf_file,
         tf_sha256: sha256(loaded.tf.to_json().as_bytes()),
-        size: [loaded.scene.width, loaded.scene.height],
+        size: [scene.width, scene.height],
         light: None,
     };
     Ok(Asked { settings, record, tf_text })

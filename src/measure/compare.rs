@@ -202,7 +202,9 @@ fn measure_errors<'m>(
             }
             Err(e) => {
                 let size = [job.scene.width, job.scene.height];
-                let failed = Compared::failed(facts.row(&job.scene_name, size, method), slug, &e);
+                let mut row = facts.row(&job.scene_name, size, method);
+                row.lights = Some(job.scene.lights_shining());
+                let failed = Compared::failed(row, slug, &e);
                 progress.row(place, &failed.row);
                 rows.push(Err(failed));
                 progress.spare(&Step::new(StepKind::Run, &name), 1 + job.effort.repeats);

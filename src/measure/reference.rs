@@ -199,6 +199,7 @@ impl<'a> Reference<'a> {
             bytes_used: Some(report.bytes_used),
             nodes_total: report.nodes_total,
             nodes_max: report.nodes_max,
+            lights: Some(job.scene.lights_shining()),
             bricks_ms: self.bricks_ms,
             tables_ms: self.tables_ms.map(|ms| ms + march_table_ms),
             left_out: left_out.iter().map(Omission::text).collect::<Vec<_>>().join("; "),

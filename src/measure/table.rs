@@ -85,10 +85,6 @@ columns! {
     width ["pixels"]: u32,
     /// Height of the picture.
     height ["pixels"]: u32,
-    /// Lights that shine; times, bytes and errors are of all of them together.
-    lights [""]: Option<u32>,
-    /// Which of a scene's several lights the row is of alone (`--each-light`), counted from 1; empty where it is of all.
-    light [""]: Option<u32>,
     /// Time to make the shadow structure for a light that has moved, median of the repeats: host and device together,
     /// with all repetitions and choices.
     build_ms ["ms"]: Option<f64>,
@@ -199,6 +195,10 @@ columns! {
     tuned_for [""]: String,
     /// What the plan left out since the scene does not need it, why, and what that saved.
     left_out [""]: String,
+    /// Lights that shine; times, bytes and errors are of all of them together.
+    lights [""]: Option<u32>,
+    /// Which of a scene's several lights the row is of alone (`--each-light`), counted from 1; empty where it is of all.
+    light [""]: Option<u32>,
     /// The adapter's driver with its version.
     driver [""]: String,
     /// Threads of the host's parallel work.

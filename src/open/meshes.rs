@@ -1,6 +1,5 @@
 //! Opaque things in a scene as a user names them: files, each with a colour.
 
-use super::settings::SceneSettings;
 use crate::error::Result;
 use crate::files::color;
 use crate::mesh::{self, Mesh};
@@ -35,22 +34,23 @@ pub fn mesh_file(text: &str) -> Result<MeshFile, String> {
     }
 }
 
-impl SceneSettings {
-    /// The opaque things of the scene, where any are named; read from their files.
-    pub(super) fn meshes(&self) -> Result<Option<Arc<Mesh>>> {
-        let files = self.mesh.as_deref().unwrap_or_default();
-        if files.is_empty() {
-            return Ok(None);
-        }
-        let read = mesh::read(files.iter().map(|file| (file.path.as_path(), file.color)));
-        Ok(Some(Arc::new(read.map_err(|e| e.at("--mesh"))?)))
+/// The opaque things of some files, where there are any.
+///
+/// # Errors
+/// A file that cannot be read, or is no mesh.
+pub(super) fn read(files: Option<&[MeshFile]>) -> Result<Option<Arc<Mesh>>> {
+    let files = files.unwrap_or_default();
+    if files.is_empty() {
+        return Ok(None);
     }
+    let read = mesh::read(files.iter().map(|file| (file.path.as_path(), file.color)));
+    Ok(Some(Arc::new(read.map_err(|e| e.at("--mesh"))?)))
+}
 
-    /// The files of a mesh, the other way than [`Self::meshes`].
-    pub(super) fn files_of(mesh: Option<&Mesh>) -> Option<Vec<MeshFile>> {
-        let file = |(source, color): (&str, [f64; 3])| MeshFile { path: Path::new(source).into(), color };
-        Some(mesh?.parts().map(file).collect())
-    }
+/// The files of a mesh, the other way than [`read`].
+pub(super) fn files_of(mesh: Option<&Mesh>) -> Option<Vec<MeshFile>> {
+    let file = |(source, color): (&str, [f64; 3])| MeshFile { path: Path::new(source).into(), color };
+    Some(mesh?.parts().map(file).collect())
 }
 
 #[cfg(test)]
@@ -59,16 +59,14 @@ mod tests {
 
     #[test]
     fn files_are_named_with_their_colours() {
-        let read = |text: &str| SceneSettings::from_toml(text).unwrap();
-        let two = read("mesh = ['a b.stl', 'c,d.ply,color=#ff8000']");
-        let files = two.mesh.clone().unwrap();
+        let files = ["a b.stl", "c,d.ply,color=#ff8000"].map(|text| mesh_file(text).unwrap());
         assert_eq!(files[0].path, Path::new("a b.stl"));
         assert_eq!((files[1].path.as_path(), files[1].color[0]), (Path::new("c,d.ply"), 1.0));
-        assert_eq!(read(&two.to_toml().unwrap()), two);
-        assert_eq!(read("mesh = 'a.stl'").mesh.unwrap().len(), 1);
+        let text = serde_json::to_string(&files[1]).unwrap();
+        assert_eq!(text, "\"c,d.ply,color=#ff8000\"");
         assert!(mesh_file("a.stl,color=red").unwrap_err().contains("#rrggbb"));
         assert!(mesh_file(",color=#ffffff").is_err());
-        let error = read("mesh = 'no such file.stl'").meshes().unwrap_err();
+        let error = read(Some(&[mesh_file("no such file.stl").unwrap()])).unwrap_err();
         assert!(error.exit_status() == 2 && error.place.contains("--mesh"), "{error}");
     }
 }

@@ -1,7 +1,7 @@
 //! One description of a scene: command line, scene file and the window's document are views of [`SceneSettings`].
 
-use super::lights::one_or_list;
-use super::meshes::MeshFile;
+use super::lights::{self, one_or_list};
+use super::meshes::{self, MeshFile};
 use super::presets::{self, PRESETS, ResolvedTransferFunction};
 use super::values::{self, Background, Size};
 use super::{ReadFlags, VolumeSpec, load_with};
@@ -74,7 +74,7 @@ pub struct SceneSettings {
     pub light: Option<Vec<LightSource>>,
     /// An opaque thing in the volume, once or for each of several: an STL, PLY or OBJ file, world mm, and behind it
     /// ,color=#rrggbb (sRGB, bone)
-    #[arg(long, value_name = "FILE", value_parser = super::meshes::mesh_file, help_heading = "Scene")]
+    #[arg(long, value_name = "FILE", value_parser = meshes::mesh_file, help_heading = "Scene")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh: Option<Vec<MeshFile>>,
     /// Share of the light that shadows do not touch, 0 to 1 [default: 0.1]
@@ -202,7 +202,7 @@ impl SceneSettings {
     /// Whatever of it cannot be read or does not go together, or it was cancelled.
     pub fn load(&self, loading: &Loading) -> Result<Loaded> {
         let found = self.tf.as_deref().map(presets::find).transpose()?;
-        self.lights()?;
+        lights::checked(self.light.as_deref())?;
         let volume = load_with(&self.spec(), loading)?;
         let mut remarks: Vec<Remark> =
             volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
@@ -211,7 +211,7 @@ impl SceneSettings {
         let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
         let ResolvedTransferFunction { tf, note } = found.suit(&volume);
         remarks.extend(note.map(|note| ("note", note)));
-        let scene = Scene { mesh: self.meshes()?, ..self.scene(&volume)? };
+        let scene = Scene { mesh: meshes::read(self.mesh.as_deref())?, ..self.scene(&volume)? };
         Ok(Loaded { volume, tf, tf_source, scene, remarks })
     }
 
@@ -252,7 +252,7 @@ impl SceneSettings {
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
         Ok(Scene {
             camera: self.camera(volume, size)?,
-            lights: self.lights()?.unwrap_or(default.lights),
+            lights: lights::checked(self.light.as_deref())?.unwrap_or(default.lights),
             ambient: self.ambient.unwrap_or(default.ambient),
             shading: self.shading.unwrap_or(default.shading),
             mesh: None,
@@ -280,7 +280,7 @@ impl SceneSettings {
             up: Some(up),
             fov: Some(fov_deg),
             light: Some(scene.lights.clone()),
-            mesh: Self::files_of(scene.mesh.as_deref()),
+            mesh: meshes::files_of(scene.mesh.as_deref()),
             ambient: Some(ambient),
             shading: Some(shading),
             background: Some(background),
@@ -288,6 +288,14 @@ impl SceneSettings {
             skip: Some(skip),
             ..Self::of_volume(spec)
         }
+    }
+
+    /// Refuses several lights, for what is a question about one.
+    ///
+    /// # Errors
+    /// There is more than one.
+    pub fn one_light(&self, command: &str) -> Result<()> {
+        lights::only_one(self.light.as_deref(), command)
     }
 
     fn camera(&self, volume: &Volume, size: Size) -> Result<Camera> {

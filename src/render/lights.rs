@@ -1,8 +1,7 @@
 //! The lights of a picture: a map for each, and passes over the picture that add up.
 
-use super::Plan;
 use crate::error::{Error, Result};
-use crate::scene::{LightSource, Scene, Shading};
+use crate::scene::{LightSource, Scene};
 use crate::shadow::ShadowMap;
 
 /// Shadow structures of a scene's lights: one for each that shines, in their order ([`Scene::shining`]).
@@ -68,24 +67,19 @@ impl LightPass {
         Self { map: 0, radiance: (radiance != LightSource::WHITE).then_some(radiance) }
     }
 
-    /// The passes of a picture, one at least.
-    pub fn all(scene: &Scene, plan: &Plan) -> Vec<Self> {
+    /// The passes of a picture, one at least; `told_apart` says whether it is another under another light.
+    pub fn all(scene: &Scene, told_apart: bool) -> Vec<Self> {
         let lights = scene.shining();
         if scene.ambient >= 1.0 {
             return vec![Self::only(LightSource::WHITE)];
         }
-        if lights.len() == 1 || !tells_apart(plan) {
+        if lights.len() == 1 || !told_apart {
             let sum = |c: usize| lights.iter().map(|light| light.radiance()[c]).sum();
             return vec![Self::only(std::array::from_fn(sum))];
         }
         let pass = |(map, light): (usize, &LightSource)| Self { map, radiance: Some(light.radiance()) };
         lights.iter().enumerate().map(pass).collect()
     }
-}
-
-/// Whether a picture is another under another light.
-pub(super) fn tells_apart(plan: &Plan) -> bool {
-    plan.shadows || plan.mesh || plan.shading != Shading::None
 }
 
 #[cfg(test)]
@@ -98,23 +92,20 @@ mod tests {
         let volume = Phantom::Slab.build(8).unwrap();
         let light = |color: [f64; 3], intensity| LightSource { color, intensity, ..LightSource::default() };
         let [half, white, red] = [light([1.0; 3], 0.5), light([1.0; 3], 1.0), light([1.0, 0.0, 0.0], 2.0)];
-        let passes = |lights: &[LightSource], ambient, shadows, shading| {
-            let plan = Plan { shadows, skip_bricks: true, shading, mesh: false, left_out: Vec::new() };
+        let passes = |lights: &[LightSource], ambient, told_apart| {
             let scene = Scene { lights: lights.to_vec(), ambient, ..Scene::framing(&volume) };
-            let passes = LightPass::all(&scene, &plan);
+            let passes = LightPass::all(&scene, told_apart);
             assert!(passes.iter().enumerate().all(|(i, pass)| pass.map == i));
             passes.iter().map(|pass| pass.radiance).collect::<Vec<_>>()
         };
-        let none = Shading::None;
-        assert_eq!(passes(&[white], 0.1, true, none), [None]);
-        assert_eq!(passes(&[red], 0.1, true, none), [Some([2.0, 0.0, 0.0])]);
-        assert_eq!(passes(&[white, red], 0.1, true, none), [Some([1.0; 3]), Some([2.0, 0.0, 0.0])]);
-        assert_eq!(passes(&[white, red], 0.1, false, Shading::Lambert).len(), 2);
-        assert_eq!(passes(&[white, red], 0.1, false, none), [Some([3.0, 1.0, 1.0])]);
-        assert_eq!(passes(&[half, half], 0.1, false, none), [None]);
-        assert_eq!(passes(&[white, red], 1.0, true, none), [None]);
+        assert_eq!(passes(&[white], 0.1, true), [None]);
+        assert_eq!(passes(&[red], 0.1, true), [Some([2.0, 0.0, 0.0])]);
+        assert_eq!(passes(&[white, red], 0.1, true), [Some([1.0; 3]), Some([2.0, 0.0, 0.0])]);
+        assert_eq!(passes(&[white, red], 0.1, false), [Some([3.0, 1.0, 1.0])]);
+        assert_eq!(passes(&[half, half], 0.1, false), [None]);
+        assert_eq!(passes(&[white, red], 1.0, true), [None]);
         let dark = light([1.0; 3], 0.0);
-        assert_eq!(passes(&[dark, dark], 0.1, false, none), [Some([0.0; 3])]);
-        assert_eq!(passes(&[dark, white], 0.1, true, none), [None]);
+        assert_eq!(passes(&[dark, dark], 0.1, false), [Some([0.0; 3])]);
+        assert_eq!(passes(&[dark, white], 0.1, true), [None]);
     }
 }

@@ -140,7 +140,7 @@ impl Renderer {
         let (plan, tiles) = Plan::of(scene, loaded, transfer, maps);
         let tiles_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut passes = Vec::new();
-        for LightPass { map, radiance } in LightPass::all(scene, &plan) {
+        for LightPass { map, radiance } in LightPass::all(scene, plan.tells_lights_apart()) {
             let shadow = maps[map];
             let shader = plan.raycast_shader(transfer, shadow, radiance.is_some());
             let shader = transfer.prepared(self.gpu(), shader)?;

@@ -1,7 +1,6 @@
 //! What a scene needs, and what is left out: every decision is a line of `--explain`.
 
 use super::eye_tiles::EyeTiles;
-use super::lights::tells_apart;
 use super::mesh::with_mesh;
 use super::shader::CONSTANTS;
 use crate::field::{DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
@@ -165,11 +164,16 @@ impl Plan {
     /// Says how many passes over the picture are spared, where nothing tells its lights apart.
     fn with_passes_left_out(mut self, scene: &Scene) -> Self {
         let lights = scene.shining().len();
-        if lights > 1 && !tells_apart(&self) {
+        if lights > 1 && !self.tells_lights_apart() {
             let what = format!("{} of {lights} passes over the picture", lights - 1);
             omitting(&mut self.left_out)(what, "without shadows and shading lights add up", None, None);
         }
         self
+    }
+
+    /// Whether the picture is another under another light.
+    pub(super) fn tells_lights_apart(&self) -> bool {
+        self.shadows || self.mesh || self.shading != Shading::None
     }
 
     /// Whether the picture is made in several dispatches.
@@ -248,16 +252,19 @@ fn raycast_shader(
         .defs(light_factor.then_some("LIGHT_FACTOR"))
 }
 
-/// Every ray caster that a plan can ask for.
+/// Every ray caster that a plan can ask for, but for combinations of parts that do not meet.
 pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = Vec::new();
     for shading in [Shading::None, Shading::Lambert, Shading::BlinnPhong] {
         for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
-            for light_factor in [false, true] {
-                let shader = raycast_shader(lookup, shading, skip_bricks, one_color, light_factor);
-                list.push(with_mesh(shader.clone(), lookup.is_some()).defs(lookup.map(|_| "RESUMABLE")));
-                list.push(shader);
-            }
+            list.push(raycast_shader(lookup, shading, skip_bricks, one_color, false));
+        }
+        // What a factor on the light touches knows neither of bricks nor of colours in tables.
+        list.push(raycast_shader(lookup, shading, true, false, true));
+        // Nor does a surface.
+        for light_factor in [false, true] {
+            let shader = raycast_shader(lookup, shading, true, false, light_factor);
+            list.push(with_mesh(shader, lookup.is_some()).defs(lookup.map(|_| "RESUMABLE")));
         }
     }
     list

@@ -125,7 +125,7 @@ pub fn make(
                 made.comparison.append(failed);
             }
         }
-        let lights = scene.lights.iter().filter(|light| light.shines()).count() as u32;
+        let lights = scene.lights_shining();
         for compared in &mut made.comparison.compared[first..] {
             (compared.row.lights, compared.row.light) = (Some(lights), run.scenes[i].light);
         }

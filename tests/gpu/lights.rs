@@ -63,15 +63,17 @@ fn pictures_add_up_and_scale() {
             assert!(off < SUMS, "{method}, {shading:?}: {off}");
             assert!(all.iter().any(|x| *x > 0.1), "{method}: something is seen");
 
-            // Ambient light and the background are there once, whatever the number of lights.
-            let over =
-                Scene { lights: lights.clone(), ambient: 0.25, background: [0.3, 0.5, 0.1], ..base.clone() };
-            let ambient = Scene { ambient: 1.0, ..over.clone() };
-            let black = Scene { background: [0.0; 3], ..ambient.clone() };
-            let [with, without] = [&ambient, &black].map(|s| setup.lit(method, s).pixels);
-            let behind =
-                Array3::from_shape_fn(with.dim(), |at| if at.2 == 3 { 0.0 } else { with[at] - without[at] });
-            let expected = sum(&[(all, [0.75; 3]), (without, [0.25; 3]), (behind, [1.0; 3])]);
+            // Ambient light and the background are there once, whatever the number of lights. Both are known from pictures
+            // of one light, by the very samples.
+            let one = base.under(lights[0].light.into());
+            let background = [0.3, 0.5, 0.1];
+            let [dark, half, behind] =
+                [one.clone(), Scene { ambient: 0.5, ..one.clone() }, Scene { background, ..one.clone() }]
+                    .map(|scene| setup.lit(method, &scene).pixels);
+            let ambient = sum(&[(half, [2.0; 3]), (dark.clone(), [-1.0; 3])]);
+            let over = Scene { lights: lights.clone(), ambient: 0.25, background, ..base.clone() };
+            let expected =
+                sum(&[(all, [0.75; 3]), (ambient, [0.25; 3]), (behind, [1.0; 3]), (dark, [-1.0; 3])]);
             let off = largest_difference(&setup.lit(method, &over).pixels, &expected);
             assert!(off < SUMS, "{method}, {shading:?}, over a background: {off}");
         }
