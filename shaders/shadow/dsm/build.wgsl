@@ -6,7 +6,8 @@
 #import umbravox::work::add_work
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
-#import umbravox::dsm_nodes::{start_writer, push, finish, cut_short}
+#import umbravox::dsm_nodes::{start_writer, push, finish}
+#import umbravox::dsm_rows::cut_short
 #import umbravox::dsm_layout::{own, DEPTH_STEPS, MOST_LATTICE_STEPS}
 #ifdef MARCHES
 #import umbravox::march::march

@@ -19,7 +19,14 @@ pub const ROW_BYTES: u64 = (ROW_NODES as u64 + 1) * 4;
 pub const NODE_TEXTURE_WIDTH: u32 = 4096;
 pub const NODE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 
+/// Corners of each of the two hulls of a tunnel (`compress=optimal`), a power of two.
+pub const HULL_CORNERS: u32 = 8;
+/// Depths, in steps, that a tunnel takes for one: 8 units in the last place of the largest float32 depth.
+pub const UPRIGHT_STEPS: f64 = 1.0 / 32.0;
+
 const CONSTANTS: &[Constant] = &[
+    Constant::unsigned("HULL_CORNERS", HULL_CORNERS),
+    Constant::float("UPRIGHT_STEPS", UPRIGHT_STEPS as f32),
     Constant::unsigned("NO_ROW", u32::MAX),
     Constant::unsigned("ROW_NODES", ROW_NODES),
     Constant::unsigned("NODE_TEXTURE_WIDTH", NODE_TEXTURE_WIDTH),

@@ -24,7 +24,8 @@ mod layout;
 pub use count::{NodeMap, node_depths, node_map};
 
 use layout::{
-    DEPTH_STEPS, MOST_LATTICE_STEPS, MOST_MARCHES, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, shader,
+    DEPTH_STEPS, MOST_LATTICE_STEPS, MOST_MARCHES, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES,
+    UPRIGHT_STEPS, shader,
 };
 
 use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
@@ -47,6 +48,16 @@ const OVER: f64 = 1.0 / 2048.0;
 const STORAGE: f64 = 1.0 / 65535.0;
 
 choices! {
+    /// How the curve becomes nodes.
+    pub enum Compress {
+        /// Line after line, each from where the last one ended.
+        Greedy = "greedy",
+        /// The fewest nodes, not bound to lie on the curve.
+        Optimal = "optimal",
+    }
+}
+
+choices! {
     /// Whether the light march uses the pre-compressed table.
     pub enum Precompress {
         /// It does: every cell exactly.
@@ -63,6 +74,12 @@ settings! {
         epsilon: f64 = Key::number([0.0, 1.0], "0.02", "error that compression may make in transmittance")
             .telling()
             .coarse("0.05"),
+        /// How the curve becomes nodes.
+        compress: Compress = Key::choice(
+            Compress::NAMES,
+            "greedy",
+            "nodes in one go from each other (Lokovic and Veach 2000), or the fewest there can be (Imai and Iri 1988)",
+        ),
         /// Sub-texel rays whose mean a texel stores: 1, 5 or 9.
         prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel").coarse("1"),
         /// Whether every cell is taken exactly.
@@ -122,7 +139,7 @@ struct Own {
     padding: [f32; 3],
 }
 
-/// `Counters` of `shaders/shadow/dsm/nodes.wgsl`.
+/// `Counters` of `shaders/shadow/dsm/rows.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Counters {
@@ -131,6 +148,7 @@ struct Counters {
     nodes_max: u32,
     texels_hit: u32,
     texels_cut: u32,
+    texels_narrowed: u32,
 }
 
 impl DeepShadowMap {
@@ -173,7 +191,11 @@ impl DeepShadowMap {
             Filter::Bilinear => rounding.texels,
             Filter::Nearest => 0.0,
         };
-        let steps_mm = 0.5 * light_space.depth_range_mm() / f64::from(DEPTH_STEPS);
+        let steps = match self.compress {
+            Compress::Greedy => 0.5,
+            Compress::Optimal => 0.5 + 2.0 * UPRIGHT_STEPS,
+        };
+        let steps_mm = steps * light_space.depth_range_mm() / f64::from(DEPTH_STEPS);
         Some(Bound {
             transmittance: march.transmittance + self.epsilon + chord + OVER + STORAGE + 2.0 * neighbours,
             depth_mm: march.depth_mm + steps_mm + lattice_mm + self.offset.abs() * spacing,
@@ -183,7 +205,12 @@ impl DeepShadowMap {
     }
 
     fn build_shader(&self) -> ShaderVariant {
-        let shader = shader("shadow/dsm/build.wgsl").modules(&["field/tiles.wgsl", "shadow/dsm/nodes.wgsl"]);
+        let compress = match self.compress {
+            Compress::Greedy => "shadow/dsm/greedy.wgsl",
+            Compress::Optimal => "shadow/dsm/tunnel.wgsl",
+        };
+        let modules = ["field/tiles.wgsl", "shadow/dsm/rows.wgsl", compress];
+        let shader = shader("shadow/dsm/build.wgsl").modules(&modules);
         let shader = shader.defs((self.prefilter > 1).then_some("PREFILTER"));
         match (self.precompress, self.whole_curve()) {
             (Precompress::Off, _) => shader,
@@ -355,7 +382,8 @@ mod tests {
     #[test]
     fn structs_have_one_layout() {
         let build = DeepShadowMap::default().build_shader();
-        assert_layout!(&build, "Counters", Counters: overflow_rows, nodes_total, nodes_max, texels_hit, texels_cut);
+        assert_layout!(&build, "Counters", Counters: overflow_rows, nodes_total, nodes_max, texels_hit, texels_cut,
+            texels_narrowed);
         assert_layout!(&build, "Own", Own: epsilon, longest_depth, step_mm, tile_rows, pool_rows, taps,
             depth_offset_mm, depth_steps_per_mm, same_surface_steps);
     }
