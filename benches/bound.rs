@@ -9,7 +9,7 @@ const TRIES: usize = 100_000;
 
 fn main() -> ExitCode {
     let tries = attack::setting("ATTACK_TRIES", TRIES);
-    match attack::search(tries, attack::setting("ATTACK_SEED", 1) as u64) {
+    match attack::search(tries, attack::setting("ATTACK_SEED", 1) as u64, "greedy") {
         None => ExitCode::SUCCESS,
         Some(found) => {
             println!("{}", found.summary());

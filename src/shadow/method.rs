@@ -144,6 +144,8 @@ pub struct BuildReport {
     pub nodes_max: Option<u64>,
     /// Texels whose ray meets extinction.
     pub texels_hit: Option<u64>,
+    /// Texels whose nodes may be more than the fewest, since the device kept too few corners of their tunnel.
+    pub texels_narrowed: Option<u64>,
     /// Tiles of the map.
     pub tiles: u32,
     /// Tiles left out since no active brick lies under them.
@@ -190,6 +192,7 @@ impl BuildReport {
             nodes_total: sum(self.nodes_total, other.nodes_total),
             nodes_max: self.nodes_max.max(other.nodes_max),
             texels_hit: sum(self.texels_hit, other.texels_hit),
+            texels_narrowed: sum(self.texels_narrowed, other.texels_narrowed),
             tiles: self.tiles + other.tiles,
             tiles_left_out: self.tiles_left_out + other.tiles_left_out,
             bytes_left_out: self.bytes_left_out + other.bytes_left_out,

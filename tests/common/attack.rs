@@ -43,6 +43,8 @@ pub struct Attack {
     pub nearest: bool,
     /// Rays whose mean a texel keeps; `None` for shadow rays instead of a map.
     pub prefilter: Option<u32>,
+    /// How a map's curves become nodes.
+    pub compress: &'static str,
 }
 
 /// What came of it.
@@ -206,6 +208,7 @@ impl Attack {
                 5 => Some(one_of(rng, &[5, 9])),
                 _ => Some(1),
             },
+            compress: "greedy",
         };
         if quantity == Quantity::Extinction {
             attack.points.iter_mut().for_each(|p| p.1 /= size);
@@ -308,7 +311,10 @@ impl Attack {
         let filter = if self.nearest { "nearest" } else { "bilinear" };
         match self.prefilter {
             None => "rays".into(),
-            Some(n) => format!("dsm:epsilon={},map={},filter={filter},prefilter={n}", self.epsilon, self.map),
+            Some(n) => format!(
+                "dsm:epsilon={},compress={},map={},filter={filter},prefilter={n}",
+                self.epsilon, self.compress, self.map
+            ),
         }
     }
 
@@ -378,8 +384,9 @@ impl Found {
 /// Of all tries, one in so many is the start of a climb.
 const STARTS_A_CLIMB: usize = 20;
 
-/// So many scenes, half of them at random, half climbing from the worst; `None`, visibly, without an adapter.
-pub fn search(tries: usize, seed: u64) -> Option<Found> {
+/// So many scenes with one compression of maps, half of them at random, half climbing from the worst; `None`, visibly,
+/// without an adapter.
+pub fn search(tries: usize, seed: u64, compress: &'static str) -> Option<Found> {
     let gpu = match Gpu::open(None) {
         Ok(gpu) => gpu,
         Err(e) if e.what == "no graphics adapter" => {
@@ -396,7 +403,7 @@ pub fn search(tries: usize, seed: u64) -> Option<Found> {
     let climbs = (tries / 2 / STARTS_A_CLIMB).max(1);
     let mut worst: Vec<(f64, Attack)> = Vec::new();
     for start in 0..tries / 2 {
-        let attack = Attack::random(&mut rng);
+        let attack = Attack { compress, ..Attack::random(&mut rng) };
         let nearness = found.attempt(&renderer, &attack, &format!("start {start}"));
         worst.push((nearness, attack));
         if worst.len() > 2 * climbs {

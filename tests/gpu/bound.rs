@@ -53,7 +53,13 @@ fn check(volume: &Arc<Volume>, tf: &TransferFunction, methods: &[&str], what: &s
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-const METHODS: [&str; 3] = ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,map=64"];
+const METHODS: [&str; 5] = [
+    "rays",
+    "dsm:epsilon=0.005,map=64",
+    "dsm:epsilon=0.02,map=64",
+    "dsm:epsilon=0.005,compress=optimal,map=64",
+    "dsm:epsilon=0.03,compress=optimal,map=64",
+];
 
 #[test]
 fn analytic_phantoms() {
@@ -99,7 +105,11 @@ fn prefilter() {
         check(
             &volume,
             tf,
-            &["dsm:epsilon=0.02,map=48,prefilter=5", "dsm:epsilon=0.01,map=48,prefilter=9"],
+            &[
+                "dsm:epsilon=0.02,map=48,prefilter=5",
+                "dsm:epsilon=0.01,map=48,prefilter=9",
+                "dsm:epsilon=0.01,compress=optimal,map=48,prefilter=5",
+            ],
             "prefilter",
         );
     }

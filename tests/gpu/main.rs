@@ -14,6 +14,7 @@ mod kept;
 mod layers;
 mod light_volume;
 mod lights;
+mod links;
 mod mesh;
 mod nodes;
 mod parts;
@@ -23,6 +24,7 @@ mod samples;
 mod shading;
 mod strands;
 mod tolerance;
+mod tunnel;
 mod view;
 
 use glam::{DAffine3, DVec3};

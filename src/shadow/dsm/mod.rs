@@ -361,6 +361,8 @@ impl Method for DeepShadowMap {
                 nodes_total: Some(u64::from(counters.nodes_total)),
                 nodes_max: Some(u64::from(counters.nodes_max)),
                 texels_hit: Some(u64::from(counters.texels_hit)),
+                texels_narrowed: (self.compress == Compress::Optimal)
+                    .then_some(u64::from(counters.texels_narrowed)),
                 tiles: tiles.tiles,
                 tiles_left_out: left_out,
                 bytes_left_out: u64::from(left_out * TILE_TEXELS) * ROW_BYTES,
