@@ -1,5 +1,5 @@
-// Compression of one texel's visibility function to the fewest nodes (Imai & Iri 1986 and 1988): a line goes on until no line at
-// all would stay in the tunnel, the curve plus and minus epsilon, and nodes lie where two such lines meet.
+// Compression of one texel's visibility function to the fewest nodes (Imai & Iri 1986, 1988): a line goes on until none
+// would stay in the tunnel, the curve plus and minus epsilon, and nodes lie where two such lines meet.
 //
 // Lines that stay in the tunnel from the window that the last line has left, to here, lie between two: the lowest at its end, which
 // touches the tunnel's ceiling and then its floor, and the highest, the other way round. Both follow from two convex
@@ -20,6 +20,8 @@
 const VERTICAL: f32 = 1e30;
 // Corners of a hull; a power of two.
 const CORNERS: u32 = #{HULL_CORNERS};
+// Corners that leave room for those of two pushes: a push adds up to three a side, and makes room on one.
+const MOST_CORNERS: u32 = #{HULL_CORNERS} - 6u;
 // Depths, in steps, that differ by less are one: what lies between them is taken as a fall over this width.
 const UPRIGHT: f32 = #{UPRIGHT_STEPS};
 // Turns of a push: the fall that was held back, the gap, the piece.
@@ -33,6 +35,13 @@ struct Tunnel {
     begin: vec2<u32>,
     touch: vec2<u32>,
     end: vec2<u32>,
+    // These corners themselves, since what lies in rings is slow to read.
+    first_x: vec2<f32>,
+    first_y: vec2<f32>,
+    touch_x: vec2<f32>,
+    touch_y: vec2<f32>,
+    newest_x: vec2<f32>,
+    newest_y: vec2<f32>,
     // Slopes of the lines that touch each side last: the lowest line for the floor, the highest for the ceiling.
     slope: vec2<f32>,
     // The line before: a point of it, its slope, and the depths of its window.
@@ -74,8 +83,7 @@ fn set_corner(side: u32, place: u32, point: vec2<f32>) {
 
 // A side's line at a depth, upside down for the ceiling's.
 fn side_line(side: u32, x: f32) -> f32 {
-    let at = corner(side, tunnel.touch[side]);
-    return at.y + tunnel.slope[side] * (x - at.x);
+    return tunnel.touch_y[side] + tunnel.slope[side] * (x - tunnel.touch_x[side]);
 }
 
 // Nodes never rise, and none lies beyond the tunnel's first point.
@@ -97,9 +105,13 @@ fn turn_into(at: vec2<f32>, slope: f32, window: vec2<f32>) {
     tunnel.window = window;
 }
 
-// Makes room in a chain: pairs of neighbours become the point where the edges beside them meet, outside of the hull. The
-// first corner, the one that is touched and the last stay, and so do the two lines.
-fn make_room(side: u32) {
+// Makes room in the longer chain where a few more corners would fill it: pairs of neighbours become the point where the
+// edges beside them meet, outside of the hull. The first corner, the one that is touched and the last stay, and so do the
+// two lines.
+fn make_room() {
+    let lengths = tunnel.end - tunnel.begin;
+    let side = select(FLOOR, CEILING, lengths.y > lengths.x);
+    if max(lengths.x, lengths.y) <= MOST_CORNERS { return; }
     tunnel.narrowed = true;
     let last = tunnel.end[side] - 1u;
     let touch = tunnel.touch[side];
@@ -133,29 +145,62 @@ fn press(side: u32, point: vec2<f32>) {
     let turned = point.y > side_line(side, point.x);
     if turned {
         // The tangent to the other side: what it has left behind is touched no more.
+        var first = vec2<f32>(tunnel.first_x[other], tunnel.first_y[other]);
+        var begin = tunnel.begin[other];
         for (var turn = 0u; turn < CORNERS; turn++) {
-            let a = corner(other, tunnel.begin[other]);
-            let b = corner(other, tunnel.begin[other] + 1u);
-            if !(tunnel.begin[other] < tunnel.touch[other] && (point.y + b.y) * (point.x - a.x) > (point.y + a.y) * (point.x - b.x)) { break; }
-            tunnel.begin[other] += 1u;
+            let next = corner(other, begin + 1u);
+            let nearer = (point.y + next.y) * (point.x - first.x) > (point.y + first.y) * (point.x - next.x);
+            if !(nearer && begin < tunnel.touch[other]) { break; }
+            first = next;
+            begin += 1u;
         }
-        let first = corner(other, tunnel.begin[other]);
+        tunnel.begin[other] = begin;
+        tunnel.first_x[other] = first.x;
+        tunnel.first_y[other] = first.y;
         tunnel.slope[side] = (point.y + first.y) / max(point.x - first.x, 1e-6);
     }
-    let begin = tunnel.begin[side];
+    let least = select(tunnel.touch[side] + 1u, tunnel.begin[side] + 1u, turned);
+    var end = tunnel.end[side];
+    var newest = vec2<f32>(tunnel.newest_x[side], tunnel.newest_y[side]);
     for (var turn = 0u; turn < CORNERS; turn++) {
-        let end = tunnel.end[side];
-        let a = corner(side, end - 2u);
-        let b = corner(side, end - 1u);
-        let hidden = (b.y - a.y) * (point.x - a.x) <= (point.y - a.y) * (b.x - a.x);
-        if end < begin + 2u || !hidden || (!turned && end - 1u == tunnel.touch[side]) { break; }
-        tunnel.end[side] = end - 1u;
+        let before = corner(side, end - 2u);
+        let hidden = (newest.y - before.y) * (point.x - before.x) <= (point.y - before.y) * (newest.x - before.x);
+        if end <= least || !hidden { break; }
+        newest = before;
+        end -= 1u;
     }
-    if tunnel.end[side] - begin == CORNERS { make_room(side); }
-    let place = tunnel.end[side];
-    set_corner(side, place, point);
-    tunnel.touch[side] = select(tunnel.touch[side], place, turned);
-    tunnel.end[side] = place + 1u;
+    set_corner(side, end, point);
+    tunnel.newest_x[side] = point.x;
+    tunnel.newest_y[side] = point.y;
+    tunnel.touch[side] = select(tunnel.touch[side], end, turned);
+    tunnel.touch_x[side] = select(tunnel.touch_x[side], point.x, turned);
+    tunnel.touch_y[side] = select(tunnel.touch_y[side], point.y, turned);
+    tunnel.end[side] = end + 1u;
+}
+
+// The window of a line that has left the tunnel by a side, at a point upside down for the ceiling: from there on the line
+// that touches it is the one that was, and the other's goes straight down from its last corner (or up).
+fn begin_at(out: u32, exit: vec2<f32>, slope: f32) {
+    let last = 1u - out;
+    tunnel.begin[out] = tunnel.end[out];
+    tunnel.touch[out] = tunnel.end[out];
+    set_corner(out, tunnel.end[out], exit);
+    tunnel.end[out] += 1u;
+    tunnel.first_x[out] = exit.x;
+    tunnel.first_y[out] = exit.y;
+    tunnel.touch_x[out] = exit.x;
+    tunnel.touch_y[out] = exit.y;
+    tunnel.newest_x[out] = exit.x;
+    tunnel.newest_y[out] = exit.y;
+    tunnel.slope[out] = slope;
+    tunnel.begin[last] = tunnel.touch[last];
+    tunnel.first_x[last] = tunnel.touch_x[last];
+    tunnel.first_y[last] = tunnel.touch_y[last];
+    tunnel.touch[last] = tunnel.end[last] - 1u;
+    tunnel.touch_x[last] = tunnel.newest_x[last];
+    tunnel.touch_y[last] = tunnel.newest_y[last];
+    tunnel.slope[last] = -VERTICAL;
+    tunnel.top = tunnel.first_y[FLOOR];
 }
 
 // The curve goes straight to t at a depth: one more corner of the floor and of the ceiling.
@@ -169,25 +214,15 @@ fn go_to(x: f32, t: f32) {
         let out = select(FLOOR, CEILING, under);
         let last = 1u - out;
         let sign = select(1.0, -1.0, under);
-        let at = corner(last, tunnel.touch[last]);
-        let before = corner(out, tunnel.end[out] - 1u);
+        let at = vec2<f32>(tunnel.touch_x[last], tunnel.touch_y[last]);
+        let before = vec2<f32>(tunnel.newest_x[out], tunnel.newest_y[out]);
         let inside = max(-side_line(last, before.x) - before.y, 0.0);
         let outside = select(low, -high, under) + side_line(last, x);
         let exit_x = before.x + (x - before.x) * (inside / max(inside + outside, 1e-30));
         let exit = vec2<f32>(exit_x, -side_line(last, exit_x));
         let slope = tunnel.slope[last];
         turn_into(vec2<f32>(at.x, -sign * at.y), -sign * slope, vec2<f32>(at.x, exit_x));
-        // From the window on: the highest line through it is this one, the lowest goes straight down from its end (or the
-        // other way round).
-        tunnel.begin[out] = tunnel.end[out];
-        tunnel.touch[out] = tunnel.end[out];
-        set_corner(out, tunnel.end[out], exit);
-        tunnel.end[out] += 1u;
-        tunnel.slope[out] = -slope;
-        tunnel.begin[last] = tunnel.touch[last];
-        tunnel.touch[last] = tunnel.end[last] - 1u;
-        tunnel.slope[last] = -VERTICAL;
-        tunnel.top = corner(FLOOR, tunnel.begin[FLOOR]).y;
+        begin_at(out, exit, -slope);
     }
     press(FLOOR, vec2<f32>(x, low));
     press(CEILING, vec2<f32>(x, -high));
@@ -202,6 +237,12 @@ fn start_at(x: f32) {
     tunnel.begin = vec2<u32>(0u);
     tunnel.touch = vec2<u32>(0u);
     tunnel.end = vec2<u32>(1u);
+    tunnel.first_x = vec2<f32>(x);
+    tunnel.first_y = vec2<f32>(low, -1.0);
+    tunnel.touch_x = tunnel.first_x;
+    tunnel.touch_y = tunnel.first_y;
+    tunnel.newest_x = tunnel.first_x;
+    tunnel.newest_y = tunnel.first_y;
     tunnel.slope = vec2<f32>(-VERTICAL);
     tunnel.line_at = vec2<f32>(x, 1.0);
     tunnel.line_slope = -VERTICAL;
@@ -216,6 +257,7 @@ fn push(z_from: f32, z_to: f32, t: f32) {
     let start = (z_from - light.depth_start_mm) * own.depth_steps_per_mm;
     let end = (z_to - light.depth_start_mm) * own.depth_steps_per_mm;
     if !tunnel.started { start_at(start); }
+    make_room();
     var turns_left = PUSH_TURNS;
     loop {
         if turns_left == 0 {
@@ -228,13 +270,16 @@ fn push(z_from: f32, z_to: f32, t: f32) {
         let gap = !tunnel.held && start >= next;
         let piece = !falls && !gap;
         let far = end >= next;
-        if !piece || far { go_to(select(select(end, start, gap), next, falls), select(t, tunnel.last_t, !piece)); }
+        let x = select(select(end, start, gap), next, falls);
+        if !piece || far { go_to(x, select(t, tunnel.last_t, !piece)); }
         tunnel.held = piece && !far;
         if piece {
             tunnel.last_t = t;
             break;
         }
     }
+    // No push fills a ring that has had room made in; were one to, its first corner would be lost.
+    if any(tunnel.end - tunnel.begin > vec2<u32>(CORNERS)) { ran_out(); }
 }
 
 // Ends the last line and fills the row.

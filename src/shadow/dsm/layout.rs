@@ -20,7 +20,7 @@ pub const NODE_TEXTURE_WIDTH: u32 = 4096;
 pub const NODE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 
 /// Corners of each of the two hulls of a tunnel (`compress=optimal`), a power of two.
-pub const HULL_CORNERS: u32 = 8;
+pub const HULL_CORNERS: u32 = 16;
 /// Depths, in steps, that a tunnel takes for one: 8 units in the last place of the largest float32 depth.
 pub const UPRIGHT_STEPS: f64 = 1.0 / 32.0;
 
