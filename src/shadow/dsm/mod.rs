@@ -19,8 +19,8 @@
 //! * `compress=optimal` stores the fewest nodes instead (Imai and Iri 1986, *An optimal algorithm for approximating a
 //!   piecewise linear function*; 1988, *Polygonal approximations of a curve*): of all functions that begin where extinction
 //!   does, stay within `epsilon` of the polyline that the march hands in, and are level behind their last node. That is
-//!   exact while the hulls of the tunnel have no more than [`layout::HULL_CORNERS`] less 6 corners; beyond, it is so for a tunnel made
-//!   narrower, which keeps the promise. `docs/bound.md` has the proof, `tests/gpu/tunnel.rs` the distance from the least.
+//!   exact while a hull of the tunnel has no more than 10 corners; beyond, lines are the longest of a tunnel made narrower,
+//!   which keeps the promise. `docs/bound.md` has the proof, `tests/gpu/tunnel.rs` the distance from the least.
 //! * `precompress=off` samples at regular steps with point samples of the extinction, as the paper's Figure 3 (left).
 
 mod count;
