@@ -4,14 +4,16 @@ use crate::app::document::Document;
 use crate::files::color;
 use crate::open::values::MOST_INTENSITY;
 use crate::scene::{Light, LightSource, Scene};
-use eframe::egui::{self, Color32};
+use eframe::egui;
 
 /// The list, with what adds to it and takes from it.
 pub fn show(ui: &mut egui::Ui, document: &mut Document) {
     let chosen = document.chosen_light();
     ui.horizontal_wrapped(|ui| {
         for (place, source) in document.scene.lights.iter().enumerate() {
-            let text = egui::RichText::new(format!("{}", place + 1)).color(shown_color(source));
+            let text = egui::RichText::new(format!("{}", place + 1));
+            // One that gives no light is not drawn.
+            let text = if source.shines() { text } else { text.weak() };
             let kind = match source.light {
                 Light::Directional { .. } => "at infinity",
                 Light::Point { .. } => "at a point",
@@ -50,13 +52,4 @@ fn factors(ui: &mut egui::Ui, source: &mut LightSource) {
     ui.add(intensity.prefix("intensity ").range(0.0..=MOST_INTENSITY))
         .on_hover_text("A factor on the light's colour; a light of 0 is not drawn")
         .accessible_name("light intensity");
-}
-
-/// The light's colour where it shines, and a grey where it does not.
-fn shown_color(source: &LightSource) -> Color32 {
-    if !source.shines() {
-        return Color32::from_gray(110);
-    }
-    let [r, g, b] = source.color.map(color::srgb8_from_linear);
-    Color32::from_rgb(r, g, b)
 }
