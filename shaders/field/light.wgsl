@@ -106,6 +106,28 @@ fn light_ray(texel: vec2<f32>) -> LightRay {
     );
 }
 
+// The way from a point to the light.
+struct TowardLight {
+    // Grid units per mm.
+    d: vec3<f32>,
+    // How far the light is, mm.
+    mm: f32,
+}
+
+// The way to the light from any grid-space point, also from one behind the light, where its map has no texels.
+fn toward_light(g: vec3<f32>) -> TowardLight {
+    let g4 = vec4<f32>(g, 1.0);
+    let place = vec3<f32>(
+        dot(light.frame_from_grid_a, g4),
+        dot(light.frame_from_grid_b, g4),
+        dot(light.frame_from_grid_h, g4) + light.light_distance,
+    );
+    let is_point = light.projection == PERSPECTIVE || light.projection == OCTAHEDRAL;
+    let mm = select(place.z, length(place), is_point);
+    let w = select(vec3<f32>(0.0, 0.0, 1.0), place / max(mm, 1e-20), is_point);
+    return TowardLight(-(w.x * light.grid_per_a + w.y * light.grid_per_b + w.z * light.grid_per_h), mm);
+}
+
 // The depth at which everything that can cast a shadow has been passed, mm.
 fn depth_end_mm() -> f32 {
     return light.depth_start_mm + light.depth_range_mm;

@@ -2,7 +2,7 @@
 #define_import_path umbravox::mesh_light
 
 #import umbravox::field::{field, safe_inverse, box_span}
-#import umbravox::light::{light, light_point, light_ray}
+#import umbravox::light::toward_light
 #import umbravox::mesh::{mesh_hit, NO_TRIANGLE}
 #import umbravox::method::transmittance
 
@@ -13,9 +13,9 @@ const POSITION_ROUNDING: f32 = 1e-6;
 
 // Transmittance from the light to a grid-space point, which may lie outside of the domain.
 fn light_at(g: vec3<f32>) -> f32 {
-    let p = light_point(g);
-    let d = -light_ray(p.texel).d;
-    let far = p.z + light.light_distance;
+    let way = toward_light(g);
+    let d = way.d;
+    let far = way.mm;
     let gap = SURFACE_GAP + POSITION_ROUNDING * max(abs(g.x), max(abs(g.y), abs(g.z)));
     let hidden = mesh_hit(g, d, gap * field.min_spacing_mm, far, true).triangle != NO_TRIANGLE;
     // Outside of all that has extinction as much arrives as where the way to the light first meets its box.

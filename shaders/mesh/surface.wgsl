@@ -2,7 +2,7 @@
 #define_import_path umbravox::surface
 
 #import umbravox::frame::frame
-#import umbravox::light::{light_point, light_ray}
+#import umbravox::light::toward_light
 #import umbravox::mesh::{mesh_hit, mesh_normal, mesh_color, NO_TRIANGLE}
 #import umbravox::field::FAR
 
@@ -24,6 +24,6 @@ fn surface_along(o: vec3<f32>, d: vec3<f32>, eye_mm: f32) -> Surface {
     let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
     let normal = mesh_normal(triangle);
     let seen = select(normal, -normal, dot(normal, to_world * d) > 0.0);
-    let toward = -normalize(to_world * light_ray(light_point(o + hit.z * d).texel).d);
+    let toward = normalize(to_world * toward_light(o + hit.z * d).d);
     return Surface(hit.z, max(dot(seen, toward), 0.0), mesh_color(triangle), met);
 }

@@ -6,6 +6,7 @@
 #define_import_path umbravox::mesh
 
 #import umbravox::field::FAR
+#import umbravox::watch::ran_out
 #import umbravox::work::{count_work, LOADS}
 
 struct Node {
@@ -95,5 +96,7 @@ fn mesh_hit(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32, any_will_do: boo
         at = select(node.next, at + 1u, is_box && !missed);
         if at >= nodes || (any_will_do && found.triangle != NO_TRIANGLE) { break; }
     }
+    // Some adapters end loops that they find long, and say nothing.
+    if at < nodes && !(any_will_do && found.triangle != NO_TRIANGLE) { ran_out(); }
     return found;
 }

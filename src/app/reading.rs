@@ -128,7 +128,9 @@ fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Lo
         With::Scene(old) => {
             let settings = SceneSettings::of_volume(&spec);
             let Loaded { volume, tf, tf_source, scene, remarks } = settings.load(loading)?;
-            let scene = Scene { camera: scene.camera, lights: as_directions(&old, &scene), ..*old };
+            // Point lights and meshes are somewhere in the old one.
+            let lights = as_directions(&old, &scene);
+            let scene = Scene { camera: scene.camera, lights, mesh: None, ..*old };
             (volume, texts(remarks), Some(Beginning { tf, tf_source, scene, method, transparent: None }))
         }
     };

@@ -22,7 +22,7 @@ use std::sync::Arc;
 /// Points, light rays and depths: enough for verdicts, so that all claims take minutes on two cores.
 const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100, check_all: false };
 
-/// Try every quantitative claim of the methods' papers: what was claimed, what is measured here, whether it holds
+/// Try what the methods' papers claim with a figure or a comparison: what was claimed, what is measured here, whether it holds
 #[derive(Debug, Args)]
 pub struct ClaimsArgs {
     /// The folder for claims.csv and claims.md; made when it is missing

@@ -54,7 +54,8 @@ impl Check {
     }
 }
 
-/// Holds a built map of a scene's first light against its own by cells; `None` where its rays were marched by cells, or not at all, or where none
+/// Holds a built map of a scene's first light against its own by cells; `None` where its rays were marched by cells, or not at
+/// all, or where none
 /// of the texels drawn meets any extinction, or two maps of the method may be apart by any amount.
 ///
 /// # Errors

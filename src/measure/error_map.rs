@@ -103,7 +103,8 @@ impl ExactView {
         Some(Self { scene, answer })
     }
 
-    /// A method's errors; `shadows` are of this scene's lights, in their order. `None` where `go_on`, which is asked now and then, ended it.
+    /// A method's errors; `shadows` are of this scene's lights, in their order. `None` where `go_on`, which is asked now and
+    /// then, ended it.
     ///
     /// # Errors
     /// A lost device.

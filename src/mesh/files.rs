@@ -263,6 +263,10 @@ mod tests {
             let binary = from("a.bin", &binary_stl(header, &[t, t.map(|c| c + 1.0)])).unwrap();
             assert_eq!((binary.triangles().len(), corner(&binary, 1, 0)), (2, DVec3::new(2.0, 3.0, 4.0)));
         }
+        // Another mesh is told by its corners.
+        let moved = from("a.stl", TEXT_STL.replace("1 4 3", "1 5 3").as_bytes()).unwrap();
+        assert_ne!(format!("{text:?}"), format!("{moved:?}"));
+        assert_eq!(format!("{text:?}"), format!("{:?}", from("b.stl", TEXT_STL.as_bytes()).unwrap()));
         let slicer = from("s.stl", &binary_stl(b"3D Slicer output. SPACE=LPS", &[t])).unwrap();
         assert_eq!(corner(&slicer, 0, 0), DVec3::new(-1.0, -2.0, 3.0));
         let ply = from("a.ply", SQUARE_PLY.as_bytes()).unwrap();
@@ -286,6 +290,7 @@ mod tests {
             ("a.stl", &binary_stl(b"no triangles", &[])),
             ("a.stl", &binary_stl(b"no area", &[[1.0; 9]])),
             ("a.stl", &binary_stl(b"nan", &[[f32::NAN; 9]])),
+            ("a.stl", &binary_stl(b"far", &[[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2e9, 0.0]])),
             ("a.ply", many.as_bytes()),
             ("a.ply", negative.as_bytes()),
             ("a.ply", huge.as_bytes()),

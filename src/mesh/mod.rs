@@ -13,10 +13,14 @@ pub use tree::{FlatNode, Hit};
 use crate::error::{Error, Result};
 use bvh::bvh::Bvh;
 use glam::DVec3;
+use sha2::{Digest, Sha256};
 
 /// Light is asked for on a surface so far from it (towards the light, in smallest voxel spacings) that it is not hidden by
 /// itself.
 pub const SURFACE_GAP: f64 = 1e-3;
+
+/// The farthest coordinate, mm: beyond, float32 knows no surface.
+const MAX_MM: f64 = 1e9;
 
 /// A surface of triangles, world mm.
 pub struct Mesh {
@@ -27,6 +31,8 @@ pub struct Mesh {
     tree: Bvh<f64, 3>,
     /// Triangles without an area, which are left out.
     left_out: usize,
+    /// Of corners and colours: a table that is resumed tells another mesh by it.
+    sha256: String,
 }
 
 /// What a mesh is made of.
@@ -42,8 +48,19 @@ pub struct MeshPart {
 
 impl std::fmt::Debug for Mesh {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Mesh({} triangles)", self.triangles.len())
+        write!(f, "Mesh({} triangles, SHA-256 {})", self.triangles.len(), self.sha256)
     }
+}
+
+/// SHA-256 of all corners, and of where parts begin and their colours.
+fn digest(triangles: &[[DVec3; 3]], parts: &[(usize, String, [f64; 3])]) -> String {
+    let mut hasher = Sha256::new();
+    triangles.iter().flatten().for_each(|p| hasher.update(bytemuck::bytes_of(&p.to_array())));
+    for (first, _, color) in parts {
+        hasher.update((*first as u64).to_le_bytes());
+        hasher.update(bytemuck::bytes_of(color));
+    }
+    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The same mesh, not one like it.
@@ -66,8 +83,10 @@ impl Mesh {
         let (mut triangles, mut parts, mut left_out) = (Vec::new(), Vec::new(), 0);
         for part in given {
             let refused = |why: String| Error::input("cannot use mesh", &part.source, why);
-            if let Some(place) = part.triangles.iter().position(|t| !t.iter().all(|p| p.is_finite())) {
-                return Err(refused(format!("triangle {place} has a corner that is no finite number")));
+            let far = |t: &[DVec3; 3]| !t.iter().all(|p| p.abs().max_element() <= MAX_MM);
+            if let Some(place) = part.triangles.iter().position(far) {
+                let why = "has a corner that is no number, or farther than 1e9 mm from the origin";
+                return Err(refused(format!("triangle {place} {why}")));
             }
             let (count, first) = (part.triangles.len(), triangles.len());
             triangles.extend(part.triangles.iter().filter(|t| has_area(t)));
@@ -78,7 +97,8 @@ impl Mesh {
             parts.push((first, part.source, part.color));
         }
         let tree = tree::build(&triangles);
-        Ok(Self { triangles, parts, tree, left_out })
+        let sha256 = digest(&triangles, &parts);
+        Ok(Self { triangles, parts, tree, left_out, sha256 })
     }
 
     /// Where each part came from, and its linear RGB.

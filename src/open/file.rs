@@ -1,5 +1,6 @@
 //! Scene files: [`SceneSettings`] as TOML, both ways. A key is read by the very parser of its flag.
 
+use super::meshes::MeshFile;
 use super::presets::PRESETS;
 use super::refusal::{Refusal, refusal};
 use super::settings::SceneSettings;
@@ -33,6 +34,12 @@ impl SceneSettings {
             let is_built_in = name.starts_with("phantom:") || PRESETS.iter().any(|p| p.name == name);
             if !is_built_in && Path::new(name).is_relative() && beside.is_file() {
                 *name = beside.to_string_lossy().into_owned();
+            }
+        }
+        for MeshFile { path, .. } in settings.mesh.iter_mut().flatten() {
+            let beside = folder.join(&*path);
+            if path.is_relative() && beside.is_file() {
+                *path = beside;
             }
         }
         Ok(settings)
@@ -268,6 +275,12 @@ mod tests {
         std::fs::write(dir.path().join("bone"), "").unwrap();
         std::fs::write(&scene, "tf = 'bone'").unwrap();
         assert_eq!(SceneSettings::read(&scene).unwrap().tf.unwrap(), "bone");
+        // Of meshes each by itself.
+        std::fs::write(&scene, "mesh = ['here.stl,color=#ff0000', 'elsewhere.stl']").unwrap();
+        std::fs::write(dir.path().join("here.stl"), "").unwrap();
+        let meshes = SceneSettings::read(&scene).unwrap().mesh.unwrap();
+        let paths: Vec<_> = meshes.into_iter().map(|mesh| mesh.path).collect();
+        assert_eq!(paths, [dir.path().join("here.stl"), "elsewhere.stl".into()]);
     }
 
     #[test]

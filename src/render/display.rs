@@ -121,7 +121,8 @@ pub struct Screen<'a> {
 }
 
 impl Renderer {
-    /// Draws a picture of the texture's size into it, `shadows` being of its lights, in bands of about `pace.target_ms`; `None` where `go_on` said no
+    /// Draws a picture of the texture's size into it, `shadows` being of its lights, in bands of about `pace.target_ms`; `None`
+    /// where `go_on` said no
     /// after a band (the texture is then part old, part new).
     ///
     /// # Errors

@@ -138,7 +138,11 @@ impl Plan {
         if empty > 0 {
             let what = format!("{empty} of {all} tiles of the picture");
             let saved = Some(format!("{:.1} % of them", 100.0 * empty as f64 / all as f64));
-            omit(what, "no active brick may show in them", saved, Some(Omittable::EyeTiles));
+            let why = match scene.mesh {
+                Some(_) => "neither an active brick nor a mesh may show in them",
+                None => "no active brick may show in them",
+            };
+            omit(what, why, saved, Some(Omittable::EyeTiles));
         }
         let needed = needs_shadows(scene, &loaded.volume, transfer);
         let shadows = needed.is_ok() && maps.iter().any(|map| map.lookup.is_some());

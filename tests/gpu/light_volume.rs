@@ -142,3 +142,20 @@ fn sweeping_spreads_what_is_not_even() {
     println!("sweep {near:.4} {far:.4}, gather {gathered_near:.4} {gathered_far:.4}");
     assert!(far > 1.3 * near && far > 2.0 * gathered_far && gathered_far < 1.3 * gathered_near);
 }
+
+/// Optical depth is straight in an even medium lit along an axis: at the outermost nodes, too, which stand on its faces.
+#[test]
+fn even_media_are_exact_at_every_scale() {
+    let even = Array3::from_elem((24, 24, 24), 1000.0f32);
+    let even = Arc::new(volume_of(Voxels::F32(even), DAffine3::IDENTITY));
+    let Some(setup) = Setup::open(&even, &extinction(&[(0.0, 0.0), (1000.0, 0.05)])) else { return };
+    let light = Light::Directional { toward: DVec3::Z };
+    let points: Vec<_> = (0..48).map(|k| DVec3::new(11.3, 12.8, 0.5 * f64::from(k) - 0.25)).collect();
+    for build in ["gather", "sweep"] {
+        for scale in [0.5, 1.0, 1.5, 3.0, 8.0, 12.0, 13.0, 16.0, 23.0, 32.0] {
+            let method = format!("lightvolume:scale={scale},bits=32,average=depth,build={build}");
+            let [largest, _] = errors(&setup, &method, light, &points);
+            assert!(largest < 1e-4, "{build}, {scale}: {largest}");
+        }
+    }
+}

@@ -46,7 +46,8 @@ fn ball_and_floor(volume: &Volume) -> Option<Arc<Mesh>> {
     let low = corners.iter().map(|c| c.z).fold(f64::INFINITY, f64::min);
     let ball = sphere(center + 0.1 * radius * DVec3::new(1.0, 0.7, 0.4), 0.22 * radius, 20);
     let at = DVec3::new(center.x, center.y, low - 0.1 * radius);
-    let floor = square(at, 1.4 * radius * DVec3::X, 1.4 * radius * DVec3::Y);
+    // So wide that it reaches behind lights that are near.
+    let floor = square(at, 4.0 * radius * DVec3::X, 4.0 * radius * DVec3::Y);
     mesh(&[(&ball, GREEN), (&floor, BLUE)])
 }
 
@@ -181,6 +182,21 @@ fn nothing_that_is_left_out_shows() {
         let none = setup.picture(method, &Scene { skip: Skip::None, ..scene.clone() });
         assert!(largest_difference(&bricks, &none) < 2e-4, "{method}");
         assert_eq!(bricks, setup.picture(method, &scene), "{method}: twice the same");
+    }
+    // From within the ball, and with the floor behind the eye as well as before it.
+    let corners = volume.corners_mm();
+    let center = corners.iter().sum::<DVec3>() / 8.0;
+    let low = corners.iter().map(|c| c.z).fold(f64::INFINITY, f64::min);
+    for (eye, fov_deg) in
+        [(center + DVec3::new(3.0, 2.0, 1.0), 120.0), (DVec3::new(center.x, center.y, low + 1.0), 140.0)]
+    {
+        let camera = Camera { eye, target: center + DVec3::new(50.0, 20.0, -30.0), up: DVec3::Z, fov_deg };
+        let bricks = Scene { camera, ..scene.clone() };
+        let none = Scene { skip: Skip::None, ..bricks.clone() };
+        assert!(
+            largest_difference(&setup.picture("rays", &bricks), &setup.picture("rays", &none)) < 2e-4,
+            "{eye}"
+        );
     }
     // Several lights add up on surfaces, too.
     let [(_, far), _, (_, near), _] = lights(&volume);

@@ -1,7 +1,8 @@
 // Marches from every node of some blocks to the light: a workgroup a block.
 
 #import umbravox::dispatch::spread
-#import umbravox::lattice::{lattice, node_place, toward_light, kept}
+#import umbravox::lattice::{lattice, node_place, kept}
+#import umbravox::light::toward_light
 #import umbravox::march::march
 #import umbravox::sink::start_sink
 #import umbravox::work::add_work

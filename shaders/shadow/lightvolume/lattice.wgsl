@@ -2,7 +2,6 @@
 #define_import_path umbravox::lattice
 
 #import umbravox::field::field
-#import umbravox::light::{light, light_point, light_ray}
 
 struct Lattice {
     // Grid-space place of the first node, and grid units from one to the next.
@@ -16,22 +15,18 @@ struct Lattice {
 
 @group(1) @binding(1) var<uniform> lattice: Lattice;
 
-// From a grid-space point to the light.
-struct TowardLight {
-    // Grid units per mm.
-    d: vec3<f32>,
-    // How far it is, mm.
-    mm: f32,
-}
-
-fn toward_light(g: vec3<f32>) -> TowardLight {
-    let p = light_point(g);
-    return TowardLight(-light_ray(p.texel).d, p.z + light.light_distance);
-}
-
 // Nodes beyond the box of the active bricks stand for its sides: rays beside it would meet nothing.
 fn node_place(node: vec3<u32>) -> vec3<f32> {
     return clamp(lattice.first + lattice.scale * vec3<f32>(node), field.active_lo, field.active_hi);
+}
+
+// Lattice coordinates of a grid-space point: between two nodes by where they stand.
+fn lattice_coordinates(g: vec3<f32>) -> vec3<f32> {
+    let most = vec3<f32>(lattice.counts) - 2.0;
+    let low = clamp(floor((g - lattice.first) / lattice.scale), vec3<f32>(0.0), most);
+    let behind = node_place(vec3<u32>(low));
+    let ahead = node_place(vec3<u32>(low) + 1u);
+    return low + clamp((g - behind) / max(ahead - behind, vec3<f32>(1e-6)), vec3<f32>(0.0), vec3<f32>(1.0));
 }
 
 // What is kept of an optical depth: itself (in 8 bits a share of the most), or the transmittance.

@@ -2,7 +2,8 @@
 #define_import_path umbravox::method
 
 #import umbravox::field::{field, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
-#import umbravox::lattice::{lattice, toward_light, transmittance_of}
+#import umbravox::lattice::{lattice, lattice_coordinates, transmittance_of}
+#import umbravox::light::toward_light
 #import umbravox::work::{count_work, LOADS}
 
 @group(1) @binding(3) var light_volume: texture_3d<f32>;
@@ -14,7 +15,7 @@ const PAST_FACE: f32 = 1e-3;
 
 // What the filter makes of the nodes around a grid-space point.
 fn filtered_at(g: vec3<f32>) -> f32 {
-    let at = clamp((g - lattice.first) / lattice.scale, vec3<f32>(0.0), vec3<f32>(lattice.counts - 1u));
+    let at = lattice_coordinates(g);
 #ifdef BITS_32
     count_work(LOADS, 8u);
     let low = min(vec3<u32>(at), lattice.counts - 2u);

@@ -1,6 +1,8 @@
 // One slice of a sweep away from the light: what arrives at the slice before, filtered, and the march between the two.
 
-#import umbravox::lattice::{lattice, node_place, toward_light, kept}
+#import umbravox::field::field
+#import umbravox::lattice::{lattice, lattice_coordinates, node_place, kept}
+#import umbravox::light::toward_light
 #import umbravox::march::march
 #import umbravox::sink::start_sink
 #import umbravox::work::add_work
@@ -51,15 +53,14 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     let gap = abs(turned(node_place(vec3<u32>(slice_before)) - g).z);
     let step_mm = gap / max(abs(along), 1e-20);
     let from_g = g + way.d * min(step_mm, way.mm);
-    let at = turned((from_g - lattice.first) / lattice.scale).xy;
-    let last = vec2<f32>(counts - 1u);
-    // Beside the lattice there is nothing on the way to the light.
-    let beside = any(at < vec2<f32>(-1e-3)) || any(at > last + 1e-3);
+    let at = turned(lattice_coordinates(from_g)).xy;
+    // Beside the box of the active bricks there is nothing on the way to the light.
+    let beside = any(from_g < field.active_lo - 1e-3) || any(from_g > field.active_hi + 1e-3);
     let known = step.opening == 0u && step_mm < way.mm && !beside;
     var sink = start_sink();
     march(&sink, g, way.d, 0.0, select(way.mm, step_mm, known));
 
-    let low = min(vec2<u32>(max(at, vec2<f32>(0.0))), counts - 2u);
+    let low = min(vec2<u32>(at), counts - 2u);
     let w = clamp(at - vec2<f32>(low), vec2<f32>(0.0), vec2<f32>(1.0));
     let size = counts.x * counts.y;
     let before = slice_start(slice_before, size) + low.y * counts.x + low.x;

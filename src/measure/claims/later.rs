@@ -3,7 +3,7 @@
 
 use super::claim::{Claim, Finding, Measured, Paper};
 use super::figures::Figures;
-use super::rules::{EQUAL, Holds, at_least, at_most, falls};
+use super::rules::{EQUAL, Holds, at_most, falls};
 use super::scenes::{AS_IS, BONES, CHEST, CURLY, EVEN, LOCKS, SPARSER, STRAIGHT, StandIn, Variant};
 use crate::error::Result;
 
