@@ -14,7 +14,7 @@ const NO_TRIANGLE: u32 = u32::MAX;
 /// Boxes are larger on each side by this share of the largest coordinate, for what float32 makes of rays: 2^-19.
 const ROUNDING: f64 = 1.0 / 524_288.0;
 
-/// `Node` of `shaders/mesh/tree.wgsl`.
+/// `Node` of `shaders/render/mesh/tree.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Node {
@@ -24,7 +24,7 @@ struct Node {
     next: u32,
 }
 
-/// `Triangle` of `shaders/mesh/tree.wgsl`.
+/// `Triangle` of `shaders/render/mesh/tree.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Triangle {
@@ -122,8 +122,8 @@ pub(super) fn box_corners([lo, hi]: [DVec3; 2]) -> [DVec3; 8] {
 pub(super) fn with_mesh(shader: ShaderVariant, shadows: bool) -> ShaderVariant {
     let constants =
         [Constant::unsigned("NO_TRIANGLE", NO_TRIANGLE), Constant::float("SURFACE_GAP", SURFACE_GAP as f32)];
-    let shader = shader.modules(&["mesh/tree.wgsl", "mesh/surface.wgsl"]).constants(&constants);
-    shader.modules(if shadows { &["mesh/light.wgsl"] } else { &[] }).defs(["MESH", "SHADED"])
+    let shader = shader.modules(&["render/mesh/tree.wgsl", "render/mesh/surface.wgsl"]).constants(&constants);
+    shader.modules(if shadows { &["render/mesh/light.wgsl"] } else { &[] }).defs(["MESH", "SHADED"])
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Every room, the topmost first: its name, what it is for, and where it is narrower than "whatever is below" the rooms
 /// that it may import.
-const ROOMS: [(&str, &str, Option<&[&str]>); 16] = [
+const ROOMS: [(&str, &str, Option<&[&str]>); 17] = [
     ("app", "The window: a front door.", None),
     ("cli", "The commands: a front door.", None),
     ("open", "From what a user names to what the program works on.", None),
@@ -19,9 +19,10 @@ const ROOMS: [(&str, &str, Option<&[&str]>); 16] = [
     ("shadow", "The shadow methods, a folder each.", None),
     ("field", "The scalar field on a device, and what marches through it.", None),
     ("gpu", "Device and limits, buffers, pipelines, timestamps.", Some(&["error"])),
-    ("exact", "The float64 reference.", Some(&["scene", "transfer", "volume", "error"])),
+    ("exact", "The float64 reference.", Some(&["scene", "mesh", "transfer", "volume", "error"])),
     ("strands", "Polylines with a thickness, and the volume that stands for them.", None),
     ("scene", "Camera, light and picture settings.", None),
+    ("mesh", "Opaque triangles, rays that meet them, and the files that hold them.", None),
     ("transfer", "Extinction and colour as functions of the value.", None),
     ("volume", "Values on a grid with an affine, and the files that hold them.", None),
     ("files", "Text in, whole files and pictures out, progress of reading.", None),
