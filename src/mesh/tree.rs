@@ -200,7 +200,7 @@ mod tests {
         // The same numbers for the same corner, so that it is closed.
         let at = |i: usize, j: usize| {
             let [phi, theta] = [i % (2 * n), j].map(|k| std::f64::consts::PI * k as f64 / n as f64);
-            let ring = if j % n == 0 { 0.0 } else { theta.sin() };
+            let ring = if j.is_multiple_of(n) { 0.0 } else { theta.sin() };
             center + radius * DVec3::new(ring * phi.cos(), ring * phi.sin(), theta.cos())
         };
         let quads = (0..2 * n).flat_map(|i| (0..n).map(move |j| (i, j)));
