@@ -70,7 +70,7 @@ pub(super) static ENTRY: Entry = Entry {
     make: |values| Some(Box::new(LightVolume::from_values(values)?)),
     compared: "lightvolume:scale=2,4,build=gather,sweep",
     curve: "lightvolume",
-    stability: "lightvolume:scale=1,build=gather,sweep",
+    stability: "lightvolume:build=gather,sweep",
     style: Style { color: [17, 119, 51], marker: Marker::Triad },
     tuned: "lightvolume:scale=16,8,6,4,3,2,1.5,1,build=gather,sweep,bits=8,16,32,average=depth,transmittance",
 };
