@@ -11,7 +11,7 @@ use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
 use wgpu::naga::{self, back};
 
 /// Settings whose code stands apart from all others': each is tried with the defaults of the rest.
-const ALONE: [&str; 3] = ["lookup", "average", "march"];
+const ALONE: [&str; 4] = ["lookup", "average", "march", "compress"];
 
 /// Every combination of a method's words, with few and many of what it counts.
 fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
