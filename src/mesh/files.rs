@@ -82,10 +82,14 @@ fn read_triangles(path: &Path) -> Result<Vec<[DVec3; 3]>> {
 type Triangles = std::result::Result<Vec<[DVec3; 3]>, String>;
 
 fn stl(bytes: &[u8]) -> Triangles {
+    let words = |e: std::io::Error| match e.kind() {
+        std::io::ErrorKind::UnexpectedEof => "it ends before its triangles do".into(),
+        _ => e.to_string(),
+    };
     let mut cursor = Cursor::new(bytes);
-    let reader = stl_io::create_stl_reader(&mut cursor).map_err(|e| e.to_string())?;
+    let reader = stl_io::create_stl_reader(&mut cursor).map_err(words)?;
     let corners = |t: stl_io::Triangle| t.vertices.map(|v| DVec3::from(v.0.map(f64::from)));
-    reader.map(|t| t.map(corners).map_err(|e| e.to_string())).collect()
+    reader.map(|t| t.map(corners).map_err(words)).collect()
 }
 
 fn obj(bytes: &[u8]) -> Triangles {
