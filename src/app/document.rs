@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::{SceneSettings, VolumeSpec, presets};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
+use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::{Histogram, Volume};
 use glam::{DQuat, DVec3};
@@ -20,6 +21,8 @@ pub struct Document {
     pub spec: VolumeSpec,
     /// The voxels.
     pub volume: Arc<Volume>,
+    /// What they were made from, where that is strands.
+    pub strands: Option<Arc<VoxelisedStrands>>,
     /// How often each value occurs.
     pub histogram: Arc<Histogram>,
     /// The transfer function as it is now.
@@ -53,6 +56,7 @@ impl Document {
         Self {
             spec: opened.spec,
             volume: opened.volume,
+            strands: opened.strands,
             histogram: opened.histogram,
             tf_source: (begin.tf_source, Arc::clone(&tf)),
             tf,
@@ -72,6 +76,7 @@ impl Document {
     pub fn take_voxels(&mut self, opened: Opened) {
         self.spec = opened.spec;
         self.volume = opened.volume;
+        self.strands = opened.strands;
         self.histogram = opened.histogram;
         // A preset that is fitted to the values is another function now: the one that stays counts as edited.
         if let Ok(found) = presets::resolve(&self.tf_source.0, &self.volume) {
@@ -84,6 +89,7 @@ impl Document {
         Opened {
             spec: self.spec.clone(),
             volume: Arc::clone(&self.volume),
+            strands: self.strands.clone(),
             histogram: Arc::clone(&self.histogram),
             beginning: None,
             notes: Vec::new(),

@@ -3,8 +3,9 @@
 use super::method_choice::MethodChoice;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::open::{self, DEFAULT_SHADOW, Loaded, Remark, SceneSettings, VolumeSpec};
+use crate::open::{DEFAULT_SHADOW, Loaded, Read, Remark, SceneSettings, VolumeSpec, read_with};
 use crate::scene::{Light, LightSource, Scene};
+use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::{Histogram, Volume};
 use std::sync::Arc;
@@ -19,6 +20,8 @@ const HISTOGRAM_BINS: usize = 512;
 pub struct Opened {
     pub spec: VolumeSpec,
     pub volume: Arc<Volume>,
+    /// What it was made from, where that is strands.
+    pub strands: Option<Arc<VoxelisedStrands>>,
     pub histogram: Arc<Histogram>,
     /// `None`: everything but the volume stays as it is.
     pub beginning: Option<Beginning>,
@@ -114,28 +117,30 @@ impl Drop for Reading {
 }
 
 fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Loading) -> Result<Opened> {
-    let (volume, notes, beginning) = match with {
+    let (volume, strands, notes, beginning) = match with {
         With::Again => {
-            let volume = open::load_with(&spec, loading)?;
+            let Read { volume, strands } = read_with(&spec, loading)?;
             let notes = volume.provenance.warnings.clone();
-            (volume, notes, None)
+            (volume, strands, notes, None)
         }
         With::Settings(settings) => {
-            let Loaded { volume, tf, tf_source, scene, remarks } = settings.load(loading)?;
+            let Loaded { volume, strands, tf, tf_source, scene, remarks } = settings.load(loading)?;
             let transparent = Some(settings.is_transparent());
-            (volume, texts(remarks), Some(Beginning { tf, tf_source, scene, method, transparent }))
+            let beginning = Beginning { tf, tf_source, scene, method, transparent };
+            (volume, strands, texts(remarks), Some(beginning))
         }
         With::Scene(old) => {
             let settings = SceneSettings::of_volume(&spec);
-            let Loaded { volume, tf, tf_source, scene, remarks } = settings.load(loading)?;
+            let Loaded { volume, strands, tf, tf_source, scene, remarks } = settings.load(loading)?;
             // Point lights and meshes are somewhere in the old one.
             let lights = as_directions(&old, &scene);
             let scene = Scene { camera: scene.camera, lights, mesh: None, ..*old };
-            (volume, texts(remarks), Some(Beginning { tf, tf_source, scene, method, transparent: None }))
+            let beginning = Beginning { tf, tf_source, scene, method, transparent: None };
+            (volume, strands, texts(remarks), Some(beginning))
         }
     };
     let histogram = Arc::new(Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?);
-    Ok(Opened { spec, volume: Arc::new(volume), histogram, beginning, notes })
+    Ok(Opened { spec, volume: Arc::new(volume), strands, histogram, beginning, notes })
 }
 
 fn texts(remarks: Vec<Remark>) -> Vec<String> {

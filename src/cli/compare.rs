@@ -204,8 +204,7 @@ fn measured(
     let mut read = |i: usize| {
         let first = first.take().filter(|_| i == 0);
         let loaded = first.map_or_else(|| asked[i].settings.load(&Loading::default()), Ok)?;
-        let Loaded { volume, tf, scene, .. } = loaded;
-        let strands = asked[i].settings.spec().strands(&Loading::default())?;
+        let Loaded { volume, strands, tf, scene, .. } = loaded;
         Ok(Subject { volume: Arc::new(volume), tf, strands, scene, forced: asked[i].settings.forced() })
     };
     let bar = progress_bar()?;

@@ -82,13 +82,14 @@ pub fn run(args: ProbeArgs) -> Result<()> {
     if let Some(path) = &args.what.points {
         let method = settings.method()?;
         let points = parse_points(&read_text(path, "cannot read points")?, &path.display().to_string())?;
-        let Loaded { volume, tf, scene, .. } = load(&settings)?;
+        let Loaded { volume, strands, tf, scene, .. } = load(&settings)?;
         let exact = {
             let field = ExactField::new(&volume, &tf);
             let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light());
             points.par_iter().map(to_light).collect::<Vec<_>>()
         };
-        let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?;
+        let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?
+            .with_strands(strands);
         let shadow = session.shadow(method.as_ref(), scene.light())?;
         let found = session.query(&shadow, &points)?;
         let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));

@@ -53,11 +53,12 @@ pub fn run(
     };
     let methods = parse_list(list).map_err(|e| e.at(flag))?;
     let destination = destination(output)?;
-    let Loaded { volume, tf, scene, .. } = load(settings)?;
+    let Loaded { volume, strands, tf, scene, .. } = load(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
     let volume = Arc::new(volume);
-    let session = Session::open(settings.adapter.as_deref(), Arc::clone(&volume), &tf, settings.forced())?;
+    let session = Session::open(settings.adapter.as_deref(), Arc::clone(&volume), &tf, settings.forced())?
+        .with_strands(strands);
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());
     for method in &methods {

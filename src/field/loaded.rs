@@ -3,6 +3,7 @@
 use super::{DeviceVolume, PoolSizes};
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::strands::VoxelisedStrands;
 use crate::volume::{Bricks, Volume};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
@@ -11,6 +12,8 @@ use std::sync::Arc;
 pub struct LoadedVolume {
     /// The volume on the host.
     pub volume: Arc<Volume>,
+    /// What it was made from, where that is strands.
+    pub strands: Option<Arc<VoxelisedStrands>>,
     /// The range of values in each of its bricks.
     pub bricks: Bricks,
     /// Its voxels on the device.
@@ -26,7 +29,14 @@ impl LoadedVolume {
     /// A volume that the adapter cannot hold.
     pub fn new(gpu: &Gpu, volume: Arc<Volume>) -> Result<Self> {
         let on_device = DeviceVolume::upload(gpu, &volume)?;
-        Ok(Self { bricks: Bricks::build(&volume), volume, on_device, pool_sizes: PoolSizes::default() })
+        let (bricks, pool_sizes) = (Bricks::build(&volume), PoolSizes::default());
+        Ok(Self { volume, strands: None, bricks, on_device, pool_sizes })
+    }
+
+    /// The same, knowing the strands that the volume was made from.
+    #[must_use]
+    pub fn with_strands(self, strands: Option<Arc<VoxelisedStrands>>) -> Self {
+        Self { strands, ..self }
     }
 }
 

@@ -7,11 +7,12 @@ use super::values;
 use crate::error::{Error, Result};
 use crate::files::hash::sha256_of_files;
 use crate::files::loading::Loading;
-use crate::strands::{HAIR_EXTENSIONS, StrandSet, Strands};
+use crate::strands::{HAIR_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::{Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// How to read a volume that does not say it itself; absent ones are `None`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
@@ -86,6 +87,21 @@ impl Default for VolumeSpec {
     }
 }
 
+/// What has been read.
+#[derive(Debug)]
+pub struct Read {
+    /// The voxels.
+    pub volume: Volume,
+    /// What they were made from, where that is strands.
+    pub strands: Option<Arc<VoxelisedStrands>>,
+}
+
+impl From<Volume> for Read {
+    fn from(volume: Volume) -> Self {
+        Self { volume, strands: None }
+    }
+}
+
 /// A kind of input that becomes a volume.
 #[derive(Debug)]
 pub struct Format {
@@ -99,7 +115,7 @@ pub struct Format {
     pub flags: &'static [&'static str],
     /// Whether an input is of this format, by name, flags or its first bytes.
     sniff: fn(&VolumeSpec) -> bool,
-    read: fn(&VolumeSpec, &Loading) -> Result<Volume>,
+    read: fn(&VolumeSpec, &Loading) -> Result<Read>,
 }
 
 /// Every format, in the order in which they are tried; the last one takes whatever no other one does, and says why not.
@@ -114,7 +130,8 @@ pub const FORMATS: &[Format] = &[
             let layout = spec
                 .layout()
                 .ok_or_else(|| Error::input("cannot read raw volume", &spec.source, "no layout"))?;
-            raw::read_with(spec.path(), layout, spec.flags.spacing, spec.flags.offset.unwrap_or(0), loading)
+            let (spacing, offset) = (spec.flags.spacing, spec.flags.offset.unwrap_or(0));
+            raw::read_with(spec.path(), layout, spacing, offset, loading).map(Read::from)
         },
     },
     Format {
@@ -125,7 +142,8 @@ pub const FORMATS: &[Format] = &[
         sniff: |spec| is_strand_source(&spec.source),
         read: |spec, loading| {
             let strands = load_strands(&spec.source, spec.flags.strands.thickness, loading)?;
-            spec.flags.strands.voxelise(&strands, loading).map(|made| made.volume)
+            let StrandVolume { volume, grid, kernel, .. } = spec.flags.strands.voxelise(&strands, loading)?;
+            Ok(Read { volume, strands: Some(Arc::new(VoxelisedStrands { strands, grid, kernel })) })
         },
     },
     Format {
@@ -137,7 +155,7 @@ pub const FORMATS: &[Format] = &[
         read: |spec, loading| {
             let (phantom, size) =
                 Phantom::parse(spec.phantom().unwrap_or_default(), &StrandSet::ALL.map(StrandSet::name))?;
-            phantom.build_with(size, loading)
+            phantom.build_with(size, loading).map(Read::from)
         },
     },
     Format {
@@ -148,10 +166,11 @@ pub const FORMATS: &[Format] = &[
         sniff: |_| true,
         read: |spec, loading| {
             let path = spec.path();
-            nifti::read_with(path, spec.flags.frame.unwrap_or(0), loading).map_err(|e| {
+            let read = nifti::read_with(path, spec.flags.frame.unwrap_or(0), loading).map_err(|e| {
                 let unknown = e.hint.is_none() && path.exists() && !nifti::is_nifti(path);
                 if unknown { e.hint(format!("accepted are {}", accepted())) } else { e }
-            })
+            });
+            read.map(Read::from)
         },
     },
 ];
@@ -159,17 +178,6 @@ pub const FORMATS: &[Format] = &[
 /// How to ask for each format, as a list in one line.
 pub fn accepted() -> String {
     FORMATS.iter().map(|f| f.asked_as).collect::<Vec<_>>().join(", ")
-}
-
-impl VolumeSpec {
-    /// What the volume is made from, where that is strands.
-    ///
-    /// # Errors
-    /// As [`load_strands`].
-    pub fn strands(&self, loading: &Loading) -> Result<Option<Strands>> {
-        let strands = || load_strands(&self.source, self.flags.strands.thickness, loading);
-        is_strand_source(&self.source).then(strands).transpose()
-    }
 }
 
 /// Loads a volume.
@@ -185,6 +193,14 @@ pub fn load(spec: &VolumeSpec) -> Result<Volume> {
 /// # Errors
 /// As there, or it was cancelled.
 pub fn load_with(spec: &VolumeSpec, loading: &Loading) -> Result<Volume> {
+    read_with(spec, loading).map(|read| read.volume)
+}
+
+/// As [`load_with`], with the strands that a volume was made from.
+///
+/// # Errors
+/// As there.
+pub fn read_with(spec: &VolumeSpec, loading: &Loading) -> Result<Read> {
     loading.go_on(&spec.source)?;
     let format = FORMATS.iter().find(|f| (f.sniff)(spec)).unwrap_or(&FORMATS[FORMATS.len() - 1]);
     refuse_flags(spec, format)?;

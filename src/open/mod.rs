@@ -11,7 +11,7 @@ pub mod settings;
 mod strands;
 pub mod values;
 
-pub use formats::{FORMATS, ReadFlags, VolumeSpec, load, load_with};
+pub use formats::{FORMATS, Read, ReadFlags, VolumeSpec, load, load_with, read_with};
 pub use refusal::{Refusal, refusal};
 pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, Remark, SceneArgs, SceneSettings};
 pub use strands::{StrandFlags, is_strand_source, load_strands, parse_resolution, parse_thickness_mm};

@@ -4,12 +4,13 @@ use super::lights::{self, one_or_list};
 use super::meshes::{self, MeshFile};
 use super::presets::{self, PRESETS, ResolvedTransferFunction};
 use super::values::{self, Background, Size};
-use super::{ReadFlags, VolumeSpec, load_with};
+use super::{Read, ReadFlags, VolumeSpec, read_with};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::render::Forced;
 use crate::scene::{Camera, LightSource, Scene, Shading, Skip};
 use crate::shadow::{self, METHODS, Method};
+use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use clap::Args;
@@ -17,6 +18,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::ops::Not;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Which volume, where nothing is said.
 pub const DEFAULT_VOLUME: &str = "phantom:thorax";
@@ -154,6 +156,8 @@ pub type Remark = (&'static str, String);
 pub struct Loaded {
     /// What casts shadows.
     pub volume: Volume,
+    /// What the volume was made from, where that is strands.
+    pub strands: Option<Arc<VoxelisedStrands>>,
     /// Its transfer function.
     pub tf: TransferFunction,
     /// The preset or file that `tf` is.
@@ -203,7 +207,7 @@ impl SceneSettings {
     pub fn load(&self, loading: &Loading) -> Result<Loaded> {
         let found = self.tf.as_deref().map(presets::find).transpose()?;
         lights::checked(self.light.as_deref())?;
-        let volume = load_with(&self.spec(), loading)?;
+        let Read { volume, strands } = read_with(&self.spec(), loading)?;
         let mut remarks: Vec<Remark> =
             volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
         remarks.extend(self.another_volume()?.map(|remark| ("warning", remark)));
@@ -212,7 +216,7 @@ impl SceneSettings {
         let ResolvedTransferFunction { tf, note } = found.suit(&volume);
         remarks.extend(note.map(|note| ("note", note)));
         let scene = Scene { mesh: meshes::read(self.mesh.as_deref())?, ..self.scene(&volume)? };
-        Ok(Loaded { volume, tf, tf_source, scene, remarks })
+        Ok(Loaded { volume, strands, tf, tf_source, scene, remarks })
     }
 
     /// Where `sha256` is given: what to say if the volume's file has another.

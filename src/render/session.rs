@@ -6,6 +6,7 @@ use crate::field::View;
 use crate::gpu::Gpu;
 use crate::scene::{Light, Scene};
 use crate::shadow::{Method, NodeMap, ShadowMap, node_depths, node_map};
+use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use glam::DVec3;
@@ -49,6 +50,12 @@ impl Session {
         let loaded = renderer.load(volume)?;
         let transfer = renderer.transfer(&loaded, tf, forced)?;
         Ok(Self { renderer: Arc::clone(renderer), loaded, transfer })
+    }
+
+    /// The same, knowing the strands that the volume was made from.
+    #[must_use]
+    pub fn with_strands(self, strands: Option<Arc<VoxelisedStrands>>) -> Self {
+        Self { loaded: self.loaded.with_strands(strands), ..self }
     }
 
     /// Tables and bricks made anew, with the same work forced.

@@ -21,7 +21,7 @@ use crate::measure::progress::Progress;
 use crate::render::{Forced, Renderer, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NodeMap, ShadowRays};
-use crate::strands::Strands;
+use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 pub(super) use files::node_map;
@@ -47,7 +47,7 @@ pub struct Subject {
     /// What is seen of them.
     pub tf: TransferFunction,
     /// What the volume was made from, where that is strands.
-    pub strands: Option<Strands>,
+    pub strands: Option<Arc<VoxelisedStrands>>,
     /// Camera, lights, and size of the picture.
     pub scene: Scene,
     /// What is done although the scene does not need it.
@@ -103,11 +103,12 @@ pub fn make(
         journal.describe(run.picture_texts(i));
         match Session::on(renderer, Arc::clone(&volume), &tf, forced) {
             Ok(session) => {
+                let session = session.with_strands(strands.clone());
                 let job = Job {
                     session: &session,
                     volume: &volume,
                     tf: &tf,
-                    strands: strands.as_ref(),
+                    strands: strands.as_deref().map(|of| &of.strands),
                     scene: &scene,
                     scene_name: name,
                     file_prefix: run.prefix(i),

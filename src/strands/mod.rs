@@ -23,7 +23,7 @@ pub use grid::{DEFAULT_RESOLUTION, RESOLUTIONS, StrandGrid};
 pub use hair::{HAIR_EXTENSIONS, HEADER_BYTES, read_hair, read_hair_with, write_hair};
 pub use random::Chance;
 pub use sets::StrandSet;
-pub use volume::{STRANDS_FORMAT, StrandVolume};
+pub use volume::{STRANDS_FORMAT, StrandVolume, VoxelisedStrands};
 pub use voxelise::{Conservation, Kernel, voxelise, voxelise_with};
 
 use crate::error::{Error, Result};

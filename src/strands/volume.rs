@@ -22,6 +22,17 @@ pub struct StrandVolume {
     pub voxelise_ms: f64,
 }
 
+/// Strands, and how they became a volume.
+#[derive(Debug, Clone)]
+pub struct VoxelisedStrands {
+    /// The strands themselves.
+    pub strands: Strands,
+    /// Where the volume's voxels lie.
+    pub grid: StrandGrid,
+    /// How lengths were shared among voxels.
+    pub kernel: Kernel,
+}
+
 /// `Provenance::format` of a volume made from strands: what says that its values are extinction.
 pub const STRANDS_FORMAT: &str = "strands";
 

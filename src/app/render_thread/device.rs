@@ -1,13 +1,13 @@
 //! The open volume on the device, with tables and shadow maps that are kept from one picture to the next.
 
 use crate::app::method_choice::MethodChoice;
+use crate::app::reading::Opened;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::render::{AskedFor, Change, DeviceTransfer, Kept, LoadedVolume, Renderer, Work};
 use crate::scene::Scene;
 use crate::shadow::ShadowMap;
 use crate::transfer::TransferFunction;
-use crate::volume::Volume;
 use std::sync::Arc;
 
 /// What the render thread draws from.
@@ -40,8 +40,9 @@ impl OnDevice {
     }
 
     /// Takes a volume onto the device; where that fails the old one stays.
-    pub fn load(&mut self, volume: &Arc<Volume>) -> Result<()> {
-        self.loaded = Some(self.renderer.load(Arc::clone(volume))?);
+    pub fn load(&mut self, opened: &Opened) -> Result<()> {
+        let loaded = self.renderer.load(Arc::clone(&opened.volume))?;
+        self.loaded = Some(loaded.with_strands(opened.strands.clone()));
         self.kept = Kept::default();
         Ok(())
     }

@@ -50,7 +50,7 @@ impl Engine {
 
     /// Takes a volume onto the device; where that fails the old one stays.
     pub fn upload(&mut self, opened: Box<Opened>, speaker: &Speaker) -> Result<()> {
-        self.device.load(&opened.volume)?;
+        self.device.load(&opened)?;
         self.shown = None;
         speaker.say(Event::Uploaded(opened));
         Ok(())

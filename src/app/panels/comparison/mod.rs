@@ -79,6 +79,7 @@ impl Comparison {
             settings: SceneSettings::of_scene(&document.spec, &scene, document.transparent),
             adapter: model.adapter.clone(),
             volume: Arc::clone(&document.volume),
+            strands: document.strands.clone(),
             tf: Arc::clone(&document.tf),
             scene,
             methods,

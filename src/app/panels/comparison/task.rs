@@ -3,7 +3,6 @@
 use crate::app::render_thread::mailbox::Wake;
 use crate::error::{Error, Result};
 use crate::files::hash::sha256;
-use crate::files::loading::Loading;
 use crate::files::output::prepare_output_dir;
 use crate::gpu::Gpu;
 use crate::measure::facts::Facts;
@@ -19,6 +18,7 @@ use crate::report::run::{Run, SceneRecord};
 use crate::report::tables::Layout;
 use crate::scene::Scene;
 use crate::shadow::Method;
+use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -43,6 +43,8 @@ pub struct Request {
     /// Its whole name.
     pub adapter: String,
     pub volume: Arc<Volume>,
+    /// What it was made from, where that is strands.
+    pub strands: Option<Arc<VoxelisedStrands>>,
     pub tf: Arc<TransferFunction>,
     /// With the table's own picture size.
     pub scene: Scene,
@@ -164,7 +166,8 @@ impl Watch for Watcher {
 }
 
 fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
-    let Request { adapter, volume, tf, scene, mut settings, methods, effort, folder, resume } = wanted;
+    let Request { adapter, volume, strands, tf, scene, mut settings, methods, effort, folder, resume } =
+        wanted;
     let renderer = Arc::new(Renderer::new(Gpu::open(Some(&adapter))?));
     prepare_output_dir(&folder)?;
     let (start, tf_text) = (if resume { Start::Resume } else { Start::Overwrite }, tf.to_json());
@@ -195,7 +198,7 @@ fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
     let order = Order { methods: &methods, budgets: &[], remark: REMARK };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), (*tf).clone(), scene.clone());
-        let strands = settings.spec().strands(&Loading::default())?;
+        let strands = strands.clone();
         Ok(Subject { volume, tf, strands, scene, forced: Forced::NOTHING })
     };
     let made = make(&order, &run, &mut read, &renderer, &mut journal, &mut progress)?;
