@@ -17,7 +17,7 @@ DEMO_FLAGS ?= phantom:thorax:64 --size 192x192 --repeats 2
 
 UMBRAVOX_DATA ?= ../shared/data
 SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
-STRIP_METHODS := none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31
+STRIP_METHODS := none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;lightvolume:scale=4,2
 XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 
 .PHONY: demo test adapters lint bench shots measured strip setup check-tools

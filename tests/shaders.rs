@@ -11,7 +11,12 @@ use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
 use wgpu::naga::{self, back};
 
 /// Settings whose code stands apart from all others': each is tried with the defaults of the rest.
-const ALONE: [&str; 4] = ["lookup", "average", "march", "compress"];
+const ALONE: [&str; 5] = ["lookup", "average", "march", "compress", "from"];
+
+/// Whether a key is to be combined with all others: one that always has an effect, or has one on every march.
+fn is_common(when: When) -> bool {
+    matches!(when, When::Always | When::Unless("from", _))
+}
 
 /// Every combination of a method's words, with few and many of what it counts.
 fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
@@ -25,7 +30,7 @@ fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
         }
         Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => Vec::new(),
     };
-    let keys = entry.keys.iter().filter(|k| k.when == When::Always && !ALONE.contains(&k.name));
+    let keys = entry.keys.iter().filter(|k| is_common(k.when) && !ALONE.contains(&k.name));
     let keys = keys.map(|k| (k.name, values(k.kind))).filter(|(_, v)| !v.is_empty());
     let mut keys: Vec<(&str, Vec<String>)> = keys.collect();
     let alone = entry.keys.iter().filter(|k| ALONE.contains(&k.name));

@@ -1,9 +1,10 @@
 //! What building a shadow structure needs: a volume under a light on a device.
 
 use super::{DeviceTransfer, LightSpace, MapShape, March, PoolSizes, TilePace, View};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Slot, Span, uniform_buffer};
 use crate::scene::Light;
+use crate::strands::{Strands, VoxelisedStrands};
 use crate::volume::Volume;
 
 /// Regular samples of a light ray: software adapters end the loops of a thread after 65,536 turns in all, of which a sample
@@ -23,6 +24,8 @@ pub struct BuildContext<'a> {
     pub volume: &'a Volume,
     /// Its transfer function on the device.
     pub transfer: &'a DeviceTransfer,
+    /// What the volume was made from, where that is strands.
+    pub strands: Option<&'a VoxelisedStrands>,
     /// The light that it stands in.
     pub light: Light,
     /// What the picture shows, where the shadows are for a picture.
@@ -44,6 +47,25 @@ impl BuildContext<'_> {
             space.step_mm = (step * self.volume.min_spacing_mm()).max(shortest);
         }
         space
+    }
+
+    /// The strands that a map may be drawn from.
+    ///
+    /// # Errors
+    /// The volume was not made from strands, or is not seen as they are.
+    pub fn drawn_strands(&self) -> Result<&Strands> {
+        let refused = |why: &str| Error::input("cannot draw strands into the map", "from=lines", why);
+        let source = &self.volume.provenance.source;
+        let strands = self.strands.ok_or_else(|| {
+            refused(&format!("{source} was not made from strands"))
+                .hint("from=voxels marches through any volume")
+        })?;
+        let [_, largest] = self.volume.value_range();
+        match self.transfer.function().leaves_extinction(largest) {
+            true => Ok(&strands.strands),
+            false => Err(refused("the transfer function does not take the strands' extinction as it is")
+                .hint("the preset hair does")),
+        }
     }
 
     /// Binding 0 of group 1.

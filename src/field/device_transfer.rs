@@ -178,6 +178,11 @@ impl DeviceTransfer {
         .forced_tables(gpu)
     }
 
+    /// The function that the tables are of.
+    pub fn function(&self) -> &TransferFunction {
+        &self.tf
+    }
+
     /// The same with other colours, for a function whose extinction is the same at all values that occur: integrals are
     /// made anew; intervals, bricks and the pre-compressed table stay.
     ///

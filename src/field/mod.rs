@@ -11,6 +11,7 @@ mod loaded;
 mod omittable;
 mod pool_sizes;
 mod shader;
+mod strand_lines;
 mod tile_march;
 mod tile_pace;
 mod view;

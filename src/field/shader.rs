@@ -6,9 +6,12 @@ use crate::gpu::{Constant, ShaderVariant, WORK_KINDS, WORK_WORDS};
 use crate::transfer::{MAX_INTERVALS, MAX_OPACITY, MORE_NODES, PAIR_BINS, TABLE_BINS, VALUE_BINS};
 use crate::volume::BRICK_CELLS;
 
-/// The modules that march light rays: cell by cell, and by regular samples.
+/// The modules that march light rays: cell by cell, by regular samples, and from segment to segment of strands.
 const MARCH_CELLS: &str = "field/march.wgsl";
 const MARCH_SAMPLES: &str = "field/march_samples.wgsl";
+const MARCH_LINES: &str = "field/march_lines.wgsl";
+/// Where what strands do to the rays of texels is bound in group 2.
+pub(super) const LINES_BINDING: u32 = 15;
 /// The module that walks along lines by regular samples.
 const WALK: &str = "field/walk.wgsl";
 
@@ -28,6 +31,8 @@ pub enum March {
         /// Their distance, in smallest voxel spacings.
         step: f64,
     },
+    /// Not through the field: through the strands that it was made from, each segment as a piece of the rays that it crosses.
+    Lines,
 }
 
 /// Value to which the light march finds a breakpoint, as a share of the largest of the stretch: 2^-22, four units in the
@@ -78,6 +83,7 @@ const CONSTANTS: &[Constant] = &[
     Constant::unsigned("TILE", TILE),
     Constant::unsigned("NO_TILE", NO_TILE),
     Constant::unsigned("LINE_THREADS", LINE_THREADS),
+    Constant::signed("LINES_BINDING", LINES_BINDING as i32),
 ];
 
 /// A variant that reads the field and the light space; methods with tiles have the tile table too.
@@ -107,6 +113,7 @@ impl ShaderVariant {
         match march {
             March::Cells => shader.modules(&[MARCH_CELLS]),
             March::Samples { .. } => shader.modules(&[WALK, MARCH_SAMPLES]).defs([SKIP_BRICKS]),
+            March::Lines => shader.modules(&[MARCH_LINES]),
         }
     }
 

@@ -1,7 +1,9 @@
 //! A tiled map in the making: which tiles are built, where their records lie, and passes over them.
 
 use super::constants::{NO_TILE, TILE_TEXELS};
-use super::{BuildContext, LightSpace, MapShape, Omittable};
+use super::shader::LINES_BINDING;
+use super::strand_lines::line_words;
+use super::{BuildContext, LightSpace, MapShape, March, Omittable};
 use crate::error::Result;
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
 
@@ -19,6 +21,8 @@ pub struct TileMarch<'a> {
     /// Numbers of the tiles that are built, in the order of their records.
     built_tiles: Vec<u32>,
     list: wgpu::Buffer,
+    /// What strands do to the texels' rays, where these are marched from segment to segment.
+    lines: Option<wgpu::Buffer>,
     /// Tiles of the map, and those that are built.
     pub tiles: u32,
     /// Tiles that are built: all with active bricks, or all where that is forced.
@@ -29,7 +33,7 @@ impl<'a> TileMarch<'a> {
     /// Of a map of this shape.
     ///
     /// # Errors
-    /// A map that the adapter cannot hold.
+    /// A map that the adapter cannot hold, or strands to be drawn where there are none.
     pub fn fit(context: &BuildContext<'a>, shape: MapShape) -> Result<Self> {
         let gpu = context.gpu();
         let light_space = context.light_space(shape);
@@ -41,6 +45,11 @@ impl<'a> TileMarch<'a> {
         let across = light_space.tiles_across();
         let table =
             table_texture(gpu, "tile table", wgpu::TextureFormat::R32Uint, [across, across], &entries)?;
+        let lines = (shape.march == March::Lines).then(|| {
+            let records = list.len() as u32 * TILE_TEXELS;
+            let words = line_words(context.drawn_strands()?, &light_space, &entries, records);
+            StorageBuffer::from_slice(gpu, "strands in the map", &words)
+        });
         Ok(Self {
             context: *context,
             light: context.light_uniform(&light_space),
@@ -48,6 +57,7 @@ impl<'a> TileMarch<'a> {
             table,
             tiles: entries.len() as u32,
             built: list.len() as u32,
+            lines: lines.transpose()?,
             list: StorageBuffer::from_slice(gpu, "tile list", &list)?,
             built_tiles: list,
         })
@@ -70,6 +80,11 @@ impl<'a> TileMarch<'a> {
         kernels.group(label, &[&shared, own].concat())
     }
 
+    /// Slots of group 2 that a march of this map reads besides the pass's own.
+    pub fn march_slots(&self) -> Vec<(u32, Slot<'_>)> {
+        self.lines.iter().map(|lines| (LINES_BINDING, Slot::read(lines.as_entire_binding()))).collect()
+    }
+
     /// Runs a pass over all built tiles, in submissions as long as the pace has it; `own` and `stage` are the method's
     /// slots of groups 1 and 2.
     ///
@@ -83,7 +98,8 @@ impl<'a> TileMarch<'a> {
         stage: &[(u32, Slot<'_>)],
     ) -> Result<Span> {
         let list = (&self.list, self.built);
-        self.context.run_over(list, label, variant, &self.group(label, own), stage)
+        let stage = [stage, &self.march_slots()].concat();
+        self.context.run_over(list, label, variant, &self.group(label, own), &stage)
     }
 
     /// The same over some of the built tiles, which `places` names by the order of their records.
@@ -101,7 +117,8 @@ impl<'a> TileMarch<'a> {
         let some: Vec<u32> = places.iter().map(|place| self.built_tiles[*place]).collect();
         let list = StorageBuffer::from_slice(self.context.gpu(), "some tiles", &some)?;
         let list = (&list, some.len() as u32);
-        self.context.run_over(list, label, variant, &self.group(label, own), stage)
+        let stage = [stage, &self.march_slots()].concat();
+        self.context.run_over(list, label, variant, &self.group(label, own), &stage)
     }
 }
 

@@ -13,15 +13,10 @@ use crate::render::Session;
 use crate::scene::Light;
 use crate::shadow::ShadowMap;
 use crate::strands::Strands;
-use crate::transfer::TransferFunction;
-use crate::volume::Volume;
 use glam::DVec3;
 
 /// Points that are held against strands; each takes a beam of 256 rays.
 const MOST_BEAMS: usize = 4000;
-/// Values at which a transfer function is asked whether it leaves extinction as it is, and how far it may be off.
-const ASKED_VALUES: u32 = 64;
-const SAME_EXTINCTION: f64 = 1e-4;
 
 /// The true transmittance at some of the points that the camera sees.
 pub struct StrandReference {
@@ -45,7 +40,7 @@ impl StrandReference {
         let Light::Directional { toward } = job.scene.light() else {
             return Err("beams are parallel, and the light is at a point");
         };
-        if !leaves_extinction(job.tf, job.volume) {
+        if !job.tf.leaves_extinction(job.volume.value_range()[1]) {
             return Err("the transfer function does not take the strands' extinction as it is");
         }
         let count = seen.len().min(MOST_BEAMS);
@@ -72,7 +67,7 @@ impl StrandReference {
         Ok(ErrorStats::of(errors.zip(self.weights.iter().copied()))?.map(|stats| stats.rms))
     }
 
-    /// For a reader of the table: what no method can better but by chance.
+    /// For a reader of the table: what no method that goes through voxels can better but by chance.
     pub fn note(&self) -> String {
         format!(
             "strand_err_rms is of {} points that the camera sees, against beams through the strands; the voxel field itself \
@@ -82,11 +77,4 @@ impl StrandReference {
             self.sampling_rms
         )
     }
-}
-
-/// Whether values of the volume, which are extinction, are taken for just that.
-fn leaves_extinction(tf: &TransferFunction, volume: &Volume) -> bool {
-    let [_, largest] = volume.value_range();
-    let value = |i: u32| largest * f64::from(i) / f64::from(ASKED_VALUES);
-    (0..=ASKED_VALUES).map(value).all(|v| (tf.extinction(v) - v).abs() <= SAME_EXTINCTION * largest)
 }

@@ -110,10 +110,10 @@ impl Renderer {
     ) -> Result<ShadowMap> {
         let start = Instant::now();
         let made_before = transfer.march_table().is_some();
-        let LoadedVolume { volume, pool_sizes, .. } = loaded;
-        let (kernels, pace) = (&self.kernels, &self.tile_pace);
-        let mut map =
-            method.build(&BuildContext { kernels, pace, pool_sizes, volume, transfer, light, view })?;
+        let LoadedVolume { volume, strands, pool_sizes, .. } = loaded;
+        let (kernels, pace, strands) = (&self.kernels, &self.tile_pace, strands.as_deref());
+        let context = BuildContext { kernels, pace, pool_sizes, volume, transfer, strands, light, view };
+        let mut map = method.build(&context)?;
         // Tables are made once for a transfer function, and have a time of their own.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);

@@ -67,6 +67,8 @@ pub enum When {
     Is(&'static str, &'static str),
     /// Everywhere but under this value of that key, where it is passed over.
     Unless(&'static str, &'static str),
+    /// The same of either of two.
+    UnlessEither([(&'static str, &'static str); 2]),
 }
 
 /// A setting of a method.
@@ -213,6 +215,7 @@ pub(super) fn applies(keys: &[Key], values: &[Value], key: &Key) -> bool {
         When::Always => true,
         When::Is(other, wanted) => is(other, wanted),
         When::Unless(other, wanted) => !is(other, wanted),
+        When::UnlessEither(cases) => !cases.into_iter().any(|(other, wanted)| is(other, wanted)),
     }
 }
 
@@ -353,6 +356,37 @@ impl MarchBy {
     }
 }
 
+choices! {
+    /// What casts the shadows of a map.
+    pub enum DrawnFrom {
+        /// The volume.
+        Voxels = "voxels",
+        /// The strands that it was made from, every segment.
+        Lines = "lines",
+    }
+}
+
+impl DrawnFrom {
+    /// How light rays are marched, with the distance of samples in smallest voxel spacings.
+    pub fn march(self, march: MarchBy, step: f64) -> March {
+        match self {
+            Self::Voxels => march.with_step(step),
+            Self::Lines => March::Lines,
+        }
+    }
+}
+
+/// Name of the key for what is marched through.
+const FROM: &str = "from";
+/// Where a key has no effect since nothing is marched through.
+pub(super) const UNLESS_LINES: When = When::Unless(FROM, "lines");
+/// Key of methods that have a map.
+pub(super) const FROM_KEY: Key = Key::choice(
+    DrawnFrom::NAMES,
+    "voxels",
+    "what casts shadows: the volume, or the strands that it was made from, drawn into the map",
+);
+
 /// Name of the key for texels a side.
 pub(super) const MAP: &str = "map";
 /// Key of methods that have a map.
@@ -412,7 +446,8 @@ pub(super) const MARCH: &str = "march";
 /// Key of methods that have a map.
 pub(super) const MARCH_KEY: Key =
     Key::choice(MarchBy::NAMES, "cells", "light rays cell by cell, exactly, or by regular samples")
-        .coarse("samples");
+        .coarse("samples")
+        .when(UNLESS_LINES);
 /// Key of methods that have a map.
 pub(super) const STEP_KEY: Key = Key::number(
     [0.01, 8.0],

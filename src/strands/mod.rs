@@ -160,6 +160,17 @@ impl Strands {
         self.first_points.len()
     }
 
+    /// Numbers of the segments of each strand, strand after strand.
+    pub fn segment_ranges(&self) -> Vec<std::ops::Range<usize>> {
+        let mut first = 0;
+        let range = |count: u32| {
+            let start = first;
+            first += count as usize;
+            start..first
+        };
+        self.arrays.segment_counts().map(range).collect()
+    }
+
     /// Whether any thickness is given: an array, or a default above 0.
     pub fn has_thickness(&self) -> bool {
         self.arrays.thickness_mm.values.is_some() || self.arrays.thickness_mm.default > 0.0

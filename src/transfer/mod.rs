@@ -49,6 +49,10 @@ pub struct TransferFunction {
     pub points: Vec<ControlPoint>,
 }
 
+/// Values at which a transfer function is asked whether it leaves extinction as it is, and how far it may be off.
+const ASKED_VALUES: u32 = 64;
+const SAME_EXTINCTION: f64 = 1e-4;
+
 impl TransferFunction {
     /// White, through points of value and amount, by non-decreasing value; opacities are per mm. Without name and units.
     pub fn new(quantity: Quantity, points: &[(f64, f64)]) -> Self {
@@ -79,6 +83,12 @@ impl TransferFunction {
             Quantity::Opacity => -(-amount.min(MAX_OPACITY)).ln_1p() / self.reference_length_mm,
             Quantity::Extinction => amount,
         }
+    }
+
+    /// Whether values up to `largest` are taken for extinction in 1/mm as they are, but for rounding.
+    pub fn leaves_extinction(&self, largest: f64) -> bool {
+        let value = |i: u32| largest * f64::from(i) / f64::from(ASKED_VALUES);
+        (0..=ASKED_VALUES).map(value).all(|v| (self.extinction(v) - v).abs() <= SAME_EXTINCTION * largest)
     }
 
     /// Linear RGB at a value.

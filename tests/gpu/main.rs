@@ -14,6 +14,7 @@ mod kept;
 mod layers;
 mod light_volume;
 mod lights;
+mod lines;
 mod links;
 mod mesh;
 mod nodes;

@@ -160,8 +160,10 @@ fn moments_are_exact_for_half_as_many_sheets() {
         let Some(setup) = Setup::open(&slabs(shares), &even(0.5)) else { return };
         let exact = setup.exact();
         for basis in ["power", "trigonometric"] {
-            for beta in [0.0, 0.25, 1.0] {
-                let method = format!("moments:moments={moments},basis={basis},beta={beta},map=32,fit=volume");
+            for (beta, bits) in [(0.0, 32), (0.25, 32), (1.0, 32), (0.0, 16), (0.25, 16), (1.0, 16)] {
+                let method = format!(
+                    "moments:moments={moments},basis={basis},beta={beta},bits={bits},map=32,fit=volume"
+                );
                 let map = setup.shadow(&method, ABOVE);
                 // Half way between neighbouring sheets, before the first and behind the last.
                 let mut edges = vec![[-0.1, 0.0]];
@@ -174,6 +176,36 @@ fn moments_are_exact_for_half_as_many_sheets() {
                     let truth = exact.transmittance_to_light(*point, &ABOVE);
                     assert!((f64::from(got) - truth).abs() < 0.02, "{method}: {got} {truth}");
                 }
+            }
+        }
+    }
+}
+
+/// Moments in 16 bits say nearly what floats do, in half of the memory.
+#[test]
+fn moments_in_words_are_those_in_floats() {
+    let thorax = opacity(&[(-200.0, 0.0), (600.0, 0.1)]);
+    let Some(setup) = Setup::open(&phantom("thorax:64"), &thorax) else { return };
+    for (place, light) in lights(setup.volume()) {
+        for kind in [
+            "moments=4",
+            "moments=6",
+            "moments=8",
+            "moments=4,basis=trigonometric",
+            "moments=8,basis=trigonometric",
+        ] {
+            let build = |bits: u32, filter: &str| {
+                setup.shadow(&format!("moments:{kind},bits={bits},filter={filter},map=64,fit=volume"), light)
+            };
+            for filter in ["nearest", "bilinear"] {
+                let (words, floats) = (build(16, filter), build(32, filter));
+                assert!(3 * words.report.bytes < 2 * floats.report.bytes + 100_000, "{kind}");
+                let points = on_light_rays(&setup, &floats);
+                let pairs = setup.query(&words, &points).into_iter().zip(setup.query(&floats, &points));
+                let square: f32 = pairs.map(|(a, b)| (a - b).powi(2)).sum();
+                let rms = (square / points.len() as f32).sqrt();
+                println!("{place}, {kind}, {filter}: {rms:.5}");
+                assert!(rms < 0.03, "{place}, {kind}, {filter}: {rms}");
             }
         }
     }
@@ -195,8 +227,8 @@ fn opaque_slabs_keep_their_slope() {
 fn moments_of_an_even_slab_are_those_of_the_paper() {
     let Some(setup) = Setup::open(&slabs(&[[0.0, 1.0]]), &even(0.01)) else { return };
     for (moments, most) in [(4, 1.0 / 2.25), (6, 1.0 / 2.25), (8, 1.0 / 3.515_625)] {
-        for beta in [0.0, 0.5, 1.0] {
-            let method = format!("moments:moments={moments},beta={beta},map=32,fit=volume");
+        for (beta, bits) in [(0.0, 32), (0.5, 32), (1.0, 32), (0.0, 16), (1.0, 16)] {
+            let method = format!("moments:moments={moments},beta={beta},bits={bits},map=32,fit=volume");
             let map = setup.shadow(&method, ABOVE);
             let (origin, direction) = map.light_space.world_ray(DVec2::splat(16.0));
             let [start, end] = map.light_space.z_range;

@@ -2,8 +2,8 @@
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}
-#import umbravox::vectors::VECTORS
-#import umbravox::vectors_read::{place_of, vector_of}
+#import umbravox::vectors_read::place_of
+#import umbravox::moment_vectors::moments_of
 #import umbravox::moment_share::share_before
 
 // Optical depth below which nothing is in the way.
@@ -14,13 +14,11 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
     let place = place_of(p);
     if place.lit { return 1.0; }
-    let first = vector_of(place, 0u);
-    let second = vector_of(place, 1u);
-    var third = vec4<f32>(0.0);
-    if VECTORS > 2u { third = vector_of(place, 2u); }
-    if first.x <= LEAST_DEPTH { return 1.0; }
+    let moments = moments_of(place);
+    let optical_depth = moments.first.x;
+    if optical_depth <= LEAST_DEPTH { return 1.0; }
     let share = (p.z - light.depth_start_mm) / light.depth_range_mm;
     // Behind the map's range lies all of it.
-    if share >= 1.0 { return exp(-first.x); }
-    return exp(-first.x * share_before(first, second, third, share));
+    if share >= 1.0 { return exp(-optical_depth); }
+    return exp(-optical_depth * share_before(moments.first, moments.second, moments.third, share));
 }

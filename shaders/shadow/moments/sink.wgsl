@@ -59,11 +59,51 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     return (*sink).optical_depth >= own.most_depth;
 }
 
-fn finish() {}
-
 fn met_something() -> bool {
     return sums[0] > 0.0;
 }
+
+#ifdef WORDS
+// Optical depth and moments as `umbravox::moment_vectors` has them, two of these a word.
+var<private> words: array<u32, #{MOMENTS} / 2 + 1>;
+
+fn finish() {
+    let scale = 1.0 / max(sums[0], 1e-30);
+#ifndef TRIGONOMETRIC
+    // Means of T_k by those of powers: T_k = 2 x T_(k-1) - T_(k-2), coefficient by coefficient.
+    var before = array<f32, #{MOMENTS} + 1>();
+    var here = array<f32, #{MOMENTS} + 1>();
+    before[0] = 1.0;
+    here[1] = 1.0;
+#endif
+    var odd = 0.0;
+    words[0] = bitcast<u32>(sums[0]);
+    for (var k = 1u; k <= MOMENTS; k++) {
+#ifdef TRIGONOMETRIC
+        let moment = sums[k] * scale;
+#else
+        var moment = 0.0;
+        var next = array<f32, #{MOMENTS} + 1>();
+        next[0] = -before[0];
+        for (var i = 0u; i <= MOMENTS; i++) { moment += here[i] * sums[i] * scale; }
+        for (var i = 1u; i <= MOMENTS; i++) { next[i] = 2.0 * here[i - 1u] - before[i]; }
+        before = here;
+        here = next;
+#endif
+        words[k / 2u] = select(pack2x16snorm(vec2<f32>(odd, moment)), words[k / 2u], (k & 1u) == 1u);
+        odd = moment;
+    }
+}
+
+fn word(i: u32) -> u32 {
+    return select(0u, words[min(i, MOMENTS / 2u)], i <= MOMENTS / 2u);
+}
+
+fn vector_of(v: u32) -> vec4<u32> {
+    return vec4<u32>(word(4u * v), word(4u * v + 1u), word(4u * v + 2u), word(4u * v + 3u));
+}
+#else
+fn finish() {}
 
 fn number(i: u32) -> f32 {
     return select(0.0, sums[min(i, MOMENTS)], i <= MOMENTS);
@@ -72,3 +112,4 @@ fn number(i: u32) -> f32 {
 fn vector_of(v: u32) -> vec4<f32> {
     return vec4<f32>(number(4u * v), number(4u * v + 1u), number(4u * v + 2u), number(4u * v + 3u));
 }
+#endif

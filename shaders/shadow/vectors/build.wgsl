@@ -32,10 +32,14 @@ fn store_at(place: vec2<i32>) {
     }
 }
 
+#ifdef WORDS
+@group(2) @binding(1) var atlas: texture_storage_2d<rgba32uint, write>;
+#else
 #ifdef BITS_16
 @group(2) @binding(1) var atlas: texture_storage_2d<rgba16float, write>;
 #else
 @group(2) @binding(1) var atlas: texture_storage_2d<rgba32float, write>;
+#endif
 #endif
 
 @compute @workgroup_size(#{TILE}, #{TILE})

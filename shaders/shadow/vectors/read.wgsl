@@ -6,7 +6,11 @@
 #import umbravox::tile_table::{TILE, NO_TILE}
 #import umbravox::vectors::{own, VECTORS, TILE_SIDE, tile_corner, first_record}
 
+#ifdef WORDS
+@group(1) @binding(3) var atlas: texture_2d<u32>;
+#else
 @group(1) @binding(3) var atlas: texture_2d<f32>;
+#endif
 #ifdef HARDWARE_FILTER
 @group(1) @binding(4) var linear: sampler;
 #endif
@@ -32,6 +36,13 @@ fn place_of(p: LightPoint) -> Place {
     return Place(vec2<f32>(corner) + 1.0 + (p.texel - vec2<f32>(tile * TILE)), lit);
 }
 
+#ifdef WORDS
+// A vector of words at one texel.
+fn words_at(texel: vec2<u32>, v: u32) -> vec4<u32> {
+    count_work(LOADS, 1u);
+    return textureLoad(atlas, texel + vec2<u32>(0u, v * TILE_SIDE), 0);
+}
+#else
 // A vector at one texel.
 fn vector_at(texel: vec2<u32>, v: u32) -> vec4<f32> {
     count_work(LOADS, 1u);
@@ -57,3 +68,4 @@ fn vector_of(place: Place, v: u32) -> vec4<f32> {
 #endif
 #endif
 }
+#endif

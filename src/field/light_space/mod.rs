@@ -5,6 +5,7 @@
 
 mod boxes;
 mod fit;
+mod lines;
 mod projection;
 mod region;
 mod rounding;

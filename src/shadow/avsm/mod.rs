@@ -15,12 +15,12 @@
 
 use super::method::Entry;
 use super::settings::{
-    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
-    settings,
+    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
+    MarchBy, STEP_KEY, Value, settings,
 };
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
-use super::vectors::{Recipe, TEXELS_FILTER, VectorMap};
+use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
 use crate::gpu::Constant;
 
 settings! {
@@ -30,6 +30,8 @@ settings! {
         nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "of a texel's transmittance").telling(),
         /// Bits of a node's depth and transmittance, each: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "32", "of a node's depth and transmittance, floats"),
+        /// What casts shadows.
+        from: DrawnFrom = FROM_KEY,
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
@@ -70,10 +72,10 @@ impl VectorMap for AdaptiveShadowMap {
     fn recipe(&self) -> Recipe {
         Recipe {
             vectors: self.nodes / 2,
-            bits: self.bits,
+            numbers_are: Numbers::floats(self.bits),
             filter: self.filter,
             linear: false,
-            shape: self.fit.shape(self.map, self.march.with_step(self.step)),
+            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
             constants: vec![Constant::unsigned("NODES", self.nodes)],
             defs: Vec::new(),
             turns: None,

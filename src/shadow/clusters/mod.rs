@@ -17,11 +17,11 @@
 
 use super::method::Entry;
 use super::settings::{
-    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
-    settings,
+    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
+    MarchBy, STEP_KEY, Value, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::{Recipe, TEXELS_FILTER, VectorMap};
+use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
 use crate::gpu::Constant;
 
 settings! {
@@ -33,6 +33,8 @@ settings! {
         iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "marches that give matter to the nearest mean"),
         /// Bits of a mean, a spread and an optical depth: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "16", "of a cluster's mean, spread and optical depth, floats"),
+        /// What casts shadows.
+        from: DrawnFrom = FROM_KEY,
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
@@ -73,10 +75,10 @@ impl VectorMap for DensityClusters {
     fn recipe(&self) -> Recipe {
         Recipe {
             vectors: (3 * self.clusters).div_ceil(4),
-            bits: self.bits,
+            numbers_are: Numbers::floats(self.bits),
             filter: self.filter,
             linear: false,
-            shape: self.fit.shape(self.map, self.march.with_step(self.step)),
+            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
             constants: vec![Constant::unsigned("CLUSTERS", self.clusters)],
             // The first march looks for where matter ends.
             defs: vec!["FROM_BEHIND"],

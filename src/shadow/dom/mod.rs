@@ -24,8 +24,8 @@ use super::layered::{
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::settings::{
-    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
-    When, choices, settings,
+    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
+    MarchBy, STEP_KEY, Value, When, choices, settings,
 };
 use super::style::{Marker, Style};
 use crate::error::Result;
@@ -74,6 +74,8 @@ settings! {
         depth_bits: u32 = DEPTH_BITS_KEY,
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
+        /// What casts shadows.
+        from: DrawnFrom = FROM_KEY,
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
@@ -107,7 +109,7 @@ pub(super) static ENTRY: Entry = Entry {
 
 impl DeepOpacityMap {
     fn shape(&self) -> MapShape {
-        self.fit.shape(self.map, self.march.with_step(self.step))
+        self.fit.shape(self.map, self.from.march(self.march, self.step))
     }
 
     fn layering(&self) -> Layering {

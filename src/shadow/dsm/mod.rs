@@ -35,8 +35,8 @@ use layout::{
 
 use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
 use super::settings::{
-    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, Value, When,
-    choices, settings,
+    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
+    MarchBy, UNLESS_LINES, Value, When, choices, settings,
 };
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
@@ -85,16 +85,21 @@ settings! {
             "greedy",
             "lines from node to node (Lokovic and Veach), or the fewest nodes within epsilon (Imai and Iri)",
         ),
+        /// What casts shadows.
+        from: DrawnFrom = FROM_KEY,
         /// Sub-texel rays whose mean a texel stores: 1, 5 or 9.
-        prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel").coarse("1"),
+        prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel")
+            .coarse("1")
+            .when(UNLESS_LINES),
         /// Whether every cell is taken exactly.
         precompress: Precompress = Key::choice(
             Precompress::NAMES,
             "table",
             "pre-compressed transfer-function table, or regular point samples",
-        ),
+        )
+        .when(UNLESS_LINES),
         /// How light rays are marched.
-        march: MarchBy = MARCH_KEY.when(When::Unless("precompress", "off")),
+        march: MarchBy = MARCH_KEY.when(When::UnlessEither([("precompress", "off"), ("from", "lines")])),
         /// Texels a side; `None`: by the scene.
         map: Option<u32> = MAP_KEY,
         /// What it is fitted across.
@@ -158,12 +163,17 @@ struct Counters {
 
 impl DeepShadowMap {
     fn march(&self) -> March {
-        self.march.with_step(self.step)
+        self.from.march(self.march, self.step)
+    }
+
+    /// Sub-texel rays; strands are drawn into whole texels.
+    fn taps_a_texel(&self) -> u32 {
+        if self.from == DrawnFrom::Lines { 1 } else { self.prefilter }
     }
 
     /// With a single ray: the whole curve goes to the compression as it comes.
     fn whole_curve(&self) -> bool {
-        self.precompress == Precompress::Table && self.prefilter == 1
+        self.from == DrawnFrom::Lines || self.precompress == Precompress::Table && self.taps_a_texel() == 1
     }
 
     /// Distance of the regular lattice, mm; half a step where means of exact curves are taken, so that the lattice itself
@@ -174,13 +184,13 @@ impl DeepShadowMap {
             Precompress::Table => (0.5, MOST_MARCHES),
             Precompress::Off => (1.0, MOST_LATTICE_STEPS),
         };
-        let shortest = light_space.depth_range_mm() / f64::from(most / self.prefilter);
+        let shortest = light_space.depth_range_mm() / f64::from(most / self.taps_a_texel());
         (share * self.step * context.volume.min_spacing_mm()).max(shortest)
     }
 
     /// The promise; `docs/bound.md` derives its terms.
     fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
-        if self.precompress == Precompress::Off || self.march == MarchBy::Samples {
+        if self.precompress == Precompress::Off || self.march() != March::Cells {
             return None;
         }
         let spacing = context.volume.min_spacing_mm();
@@ -216,12 +226,12 @@ impl DeepShadowMap {
         };
         let modules = ["field/tiles.wgsl", "shadow/dsm/rows.wgsl", compress];
         let shader = shader("shadow/dsm/build.wgsl").modules(&modules);
-        let shader = shader.defs((self.prefilter > 1).then_some("PREFILTER"));
+        let shader = shader.defs((self.taps_a_texel() > 1).then_some("PREFILTER"));
         match (self.precompress, self.whole_curve()) {
-            (Precompress::Off, _) => shader,
             (_, true) => {
                 shader.defs(["WHOLE_CURVE", "MARCHES"]).with_march(self.march(), "shadow/dsm/sink.wgsl")
             }
+            (Precompress::Off, false) => shader,
             (_, false) => shader.defs(["MARCHES"]).with_march(self.march(), DEPTH_SINK),
         }
     }
@@ -235,7 +245,7 @@ impl DeepShadowMap {
             step_mm: self.lattice_mm(context, &tiles.light_space) as f32,
             tile_rows: tiles.records(),
             pool_rows: 0,
-            taps: self.prefilter,
+            taps: self.taps_a_texel(),
             depth_offset_mm: (self.offset * spacing) as f32,
             depth_steps_per_mm: steps_per_mm as f32,
             same_surface_steps: (STEEPEST_SURFACE * tiles.light_space.texel_mm() * steps_per_mm) as f32,
@@ -269,7 +279,7 @@ impl DeepShadowMap {
         };
         let limited =
             "software adapters limit loops: fewer pre-filter taps or a longer step will do, or march=samples";
-        let many = self.prefilter > 1 && self.march == MarchBy::Cells;
+        let many = self.taps_a_texel() > 1 && self.march == MarchBy::Cells;
         let span = ran.map_err(|e| if many { e.hint(limited) } else { e })?;
         let counters = read_back::<Counters>(gpu, &counters, 1)?[0];
         if counters.texels_cut > 0 {
@@ -297,7 +307,7 @@ impl Method for DeepShadowMap {
     }
 
     fn taps(&self) -> Taps {
-        Taps::Within(self.prefilter)
+        Taps::Within(self.taps_a_texel())
     }
 
     fn lookup(&self) -> Option<Lookup> {

@@ -20,11 +20,11 @@
 
 use super::method::{Curve, Entry};
 use super::settings::{
-    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
-    choices, settings,
+    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
+    MarchBy, STEP_KEY, Value, choices, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::{Recipe, TEXELS_FILTER, VectorMap};
+use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
 use crate::gpu::Constant;
 
 const MAP_LOOKUP: &[&str] = &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"];
@@ -61,6 +61,8 @@ settings! {
         damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos' factors, which ring less"),
         /// Bits of a coefficient: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "16", "of a coefficient, a float"),
+        /// What casts shadows.
+        from: DrawnFrom = FROM_KEY,
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
@@ -105,10 +107,10 @@ impl VectorMap for FourierOpacityMap {
         Recipe {
             // Two terms a vector, the constant being one of them, and a range another.
             vectors: (self.terms + u32::from(own_range)) / 2 + 1,
-            bits: self.bits,
+            numbers_are: Numbers::floats(self.bits),
             filter: self.filter,
             linear: !own_range,
-            shape: self.fit.shape(self.map, self.march.with_step(self.step)),
+            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
             constants: vec![Constant::unsigned("TERMS", self.terms)],
             defs: defs.into_iter().flatten().collect(),
             turns: own_range.then_some(2),

@@ -90,7 +90,7 @@ impl Layering {
 
     /// Every pass that a build with such a recipe may run.
     pub fn passes(&self, recipe: &Recipe) -> Vec<ShaderVariant> {
-        let mut passes = vec![recipe.build_shader(), super::depth_pass_shader()];
+        let mut passes = vec![recipe.build_shader(), super::depth_pass_shader(recipe.shape.march)];
         passes.extend(ratio::shaders(recipe));
         passes
     }

@@ -137,9 +137,9 @@ pub(super) fn shader(entry: &'static str) -> ShaderVariant {
 }
 
 /// The papers' depth pass, which nothing here reads.
-fn depth_pass_shader() -> ShaderVariant {
+fn depth_pass_shader(march: March) -> ShaderVariant {
     let start = shader("shadow/layered/start.wgsl").modules(&["field/tiles.wgsl"]);
-    start.with_march(March::Cells, "shadow/layered/start_sink.wgsl")
+    start.with_march(march, "shadow/layered/start_sink.wgsl")
 }
 
 impl Recipe {
@@ -235,7 +235,12 @@ impl Recipe {
         if with_depth_pass {
             let starts = StorageBuffer::zeroed(gpu, "starts", 4 * count)?;
             let stage = [(1, Slot::read_write(starts.as_entire_binding()))];
-            device = device.plus(built.tiles.run("depth pass", &depth_pass_shader(), own_slots, &stage)?);
+            device = device.plus(built.tiles.run(
+                "depth pass",
+                &depth_pass_shader(self.shape.march),
+                own_slots,
+                &stage,
+            )?);
         }
         let left_out = built.tiles.tiles - built.tiles.built;
         let split_bytes = rows.map_or(0, |(_, values)| size_of_val(&values[..]) as u64);

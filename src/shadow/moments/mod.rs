@@ -23,19 +23,21 @@
 //!   an end of the range. In float32 it rises for powers too where matter is thin, since moments are then nearly those of
 //!   fewer sheets: by up to 0.04 in the worst of the `stability` cases.
 //! * Depth goes evenly over the map's range, as in the shadow maps of 2016; for transparency it is warped by its logarithm.
-//! * Moments are 32-bit floats; the paper's 16-bit quantisation is absent. Texels are filtered by the program, since not
-//!   every adapter filters 32-bit floats.
-//! * `bias` is a factor to the paper's own, for 32-bit floats: 5e-7, 5e-6 and 5e-5 for 4, 6 and 8 powers, 4e-7, 8e-7 and
-//!   1.5e-6 for 2, 3 and 4 complex ones.
+//! * With `bits=16` a moment is kept in even steps from -1 to 1. The papers store powers after a matrix that was optimised for
+//!   rounding; here they are the means of Chebyshev's polynomials, from which powers follow with positive weights, and the
+//!   optical depth is a 32-bit float, as in the papers. Texels are filtered by the program, since core WebGPU stores no 16-bit
+//!   steps and not every adapter filters 32-bit floats.
+//! * `bias` is a factor to the paper's own: with 32-bit floats 5e-7, 5e-6 and 5e-5 for 4, 6 and 8 powers, 4e-7, 8e-7 and
+//!   1.5e-6 for 2, 3 and 4 complex ones; with 16 bits 6e-5, 6e-4 and 2.5e-3, and 4e-4, 6.5e-4 and 8.5e-4.
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
 use super::method::{Curve, Entry};
 use super::settings::{
-    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
-    choices, settings,
+    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
+    MarchBy, STEP_KEY, Value, choices, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::{Recipe, VectorMap};
+use super::vectors::{Numbers, Recipe, VectorMap};
 use crate::gpu::Constant;
 
 /// Norm of an orthogonal polynomial below which it is rounding.
@@ -43,10 +45,12 @@ const LEAST_NORM: f32 = 1e-11;
 /// Angle of the circle that holds no depths, in which it closes.
 const CLOSING_ANGLE: f32 = 0.1 * std::f32::consts::PI;
 
-const POWER_LOOKUP: &[&str] =
-    &["shadow/moments/roots.wgsl", "shadow/moments/power.wgsl", "shadow/moments/lookup.wgsl"];
-const TRIGONOMETRIC_LOOKUP: &[&str] =
-    &["shadow/moments/roots.wgsl", "shadow/moments/trigonometric.wgsl", "shadow/moments/lookup.wgsl"];
+const ROOTS: &str = "shadow/moments/roots.wgsl";
+const POWER: &str = "shadow/moments/power.wgsl";
+const TRIGONOMETRIC: &str = "shadow/moments/trigonometric.wgsl";
+const FLOATS: &str = "shadow/moments/floats.wgsl";
+const WORDS: &str = "shadow/moments/words.wgsl";
+const LOOKUP: &str = "shadow/moments/lookup.wgsl";
 
 choices! {
     /// Of what a distribution's moments are means.
@@ -67,8 +71,12 @@ settings! {
         basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle"),
         /// From the least to the greatest optical depth that the moments allow.
         beta: f64 = Key::number([0.0, 1.0], "0.25", "from the least (0) to the greatest (1) optical depth that moments allow"),
+        /// Bits of a moment: 16 or 32.
+        bits: u32 = Key::choice(&["16", "32"], "32", "of a moment: 16 in even steps from -1 to 1, or 32, a float"),
         /// Factor to the paper's bias.
         bias: f64 = Key::number([0.0, 1e4], "1", "of moments towards a wide distribution's, as a factor to the paper's"),
+        /// What casts shadows.
+        from: DrawnFrom = FROM_KEY,
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
@@ -93,21 +101,27 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "moments",
     stability: "moments:moments=4,8,map=64;moments:basis=trigonometric,map=64",
     style: Style { color: [51, 34, 136], marker: Marker::Right },
-    tuned: "moments:moments=4,6,8,basis=power,trigonometric,beta=0,0.25,0.5,0.75,1,filter=nearest,bilinear,\
+    tuned: "moments:moments=4,6,8,basis=power,trigonometric,bits=16,32,beta=0,0.25,0.5,0.75,1,filter=nearest,bilinear,\
         map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl MomentMap {
     /// The paper's bias, and the even moments of the distribution towards which powers are biased.
     fn papers_bias(&self) -> (f64, [f32; 4]) {
-        match (self.basis, self.moments) {
-            (Basis::Power, 4) => (5e-7, [0.375, 0.375, 0.0, 0.0]),
-            (Basis::Power, 6) => (5e-6, [0.48, 0.451, 0.45, 0.0]),
-            (Basis::Power, _) => (5e-5, [0.75, 0.676_666_7, 0.63, 0.600_303]),
-            (Basis::Trigonometric, 4) => (4e-7, [0.0; 4]),
-            (Basis::Trigonometric, 6) => (8e-7, [0.0; 4]),
-            (Basis::Trigonometric, _) => (1.5e-6, [0.0; 4]),
-        }
+        let (of_floats, of_words, wide) = match (self.basis, self.moments) {
+            (Basis::Power, 4) => (5e-7, 6e-5, [0.375, 0.375, 0.0, 0.0]),
+            (Basis::Power, 6) => (5e-6, 6e-4, [0.48, 0.451, 0.45, 0.0]),
+            (Basis::Power, _) => (5e-5, 2.5e-3, [0.75, 0.676_666_7, 0.63, 0.600_303]),
+            (Basis::Trigonometric, 4) => (4e-7, 4e-4, [0.0; 4]),
+            (Basis::Trigonometric, 6) => (8e-7, 6.5e-4, [0.0; 4]),
+            (Basis::Trigonometric, _) => (1.5e-6, 8.5e-4, [0.0; 4]),
+        };
+        (if self.in_words() { of_words } else { of_floats }, wide)
+    }
+
+    /// Moments are kept in 16 bits.
+    fn in_words(&self) -> bool {
+        self.bits == 16
     }
 }
 
@@ -129,11 +143,12 @@ impl VectorMap for MomentMap {
             _ => "DEGREE_4",
         };
         Recipe {
-            vectors: (self.moments + 1).div_ceil(4),
-            bits: 32,
+            // A word of optical depth and one of every two moments, or a number of each.
+            vectors: if self.in_words() { self.moments / 2 + 1 } else { self.moments + 1 }.div_ceil(4),
+            numbers_are: if self.in_words() { Numbers::Words } else { Numbers::Single },
             filter: self.filter,
             linear: true,
-            shape: self.fit.shape(self.map, self.march.with_step(self.step)),
+            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
             constants: vec![
                 Constant::unsigned("MOMENTS", self.moments),
                 Constant::float("LEAST_NORM", LEAST_NORM),
@@ -141,7 +156,12 @@ impl VectorMap for MomentMap {
             defs: [Some(degree), circle.then_some("TRIGONOMETRIC")].into_iter().flatten().collect(),
             turns: None,
             sink: "shadow/moments/sink.wgsl",
-            lookup: if circle { TRIGONOMETRIC_LOOKUP } else { POWER_LOOKUP },
+            lookup: match (circle, self.in_words()) {
+                (true, false) => &[ROOTS, TRIGONOMETRIC, FLOATS, LOOKUP],
+                (false, false) => &[ROOTS, POWER, FLOATS, LOOKUP],
+                (true, true) => &[ROOTS, TRIGONOMETRIC, WORDS, LOOKUP],
+                (false, true) => &[ROOTS, POWER, WORDS, LOOKUP],
+            },
             asked_by: self.lookup,
             numbers: [
                 [
@@ -172,6 +192,7 @@ mod tests {
             shown("moments:moments=4,8,basis=trigonometric,beta=0.5,map=64"),
             ["moments=4 basis=trigonometric beta=0.5", "moments=8 basis=trigonometric beta=0.5"]
         );
+        assert_eq!(shown("moments:bits=16"), ["moments=6 bits=16"]);
     }
 
     #[test]

@@ -20,8 +20,8 @@ use super::layered::{
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
 use super::settings::{
-    FILTER_KEY, FIT_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy, STEP_KEY, Value,
-    choices, settings,
+    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
+    MarchBy, STEP_KEY, Value, choices, settings,
 };
 use super::style::{Marker, Style};
 use crate::error::Result;
@@ -62,6 +62,8 @@ settings! {
         kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged"),
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
+        /// What casts shadows.
+        from: DrawnFrom = FROM_KEY,
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
@@ -104,7 +106,7 @@ fn mass_shader(march: March, lit: bool) -> ShaderVariant {
 
 impl OpacityShadowMap {
     fn shape(&self) -> MapShape {
-        let shape = self.fit.shape(self.map, self.march.with_step(self.step));
+        let shape = self.fit.shape(self.map, self.from.march(self.march, self.step));
         MapShape { reach: self.kernel.div_ceil(2), ..shape }
     }
 
@@ -130,9 +132,11 @@ impl OpacityShadowMap {
         let own = self.recipe(Split::Power(1.0)).own(&tiles.light_space);
         let own = uniform_buffer(gpu, "optical mass", &own);
         let mass = StorageBuffer::zeroed(gpu, "optical mass", 4 * SPLIT_BINS as u64)?;
+        let mut stage = tiles.march_slots();
+        stage.push((0, Slot::read_write(mass.as_entire_binding())));
         let groups = [
             &tiles.group("optical mass", &[(1, context.kernels.uniform(&own))]),
-            &context.kernels.group("optical mass", &[(0, Slot::read_write(mass.as_entire_binding()))]),
+            &context.kernels.group("optical mass", &stage),
         ];
         let shader = mass_shader(self.shape().march, self.slicing == Slicing::Lit);
         let span = context.run("optical mass", &shader, groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;

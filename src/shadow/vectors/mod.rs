@@ -28,12 +28,43 @@ const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
 /// `umbravox::texel_curve`.
 pub(super) const TEXELS_FILTER: &str = "shadow/vectors/filter.wgsl";
 
+/// Of what vectors are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Numbers {
+    /// 16-bit floats.
+    Half,
+    /// 32-bit floats.
+    Single,
+    /// 32-bit words that the method packs and unpacks itself.
+    Words,
+}
+
+impl Numbers {
+    /// Floats of 16 or 32 bits.
+    pub fn floats(bits: u32) -> Self {
+        if bits == 16 { Self::Half } else { Self::Single }
+    }
+
+    fn format(self) -> wgpu::TextureFormat {
+        match self {
+            Self::Half => wgpu::TextureFormat::Rgba16Float,
+            Self::Single => wgpu::TextureFormat::Rgba32Float,
+            Self::Words => wgpu::TextureFormat::Rgba32Uint,
+        }
+    }
+
+    /// Bytes of a vector.
+    fn bytes(self) -> u64 {
+        if self == Self::Half { 8 } else { 16 }
+    }
+}
+
 /// What one map of vectors is to be.
 pub struct Recipe {
     /// Four-vectors a texel.
     pub vectors: u32,
-    /// Bits of a stored number: 16 or 32 (floats).
-    pub bits: u32,
+    /// What a vector is of.
+    pub numbers_are: Numbers,
     /// How texels around a point are used.
     pub filter: Filter,
     /// Whether a filter may take the vectors' means, as the hardware does.
@@ -112,18 +143,21 @@ impl Recipe {
         let constants =
             [Constant::unsigned("VECTORS", self.vectors), Constant::unsigned("TILE_SHIFT", TILE.ilog2())];
         let shader = field_shader(entry).with_tile_table().modules(&["shadow/vectors/layout.wgsl"]);
-        shader.constants(&constants).constants(&self.constants).defs(self.defs.iter().copied())
+        let words = (self.numbers_are == Numbers::Words).then_some("WORDS");
+        shader.constants(&constants).constants(&self.constants).defs(self.defs.iter().copied()).defs(words)
     }
 
     /// The hardware filters what is linear and 16 bits wide; not every adapter filters 32.
     fn hardware_filter(&self) -> bool {
-        self.linear && self.bits == 16 && self.filter == Filter::Bilinear
+        self.linear && self.numbers_are == Numbers::Half && self.filter == Filter::Bilinear
     }
 
     /// The pass that marches.
     fn build_shader(&self) -> ShaderVariant {
         let shader = self.shader("shadow/vectors/build.wgsl").modules(&["field/tiles.wgsl"]);
-        let shader = shader.defs((self.bits == 16).then_some("BITS_16")).defs(self.turns.map(|_| "TURNS"));
+        let shader = shader
+            .defs((self.numbers_are == Numbers::Half).then_some("BITS_16"))
+            .defs(self.turns.map(|_| "TURNS"));
         let turns = Constant::unsigned("TURNS", self.turns.unwrap_or(1));
         shader.constants(&[turns]).with_march(self.shape.march, self.sink)
     }
@@ -136,13 +170,9 @@ impl Recipe {
         Lookup::new(shader).asked_by(self.asked_by)
     }
 
-    fn format(&self) -> wgpu::TextureFormat {
-        if self.bits == 16 { wgpu::TextureFormat::Rgba16Float } else { wgpu::TextureFormat::Rgba32Float }
-    }
-
     /// Bytes of a texel's vectors.
     fn texel_bytes(&self) -> u64 {
-        u64::from(self.vectors * self.bits / 2)
+        u64::from(self.vectors) * self.numbers_are.bytes()
     }
 
     /// Tiles across the atlas, and its sides in texels: as few rows as every adapter's textures are wide for, so that little
@@ -164,7 +194,7 @@ impl Recipe {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.shape)?;
         let (tiles_across, size) = self.atlas(tiles.built);
-        let atlas = store_texture(gpu, "shadow map of vectors", self.format(), size)?;
+        let atlas = store_texture(gpu, "shadow map of vectors", self.numbers_are.format(), size)?;
         // Its sides are rounded up.
         let held = atlas.texture().size();
         let own = Own {
@@ -177,7 +207,10 @@ impl Recipe {
         let own = uniform_buffer(gpu, "map of vectors", &own);
         let hit = StorageBuffer::zeroed(gpu, "texels hit", 4)?;
         let numbers = (1, context.kernels.uniform(&own));
-        let stage = [(1, Slot::store(&atlas, self.format())), (2, Slot::read_write(hit.as_entire_binding()))];
+        let stage = [
+            (1, Slot::store(&atlas, self.numbers_are.format())),
+            (2, Slot::read_write(hit.as_entire_binding())),
+        ];
         let span = tiles.run(
             "map of vectors build",
             &self.build_shader(),
@@ -187,7 +220,10 @@ impl Recipe {
 
         let sampler = clamp_sampler(gpu, wgpu::FilterMode::Linear);
         let filtered = self.hardware_filter();
-        let sample_type = wgpu::TextureSampleType::Float { filterable: filtered };
+        let sample_type = match self.numbers_are {
+            Numbers::Words => wgpu::TextureSampleType::Uint,
+            Numbers::Half | Numbers::Single => wgpu::TextureSampleType::Float { filterable: filtered },
+        };
         let mut slots =
             vec![numbers, (3, Slot::texture(&atlas, sample_type, wgpu::TextureViewDimension::D2))];
         if filtered {
@@ -228,7 +264,7 @@ mod tests {
     fn numbers_of_a_map_have_one_layout() {
         let recipe = Recipe {
             vectors: 2,
-            bits: 16,
+            numbers_are: Numbers::Half,
             filter: Filter::Bilinear,
             linear: true,
             shape: Fit::Volume.shape(Some(64), March::Cells),
@@ -247,6 +283,8 @@ mod tests {
         let (across, sides) = recipe.atlas(300_000);
         assert!(sides.iter().all(|side| *side < 16_384) && across * (sides[1] / 36) >= 300_000);
         assert_eq!(recipe.texel_bytes(), 16);
-        assert!(recipe.hardware_filter() && !Recipe { bits: 32, ..recipe }.hardware_filter());
+        assert!(
+            recipe.hardware_filter() && !Recipe { numbers_are: Numbers::Single, ..recipe }.hardware_filter()
+        );
     }
 }

@@ -1,0 +1,72 @@
+// Moments kept in 16 bits each: the filter's mean of what texels hold.
+//
+// A texel's first word is its optical depth, a float; the others hold two moments each, from -1 to 1 in even steps: as they
+// are on the circle, and of powers the means of Chebyshev's polynomials, from which powers follow with positive weights that
+// add up to one, so that no step grows.
+#define_import_path umbravox::moment_vectors
+
+#import umbravox::vectors::VECTORS
+#import umbravox::vectors_read::{Place, words_at}
+
+struct Moments {
+    // Optical depth, then the moments times it, one after another.
+    first: vec4<f32>,
+    second: vec4<f32>,
+    third: vec4<f32>,
+}
+
+// Powers from the first to the eighth, by the means of T_1 to T_8.
+fn powers_of(a: vec4<f32>, b: vec4<f32>) -> array<vec4<f32>, 2> {
+    return array<vec4<f32>, 2>(
+        vec4<f32>(
+            a.x,
+            (1.0 + a.y) / 2.0,
+            (3.0 * a.x + a.z) / 4.0,
+            (3.0 + 4.0 * a.y + a.w) / 8.0,
+        ),
+        vec4<f32>(
+            (10.0 * a.x + 5.0 * a.z + b.x) / 16.0,
+            (10.0 + 15.0 * a.y + 6.0 * a.w + b.y) / 32.0,
+            (35.0 * a.x + 21.0 * a.z + 7.0 * b.x + b.z) / 64.0,
+            (35.0 + 56.0 * a.y + 28.0 * a.w + 8.0 * b.y + b.w) / 128.0,
+        ),
+    );
+}
+
+fn moments_at(texel: vec2<u32>) -> Moments {
+    let words = words_at(texel, 0u);
+    let a = vec4<f32>(unpack2x16snorm(words.y), unpack2x16snorm(words.z));
+    var b = vec4<f32>(unpack2x16snorm(words.w), 0.0, 0.0);
+    if VECTORS > 1u { b = vec4<f32>(b.xy, unpack2x16snorm(words_at(texel, 1u).x)); }
+#ifdef TRIGONOMETRIC
+    let moments = array<vec4<f32>, 2>(a, b);
+#else
+    let moments = powers_of(a, b);
+#endif
+    let depth = bitcast<f32>(words.x);
+    return Moments(
+        depth * vec4<f32>(1.0, moments[0].xyz),
+        depth * vec4<f32>(moments[0].w, moments[1].xyz),
+        depth * vec4<f32>(moments[1].w, 0.0, 0.0, 0.0),
+    );
+}
+
+fn moments_of(place: Place) -> Moments {
+#ifdef FILTER_BILINEAR
+    let base = floor(place.texel);
+    let w = place.texel - base;
+    var sum = Moments(vec4<f32>(0.0), vec4<f32>(0.0), vec4<f32>(0.0));
+    // A loop, so that a texel is read in one place of the program.
+    for (var i = 0u; i < 4u; i++) {
+        let corner = vec2<u32>(i & 1u, i >> 1u);
+        let sides = select(1.0 - w, w, corner == vec2<u32>(1u));
+        let here = moments_at(vec2<u32>(base) + corner);
+        sum.first += sides.x * sides.y * here.first;
+        sum.second += sides.x * sides.y * here.second;
+        sum.third += sides.x * sides.y * here.third;
+    }
+    return sum;
+#else
+    return moments_at(vec2<u32>(round(place.texel)));
+#endif
+}

@@ -1,0 +1,332 @@
+//! Straight lines through the texels of a map.
+
+use super::projection::Projection;
+use super::space::LightSpace;
+use glam::DVec3;
+
+/// Part of a line within one texel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LineInTexel {
+    /// Column and row.
+    pub texel: [u32; 2],
+    /// Depth of its middle, mm.
+    pub depth_mm: f64,
+    /// How far its ends lie apart in depth, mm.
+    pub extent_mm: f64,
+    /// How long it is as seen from the light, mm.
+    pub across_mm: f64,
+    /// Area of the texel across the light there, mm^2.
+    pub texel_mm2: f64,
+}
+
+/// Below this share of the whole, a direction's distance from where a projection is singular is not told from 0.
+const NEAREST: f64 = 1e-9;
+
+/// Points of a line between two of its parameters, where its texel coordinates are a quotient of straight functions:
+/// columns, rows (texel `k` is `[k, k + 1]`) and the divisor at both ends.
+#[derive(Debug, Clone, Copy)]
+struct Straight {
+    t: [f64; 2],
+    ends: [DVec3; 2],
+}
+
+impl Straight {
+    fn at(&self, share: f64) -> DVec3 {
+        self.ends[0].lerp(self.ends[1], share)
+    }
+
+    /// The part where a straight function of the point is not below 0; `None` where there is none.
+    fn where_positive(self, function: impl Fn(DVec3) -> f64) -> Option<Self> {
+        let [a, b] = self.ends.map(function);
+        if a < 0.0 && b < 0.0 {
+            return None;
+        }
+        let zero = a / (a - b);
+        let shares = [if a < 0.0 { zero } else { 0.0 }, if b < 0.0 { zero } else { 1.0 }];
+        let length = self.t[1] - self.t[0];
+        let t = shares.map(|share| self.t[0] + share * length);
+        Some(Self { t, ends: shares.map(|share| self.at(share)) })
+    }
+
+    /// What of it lies on a map of so many texels a side, before a divisor of 0.
+    fn on_map(self, size: f64, least: f64) -> Option<Self> {
+        self.where_positive(|p| p.z - least)?
+            .where_positive(|p| p.x)?
+            .where_positive(|p| p.y)?
+            .where_positive(|p| size * p.z - p.x)?
+            .where_positive(|p| size * p.z - p.y)
+    }
+
+    /// Parameters at which it passes from texel to texel along an axis, with the ends: `texel(k)` lies between the k-th and
+    /// the next.
+    fn texels(&self, axis: usize, last: u32) -> Boundaries {
+        let coordinate = |p: DVec3| (p[axis] / p.z).floor().clamp(0.0, f64::from(last));
+        let [first, end] = self.ends.map(coordinate);
+        Boundaries { straight: *self, axis, texel: first, end }
+    }
+}
+
+/// The texel along an axis, and where it is left.
+struct Boundaries {
+    straight: Straight,
+    axis: usize,
+    texel: f64,
+    end: f64,
+}
+
+impl Boundaries {
+    /// Share of the line at which its texel is left; 1 or more where it ends in it.
+    fn exit(&self) -> f64 {
+        if self.texel == self.end {
+            return f64::INFINITY;
+        }
+        let border = if self.end > self.texel { self.texel + 1.0 } else { self.texel };
+        let [a, b] = self.straight.ends.map(|p| p[self.axis] - border * p.z);
+        if a == b { 0.0 } else { (a / (a - b)).clamp(0.0, 1.0) }
+    }
+
+    fn step(&mut self) {
+        self.texel += (self.end - self.texel).signum();
+    }
+}
+
+impl LightSpace {
+    /// Visits the parts of the line between two points (world mm) that each lie in one texel of the map, in order, none
+    /// more than `most_extent_mm` deep.
+    pub fn texels_along(&self, ends: [DVec3; 2], most_extent_mm: f64, mut visit: impl FnMut(LineInTexel)) {
+        let [a, b] = ends.map(|p| self.frame_from_world.transform_point3(p));
+        let size = f64::from(self.map_size);
+        let least = NEAREST * (a.length() + b.length() + self.light_distance);
+        for part in self.straight_parts(a, b) {
+            let least = if self.projection == Projection::Orthographic { 0.0 } else { least };
+            let Some(line) = part.on_map(size, least) else { continue };
+            let mut axes = [0, 1].map(|axis| line.texels(axis, self.map_size - 1));
+            let mut from = 0.0;
+            loop {
+                let exits = [axes[0].exit(), axes[1].exit()];
+                let axis = usize::from(exits[1] < exits[0]);
+                let to = exits[axis].clamp(from, 1.0);
+                if to > from {
+                    let texel = [axes[0].texel as u32, axes[1].texel as u32];
+                    let t = [from, to].map(|share| line.t[0] + share * (line.t[1] - line.t[0]));
+                    self.visit_parts(texel, t.map(|t| a.lerp(b, t)), most_extent_mm, &mut visit);
+                }
+                if exits[axis].is_infinite() {
+                    break;
+                }
+                axes[axis].step();
+                from = to;
+            }
+        }
+    }
+
+    /// Unit direction of the light ray through a world point, and the lesser width of a texel there, mm.
+    pub fn ray_and_texel_mm(&self, world: DVec3) -> (DVec3, f64) {
+        let (way, texel_mm2) = self.ray_and_area(self.frame_from_world.transform_point3(world));
+        let scale = self.texel_scale.abs();
+        let narrowness = (scale.min_element() / scale.max_element()).sqrt();
+        (self.world_from_frame.transform_vector3(way), narrowness * texel_mm2.sqrt())
+    }
+
+    /// Parts of the line from `a` to `b` (light frame) whose texel coordinates are quotients of straight functions.
+    fn straight_parts(&self, a: DVec3, b: DVec3) -> Vec<Straight> {
+        let mut cuts = vec![0.0, 1.0];
+        if self.projection == Projection::Octahedral {
+            // Every octant of directions is a triangle of the square.
+            let crossings = (0..3).map(|axis| a[axis] / (a[axis] - b[axis]));
+            cuts.extend(crossings.filter(|t| *t > 0.0 && *t < 1.0));
+            cuts.sort_by(f64::total_cmp);
+        }
+        let part = |t: &[f64]| {
+            let ends = [t[0], t[1]].map(|t| a.lerp(b, t));
+            let octant = a.lerp(b, 0.5 * (t[0] + t[1])).map(|x| if x < 0.0 { -1.0 } else { 1.0 });
+            Straight { t: [t[0], t[1]], ends: ends.map(|p| self.quotient(p, octant)) }
+        };
+        cuts.windows(2).map(part).collect()
+    }
+
+    /// Texel coordinates, from the map's corner on, times a divisor, and the divisor; `octant` is the signs of the direction.
+    fn quotient(&self, p: DVec3, octant: DVec3) -> DVec3 {
+        let (x, y, divisor) = match self.projection {
+            Projection::Orthographic => (p.x, p.y, 1.0),
+            Projection::Perspective => (p.x, p.y, p.z + self.light_distance),
+            Projection::Octahedral => {
+                let sum = p.dot(octant);
+                match octant.z > 0.0 {
+                    true => (p.x, p.y, sum),
+                    false => ((sum - p.y * octant.y) * octant.x, (sum - p.x * octant.x) * octant.y, sum),
+                }
+            }
+        };
+        let offset = self.texel_offset + 0.5;
+        DVec3::new(
+            x * self.texel_scale.x + offset.x * divisor,
+            y * self.texel_scale.y + offset.y * divisor,
+            divisor,
+        )
+    }
+
+    fn visit_parts(
+        &self,
+        texel: [u32; 2],
+        [from, to]: [DVec3; 2],
+        most_extent_mm: f64,
+        visit: &mut impl FnMut(LineInTexel),
+    ) {
+        let depths = [from, to].map(|p| self.depth(p));
+        let parts = ((depths[1] - depths[0]).abs() / most_extent_mm).ceil().clamp(1.0, MOST_PARTS);
+        for part in 0..parts as u32 {
+            let [a, b] = [part, part + 1].map(|i| from.lerp(to, f64::from(i) / parts));
+            let middle = 0.5 * (a + b);
+            let (ray, texel_mm2) = self.ray_and_area(middle);
+            visit(LineInTexel {
+                texel,
+                depth_mm: self.depth(middle),
+                extent_mm: (self.depth(b) - self.depth(a)).abs(),
+                across_mm: (b - a).cross(ray).length(),
+                texel_mm2,
+            });
+        }
+    }
+
+    /// Direction of the light ray through a point of the light frame, and the area of a texel across it there, mm^2.
+    fn ray_and_area(&self, p: DVec3) -> (DVec3, f64) {
+        let plane_mm2 = 1.0 / (self.texel_scale.x * self.texel_scale.y).abs();
+        let (way, on_plane) = match self.projection {
+            Projection::Orthographic => return (DVec3::Z, plane_mm2),
+            Projection::Perspective => {
+                let way = p + DVec3::Z * self.light_distance;
+                (way, way.z)
+            }
+            Projection::Octahedral => (p, p.abs().element_sum()),
+        };
+        // A piece of the plane at the distance l from the light, seen at an angle of which 1 / l is the cosine, fills its
+        // area / l^3 of all directions; here both are scaled to the point.
+        let distance = way.length().max(f64::MIN_POSITIVE);
+        (way / distance, plane_mm2 * on_plane.powi(3) / distance)
+    }
+}
+
+/// Parts of a line in one texel: what is deeper than so many times the limit is cut into longer ones.
+const MOST_PARTS: f64 = 4096.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::light_space::MapShape;
+    use crate::field::{ActiveBricks, March};
+    use crate::scene::Light;
+    use crate::transfer::{Quantity, TransferFunction};
+    use crate::volume::{Bricks, Phantom};
+
+    fn spaces() -> Vec<LightSpace> {
+        let volume = Phantom::Slab.build(24).unwrap();
+        let tf = TransferFunction::new(Quantity::Extinction, &[(-1e9, 0.1), (1e9, 0.1)]);
+        let active = ActiveBricks::blurred(&Bricks::build(&volume), &tf, 0.0);
+        let shape = MapShape { texels: Some(37), fits_view: false, reach: 1, march: March::Cells };
+        let lights = [
+            Light::Directional { toward: DVec3::new(0.3, -0.5, 0.8) },
+            Light::Point { position: DVec3::new(90.0, 20.0, 40.0) },
+            Light::Point { position: DVec3::new(1.0, 2.0, -0.5) },
+        ];
+        let spaces: Vec<_> =
+            lights.iter().map(|light| LightSpace::fit(&volume, &active, *light, shape, None)).collect();
+        let kinds: Vec<_> = spaces.iter().map(|space| space.projection).collect();
+        assert_eq!(kinds, [Projection::Orthographic, Projection::Perspective, Projection::Octahedral]);
+        spaces
+    }
+
+    /// Parts of a line, found by looking up many points of it.
+    fn texels_of_points(space: &LightSpace, ends: [DVec3; 2], points: u32) -> Vec<[u32; 2]> {
+        let mut found = Vec::new();
+        for i in 0..points {
+            let (at, _) = space.light_point(ends[0].lerp(ends[1], (f64::from(i) + 0.5) / f64::from(points)));
+            let last = f64::from(space.map_size) - 1.0;
+            let texel = (at + 0.5).floor();
+            if texel.min_element() >= 0.0 && texel.max_element() <= last {
+                let texel = [texel.x as u32, texel.y as u32];
+                if found.last() != Some(&texel) {
+                    found.push(texel);
+                }
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn a_line_is_cut_where_its_points_change_texels() {
+        let ends = [
+            [DVec3::new(-9.0, 4.0, 3.0), DVec3::new(8.0, -7.0, 9.0)],
+            [DVec3::new(2.0, -9.0, -8.0), DVec3::new(-3.0, 9.0, 5.0)],
+            [DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.4, 0.1, 0.35)],
+        ];
+        for space in spaces() {
+            for ends in ends {
+                let (mut texels, mut across) = (Vec::new(), 0.0);
+                space.texels_along(ends, f64::INFINITY, |part| {
+                    if texels.last() != Some(&part.texel) {
+                        texels.push(part.texel);
+                    }
+                    across += part.across_mm;
+                });
+                let of_points = texels_of_points(&space, ends, 200_000);
+                let rare = texels.iter().filter(|t| !of_points.contains(t)).count();
+                assert!(
+                    of_points.iter().all(|t| texels.contains(t)) && rare <= 1,
+                    "{:?}: {texels:?} {of_points:?}",
+                    space.projection
+                );
+                if space.projection == Projection::Orthographic {
+                    let toward = DVec3::new(0.3, -0.5, 0.8).normalize();
+                    let seen = (ends[1] - ends[0]).cross(toward).length();
+                    assert!((across - seen).abs() < 1e-9 * seen, "{across} {seen}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn parts_are_no_deeper_than_asked_and_their_depths_those_of_their_points() {
+        let ends = [DVec3::new(-9.0, 4.0, 3.0), DVec3::new(8.0, -7.0, 9.0)];
+        for space in spaces() {
+            let (mut deepest, mut sum) = (0.0_f64, 0.0);
+            let [first, last] = ends.map(|p| space.light_point(p).1);
+            space.texels_along(ends, 0.05, |part| {
+                deepest = deepest.max(part.extent_mm);
+                sum += part.extent_mm;
+                // A point light is nearer to the middle of a line than to its ends.
+                let reach = ends[0].distance(ends[1]);
+                assert!(part.depth_mm > first.min(last) - reach && part.depth_mm < first.max(last) + 1e-9);
+            });
+            // Depth does not go evenly along a line, seen from a point.
+            assert!(deepest <= 0.055, "{deepest}");
+            assert!(sum >= (last - first).abs() - 1e-9, "{sum} {first} {last}");
+        }
+    }
+
+    #[test]
+    fn areas_of_texels_are_those_between_their_rays() {
+        for space in spaces() {
+            let world = DVec3::new(3.0, -4.0, 5.0);
+            let (at, depth) = space.light_point(world);
+            let texel = (at + 0.5).floor();
+            // Corners of a small part of the texel, at the point's depth.
+            let h = 1e-4;
+            let corner = |x: f64, y: f64| {
+                let (start, way) = space.world_ray(at + h * glam::DVec2::new(x, y));
+                start + depth * way
+            };
+            let (right, up) = (corner(1.0, 0.0) - corner(0.0, 0.0), corner(0.0, 1.0) - corner(0.0, 0.0));
+            let truth = right.cross(up).length() / (h * h);
+            let mut found = Vec::new();
+            let shift = DVec3::new(1e-3, 1e-3, 0.0);
+            space.texels_along([world - shift, world + shift], f64::INFINITY, |part| {
+                found.push((part.texel, part.texel_mm2));
+            });
+            assert!(found.iter().any(|(t, _)| *t == [texel.x as u32, texel.y as u32]), "{found:?}");
+            for (_, area) in found {
+                assert!((area - truth).abs() < 2e-3 * truth, "{:?}: {area} {truth}", space.projection);
+            }
+        }
+    }
+}

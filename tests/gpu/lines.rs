@@ -1,0 +1,198 @@
+//! Strands drawn straight into maps (`from=lines`): known answers for every method that has a map, and what is refused.
+
+use super::*;
+use glam::DVec2;
+use umbravox::strands::{
+    Attribute, Kernel, StrandArrays, StrandSet, StrandVolume, Strands, VoxelisedStrands,
+};
+
+/// Every method with a map, as fine as it can be, each with what it may be off by behind everything.
+const METHODS: [(&str, f32); 8] = [
+    ("dsm:epsilon=0.001", 0.002),
+    ("osm:layers=256", 1e-3),
+    ("dom:bits=32", 1e-3),
+    ("bom:bits=32", 1e-3),
+    ("clusters", 1e-3),
+    ("fourier:terms=15,range=texel,bits=32", 0.01),
+    ("avsm:nodes=16", 2e-3),
+    ("moments", 0.01),
+];
+
+/// Straight strands between two points each, all of one diameter (mm) and transparency.
+fn straight(ends: &[[DVec3; 2]], diameter: f32, transparency: f32) -> Strands {
+    let points = ends.iter().flatten().map(|p| p.to_array().map(|x| x as f32)).collect();
+    let arrays = StrandArrays {
+        strands: ends.len() as u32,
+        segments: Attribute::constant(1),
+        points,
+        thickness_mm: Attribute::constant(diameter),
+        transparency: Attribute::constant(transparency),
+        color: Attribute::constant([1.0; 3]),
+        info: [0; 88],
+    };
+    Strands::new("test", arrays).unwrap()
+}
+
+/// Strands with a volume of so many voxels a side, seen as they are.
+fn open(strands: Strands, resolution: usize) -> Option<Setup> {
+    let StrandVolume { volume, grid, kernel, .. } =
+        StrandVolume::of(&strands, resolution, Kernel::Box).unwrap();
+    let largest = volume.value_range()[1];
+    let mut setup = Setup::open(&Arc::new(volume), &extinction(&[(0.0, 0.0), (largest, largest)]))?;
+    setup.session = setup.session.with_strands(Some(Arc::new(VoxelisedStrands::new(strands, grid, kernel))));
+    Some(setup)
+}
+
+fn with(method: &str, more: &str) -> String {
+    format!("{method}{}{more}", if method.contains(':') { ',' } else { ':' })
+}
+
+/// Points on the rays through texel centres near a world point, `depth_mm` further from the light than it.
+fn behind(map: &ShadowMap, at: DVec3, depth_mm: f64, texels: i32) -> Vec<(DVec2, DVec3)> {
+    let (texel, depth) = map.light_space.light_point(at);
+    let point = |x: i32, y: i32| {
+        let texel = texel.round() + DVec2::new(f64::from(x), f64::from(y));
+        let (start, way) = map.light_space.world_ray(texel);
+        (texel, start + (depth + depth_mm) * way)
+    };
+    (-texels..=texels).flat_map(|y| (-texels..=texels).map(move |x| point(x, y))).collect()
+}
+
+/// A thin strand across the light takes `opacity d / w` of the light of the texels that it passes, `w` being their width,
+/// and nothing of the others'; a second one takes the same again.
+#[test]
+fn thin_strands_take_their_share_of_a_texel() {
+    let (diameter, transparency) = (0.05, 0.25);
+    let x = DVec3::X * 10.0;
+    // Two above each other, and two far aside, so that texels are square.
+    let at = [DVec3::new(0.0, 0.06, 0.0), DVec3::new(0.0, 0.06, 4.0), DVec3::Y * 10.0, DVec3::Y * -10.0];
+    let strands = straight(&at.map(|p| [p - x, p + x]), diameter, transparency);
+    let Some(setup) = open(strands, 40) else { return };
+    let light = Light::Directional { toward: DVec3::NEG_Z };
+    for (method, tolerance) in METHODS {
+        let map = setup.shadow(&with(method, "from=lines,map=96,filter=nearest"), light);
+        assert_eq!(map.bound, None, "{method}");
+        let place = |world: DVec3| map.light_space.light_point(world).0;
+        // Texels a mm along the strand and across it; the strand runs along one axis of the map.
+        let (along, across) =
+            (place(at[0] + DVec3::X) - place(at[0]), place(at[0] + DVec3::Y) - place(at[0]));
+        assert!((along.length() - across.length()).abs() < 0.02 * across.length(), "{along} {across}");
+        assert!(across.abs().min_element() < 1e-6, "{across}");
+        let taken = f64::from(diameter) * across.length();
+        assert!(taken < 0.3, "{taken}");
+        let one = 1.0 - (1.0 - transparency) * taken as f32;
+        // Light goes up: the second strand is behind the first.
+        for (depth_mm, passed) in [(-1.0, 0), (2.0, 1), (6.0, 2)] {
+            let points = behind(&map, at[0], depth_mm, 3);
+            let found = setup.query(&map, &points.iter().map(|(_, p)| *p).collect::<Vec<_>>());
+            for ((texel, _), found) in points.iter().zip(found) {
+                let is_below = (*texel - place(at[0])).dot(across.normalize()).abs() < 0.5;
+                let expected = if is_below { one.powi(passed) } else { 1.0 };
+                // Layers may hold both; behind everything they do not.
+                if passed == 1 && (method.starts_with("dom") || method.starts_with("bom")) {
+                    continue;
+                }
+                let tolerance = if passed == 1 { tolerance.max(0.05) } else { tolerance };
+                assert!(
+                    (found - expected).abs() < tolerance,
+                    "{method} behind {passed} at {texel}: {found} {expected}"
+                );
+            }
+        }
+    }
+}
+
+/// A strand that is wider than texels lets its transparency through, under every kind of light.
+#[test]
+fn wide_strands_let_their_transparency_through() {
+    let x = DVec3::X * 10.0;
+    let Some(setup) = open(straight(&[[-x, x]], 3.0, 0.4), 40) else { return };
+    for (light, texels) in [
+        (Light::Directional { toward: DVec3::new(0.0, 0.3, 1.0) }, 128),
+        (Light::Point { position: DVec3::new(3.0, 2.0, 60.0) }, 128),
+        (Light::Point { position: DVec3::new(0.5, -0.3, 4.0) }, 256),
+    ] {
+        for (method, tolerance) in METHODS {
+            let map = setup.shadow(&with(method, &format!("from=lines,map={texels}")), light);
+            let points: Vec<_> = behind(&map, DVec3::ZERO, 3.0, 1).into_iter().map(|(_, p)| p).collect();
+            for found in setup.query(&map, &points) {
+                assert!(
+                    (found - 0.4).abs() < tolerance.max(0.01),
+                    "{method}, {:?}: {found}",
+                    map.light_space.projection
+                );
+            }
+            let toward = light.from_point(DVec3::ZERO).0;
+            let found = setup.query(&map, &[toward * 2.5, DVec3::new(0.0, 8.0, 0.0)]);
+            assert!(found.iter().all(|found| (found - 1.0).abs() < 1e-3), "{method}: {found:?}");
+        }
+    }
+}
+
+/// How many pieces a strand has must not matter: a straight one of many segments is that of one.
+#[test]
+fn joints_within_a_texel_cast_no_shadow_of_their_own() {
+    let x = DVec3::X * 10.0;
+    let mut arrays = straight(&[[-x, x]], 0.1, 0.0).arrays().clone();
+    arrays.segments = Attribute::constant(400);
+    arrays.points = (0..=400).map(|i| [-10.0 + 0.05 * i as f32, 0.0, 0.0]).collect();
+    let light = Light::Directional { toward: DVec3::new(0.1, 0.2, 1.0) };
+    let mut found = Vec::new();
+    for strands in [straight(&[[-x, x]], 0.1, 0.0), Strands::new("test", arrays).unwrap()] {
+        let Some(setup) = open(strands, 40) else { return };
+        let map = setup.shadow("dsm:epsilon=0,map=64,from=lines", light);
+        let points: Vec<_> = behind(&map, DVec3::ZERO, 3.0, 4).into_iter().map(|(_, p)| p).collect();
+        found.push(setup.query(&map, &points));
+    }
+    assert!(found[0].iter().any(|t| *t < 0.95), "nothing is shaded: {:?}", found[0]);
+    for (one, many) in found[0].iter().zip(&found[1]) {
+        assert!((one - many).abs() < 0.004, "{one} {many}");
+    }
+}
+
+/// Drawn into a fine map, curls cast the same shadows as their cylinders, closer than the voxels that stand for them.
+#[test]
+fn curls_drawn_into_a_map_are_closer_to_their_cylinders_than_voxels() {
+    let strands = StrandSet::Curly.build(20_000).unwrap();
+    let Some(setup) = open(strands, 48) else { return };
+    let light = Light::Directional { toward: DVec3::new(0.5, 0.6, 0.6) };
+    let exact = setup.exact();
+    let mut points = Vec::new();
+    let all = &setup.session.loaded.strands.as_ref().unwrap().strands;
+    for i in (0..all.segment_count()).step_by(101) {
+        points.push(all.segment(i).ends[0]);
+    }
+    let field: Vec<f64> = points.iter().map(|p| exact.transmittance_to_light(*p, &light)).collect();
+    let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / points.len() as f64;
+    let of_field = mean(&mut field.iter().copied());
+    for method in ["dsm:epsilon=0.005", "avsm:nodes=16", "bom"] {
+        let map = setup.shadow(&with(method, "from=lines"), light);
+        let drawn = setup.query(&map, &points);
+        let of_lines = mean(&mut drawn.iter().map(|t| f64::from(*t)));
+        // The same matter: means differ by what foreshortening and overlap do.
+        assert!((of_lines - of_field).abs() < 0.15, "{method}: {of_lines} {of_field}");
+        let apart = mean(&mut drawn.iter().zip(&field).map(|(a, b)| (f64::from(*a) - b).abs()));
+        assert!(apart > 1e-3 && apart < 0.25, "{method}: {apart}");
+    }
+}
+
+#[test]
+fn what_has_no_strands_is_refused_in_words() {
+    let Some(setup) = Setup::open(&phantom("slab:16"), &extinction(&[(0.0, 0.0), (1000.0, 0.1)])) else {
+        return;
+    };
+    let refused = |setup: &Setup, method: &str| {
+        let method = shadow::parse(method).unwrap();
+        setup.session.shadow(method.as_ref(), Light::default()).err().expect("it is refused")
+    };
+    for (method, _) in METHODS {
+        let error = refused(&setup, &with(method, "from=lines"));
+        assert!(error.to_string().contains("was not made from strands"), "{error}");
+        assert_eq!(error.exit_status(), 2);
+    }
+    let strands = straight(&[[-DVec3::X, DVec3::X]], 0.1, 0.0);
+    let Some(mut edited) = open(strands, 16) else { return };
+    edited.session.transfer = edited.session.fresh_transfer(&extinction(&[(0.0, 0.0), (1.0, 7.0)])).unwrap();
+    let error = refused(&edited, "dsm:from=lines");
+    assert!(error.to_string().contains("as it is") && error.exit_status() == 2, "{error}");
+}
