@@ -180,7 +180,8 @@ impl Serialize for LightSource {
     }
 }
 
-/// The factor on light that reaches a point: 1, or by the angle between the light and the gradient of the value.
+/// The factor on light that reaches a point: 1, or by the angle between the light and the gradient of the value, or the
+/// strands that the volume was made from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
@@ -189,6 +190,17 @@ pub enum Shading {
     None,
     Lambert,
     BlinnPhong,
+    KajiyaKay,
+}
+
+impl Shading {
+    /// All there are.
+    pub const ALL: [Self; 4] = [Self::None, Self::Lambert, Self::BlinnPhong, Self::KajiyaKay];
+
+    /// Whether it needs a volume that was made from strands.
+    pub fn is_of_strands(self) -> bool {
+        self == Self::KajiyaKay
+    }
 }
 
 /// How empty space is passed over.

@@ -120,6 +120,16 @@ fn bad_command_lines_are_one_error_line_that_names_the_flag() {
         (&["render", "-o", "a.png", "--light", "point:1,2"], "--light", "x,y,z"),
         (&["render", "-o", "a.png", "--background", "black"], "--background", "#rrggbb"),
         (&["render", "-o", "a.png", "--shading", "phong"], "--shading", "`phong`"),
+        (
+            &["render", "phantom:thorax", "-o", "a.png", "--shading", "kajiya-kay"],
+            "--shading",
+            "phantom:thorax is not of strands",
+        ),
+        (
+            &["compare", "phantom:slab:8", "-o", "d", "--shading", "kajiya-kay"],
+            "--shading",
+            "phantom:slab:8 is not of strands",
+        ),
         (&["render", "-o", "a.png", "--skip", "all"], "--skip", "`all`"),
         (&["render", "-o", "a.png", "--raw", "4x4:u8"], "--raw", "4x4"),
         (&["render", "-o", "a.png", "--raw", "4x4x4:u9"], "--raw", "u9"),

@@ -29,6 +29,9 @@
 #ifdef SHADING
 #import umbravox::light::{light_point, light_ray}
 #endif
+#ifdef KAJIYA_KAY
+#import umbravox::strand::strand_factor
+#endif
 #ifdef MESH
 #import umbravox::surface::{Surface, surface_along}
 #endif
@@ -105,6 +108,14 @@ fn mean_over(a: f32, b: f32) -> vec4<f32> {
 // ---- Shading and light ----
 
 #ifdef SHADING
+#ifdef KAJIYA_KAY
+// Shading factor of the strands at a grid-space point.
+fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
+    let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
+    let l = -normalize(to_world * light_ray(light_point(g).texel).d);
+    return strand_factor(g, l, -normalize(to_world * eye_direction));
+}
+#else
 // Shading factor at a grid-space point; surfaces are lit from both sides, shadows decide which one light reaches.
 fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
     let gradient_grid = vec3<f32>(
@@ -124,12 +135,13 @@ fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
     let diffuse = abs(dot(n, l));
 #ifdef BLINN_PHONG
     let h = normalize(l - normalize(to_world * eye_direction));
-    let factor = diffuse + 0.3 * pow(abs(dot(n, h)), 32.0);
+    let factor = diffuse + #{HIGHLIGHT} * pow(abs(dot(n, h)), #{GLOSS});
 #else
     let factor = diffuse;
 #endif
     return select(1.0, mix(1.0, factor, frame.shading_weight), size > 0.0);
 }
+#endif
 #endif
 
 #ifdef SHADOWS

@@ -210,5 +210,6 @@ pub fn name_of(shading: Shading) -> &'static str {
         Shading::None => "none",
         Shading::Lambert => "lambert",
         Shading::BlinnPhong => "blinn-phong",
+        Shading::KajiyaKay => "kajiya-kay",
     }
 }

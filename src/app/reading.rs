@@ -4,7 +4,7 @@ use super::method_choice::MethodChoice;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::{DEFAULT_SHADOW, Loaded, Read, Remark, SceneSettings, VolumeSpec, read_with};
-use crate::scene::{Light, LightSource, Scene};
+use crate::scene::{Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::{Histogram, Volume};
@@ -134,7 +134,8 @@ fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Lo
             let Loaded { volume, strands, tf, tf_source, scene, remarks } = settings.load(loading)?;
             // Point lights and meshes are somewhere in the old one.
             let lights = as_directions(&old, &scene);
-            let scene = Scene { camera: scene.camera, lights, mesh: None, ..*old };
+            let shading = suited_shading(old.shading, strands.is_some());
+            let scene = Scene { camera: scene.camera, lights, mesh: None, shading, ..*old };
             let beginning = Beginning { tf, tf_source, scene, method, transparent: None };
             (volume, strands, texts(remarks), Some(beginning))
         }
@@ -154,4 +155,9 @@ fn as_directions(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
         Light::Point { .. } => LightSource { light: framed.light(), ..*source },
     };
     scene.lights.iter().map(suited).collect()
+}
+
+/// The shading, unless it is one of strands and the volume is not of any.
+pub fn suited_shading(shading: Shading, of_strands: bool) -> Shading {
+    if shading.is_of_strands() && !of_strands { Shading::None } else { shading }
 }

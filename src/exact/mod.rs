@@ -20,7 +20,7 @@ pub use seen::SeenPoint;
 
 use crate::scene::Light;
 use crate::transfer::TransferFunction;
-use crate::volume::Volume;
+use crate::volume::{DirectionMoments, Volume};
 use crate::with_voxels;
 use blocks::Blocks;
 use glam::DVec3;
@@ -28,6 +28,7 @@ use law::Laws;
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use walk::{Grid, Piece, Ray};
 
 /// Optical depth beyond which a transmittance is 0 beside 1 in `f64`.
@@ -40,6 +41,7 @@ pub struct ExactField<'a> {
     transfer_function: &'a TransferFunction,
     laws: Laws,
     blocks: Blocks,
+    directions: Option<Arc<DirectionMoments>>,
 }
 
 impl<'a> ExactField<'a> {
@@ -49,7 +51,13 @@ impl<'a> ExactField<'a> {
         let blocks = with_voxels!(volume.voxels(), array => {
             Blocks::new(contiguous(array), volume.dims(), volume.scaling(), &laws)
         });
-        Self { volume, transfer_function, laws, blocks }
+        Self { volume, transfer_function, laws, blocks, directions: None }
+    }
+
+    /// The same, knowing which way the strands run that the volume was made from.
+    #[must_use]
+    pub fn with_directions(self, directions: Option<Arc<DirectionMoments>>) -> Self {
+        Self { directions, ..self }
     }
 
     /// The volume.

@@ -3,14 +3,17 @@
 //! The gradient is the central difference of the trilinear value over one voxel along each index axis, half a voxel
 //! either side, clamped at the edge as the value is, taken to world by the inverse transpose of the affine. The
 //! derivative itself would jump at every cell face, and no renderer shades by it.
+//!
+//! Strands are shaded by their directions (Kajiya and Kay 1989, *Rendering fur with three dimensional textures*: the diffuse
+//! and the specular component of a thin cylinder).
 
 use super::{ExactField, contiguous};
 use crate::scene::{Light, Shading};
 use crate::volume::Voxel;
 use crate::with_voxels;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
-/// Strength and exponent of the highlight of `blinn-phong`.
+/// Strength and exponent of the highlight of `blinn-phong` and `kajiya-kay`.
 const HIGHLIGHT: f64 = 0.3;
 const GLOSS: i32 = 32;
 
@@ -30,10 +33,15 @@ impl ExactField<'_> {
     }
 
     /// The factor on the light that reaches `x` (world mm), seen along the unit `sight` from the eye: 1 without shading
-    /// and where the value is flat. Lit from both sides: shadows decide which one light reaches.
+    /// and where the value is flat, or where no direction of strands is known. Lit from both sides: shadows decide which
+    /// one light reaches.
     pub fn shading_factor(&self, x: DVec3, sight: DVec3, light: &Light, shading: Shading) -> f64 {
         if shading == Shading::None {
             return 1.0;
+        }
+        if shading == Shading::KajiyaKay {
+            let mean = self.directions.as_ref().and_then(|directions| directions.mean_at(x));
+            return mean.map_or(1.0, |mean| strand_factor(&mean, light.from_point(x).0, -sight));
         }
         // Scaled first: gradients of tiny values have squares that vanish.
         let gradient = self.gradient(x);
@@ -52,6 +60,18 @@ impl ExactField<'_> {
             _ => diffuse,
         }
     }
+}
+
+/// Kajiya and Kay's factor for strands of which `mean` is the mean of `u u^T`, under light from the unit `l`, seen from the
+/// unit `e`, both away from the strand: the sine of the angle between strand and light, and a highlight about the cone of
+/// mirror directions, where the cosines with `l` and `e` are each other's negatives.
+///
+/// For one direction it is theirs; for several the sines are root mean squares, and the product of cosines is the mean,
+/// which is ours: by Cauchy and Schwarz the highlight is no more than 1 then, too.
+fn strand_factor(mean: &DMat3, l: DVec3, e: DVec3) -> f64 {
+    let sine = |v: DVec3| (1.0 - v.dot(*mean * v)).max(0.0).sqrt();
+    let mirror = sine(l) * sine(e) - l.dot(*mean * e);
+    sine(l) + HIGHLIGHT * mirror.max(0.0).powi(GLOSS)
 }
 
 /// Stored value at an index position: trilinear, clamped at the edge. Made of differences, so that it is exactly flat

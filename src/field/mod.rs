@@ -4,6 +4,7 @@
 mod active_bricks;
 mod constants;
 mod context;
+mod device_directions;
 mod device_transfer;
 mod device_volume;
 mod light_space;
@@ -19,6 +20,7 @@ mod view;
 pub use active_bricks::{ActiveBricks, extinction_intervals};
 pub use constants::{FAR, LINE_THREADS, NO_TILE, TILE, TILE_TEXELS};
 pub use context::BuildContext;
+pub use device_directions::DeviceDirections;
 pub use device_transfer::{DeviceTransfer, MarchTable};
 pub use device_volume::{DeviceVolume, TexelFormat};
 pub use light_space::{LightSpace, MapShape, Projection, Rounding};

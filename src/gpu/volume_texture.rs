@@ -1,10 +1,11 @@
-//! 3-D textures that passes make.
+//! 3-D textures that passes or the host fill.
 
 use super::{Gpu, Slot};
 use crate::error::{Error, Result};
+use bytemuck::Pod;
 use std::ops::Range;
 
-/// A 3-D texture of one number a texel: 32-bit floats are stored to by passes, fewer bits are copied to.
+/// A 3-D texture: 32-bit floats are stored to by passes, fewer bits are copied to or written by the host.
 pub struct VolumeTexture {
     view: wgpu::TextureView,
 }
@@ -65,5 +66,19 @@ impl VolumeTexture {
         let from = wgpu::TexelCopyBufferInfo { buffer: from, layout };
         encoder.copy_buffer_to_texture(from, to, size);
         gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// Writes a layer: a texel an entry, x fastest.
+    pub fn write_layer<T: Pod>(&self, gpu: &Gpu, layer: u32, texels: &[T]) {
+        let texture = self.view.texture();
+        let size = wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() };
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(size.width * size_of::<T>() as u32),
+            rows_per_image: None,
+        };
+        let origin = wgpu::Origin3d { x: 0, y: 0, z: layer };
+        let to = wgpu::TexelCopyTextureInfo { origin, ..texture.as_image_copy() };
+        gpu.queue.write_texture(to, bytemuck::cast_slice(texels), layout, size);
     }
 }

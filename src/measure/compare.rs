@@ -69,7 +69,7 @@ pub fn compare_within(
     }
     let mut result = Comparison::default();
     let facts = Facts::of(job.session.renderer.gpu());
-    let field = ExactField::new(job.volume, job.tf);
+    let field = ExactField::new(job.volume, job.tf).with_directions(job.directions()?);
     let mut shared = Shared::new(job, &facts, &field);
     let tuned = match tune(job, job_key(job, &facts), methods, budgets, &mut shared, journal, progress) {
         Ok(tuned) => tuned,

@@ -7,9 +7,10 @@ use crate::scene::Scene;
 use crate::shadow::{BuildReport, Method, NoShadows};
 use crate::strands::Strands;
 use crate::transfer::TransferFunction;
-use crate::volume::Volume;
+use crate::volume::{DirectionMoments, Volume};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Frames slower than this are timed once, so that one method does not hold up the table.
@@ -71,6 +72,15 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
+    /// Which way strands run, where the scene is shaded by that.
+    ///
+    /// # Errors
+    /// The host has no memory for it.
+    pub(super) fn directions(&self) -> Result<Option<Arc<DirectionMoments>>> {
+        let strands = self.session.loaded.strands.as_ref().filter(|_| self.scene.shading.is_of_strands());
+        strands.map(|strands| strands.directions()).transpose()
+    }
+
     /// One timed run of a method.
     pub(super) fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
         // Where no light can be kept from a sample, that of `none` is built.

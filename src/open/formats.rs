@@ -7,6 +7,7 @@ use super::values;
 use crate::error::{Error, Result};
 use crate::files::hash::sha256_of_files;
 use crate::files::loading::Loading;
+use crate::scene::Shading;
 use crate::strands::{HAIR_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::{Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
@@ -78,6 +79,27 @@ impl VolumeSpec {
         let of_name = || RawLayout::from_file_name(self.path());
         self.phantom().is_none().then(|| self.flags.raw.or_else(of_name)).flatten()
     }
+
+    /// Whether strands are what it names.
+    fn is_of_strands(&self) -> bool {
+        self.layout().is_none() && is_strand_source(&self.source)
+    }
+
+    /// Refuses a shading that this is not made for.
+    pub(super) fn check_shading(&self, shading: Option<Shading>) -> Result<()> {
+        match shading {
+            Some(Shading::KajiyaKay) if !self.is_of_strands() => {
+                let why = format!(
+                    "kajiya-kay shades strands by their direction, and {} is not of strands",
+                    self.source
+                );
+                Err(Error::input("cannot use shading", "--shading", why).hint(
+                    "lambert and blinn-phong shade any volume; strands are .hair files and phantom:hair-NAME",
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 impl Default for VolumeSpec {
@@ -139,11 +161,11 @@ pub const FORMATS: &[Format] = &[
         asked_as: "strands (.hair)",
         endings: HAIR_EXTENSIONS,
         flags: &["resolution", "kernel", "thickness"],
-        sniff: |spec| is_strand_source(&spec.source),
+        sniff: VolumeSpec::is_of_strands,
         read: |spec, loading| {
             let strands = load_strands(&spec.source, spec.flags.strands.thickness, loading)?;
             let StrandVolume { volume, grid, kernel, .. } = spec.flags.strands.voxelise(&strands, loading)?;
-            Ok(Read { volume, strands: Some(Arc::new(VoxelisedStrands { strands, grid, kernel })) })
+            Ok(Read { volume, strands: Some(Arc::new(VoxelisedStrands::new(strands, grid, kernel))) })
         },
     },
     Format {

@@ -82,7 +82,7 @@ pub struct SceneSettings {
     /// Share of the light that shadows do not touch, 0 to 1 [default: 0.1]
     #[arg(long, value_name = "A", value_parser = values::ambient, allow_hyphen_values = true, help_heading = "Scene")]
     pub ambient: Option<f64>,
-    /// Surface shading by the gradient [default: none]
+    /// Shading of surfaces by the gradient, or of strands by their direction (kajiya-kay) [default: none]
     #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
     pub shading: Option<Shading>,
     /// Background colour, sRGB, or none: black behind it, and picture files are transparent there [default: #000000]
@@ -207,6 +207,7 @@ impl SceneSettings {
     pub fn load(&self, loading: &Loading) -> Result<Loaded> {
         let found = self.tf.as_deref().map(presets::find).transpose()?;
         lights::checked(self.light.as_deref())?;
+        self.spec().check_shading(self.shading)?;
         let Read { volume, strands } = read_with(&self.spec(), loading)?;
         let mut remarks: Vec<Remark> =
             volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();

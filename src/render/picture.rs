@@ -7,7 +7,7 @@ use super::plan::plane_distance_mm;
 use super::shader::{CONSTANTS, PICTURE_SIDE};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
-use crate::field::{DeviceTransfer, FAR, LoadedVolume, grid_from_world, shape_of};
+use crate::field::{DeviceDirections, DeviceTransfer, FAR, LoadedVolume, grid_from_world, shape_of};
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, uniform_buffer};
 use crate::scene::{LightSource, Scene, Shading};
 use crate::shadow::ShadowMap;
@@ -148,7 +148,8 @@ impl Renderer {
         }
         let mesh =
             scene.mesh.as_ref().map(|mesh| self.mesh.group(self.gpu(), mesh, &loaded.volume)).transpose()?;
-        let caster = Caster { loaded, transfer, scene, tiles, passes, mesh };
+        let directions = plan.shading.is_of_strands().then(|| loaded.directions(self.gpu())).transpose()?;
+        let caster = Caster { loaded, transfer, scene, tiles, passes, mesh, directions };
         let (width, height) = (scene.width, scene.height);
         // Large pictures are drawn in bands that the adapter can bind.
         let row_bytes = u64::from(width) * 16;
@@ -219,6 +220,9 @@ impl Renderer {
                     (2, Slot::read_write(progress.as_entire_binding())),
                     (3, Slot::read(tiles.as_entire_binding())),
                 ];
+                let strands = caster.directions.map(DeviceDirections::slots);
+                let stage: Vec<_> =
+                    stage.into_iter().chain((4..).zip(strands.into_iter().flatten())).collect();
                 let stage = self.kernels.group("frame", &stage);
                 // The background is there after the first pass.
                 let left_out = if i == 0 { left_out } else { 0 };
@@ -270,6 +274,8 @@ struct Caster<'a> {
     passes: Vec<Pass<'a>>,
     /// Group 3, where there is a mesh.
     mesh: Option<Group>,
+    /// Of strands, where the shading reads them.
+    directions: Option<&'a DeviceDirections>,
 }
 
 impl Caster<'_> {

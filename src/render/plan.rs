@@ -3,7 +3,7 @@
 use super::eye_tiles::EyeTiles;
 use super::mesh::with_mesh;
 use super::shader::CONSTANTS;
-use crate::field::{DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
+use crate::field::{DeviceDirections, DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
 use crate::gpu::ShaderVariant;
 use crate::scene::{LightSource, Scene, Shading, Skip};
 use crate::shadow::{Lookup, ShadowMap};
@@ -155,10 +155,7 @@ impl Plan {
             Shading::None if forced.has(Omittable::Gradients) => Shading::Lambert,
             shading => shading,
         };
-        if shading == Shading::None {
-            let saved = Some("6 samples a lit sample".into());
-            omit("gradients".into(), "shading none", saved, Some(Omittable::Gradients));
-        }
+        omit_of_shading(shading, loaded, &mut omit);
         omit_of_lights(scene, &mut omit);
         drop(omit);
         let plan = Self { shadows, skip_bricks, shading, mesh: scene.mesh.is_some(), left_out };
@@ -235,6 +232,24 @@ fn omit_of_lights(scene: &Scene, omit: &mut impl FnMut(String, &str, Option<Stri
     }
 }
 
+/// What the shading does not read: gradients, or the directions of strands.
+fn omit_of_shading(
+    shading: Shading,
+    loaded: &LoadedVolume,
+    omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>),
+) {
+    let samples = Some("6 samples a lit sample".into());
+    match shading {
+        Shading::None => omit("gradients".into(), "shading none", samples, Some(Omittable::Gradients)),
+        Shading::KajiyaKay => omit("gradients".into(), "shading kajiya-kay", samples, None),
+        Shading::Lambert | Shading::BlinnPhong => {}
+    }
+    if loaded.strands.is_some() && !shading.is_of_strands() {
+        let saved = megabytes(DeviceDirections::bytes_of(loaded.on_device.dims));
+        omit("directions of strands".into(), "no shading by them", Some(saved), None);
+    }
+}
+
 fn raycast_shader(
     lookup: Option<&Lookup>,
     shading: Shading,
@@ -249,6 +264,7 @@ fn raycast_shader(
     );
     shader
         .modules(&["render/frame.wgsl"])
+        .modules(if shading.is_of_strands() { &["render/strand.wgsl"] } else { &[] })
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
         .with_walk(skip_bricks)
@@ -259,7 +275,7 @@ fn raycast_shader(
 /// Every ray caster that a plan can ask for, but for combinations of parts that do not meet.
 pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = Vec::new();
-    for shading in [Shading::None, Shading::Lambert, Shading::BlinnPhong] {
+    for shading in Shading::ALL {
         for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
             list.push(raycast_shader(lookup, shading, skip_bricks, one_color, false));
         }
@@ -280,6 +296,7 @@ fn shading_defs(shading: Shading) -> &'static [&'static str] {
         Shading::None => &[],
         Shading::Lambert => &["SHADED", "SHADING"],
         Shading::BlinnPhong => &["SHADED", "SHADING", "BLINN_PHONG"],
+        Shading::KajiyaKay => &["SHADED", "SHADING", "KAJIYA_KAY"],
     }
 }
 

@@ -6,8 +6,13 @@ use crate::gpu::Constant;
 /// Threads a side of a workgroup that works on pictures.
 pub const PICTURE_SIDE: u32 = 8;
 
-pub const CONSTANTS: &[Constant] =
-    &[Constant::unsigned("PICTURE_SIDE", PICTURE_SIDE), Constant::unsigned("LINE_THREADS", LINE_THREADS)];
+pub const CONSTANTS: &[Constant] = &[
+    Constant::unsigned("PICTURE_SIDE", PICTURE_SIDE),
+    Constant::unsigned("LINE_THREADS", LINE_THREADS),
+    // Strength and exponent of the highlight of every shading that has one.
+    Constant::float("HIGHLIGHT", 0.3),
+    Constant::float("GLOSS", 32.0),
+];
 
 /// Workgroups for a part of a picture.
 pub fn picture_workgroups(width: u32, height: u32) -> [u32; 3] {

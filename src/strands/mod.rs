@@ -8,6 +8,7 @@
 //! ```text
 //!  .hair file ─┐
 //!  built-in ───┴─> Strands ─> StrandGrid ─> voxelise ─> Volume (values are extinction, 1/mm)
+//!                     │                └───> tangents: which way they run, where a picture is shaded by that
 //!                     └─────────────> measure::cylinders: how far the volume's transmittance is from the strands'
 //! ```
 
@@ -15,6 +16,7 @@ mod grid;
 mod hair;
 mod random;
 mod sets;
+mod tangents;
 mod volume;
 mod voxelise;
 mod walk;
@@ -23,6 +25,7 @@ pub use grid::{DEFAULT_RESOLUTION, RESOLUTIONS, StrandGrid};
 pub use hair::{HAIR_EXTENSIONS, HEADER_BYTES, read_hair, read_hair_with, write_hair};
 pub use random::Chance;
 pub use sets::StrandSet;
+pub use tangents::{tangents, tangents_with};
 pub use volume::{STRANDS_FORMAT, StrandVolume, VoxelisedStrands};
 pub use voxelise::{Conservation, Kernel, voxelise, voxelise_with};
 

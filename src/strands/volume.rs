@@ -3,8 +3,9 @@
 use super::{Conservation, Kernel, StrandGrid, Strands, voxelise_with};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::volume::{Provenance, Scaling, Volume, Voxels};
+use crate::volume::{DirectionMoments, Provenance, Scaling, Volume, Voxels};
 use ndarray::Array3;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Strands as a volume, and what became of them.
@@ -31,6 +32,8 @@ pub struct VoxelisedStrands {
     pub grid: StrandGrid,
     /// How lengths were shared among voxels.
     pub kernel: Kernel,
+    /// Which way they run, once something has asked.
+    pub(super) directions: OnceLock<Arc<DirectionMoments>>,
 }
 
 /// `Provenance::format` of a volume made from strands: what says that its values are extinction.

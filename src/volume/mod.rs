@@ -4,6 +4,7 @@
 //! edge; the domain is `[-0.5, n - 0.5]^3` in index space and there is nothing (zero extinction) outside.
 
 mod bricks;
+mod directions;
 mod element;
 mod histogram;
 pub mod nifti;
@@ -14,6 +15,7 @@ pub mod raw;
 mod thorax;
 
 pub use bricks::{BRICK_CELLS, Bricks};
+pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
 pub use histogram::Histogram;
 pub use nifti_write::{NIFTI_EXTENSIONS, write_nifti};

@@ -8,6 +8,7 @@ use umbravox::app::curve::Edit;
 use umbravox::app::method_choice::MethodChoice;
 use umbravox::files::loading::Loading;
 use umbravox::open::SceneSettings;
+use umbravox::scene::Shading;
 use umbravox::strands::Kernel;
 
 #[test]
@@ -83,6 +84,33 @@ fn only_strands_have_that_section() {
     bench.wait_for("opened", |app| app.model.document.as_ref().unwrap().spec.source.contains("hair"));
     bench.settle();
     assert!(bench.harness.query_by_label("Voxelise again").is_some());
+}
+
+#[test]
+fn strands_alone_are_shaded_by_their_direction() {
+    let Some(mut bench) = Bench::open(&["phantom:hair-curly:2000", "--resolution=24", "--shadow=none"])
+    else {
+        return;
+    };
+    let plain = bench.pixels();
+    bench.click("shading kajiya-kay");
+    bench.settle();
+    assert_ne!(bench.pixels(), plain);
+    let text = bench.app().model.document.as_ref().unwrap().scene_text("hair").unwrap();
+    assert!(text.lines().any(|line| line == "shading = \"kajiya-kay\""), "{text}");
+    // Strands keep it, and anything else has none of it.
+    for (source, shading) in
+        [("phantom:hair-fur:200", Shading::KajiyaKay), ("phantom:sphere:16", Shading::None)]
+    {
+        bench.app().model.open_source(source);
+        bench.wait_for("opened", |app| app.model.document.as_ref().unwrap().spec.source == source);
+        bench.settle();
+        let model = &bench.app().model;
+        assert_eq!(model.document.as_ref().unwrap().scene.shading, shading);
+        assert!(model.messages.iter().all(|message| !message.is_error), "{:?}", model.messages);
+    }
+    assert!(bench.harness.query_by_label("shading kajiya-kay").is_none());
+    assert!(bench.harness.query_by_label("shading lambert").is_some());
 }
 
 #[test]

@@ -1,8 +1,11 @@
 //! What the camera sees: points and pictures.
 
 use super::*;
+use std::f64::consts::PI;
+use std::sync::Arc;
 use umbravox::exact::ExactField;
 use umbravox::scene::{Camera, Light, Scene, Shading};
+use umbravox::volume::DirectionMoments;
 
 fn scene(volume: &Volume) -> Scene {
     let camera = Camera { up: DVec3::Z, ..Camera::framing(volume, DVec3::Z, 35.0) };
@@ -104,6 +107,45 @@ fn shading_of_a_linear_field_is_one_factor() {
             "{toward}: {lambert}, {plain}"
         );
     }
+}
+
+/// Strands of one direction have Kajiya and Kay's own factor, here by the two angles with it; those of all directions alike the
+/// root mean square of all sines.
+#[test]
+fn strands_are_shaded_by_their_directions() {
+    let volume = volume([4, 3, 5], oblique(), |i, _, _| 1.0 + i);
+    let tf = extinction(&[(0.0, 0.1)]);
+    let field = |moments: [f32; 6]| {
+        let moments = DirectionMoments::new([4, 3, 5], volume.world_from_index(), vec![moments; 60]).unwrap();
+        ExactField::new(&volume, &tf).with_directions(Some(Arc::new(moments)))
+    };
+    let x = volume.world_from_index().transform_point3(DVec3::new(1.3, 1.1, 2.4));
+    let factor = |field: &ExactField, l: DVec3, e: DVec3| {
+        field.shading_factor(x, -e, &Light::Directional { toward: l }, Shading::KajiyaKay)
+    };
+    let (along_z, all) = (field([0.0, 0.0, 0.7, 0.0, 0.0, 0.0]), field([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]));
+    let nowhere = field([0.0; 6]);
+    let at = |angle: f64, around: f64| {
+        let (across, along) = angle.sin_cos();
+        DVec3::new(across * around.cos(), across * around.sin(), along)
+    };
+    for (from_light, from_eye) in
+        [(0.9, 1.4), (0.7, PI - 0.7), (0.7, 0.7), (1.2, PI - 1.1), (2.5, 0.8), (PI / 2.0, 1.5)]
+    {
+        let (l, e) = (at(from_light, 0.3), at(from_eye, 2.1));
+        let gloss = (PI - from_light - from_eye).cos().max(0.0).powi(32);
+        assert_close(factor(&along_z, l, e), from_light.sin() + 0.3 * gloss, 1e-12);
+        let sines = 2.0 / 3.0;
+        let gloss = (sines - l.dot(e) / 3.0).powi(32);
+        assert_close(factor(&all, l, e), f64::sqrt(sines) + 0.3 * gloss, 1e-12);
+        assert_eq!(factor(&nowhere, l, e), 1.0);
+        assert_eq!(factor(&ExactField::new(&volume, &tf), l, e), 1.0);
+    }
+    // The highlight is where the light would go on along the strand, all around it, and not where it comes from.
+    let l = at(0.7, 0.0);
+    let behind = |around: f64| factor(&along_z, l, at(PI - 0.7, around));
+    assert_close(behind(0.0), behind(2.0), 1e-12);
+    assert!(behind(1.0) > factor(&along_z, l, l) + 0.29);
 }
 
 /// At the edge of the volume the value is clamped: outside its voxels nothing changes across that axis.

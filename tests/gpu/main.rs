@@ -10,6 +10,7 @@ mod exact_pictures;
 mod fair;
 mod forced;
 mod invariance;
+mod kajiya_kay;
 mod kept;
 mod layers;
 mod light_volume;

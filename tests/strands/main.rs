@@ -1,8 +1,9 @@
-//! Strands: the file format, the built-in sets, voxelising against closed forms and brute force, the cylinders.
+//! Strands: the file format, the built-in sets, voxelising and directions against closed forms and brute force, the cylinders.
 
 mod cylinders;
 mod hair;
 mod sets;
+mod tangents;
 mod voxelise;
 
 use umbravox::strands::{Attribute, StrandArrays, Strands};

@@ -64,8 +64,10 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
             .accessible_name("ambient");
     });
     ui.horizontal(|ui| {
-        ui.label("Shading").on_hover_text("Surface shading by the gradient");
-        for shading in [Shading::None, Shading::Lambert, Shading::BlinnPhong] {
+        let help = "By the gradient, or of strands by their direction (kajiya-kay)";
+        ui.label("Shading").on_hover_text(help);
+        let of_strands = document.strands.is_some();
+        for shading in Shading::ALL.into_iter().filter(|shading| of_strands || !shading.is_of_strands()) {
             ui.selectable_value(&mut document.scene.shading, shading, name_of(shading))
                 .accessible_name(format!("shading {}", name_of(shading)));
         }

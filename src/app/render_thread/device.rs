@@ -47,6 +47,11 @@ impl OnDevice {
         Ok(())
     }
 
+    /// Whether the volume was made from strands.
+    pub fn is_of_strands(&self) -> bool {
+        self.loaded.as_ref().is_some_and(|loaded| loaded.strands.is_some())
+    }
+
     /// Makes the tables of `tf`, as far as it differs from the function before: what of it reaches pictures.
     pub fn set_transfer(&mut self, tf: &TransferFunction, work: &mut Work) -> Result<Option<Change>> {
         let Some(loaded) = &self.loaded else { return Ok(None) };

@@ -4,7 +4,7 @@ use super::device::OnDevice;
 use super::mailbox::{Mailbox, Speaker};
 use super::messages::{Event, Frame, Side, Wanted};
 use super::quality::{Quality, Speeds};
-use crate::app::reading::Opened;
+use crate::app::reading::{Opened, suited_shading};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::render::{AskedFor, DisplayTexture, Screen, Stage, Work};
@@ -105,7 +105,10 @@ impl Engine {
         go_on: impl Fn() -> bool,
     ) -> Result<Option<Frame>> {
         let Quality { width, height, step, .. } = *quality;
-        let scene = Scene { width, height, step, ..wanted.subject.scene.clone() };
+        let scene = &wanted.subject.scene;
+        // What is wanted may be of the volume before, for as long as nobody has heard of the one that is here.
+        let shading = suited_shading(scene.shading, self.device.is_of_strands());
+        let scene = Scene { width, height, step, shading, ..scene.clone() };
         let mut sides = Vec::with_capacity(2);
         let mut longest_band_ms = 0.0_f64;
         for choice in &quality.choices {

@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::measure::error_map::{ExactView, Quantity};
 use crate::scene::Scene;
+use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::sync::Arc;
@@ -37,11 +38,15 @@ impl Drop for Computing {
 }
 
 impl Computing {
-    /// Starts the thread; `wake` is called at every finer answer.
+    /// Starts the thread, on a volume and what it was made from; `wake` is called at every finer answer.
     ///
     /// # Errors
     /// The system has no thread left.
-    pub fn start(volume: Arc<Volume>, what: Question, wake: Wake) -> Result<Self> {
+    pub fn start(
+        (volume, strands): (Arc<Volume>, Option<Arc<VoxelisedStrands>>),
+        what: Question,
+        wake: Wake,
+    ) -> Result<Self> {
         let (send, views) = channel();
         let cancelled = Arc::new(AtomicBool::new(false));
         let theirs = Arc::clone(&cancelled);
@@ -53,7 +58,10 @@ impl Computing {
             .build()
             .map_err(|e| failed(e.to_string()))?;
         let work = move || {
-            let field = ExactField::new(&volume, &what.tf);
+            let strands = strands.filter(|_| what.scene.shading.is_of_strands());
+            // The picture beside which this one stands could not be drawn either without the memory.
+            let directions = strands.and_then(|strands| strands.directions().ok());
+            let field = ExactField::new(&volume, &what.tf).with_directions(directions);
             let divisors: &[f64] = match what.quantity {
                 Quantity::Light => &LIGHT_DIVISORS,
                 Quantity::Picture => &PICTURE_DIVISORS,

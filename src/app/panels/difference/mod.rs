@@ -61,8 +61,8 @@ impl Difference {
             if !model.settled {
                 return;
             }
-            let volume = Arc::clone(&document.volume);
-            match Computing::start(volume, question.clone(), Arc::clone(&model.wake)) {
+            let subject = (Arc::clone(&document.volume), document.strands.clone());
+            match Computing::start(subject, question.clone(), Arc::clone(&model.wake)) {
                 Ok(computing) => {
                     self.question = Some(question);
                     self.computing = Some(computing);

@@ -1,0 +1,28 @@
+// Shading of strands by their directions (Kajiya and Kay 1989, "Rendering fur with three dimensional textures").
+#define_import_path umbravox::strand
+
+#import umbravox::field::field
+#import umbravox::work::{count_work, LOADS}
+
+// Second moments of the strands' directions in world axes, up to one factor for all: xx, yy, zz, xy, and xz, yz.
+@group(2) @binding(4) var moments: texture_3d<f32>;
+@group(2) @binding(5) var more_moments: texture_3d<f32>;
+@group(2) @binding(6) var moments_sampler: sampler;
+
+// The factor at a grid-space point under light from the unit `l`, seen from the unit `e`, both away from the strand. With `m`
+// the mean of u u^T over the directions u there, 1 - l^T m l is the mean square of the sine between light and strand; the
+// highlight is about the cone of mirror directions, where the cosines with `l` and `e` are each other's negatives.
+fn strand_factor(g: vec3<f32>, l: vec3<f32>, e: vec3<f32>) -> f32 {
+    count_work(LOADS, 2u);
+    let at = (g - 0.5) * field.inv_size;
+    let d = textureSampleLevel(moments, moments_sampler, at, 0.0);
+    let o = textureSampleLevel(more_moments, moments_sampler, at, 0.0);
+    let trace = d.x + d.y + d.z;
+    let m = mat3x3<f32>(vec3<f32>(d.x, d.w, o.x), vec3<f32>(d.w, d.y, o.y), vec3<f32>(o.x, o.y, d.z));
+    let lm = m * l / max(trace, 1e-30);
+    let em = m * e / max(trace, 1e-30);
+    let sine_l = sqrt(max(1.0 - dot(l, lm), 0.0));
+    let sine_e = sqrt(max(1.0 - dot(e, em), 0.0));
+    let mirror = max(sine_l * sine_e - dot(e, lm), 0.0);
+    return select(1.0, sine_l + #{HIGHLIGHT} * pow(mirror, #{GLOSS}), trace > 0.0);
+}

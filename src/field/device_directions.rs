@@ -1,0 +1,91 @@
+//! Directions of strands on the device: their second moments as half floats, which every adapter filters.
+
+use crate::error::{Error, Result};
+use crate::gpu::{Gpu, Slot, VolumeTexture, clamp_sampler};
+use crate::volume::DirectionMoments;
+use half::f16;
+
+/// Bytes of a voxel: `xx, yy, zz, xy` in one texture, `xz, yz` in another.
+const VOXEL_BYTES: usize = 12;
+
+/// The largest trace of a voxel lies from `2^13` to `2^14`: all that a half float holds without loss of digits, down to
+/// `2^-14`, is below, and sums of filtered texels stay in its range.
+const LARGEST_EXPONENT: f64 = 13.0;
+
+/// Second moments of directions on the device, with all voxels times one power of 2: only their ratios mean anything.
+pub struct DeviceDirections {
+    moments: VolumeTexture,
+    more_moments: VolumeTexture,
+    sampler: wgpu::Sampler,
+    /// Bytes of the textures.
+    pub bytes: u64,
+}
+
+impl DeviceDirections {
+    /// Bytes that the directions in a volume of so many voxels would take.
+    pub fn bytes_of(dims: [usize; 3]) -> u64 {
+        dims.iter().product::<usize>() as u64 * VOXEL_BYTES as u64
+    }
+
+    /// Uploads directions; `source` is the volume's, for messages.
+    ///
+    /// # Errors
+    /// A grid larger than the adapter's 3-D textures, or a device out of memory.
+    pub fn upload(gpu: &Gpu, directions: &DirectionMoments, source: &str) -> Result<Self> {
+        let dims = directions.dims();
+        let sides = dims.map(|n| n as u32);
+        let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let texture = |label, format| VolumeTexture::new(gpu, label, format, sides);
+        let moments = texture("directions of strands", wgpu::TextureFormat::Rgba16Float)?;
+        let more_moments = texture("more directions of strands", wgpu::TextureFormat::Rg16Float)?;
+        let scale = scale(directions.largest_trace());
+        let half = |moment: f32| f16::from_f64(f64::from(moment) * scale);
+        let layer_voxels = dims[0] * dims[1];
+        for (layer, values) in (0..).zip(directions.values().chunks(layer_voxels)) {
+            let first: Vec<_> =
+                values.iter().map(|[xx, yy, zz, xy, ..]| [*xx, *yy, *zz, *xy].map(half)).collect();
+            let second: Vec<_> = values.iter().map(|[.., xz, yz]| [*xz, *yz].map(half)).collect();
+            moments.write_layer(gpu, layer, &first);
+            more_moments.write_layer(gpu, layer, &second);
+            // Bounds what the queue keeps of the copies.
+            if layer % 64 == 63 {
+                gpu.queue.submit([]);
+            }
+        }
+        gpu.wait_for(gpu.queue.submit([]))?;
+        let bytes = Self::bytes_of(dims);
+        if pollster::block_on(scope.pop()).is_some() {
+            let why = format!("the device has no {bytes} bytes left for them");
+            return Err(Error::runtime("cannot upload directions of strands", source, why));
+        }
+        Ok(Self { moments, more_moments, sampler: clamp_sampler(gpu, wgpu::FilterMode::Linear), bytes })
+    }
+
+    /// What `shaders/render/strand.wgsl` binds, in its order.
+    pub fn slots(&self) -> [Slot<'_>; 3] {
+        [self.moments.slot(true), self.more_moments.slot(true), Slot::sampler(&self.sampler, true)]
+    }
+}
+
+/// The power of 2 that brings the largest trace to where half floats are best.
+fn scale(largest_trace: f64) -> f64 {
+    match largest_trace > 0.0 {
+        true => (LARGEST_EXPONENT - largest_trace.log2().floor()).exp2(),
+        false => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_floats_hold_any_extinction() {
+        for largest in [1e-45, 3e-9, 0.7, 1.0, 1023.9, 1e9, 3e38] {
+            let scaled = largest * scale(largest);
+            assert!((8192.0..16384.0).contains(&scaled), "{largest}: {scaled}");
+            assert!(f16::from_f64(scaled).is_finite());
+        }
+        assert_eq!(scale(0.0), 1.0);
+    }
+}
