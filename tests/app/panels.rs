@@ -95,7 +95,8 @@ fn strands_alone_are_shaded_by_their_direction() {
     let plain = bench.pixels();
     bench.click("shading kajiya-kay");
     bench.settle();
-    assert_ne!(bench.pixels(), plain);
+    assert_eq!(bench.app().model.document.as_ref().unwrap().scene.shading, Shading::KajiyaKay);
+    assert!(bench.pixels() != plain, "the same picture");
     let text = bench.app().model.document.as_ref().unwrap().scene_text("hair").unwrap();
     assert!(text.lines().any(|line| line == "shading = \"kajiya-kay\""), "{text}");
     // Strands keep it, and anything else has none of it.

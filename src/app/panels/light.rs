@@ -63,7 +63,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
         ui.add(egui::Slider::new(&mut document.scene.ambient, 0.0..=1.0).max_decimals(3))
             .accessible_name("ambient");
     });
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         let help = "By the gradient, or of strands by their direction (kajiya-kay)";
         ui.label("Shading").on_hover_text(help);
         let of_strands = document.strands.is_some();
