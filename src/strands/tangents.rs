@@ -9,7 +9,7 @@ use super::{Kernel, Segment, StrandGrid, Strands, VoxelisedStrands};
 use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::volume::DirectionMoments;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Second moments of the directions of strands on a grid.
 ///
@@ -44,19 +44,22 @@ fn moments_mm2(segment: &Segment) -> [f64; 6] {
 impl VoxelisedStrands {
     /// Strands that have become a volume on a grid.
     pub fn new(strands: Strands, grid: StrandGrid, kernel: Kernel) -> Self {
-        Self { strands, grid, kernel, directions: OnceLock::new() }
+        Self { strands, grid, kernel, directions: Mutex::default() }
     }
 
-    /// Which way the strands run, on the volume's grid: made when it is first asked for, and kept.
+    /// Which way the strands run, on the volume's grid: made when it is asked for, 24 bytes a voxel, and shared for as long as
+    /// anyone holds it.
     ///
     /// # Errors
     /// The host has no memory for it.
     pub fn directions(&self) -> Result<Arc<DirectionMoments>> {
-        if let Some(made) = self.directions.get() {
-            return Ok(Arc::clone(made));
+        // Who asks meanwhile waits for the same.
+        let mut held = self.directions.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = held.upgrade() {
+            return Ok(made);
         }
         let made = Arc::new(tangents(&self.strands, &self.grid, self.kernel)?);
-        // Another thread that was as fast has made the same.
-        Ok(Arc::clone(self.directions.get_or_init(|| made)))
+        *held = Arc::downgrade(&made);
+        Ok(made)
     }
 }

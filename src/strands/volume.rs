@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::{DirectionMoments, Provenance, Scaling, Volume, Voxels};
 use ndarray::Array3;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Mutex, Weak};
 use std::time::Instant;
 
 /// Strands as a volume, and what became of them.
@@ -24,7 +24,7 @@ pub struct StrandVolume {
 }
 
 /// Strands, and how they became a volume.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct VoxelisedStrands {
     /// The strands themselves.
     pub strands: Strands,
@@ -32,8 +32,8 @@ pub struct VoxelisedStrands {
     pub grid: StrandGrid,
     /// How lengths were shared among voxels.
     pub kernel: Kernel,
-    /// Which way they run, once something has asked.
-    pub(super) directions: OnceLock<Arc<DirectionMoments>>,
+    /// Which way they run, while something holds it.
+    pub(super) directions: Mutex<Weak<DirectionMoments>>,
 }
 
 /// `Provenance::format` of a volume made from strands: what says that its values are extinction.

@@ -2,7 +2,8 @@
 
 use super::strands;
 use glam::DVec3;
-use umbravox::strands::{Kernel, StrandGrid, StrandSet, Strands, tangents, voxelise};
+use std::sync::Arc;
+use umbravox::strands::{Kernel, StrandGrid, StrandSet, Strands, VoxelisedStrands, tangents, voxelise};
 
 const BOTH: [Kernel; 2] = [Kernel::Box, Kernel::Tent];
 
@@ -94,4 +95,18 @@ fn the_number_of_threads_changes_no_bit() {
         let one = with(1);
         assert!(with(2) == one && with(5) == one, "{kernel:?}");
     }
+}
+
+#[test]
+fn directions_are_made_once_for_all_who_hold_them() {
+    let strands = StrandSet::Fur.build(500).unwrap();
+    let grid = StrandGrid::around(strands.bounds_mm().unwrap(), 16).unwrap();
+    let expected = tangents(&strands, &grid, Kernel::Tent).unwrap();
+    let of = VoxelisedStrands::new(strands, grid, Kernel::Tent);
+    let [first, second] = [of.directions().unwrap(), of.directions().unwrap()];
+    assert!(Arc::ptr_eq(&first, &second) && *first == expected);
+    let held = Arc::downgrade(&first);
+    drop((first, second));
+    assert!(held.upgrade().is_none(), "nobody holds them any more");
+    assert_eq!(*of.directions().unwrap(), expected);
 }
