@@ -88,8 +88,7 @@ pub(super) fn line_words(
         }
         all
     });
-    let mut fragments = drawn.collect::<Vec<_>>().concat();
-    fragments.par_sort_unstable_by(Fragment::place);
+    let fragments = in_order(&drawn.collect::<Vec<_>>(), records);
     let pieces = pieces(&fragments, space.z_range);
 
     let mut words = vec![0; records as usize + 1];
@@ -163,6 +162,27 @@ impl Drawing<'_> {
             }
         }
     }
+}
+
+/// Fragments of all strands in the order of records and depths.
+fn in_order(drawn: &[Vec<Fragment>], records: u32) -> Vec<Fragment> {
+    let mut places = vec![0; records as usize + 1];
+    drawn.iter().flatten().for_each(|f| places[f.record as usize + 1] += 1);
+    let mut sum = 0;
+    for place in &mut places {
+        sum += *place;
+        *place = sum;
+    }
+    let none = Fragment { record: 0, middle: 0.0, half: 0.0, taken: 0.0, opacity: 0.0 };
+    let mut fragments = vec![none; sum];
+    for fragment in drawn.iter().flatten() {
+        let place = &mut places[fragment.record as usize];
+        fragments[*place] = *fragment;
+        *place += 1;
+    }
+    let of_one_texel = fragments.par_chunk_by_mut(|a, b| a.record == b.record);
+    of_one_texel.for_each(|fragments| fragments.sort_unstable_by(Fragment::place));
+    fragments
 }
 
 /// Fragments in their order, as pieces that do not overlap, with their records.

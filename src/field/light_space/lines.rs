@@ -129,20 +129,22 @@ impl LightSpace {
     }
 
     /// Parts of the line from `a` to `b` (light frame) whose texel coordinates are quotients of straight functions.
-    fn straight_parts(&self, a: DVec3, b: DVec3) -> Vec<Straight> {
-        let mut cuts = vec![0.0, 1.0];
+    fn straight_parts(&self, a: DVec3, b: DVec3) -> impl Iterator<Item = Straight> {
+        let mut cuts = [0.0, 1.0, 1.0, 1.0, 1.0];
         if self.projection == Projection::Octahedral {
             // Every octant of directions is a triangle of the square.
-            let crossings = (0..3).map(|axis| a[axis] / (a[axis] - b[axis]));
-            cuts.extend(crossings.filter(|t| *t > 0.0 && *t < 1.0));
-            cuts.sort_by(f64::total_cmp);
+            let crossings = [0, 1, 2].map(|axis| a[axis] / (a[axis] - b[axis]));
+            for (cut, t) in cuts[1..4].iter_mut().zip(crossings) {
+                *cut = if t > 0.0 && t < 1.0 { t } else { 1.0 };
+            }
+            cuts.sort_unstable_by(f64::total_cmp);
         }
-        let part = |t: &[f64]| {
-            let ends = [t[0], t[1]].map(|t| a.lerp(b, t));
+        let part = move |t: [f64; 2]| {
             let octant = a.lerp(b, 0.5 * (t[0] + t[1])).map(|x| if x < 0.0 { -1.0 } else { 1.0 });
-            Straight { t: [t[0], t[1]], ends: ends.map(|p| self.quotient(p, octant)) }
+            Straight { t, ends: t.map(|t| self.quotient(a.lerp(b, t), octant)) }
         };
-        cuts.windows(2).map(part).collect()
+        let parts = (0..4).map(move |i| [cuts[i], cuts[i + 1]]);
+        parts.filter(|[from, to]| from < to).map(part)
     }
 
     /// Texel coordinates, from the map's corner on, times a divisor, and the divisor; `octant` is the signs of the direction.
