@@ -29,13 +29,18 @@ const SIDE: u32 = 264;
 const GAP: u32 = 6;
 const PLOT: f64 = 1.25;
 /// Methods with their colours, and where their names stand: beside (x) and below (y) their last point, in font sizes.
-const METHODS: [(&str, &str, [f64; 2]); 6] = [
+const METHODS: [(&str, &str, [f64; 2]); 11] = [
     ("none", "#ffffff", [0.6, 0.3]),
     ("rays", "#e48cbf", [-2.6, 0.2]),
     ("dsm", "#5ab4f0", [0.6, 0.3]),
     ("osm", "#e69f00", [0.6, 0.9]),
     ("dom", "#1fc191", [-2.7, 0.8]),
     ("bom", "#f07a30", [0.7, 0.2]),
+    ("clusters", "#c8c850", [0.6, 0.3]),
+    ("fourier", "#d8609c", [0.6, 0.3]),
+    ("avsm", "#66d9c4", [0.6, 0.3]),
+    ("moments", "#9a8cf0", [0.6, 0.3]),
+    ("lightvolume", "#6fcf80", [0.6, 0.3]),
 ];
 
 fn main() -> umbravox::Result<()> {

@@ -207,7 +207,7 @@ fn pieces(fragments: &[Fragment], [start, end]: [f64; 2]) -> Vec<(u32, [f32; 3])
         };
         let from = beside(i.checked_sub(1)).unwrap_or(start).max(this.middle - this.half);
         let to = beside(Some(i + 1)).unwrap_or(end).min(this.middle + this.half);
-        (this.record, [from as f32, to as f32, depth as f32])
+        (this.record, [from.min(end) as f32, to.max(start) as f32, depth as f32])
     };
     (0..apart.len()).into_par_iter().map(piece).collect()
 }

@@ -194,7 +194,22 @@ fn nodes() -> Vec<Claim> {
             "Shadow information on a regular 3D grid consumes much memory even for medium quality",
             "more than deep shadow maps",
         )
-        .untried("No method here stores light at the voxels."),
+        .on(&[CHEST, STRAIGHT])
+        .needs(AS_IS, "dsm:epsilon=0.02,map=256;lightvolume:scale=2,1")
+        .judged(
+            "A light at every second voxel is medium quality: yes where the lattice takes more bytes than the deep shadow map and \
+             is further from the exact light, partly where it does one of both.",
+            move |m| {
+                let (dsm, medium) = (m[0][0], m[0][1]);
+                let (bytes, error) = (medium.bytes()? / dsm.bytes()?, medium.point_rms()? / dsm.point_rms()?);
+                let figures = [
+                    ("bytes, every second voxel / dsm", bytes),
+                    ("every voxel / dsm", m[0][2].bytes()? / dsm.bytes()?),
+                    ("point_err_rms, every second voxel / dsm", error),
+                ];
+                Ok(Finding::new(Holds::of(bytes > 1.0 && error > 1.0, bytes > 1.0 || error > 1.0), figures))
+            },
+        ),
     ]
 }
 
