@@ -102,7 +102,7 @@ mod tests {
     fn what_is_out_of_range_is_refused_by_name() {
         for (text, why) in [
             ("avsm:nodes=5", "expected 4|6|8|12|16|24|32"),
-            ("avsm:epsilon=0.1", "there is: nodes, bits, march, step, map, fit, filter, lookup"),
+            ("avsm:epsilon=0.1", "there is: nodes, bits, from, march, step, map, fit, filter, lookup"),
         ] {
             let error = parse_list(text).unwrap_err();
             assert!(error.to_string().contains(why), "{error}");

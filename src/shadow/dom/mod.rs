@@ -198,7 +198,7 @@ mod tests {
             ("dom:depth_bits=12", "expected 8|16|32"),
             (
                 "dom:slicing=uniform",
-                "there is: layers, split, ratio, log_size, measure, spread, beyond, depth_bits, bits, march, step, map, fit, filter, average, lookup",
+                "there is: layers, split, ratio, log_size, measure, spread, beyond, depth_bits, bits, from, march, step, map, fit, filter, average, lookup",
             ),
         ] {
             let error = parse_list(text).unwrap_err();

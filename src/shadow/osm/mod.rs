@@ -227,7 +227,7 @@ mod tests {
             ("osm:filter=linear", "expected nearest|bilinear"),
             (
                 "osm:epsilon=0.1",
-                "there is: layers, slicing, kernel, bits, march, step, map, fit, filter, average, lookup",
+                "there is: layers, slicing, kernel, bits, from, march, step, map, fit, filter, average, lookup",
             ),
         ] {
             let error = parse_list(text).unwrap_err();
