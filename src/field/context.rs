@@ -52,7 +52,7 @@ impl BuildContext<'_> {
     /// The strands that a map may be drawn from.
     ///
     /// # Errors
-    /// The volume was not made from strands, or is not seen as they are.
+    /// The volume was not made from strands, a strand is wider than a voxel, or the transfer function shows them otherwise.
     pub fn drawn_strands(&self) -> Result<&Strands> {
         let refused = |why: &str| Error::input("cannot draw strands into the map", "from=lines", why);
         let source = &self.volume.provenance.source;
@@ -60,6 +60,13 @@ impl BuildContext<'_> {
             refused(&format!("{source} was not made from strands"))
                 .hint("from=voxels marches through any volume")
         })?;
+        let (widest, voxel) = (strands.strands.widest_mm(), self.volume.min_spacing_mm());
+        if widest > voxel {
+            let why = format!(
+                "a strand is {widest} mm wide, and a voxel {voxel:.3}: bricks hold middles of strands"
+            );
+            return Err(refused(&why).hint("a smaller --resolution has wider voxels"));
+        }
         let [_, largest] = self.volume.value_range();
         match self.transfer.function().leaves_extinction(largest) {
             true => Ok(&strands.strands),

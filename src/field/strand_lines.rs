@@ -1,10 +1,11 @@
 //! Strands drawn straight into a map: every segment as pieces of the light rays that it crosses, without a voxel between.
 //!
 //! A strand hides the share `d l / A` of a texel: `d` its diameter, `l` how long what lies in the texel is as seen from the
-//! light, `A` the texel's area there. With opacity `a` the texel's transmittance falls by the factor `1 - a d l / A`, as
-//! Lokovic and Veach 2000 have it of a surface that covers a part of a pixel (section 3.1). Parts of one strand that follow
-//! each other within a texel lie beside each other: their shares are added up first, to no more than the opacity. A strand
-//! that is wider than half a texel is drawn as lines side by side, eight a texel where it covers whole ones.
+//! light, `A` the texel's area there. With opacity `a` it lets `1 - a d l / A` of the texel's light through, as deep shadow
+//! maps do where a surface covers a part of a pixel (Lokovic and Veach 2000); several strands count as if they lay
+//! independently of each other, so that their factors are multiplied. Parts of one strand that follow each other in a texel
+//! lie beside each other: their shares are added up, to no more than `a`. A strand that is wider than half a texel is drawn
+//! as lines side by side, eight a texel where it covers whole ones.
 //!
 //! Kim and Neumann 2001, Yuksel and Keyser 2008 and Voicu 2014 draw lines by the hardware, whose fragments count as a
 //! medium does, `exp(-sum of opacities)`, each at a single depth. Here fragments are as deep as the strand is in the texel,
@@ -15,8 +16,10 @@
 use super::LightSpace;
 use super::constants::{NO_TILE, TILE, TILE_TEXELS};
 use crate::strands::Strands;
+use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Lines beside each other a texel that a strand is drawn as: one narrower than a texel, and a wider one.
 const FEW_LINES: f64 = 2.0;
@@ -25,6 +28,12 @@ const MANY_LINES: f64 = 8.0;
 const LEAST_LEFT: f64 = 1e-7;
 /// Depths that are no further apart than this share of the map's range are one.
 const SAME_DEPTH: f64 = 1e-6;
+/// A segment is halved, so often at the most, until a texel is this many times as wide at one end as at the other at most.
+const MOST_CHANGE: f64 = 1.25;
+const MOST_HALVINGS: u32 = 12;
+/// Lines beside each other for a part of a segment, and parts of all of them, at the most: tens of seconds.
+const MOST_LINES: f64 = 4096.0;
+const MOST_PARTS: usize = 1 << 28;
 /// Words of a piece.
 const PIECE_WORDS: u32 = 3;
 /// Strands that a thread takes at a time.
@@ -49,20 +58,62 @@ impl Fragment {
         self.record.cmp(&other.record).then(depths)
     }
 
-    /// Of the same strand in the same texel, and right behind it.
-    fn goes_on_in(&self, next: &Self, most_extent_mm: f64) -> bool {
-        let extent = next.middle + next.half - (self.middle - self.half);
-        self.record == next.record
-            && next.middle - next.half <= self.middle + self.half
-            && extent <= most_extent_mm
+    fn start(&self) -> f64 {
+        self.middle - self.half
     }
 
+    fn end(&self) -> f64 {
+        self.middle + self.half
+    }
+
+    /// Of the same strand in the same texel, and right behind it.
+    fn goes_on_in(&self, next: &Self) -> bool {
+        self.record == next.record && next.start() <= self.end()
+    }
+
+    /// Both as one.
     fn joined(&self, next: &Self) -> Self {
-        let from = (self.middle - self.half).min(next.middle - next.half);
-        let to = (self.middle + self.half).max(next.middle + next.half);
-        let opacity = self.opacity.max(next.opacity);
-        let taken = (self.taken + next.taken).min(opacity);
+        let (from, to) = (self.start().min(next.start()), self.end().max(next.end()));
+        let (taken, opacity) = (self.taken + next.taken, self.opacity.max(next.opacity));
         Self { middle: 0.5 * (from + to), half: 0.5 * (to - from), taken, opacity, ..*self }
+    }
+}
+
+/// Fragments of one strand, sorted, each as what it takes of the light that those before it have left: where they follow
+/// each other in a texel, the factors of all give the sum of their shares, or the opacity where that is less. Neighbours
+/// within `most_extent_mm` become one.
+fn shares_of_the_rest(fragments: &[Fragment], most_extent_mm: f64, out: &mut Vec<Fragment>) {
+    // The chain that goes on: what it has taken before its last fragment, and its end.
+    let (mut before, mut last): (f64, Option<Fragment>) = (0.0, None);
+    let mut close = |before: f64, fragment: Fragment| {
+        let all = (before + fragment.taken).min(fragment.opacity);
+        let taken = ((all - before) / (1.0 - before)).clamp(0.0, 1.0);
+        if taken > 0.0 {
+            out.push(Fragment { taken, ..fragment });
+        }
+        all.max(before)
+    };
+    for next in fragments {
+        last = Some(match last {
+            Some(here) if here.goes_on_in(next) => {
+                let joined = here.joined(next);
+                if 2.0 * joined.half <= most_extent_mm {
+                    joined
+                } else {
+                    before = close(before, here);
+                    *next
+                }
+            }
+            Some(here) => {
+                close(before, here);
+                before = 0.0;
+                *next
+            }
+            None => *next,
+        });
+    }
+    if let Some(here) = last {
+        close(before, here);
     }
 }
 
@@ -70,13 +121,18 @@ impl Fragment {
 /// place behind all; then the pieces, each two depths (mm) and an optical depth, in the order of records and depths.
 ///
 /// `first_records` is the tile table of a map with so many records.
+///
+/// # Errors
+/// Why the map would hold too much, in a few words: more than `most_bytes`.
 pub(super) fn line_words(
     strands: &Strands,
     space: &LightSpace,
     first_records: &[u32],
     records: u32,
-) -> Vec<u32> {
-    let drawing = Drawing { strands, space, first_records, most_extent_mm: space.texel_mm() };
+    most_bytes: u64,
+) -> Result<Vec<u32>, String> {
+    let (most_extent_mm, parts) = (space.texel_mm(), AtomicUsize::new(0));
+    let drawing = Drawing { strands, space, first_records, most_extent_mm, parts: &parts };
     let ranges = strands.segment_ranges();
     let drawn = ranges.par_chunks(STRANDS_AT_ONCE).map(|ranges| {
         let (mut of_one, mut all) = (Vec::new(), Vec::new());
@@ -84,11 +140,18 @@ pub(super) fn line_words(
             of_one.clear();
             drawing.draw(range.clone(), &mut of_one);
             of_one.sort_unstable_by(Fragment::place);
-            drawing.join(&of_one, &mut all);
+            shares_of_the_rest(&of_one, most_extent_mm, &mut all);
         }
         all
     });
-    let fragments = in_order(&drawn.collect::<Vec<_>>(), records);
+    let drawn = drawn.collect::<Vec<_>>();
+    let count: usize = drawn.iter().map(Vec::len).sum();
+    let bytes = 4 * (u64::from(records) + 1 + u64::from(PIECE_WORDS) * count as u64);
+    if drawing.is_too_much() || bytes > most_bytes {
+        let lists = format!("they cross its texels {count} times or more, {bytes} bytes");
+        return Err(format!("{lists}, and the adapter's lists hold {most_bytes}: it is too fine for them"));
+    }
+    let fragments = in_order(&drawn, records);
     let pieces = pieces(&fragments, space.z_range);
 
     let mut words = vec![0; records as usize + 1];
@@ -100,7 +163,7 @@ pub(super) fn line_words(
         *count = sum;
     }
     words.extend(pieces.iter().flat_map(|(_, numbers)| numbers.map(f32::to_bits)));
-    words
+    Ok(words)
 }
 
 struct Drawing<'a> {
@@ -108,39 +171,61 @@ struct Drawing<'a> {
     space: &'a LightSpace,
     first_records: &'a [u32],
     most_extent_mm: f64,
+    /// Parts that have been drawn by all threads.
+    parts: &'a AtomicUsize,
 }
 
 impl Drawing<'_> {
+    fn is_too_much(&self) -> bool {
+        self.parts.load(Ordering::Relaxed) > MOST_PARTS
+    }
+
     /// Fragments of a strand's segments.
     fn draw(&self, segments: Range<usize>, out: &mut Vec<Fragment>) {
         for index in segments {
             let segment = self.strands.segment(index);
-            let (diameter, opacity) = (segment.diameter_mm, 1.0 - segment.transparency);
-            if diameter <= 0.0 || opacity <= 0.0 {
-                continue;
-            }
-            let [a, b] = segment.ends;
-            let middle = 0.5 * (a + b);
-            let (way, texel_mm) = self.space.ray_and_texel_mm(middle);
-            let texels = diameter / texel_mm;
-            let lines = (texels * if texels < 1.0 { FEW_LINES } else { MANY_LINES }).ceil();
-            // Beyond the map's sides there is nothing to draw.
-            let lines = lines.clamp(1.0, MANY_LINES * f64::from(self.space.map_size));
-            let side = (b - a).cross(way).normalize_or_zero() * diameter;
-            for line in 0..lines as u32 {
-                let beside = side * ((f64::from(line) + 0.5) / lines - 0.5);
-                self.space.texels_along([a + beside, b + beside], self.most_extent_mm, |part| {
-                    let Some(record) = self.record(part.texel) else { return };
-                    out.push(Fragment {
-                        record,
-                        middle: part.depth_mm,
-                        half: 0.5 * (part.extent_mm + diameter / lines),
-                        taken: opacity * (diameter / lines * part.across_mm / part.texel_mm2).min(1.0),
-                        opacity,
-                    });
-                });
+            let opacity = 1.0 - segment.transparency;
+            if segment.diameter_mm > 0.0 && opacity > 0.0 && segment.ends[0] != segment.ends[1] {
+                self.draw_part(segment.ends, (segment.diameter_mm, opacity), MOST_HALVINGS, out);
             }
         }
+    }
+
+    /// Draws a straight strand between two points; halves where texels are much wider at one end than at the other.
+    fn draw_part(&self, [a, b]: [DVec3; 2], strand: (f64, f64), halvings: u32, out: &mut Vec<Fragment>) {
+        let middle = 0.5 * (a + b);
+        let (way, texel_mm) = self.space.ray_and_texel_mm(middle);
+        let widths = [a, b].map(|p| self.space.ray_and_texel_mm(p).1);
+        let [least, most] = [widths[0].min(widths[1]).min(texel_mm), widths[0].max(widths[1]).max(texel_mm)];
+        if self.is_too_much() {
+            return;
+        }
+        if most > MOST_CHANGE * least && halvings > 0 {
+            for half in [[a, middle], [middle, b]] {
+                self.draw_part(half, strand, halvings - 1, out);
+            }
+            return;
+        }
+        let (diameter, opacity) = strand;
+        let texels = diameter / least.max(f64::MIN_POSITIVE);
+        let lines =
+            (texels * if texels < 1.0 { FEW_LINES } else { MANY_LINES }).ceil().clamp(1.0, MOST_LINES);
+        let side = (b - a).cross(way).normalize_or_zero() * diameter;
+        let before = out.len();
+        for line in 0..lines as u32 {
+            let beside = side * ((f64::from(line) + 0.5) / lines - 0.5);
+            self.space.texels_along([a + beside, b + beside], self.most_extent_mm, |part| {
+                let Some(record) = self.record(part.texel) else { return };
+                out.push(Fragment {
+                    record,
+                    middle: part.depth_mm,
+                    half: 0.5 * (part.extent_mm + diameter / lines),
+                    taken: opacity * (diameter / lines * part.across_mm / part.texel_mm2).min(1.0),
+                    opacity,
+                });
+            });
+        }
+        self.parts.fetch_add(out.len() - before + lines as usize, Ordering::Relaxed);
     }
 
     /// The record of a texel, as `record_of` of `shaders/field/tile_table.wgsl` has it.
@@ -150,17 +235,6 @@ impl Drawing<'_> {
         let record = first + row % TILE * TILE + column % TILE;
         debug_assert!(record - first < TILE_TEXELS);
         Some(record)
-    }
-
-    /// Adds up what of one strand, sorted, follows each other within a texel.
-    fn join(&self, fragments: &[Fragment], out: &mut Vec<Fragment>) {
-        let first = out.len();
-        for next in fragments {
-            match out[first..].last_mut() {
-                Some(last) if last.goes_on_in(next, self.most_extent_mm) => *last = last.joined(next),
-                _ => out.push(*next),
-            }
-        }
     }
 }
 
@@ -207,7 +281,7 @@ fn pieces(fragments: &[Fragment], [start, end]: [f64; 2]) -> Vec<(u32, [f32; 3])
         };
         let from = beside(i.checked_sub(1)).unwrap_or(start).max(this.middle - this.half);
         let to = beside(Some(i + 1)).unwrap_or(end).min(this.middle + this.half);
-        (this.record, [from.min(end) as f32, to.max(start) as f32, depth as f32])
+        (this.record, [from.clamp(start, end) as f32, to.clamp(start, end) as f32, depth as f32])
     };
     (0..apart.len()).into_par_iter().map(piece).collect()
 }
@@ -230,14 +304,31 @@ mod tests {
         assert_eq!(found, expected);
     }
 
+    /// What a strand takes in all.
+    fn taken(fragments: &[Fragment], most_extent_mm: f64) -> (usize, f64) {
+        let mut out = Vec::new();
+        shares_of_the_rest(fragments, most_extent_mm, &mut out);
+        (out.len(), 1.0 - out.iter().map(|f| 1.0 - f.taken).product::<f64>())
+    }
+
     #[test]
-    fn parts_of_a_strand_take_no_more_than_it_can() {
-        let part = |middle: f64| Fragment { opacity: 0.6, ..fragment(0, middle, 0.1, 0.4) };
-        assert!(part(1.0).goes_on_in(&part(1.2), 1.0) && !part(1.0).goes_on_in(&part(1.3), 1.0));
-        assert!(!part(1.0).goes_on_in(&part(1.2), 0.3), "too deep together");
-        let both = part(1.0).joined(&part(1.2));
-        assert!((both.middle - 1.1).abs() < 1e-12 && (both.half - 0.2).abs() < 1e-12);
-        assert_eq!((both.taken, both.opacity), (0.6, 0.6));
+    fn parts_of_a_strand_add_up_to_no_more_than_its_opacity() {
+        let chain = |count: u32, taken: f64| -> Vec<Fragment> {
+            let part = |i: u32| Fragment { opacity: 0.6, ..fragment(0, f64::from(i), 0.5, taken) };
+            (0..count).map(part).collect()
+        };
+        // However many of them are joined.
+        for (most_extent, pieces) in [(0.5, 5), (2.0, 3), (100.0, 1)] {
+            let (count, all) = taken(&chain(5, 0.1), most_extent);
+            assert_eq!(count, pieces);
+            assert!((all - 0.5).abs() < 1e-12, "{all}");
+            assert!((taken(&chain(50, 0.1), most_extent).1 - 0.6).abs() < 1e-12);
+        }
+        // Apart from each other they are as other strands.
+        let apart = [fragment(0, 0.0, 0.1, 0.5), fragment(0, 5.0, 0.1, 0.5), fragment(1, 5.05, 0.1, 0.5)];
+        let (count, all) = taken(&apart, 1.0);
+        assert!(count == 3 && (all - 0.875).abs() < 1e-12, "{count} {all}");
+        assert_eq!(taken(&[fragment(0, 0.0, 0.1, 0.0)], 1.0).0, 0, "what takes nothing is left out");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::constants::{NO_TILE, TILE_TEXELS};
 use super::shader::LINES_BINDING;
 use super::strand_lines::line_words;
 use super::{BuildContext, LightSpace, MapShape, March, Omittable};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
 
 /// Passes over the tiles of a map under which active bricks lie (Hadwiger et al. 2006, 3.4).
@@ -47,7 +47,12 @@ impl<'a> TileMarch<'a> {
             table_texture(gpu, "tile table", wgpu::TextureFormat::R32Uint, [across, across], &entries)?;
         let lines = (shape.march == March::Lines).then(|| {
             let records = list.len() as u32 * TILE_TEXELS;
-            let words = line_words(context.drawn_strands()?, &light_space, &entries, records);
+            let strands = context.drawn_strands()?;
+            let most = gpu.device.limits().max_storage_buffer_binding_size;
+            let words = line_words(strands, &light_space, &entries, records, most).map_err(|why| {
+                Error::runtime("cannot draw strands into the map", "from=lines", why)
+                    .hint("a smaller map= has fewer texels")
+            })?;
             StorageBuffer::from_slice(gpu, "strands in the map", &words)
         });
         Ok(Self {

@@ -179,6 +179,14 @@ impl Strands {
         self.arrays.thickness_mm.values.is_some() || self.arrays.thickness_mm.default > 0.0
     }
 
+    /// The largest diameter of a segment, mm; 0 where there is none.
+    pub fn widest_mm(&self) -> f64 {
+        let thickness = &self.arrays.thickness_mm;
+        let default = f64::from(thickness.default);
+        let widest = |values: &Vec<f32>| values.iter().copied().fold(0.0, f32::max).into();
+        thickness.values.as_ref().map_or(default, widest)
+    }
+
     /// The same strands, all of one diameter.
     ///
     /// # Errors

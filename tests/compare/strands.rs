@@ -9,7 +9,10 @@ use umbravox::strands::{Attribute, StrandArrays, Strands, write_hair};
 fn compare(folder: &Path, volume: &str, extra: &[&str]) -> (Vec<HashMap<String, String>>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_umbravox"));
     command.current_dir(folder).args(["compare", volume, "-o", "out", "--rays=10", "--depths=10"]);
-    command.args(["--points=1500", "--repeats=1", "--methods=none;rays", "--overwrite"]).args(extra);
+    command.args(["--points=1500", "--repeats=1", "--overwrite"]).args(extra);
+    if !extra.iter().any(|flag| flag.starts_with("--methods")) {
+        command.arg("--methods=none;rays");
+    }
     let Output { status, stderr, .. } = command.output().unwrap();
     let stderr = String::from_utf8(stderr).unwrap();
     assert!(status.success(), "{stderr}");
@@ -88,4 +91,21 @@ fn curls_are_measured_against_their_cylinders() {
     );
     let (rows, stderr) = compare(dir.path(), "phantom:slab:8", &["--size=32x32", "--tf=tf.json"]);
     assert!(rows[0]["strand_err_rms"].is_empty() && !stderr.contains("strand_err_rms"), "{stderr}");
+}
+
+/// Drawn straight into the map, curls cast the shadows of their cylinders more closely than by way of voxels.
+#[test]
+fn curls_drawn_into_maps_are_closer_to_their_cylinders() {
+    if no_adapter("compare of curls that are drawn") {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let methods = "--methods=dsm:from=voxels,lines;avsm:from=voxels,lines;bom:from=voxels,lines";
+    let scene = ["--size=48x48", "--resolution=96", methods];
+    let (rows, _) = compare(dir.path(), "phantom:hair-curly:200000", &scene);
+    for pair in rows.chunks(2) {
+        let [voxels, lines] = [&pair[0], &pair[1]].map(error);
+        println!("{}: voxels {voxels}, lines {lines}", pair[0]["method"]);
+        assert!(lines < 0.9 * voxels, "{}: {lines} {voxels}", pair[0]["method"]);
+    }
 }

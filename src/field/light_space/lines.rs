@@ -97,6 +97,10 @@ impl LightSpace {
         let [a, b] = ends.map(|p| self.frame_from_world.transform_point3(p));
         let size = f64::from(self.map_size);
         let least = NEAREST * (a.length() + b.length() + self.light_distance);
+        // A point has no length, and as a light's own place no texel.
+        if a == b {
+            return;
+        }
         for part in self.straight_parts(a, b) {
             let least = if self.projection == Projection::Orthographic { 0.0 } else { least };
             let Some(line) = part.on_map(size, least) else { continue };

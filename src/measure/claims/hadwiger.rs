@@ -195,7 +195,7 @@ fn nodes() -> Vec<Claim> {
             "more than deep shadow maps",
         )
         .on(&[CHEST, STRAIGHT])
-        .needs(AS_IS, "dsm:epsilon=0.02,map=256;lightvolume:scale=2,1")
+        .needs(AS_IS, "dsm:epsilon=0.02,map=256;lightvolume:scale=2,1,bits=8")
         .judged(
             "A light at every second voxel is medium quality: yes where the lattice takes more bytes than the deep shadow map and \
              is further from the exact light, partly where it does one of both.",

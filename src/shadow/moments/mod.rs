@@ -28,7 +28,8 @@
 //!   optical depth is a 32-bit float, as in the papers. Texels are filtered by the program, since core WebGPU stores no 16-bit
 //!   steps and not every adapter filters 32-bit floats.
 //! * `bias` is a factor to the paper's own: with 32-bit floats 5e-7, 5e-6 and 5e-5 for 4, 6 and 8 powers, 4e-7, 8e-7 and
-//!   1.5e-6 for 2, 3 and 4 complex ones; with 16 bits 6e-5, 6e-4 and 2.5e-3, and 4e-4, 6.5e-4 and 8.5e-4.
+//!   1.5e-6 for 2, 3 and 4 complex ones; with 16 bits 4e-4, 6.5e-4 and 8.5e-4 for complex
+//!   ones, and for powers a tenth of the papers' 6e-5, 6e-4 and 2.5e-3, since steps of Chebyshev's means are finer.
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
 use super::method::{Curve, Entry};
@@ -106,12 +107,12 @@ pub(super) static ENTRY: Entry = Entry {
 };
 
 impl MomentMap {
-    /// The paper's bias, and the even moments of the distribution towards which powers are biased.
-    fn papers_bias(&self) -> (f64, [f32; 4]) {
+    /// The bias at 1, and the even moments of the distribution towards which powers are biased.
+    fn unit_bias(&self) -> (f64, [f32; 4]) {
         let (of_floats, of_words, wide) = match (self.basis, self.moments) {
-            (Basis::Power, 4) => (5e-7, 6e-5, [0.375, 0.375, 0.0, 0.0]),
-            (Basis::Power, 6) => (5e-6, 6e-4, [0.48, 0.451, 0.45, 0.0]),
-            (Basis::Power, _) => (5e-5, 2.5e-3, [0.75, 0.676_666_7, 0.63, 0.600_303]),
+            (Basis::Power, 4) => (5e-7, 6e-6, [0.375, 0.375, 0.0, 0.0]),
+            (Basis::Power, 6) => (5e-6, 6e-5, [0.48, 0.451, 0.45, 0.0]),
+            (Basis::Power, _) => (5e-5, 2.5e-4, [0.75, 0.676_666_7, 0.63, 0.600_303]),
             (Basis::Trigonometric, 4) => (4e-7, 4e-4, [0.0; 4]),
             (Basis::Trigonometric, 6) => (8e-7, 6.5e-4, [0.0; 4]),
             (Basis::Trigonometric, _) => (1.5e-6, 8.5e-4, [0.0; 4]),
@@ -135,7 +136,7 @@ impl VectorMap for MomentMap {
     }
 
     fn recipe(&self) -> Recipe {
-        let (bias, wide) = self.papers_bias();
+        let (bias, wide) = self.unit_bias();
         let circle = self.basis == Basis::Trigonometric;
         let degree = match self.moments {
             4 => "DEGREE_2",
