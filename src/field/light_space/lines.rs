@@ -180,7 +180,10 @@ impl LightSpace {
         visit: &mut impl FnMut(LineInTexel),
     ) {
         let depths = [from, to].map(|p| self.depth(p));
-        let parts = ((depths[1] - depths[0]).abs() / most_extent_mm).ceil().clamp(1.0, MOST_PARTS);
+        // Near a point light the area of a texel changes along a part, too.
+        let nearest = [from, to].map(|p| self.distance(p)).into_iter().fold(f64::INFINITY, f64::min);
+        let extent_mm = most_extent_mm.min(MOST_SHARE * nearest);
+        let parts = ((depths[1] - depths[0]).abs() / extent_mm).ceil().clamp(1.0, MOST_PARTS);
         for part in 0..parts as u32 {
             let [a, b] = [part, part + 1].map(|i| from.lerp(to, f64::from(i) / parts));
             let middle = 0.5 * (a + b);
@@ -192,6 +195,15 @@ impl LightSpace {
                 across_mm: (b - a).cross(ray).length(),
                 texel_mm2,
             });
+        }
+    }
+
+    /// Distance of a point of the light frame from the light, mm.
+    fn distance(&self, p: DVec3) -> f64 {
+        match self.projection {
+            Projection::Orthographic => f64::INFINITY,
+            Projection::Perspective => (p + DVec3::Z * self.light_distance).length(),
+            Projection::Octahedral => p.length(),
         }
     }
 
@@ -215,6 +227,8 @@ impl LightSpace {
 
 /// Parts of a line in one texel: what is deeper than so many times the limit is cut into longer ones.
 const MOST_PARTS: f64 = 4096.0;
+/// How deep a part is at the most, as a share of its distance from the light.
+const MOST_SHARE: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {
