@@ -31,8 +31,10 @@ const SAME_DEPTH: f64 = 1e-6;
 /// A segment is halved, so often at the most, until a texel is this many times as wide at one end as at the other at most.
 const MOST_CHANGE: f64 = 1.25;
 const MOST_HALVINGS: u32 = 12;
-/// Lines beside each other for a part of a segment, and parts of all of them, at the most: tens of seconds.
-const MOST_LINES: f64 = 4096.0;
+/// Lines beside each other for a part of a segment, at the most, for each texel along a side of the map: a strand that is
+/// wider holds the light.
+const MOST_LINES: f64 = 4.0;
+/// Parts of all lines, at the most: tens of seconds.
 const MOST_PARTS: usize = 1 << 28;
 /// Words of a piece.
 const PIECE_WORDS: u32 = 3;
@@ -208,8 +210,8 @@ impl Drawing<'_> {
         }
         let (diameter, opacity) = strand;
         let texels = diameter / least.max(f64::MIN_POSITIVE);
-        let lines =
-            (texels * if texels < 1.0 { FEW_LINES } else { MANY_LINES }).ceil().clamp(1.0, MOST_LINES);
+        let lines = (texels * if texels < 1.0 { FEW_LINES } else { MANY_LINES }).ceil();
+        let lines = lines.clamp(1.0, MOST_LINES * f64::from(self.space.map_size));
         let side = (b - a).cross(way).normalize_or_zero() * diameter;
         let before = out.len();
         for line in 0..lines as u32 {
