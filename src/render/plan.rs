@@ -276,7 +276,8 @@ fn raycast_shader(
 pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = Vec::new();
     // A shading's own factor does not meet the lookup: that there is one does.
-    let shadings: &[Shading] = if lookup.is_some() { &[Shading::None, Shading::Lambert] } else { &Shading::ALL };
+    let shadings: &[Shading] =
+        if lookup.is_some() { &[Shading::None, Shading::Lambert] } else { &Shading::ALL };
     for &shading in shadings {
         for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
             list.push(raycast_shader(lookup, shading, skip_bricks, one_color, false));

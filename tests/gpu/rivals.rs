@@ -205,7 +205,9 @@ fn moments_in_words_are_those_in_floats() {
                 let square: f32 = pairs.map(|(a, b)| (a - b).powi(2)).sum();
                 let rms = (square / points.len() as f32).sqrt();
                 println!("{place}, {kind}, {filter}: {rms:.5}");
-                assert!(rms < 0.03, "{place}, {kind}, {filter}: {rms}");
+                // On the circle, 8 floats are near to rounding themselves: SwiftShader's sines are coarser than others'.
+                let most = if kind.contains("trigonometric") { 0.06 } else { 0.03 };
+                assert!(rms < most, "{place}, {kind}, {filter}: {rms}");
             }
         }
     }
