@@ -275,9 +275,9 @@ fn raycast_shader(
 /// Every ray caster that a plan can ask for, but for combinations of parts that do not meet.
 pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = Vec::new();
-    // A shading's own factor does not meet the lookup: that there is one does.
+    // A shading's own factor does not meet the lookup: that there is one does, and this one has most to it.
     let shadings: &[Shading] =
-        if lookup.is_some() { &[Shading::None, Shading::Lambert] } else { &Shading::ALL };
+        if lookup.is_some() { &[Shading::None, Shading::BlinnPhong] } else { &Shading::ALL };
     for &shading in shadings {
         for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
             list.push(raycast_shader(lookup, shading, skip_bricks, one_color, false));
