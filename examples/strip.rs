@@ -28,20 +28,22 @@ const SIDE: u32 = 264;
 /// Pixels between panels, and the width of the plot in heights of a panel.
 const GAP: u32 = 6;
 const PLOT: f64 = 1.25;
-/// Methods with their colours, and where their names stand: beside (x) and below (y) their last point, in font sizes.
-const METHODS: [(&str, &str, [f64; 2]); 11] = [
-    ("none", "#ffffff", [0.6, 0.3]),
-    ("rays", "#e48cbf", [-2.6, 0.2]),
-    ("dsm", "#5ab4f0", [0.6, 0.3]),
-    ("osm", "#e69f00", [0.6, 0.9]),
-    ("dom", "#1fc191", [-2.7, 0.8]),
-    ("bom", "#f07a30", [0.7, 0.2]),
-    ("clusters", "#c8c850", [0.6, 0.3]),
-    ("fourier", "#d8609c", [0.6, 0.3]),
-    ("avsm", "#66d9c4", [0.6, 0.3]),
-    ("moments", "#9a8cf0", [0.6, 0.3]),
-    ("lightvolume", "#6fcf80", [0.6, 0.3]),
+/// Methods with their colours.
+const METHODS: [(&str, &str); 11] = [
+    ("none", "#ffffff"),
+    ("rays", "#e48cbf"),
+    ("dsm", "#5ab4f0"),
+    ("osm", "#e69f00"),
+    ("dom", "#1fc191"),
+    ("bom", "#f07a30"),
+    ("clusters", "#c8c850"),
+    ("fourier", "#d8609c"),
+    ("avsm", "#66d9c4"),
+    ("moments", "#9a8cf0"),
+    ("lightvolume", "#6fcf80"),
 ];
+/// What the plot shows: errors from this one on (`rays` is farther off than all others are apart, and is said in words).
+const LEAST_ERROR: f64 = 1e-3;
 
 fn main() -> umbravox::Result<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -94,64 +96,89 @@ fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbaImage)>> {
     Ok(panels)
 }
 
-/// Error against time of a table's rows, a line a method.
-fn plot(table: &Path, left: f64, height: f64, size: f64) -> umbravox::Result<String> {
+/// Time and error of every row of a table, a list a method.
+fn points(table: &Path) -> umbravox::Result<BTreeMap<String, Vec<[f64; 2]>>> {
     let mut reader = csv::Reader::from_path(table).map_err(|e| failed(table.display(), &e))?;
     let mut points: BTreeMap<String, Vec<[f64; 2]>> = BTreeMap::new();
     for row in reader.deserialize::<BTreeMap<String, String>>() {
         let row = row.map_err(|e| failed(table.display(), &e))?;
         let number = |column: &str| row.get(column).and_then(|v| v.parse::<f64>().ok());
         if let (Some(build), Some(frame), Some(error)) =
-            (number("build_ms"), number("frame_ms"), number("ray_err_max"))
+            (number("build_ms"), number("frame_ms"), number("point_err_rms"))
         {
             let method = row.get("method").cloned().unwrap_or_default();
-            points.entry(method).or_default().push([(build + frame).log10(), error.log10()]);
+            points.entry(method).or_default().push([1e-3 * (build + frame), error]);
         }
     }
-    let all = || points.values().flatten();
+    Ok(points)
+}
+
+/// Error against time of a table's rows, a line a method, on logarithmic axes; names stand in a column beside it.
+fn plot(table: &Path, left: f64, height: f64, size: f64) -> umbravox::Result<String> {
+    let points = points(table)?;
+    let shown = |p: &&[f64; 2]| p[1] >= LEAST_ERROR;
     let range = |axis: usize| {
-        let lowest = all().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-        let highest = all().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-        [lowest - 0.1 * (highest - lowest), highest + 0.1 * (highest - lowest)]
+        let all = points.values().flatten().filter(shown).map(|p| p[axis].log10());
+        let [lo, hi] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
+        [lo - 0.08 * (hi - lo), hi + 0.08 * (hi - lo)]
     };
     let (xs, ys) = (range(0), range(1));
     let (from, to) =
-        ([left + 3.0 * size, 3.2 * size], [left + PLOT * height - 0.8 * size, height - 2.6 * size]);
-    let x = |v: f64| from[0] + (v - xs[0]) / (xs[1] - xs[0]) * (to[0] - from[0]);
-    let y = |v: f64| to[1] - (v - ys[0]) / (ys[1] - ys[0]) * (to[1] - from[1]);
-    let mut svg = text([left + 0.5 * size, 1.2 * size], size, "#ffffff", "largest error against time");
+        ([left + 2.6 * size, 3.2 * size], [left + PLOT * height - 7.0 * size, height - 2.6 * size]);
+    let x = |v: f64| from[0] + (v.log10() - xs[0]) / (xs[1] - xs[0]) * (to[0] - from[0]);
+    let y = |v: f64| to[1] - (v.log10() - ys[0]) / (ys[1] - ys[0]) * (to[1] - from[1]);
+    let mut svg =
+        text([left + 0.5 * size, 1.2 * size], size, "#ffffff", "rms error of what is seen, against time");
     let small = 0.72 * size;
-    let line = |a: [f64; 2], b: [f64; 2], color: &str| {
-        format!(r#"<line x1="{}" y1="{}" x2="{}" y2="{}" stroke="{color}"/>"#, a[0], a[1], b[0], b[1])
+    let line = |a: [f64; 2], b: [f64; 2], color: &str, width: f64| {
+        let [[ax, ay], [bx, by]] = [a, b];
+        format!(
+            r#"<line x1="{ax:.1}" y1="{ay:.1}" x2="{bx:.1}" y2="{by:.1}" stroke="{color}" stroke-width="{width}"/>"#
+        )
     };
-    for decade in ys[0].ceil() as i32..=ys[1].floor() as i32 {
-        let at = y(decade.into());
-        svg += &line([from[0], at], [to[0], at], "#444444");
-        let label = format!("{}", 10_f64.powi(decade));
-        svg += &text([left + 0.4 * size, at + 0.3 * small], small, "#bbbbbb", &label);
+    for error in [0.003, 0.01, 0.03, 0.1, 0.3, 1.0] {
+        let at = y(error);
+        if (from[1]..=to[1]).contains(&at) {
+            svg += &line([from[0], at], [to[0], at], "#444444", 2.0);
+            svg += &text([left + 0.4 * size, at + 0.3 * small], small, "#bbbbbb", &error.to_string());
+        }
     }
-    for (exponent, label) in [(2, "0.1 s"), (3, "1 s"), (4, "10 s"), (5, "100 s")] {
-        let at = x(exponent.into());
+    for seconds in [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0] {
+        let at = x(seconds);
         if (from[0]..=to[0]).contains(&at) {
-            svg += &line([at, from[1]], [at, to[1]], "#444444");
-            svg += &text([at - small, to[1] + 1.4 * small], small, "#bbbbbb", label);
+            svg += &line([at, from[1]], [at, to[1]], "#444444", 2.0);
+            svg += &text([at - small, to[1] + 1.4 * small], small, "#bbbbbb", &format!("{seconds} s"));
         }
     }
-    for (method, color, [beside, below]) in METHODS {
+    let mut names: Vec<(f64, [f64; 2], &str, &str)> = Vec::new();
+    for (method, color) in METHODS {
         let Some(points) = points.get(method) else { continue };
-        let places: Vec<String> = points.iter().map(|p| format!("{:.1},{:.1}", x(p[0]), y(p[1]))).collect();
+        let shown: Vec<[f64; 2]> = points.iter().filter(shown).map(|p| [x(p[0]), y(p[1])]).collect();
+        let Some(&last) = shown.last() else {
+            for [seconds, error] in points {
+                let words = format!("{method}: {error:.0e} in {seconds:.0} s");
+                svg += &text([from[0], height - 0.4 * size], small, color, &words);
+            }
+            continue;
+        };
+        let places: Vec<String> = shown.iter().map(|p| format!("{:.1},{:.1}", p[0], p[1])).collect();
         svg += &format!(r#"<polyline points="{}" fill="none" stroke="{color}"/>"#, places.join(" "));
-        for p in points {
-            svg += &format!(
-                r#"<circle cx="{:.1}" cy="{:.1}" r="{:.1}" fill="{color}"/>"#,
-                x(p[0]),
-                y(p[1]),
-                0.25 * size
-            );
+        for [x, y] in &shown {
+            svg += &format!(r#"<circle cx="{x:.1}" cy="{y:.1}" r="{:.1}" fill="{color}"/>"#, 0.25 * size);
         }
-        if let Some(last) = points.last() {
-            svg += &text([x(last[0]) + beside * size, y(last[1]) + below * size], size, color, method);
-        }
+        names.push((last[1], last, method, color));
+    }
+    // Names in the order of their points, a line's height apart.
+    names.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let apart = 1.05 * size;
+    for i in 0..names.len() {
+        let room_below = to[1] - (names.len() - 1 - i) as f64 * apart;
+        let above = if i == 0 { from[1] - size } else { names[i - 1].0 + apart };
+        names[i].0 = names[i].0.min(room_below).max(above);
+    }
+    for (at, last, method, color) in names {
+        svg += &line([last[0] + 0.35 * size, last[1]], [to[0] + 0.4 * size, at], color, 0.7);
+        svg += &text([to[0] + 0.6 * size, at + 0.3 * size], size, color, method);
     }
     Ok(svg)
 }
