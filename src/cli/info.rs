@@ -129,6 +129,7 @@ impl Info {
         let form = match self.affine_source {
             AffineSource::Sform => "sform",
             AffineSource::Qform => "qform",
+            AffineSource::Axes => "directions and origin",
             AffineSource::Spacing => "voxel sizes",
         };
         for (row, values) in self.affine[..3].iter().enumerate() {

@@ -9,6 +9,8 @@ use crate::files::hash::sha256_of_files;
 use crate::files::loading::Loading;
 use crate::scene::Shading;
 use crate::strands::{HAIR_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
+use crate::volume::formats::raw::RawFile;
+use crate::volume::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack};
 use crate::volume::{Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
 use serde::Serialize;
@@ -22,12 +24,15 @@ pub struct ReadFlags {
     /// big-endian [default: from a name like foot_256x256x256_uint8.raw]
     #[arg(long, value_name = "LAYOUT", value_parser = values::raw_layout, help_heading = "Volume")]
     pub raw: Option<RawLayout>,
-    /// Voxel spacing of a raw file, mm [default: 1,1,1]
+    /// Voxel spacing of a file that does not say it (raw, .npy, TIFF), or to win over it, mm [default: the file's, or 1,1,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::spacing_mm, allow_hyphen_values = true, help_heading = "Volume")]
     pub spacing: Option<[f64; 3]>,
     /// Bytes before the first voxel of a raw file [default: 0]
     #[arg(long, value_name = "BYTES", allow_hyphen_values = true, help_heading = "Volume")]
     pub offset: Option<u64>,
+    /// Which series of a folder of DICOM files, from 1, where it holds several: the order of their series numbers
+    #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
+    pub series: Option<usize>,
     /// Which volume of a 4-D file, from 0 [default: 0]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
     pub frame: Option<usize>,
@@ -57,7 +62,7 @@ impl VolumeSpec {
         Path::new(&self.source)
     }
 
-    /// SHA-256 of the file, or of both of a pair one after the other; `None` for what is built in.
+    /// SHA-256 of the file, or of all of several one after the other; `None` for what is built in.
     ///
     /// # Errors
     /// A file that cannot be read.
@@ -65,7 +70,7 @@ impl VolumeSpec {
         if self.phantom().is_some() {
             return Ok(None);
         }
-        let files = nifti::files_of(self.path());
+        let files = self.format().map(|format| (format.files)(self)).transpose()?.unwrap_or_default();
         sha256_of_files(files.iter().map(PathBuf::as_path)).map(Some)
     }
 
@@ -78,6 +83,31 @@ impl VolumeSpec {
     fn layout(&self) -> Option<RawLayout> {
         let of_name = || RawLayout::from_file_name(self.path());
         self.phantom().is_none().then(|| self.flags.raw.or_else(of_name)).flatten()
+    }
+
+    /// As a raw file: its layout from `--raw`, from what stands beside it, or from its name.
+    fn raw_file(&self) -> Result<RawFile> {
+        let sidecar = if self.flags.raw.is_none() { Sidecar::beside(self.path())? } else { None };
+        let layout = match (&sidecar, self.layout()) {
+            (Some(said), _) => said.raw_layout()?,
+            (None, Some(layout)) => layout,
+            (None, None) => {
+                return Err(Error::input("cannot read raw volume", &self.source, "nothing says its layout")
+                    .hint("--raw DIMXxDIMYxDIMZ:TYPE, or a name like foot_256x256x256_uint8.raw"));
+            }
+        };
+        let (spacing_mm, offset_bytes) = (self.flags.spacing, self.flags.offset.unwrap_or(0));
+        Ok(RawFile { layout, spacing_mm, offset_bytes, sidecar })
+    }
+
+    /// The format that it is of; `None` where it has no first bytes to tell.
+    fn format(&self) -> Option<&'static Format> {
+        let head = if self.phantom().is_some() { Head::default() } else { Head::of(self.path()) };
+        FORMATS.iter().find(|f| (f.sniff)(self, &head))
+    }
+
+    fn frame(&self) -> usize {
+        self.flags.frame.unwrap_or(0)
     }
 
     /// Whether strands are what it names.
@@ -135,65 +165,124 @@ pub struct Format {
     pub endings: &'static [&'static str],
     /// The keys of [`ReadFlags`] that apply.
     pub flags: &'static [&'static str],
-    /// Whether an input is of this format, by name, flags or its first bytes.
-    sniff: fn(&VolumeSpec) -> bool,
+    /// Whether an input is of this format: by flags, by its first bytes, by its name.
+    sniff: fn(&VolumeSpec, &Head) -> bool,
     read: fn(&VolumeSpec, &Loading) -> Result<Read>,
+    /// The files that an input consists of.
+    files: fn(&VolumeSpec) -> Result<Vec<PathBuf>>,
+}
+
+/// The file of that name.
+fn itself(spec: &VolumeSpec) -> Result<Vec<PathBuf>> {
+    Ok(vec![spec.path().into()])
 }
 
 /// Every format, in the order in which they are tried; the last one takes whatever no other one does, and says why not.
 pub const FORMATS: &[Format] = &[
     Format {
-        kind: "raw voxels",
-        asked_as: "raw files with --raw DIMXxDIMYxDIMZ:TYPE",
-        endings: &["raw"],
-        flags: &["raw", "spacing", "offset"],
-        sniff: |spec| spec.layout().is_some(),
+        kind: "a built-in volume",
+        asked_as: "phantom:NAME[:SIZE]",
+        endings: &[],
+        flags: &[],
+        sniff: |spec, _| spec.phantom().is_some() && !spec.is_of_strands(),
         read: |spec, loading| {
-            let layout = spec
-                .layout()
-                .ok_or_else(|| Error::input("cannot read raw volume", &spec.source, "no layout"))?;
-            let (spacing, offset) = (spec.flags.spacing, spec.flags.offset.unwrap_or(0));
-            raw::read_with(spec.path(), layout, spacing, offset, loading).map(Read::from)
+            let (phantom, size) =
+                Phantom::parse(spec.phantom().unwrap_or_default(), &StrandSet::ALL.map(StrandSet::name))?;
+            phantom.build_with(size, loading).map(Read::from)
         },
+        files: |_| Ok(Vec::new()),
+    },
+    Format {
+        kind: "raw voxels",
+        asked_as: "raw files with --raw DIMXxDIMYxDIMZ:TYPE (.raw, .raw.gz)",
+        endings: &["raw", "gz"],
+        flags: &["raw", "spacing", "offset"],
+        sniff: |spec, head| {
+            let raw = head.is_named(&["raw", "raw.gz"]);
+            spec.layout().is_some() || raw && Sidecar::path_of(spec.path()).is_file()
+        },
+        read: |spec, loading| raw::read_with(spec.path(), &spec.raw_file()?, loading).map(Read::from),
+        files: itself,
+    },
+    Format {
+        kind: "a DICOM series",
+        asked_as: "DICOM (a folder, or a file of it)",
+        endings: dicom::EXTENSIONS,
+        flags: &["series", "frame"],
+        sniff: |_, head| dicom::is_dicom(head),
+        read: |spec, loading| {
+            dicom::read_with(spec.path(), spec.flags.series, spec.frame(), loading).map(Read::from)
+        },
+        files: |spec| dicom::files_of(spec.path(), spec.flags.series),
+    },
+    Format {
+        kind: "NRRD",
+        asked_as: "NRRD (.nrrd, .nhdr)",
+        endings: nrrd::EXTENSIONS,
+        flags: &["frame"],
+        sniff: |_, head| nrrd::is_nrrd(head),
+        read: |spec, loading| nrrd::read_with(spec.path(), spec.frame(), loading).map(Read::from),
+        files: |spec| nrrd::files_of(spec.path()),
+    },
+    Format {
+        kind: "a MetaImage",
+        asked_as: "MetaImage (.mha, .mhd)",
+        endings: metaimage::EXTENSIONS,
+        flags: &["frame"],
+        sniff: |_, head| metaimage::is_metaimage(head),
+        read: |spec, loading| metaimage::read_with(spec.path(), spec.frame(), loading).map(Read::from),
+        files: |spec| metaimage::files_of(spec.path()),
+    },
+    Format {
+        kind: "a TIFF stack",
+        asked_as: "TIFF (a file of pages, or a folder of files)",
+        endings: tiff_stack::EXTENSIONS,
+        flags: &["frame", "spacing"],
+        sniff: |_, head| tiff_stack::is_tiff(head),
+        read: |spec, loading| {
+            tiff_stack::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
+        },
+        files: |spec| Ok(tiff_stack::files_of(spec.path())),
+    },
+    Format {
+        kind: "a NumPy array",
+        asked_as: "NumPy (.npy)",
+        endings: npy::EXTENSIONS,
+        flags: &["frame", "spacing"],
+        sniff: |_, head| npy::is_npy(head),
+        read: |spec, loading| {
+            npy::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
+        },
+        files: itself,
     },
     Format {
         kind: "of strands",
         asked_as: "strands (.hair)",
         endings: HAIR_EXTENSIONS,
         flags: &["resolution", "kernel", "thickness"],
-        sniff: VolumeSpec::is_of_strands,
+        sniff: |spec, _| spec.is_of_strands(),
         read: |spec, loading| {
             let strands = load_strands(&spec.source, spec.flags.strands.thickness, loading)?;
             let StrandVolume { volume, grid, kernel, .. } = spec.flags.strands.voxelise(&strands, loading)?;
             Ok(Read { volume, strands: Some(Arc::new(VoxelisedStrands::new(strands, grid, kernel))) })
         },
-    },
-    Format {
-        kind: "a built-in volume",
-        asked_as: "phantom:NAME[:SIZE]",
-        endings: &[],
-        flags: &[],
-        sniff: |spec| spec.phantom().is_some(),
-        read: |spec, loading| {
-            let (phantom, size) =
-                Phantom::parse(spec.phantom().unwrap_or_default(), &StrandSet::ALL.map(StrandSet::name))?;
-            phantom.build_with(size, loading).map(Read::from)
-        },
+        files: |spec| Ok(if spec.phantom().is_some() { Vec::new() } else { vec![spec.path().into()] }),
     },
     Format {
         kind: "read as NIfTI",
-        asked_as: "NIfTI (.nii, .nii.gz, .hdr with .img)",
+        asked_as: "NIfTI and Analyze 7.5 (.nii, .nii.gz, .hdr with .img)",
         endings: &["nii", "gz", "hdr", "img"],
         flags: &["frame"],
-        sniff: |_| true,
+        sniff: |_, _| true,
         read: |spec, loading| {
             let path = spec.path();
-            let read = nifti::read_with(path, spec.flags.frame.unwrap_or(0), loading).map_err(|e| {
+            let read = nifti::read_with(path, spec.frame(), loading).map_err(|e| {
                 let unknown = e.hint.is_none() && path.exists() && !nifti::is_nifti(path);
                 if unknown { e.hint(format!("accepted are {}", accepted())) } else { e }
             });
             read.map(Read::from)
         },
+        files: |spec| Ok(nifti::files_of(spec.path())),
     },
 ];
 
@@ -224,7 +313,7 @@ pub fn load_with(spec: &VolumeSpec, loading: &Loading) -> Result<Volume> {
 /// As there.
 pub fn read_with(spec: &VolumeSpec, loading: &Loading) -> Result<Read> {
     loading.go_on(&spec.source)?;
-    let format = FORMATS.iter().find(|f| (f.sniff)(spec)).unwrap_or(&FORMATS[FORMATS.len() - 1]);
+    let format = spec.format().unwrap_or(&FORMATS[FORMATS.len() - 1]);
     refuse_flags(spec, format)?;
     let outcome = (format.read)(spec, loading);
     // Whatever else went wrong then did so because of that.

@@ -6,21 +6,19 @@
 mod bricks;
 mod directions;
 mod element;
+pub mod formats;
 mod histogram;
-pub mod nifti;
-mod nifti_header;
-mod nifti_write;
 mod phantom;
-pub mod raw;
 mod thorax;
 
 pub use bricks::{BRICK_CELLS, Bricks};
 pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
+pub use formats::nifti_write::{NIFTI_EXTENSIONS, write_nifti};
+pub use formats::raw::RawLayout;
+pub use formats::{nifti, raw};
 pub use histogram::Histogram;
-pub use nifti_write::{NIFTI_EXTENSIONS, write_nifti};
 pub use phantom::Phantom;
-pub use raw::RawLayout;
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
@@ -45,6 +43,17 @@ pub enum Voxels {
     /// 64-bit floats.
     F64(Array3<f64>),
 }
+
+macro_rules! of_arrays {
+    ($($kind:ident($t:ty)),*) => { $(
+        impl From<Array3<$t>> for Voxels {
+            fn from(array: Array3<$t>) -> Self {
+                Self::$kind(array)
+            }
+        }
+    )* };
+}
+of_arrays!(U8(u8), I16(i16), U16(u16), F32(f32), F64(f64));
 
 /// Runs `$body` with `$array` bound to the typed array inside a [`Voxels`].
 #[macro_export]
@@ -104,6 +113,8 @@ pub enum AffineSource {
     Sform,
     /// The `qform` of a NIfTI file.
     Qform,
+    /// Directions of the axes and an origin, as other formats have them.
+    Axes,
     /// Voxel sizes only (also raw files and phantoms).
     Spacing,
 }

@@ -1,7 +1,7 @@
 //! NIfTI-1 and NIfTI-2 headers brought to one form, and the affine that they give.
 
-use super::element::{ByteOrder, Element};
-use super::{AffineSource, Scaling};
+use crate::volume::element::{ByteOrder, Element};
+use crate::volume::{AffineSource, Scaling};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// Size in bytes of a NIfTI-1 and of a NIfTI-2 header.
@@ -14,6 +14,8 @@ const EXTENDER_BYTES: u64 = 4;
 pub struct Header {
     /// 1 or 2.
     pub version: u8,
+    /// It is the header of Analyze 7.5, from which that of NIfTI-1 was made: without forms and a magic.
+    pub is_analyze: bool,
     pub byte_order: ByteOrder,
     /// Voxels are in a second file (`.img`).
     pub paired: bool,
@@ -53,15 +55,22 @@ impl Header {
     pub fn parse(bytes: &[u8], version: u8, byte_order: ByteOrder) -> Result<Self, String> {
         let f = Fields { bytes, version, byte_order };
         let magic: &[u8] = if version == 1 { &bytes[344..348] } else { &bytes[4..12] };
-        let paired = match magic {
-            b"n+1\0" | b"n+2\0\r\n\x1a\n" => false,
-            b"ni1\0" | b"ni2\0\r\n\x1a\n" => true,
-            _ if version == 1 => return Err("its header has no NIfTI magic (an Analyze 7.5 header?)".into()),
+        let (paired, is_analyze) = match magic {
+            b"n+1\0" | b"n+2\0\r\n\x1a\n" => (false, false),
+            b"ni1\0" | b"ni2\0\r\n\x1a\n" => (true, false),
+            // Nothing marks such a header: sizes and types that go together must do.
+            _ if version == 1 && f.is_plausible_analyze() => (true, true),
+            _ if version == 1 => {
+                return Err("its header has no NIfTI magic, nor is it one of Analyze 7.5".into());
+            }
             _ => return Err("its header has no NIfTI-2 magic, or line ends were converted in it".into()),
         };
         let first = version == 1;
+        // Where NIfTI has its codes Analyze has the scan's history.
+        let code = |code: i32| if is_analyze { 0 } else { code };
         Ok(Self {
             version,
+            is_analyze,
             byte_order,
             paired,
             dim: std::array::from_fn(|i| if first { f.short(40 + 2 * i).into() } else { f.long(16 + 8 * i) }),
@@ -70,10 +79,10 @@ impl Header {
             pixdim: f.reals([76, 104]),
             vox_offset: if first { f.reals::<1>([108, 0])[0] } else { f.long(168) as f64 },
             scl_slope: f.reals::<1>([112, 176])[0],
-            scl_inter: f.reals::<1>([116, 184])[0],
-            xyzt_units: if first { bytes[123].into() } else { f.integer(500) },
-            qform_code: if first { f.short(252).into() } else { f.integer(344) },
-            sform_code: if first { f.short(254).into() } else { f.integer(348) },
+            scl_inter: if is_analyze { 0.0 } else { f.reals::<1>([116, 184])[0] },
+            xyzt_units: code(if first { bytes[123].into() } else { f.integer(500) }),
+            qform_code: code(if first { f.short(252).into() } else { f.integer(344) }),
+            sform_code: code(if first { f.short(254).into() } else { f.integer(348) }),
             quatern: f.reals([256, 352]),
             qoffset: f.reals([268, 376]),
             srow: std::array::from_fn(|row| f.reals([280 + 16 * row, 400 + 32 * row])),
@@ -290,6 +299,12 @@ impl Fields<'_> {
             field.reverse();
         }
         field
+    }
+
+    /// Whether a header without a magic is sound as one of Analyze 7.5.
+    fn is_plausible_analyze(&self) -> bool {
+        let types = [(2, 8), (4, 16), (8, 32), (16, 32), (64, 64)];
+        (1..=7).contains(&self.short(40)) && types.contains(&(self.short(70), self.short(72)))
     }
 
     fn short(&self, at: usize) -> i16 {

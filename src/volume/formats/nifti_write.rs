@@ -2,9 +2,9 @@
 //!
 //! Written here and not by the `nifti` crate, whose writer drops the value scaling and writes in place.
 
-use super::{Volume, Voxels};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
+use crate::volume::{Volume, Voxels};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::{self, Write};

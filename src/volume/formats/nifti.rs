@@ -1,16 +1,14 @@
-//! NIfTI-1 and NIfTI-2: `.nii`, `.hdr` with `.img`, each plain or gzipped.
+//! NIfTI-1 and NIfTI-2, and Analyze 7.5 before them: `.nii`, `.hdr` with `.img`, each plain or gzipped.
 //!
 //! Read here and not by the `nifti` crate, which knows version 1 alone and allocates what the header claims before it
 //! has seen any data.
 
-use super::element::{Element, ReadFailure, data_bytes, read_full, read_voxels};
 use super::nifti_header::{self, HEADER_BYTES, Header};
-use super::{Provenance, Volume, Voxels};
+use super::source::{Block, Source, inexact_integers};
 use crate::error::{Error, Result};
-use crate::files::loading::{Loading, ReadingStage, Watched};
-use flate2::bufread::MultiGzDecoder;
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use crate::files::loading::Loading;
+use crate::volume::element::{Element, read_full};
+use crate::volume::{Provenance, Scaling, Volume};
 use std::path::{Path, PathBuf};
 
 /// Reads one frame (0 is the first) of a NIfTI file; of a pair either file may be named.
@@ -53,40 +51,18 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     } else {
         (source, header_path, header_bytes)
     };
-    let refuse = |why: String| Error::input("cannot read volume", data_path.display(), why);
-    let frame_bytes = data_bytes(dims, element);
-    let start = frame_bytes
-        .and_then(|bytes| bytes.checked_mul(frame as u64))
-        .and_then(|skipped| skipped.checked_add(offset));
-    let end = start.zip(frame_bytes).and_then(|(start, bytes)| start.checked_add(bytes));
-    let [nx, ny, nz] = dims;
-    let claim = format!("{nx}x{ny}x{nz} {} from byte {offset} on", element.describe(header.byte_order));
-    let (Some(start), Some(end)) = (start, end) else {
-        return Err(refuse(format!("its header claims {claim}: more bytes than can be counted")));
-    };
-    let short =
-        |held: String| refuse(format!("its header claims {claim}, {end} bytes in all, but it {held}"));
-    if end > data.most_bytes() {
-        return Err(short(format!("holds {}", data.held())));
-    }
-    data.wanted_to(end);
-    if start < at || data.skip(start - at).map_err(|e| refuse(e.to_string()))? < start - at {
-        return Err(short(format!("ends before byte {start}")));
-    }
-    let voxels =
-        read_voxels(&mut data, dims, element, header.byte_order).map_err(|failure| match failure {
-            ReadFailure::Short { got } => short(format!("ends after {}", start + got)),
-            other => refuse(other.to_string()),
-        })?;
-    data.finish().map_err(|e| refuse(format!("damaged after the voxels: {e}")))?;
+    let block = Block { dims, element, byte_order: header.byte_order, offset, frame };
+    let voxels = block
+        .read(&mut data, at)
+        .map_err(|why| Error::input("cannot read volume", data_path.display(), why))?;
 
     let mut warnings = header_warnings(&header, element, frames, frame);
     warnings.extend(inexact_integers(&voxels, element));
     let (world_from_index, affine_source) = header.affine(&mut warnings);
     let provenance = Provenance {
         source: path.display().to_string(),
-        format: format!("nifti{}", header.version),
-        stored_type: element.describe(header.byte_order),
+        format: if header.is_analyze { "analyze".into() } else { format!("nifti{}", header.version) },
+        stored_type: block.stored_type(),
         affine_source,
         frames,
         frame,
@@ -128,6 +104,9 @@ fn read_header(source: &mut Source<'_>, path: &Path) -> Result<(Header, u64)> {
 
 fn header_warnings(header: &Header, element: Element, frames: usize, frame: usize) -> Vec<String> {
     let mut warnings = Vec::new();
+    if header.is_analyze && header.scaling() != Ok(Scaling::IDENTITY) {
+        warnings.push("its values are scaled as SPM has it (Analyze 7.5 knows no scaling)".into());
+    }
     if frames > 1 {
         warnings
             .push(format!("{frames} frames: frame {frame} (counted from 0) was read, --frame picks another"));
@@ -149,17 +128,6 @@ fn header_warnings(header: &Header, element: Element, frames: usize, frame: usiz
         ));
     }
     warnings
-}
-
-/// 64-bit integers beyond 2^53 are rounded to the nearest `f64`.
-fn inexact_integers(voxels: &Voxels, element: Element) -> Option<String> {
-    let limit = (1u64 << f64::MANTISSA_DIGITS) as f64;
-    match (voxels, element) {
-        (Voxels::F64(a), Element::I64 | Element::U64) if a.iter().any(|v| v.abs() > limit) => {
-            Some("integers beyond 2^53 were rounded to 53 bits".into())
-        }
-        _ => None,
-    }
 }
 
 /// The files that a name stands for: both of a pair.
@@ -215,93 +183,5 @@ impl Pair {
             plain.into_iter().chain(gzipped).map(named).collect()
         };
         candidates.iter().find(|p| p.exists()).unwrap_or(&candidates[0]).clone()
-    }
-}
-
-/// A file to read from, gzipped or not (told from its content, not from its name).
-enum Source<'a> {
-    Plain { file: BufReader<Watched<'a, File>>, bytes: u64 },
-    Gzip { stream: Box<MultiGzDecoder<BufReader<Watched<'a, File>>>>, compressed_bytes: u64 },
-}
-
-/// Deflate cannot pack more than this many bytes into one.
-const DEFLATE_MAX_RATIO: u64 = 1032;
-
-impl<'a> Source<'a> {
-    fn open(path: &Path, loading: &'a Loading) -> Result<Self> {
-        let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
-        let io_error = |e: io::Error| match e.kind() {
-            io::ErrorKind::NotFound => refuse("no such file".into()),
-            _ => refuse(e.to_string()),
-        };
-        let file = File::open(path).map_err(io_error)?;
-        let metadata = file.metadata().map_err(io_error)?;
-        if metadata.is_dir() {
-            return Err(refuse("it is a folder".into()));
-        }
-        let bytes = metadata.len();
-        let mut file = BufReader::with_capacity(1 << 16, Watched::new(file, bytes, loading));
-        let gzipped = file.fill_buf().map_err(io_error)?.starts_with(&[0x1f, 0x8b]);
-        loading.begin(if gzipped { ReadingStage::Unpacking } else { ReadingStage::Reading });
-        Ok(if gzipped {
-            Self::Gzip { stream: Box::new(MultiGzDecoder::new(file)), compressed_bytes: bytes }
-        } else {
-            Self::Plain { file, bytes }
-        })
-    }
-
-    /// Says that the bytes up to `end` are what is read. What a gzip stream holds before them is only told from all of
-    /// it: there the share is that of the whole file.
-    fn wanted_to(&mut self, end: u64) {
-        if let Self::Plain { file, .. } = self {
-            file.get_mut().ends_at(end);
-        }
-    }
-
-    /// More bytes than this cannot come out.
-    fn most_bytes(&self) -> u64 {
-        match self {
-            Self::Plain { bytes, .. } => *bytes,
-            Self::Gzip { compressed_bytes, .. } => compressed_bytes.saturating_mul(DEFLATE_MAX_RATIO),
-        }
-    }
-
-    fn held(&self) -> String {
-        match self {
-            Self::Plain { bytes, .. } => format!("{bytes}"),
-            Self::Gzip { compressed_bytes, .. } => format!("{compressed_bytes} compressed bytes"),
-        }
-    }
-
-    /// Passes over `count` bytes; returns how many there were.
-    fn skip(&mut self, count: u64) -> io::Result<u64> {
-        match self {
-            Self::Plain { file, .. } => {
-                // The caller has compared `count` with the file's size, which fits in i64.
-                file.seek_relative(count.min(i64::MAX as u64) as i64)?;
-                Ok(count)
-            }
-            Self::Gzip { stream, .. } => match io::copy(&mut stream.by_ref().take(count), &mut io::sink()) {
-                Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => Ok(0),
-                other => other,
-            },
-        }
-    }
-
-    /// Reads a little on, which checks the checksum where the voxels are the last thing in a gzip stream.
-    fn finish(&mut self) -> io::Result<()> {
-        if let Self::Gzip { stream, .. } = self {
-            io::copy(&mut stream.by_ref().take(1 << 16), &mut io::sink())?;
-        }
-        Ok(())
-    }
-}
-
-impl Read for Source<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        match self {
-            Self::Plain { file, .. } => file.read(buffer),
-            Self::Gzip { stream, .. } => stream.read(buffer),
-        }
     }
 }

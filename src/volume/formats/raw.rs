@@ -1,12 +1,13 @@
-//! Raw files: voxels and nothing else; the layout comes from `--raw` or from the file's name.
+//! Raw files: voxels and nothing else, gzipped or not; the layout comes from `--raw`, from a [`Sidecar`] or from the
+//! file's name.
 
-use super::element::{ByteOrder, Element, data_bytes, read_voxels};
-use super::{Provenance, Scaling, Volume};
+use super::sidecar::Sidecar;
+use super::source::{Block, Source, Whole};
 use crate::error::{Error, Result};
-use crate::files::loading::{Loading, ReadingStage, Watched};
+use crate::files::loading::Loading;
+use crate::volume::element::{ByteOrder, Element};
+use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::{DAffine3, DVec3};
-use std::fs::File;
-use std::io::{Seek, SeekFrom};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -62,10 +63,8 @@ impl RawLayout {
     /// From a file name such as `foot_256x256x256_uint8.raw` (also `_be`, and the short type names); `None` where the
     /// name does not say it.
     pub fn from_file_name(path: &Path) -> Option<Self> {
-        if !path.extension()?.eq_ignore_ascii_case("raw") {
-            return None;
-        }
-        let stem = path.file_stem()?.to_str()?.to_ascii_lowercase();
+        let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+        let stem = name.strip_suffix(".gz").unwrap_or(&name).strip_suffix(".raw")?;
         let parts: Vec<&str> = stem.split(['_', '-', '.']).collect();
         parts.windows(2).enumerate().find_map(|(at, pair)| {
             let dims = parse_dims(pair[0])?;
@@ -81,40 +80,40 @@ fn parse_dims(text: &str) -> Option<[usize; 3]> {
     <[usize; 3]>::try_from(sizes).ok().filter(|dims| dims.iter().all(|&n| n > 0))
 }
 
-/// Reads a raw file; voxel (0, 0, 0) sits at the world's origin and the axes are the world's.
-///
-/// `spacing_mm` is the voxel size (1 mm where absent), `offset_bytes` what precedes the voxels.
+/// What is read, and where the file does not say it, how it is placed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RawFile {
+    /// Grid and element type.
+    pub layout: RawLayout,
+    /// Voxel size, mm; voxel (0, 0, 0) then sits at the world's origin and the axes are the world's.
+    pub spacing_mm: Option<[f64; 3]>,
+    /// Bytes before the voxels, unpacked.
+    pub offset_bytes: u64,
+    /// What stands beside the file, where anything does.
+    pub sidecar: Option<Sidecar>,
+}
+
+/// Reads a raw file, gzipped or not. Without a spacing and without a sidecar voxels count 1 mm.
 ///
 /// # Errors
 /// The file cannot be read, its size is not exactly the offset and the voxels, or a spacing is not above 0.
-pub fn read(
-    path: &Path,
-    layout: RawLayout,
-    spacing_mm: Option<[f64; 3]>,
-    offset_bytes: u64,
-) -> Result<Volume> {
-    read_with(path, layout, spacing_mm, offset_bytes, &Loading::default())
+pub fn read(path: &Path, file: &RawFile) -> Result<Volume> {
+    read_with(path, file, &Loading::default())
 }
 
 /// As [`read`], watched and ended early through `loading`.
 ///
 /// # Errors
 /// As there, or it was cancelled.
-pub fn read_with(
-    path: &Path,
-    layout: RawLayout,
-    spacing_mm: Option<[f64; 3]>,
-    offset_bytes: u64,
-    loading: &Loading,
-) -> Result<Volume> {
-    loading.begin(ReadingStage::Reading);
+pub fn read_with(path: &Path, file: &RawFile, loading: &Loading) -> Result<Volume> {
+    let RawFile { layout, spacing_mm, offset_bytes, sidecar } = file;
     let source = path.display().to_string();
     let refuse = |why: String| Error::input("cannot read raw volume", &source, why);
     let mut warnings = Vec::new();
-    let spacing_mm = spacing_mm.unwrap_or_else(|| {
+    if sidecar.is_none() && spacing_mm.is_none() {
         warnings.push("no --spacing given: voxels taken as 1 mm".to_string());
-        [1.0; 3]
-    });
+    }
+    let spacing_mm = spacing_mm.unwrap_or([1.0; 3]);
     if !spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
         return Err(Error::input(
             "cannot use spacing",
@@ -122,30 +121,38 @@ pub fn read_with(
             format!("{spacing_mm:?} mm is not three lengths above 0"),
         ));
     }
-    let file = File::open(path).map_err(|e| refuse(e.to_string()))?;
-    let metadata = file.metadata().map_err(|e| refuse(e.to_string()))?;
-    if metadata.is_dir() {
-        return Err(refuse("it is a folder".into()));
-    }
-    let [nx, ny, nz] = layout.dims;
-    let wanted = data_bytes(layout.dims, layout.element).and_then(|bytes| bytes.checked_add(offset_bytes));
-    if wanted != Some(metadata.len()) {
+    let mut data = Source::open(path, loading)?;
+    let RawLayout { dims, element, byte_order } = *layout;
+    let block = Block { dims, element, byte_order, offset: *offset_bytes, frame: 0 };
+    let wanted = block.bytes().and_then(|bytes| bytes.checked_add(*offset_bytes));
+    let another_size = |held: String| {
+        let [nx, ny, nz] = dims;
         let wanted = wanted.map_or("more bytes than can be counted".into(), |n| format!("{n} bytes"));
-        let what = layout.element.describe(layout.byte_order);
-        return Err(refuse(format!(
-            "{nx}x{ny}x{nz} {what} after {offset_bytes} bytes is {wanted}, the file has {} bytes",
-            metadata.len()
-        ))
-        .hint("--raw DIMXxDIMYxDIMZ:TYPE and --offset BYTES must account for the whole file"));
+        let claim = format!("{nx}x{ny}x{nz} {} after {offset_bytes} bytes is {wanted}", block.stored_type());
+        refuse(format!("{claim}, the file has {held}"))
+            .hint("--raw DIMXxDIMYxDIMZ:TYPE and --offset BYTES must account for the whole file")
+    };
+    let is_plain = matches!(data, Source::Plain { .. });
+    if is_plain && wanted != Some(data.most_bytes()) {
+        return Err(another_size(format!("{} bytes", data.most_bytes())));
     }
-    let mut file = Watched::new(file, metadata.len(), loading);
-    file.seek(SeekFrom::Start(offset_bytes)).map_err(|e| refuse(e.to_string()))?;
-    let voxels = read_voxels(&mut file, layout.dims, layout.element, layout.byte_order)
-        .map_err(|e| refuse(e.to_string()))?;
-    let stored_type = layout.element.describe(layout.byte_order);
-    let provenance = Provenance { warnings, ..Provenance::new(&source, "raw", stored_type) };
-    let world_from_index = DAffine3::from_scale(DVec3::from_array(spacing_mm));
-    Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
+    let voxels = block.read_all(&mut data).map_err(|e| match e {
+        // What a packed file holds is known once it was unpacked.
+        Whole::Another(held) => another_size(held),
+        Whole::Unreadable(why) => refuse(why),
+    })?;
+    let world_from_index = match sidecar {
+        Some(said) if file.spacing_mm.is_none() => said.affine(),
+        _ => DAffine3::from_scale(DVec3::from_array(spacing_mm)),
+    };
+    let scaling = sidecar.as_ref().map_or(Scaling::IDENTITY, Sidecar::scaling);
+    let affine_source = match sidecar {
+        Some(_) if file.spacing_mm.is_none() => AffineSource::Axes,
+        _ => AffineSource::Spacing,
+    };
+    let stored_type = block.stored_type();
+    let provenance = Provenance { affine_source, warnings, ..Provenance::new(&source, "raw", stored_type) };
+    Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
 }
 
 #[cfg(test)]
@@ -186,6 +193,7 @@ mod tests {
         let foot = layout([256, 256, 256], Element::U8, ByteOrder::Little);
         assert_eq!(named("a/foot_256x256x256_uint8.raw"), Some(foot));
         assert_eq!(named("foot_256x256x256_u8.RAW"), Some(foot));
+        assert_eq!(named("foot_256x256x256_u8.raw.gz"), Some(foot));
         assert_eq!(
             named("csafe_heptane_302x302x302_int16_be.raw"),
             Some(layout([302, 302, 302], Element::I16, ByteOrder::Big))

@@ -1,0 +1,224 @@
+//! Slices in space: their order, the affine, what is doubled, missing or unevenly spaced.
+
+use super::series::{Series, Slice};
+use crate::volume::AffineSource;
+use crate::volume::formats::text_header::affine;
+use dicom_dictionary_std::tags;
+use glam::{DAffine3, DVec3};
+
+/// Slices closer than this lie in one place, mm.
+const SAME_MM: f64 = 1e-3;
+/// Distances that differ by less than this share of one are equal: files round them.
+const EVEN: f64 = 0.01;
+/// Slices may lie so far beside the straight line of the first and the last, mm, before it is said.
+const ASIDE_MM: f64 = 0.05;
+/// Unevenly spaced slices are laid out at their smallest distance, but for more than so many times as many.
+const MOST_GROWTH: usize = 4;
+
+/// What a slice of the volume is made of: one of the series, or two and the share of the second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Layer {
+    Slice(usize),
+    Between(usize, f64),
+}
+
+/// The slices of one frame in their order along the normal.
+pub(super) struct Stack {
+    pub(super) slices: Vec<Slice>,
+    /// Slices of the volume.
+    pub(super) layers: Vec<Layer>,
+    pub(super) world_from_index: DAffine3,
+    pub(super) affine_source: AffineSource,
+    pub(super) frames: usize,
+    pub(super) warnings: Vec<String>,
+}
+
+/// Places a series.
+///
+/// # Errors
+/// Slices that no grid can hold, in words.
+pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
+    let slices = series.slices();
+    let first = slices.first().ok_or("it has no slices")?;
+    let set = &series.images[first.image].set;
+    let numbers = |tag| set.of_frame(first.frame, tag).and_then(|a| a.numbers(tag));
+    let mut warnings = Vec::new();
+    let spacing = [tags::PIXEL_SPACING, tags::NOMINAL_SCANNED_PIXEL_SPACING, tags::IMAGER_PIXEL_SPACING]
+        .into_iter()
+        .find_map(|tag| numbers(tag).filter(|v| v.len() == 2 && v.iter().all(|s| *s > 0.0)));
+    let spacing = spacing.unwrap_or_else(|| {
+        warnings.push("no pixel spacing is given: pixels taken as 1 mm".into());
+        vec![1.0, 1.0]
+    });
+    let thickness = [tags::SPACING_BETWEEN_SLICES, tags::SLICE_THICKNESS]
+        .into_iter()
+        .find_map(|tag| numbers(tag).map(|v| v[0].abs()).filter(|mm| *mm > 0.0));
+    let orientation = numbers(tags::IMAGE_ORIENTATION_PATIENT).filter(|v| v.len() == 6);
+    let (row, column) = orientation
+        .map_or((DVec3::X, DVec3::Y), |v| (DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])));
+    let normal = row.cross(column);
+    if (normal.length() - 1.0).abs() > 1e-2 {
+        return Err("its rows and columns are not perpendicular directions (ImageOrientationPatient)".into());
+    }
+    // PixelSpacing gives the distance of rows first.
+    let across = [row * spacing[1], column * spacing[0]];
+    let placed: Option<Vec<DVec3>> = slices.iter().map(|s| s.position).collect();
+    let Some(placed) = placed else {
+        let thickness = thickness.unwrap_or_else(|| {
+            warnings.push("no distance between slices is given: taken as 1 mm".into());
+            1.0
+        });
+        if slices.len() > 1 {
+            warnings.push("its slices have no positions: placed in the order of their numbers".into());
+        }
+        let origin = slices.iter().find_map(|s| s.position).unwrap_or(DVec3::ZERO);
+        let layers = (0..slices.len()).map(Layer::Slice).collect();
+        return Ok(Stack {
+            world_from_index: affine([across[0], across[1], normal * thickness], origin, true),
+            affine_source: AffineSource::Spacing,
+            frames: 1,
+            slices,
+            layers,
+            warnings,
+        });
+    };
+    let depth_mm = |slice: &Slice| slice.position.map_or(0.0, |p| (p - placed[0]).dot(normal));
+    let mut by_depth = slices;
+    by_depth.sort_by(|a, b| depth_mm(a).total_cmp(&depth_mm(b)).then(a.order.cmp(&b.order)));
+    let mut places: Vec<Vec<Slice>> = Vec::new();
+    for slice in by_depth {
+        match places.last_mut() {
+            Some(place) if (depth_mm(&slice) - depth_mm(&place[0])).abs() < SAME_MM => place.push(slice),
+            _ => places.push(vec![slice]),
+        }
+    }
+    places.iter_mut().for_each(|place| place.sort_by_key(|s| s.order));
+    let frames = frames_of(&places, &mut warnings);
+    if frame >= frames {
+        return Err(format!("--frame {frame} is beyond its {frames} frames (counted from 0)"));
+    }
+    let slices: Vec<Slice> = places.iter().map(|place| place[frame.min(place.len() - 1)]).collect();
+    let depths: Vec<f64> = slices.iter().map(depth_mm).collect();
+    let (layers, count) = layers(&depths, &mut warnings)?;
+    let at = |slice: &Slice| slice.position.unwrap_or_default();
+    let (from, to) = (at(&slices[0]), at(&slices[slices.len() - 1]));
+    // The line of the first voxels may lean: that is the gantry's tilt, and a sheared affine keeps it exactly.
+    let along = match count {
+        1 => {
+            let thickness = thickness.unwrap_or_else(|| {
+                warnings.push("one slice without a thickness: taken as 1 mm".into());
+                1.0
+            });
+            normal * thickness
+        }
+        n => (to - from) / (n - 1) as f64,
+    };
+    let aside = slices.iter().zip(&depths).map(|(slice, depth)| {
+        let share = if depths[depths.len() - 1] > depths[0] {
+            (depth - depths[0]) / (depths[depths.len() - 1] - depths[0])
+        } else {
+            0.0
+        };
+        (at(slice) - (from + (to - from) * share)).length()
+    });
+    let aside = aside.fold(0.0, f64::max);
+    if aside > ASIDE_MM {
+        warnings.push(format!("its slices lie up to {aside:.2} mm beside a straight line: taken as on it"));
+    }
+    let tilt_deg = along.angle_between(normal).to_degrees();
+    if tilt_deg > 0.05 {
+        warnings
+            .push(format!("its slices are sheared by {tilt_deg:.2} degrees (a tilted gantry): kept exactly"));
+    }
+    Ok(Stack {
+        world_from_index: affine([across[0], across[1], along], from, true),
+        affine_source: AffineSource::Axes,
+        frames,
+        slices,
+        layers,
+        warnings,
+    })
+}
+
+/// How many volumes the slices make: as many as lie in each place.
+fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> usize {
+    let (least, most) = places.iter().map(Vec::len).fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
+    if least == most {
+        if most > 1 {
+            warnings
+                .push(format!("{most} slices lie in each place: {most} frames, of which --frame picks one"));
+        }
+        return most;
+    }
+    let doubled: usize = places.iter().map(|place| place.len() - 1).sum();
+    warnings.push(format!("{doubled} slices lie where others do: the one of the lowest number was taken"));
+    1
+}
+
+/// What the volume's slices are made of, for depths in rising order, and how many there are.
+fn layers(depths: &[f64], warnings: &mut Vec<String>) -> Result<(Vec<Layer>, usize), String> {
+    let n = depths.len();
+    let gaps: Vec<f64> = depths.windows(2).map(|d| d[1] - d[0]).collect();
+    let mean = gaps.iter().sum::<f64>() / gaps.len().max(1) as f64;
+    if gaps.iter().all(|gap| (gap - mean).abs() <= EVEN * mean) {
+        return Ok(((0..n).map(Layer::Slice).collect(), n));
+    }
+    let smallest = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+    let length = depths[n - 1] - depths[0];
+    let count = (length / smallest).round() as usize + 1;
+    let largest = gaps.iter().copied().fold(0.0, f64::max);
+    let says = format!("its slices are {smallest:.3} to {largest:.3} mm apart");
+    if count > MOST_GROWTH * n {
+        return Err(format!("{says}: an even grid of them would take {count} slices for {n}"));
+    }
+    let step = length / (count - 1) as f64;
+    let layers = (0..count)
+        .map(|k| {
+            let depth = depths[0] + k as f64 * step;
+            let above = depths.partition_point(|d| *d < depth - EVEN * step).clamp(1, n - 1);
+            let share = ((depth - depths[above - 1]) / gaps[above - 1]).clamp(0.0, 1.0);
+            match share {
+                s if s * gaps[above - 1] <= EVEN * step => Layer::Slice(above - 1),
+                s if (1.0 - s) * gaps[above - 1] <= EVEN * step => Layer::Slice(above),
+                s => Layer::Between(above - 1, s),
+            }
+        })
+        .collect::<Vec<_>>();
+    let made = layers.iter().filter(|l| matches!(l, Layer::Between(..))).count();
+    warnings.push(format!(
+        "{says}: resampled linearly to {count} slices {step:.3} mm apart, {made} of them between slices of the series"
+    ));
+    Ok((layers, count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn laid(depths: &[f64]) -> Result<(Vec<Layer>, Vec<String>), String> {
+        let mut warnings = Vec::new();
+        layers(depths, &mut warnings).map(|(layers, _)| (layers, warnings))
+    }
+
+    #[test]
+    fn even_slices_are_taken_as_they_are() {
+        let (layers, warnings) = laid(&[0.0, 2.0, 4.001, 6.0]).unwrap();
+        assert_eq!(layers, [0, 1, 2, 3].map(Layer::Slice));
+        assert!(warnings.is_empty());
+        assert_eq!(laid(&[5.0]).unwrap().0, [Layer::Slice(0)]);
+    }
+
+    #[test]
+    fn a_missing_slice_is_made_of_its_neighbours_and_said() {
+        let (layers, warnings) = laid(&[0.0, 1.0, 3.0, 4.0]).unwrap();
+        assert_eq!(layers.len(), 5);
+        assert_eq!(layers[2], Layer::Between(1, 0.5));
+        assert_eq!([layers[1], layers[3], layers[4]], [1, 2, 3].map(Layer::Slice));
+        assert!(warnings[0].contains("resampled"), "{warnings:?}");
+    }
+
+    #[test]
+    fn far_apart_slices_are_refused() {
+        assert!(laid(&[0.0, 0.1, 50.0]).unwrap_err().contains("apart"));
+    }
+}

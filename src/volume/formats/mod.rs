@@ -1,0 +1,21 @@
+//! The files that hold volumes: a file or folder here for each format, with what recognises it and what reads it.
+//!
+//! Which of them a name stands for is decided above (`open::FORMATS`), by content first and by name second: every
+//! reader says from the [`Head`] of a file whether it is its own.
+
+pub mod dicom;
+mod head;
+pub mod metaimage;
+pub mod nifti;
+mod nifti_header;
+pub(super) mod nifti_write;
+pub mod npy;
+pub mod nrrd;
+pub mod raw;
+mod sidecar;
+mod source;
+mod text_header;
+pub mod tiff_stack;
+
+pub use head::Head;
+pub use sidecar::Sidecar;

@@ -1,0 +1,207 @@
+//! NumPy's `.npy`: an array of three axes, `[k, j, i]` (`i` fastest in C order), or `[frame, k, j, i]` of four.
+//!
+//! Read here and not by a crate: the header's text is a Python literal, of which three keys are wanted, and no memory is
+//! taken for what it merely claims. Source: NumPy's `numpy.lib.format`, "NPY format".
+
+use super::head::Head;
+use super::sidecar::Sidecar;
+use super::source::{Block, Source, inexact_integers};
+use crate::error::{Error, Result};
+use crate::files::loading::Loading;
+use crate::volume::element::{ByteOrder, Element, read_full};
+use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
+use crate::with_voxels;
+use glam::{DAffine3, DVec3};
+use ndarray::Array3;
+use std::path::Path;
+
+/// File-name endings of the format.
+pub const EXTENSIONS: &[&str] = &["npy"];
+
+const MAGIC: &[u8] = b"\x93NUMPY";
+const HEADER_MOST_BYTES: usize = 1 << 16;
+
+/// Whether a file is of this format.
+pub fn is_npy(head: &Head) -> bool {
+    head.starts_with(MAGIC)
+}
+
+/// What the header says.
+#[derive(Debug, PartialEq)]
+struct Header {
+    element: Element,
+    byte_order: ByteOrder,
+    is_fortran: bool,
+    shape: Vec<usize>,
+}
+
+/// Reads one frame (0 is the first); `spacing_mm` where there is no sidecar, or to win over it.
+///
+/// # Errors
+/// The file cannot be read, is no array of numbers of three or four axes, or ends early.
+pub fn read_with(
+    path: &Path,
+    frame: usize,
+    spacing_mm: Option<[f64; 3]>,
+    loading: &Loading,
+) -> Result<Volume> {
+    let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
+    let mut source = Source::open(path, loading)?;
+    let (header, header_bytes) = header(&mut source).map_err(refuse)?;
+    let mut shape = header.shape.clone();
+    // Without the axes of length 1 in front, which many programs add.
+    while shape.len() > 3 && shape[0] == 1 {
+        shape.remove(0);
+    }
+    let (frames, [nz, ny, nx]) = match shape[..] {
+        [ny, nx] => (1, [1, ny, nx]),
+        [nz, ny, nx] => (1, [nz, ny, nx]),
+        [frames, nz, ny, nx] if !header.is_fortran => (frames, [nz, ny, nx]),
+        _ => return Err(refuse(format!("its shape is {:?}; a volume has three axes", header.shape))),
+    };
+    if frame >= frames {
+        let why = format!("--frame {frame} is beyond its {frames} frames (counted from 0)");
+        return Err(Error::input("cannot read frame", path.display(), why));
+    }
+    let Header { element, byte_order, is_fortran, .. } = header;
+    // In Fortran's order the first axis runs fastest: read as it lies, then turned about.
+    let dims = if is_fortran { [nz, ny, nx] } else { [nx, ny, nz] };
+    let block = Block { dims, element, byte_order, offset: header_bytes, frame };
+    let mut voxels = block.read(&mut source, header_bytes).map_err(refuse)?;
+    if is_fortran {
+        voxels = reversed(voxels);
+    }
+    let sidecar = Sidecar::beside(path)?;
+    let mut warnings: Vec<String> = inexact_integers(&voxels, element).into_iter().collect();
+    let (world_from_index, affine_source) = match (&sidecar, spacing_mm) {
+        (Some(said), None) => (said.affine(), AffineSource::Axes),
+        (_, Some(mm)) => (DAffine3::from_scale(DVec3::from_array(mm)), AffineSource::Spacing),
+        (None, None) => {
+            warnings.push("no --spacing given: voxels taken as 1 mm".into());
+            (DAffine3::IDENTITY, AffineSource::Spacing)
+        }
+    };
+    if frames > 1 {
+        warnings
+            .push(format!("{frames} frames: frame {frame} (counted from 0) was read, --frame picks another"));
+    }
+    let scaling = sidecar.map_or(Scaling::IDENTITY, |said| said.scaling());
+    let provenance = Provenance {
+        affine_source,
+        frames,
+        frame,
+        warnings,
+        ..Provenance::new(path.display().to_string(), "npy", block.stored_type())
+    };
+    Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
+}
+
+/// The same array with its axes in reverse, contiguous.
+fn reversed(voxels: Voxels) -> Voxels {
+    fn turn<T: Clone>(array: &Array3<T>) -> Array3<T> {
+        array.t().as_standard_layout().into_owned()
+    }
+    with_voxels!(&voxels, a => turn(a).into())
+}
+
+fn header(source: &mut Source<'_>) -> Result<(Header, u64), String> {
+    use std::io::Read;
+    let mut start = [0u8; 12];
+    let short = || String::from("its header ends early");
+    source.read_exact(&mut start[..8]).map_err(|_| short())?;
+    if !start.starts_with(MAGIC) {
+        return Err("it is not an .npy file".into());
+    }
+    let width = if start[6] == 1 { 2 } else { 4 };
+    source.read_exact(&mut start[8..8 + width]).map_err(|_| short())?;
+    let length = if width == 2 {
+        usize::from(u16::from_le_bytes([start[8], start[9]]))
+    } else {
+        u32::from_le_bytes([start[8], start[9], start[10], start[11]]) as usize
+    };
+    if length > HEADER_MOST_BYTES {
+        return Err(format!("its header is said to have {length} bytes"));
+    }
+    let mut text = vec![0; length];
+    if read_full(source, &mut text).map_err(|e| e.to_string())? < length {
+        return Err(short());
+    }
+    let header = parse(&String::from_utf8_lossy(&text))?;
+    Ok((header, (8 + width + length) as u64))
+}
+
+/// What stands behind a key of the header's dictionary.
+fn value<'a>(text: &'a str, key: &str) -> Result<&'a str, String> {
+    let quoted = [format!("'{key}'"), format!("\"{key}\"")];
+    let after = quoted.iter().find_map(|q| text.split_once(q.as_str())).map(|(_, after)| after);
+    let after = after.and_then(|a| a.trim_start().strip_prefix(':'));
+    after.map(str::trim_start).ok_or_else(|| format!("its header has no `{key}`"))
+}
+
+fn parse(text: &str) -> Result<Header, String> {
+    let descr = value(text, "descr")?;
+    let quote = descr.chars().next().filter(|c| ['\'', '"'].contains(c));
+    let descr = quote
+        .and_then(|q| descr[1..].split_once(q))
+        .map(|(inside, _)| inside)
+        .ok_or("its elements are records; numbers are needed")?;
+    let (order, kind) = match descr.chars().next() {
+        Some('<' | '>' | '|' | '=') => descr.split_at(1),
+        _ => ("=", descr),
+    };
+    let element = match kind {
+        "u1" | "b1" => Element::U8,
+        "i1" => Element::I8,
+        "u2" => Element::U16,
+        "i2" => Element::I16,
+        "u4" => Element::U32,
+        "i4" => Element::I32,
+        "u8" => Element::U64,
+        "i8" => Element::I64,
+        "f4" => Element::F32,
+        "f8" => Element::F64,
+        _ => {
+            return Err(format!(
+                "its elements are of type `{descr}`; integers and 32- or 64-bit floats are read"
+            ));
+        }
+    };
+    let byte_order = if order == ">" { ByteOrder::Big } else { ByteOrder::Little };
+    let is_fortran = value(text, "fortran_order")?.starts_with("True");
+    let shape = value(text, "shape")?;
+    let inside = shape.strip_prefix('(').and_then(|s| s.split_once(')')).map(|(inside, _)| inside);
+    let sizes = inside.ok_or("its header has no shape")?.split(',').map(str::trim).filter(|n| !n.is_empty());
+    let shape: Option<Vec<usize>> = sizes.map(|n| n.parse().ok().filter(|&n| n > 0)).collect();
+    let shape = shape.ok_or("its shape has an axis without elements")?;
+    Ok(Header { element, byte_order, is_fortran, shape })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_are_read_in_either_quotes_and_order() {
+        let header = parse("{'descr': '<i2', 'fortran_order': False, 'shape': (4, 3, 2), }").unwrap();
+        let expected = Header {
+            element: Element::I16,
+            byte_order: ByteOrder::Little,
+            is_fortran: false,
+            shape: vec![4, 3, 2],
+        };
+        assert_eq!(header, expected);
+        let header = parse(r#"{"shape": (7,), "descr": ">f8", "fortran_order": True}"#).unwrap();
+        assert!(header.is_fortran && header.shape == [7] && header.byte_order == ByteOrder::Big);
+        for bad in [
+            "{'descr': [('a', '<i2')], 'fortran_order': False, 'shape': (4,)}",
+            "{'descr': '<c8', 'fortran_order': False, 'shape': (4, 3, 2)}",
+            "{'descr': '<f4', 'shape': (4, 3, 2)}",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (4, 0, 2)}",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (4, -3, 2)}",
+            "{'descr': '",
+            "",
+        ] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,350 @@
+#!/usr/bin/env python3
+"""Writes the files that tests/formats reads, with the libraries whose formats they are, and what these read back.
+
+    python3 -m venv v && v/bin/pip install nibabel scipy pydicom pynrrd SimpleITK tifffile pyjpegls pylibjpeg-openjpeg numpy
+    v/bin/python tests/formats/make.py
+
+`expected.json` says for each file: the size of its grid, the affine from indices to RAS mm, and its values, the first
+index fastest, all as the library has them that is named with it.
+"""
+import json
+import pathlib
+import shutil
+
+import nibabel
+import nrrd
+import numpy as np
+import pydicom
+import SimpleITK as sitk
+import tifffile
+from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
+from pydicom.sequence import Sequence
+from pydicom.uid import (CTImageStorage, DeflatedExplicitVRLittleEndian, EnhancedCTImageStorage, ExplicitVRBigEndian,
+                         ExplicitVRLittleEndian, ImplicitVRLittleEndian, JPEG2000Lossless, JPEGLSLossless, RLELossless)
+
+HERE = pathlib.Path(__file__).parent
+OUT = HERE / "files"
+LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
+expected = []
+
+
+def say(name, by, affine, values, **more):
+    """`values` has its first index fastest in the list: shape (x, y, z)."""
+    values = np.asarray(values)
+    expected.append({
+        "name": name, "by": by, "dims": list(values.shape), "affine": np.asarray(affine)[:3].tolist(),
+        "values": [float(v) for v in values.flatten(order="F")], **more,
+    })
+
+
+def numbers(dtype, shape=(5, 4, 3), seed=1):
+    rng = np.random.default_rng(seed)
+    info = np.iinfo(dtype) if np.issubdtype(dtype, np.integer) else None
+    if info:
+        return rng.integers(max(info.min, -3000), min(info.max, 3000), shape).astype(dtype)
+    return rng.normal(0, 100, shape).astype(dtype)
+
+
+def rotation(a, b, c):
+    """An oblique one."""
+    ca, sa, cb, sb, cc, sc = *(f(x) for x in (a, b, c) for f in (np.cos, np.sin)),
+    rx = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
+    ry = np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]])
+    rz = np.array([[cc, -sc, 0], [sc, cc, 0], [0, 0, 1]])
+    return rx @ ry @ rz
+
+
+def of_sitk(image):
+    """Values (x, y, z) and the RAS affine of an ITK image."""
+    direction = np.array(image.GetDirection()).reshape(3, 3)
+    affine = np.eye(4)
+    affine[:3, :3] = direction * np.array(image.GetSpacing())
+    affine[:3, 3] = image.GetOrigin()
+    return sitk.GetArrayFromImage(image).transpose(2, 1, 0), LPS @ affine
+
+
+# --- NRRD, by pynrrd -------------------------------------------------------------------------------------------------
+def nrrds():
+    oblique = rotation(0.2, -0.3, 0.4) * np.array([0.7, 0.8, 2.5])
+    for name, dtype, encoding, space, endian in [
+        ("raw_lps.nrrd", "int16", "raw", "left-posterior-superior", "little"),
+        ("gzip_ras.nrrd", "float32", "gzip", "right-anterior-superior", "little"),
+        ("text_las.nrrd", "uint8", "ascii", "left-anterior-superior", "little"),
+        ("big.nrrd", "uint16", "raw", "left-posterior-superior", "big"),
+    ]:
+        data = numbers(dtype)
+        origin = [10.5, -20.25, 30.0]
+        header = {"space": space, "space directions": oblique.T, "space origin": origin, "encoding": encoding,
+                  "endian": endian, "kinds": ["domain"] * 3}
+        stored = data.astype(data.dtype.newbyteorder(">")) if endian == "big" else data
+        nrrd.write(str(OUT / name), stored, header)
+        back, said = nrrd.read(str(OUT / name))
+        affine = np.eye(4)
+        affine[:3, :3] = np.asarray(said["space directions"]).T
+        affine[:3, 3] = said["space origin"]
+        flip = {"left-posterior-superior": LPS, "left-anterior-superior": np.diag([-1.0, 1, 1, 1])}
+        say(name, "pynrrd", flip.get(space, np.eye(4)) @ affine, back)
+    data = numbers("float64")
+    nrrd.write(str(OUT / "detached.nhdr"), data, {"spacings": [0.5, 0.6, 0.7], "encoding": "raw"},
+               detached_header=True, relative_data_path=True)
+    say("detached.nhdr", "pynrrd", np.diag([0.5, 0.6, 0.7, 1]), nrrd.read(str(OUT / "detached.nhdr"))[0])
+    nrrd.write(str(OUT / "itk.seq.nrrd"), numbers("int16", (5, 4, 3, 2)), {"encoding": "gzip", "spacings": [1, 2, 3, 1]})
+    say("itk.seq.nrrd", "pynrrd", np.diag([1.0, 2, 3, 1]), nrrd.read(str(OUT / "itk.seq.nrrd"))[0][..., 1], frame=1)
+
+
+# --- MetaImage, by SimpleITK ----------------------------------------------------------------------------------------
+def metaimages():
+    for name, dtype, packed in [("plain.mha", "int16", False), ("packed.mha", "uint16", True),
+                                ("plain.mhd", "float32", False), ("packed.mhd", "uint8", True),
+                                ("double.mha", "float64", False), ("wide.mha", "int32", True)]:
+        image = sitk.GetImageFromArray(numbers(dtype).transpose(2, 1, 0))
+        image.SetSpacing([0.7, 0.8, 2.5])
+        image.SetOrigin([10.5, -20.25, 30.0])
+        image.SetDirection(rotation(0.2, -0.3, 0.4).flatten().tolist())
+        sitk.WriteImage(image, str(OUT / name), packed)
+        values, affine = of_sitk(sitk.ReadImage(str(OUT / name)))
+        say(name, "SimpleITK", affine, values)
+
+
+# --- NumPy -----------------------------------------------------------------------------------------------------------
+def arrays():
+    for name, array in [("c.npy", numbers("int16", (3, 4, 5))), ("fortran.npy", np.asfortranarray(numbers("float32", (3, 4, 5)))),
+                        ("big.npy", numbers("float64", (3, 4, 5)).astype(">f8")), ("long.npy", numbers("int64", (3, 4, 5)))]:
+        np.save(OUT / name, array)
+        # An array's last axis is x.
+        say(name, "numpy", np.eye(4), np.load(OUT / name).transpose(2, 1, 0))
+    np.save(OUT / "frames.npy", numbers("uint8", (2, 3, 4, 5)))
+    say("frames.npy", "numpy", np.eye(4), np.load(OUT / "frames.npy")[1].transpose(2, 1, 0), frame=1)
+
+
+# --- TIFF, by tifffile -----------------------------------------------------------------------------------------------
+def tiffs():
+    for name, dtype, options in [
+        ("pages.tif", "uint8", {}), ("deflate.tif", "uint16", {"compression": "zlib", "predictor": True}),
+        ("signed.tif", "int16", {}), ("big.tif", "uint16", {"byteorder": ">", "bigtiff": True}),
+        ("tiled.tif", "float32", {"tile": (16, 16), "compression": "zlib"}), ("wide.tif", "uint32", {}),
+    ]:
+        tifffile.imwrite(OUT / name, numbers(dtype, (3, 4, 5)), photometric="minisblack", metadata=None, **options)
+        say(name, "tifffile", np.eye(4), tifffile.imread(OUT / name).transpose(2, 1, 0))
+    tifffile.imwrite(OUT / "imagej.tif", numbers("uint16", (3, 4, 5)), imagej=True, resolution=(4.0, 2.0),
+                     metadata={"spacing": 2.5, "unit": "um", "axes": "ZYX"})
+    say("imagej.tif", "tifffile", np.diag([0.25e-3, 0.5e-3, 2.5e-3, 1]), tifffile.imread(OUT / "imagej.tif").transpose(2, 1, 0))
+    tifffile.imwrite(OUT / "ome.ome.tif", numbers("uint8", (3, 4, 5)), metadata={
+        "axes": "ZYX", "PhysicalSizeX": 0.5, "PhysicalSizeXUnit": "µm", "PhysicalSizeY": 0.25, "PhysicalSizeYUnit": "µm",
+        "PhysicalSizeZ": 0.002, "PhysicalSizeZUnit": "mm"}, photometric="minisblack")
+    say("ome.ome.tif", "tifffile", np.diag([0.5e-3, 0.25e-3, 2e-3, 1]), tifffile.imread(OUT / "ome.ome.tif").transpose(2, 1, 0))
+    folder = OUT / "tiff_folder"
+    folder.mkdir()
+    data = numbers("uint16", (11, 4, 5))
+    for k, page in enumerate(data):
+        tifffile.imwrite(folder / f"slice{k}.tif", page, metadata=None)
+    say("tiff_folder", "tifffile", np.eye(4), data.transpose(2, 1, 0))
+
+
+# --- Analyze, by nibabel ---------------------------------------------------------------------------------------------
+def analyzes():
+    for name, kind in [("plain.hdr", nibabel.AnalyzeImage), ("spm.img", nibabel.Spm99AnalyzeImage)]:
+        image = kind(numbers("int16"), np.diag([-0.7, 0.8, 2.5, 1.0]))
+        if kind is nibabel.Spm99AnalyzeImage:
+            image = kind(numbers("float32"), np.diag([-0.7, 0.8, 2.5, 1.0]))
+            image.set_data_dtype(np.int16)
+        image.to_filename(OUT / name)
+        (OUT / name).with_suffix(".mat").unlink(missing_ok=True)
+        back = kind.from_filename(OUT / name)
+        say(name, "nibabel", back.header.get_base_affine(), back.get_fdata())
+
+
+# --- DICOM, by pydicom; read back by SimpleITK (GDCM) where it says nothing else --------------------------------------
+STUDY = "1.2.826.0.1.3680043.8.498.1"
+
+
+def dicom_file(path, pixels, position, orientation, *, series=1, number=1, syntax=ExplicitVRLittleEndian, bits=16,
+               slope="1", intercept="-1024", spacing=(0.8, 0.7), photometric="MONOCHROME2", modality="CT", **more):
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID = CTImageStorage
+    meta.MediaStorageSOPInstanceUID = f"{STUDY}.{series}.{number}"
+    meta.TransferSyntaxUID = syntax
+    ds = FileDataset(str(path), {}, file_meta=meta, preamble=b"\0" * 128,
+                     is_implicit_VR=syntax == ImplicitVRLittleEndian, is_little_endian=syntax != ExplicitVRBigEndian)
+    ds.SOPClassUID, ds.SOPInstanceUID = CTImageStorage, meta.MediaStorageSOPInstanceUID
+    ds.StudyInstanceUID, ds.SeriesInstanceUID = STUDY, f"{STUDY}.{series}"
+    ds.PatientName, ds.PatientID, ds.PatientBirthDate = "Secret^Person", "S3CR3T", "19700101"
+    ds.Modality, ds.SeriesNumber, ds.InstanceNumber = modality, series, number
+    ds.SeriesDescription = f"Thorax {series}"
+    ds.ImagePositionPatient = [f"{v:.8g}" for v in position]
+    ds.ImageOrientationPatient = [f"{v:.10f}"[:16] for v in orientation]
+    ds.PixelSpacing = list(spacing)
+    ds.SliceThickness = 2.5
+    ds.SamplesPerPixel, ds.PhotometricInterpretation = 1, photometric
+    ds.Rows, ds.Columns = pixels.shape
+    ds.BitsAllocated, ds.BitsStored, ds.HighBit = 8 * pixels.dtype.itemsize, bits, bits - 1
+    ds.PixelRepresentation = int(np.issubdtype(pixels.dtype, np.signedinteger))
+    ds.RescaleSlope, ds.RescaleIntercept = slope, intercept
+    for key, value in more.items():
+        setattr(ds, key, value)
+    if syntax in (RLELossless, JPEGLSLossless, JPEG2000Lossless):
+        ds.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+        ds.set_pixel_data(pixels, photometric, bits)
+        ds.PixelRepresentation = int(np.issubdtype(pixels.dtype, np.signedinteger))
+        ds.compress(syntax, generate_instance_uid=False)
+    else:
+        order = ">" if syntax == ExplicitVRBigEndian else "<"
+        ds.PixelData = pixels.astype(pixels.dtype.newbyteorder(order)).tobytes()
+        ds["PixelData"].VR = "OW"
+    ds.save_as(path, enforce_file_format=True)
+
+
+def series_by_itk(folder):
+    reader = sitk.ImageSeriesReader()
+    reader.SetFileNames(sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder)))
+    return of_sitk(reader.Execute())
+
+
+def dicoms():
+    r = rotation(0.2, -0.3, 0.4)
+    row, column, normal = r[:, 0], r[:, 1], r[:, 2]
+    orientation = [*row, *column]
+    origin = np.array([10.5, -20.25, 30.0])
+
+    def series(name, data, along=normal * 2.5, depths=None, read_back=True, **options):
+        """One file a slice; names count down where positions go up."""
+        folder = OUT / name
+        folder.mkdir()
+        for k in range(data.shape[2]):
+            depth = k if depths is None else depths[k]
+            dicom_file(folder / f"{90 - k}.dcm", np.ascontiguousarray(data[:, :, k].T), origin + along * depth, orientation,
+                       number=k + 1, **options)
+        if read_back:
+            values, affine = series_by_itk(folder)
+            say(name, "SimpleITK", affine, values)
+        return folder
+
+    twelve = (numbers("uint16") % 4096).astype("uint16")
+    series("dicom_oblique", twelve, bits=12)
+    series("dicom_signed_implicit", numbers("int16"), syntax=ImplicitVRLittleEndian, slope="0.5", intercept="3")
+    series("dicom_big", twelve, bits=12, syntax=ExplicitVRBigEndian)
+    series("dicom_deflated", twelve, bits=12, syntax=DeflatedExplicitVRLittleEndian)
+    # Packed without loss: the values are those that were packed.
+    affine = np.eye(4)
+    affine[:3] = np.column_stack([row * 0.7, column * 0.8, normal * 2.5, origin])
+    x, y, z = np.indices((40, 36, 3))
+    smooth = (500 + 50 * x + 20 * y * z + numbers("uint16", (40, 36, 3)) % 8).astype("uint16")
+    for name, syntax, data, bits in [
+        ("dicom_rle", RLELossless, twelve, 12), ("dicom_jpegls", JPEGLSLossless, smooth, 12),
+        ("dicom_j2k", JPEG2000Lossless, smooth, 12),
+        ("dicom_j2k_signed", JPEG2000Lossless, smooth.astype("int16") - np.int16(2000), 16),
+        ("dicom_rle_signed", RLELossless, numbers("int16"), 16),
+    ]:
+        series(name, data, read_back=False, syntax=syntax, bits=bits)
+        say(name, "pydicom", LPS @ affine, data.astype(float) - 1024)
+    # JPEG lossless, by ITK's own writer.
+    folder = OUT / "dicom_jpeg_lossless"
+    folder.mkdir()
+    for k in range(3):
+        source = sitk.ReadImage(str(OUT / "dicom_oblique" / f"{90 - k}.dcm"))
+        writer = sitk.ImageFileWriter()
+        writer.KeepOriginalImageUIDOn()
+        writer.SetImageIO("GDCMImageIO")
+        writer.SetUseCompression(True)
+        writer.SetCompressor("JPEG")
+        writer.SetFileName(str(folder / f"{k}.dcm"))
+        writer.Execute(source)
+    values, by_itk = series_by_itk(folder)
+    say("dicom_jpeg_lossless", "SimpleITK", by_itk, values)
+    # A tilted gantry: slices shift as they go up. ITK has no sheared grids: by the definition of the attributes.
+    leaning = normal * 2.5 + column * 0.9
+    data = twelve
+    series("dicom_tilted", data, along=leaning, read_back=False, bits=12)
+    affine[:3, 2] = leaning
+    say("dicom_tilted", "definition", LPS @ affine, data.astype(float) - 1024)
+    # One slice of five is missing: the mean of its neighbours.
+    five = (numbers("uint16", (5, 4, 5)) % 4096).astype("uint16")
+    folder = series("dicom_missing", five, read_back=False, bits=12)
+    (folder / "88.dcm").unlink()
+    filled = five.astype(float) - 1024
+    filled[:, :, 2] = (filled[:, :, 1] + filled[:, :, 3]) / 2
+    affine[:3, 2] = normal * 2.5
+    say("dicom_missing", "definition", LPS @ affine, filled, warning="resampled")
+    # The same place twice.
+    folder = series("dicom_doubled", twelve, read_back=False, bits=12)
+    dicom_file(folder / "again.dcm", np.zeros((4, 5), "uint16"), origin, orientation, number=77, bits=12)
+    say("dicom_doubled", "definition", LPS @ affine, twelve.astype(float) - 1024, warning="where others do")
+    # Padding beyond the scanner's circle.
+    padded = np.maximum(numbers("int16"), -1000)
+    bare = padded.copy()
+    padded[0, :, :] = -2000
+    series("dicom_padded", padded, read_back=False, PixelPaddingValue=-2000, intercept="0")
+    bare[0, :, :] = padded[1:].min()
+    say("dicom_padded", "definition", LPS @ affine, bare, warning="padding")
+    # Slices with scalings of their own, as PET has them.
+    folder = OUT / "dicom_pet"
+    folder.mkdir()
+    scaled = np.zeros(twelve.shape)
+    for k in range(3):
+        dicom_file(folder / f"{k}.dcm", np.ascontiguousarray(twelve[:, :, k].T), origin + normal * 2.5 * k, orientation,
+                   number=k + 1, slope=str(k + 0.5), intercept=str(-k), modality="PT", bits=12)
+        scaled[:, :, k] = twelve[:, :, k] * (k + 0.5) - k
+    say("dicom_pet", "definition", LPS @ affine, scaled, warning="scalings of their own")
+    # Small values are the bright ones, in what is no CT.
+    series("dicom_monochrome1", twelve, read_back=False, bits=12, photometric="MONOCHROME1", modality="CR", intercept="0")
+    say("dicom_monochrome1", "definition", LPS @ affine, 4095.0 - twelve, warning="MONOCHROME1")
+    # Two series in a folder: a choice is needed.
+    folder = series("dicom_two", twelve, read_back=False, bits=12)
+    for k in range(2):
+        dicom_file(folder / f"other{k}.dcm", np.ascontiguousarray(twelve[:, :, k].T), origin + normal * 2.5 * k, orientation,
+                   series=2, number=k + 1, bits=12)
+    say("dicom_two", "definition", LPS @ affine, twelve.astype(float) - 1024, series=1)
+    say("dicom_two", "definition", LPS @ affine, twelve[:, :, :2].astype(float) - 1024, series=2)
+    say("dicom_two/other0.dcm", "definition", LPS @ affine, twelve[:, :, :2].astype(float) - 1024)
+    # Two volumes in one series, one after the other in time.
+    folder = OUT / "dicom_times"
+    folder.mkdir()
+    for t in range(2):
+        for k in range(3):
+            dicom_file(folder / f"{t}{k}.dcm", np.ascontiguousarray(twelve[:, :, k].T) + np.uint16(100 * t),
+                       origin + normal * 2.5 * k, orientation, number=10 * t + k, bits=13, AcquisitionNumber=t)
+    for t in range(2):
+        say("dicom_times", "definition", LPS @ affine, twelve.astype(float) + 100 * t - 1024, frame=t)
+    enhanced(twelve, origin, row, column, normal, affine)
+
+
+def enhanced(data, origin, row, column, normal, affine):
+    """An enhanced CT of one file, its frames in no order of their positions."""
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID = EnhancedCTImageStorage
+    meta.MediaStorageSOPInstanceUID = f"{STUDY}.9.1"
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    ds = FileDataset("", {}, file_meta=meta, preamble=b"\0" * 128)
+    ds.SOPClassUID, ds.SOPInstanceUID = EnhancedCTImageStorage, meta.MediaStorageSOPInstanceUID
+    ds.SeriesInstanceUID, ds.StudyInstanceUID, ds.Modality, ds.SeriesNumber = f"{STUDY}.9", STUDY, "CT", 9
+    ds.SamplesPerPixel, ds.PhotometricInterpretation = 1, "MONOCHROME2"
+    ds.Rows, ds.Columns, ds.NumberOfFrames = 4, 5, 3
+    ds.BitsAllocated, ds.BitsStored, ds.HighBit, ds.PixelRepresentation = 16, 12, 11, 0
+    shared, measures, plane, values = Dataset(), Dataset(), Dataset(), Dataset()
+    measures.PixelSpacing, measures.SliceThickness = [0.8, 0.7], 2.5
+    plane.ImageOrientationPatient = [f"{v:.10f}"[:16] for v in (*row, *column)]
+    values.RescaleSlope, values.RescaleIntercept, values.RescaleType = "1", "-1024", "HU"
+    shared.PixelMeasuresSequence = Sequence([measures])
+    shared.PlaneOrientationSequence = Sequence([plane])
+    shared.PixelValueTransformationSequence = Sequence([values])
+    ds.SharedFunctionalGroupsSequence = Sequence([shared])
+    order, frames = [2, 0, 1], []
+    for k in order:
+        frame, position = Dataset(), Dataset()
+        position.ImagePositionPatient = [f"{v:.8g}" for v in origin + normal * 2.5 * k]
+        frame.PlanePositionSequence = Sequence([position])
+        frames.append(frame)
+    ds.PerFrameFunctionalGroupsSequence = Sequence(frames)
+    ds.PixelData = b"".join(np.ascontiguousarray(data[:, :, k].T).tobytes() for k in order)
+    ds["PixelData"].VR = "OW"
+    ds.save_as(OUT / "enhanced.dcm", enforce_file_format=True)
+    say("enhanced.dcm", "definition", LPS @ affine, data.astype(float) - 1024)
+
+
+if __name__ == "__main__":
+    shutil.rmtree(OUT, ignore_errors=True)
+    OUT.mkdir()
+    for make in (nrrds, metaimages, arrays, tiffs, analyzes, dicoms):
+        make()
+    (HERE / "expected.json").write_text("[\n" + ",\n".join(json.dumps(e) for e in expected) + "\n]\n")
+    print(len(expected), "files")
