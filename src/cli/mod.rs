@@ -2,6 +2,7 @@
 
 pub mod claims;
 pub mod compare;
+pub mod convert;
 mod error;
 pub mod info;
 mod interrupt;
@@ -42,6 +43,7 @@ enum Command {
     Render(render::RenderArgs),
     Probe(probe::ProbeArgs),
     Compare(Box<compare::CompareArgs>),
+    Convert(convert::ConvertArgs),
     Merge(merge::MergeArgs),
     Claims(claims::ClaimsArgs),
     Stability(stability::StabilityArgs),
@@ -89,6 +91,7 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(*args),
+        Command::Convert(args) => convert::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Claims(args) => claims::run(&args),
         Command::Stability(args) => stability::run(&args),

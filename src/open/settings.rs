@@ -34,7 +34,7 @@ const MIN_SINE: f64 = 1e-5;
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
 #[serde(try_from = "toml::Table")]
 pub struct SceneSettings {
-    /// A volume file (NIfTI, raw), strands (.hair) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
+    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, TIFF, .npy, raw), strands or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
     #[arg(value_name = "VOLUME")]
     pub volume: Option<String>,
     #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]

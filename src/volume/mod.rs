@@ -16,6 +16,7 @@ pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
 pub use formats::nifti_write::{NIFTI_EXTENSIONS, write_nifti};
 pub use formats::raw::RawLayout;
+pub use formats::write::{VOLUME_EXTENSIONS, write_volume};
 pub use formats::{nifti, raw};
 pub use histogram::Histogram;
 pub use phantom::Phantom;

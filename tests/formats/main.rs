@@ -2,6 +2,9 @@
 //!
 //! `make.py` made the files and `expected.json`.
 
+mod mutants;
+mod round_trip;
+
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use umbravox::open::{ReadFlags, VolumeSpec, load};

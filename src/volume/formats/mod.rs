@@ -16,6 +16,7 @@ mod sidecar;
 mod source;
 mod text_header;
 pub mod tiff_stack;
+pub(super) mod write;
 
 pub use head::Head;
 pub use sidecar::Sidecar;

@@ -93,6 +93,13 @@ pub struct RawFile {
     pub sidecar: Option<Sidecar>,
 }
 
+impl From<RawLayout> for RawFile {
+    /// Voxels from the first byte on, and nothing known of where they are.
+    fn from(layout: RawLayout) -> Self {
+        Self { layout, spacing_mm: None, offset_bytes: 0, sidecar: None }
+    }
+}
+
 /// Reads a raw file, gzipped or not. Without a spacing and without a sidecar voxels count 1 mm.
 ///
 /// # Errors

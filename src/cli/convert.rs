@@ -1,0 +1,33 @@
+//! `umbravox convert`: a volume from any format that is read to any that is written.
+
+use super::told::say;
+use crate::error::Result;
+use crate::files::output::check_output;
+use crate::open::{ReadFlags, VolumeSpec, load};
+use crate::volume::{VOLUME_EXTENSIONS, write_volume};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Write a volume in another format, values and affine kept
+#[derive(Debug, Args)]
+pub struct ConvertArgs {
+    /// Any volume that can be read: a file, a DICOM folder, strands, phantom:NAME[:SIZE]
+    #[arg(value_name = "VOLUME")]
+    pub volume: String,
+    #[command(flatten)]
+    pub volume_flags: ReadFlags,
+    /// The file: .nii, .nii.gz, .nrrd, .npy, or .raw; beside the last two a .json says grid, scaling and affine
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+}
+
+/// Reads and writes.
+///
+/// # Errors
+/// The volume cannot be read, or the file cannot be written.
+pub fn run(args: &ConvertArgs) -> Result<()> {
+    check_output(&args.output, VOLUME_EXTENSIONS)?;
+    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
+    volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
+    write_volume(&volume, &args.output)
+}
