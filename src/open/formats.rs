@@ -11,10 +11,11 @@ use crate::scene::Shading;
 use crate::strands::{HAIR_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::formats::raw::RawFile;
 use crate::volume::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack};
-use crate::volume::{Phantom, RawLayout, Volume, nifti, raw};
+use crate::volume::{Crop, Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::Arc;
 
 /// How to read a volume that does not say it itself; absent ones are `None`.
@@ -36,6 +37,9 @@ pub struct ReadFlags {
     /// Which volume of a 4-D file, from 0 [default: 0]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
     pub frame: Option<usize>,
+    /// Only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default: all]
+    #[arg(long, value_name = "RANGES", value_parser = Crop::from_str, allow_hyphen_values = true, help_heading = "Volume")]
+    pub crop: Option<Crop>,
     #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
@@ -183,7 +187,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a built-in volume",
         asked_as: "phantom:NAME[:SIZE]",
         endings: &[],
-        flags: &[],
+        flags: &["crop"],
         sniff: |spec, _| spec.phantom().is_some() && !spec.is_of_strands(),
         read: |spec, loading| {
             let (phantom, size) =
@@ -196,7 +200,7 @@ pub const FORMATS: &[Format] = &[
         kind: "raw voxels",
         asked_as: "raw files with --raw DIMXxDIMYxDIMZ:TYPE (.raw, .raw.gz)",
         endings: &["raw", "gz"],
-        flags: &["raw", "spacing", "offset"],
+        flags: &["raw", "spacing", "offset", "crop"],
         sniff: |spec, head| {
             let raw = head.is_named(&["raw", "raw.gz"]);
             spec.layout().is_some() || raw && Sidecar::path_of(spec.path()).is_file()
@@ -208,7 +212,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a DICOM series",
         asked_as: "DICOM (a folder, or a file of it)",
         endings: dicom::EXTENSIONS,
-        flags: &["series", "frame"],
+        flags: &["series", "frame", "crop"],
         sniff: |_, head| dicom::is_dicom(head),
         read: |spec, loading| {
             dicom::read_with(spec.path(), spec.flags.series, spec.frame(), loading).map(Read::from)
@@ -219,7 +223,7 @@ pub const FORMATS: &[Format] = &[
         kind: "NRRD",
         asked_as: "NRRD (.nrrd, .nhdr)",
         endings: nrrd::EXTENSIONS,
-        flags: &["frame"],
+        flags: &["frame", "crop"],
         sniff: |_, head| nrrd::is_nrrd(head),
         read: |spec, loading| nrrd::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| nrrd::files_of(spec.path()),
@@ -228,7 +232,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a MetaImage",
         asked_as: "MetaImage (.mha, .mhd)",
         endings: metaimage::EXTENSIONS,
-        flags: &["frame"],
+        flags: &["frame", "crop"],
         sniff: |_, head| metaimage::is_metaimage(head),
         read: |spec, loading| metaimage::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| metaimage::files_of(spec.path()),
@@ -237,7 +241,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a TIFF stack",
         asked_as: "TIFF (a file of pages, or a folder of files)",
         endings: tiff_stack::EXTENSIONS,
-        flags: &["frame", "spacing"],
+        flags: &["frame", "spacing", "crop"],
         sniff: |_, head| tiff_stack::is_tiff(head),
         read: |spec, loading| {
             tiff_stack::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -248,7 +252,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a NumPy array",
         asked_as: "NumPy (.npy)",
         endings: npy::EXTENSIONS,
-        flags: &["frame", "spacing"],
+        flags: &["frame", "spacing", "crop"],
         sniff: |_, head| npy::is_npy(head),
         read: |spec, loading| {
             npy::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -272,7 +276,7 @@ pub const FORMATS: &[Format] = &[
         kind: "read as NIfTI",
         asked_as: "NIfTI and Analyze 7.5 (.nii, .nii.gz, .hdr with .img)",
         endings: &["nii", "gz", "hdr", "img"],
-        flags: &["frame"],
+        flags: &["frame", "crop"],
         sniff: |_, _| true,
         read: |spec, loading| {
             let path = spec.path();
@@ -315,7 +319,10 @@ pub fn read_with(spec: &VolumeSpec, loading: &Loading) -> Result<Read> {
     loading.go_on(&spec.source)?;
     let format = spec.format().unwrap_or(&FORMATS[FORMATS.len() - 1]);
     refuse_flags(spec, format)?;
-    let outcome = (format.read)(spec, loading);
+    let outcome = (format.read)(spec, loading).and_then(|read| match spec.flags.crop {
+        Some(crop) => Ok(Read { volume: read.volume.cropped(crop, loading)?, ..read }),
+        None => Ok(read),
+    });
     // Whatever else went wrong then did so because of that.
     loading.go_on(&spec.source)?;
     outcome

@@ -4,6 +4,7 @@
 //! edge; the domain is `[-0.5, n - 0.5]^3` in index space and there is nothing (zero extinction) outside.
 
 mod bricks;
+mod crop;
 mod directions;
 mod element;
 pub mod formats;
@@ -12,6 +13,7 @@ mod phantom;
 mod thorax;
 
 pub use bricks::{BRICK_CELLS, Bricks};
+pub use crop::Crop;
 pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
 pub use formats::nifti_write::{NIFTI_EXTENSIONS, write_nifti};

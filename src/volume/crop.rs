@@ -1,0 +1,123 @@
+//! A part of a volume, by voxel indices.
+
+use super::{Volume, Voxels};
+use crate::error::{Error, Result};
+use crate::files::loading::Loading;
+use crate::with_voxels;
+use glam::{DAffine3, DVec3};
+use ndarray::{Array3, s};
+use std::fmt;
+use std::str::FromStr;
+
+/// `x0:x1,y0:y1,z0:z1` in voxel indices, both ends inclusive; an absent end is the volume's.
+///
+/// The part is a volume of its own: its field is clamped at its edges, and half a voxel beyond them there is nothing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Crop {
+    /// First and last index along i, j, k.
+    pub ranges: [[Option<usize>; 2]; 3],
+}
+
+impl FromStr for Crop {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let refuse =
+            || format!("`{text}` is not x0:x1,y0:y1,z0:z1 (voxel indices from 0; parts may be empty)");
+        let parts: Vec<&str> = text.split(',').collect();
+        let parts: [&str; 3] = parts.try_into().map_err(|_| refuse())?;
+        let end = |text: &str| match text.trim() {
+            "" => Ok(None),
+            text => text.parse().map(Some).map_err(|_| refuse()),
+        };
+        let mut ranges = [[None; 2]; 3];
+        for (range, part) in ranges.iter_mut().zip(parts) {
+            let (from, to) = match part.split_once(':') {
+                Some((from, to)) => (end(from)?, end(to)?),
+                None if part.trim().is_empty() => (None, None),
+                None => return Err(refuse()),
+            };
+            if from.zip(to).is_some_and(|(from, to)| from > to) {
+                return Err(format!("`{part}` ends before it begins"));
+            }
+            *range = [from, to];
+        }
+        Ok(Self { ranges })
+    }
+}
+
+impl fmt::Display for Crop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let end = |end: Option<usize>| end.map(|n| n.to_string()).unwrap_or_default();
+        let [x, y, z] = self.ranges.map(|[from, to]| format!("{}:{}", end(from), end(to)));
+        write!(f, "{x},{y},{z}")
+    }
+}
+
+impl serde::Serialize for Crop {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl Volume {
+    /// The part of it within `crop`, where it was in the world.
+    ///
+    /// # Errors
+    /// An index beyond the volume, or no finite value left.
+    pub fn cropped(self, crop: Crop, loading: &Loading) -> Result<Self> {
+        let dims = self.dims();
+        let mut kept = [[0; 2]; 3];
+        for (axis, range) in crop.ranges.iter().enumerate() {
+            let last = dims[axis] - 1;
+            kept[axis] = [range[0].unwrap_or(0), range[1].unwrap_or(last)];
+            if kept[axis].iter().any(|&n| n > last) {
+                let why = format!("{} runs from 0 to {last}, and {crop} goes beyond", ["x", "y", "z"][axis]);
+                return Err(Error::input("cannot crop volume", "--crop", why));
+            }
+        }
+        if kept.iter().zip(dims).all(|([from, to], n)| *from == 0 && *to == n - 1) {
+            return Ok(self);
+        }
+        let [[x0, x1], [y0, y1], [z0, z1]] = kept;
+        fn part<T: Clone>(array: &Array3<T>, [x, y, z]: [[usize; 2]; 3]) -> Array3<T> {
+            array.slice(s![z[0]..=z[1], y[0]..=y[1], x[0]..=x[1]]).as_standard_layout().into_owned()
+        }
+        let voxels: Voxels = with_voxels!(&self.voxels, a => part(a, [[x0, x1], [y0, y1], [z0, z1]]).into());
+        let first = DVec3::new(x0 as f64, y0 as f64, z0 as f64);
+        let world_from_index = self.world_from_index * DAffine3::from_translation(first);
+        Self::new_with(voxels, self.scaling, world_from_index, self.provenance, loading)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::Phantom;
+
+    #[test]
+    fn texts() {
+        for (text, same) in [("1:2,3:4,5:6", "1:2,3:4,5:6"), (":2,,5:", ":2,:,5:"), (",,", ":,:,:")] {
+            assert_eq!(text.parse::<Crop>().unwrap().to_string(), same);
+        }
+        for bad in ["", "1:2", "1:2,3:4,5:6,7:8", "a:2,,", "3:1,,", "-1:2,,", "1,,"] {
+            assert!(bad.parse::<Crop>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn voxels_stay_where_they_were() {
+        let whole = Phantom::Shell.build(20).unwrap();
+        let part = whole.clone().cropped("3:9,:5,17:".parse().unwrap(), &Loading::default()).unwrap();
+        assert_eq!(part.dims(), [7, 6, 3]);
+        for (i, j, k) in [(0, 0, 0), (6, 5, 2), (3, 1, 1)] {
+            assert_eq!(part.value(i, j, k), whole.value(i + 3, j, k + 17));
+            let at = |v: &Volume, i: usize, j: usize, k: usize| {
+                v.world_from_index().transform_point3(DVec3::new(i as f64, j as f64, k as f64))
+            };
+            assert!((at(&part, i, j, k) - at(&whole, i + 3, j, k + 17)).length() < 1e-12);
+        }
+        let beyond = whole.cropped("0:20,,".parse().unwrap(), &Loading::default()).unwrap_err();
+        assert!(beyond.why.contains("from 0 to 19"), "{beyond}");
+    }
+}
