@@ -176,6 +176,13 @@ pub fn step(text: &str) -> Result<f64, String> {
     })
 }
 
+/// A factor of extinction.
+pub fn opacity_scale(text: &str) -> Result<f64, String> {
+    number(text).and_then(|x| {
+        if (1e-6..=1e6).contains(&x) { Ok(x) } else { Err("it must be from 1e-6 to 1e6".into()) }
+    })
+}
+
 /// `#rrggbb`, or `none`.
 pub fn background(text: &str) -> Result<Background, String> {
     match text {
@@ -262,6 +269,9 @@ mod tests {
         }
         for bad in ["0", "-1", "8.1", "nan", "1e-9"] {
             assert!(step(bad).is_err(), "{bad}");
+        }
+        for bad in ["0", "-1", "1e7", "nan", "x"] {
+            assert!(opacity_scale(bad).is_err(), "{bad}");
         }
         for bad in ["1,1,0", "-1,1,1", "1,1"] {
             assert!(spacing_mm(bad).is_err(), "{bad}");

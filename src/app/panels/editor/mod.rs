@@ -52,7 +52,7 @@ fn tools(
     ui.horizontal_wrapped(|ui| {
         ui.strong("Transfer function");
         presets.show(ui, model, render_state);
-        if ui.button("Load…").on_hover_text("Read a .json file").clicked() {
+        if ui.button("Load…").on_hover_text("Read a file: this program's .json, or ParaView's, 3D Slicer's, MRIcroGL's, NiiVue's, Inviwo's").clicked() {
             prompt.ask(model, Purpose::LoadTransfer);
         }
         if ui.button("Save…").on_hover_text("Write the function as a .json file").clicked() {
