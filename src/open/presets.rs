@@ -271,42 +271,65 @@ pub(super) fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{Provenance, Scaling, Voxels};
+    use crate::strands::STRANDS_FORMAT;
+    use crate::volume::{Provenance, Scaling, ValuesSaid, Voxels};
     use glam::DAffine3;
     use ndarray::array;
 
-    fn volume(lo: f64, hi: f64) -> Volume {
+    /// Two voxels, `mm` apart.
+    fn volume_of(lo: f64, hi: f64, mm: f64) -> Volume {
         let provenance = Provenance::new("test", "phantom", "float64");
         let voxels = Voxels::F64(array![[[lo, hi]]]);
-        Volume::new(voxels, Scaling::IDENTITY, DAffine3::IDENTITY, provenance).unwrap()
+        let affine = DAffine3::from_scale(glam::DVec3::splat(mm));
+        Volume::new(voxels, Scaling::IDENTITY, affine, provenance).unwrap()
+    }
+
+    fn volume(lo: f64, hi: f64) -> Volume {
+        volume_of(lo, hi, 1.0)
     }
 
     #[test]
     fn hounsfield_presets_stay_on_hounsfield_volumes() {
-        for (lo, hi) in [(-1024.0, 3071.0), (0.0, 563.2), (0.0, 4095.0)] {
-            let r = resolve("vessels", &volume(lo, hi)).unwrap();
-            assert_eq!((r.tf.points[0].value, r.note), (190.0, None));
-        }
+        let r = resolve("vessels", &volume(-1024.0, 3071.0)).unwrap();
+        assert_eq!((r.tf.points[0].value, r.notes.len()), (190.0, 1), "a guess is said");
+        let mut said = volume(0.0, 100.0);
+        said.provenance.values = ValuesSaid::Hounsfield("DICOM modality CT".into());
+        let r = resolve("vessels", &said).unwrap();
+        assert_eq!((r.tf.points[0].value, r.notes.len(), r.tf.units.as_str()), (190.0, 0, "HU"));
+        let asked = Suiting { units: Some(Units::Hu), ..Suiting::default() };
+        let r = resolve_as("vessels", &volume(0.0, 4095.0), asked).unwrap();
+        assert_eq!((r.tf.points[0].value, r.notes.len()), (190.0, 0));
+        assert_eq!(r.suiting, Suiting { units: Some(Units::Hu), opacity_scale: Some(1.0) });
     }
 
     #[test]
     fn hounsfield_presets_scale_to_other_ranges_and_say_so() {
-        for (lo, hi) in [(0.0, 255.0), (0.0, 1.0), (0.0, 65535.0), (-0.5, 0.5)] {
+        for (lo, hi) in [(0.0, 255.0), (0.0, 1.0), (0.0, 65535.0), (-0.5, 0.5), (0.0, 4095.0)] {
             let r = resolve("vessels", &volume(lo, hi)).unwrap();
             let expected = lo + (190.0 + 1000.0) / 1800.0 * (hi - lo);
             assert!((r.tf.points[0].value - expected).abs() < 1e-9 * hi.abs());
-            assert!(r.note.unwrap().contains(&format!("value range {lo} to {hi}")));
+            assert!(
+                r.notes[0].contains(&format!("value range {lo} to {hi}"))
+                    && r.notes[0].contains("--units hu")
+            );
+            assert_eq!(r.tf.units, "", "its values are the volume's own");
         }
+        let asked = Suiting { units: Some(Units::Fraction), ..Suiting::default() };
+        assert_eq!(resolve_as("vessels", &volume(-1000.0, 800.0), asked).unwrap().tf.points[0].value, 190.0);
+        assert_eq!(
+            resolve_as("vessels", &volume(-1000.0, 2600.0), asked).unwrap().tf.points[0].value,
+            1380.0
+        );
     }
 
     #[test]
     fn fractions_scale_to_every_range() {
         let r = resolve("isosurface", &volume(-1000.0, 3000.0)).unwrap();
         assert_eq!((r.tf.extinction(999.9), r.tf.points[0].value), (0.0, 1000.0));
-        assert!(r.tf.extinction(1000.0) > 10.0 && r.note.is_some());
+        assert!(r.tf.extinction(1000.0) > 10.0 && r.notes.len() == 1);
         let constant = resolve("isosurface", &volume(7.0, 7.0)).unwrap().tf;
         assert!(constant.points.iter().all(|p| p.value.is_finite()));
-        assert_eq!(resolve("uniform", &volume(0.0, 9.0)).unwrap().note, None);
+        assert_eq!(resolve("uniform", &volume(0.0, 9.0)).unwrap().notes, [""; 0]);
     }
 
     #[test]
@@ -314,26 +337,61 @@ mod tests {
         for hi in [1e-12, 0.37, 4000.0] {
             let mut strands = volume(0.0, hi);
             let tf = resolve("hair", &strands).unwrap();
-            assert!(tf.note.is_some(), "nothing says that the values are extinction");
+            assert_eq!(tf.notes.len(), 1, "nothing says that the values are extinction");
             for w in [0.0, 0.1, 0.5, 1.0] {
                 assert!((tf.tf.extinction(w * hi) - w * hi).abs() <= 1e-15 * hi, "{hi} {w}");
             }
             strands.provenance.format = STRANDS_FORMAT.into();
             assert_eq!(default_name(&strands), "hair");
-            assert_eq!(resolve("hair", &strands).unwrap().note, None);
+            assert_eq!(resolve("hair", &strands).unwrap().notes, [""; 0]);
         }
         let empty = resolve("hair", &volume(0.0, 0.0)).unwrap().tf;
         assert_eq!((empty.extinction(0.0), empty.points.len()), (0.0, 2));
+        let tiny = resolve("hair", &volume_of(0.0, 1.0, 1e-3)).unwrap();
+        assert_eq!(tiny.tf.extinction(1.0), 1.0, "what is an extinction has no size to scale with");
     }
 
     #[test]
-    fn files_are_never_scaled() {
+    fn files_are_scaled_where_they_are_of_fractions_alone() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("mine.json");
         let tf = PRESETS[1].transfer_function();
         tf.write(&path).unwrap();
-        let r = resolve(path.to_str().unwrap(), &volume(0.0, 1.0)).unwrap();
-        assert_eq!(r, ResolvedTransferFunction { tf, note: None });
+        let read = |volume: &Volume| resolve(path.to_str().unwrap(), volume).unwrap();
+        for volume in [volume(0.0, 1.0), volume_of(0.0, 1.0, 1e-3)] {
+            let r = read(&volume);
+            assert_eq!((&r.tf, r.notes.len(), r.warnings.len()), (&tf, 0, 0));
+        }
+        let engine = PRESETS.iter().find(|p| p.name == "engine").unwrap();
+        engine.transfer_function().write(&path).unwrap();
+        let (file, preset) = (read(&volume(3.0, 50.0)), resolve("engine", &volume(3.0, 50.0)).unwrap());
+        assert_eq!(file.tf, preset.tf);
+        assert_eq!(file.notes.len(), 1);
+        // What a preset became for one volume and was written is not laid over another's range again.
+        preset.tf.write(&path).unwrap();
+        assert_eq!(read(&volume(0.0, 1000.0)).tf, preset.tf);
+    }
+
+    #[test]
+    fn presets_alone_scale_with_the_size_and_an_asked_scale_wins() {
+        let bone = PRESETS[1].transfer_function();
+        let hu = |mm| volume_of(-1024.0, 3071.0, mm);
+        for mm in [0.3, 0.5, 1.0, 3.0, 100.0] {
+            assert_eq!(resolve("bone", &hu(mm)).unwrap().tf, bone, "{mm} mm");
+        }
+        for (mm, factor) in [(0.1, 1630.0), (0.01, 16_300.0), (1000.0, 0.163)] {
+            let r = resolve("bone", &hu(mm)).unwrap();
+            let ratio = r.tf.extinction(800.0) / bone.extinction(800.0);
+            assert!((ratio / factor - 1.0).abs() < 1e-12, "{mm}: {ratio}");
+            assert!(r.notes.iter().any(|n| n.contains("--opacity-scale 1")), "{:?}", r.notes);
+            assert_eq!(r.suiting.opacity_scale, Some(factor));
+            for asked in [1.0, 0.5] {
+                let asked = Suiting { opacity_scale: Some(asked), ..Suiting::default() };
+                let r = resolve_as("bone", &hu(mm), asked).unwrap();
+                let ratio = r.tf.extinction(800.0) / bone.extinction(800.0);
+                assert!((ratio - asked.opacity_scale.unwrap()).abs() < 1e-12 && r.notes.len() == 1);
+            }
+        }
     }
 
     #[test]
@@ -341,14 +399,19 @@ mod tests {
         let e = find("boen").unwrap_err();
         assert!(e.place.contains("boen") && e.hint.unwrap().contains("bone"));
         assert_eq!(e.fault, crate::error::Fault::Input);
-        assert!(find("missing.json").unwrap_err().why.contains("No such file"));
+        for name in ["missing.json", "missing.vp", "missing.ITF"] {
+            assert!(find(name).unwrap_err().why.contains("No such file"), "{name}");
+        }
     }
 
     #[test]
     fn the_default_suits_the_values() {
-        for (lo, hi, expected) in [(0.0, 1.0, "engine"), (-1000.0, 1000.0, "ct"), (0.0, 563.2, "bone")] {
+        for (lo, hi, expected) in [(0.0, 1.0, "engine"), (-1000.0, 1000.0, "ct"), (0.0, 563.2, "engine")] {
             assert_eq!(default_name(&volume(lo, hi)), expected);
             assert!(find(expected).is_ok());
         }
+        assert_eq!(default_as(&volume(0.0, 563.2), Some(Units::Hu)), ("bone", None));
+        let (name, why) = default_as(&volume(0.0, 563.2), None);
+        assert!(name == "engine" && why.unwrap().contains("--units hu"));
     }
 }

@@ -186,3 +186,79 @@ impl Seen {
         ((b - a) / (2.0 * AIR_WIDTH)).max(0.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::{Provenance, Scaling};
+    use glam::DAffine3;
+    use ndarray::Array3;
+
+    /// A volume of 20 x 20 x 20 voxels by a share in `[0, 1)` that runs through all of them.
+    fn volume(value: impl Fn(f64) -> f64) -> Volume {
+        let values =
+            Array3::from_shape_fn((20, 20, 20), |(k, j, i)| value(((k * 20 + j) * 20 + i) as f64 / 8000.0));
+        scaled(Voxels::F64(values), Scaling::IDENTITY)
+    }
+
+    fn scaled(voxels: Voxels, scaling: Scaling) -> Volume {
+        let provenance = Provenance::new("test", "raw", "test");
+        Volume::new(voxels, scaling, DAffine3::IDENTITY, provenance).unwrap()
+    }
+
+    fn kind(volume: &Volume) -> ValueKind {
+        Meaning::of(volume, None).kind
+    }
+
+    #[test]
+    fn air_is_what_tells_hounsfield_units() {
+        let noise = |s: f64| 30.0 * (s * 7919.0).fract();
+        // Air, tissue, bone; the same padded with -2000; a body without air around it.
+        let scan = |s: f64| if s < 0.4 { -1010.0 + noise(s) } else { 3000.0 * (s - 0.4).powi(2) };
+        assert_eq!(kind(&volume(scan)), ValueKind::Hounsfield);
+        assert_eq!(kind(&volume(|s| if s < 0.1 { -2000.0 } else { scan(s) })), ValueKind::Hounsfield);
+        let inside =
+            |s: f64| if s < 0.005 { -900.0 } else { -120.0 + 320.0 * s + if s > 0.95 { 900.0 } else { 0.0 } };
+        assert_eq!(kind(&volume(inside)), ValueKind::Hounsfield);
+        // Of 16 bits, and no HU: fMRI, a micro-CT, 12 bits from 0, the phase of an MR image, evenly spread numbers.
+        let others: [&dyn Fn(f64) -> f64; 6] = [
+            &|s| 762.0 + 4776.0 * s * s,
+            &|s| 25_500.0 * s,
+            &|s| if s < 0.5 { noise(s) } else { 1000.0 + 3000.0 * (s - 0.5) },
+            &|s| -4096.0 + 8191.0 * s,
+            &|s| -2000.0 + 4000.0 * s,
+            &|s| 65_535.0 * s,
+        ];
+        for (i, other) in others.iter().enumerate() {
+            let meaning = Meaning::of(&volume(other), None);
+            assert!(meaning.kind == ValueKind::Other && meaning.is_guess, "{i}: {}", meaning.text());
+        }
+    }
+
+    #[test]
+    fn bits_scaled_to_a_window_of_hounsfield_units_are_such() {
+        let bytes = Voxels::U8(Array3::from_shape_fn((4, 4, 16), |(k, j, i)| (k * 64 + j * 16 + i) as u8));
+        let window = Scaling { slope: 2.2086, intercept: 0.0 };
+        assert_eq!(kind(&scaled(bytes.clone(), window)), ValueKind::Hounsfield);
+        assert_eq!(kind(&scaled(bytes.clone(), Scaling::IDENTITY)), ValueKind::Other);
+        let beyond = Scaling { slope: 100.0, intercept: 0.0 };
+        assert_eq!(kind(&scaled(bytes, beyond)), ValueKind::Other);
+    }
+
+    #[test]
+    fn what_is_asked_for_and_what_the_file_says_decide() {
+        let mut volume = volume(|s| if s < 0.4 { -1000.0 } else { 1000.0 * s });
+        volume.provenance.values = ValuesSaid::Other("MR".into());
+        let meaning = Meaning::of(&volume, None);
+        assert_eq!(
+            (meaning.kind, meaning.is_guess, meaning.text()),
+            (ValueKind::Other, false, "not HU (MR)".into())
+        );
+        assert_eq!(Meaning::of(&volume, Some(Units::Hu)).text(), "HU (--units hu)");
+        volume.provenance.values = ValuesSaid::Hounsfield("DICOM modality CT".into());
+        assert_eq!(Meaning::of(&volume, None).text(), "HU (DICOM modality CT)");
+        assert_eq!(Meaning::of(&volume, Some(Units::Fraction)).kind, ValueKind::Other);
+        volume.provenance.format = STRANDS_FORMAT.into();
+        assert_eq!(kind(&volume), ValueKind::Extinction);
+    }
+}

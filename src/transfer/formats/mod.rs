@@ -12,6 +12,8 @@ mod numbers;
 mod paraview;
 mod pieces;
 mod slicer;
+#[cfg(test)]
+mod tests;
 mod write;
 
 pub use carried::{Carried, FRACTION};
@@ -136,9 +138,10 @@ pub fn from_text(text: &str, file_name: &str) -> Result<Carried, String> {
     if source.text.len() > MOST_FOREIGN_BYTES && format.name != "umbravox" {
         return Err("it is longer than any transfer function".into());
     }
-    (format.read)(&source).map_err(|why| match format.name {
-        "umbravox" => why,
-        _ => format!("{why} ({})", format.about),
+    (format.read)(&source).map_err(|why| {
+        // Parsers quote what they found, line ends too.
+        let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
+        if format.name == "umbravox" { why } else { format!("{why} ({})", format.about) }
     })
 }
 
