@@ -185,7 +185,8 @@ impl Document {
     /// As [`SceneSettings::to_toml`].
     pub fn scene_text(&self, tf: &str) -> Result<String> {
         // What was written has its opacity scaled already.
-        let opacity_scale = self.suiting.opacity_scale.filter(|_| tf == self.tf_source.0);
+        let as_loaded = tf == self.tf_source.0 && !self.tf_edited();
+        let opacity_scale = self.suiting.opacity_scale.filter(|_| as_loaded);
         let settings = SceneSettings {
             tf: Some(tf.to_owned()),
             opacity_scale,

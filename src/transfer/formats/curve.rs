@@ -53,7 +53,7 @@ pub struct Ways {
 }
 
 /// Nodes that a curve may have; no program's editor makes more.
-pub const MOST_NODES: usize = 1 << 16;
+pub const MOST_NODES: usize = 1 << 14;
 /// Beyond this a value no longer fits 32-bit arithmetic.
 pub const MOST_VALUE: f64 = 1e30;
 /// Share of the range of values below which two values count as one: VTK wants each value once, and programs that build

@@ -32,7 +32,7 @@ impl<const N: usize> Sampled<'_, N> {
         let mut allowed = 1.0;
         while points.len() > most && allowed < 1e6 {
             points = self.thinned(&all, allowed);
-            allowed *= 1.5;
+            allowed *= 2.0;
         }
         // Nothing but a step at every point is beyond thinning.
         points.truncate(most.max(2));
@@ -46,7 +46,7 @@ impl<const N: usize> Sampled<'_, N> {
         let mut points: Vec<Point<N>> = Vec::new();
         for (i, value) in self.breaks.iter().enumerate() {
             let [below, from] = [Side::Below, Side::From].map(|side| (self.at)(*value, side));
-            if i > 0 && below != from {
+            if below != from {
                 points.push((*value, below));
             }
             points.push((*value, from));

@@ -310,8 +310,8 @@ fn mutants_of_every_file_are_read_or_refused() {
 #[test]
 fn large_files_become_functions_that_a_device_can_hold() {
     let wild = |i: usize| (i * 7919 % 1000) as f64 / 1000.0;
-    let list: Vec<String> = (0..20_000).map(|i| format!("{i}, {}, 0.5, 0.3", wild(i))).collect();
-    let colors: Vec<String> = (0..20_000).map(|i| format!("{i}, {0}, {0}, {0}", wild(i + 3))).collect();
+    let list: Vec<String> = (0..16_000).map(|i| format!("{i}, {}, 0.5, 0.3", wild(i))).collect();
+    let colors: Vec<String> = (0..16_000).map(|i| format!("{i}, {0}, {0}, {0}", wild(i + 3))).collect();
     let text = format!(r#"{{"Points": [{}], "RGBPoints": [{}]}}"#, list.join(","), colors.join(","));
     let carried = read(&text);
     assert!(carried.tf.points.len() <= 1000);
@@ -389,6 +389,15 @@ fn fractions_stay_fractions_in_paraview_and_need_a_range_in_vp() {
         let again = read(&write("paraview").unwrap().text).tf;
         assert_eq!(is_of_fractions(&again), is_of_fractions(&tf), "{}", preset.name);
         assert_eq!(write("vp").is_err(), is_of_fractions(&tf), "{}", preset.name);
+        for i in -10..20 {
+            let (value, far) = (f64::from(i) * 0.1 + 0.05, 3.0);
+            assert!(
+                (again.amount(value) - (1.0 - (-tf.extinction(value)).exp())).abs() < 2e-3,
+                "{} {value}",
+                preset.name
+            );
+            assert!((again.extinction(far) - tf.extinction(far)).abs() <= 2e-3 * tf.extinction(far));
+        }
     }
 }
 

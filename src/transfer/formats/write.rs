@@ -22,6 +22,9 @@ const OPACITY_SHARE: f64 = 1e-3;
 const OPACITY_LEAST: f64 = 1e-6;
 /// How far a colour may be off: a quarter of a step of 8 bits.
 const COLOR_OFF: f64 = 0.25 / 255.0;
+/// From which error on too few points are worth a warning: a share of the opacity, and steps of 8 bits.
+const OPACITY_SAID: f64 = 0.01;
+const COLOR_SAID: f64 = 1.0;
 /// Points of a list; ParaView's editor shows each as a handle.
 const MOST_POINTS: usize = 1000;
 /// Characters of a line that 3D Slicer reads; behind a longer one it loses the lines that follow.
@@ -57,18 +60,17 @@ impl Lists {
         let sampled = Sampled { breaks, at: &color, between: linear, off: &color_off };
         let (color, color_worst) = sampled.points(most[1]);
         let mut warnings = Vec::new();
-        // A tolerance that was kept is not worth a line.
-        if opacity_worst > 1.01 {
-            let share = opacity_worst * OPACITY_SHARE;
+        let share = opacity_worst * OPACITY_SHARE;
+        if share > OPACITY_SAID {
+            let percent = 100.0 * share;
             warnings.push(format!(
-                "opacities are off by up to {:.2} % of themselves: it has no room for more points",
-                100.0 * share
+                "opacities are off by up to {percent:.1} % of themselves: there is no room for more points"
             ));
         }
-        if color_worst > 1.01 {
-            let steps = color_worst * COLOR_OFF * 255.0;
+        let steps = color_worst * COLOR_OFF * 255.0;
+        if steps > COLOR_SAID {
             warnings.push(format!(
-                "colours are off by up to {steps:.1} of 255 steps: it has no room for more points"
+                "colours are off by up to {steps:.1} of 255 steps: there is no room for more points"
             ));
         }
         let densest = tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
