@@ -129,7 +129,7 @@ impl Meaning {
             );
         }
         let scaled_bytes = matches!(volume.voxels(), Voxels::U8(_)) && volume.scaling().slope != 1.0;
-        if scaled_bytes && low >= WINDOW_HU[0] && low <= 0.0 && high <= WINDOW_HU[1] {
+        if scaled_bytes && (WINDOW_HU[0]..=0.0).contains(&low) && high <= WINDOW_HU[1] {
             return guess(
                 ValueKind::Hounsfield,
                 format!("the file scales its 8 bits to {low_text} to {high_text}, a window of HU"),

@@ -29,9 +29,9 @@ pub fn lab(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
     rgb_from_lab(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share))
 }
 
-/// The second colour everywhere but at the very start: `vtkColorTransferFunction`'s Step.
-pub fn step(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
-    if share > 0.0 { *b } else { *a }
+/// The second colour all the way: `vtkColorTransferFunction`'s Step, where a node's colour holds up to the node.
+pub fn step(_: &Rgb, b: &Rgb, _: f64) -> Rgb {
+    *b
 }
 
 /// Moreland's diverging mixture: through white where both colours are saturated and of different hue.
@@ -131,8 +131,12 @@ fn rgb_from_lab([l, a, b]: [f64; 3]) -> Rgb {
         let t = if cube > LAB_LINE[0] { cube } else { (f[i] - LAB_LINE[2]) / LAB_LINE[1] };
         t * WHITE_XYZ[i]
     });
-    // Clamped channel by channel: what is out of gamut in a mixture of two colours is so by little.
-    times(&RGB_FROM_XYZ, xyz).map(srgb_from_linear)
+    // `vtkMath` brings what is out of gamut back by its brightest channel.
+    let linear = times(&RGB_FROM_XYZ, xyz);
+    let encoded =
+        linear.map(|c| if c > 1.0 { 1.055 * c.powf(1.0 / 2.4) - 0.055 } else { srgb_from_linear(c) });
+    let brightest = encoded.iter().fold(1.0, |a: f64, b| a.max(*b));
+    encoded.map(|c| c / brightest)
 }
 
 fn msh_from_lab([l, a, b]: [f64; 3]) -> [f64; 3] {
@@ -155,7 +159,8 @@ mod tests {
         let (a, b) = ([0.2, 0.3, 0.8], [0.8, 0.25, 0.1]);
         let (cool, warm) = ([0.23, 0.299, 0.754], [0.706, 0.016, 0.15]);
         type Mixed = fn(&Rgb, &Rgb, f64) -> Rgb;
-        let cases: [(&str, Mixed, [Rgb; 2], &[(f64, Rgb)]); 4] = [
+        type Case = (&'static str, Mixed, [Rgb; 2], &'static [(f64, Rgb)]);
+        let cases: [Case; 5] = [
             (
                 "hsv wrapped",
                 hsv_wrapped,
@@ -179,6 +184,16 @@ mod tests {
                 ],
             ),
             (
+                "diverging out of gamut",
+                diverging,
+                [a, b],
+                &[
+                    (0.25, [0.62114, 0.67631, 1.0]),
+                    (0.5, [0.8688, 0.86881, 0.8688]),
+                    (0.75, [1.0, 0.64733, 0.53404]),
+                ],
+            ),
+            (
                 "diverging",
                 diverging,
                 [cool, warm],
@@ -196,7 +211,7 @@ mod tests {
                 close(name, mix(&a, &b, *share), *want);
             }
         }
-        assert_eq!([0.0, 0.01, 1.0].map(|share| step(&a, &b, share)), [a, b, b]);
+        assert_eq!([0.0, 0.01, 1.0].map(|share| step(&a, &b, share)), [b, b, b]);
     }
 
     fn close(name: &str, got: Rgb, want: Rgb) {

@@ -31,6 +31,9 @@ struct Source<'a> {
     json: Option<Value>,
 }
 
+/// What makes a file's text of a function.
+pub type Write = fn(&TransferFunction) -> Result<Written, String>;
+
 /// A format of transfer functions.
 pub struct TransferFormat {
     /// What `tf convert --to` calls it, and reports say.
@@ -42,7 +45,7 @@ pub struct TransferFormat {
     is_one: fn(&Source<'_>) -> bool,
     read: fn(&Source<'_>) -> Result<Carried, String>,
     /// The text of a file, where it can be written.
-    pub write: Option<fn(&TransferFunction) -> Result<Written, String>>,
+    pub write: Option<Write>,
 }
 
 /// Text longer than this is no other program's: it is read as our own alone, which takes less memory.
