@@ -373,6 +373,19 @@ mod tests {
     }
 
     #[test]
+    fn results_keep_our_files_to_the_byte_and_others_as_ours() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.json");
+        let text = r#" {"points": [{"value": 1, "opacity": 0.5}] } "#;
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(own_text(&path).unwrap(), text);
+        std::fs::write(&path, r#"{"Points": [0, 0, 0.5, 0, 7, 1, 0.5, 0]}"#).unwrap();
+        let ours = TransferFunction::from_json(&own_text(&path).unwrap()).unwrap();
+        assert_eq!(ours, formats::read(&path).unwrap().tf);
+        assert!(own_text(&dir.path().join("gone.vp")).is_err());
+    }
+
+    #[test]
     fn presets_alone_scale_with_the_size_and_an_asked_scale_wins() {
         let bone = PRESETS[1].transfer_function();
         let hu = |mm| volume_of(-1024.0, 3071.0, mm);
