@@ -31,6 +31,35 @@ pub struct CameraFrame {
     pub up: DVec3,
 }
 
+/// A direction to look from, named as a radiologist would.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisView {
+    /// Where the eye is, as a word.
+    pub name: &'static str,
+    /// The same as an anatomical letter.
+    pub mark: &'static str,
+    /// From the target to the eye, RAS+.
+    pub away: DVec3,
+    /// What is up in the picture, RAS+.
+    pub up: DVec3,
+}
+
+/// The six.
+pub const AXIS_VIEWS: [AxisView; 6] = [
+    AxisView { name: "Anterior", mark: "A", away: DVec3::Y, up: DVec3::Z },
+    AxisView { name: "Posterior", mark: "P", away: DVec3::NEG_Y, up: DVec3::Z },
+    AxisView { name: "Left", mark: "L", away: DVec3::NEG_X, up: DVec3::Z },
+    AxisView { name: "Right", mark: "R", away: DVec3::X, up: DVec3::Z },
+    AxisView { name: "Superior", mark: "S", away: DVec3::Z, up: DVec3::Y },
+    AxisView { name: "Inferior", mark: "I", away: DVec3::NEG_Z, up: DVec3::Y },
+];
+
+impl serde::Serialize for AxisView {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.mark)
+    }
+}
+
 impl Camera {
     /// Vertical field of view where none is given.
     pub const DEFAULT_FOV_DEG: f64 = 40.0;

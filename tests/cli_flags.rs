@@ -66,6 +66,8 @@ fn help_of_the_drawing_commands_shows_every_flag_and_its_default() {
             "--resolution",
             "--kernel",
             "--thickness",
+            "--opacity-scale",
+            "--units",
         ] {
             assert!(help.contains(flag), "{command}: no {flag}");
         }

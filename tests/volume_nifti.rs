@@ -8,7 +8,7 @@ use nifti_bytes::{NiftiBytes, gzip};
 use std::fs;
 use std::path::PathBuf;
 use umbravox::open::{ReadFlags, VolumeSpec, load};
-use umbravox::volume::{AffineSource, Volume};
+use umbravox::volume::{AffineSource, ValuesSaid, Volume};
 use umbravox::{Error, Result};
 
 struct Folder(tempfile::TempDir);
@@ -146,6 +146,26 @@ fn scaling() {
         f.data = 1e300f64.to_le_bytes().to_vec();
     });
     refused(read(&overflow), "overflow");
+}
+
+#[test]
+fn intents_and_echo_times_tell_what_the_values_are() {
+    let folder = Folder::new();
+    for (file, intent_at, descrip_at) in
+        [(NiftiBytes::new([2, 2, 1]), 68, 148), (NiftiBytes::new([2, 2, 1]).version_2(), 504, 240)]
+    {
+        let said = |intent: u16, descrip: &str| {
+            let mut bytes = file.bytes();
+            bytes[intent_at..intent_at + 2].copy_from_slice(&intent.to_le_bytes());
+            bytes[descrip_at..descrip_at + descrip.len()].copy_from_slice(descrip.as_bytes());
+            folder.write("a.nii", &bytes);
+            folder.read("a.nii").unwrap().provenance.values
+        };
+        assert_eq!(said(0, "Time=93808.000"), ValuesSaid::Nothing);
+        assert!(matches!(said(0, "TE=3.6;Time=1.0"), ValuesSaid::Other(by) if by.contains("MR")));
+        assert!(matches!(said(3, ""), ValuesSaid::Other(by) if by.contains("statistic")));
+        assert!(matches!(said(1002, ""), ValuesSaid::Other(by) if by.contains("labels")));
+    }
 }
 
 #[test]

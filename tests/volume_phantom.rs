@@ -212,7 +212,7 @@ fn files_are_readable_by_others_as_the_umask_allows() {
 
 #[test]
 fn info_tells_everything() {
-    let info = Info::of(&build("phantom:thorax:64"));
+    let info = Info::of(&build("phantom:thorax:64"), None);
     assert_eq!((info.dims, info.brick_counts, info.bricks), ([64, 48, 32], [17, 13, 9], 1989));
     assert_eq!(info.affine[3], [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(info.affine[0], [5.625, 0.0, 0.0, -177.1875]);

@@ -1,6 +1,6 @@
 //! What a hand does to the camera and the light.
 
-use crate::scene::{Camera, Light};
+use crate::scene::{AxisView, Camera, Light};
 use glam::{DQuat, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -16,28 +16,6 @@ pub enum Orbit {
 
 /// Closer to the upright axis a turntable does not go, radians.
 const POLE_MARGIN: f64 = 0.01;
-
-/// A direction to look from, named as a radiologist would.
-pub struct AxisView {
-    /// Where the eye is, as a word.
-    pub name: &'static str,
-    /// The same as an anatomical letter.
-    pub mark: &'static str,
-    /// From the target to the eye, RAS+.
-    pub away: DVec3,
-    /// What is up in the picture, RAS+.
-    pub up: DVec3,
-}
-
-/// The six; keys 1 to 6.
-pub const AXIS_VIEWS: [AxisView; 6] = [
-    AxisView { name: "Anterior", mark: "A", away: DVec3::Y, up: DVec3::Z },
-    AxisView { name: "Posterior", mark: "P", away: DVec3::NEG_Y, up: DVec3::Z },
-    AxisView { name: "Left", mark: "L", away: DVec3::NEG_X, up: DVec3::Z },
-    AxisView { name: "Right", mark: "R", away: DVec3::X, up: DVec3::Z },
-    AxisView { name: "Superior", mark: "S", away: DVec3::Z, up: DVec3::Y },
-    AxisView { name: "Inferior", mark: "I", away: DVec3::NEG_Z, up: DVec3::Y },
-];
 
 /// Turns the camera about its target, radians to the right and down as the hand moves.
 pub fn orbit(camera: &mut Camera, how: Orbit, right: f64, down: f64) {
@@ -136,6 +114,7 @@ pub fn marks(direction: DVec3) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::AXIS_VIEWS;
 
     fn camera() -> Camera {
         Camera {

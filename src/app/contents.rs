@@ -14,8 +14,10 @@ use super::resume::Resume;
 use super::settings::Settings;
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::transfer::formats;
 use eframe::egui;
 use eframe::egui_wgpu::RenderState;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -151,7 +153,7 @@ fn take_dropped_files(model: &mut Model, context: &egui::Context) {
     if names.len() > 1 {
         model.note(format!("{} files were dropped: only {name} was taken", names.len()));
     }
-    if name.to_lowercase().ends_with(".json") {
+    if formats::has_ending(Path::new(name)) {
         model.load_tf(name);
     } else {
         model.open_source(name);

@@ -51,6 +51,11 @@ pub enum Edit {
         /// Beyond the jump: opacity, or extinction in 1/mm.
         amount: f64,
     },
+    /// The extinction at every value, times a factor.
+    Scale {
+        /// Above 0.
+        factor: f64,
+    },
     /// Every value shifted, and spread about the middle of the points.
     Window {
         /// Added to every value.
@@ -110,6 +115,15 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
                 return Err("there are two points of this value already");
             }
             tf.points.insert(index + 1, ControlPoint { amount: amount_of(amount), ..point });
+        }
+        Edit::Scale { factor } => {
+            let scaled = tf.scale_extinction(factor);
+            let highest = scaled.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
+            let length = scaled.reference_length_mm;
+            if !(highest <= 1e30 && length > 0.0 && length <= 1e30) {
+                return Err("the extinction would leave what numbers can hold");
+            }
+            return Ok(scaled);
         }
         Edit::Window { shift, spread } => {
             let (first, last) = (tf.points[0].value, tf.points[tf.points.len() - 1].value);
@@ -263,11 +277,12 @@ mod tests {
                     (chance() - 0.5) * 4000.0
                 };
                 let amount = chance() * 1.4 - 0.2;
-                let edit = match (chance() * 6.0) as u32 {
+                let edit = match (chance() * 7.0) as u32 {
                     0 | 1 => Edit::Move { index, value, amount },
                     2 => Edit::Add { value, amount },
                     3 => Edit::Remove { index },
                     4 => Edit::Jump { index, amount },
+                    5 => Edit::Scale { factor: 10_f64.powf(6.0 * chance() - 3.0) },
                     _ => Edit::Window { shift: chance() - 0.5, spread: 0.9 + 0.2 * chance() },
                 };
                 if let Ok(edited) = apply(&tf, edit) {

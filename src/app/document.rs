@@ -5,7 +5,8 @@ use super::method_choice::MethodChoice;
 use super::reading::{Beginning, Opened};
 use crate::error::Result;
 use crate::files::output::write_whole;
-use crate::open::{SceneSettings, VolumeSpec, presets};
+use crate::open::presets::{self, Suiting};
+use crate::open::{SceneSettings, VolumeSpec};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
@@ -29,6 +30,8 @@ pub struct Document {
     pub tf: Arc<TransferFunction>,
     /// The preset or file that the function was, and what it was then.
     pub tf_source: (String, Arc<TransferFunction>),
+    /// What was asked for of units and opacity, for presets and files that are read later.
+    pub suiting: Suiting,
     /// What it was before, to be taken back.
     pub history: History,
     /// The point of the function that is selected in the editor.
@@ -60,6 +63,7 @@ impl Document {
             histogram: opened.histogram,
             tf_source: (begin.tf_source, Arc::clone(&tf)),
             tf,
+            suiting: begin.suiting,
             history: History::default(),
             selected: None,
             value_window: None,
@@ -79,7 +83,7 @@ impl Document {
         self.strands = opened.strands;
         self.histogram = opened.histogram;
         // A preset that is fitted to the values is another function now: the one that stays counts as edited.
-        if let Ok(found) = presets::resolve(&self.tf_source.0, &self.volume) {
+        if let Ok(found) = presets::resolve_as(&self.tf_source.0, &self.volume, self.suiting) {
             self.tf_source.1 = Arc::new(found.tf);
         }
     }
@@ -174,13 +178,19 @@ impl Document {
         }
     }
 
-    /// The scene as a file that `--scene` takes; `tf` is a preset or a path.
+    /// The scene as a file that `--scene` takes; `tf` is a preset or a path, or the file that an edited function was
+    /// written to.
     ///
     /// # Errors
     /// As [`SceneSettings::to_toml`].
     pub fn scene_text(&self, tf: &str) -> Result<String> {
+        // What was written has its opacity scaled already.
+        let as_loaded = tf == self.tf_source.0 && !self.tf_edited();
+        let opacity_scale = self.suiting.opacity_scale.filter(|_| as_loaded);
         let settings = SceneSettings {
             tf: Some(tf.to_owned()),
+            opacity_scale,
+            units: self.suiting.units,
             shadow: Some(self.method.spec()),
             ..SceneSettings::of_scene(&self.spec, &self.scene, self.transparent)
         };

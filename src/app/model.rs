@@ -1,6 +1,6 @@
 //! What is open, and what is asked of other threads. Nothing is painted here: panels show it and change it.
 
-use super::camera::{self, AXIS_VIEWS};
+use super::camera;
 use super::curve::Edit;
 use super::document::Document;
 use super::reading::{Beginning, Opened, Reading, With};
@@ -17,6 +17,7 @@ use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::gpu::{DeviceLoss, Gpu};
 use crate::open::{SceneSettings, VolumeSpec, presets};
+use crate::scene::AXIS_VIEWS;
 use crate::scene::{Light, Scene, Shading};
 use eframe::egui::Rect;
 use std::path::Path;
@@ -170,10 +171,10 @@ impl Model {
         let Some(document) = &mut self.document else {
             return self.note("open a volume first: a transfer function has no meaning without one");
         };
-        match presets::resolve(name_or_path, &document.volume) {
+        match presets::resolve_as(name_or_path, &document.volume, document.suiting) {
             Ok(found) => {
                 document.replace_tf(found.tf, name_or_path.to_owned());
-                found.note.into_iter().for_each(|text| self.note(text));
+                found.warnings.into_iter().chain(found.notes).for_each(|text| self.note(text));
             }
             Err(e) => self.fail(&e),
         }
@@ -185,6 +186,8 @@ impl Model {
         let outcome = document.tf.write(path);
         if outcome.is_ok() {
             document.tf_source = (path.display().to_string(), Arc::clone(&document.tf));
+            // It is in what was written.
+            document.suiting.opacity_scale = None;
         }
         self.say_saved(path, outcome);
     }

@@ -3,6 +3,7 @@
 use super::method_choice::MethodChoice;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
+use crate::open::presets::Suiting;
 use crate::open::{DEFAULT_SHADOW, Loaded, Read, Remark, SceneSettings, VolumeSpec, read_with};
 use crate::scene::{Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
@@ -35,6 +36,8 @@ pub struct Beginning {
     pub tf: TransferFunction,
     /// The preset or file that `tf` is.
     pub tf_source: String,
+    /// What was asked for of units and opacity.
+    pub suiting: Suiting,
     pub scene: Scene,
     /// `None`: as before.
     pub method: Option<MethodChoice>,
@@ -124,19 +127,20 @@ fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Lo
             (volume, strands, notes, None)
         }
         With::Settings(settings) => {
-            let Loaded { volume, strands, tf, tf_source, scene, remarks } = settings.load(loading)?;
-            let transparent = Some(settings.is_transparent());
-            let beginning = Beginning { tf, tf_source, scene, method, transparent };
+            let Loaded { volume, strands, tf, tf_source, scene, remarks, .. } = settings.load(loading)?;
+            let (transparent, suiting) = (Some(settings.is_transparent()), settings.suiting());
+            let beginning = Beginning { tf, tf_source, suiting, scene, method, transparent };
             (volume, strands, texts(remarks), Some(beginning))
         }
         With::Scene(old) => {
             let settings = SceneSettings::of_volume(&spec);
-            let Loaded { volume, strands, tf, tf_source, scene, remarks } = settings.load(loading)?;
+            let Loaded { volume, strands, tf, tf_source, scene, remarks, .. } = settings.load(loading)?;
             // Point lights and meshes are somewhere in the old one.
             let lights = as_directions(&old, &scene);
             let shading = suited_shading(old.shading, strands.is_some());
             let scene = Scene { camera: scene.camera, lights, mesh: None, shading, ..*old };
-            let beginning = Beginning { tf, tf_source, scene, method, transparent: None };
+            let suiting = Suiting::default();
+            let beginning = Beginning { tf, tf_source, suiting, scene, method, transparent: None };
             (volume, strands, texts(remarks), Some(beginning))
         }
     };

@@ -4,7 +4,6 @@ use super::interrupt::Interrupt;
 use super::told::{load, print_result, say};
 use crate::error::{Error, Result};
 use crate::files::hash::sha256;
-use crate::files::input::read_text;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::gpu::Gpu;
@@ -14,7 +13,7 @@ use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, Status, Watch, spoken};
 use crate::measure::table::Row;
-use crate::open::presets::PRESETS;
+use crate::open::presets::{self, PRESETS};
 use crate::open::{Loaded, SceneArgs, SceneSettings};
 use crate::render::Renderer;
 use crate::report::Start;
@@ -302,13 +301,12 @@ fn read_all(scenes: Vec<SceneSettings>, paths: &[PathBuf], each_light: bool) -> 
 fn recorded(settings: SceneSettings, loaded: &Loaded, name: &str, several: bool) -> Result<Asked> {
     let volume_sha256 = settings.spec().sha256()?;
     let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source);
-    let read = || read_text(Path::new(&loaded.tf_source), "cannot read transfer function");
-    let tf_text = if is_preset { None } else { Some(read()?) };
+    let tf_text = if is_preset { None } else { Some(presets::own_text(Path::new(&loaded.tf_source))?) };
     let prefix = if several { format!("{}_", file_name_part(name)) } else { String::new() };
     let tf_file = tf_text.as_ref().map_or(String::new(), |_| format!("{prefix}transfer_function.json"));
     let tf = if is_preset { loaded.tf_source.clone() } else { tf_file.clone() };
     let scene = settings.scene(&loaded.volume)?;
-    let mut resolved = settings.resolved(&scene, &tf)?;
+    let mut resolved = settings.resolved(&scene, &tf, loaded.suiting)?;
     resolved.name = Some(name.to_owned());
     resolved.sha256 = volume_sha256.clone();
     let record = SceneRecord {

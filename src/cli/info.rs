@@ -2,6 +2,7 @@
 
 use super::told::{print_json, print_result};
 use crate::error::Result;
+use crate::open::units::{Meaning, Units, ValueKind};
 use crate::open::{ReadFlags, VolumeSpec, load};
 use crate::volume::{AffineSource, Bricks, Scaling, Volume, Voxels};
 use clap::Args;
@@ -16,6 +17,9 @@ pub struct InfoArgs {
     pub volume: String,
     #[command(flatten)]
     pub volume_flags: ReadFlags,
+    /// What the values are taken for [default: what the file or the values tell]
+    #[arg(long, value_enum, value_name = "UNITS")]
+    pub units: Option<Units>,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
@@ -43,6 +47,12 @@ pub struct Info {
     pub bounds_mm: [[f64; 3]; 2],
     /// Smallest and largest value after scaling.
     pub value_range: [f64; 2],
+    /// What the values are taken for: `HU`, `1/mm` or `fraction`.
+    pub units: ValueKind,
+    /// What says so.
+    pub units_why: String,
+    /// Whether that was told from the values alone.
+    pub units_guessed: bool,
     pub stored_range: [f64; 2],
     pub scaling: Scaling,
     /// Whether the scaling changes anything.
@@ -60,7 +70,8 @@ pub struct Info {
 
 impl Info {
     /// Gathers what there is to tell about a volume.
-    pub fn of(volume: &Volume) -> Self {
+    pub fn of(volume: &Volume, units: Option<Units>) -> Self {
+        let meaning = Meaning::of(volume, units);
         let provenance = &volume.provenance;
         let affine = volume.world_from_index();
         let dims = volume.dims();
@@ -94,6 +105,9 @@ impl Info {
                 corners.iter().copied().reduce(glam::DVec3::max).unwrap_or_default().to_array(),
             ],
             value_range: volume.value_range(),
+            units: meaning.kind,
+            units_why: meaning.why,
+            units_guessed: meaning.is_guess,
             stored_range: volume.stored_range(),
             scaling: volume.scaling(),
             scaled: volume.scaling() != Scaling::IDENTITY,
@@ -142,6 +156,8 @@ impl Info {
         line("world box", format!("({low}) to ({high}) mm"));
         let [low, high] = self.value_range.map(number);
         line("values", format!("{low} to {high}"));
+        let guessed = if self.units_guessed { "; told from the values alone, --units decides" } else { "" };
+        line("taken as", format!("{} ({}{guessed})", self.units.name(), self.units_why));
         let scaling = if self.scaled {
             format!("stored x {} + {}", number(self.scaling.slope), number(self.scaling.intercept))
         } else {
@@ -185,7 +201,8 @@ fn bytes(count: u64) -> String {
 /// # Errors
 /// The volume cannot be read, or stdout cannot be written to.
 pub fn run(args: &InfoArgs) -> Result<()> {
-    let info = Info::of(&load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?);
+    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
+    let info = Info::of(&volume, args.units);
     if args.json { print_json(&info) } else { print_result(&info.to_text()) }
 }
 

@@ -13,6 +13,7 @@ mod probe_curve;
 pub mod probe_rays;
 pub mod render;
 pub mod stability;
+pub mod tf;
 mod told;
 pub mod view;
 pub mod voxelise;
@@ -49,6 +50,7 @@ enum Command {
     Stability(stability::StabilityArgs),
     Voxelise(voxelise::VoxeliseArgs),
     Phantom(phantom::PhantomArgs),
+    Tf(tf::TfArgs),
     View(Box<view::ViewArgs>),
 }
 
@@ -97,6 +99,7 @@ fn run(command: Command, window: Window) -> Result<()> {
         Command::Stability(args) => stability::run(&args),
         Command::Voxelise(args) => voxelise::run(&args),
         Command::Phantom(args) => phantom::run(&args.name, &args.output),
+        Command::Tf(args) => tf::run(args),
         Command::View(args) => window(*args),
     }
 }

@@ -34,8 +34,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
     check_output(&args.output, PICTURE_EXTENSIONS)?;
     let settings = args.scene.into_settings()?;
     let method = settings.method()?;
-    let Loaded { volume, strands, tf, tf_source, scene, .. } = load(&settings)?;
-    let mut whole = settings.resolved(&scene, &tf_source)?;
+    let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load(&settings)?;
+    let mut whole = settings.resolved(&scene, &tf_source, suiting)?;
     whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
     let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?
         .with_strands(strands);

@@ -164,6 +164,8 @@ mod tests {
         ":9,1:4,2:8",
         "dir:0,0.28,0.96",
         "point:1,2.5,-3",
+        "A",
+        "S",
         "8x9",
         "7x6",
         "1,2,3.5",
@@ -183,6 +185,8 @@ mod tests {
         "lambert",
         "blinn-phong",
         "bricks",
+        "hu",
+        "fraction",
         "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad",
         "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
     ];

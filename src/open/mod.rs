@@ -2,6 +2,7 @@
 
 mod file;
 pub mod formats;
+mod help;
 mod lights;
 mod meshes;
 pub mod presets;
@@ -9,7 +10,9 @@ mod refusal;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
 mod strands;
+pub mod units;
 pub mod values;
+mod view;
 
 pub use formats::{FORMATS, Read, ReadFlags, VolumeSpec, load, load_with, read_with};
 pub use refusal::{Refusal, refusal};

@@ -1,8 +1,10 @@
 //! How a `--tf` value becomes a transfer function that suits a volume.
 
+use super::units::{Meaning, Units, ValueKind, of_strands};
 use crate::error::{Error, Result};
-use crate::strands::STRANDS_FORMAT;
+use crate::files::input::read_text;
 use crate::transfer::TransferFunction;
+use crate::transfer::formats::{self, Carried, is_of_fractions};
 pub use crate::transfer::presets::{PRESETS, Preset, Scale};
 use crate::volume::Volume;
 use std::path::Path;
@@ -13,14 +15,15 @@ use std::path::Path;
 /// at about 0.58 of the range.
 pub const HU_WINDOW: [f64; 2] = [-1000.0, 800.0];
 
-/// A range of scaled values no wider than this is 8-bit or normalised data, not HU.
-const MIN_HU_WIDTH: f64 = 300.0;
+/// The diagonal of the volumes that presets are made for, mm.
+pub const NOMINAL_DIAGONAL_MM: f64 = 400.0;
+/// Presets stay as they are for a volume whose diagonal is within this factor of that one, or whose voxels are within these
+/// spacings (their geometric mean, mm): every CT of a body or a part of it.
+const DIAGONAL_FACTOR: f64 = 4.0;
+const BODY_SPACINGS_MM: [f64; 2] = [0.3, 3.0];
 
-/// CT values beyond these are no HU but 16-bit intensities or a synthetic field.
-const PLAUSIBLE_HU: [f64; 2] = [-32768.0, 32767.0];
-
-/// A volume in HU that has values below this has air in it; no tissue but lung is as thin.
-const AIR_BELOW_HU: f64 = -500.0;
+/// Extinction beyond this no longer fits 32-bit arithmetic.
+const MOST_EXTINCTION: f64 = 1e30;
 
 /// A `--tf` value that has been found and read, not yet suited to a volume.
 #[derive(Debug, Clone)]
@@ -28,7 +31,16 @@ pub enum Found {
     /// A built-in function.
     Preset(&'static Preset),
     /// One from a file.
-    File(TransferFunction),
+    File(Carried),
+}
+
+/// What was asked for beside the function; `None` is as the volume suggests.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Suiting {
+    /// What the volume's values are taken for.
+    pub units: Option<Units>,
+    /// Factor of the extinction.
+    pub opacity_scale: Option<f64>,
 }
 
 /// A transfer function in the units of its volume.
@@ -36,11 +48,15 @@ pub enum Found {
 pub struct ResolvedTransferFunction {
     /// The function, laid over the values of the volume.
     pub tf: TransferFunction,
-    /// What was done to suit the volume, in one line, where anything was.
-    pub note: Option<String>,
+    /// What was done to suit the volume, a line each.
+    pub notes: Vec<String>,
+    /// What the file holds and the function has not, a line each.
+    pub warnings: Vec<String>,
+    /// With this nothing is left to be found out about the volume.
+    pub suiting: Suiting,
 }
 
-/// Finds a preset by name; anything that ends in `.json` or exists is read as a file.
+/// Finds a preset by name; anything that ends as a transfer function's file does, or exists, is read as one.
 ///
 /// # Errors
 /// No such preset (the hint lists them), or a file that cannot be read.
@@ -49,126 +65,271 @@ pub fn find(name_or_path: &str) -> Result<Found> {
         return Ok(Found::Preset(preset));
     }
     let path = Path::new(name_or_path);
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) || path.exists() {
-        return TransferFunction::read(path).map(Found::File);
+    if formats::has_ending(path) || path.exists() {
+        return formats::read(path).map(Found::File);
     }
     let names = PRESETS.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+    let endings = formats::endings().join(", .");
     Err(Error::input(
         "unknown transfer function",
         format!("--tf {name_or_path}"),
         "it is neither a preset nor a file that exists",
     )
-    .hint(format!("presets: {names}; or the path of a .json file")))
+    .hint(format!("presets: {names}; or the path of a file (.{endings})")))
 }
 
 impl Found {
-    /// The transfer function in the volume's units: presets are scaled as their [`Scale`] says, files never.
-    pub fn suit(self, volume: &Volume) -> ResolvedTransferFunction {
-        let preset = match self {
-            Self::Preset(preset) => preset,
-            Self::File(tf) => return ResolvedTransferFunction { tf, note: None },
-        };
-        let tf = preset.transfer_function();
-        let (from, meaning) = match preset.scale {
-            Scale::Hounsfield if in_hounsfield(volume) => return ResolvedTransferFunction { tf, note: None },
-            Scale::Extinction => {
-                let largest = volume.value_range()[1];
-                // Nothing to stretch to where there is no extinction at all.
-                let stretch = if largest > 0.0 { largest } else { 1.0 };
-                let mut tf = tf.scale_values(|v| v * stretch);
-                tf.points.iter_mut().for_each(|p| p.amount *= stretch);
-                let note = (!of_strands(volume))
-                    .then(|| format!("preset `{}`: values are taken as extinction in 1/mm", preset.name));
-                return ResolvedTransferFunction { tf, note };
+    /// The transfer function in the volume's units: presets are scaled as their [`Scale`] says, files where they are of
+    /// fractions. The extinction of presets is scaled with the size of the volume, or as was asked; that of files as was
+    /// asked alone.
+    ///
+    /// # Errors
+    /// Its extinction becomes too large.
+    pub fn suit(self, volume: &Volume, asked: Suiting) -> Result<ResolvedTransferFunction> {
+        let meaning = Meaning::of(volume, asked.units);
+        let (mut notes, mut warnings) = (Vec::new(), Vec::new());
+        let (tf, by_size) = match self {
+            Self::Preset(preset) => {
+                let tf = preset_for(preset, volume, &meaning, &mut notes);
+                let by_size = size_factor(volume).filter(|_| preset.scale != Scale::Extinction);
+                let name = format!("preset `{}`", preset.name);
+                (tf, by_size.map(|factor| (name, factor)))
             }
-            Scale::Hounsfield => (HU_WINDOW, "the volume is not in HU, so -1000 to 800 HU"),
-            Scale::Fraction => ([0.0, 1.0], "0 to 1"),
+            Self::File(carried) => {
+                warnings = carried.warnings;
+                let mut tf = carried.tf;
+                if is_of_fractions(&tf) {
+                    let name = format!("`{}`", tf.name);
+                    tf = laid_over(&tf, [0.0, 1.0], volume, &format!("{name}: 0 to 1"), &mut notes);
+                }
+                (tf, None)
+            }
         };
-        let to = volume.value_range();
-        // A constant volume has no range to scale to; its one value stands for the whole of it.
-        let width = if to[1] > to[0] { to[1] - to[0] } else { 1.0 };
-        let scaled = tf.scale_values(|v| to[0] + (v - from[0]) / (from[1] - from[0]) * width);
-        // One point means one amount everywhere: nothing was moved, so nothing is said.
-        let note = (scaled.points.len() > 1).then(|| {
-            let [lo, hi] = to.map(|v| (v * 1e4).round() / 1e4);
-            format!("preset `{}`: {meaning} of it lie over the value range {lo} to {hi}", preset.name)
-        });
-        ResolvedTransferFunction { tf: scaled, note }
+        let factor = asked.opacity_scale.or(by_size.as_ref().map(|(_, factor)| *factor)).unwrap_or(1.0);
+        if let Some((name, factor)) = by_size.filter(|_| asked.opacity_scale.is_none()) {
+            notes.push(format!(
+                "{name} is made for volumes of about {NOMINAL_DIAGONAL_MM} mm, and this one is {} mm across: its extinction is \
+                 {factor} times as high (--opacity-scale 1 undoes that)",
+                rounded(diagonal_mm(volume))
+            ));
+        }
+        let tf = if factor == 1.0 { tf } else { tf.scale_extinction(factor) };
+        let largest = tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
+        if largest.is_nan() || largest > MOST_EXTINCTION {
+            let why = format!("an extinction of {largest:.3e} per mm is too large for 32-bit arithmetic");
+            return Err(Error::input("cannot scale transfer function", "--opacity-scale", why));
+        }
+        let units = match meaning.kind {
+            ValueKind::Hounsfield => Some(Units::Hu),
+            ValueKind::Other => Some(Units::Fraction),
+            ValueKind::Extinction => None,
+        };
+        let suiting = Suiting { units, opacity_scale: Some(factor) };
+        Ok(ResolvedTransferFunction { tf, notes, warnings, suiting })
+    }
+
+    /// The function in its own units, and what its file holds beside it.
+    pub fn as_it_is(self) -> (TransferFunction, Vec<String>) {
+        match self {
+            Self::Preset(preset) => (preset.transfer_function(), Vec::new()),
+            Self::File(carried) => (carried.tf, carried.warnings),
+        }
     }
 }
 
-/// Finds a transfer function and suits it to a volume.
-///
-/// # Errors
-/// As [`find`].
-pub fn resolve(name_or_path: &str, volume: &Volume) -> Result<ResolvedTransferFunction> {
-    find(name_or_path).map(|found| found.suit(volume))
+/// A preset for the values of a volume.
+fn preset_for(
+    preset: &Preset,
+    volume: &Volume,
+    meaning: &Meaning,
+    notes: &mut Vec<String>,
+) -> TransferFunction {
+    let tf = preset.transfer_function();
+    let name = format!("preset `{}`", preset.name);
+    match preset.scale {
+        Scale::Hounsfield if meaning.is_hounsfield() => {
+            if meaning.is_guess {
+                notes.push(format!("values are taken as {}", meaning.text()));
+            }
+            tf
+        }
+        Scale::Hounsfield => {
+            let [low, high] = HU_WINDOW;
+            let what = format!("{name}: the volume is {}, so {low} to {high} HU", meaning.text());
+            laid_over(&tf, HU_WINDOW, volume, &what, notes)
+        }
+        Scale::Fraction => laid_over(&tf, [0.0, 1.0], volume, &format!("{name}: 0 to 1"), notes),
+        Scale::Extinction => {
+            let largest = volume.value_range()[1];
+            // Nothing to stretch to where there is no extinction at all.
+            let stretch = if largest > 0.0 { largest } else { 1.0 };
+            let mut tf = tf.scale_values(|v| v * stretch);
+            tf.points.iter_mut().for_each(|p| p.amount *= stretch);
+            if !of_strands(volume) {
+                notes.push(format!("{name}: values are taken as extinction in 1/mm"));
+            }
+            tf
+        }
+    }
 }
 
-/// Whether a volume was made from strands, so that its values are extinction in 1/mm.
-pub fn of_strands(volume: &Volume) -> bool {
-    volume.provenance.format == STRANDS_FORMAT
+/// A function whose values `from` are laid over the range of the volume's; `what` begins the note that says so.
+fn laid_over(
+    tf: &TransferFunction,
+    from: [f64; 2],
+    volume: &Volume,
+    what: &str,
+    notes: &mut Vec<String>,
+) -> TransferFunction {
+    let to = volume.value_range();
+    // A constant volume has no range to scale to; its one value stands for the whole of it.
+    let width = if to[1] > to[0] { to[1] - to[0] } else { 1.0 };
+    let mut scaled = tf.scale_values(|v| to[0] + (v - from[0]) / (from[1] - from[0]) * width);
+    // Its values are the volume's own now: written to a file, they are to be taken as they are.
+    scaled.units.clear();
+    // One point means one amount everywhere: nothing was moved, so nothing is said.
+    if scaled.points.len() > 1 {
+        let [lo, hi] = to.map(|v| (v * 1e4).round() / 1e4);
+        notes.push(format!("{what} of it lie over the value range {lo} to {hi}"));
+    }
+    scaled
+}
+
+/// The diagonal of a volume's domain, mm.
+fn diagonal_mm(volume: &Volume) -> f64 {
+    let corners = volume.corners_mm();
+    corners.iter().map(|c| c.distance(corners[0])).fold(0.0, f64::max)
+}
+
+/// By how much the extinction of presets is to be higher in a volume that is far from the size of a body, so that light
+/// fades over the same share of it: a diagonal of [`NOMINAL_DIAGONAL_MM`] by its own. `None` for all that is near it.
+pub fn size_factor(volume: &Volume) -> Option<f64> {
+    let spacing_mm = volume.spacing_mm().into_iter().product::<f64>().cbrt();
+    let factor = NOMINAL_DIAGONAL_MM / diagonal_mm(volume);
+    let is_near = (1.0 / DIAGONAL_FACTOR..=DIAGONAL_FACTOR).contains(&factor)
+        || (BODY_SPACINGS_MM[0]..=BODY_SPACINGS_MM[1]).contains(&spacing_mm);
+    (factor.is_finite() && factor > 0.0 && !is_near).then(|| rounded(factor).clamp(1e-6, 1e6))
+}
+
+/// Three digits of a number.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.2e}").parse().unwrap_or(x)
+}
+
+/// Finds a transfer function and suits it to a volume, by what the volume tells alone.
+///
+/// # Errors
+/// As [`find`] and [`Found::suit`].
+pub fn resolve(name_or_path: &str, volume: &Volume) -> Result<ResolvedTransferFunction> {
+    resolve_as(name_or_path, volume, Suiting::default())
+}
+
+/// As [`resolve`], by what was asked for.
+///
+/// # Errors
+/// As there.
+pub fn resolve_as(name_or_path: &str, volume: &Volume, asked: Suiting) -> Result<ResolvedTransferFunction> {
+    find(name_or_path)?.suit(volume, asked)
 }
 
 /// The preset where none is asked for: `hair` for strands, `ct` for a volume in HU with air in it, `bone` for one in HU
 /// without (its background, often 0, would be opaque as soft tissue), `engine` otherwise.
 pub fn default_name(volume: &Volume) -> &'static str {
-    if of_strands(volume) {
-        return "hair";
-    }
-    match (in_hounsfield(volume), volume.value_range()[0] < AIR_BELOW_HU) {
-        (true, true) => "ct",
-        (true, false) => "bone",
-        (false, _) => "engine",
+    default_of(&Meaning::of(volume, None))
+}
+
+/// The preset for values of such a meaning.
+fn default_of(meaning: &Meaning) -> &'static str {
+    match (meaning.kind, meaning.has_air) {
+        (ValueKind::Extinction, _) => "hair",
+        (ValueKind::Hounsfield, true) => "ct",
+        (ValueKind::Hounsfield, false) => "bone",
+        (ValueKind::Other, _) => "engine",
     }
 }
 
-/// Whether the values can be HU: wider than 300 and within 16-bit integers. NIfTI does not say, so range is all
-/// there is to go by.
-pub fn in_hounsfield(volume: &Volume) -> bool {
-    let [lo, hi] = volume.value_range();
-    hi - lo > MIN_HU_WIDTH && lo >= PLAUSIBLE_HU[0] && hi <= PLAUSIBLE_HU[1]
+/// A file's text where it is of this program's own format, else what it was carried over to.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn own_text(path: &Path) -> Result<String> {
+    let text = read_text(path, "cannot read transfer function")?;
+    match TransferFunction::from_json(&text) {
+        Ok(_) => Ok(text),
+        Err(_) => formats::read(path).map(|carried| carried.tf.to_json() + "\n"),
+    }
+}
+
+/// The preset where none is asked for, and why, where that is a guess which its own notes do not tell.
+pub(super) fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str, Option<String>) {
+    let meaning = Meaning::of(volume, units);
+    let name = default_of(&meaning);
+    let untold = meaning.is_guess && meaning.kind == ValueKind::Other;
+    (name, untold.then(|| format!("values are taken as {}: preset `{name}`", meaning.text())))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{Provenance, Scaling, Voxels};
+    use crate::strands::STRANDS_FORMAT;
+    use crate::volume::{Provenance, Scaling, ValuesSaid, Voxels};
     use glam::DAffine3;
     use ndarray::array;
 
-    fn volume(lo: f64, hi: f64) -> Volume {
+    /// Two voxels, `mm` apart.
+    fn volume_of(lo: f64, hi: f64, mm: f64) -> Volume {
         let provenance = Provenance::new("test", "phantom", "float64");
         let voxels = Voxels::F64(array![[[lo, hi]]]);
-        Volume::new(voxels, Scaling::IDENTITY, DAffine3::IDENTITY, provenance).unwrap()
+        let affine = DAffine3::from_scale(glam::DVec3::splat(mm));
+        Volume::new(voxels, Scaling::IDENTITY, affine, provenance).unwrap()
+    }
+
+    fn volume(lo: f64, hi: f64) -> Volume {
+        volume_of(lo, hi, 1.0)
     }
 
     #[test]
     fn hounsfield_presets_stay_on_hounsfield_volumes() {
-        for (lo, hi) in [(-1024.0, 3071.0), (0.0, 563.2), (0.0, 4095.0)] {
-            let r = resolve("vessels", &volume(lo, hi)).unwrap();
-            assert_eq!((r.tf.points[0].value, r.note), (190.0, None));
-        }
+        let r = resolve("vessels", &volume(-1024.0, 3071.0)).unwrap();
+        assert_eq!((r.tf.points[0].value, r.notes.len()), (190.0, 1), "a guess is said");
+        let mut said = volume(0.0, 100.0);
+        said.provenance.values = ValuesSaid::Hounsfield("DICOM modality CT".into());
+        let r = resolve("vessels", &said).unwrap();
+        assert_eq!((r.tf.points[0].value, r.notes.len(), r.tf.units.as_str()), (190.0, 0, "HU"));
+        let asked = Suiting { units: Some(Units::Hu), ..Suiting::default() };
+        let r = resolve_as("vessels", &volume(0.0, 4095.0), asked).unwrap();
+        assert_eq!((r.tf.points[0].value, r.notes.len()), (190.0, 0));
+        assert_eq!(r.suiting, Suiting { units: Some(Units::Hu), opacity_scale: Some(1.0) });
     }
 
     #[test]
     fn hounsfield_presets_scale_to_other_ranges_and_say_so() {
-        for (lo, hi) in [(0.0, 255.0), (0.0, 1.0), (0.0, 65535.0), (-0.5, 0.5)] {
+        for (lo, hi) in [(0.0, 255.0), (0.0, 1.0), (0.0, 65535.0), (-0.5, 0.5), (0.0, 4095.0)] {
             let r = resolve("vessels", &volume(lo, hi)).unwrap();
             let expected = lo + (190.0 + 1000.0) / 1800.0 * (hi - lo);
             assert!((r.tf.points[0].value - expected).abs() < 1e-9 * hi.abs());
-            assert!(r.note.unwrap().contains(&format!("value range {lo} to {hi}")));
+            assert!(
+                r.notes[0].contains(&format!("value range {lo} to {hi}"))
+                    && r.notes[0].contains("--units hu")
+            );
+            assert_eq!(r.tf.units, "", "its values are the volume's own");
         }
+        let asked = Suiting { units: Some(Units::Fraction), ..Suiting::default() };
+        assert_eq!(resolve_as("vessels", &volume(-1000.0, 800.0), asked).unwrap().tf.points[0].value, 190.0);
+        assert_eq!(
+            resolve_as("vessels", &volume(-1000.0, 2600.0), asked).unwrap().tf.points[0].value,
+            1380.0
+        );
     }
 
     #[test]
     fn fractions_scale_to_every_range() {
         let r = resolve("isosurface", &volume(-1000.0, 3000.0)).unwrap();
         assert_eq!((r.tf.extinction(999.9), r.tf.points[0].value), (0.0, 1000.0));
-        assert!(r.tf.extinction(1000.0) > 10.0 && r.note.is_some());
+        assert!(r.tf.extinction(1000.0) > 10.0 && r.notes.len() == 1);
         let constant = resolve("isosurface", &volume(7.0, 7.0)).unwrap().tf;
         assert!(constant.points.iter().all(|p| p.value.is_finite()));
-        assert_eq!(resolve("uniform", &volume(0.0, 9.0)).unwrap().note, None);
+        assert_eq!(resolve("uniform", &volume(0.0, 9.0)).unwrap().notes, [""; 0]);
     }
 
     #[test]
@@ -176,26 +337,74 @@ mod tests {
         for hi in [1e-12, 0.37, 4000.0] {
             let mut strands = volume(0.0, hi);
             let tf = resolve("hair", &strands).unwrap();
-            assert!(tf.note.is_some(), "nothing says that the values are extinction");
+            assert_eq!(tf.notes.len(), 1, "nothing says that the values are extinction");
             for w in [0.0, 0.1, 0.5, 1.0] {
                 assert!((tf.tf.extinction(w * hi) - w * hi).abs() <= 1e-15 * hi, "{hi} {w}");
             }
             strands.provenance.format = STRANDS_FORMAT.into();
             assert_eq!(default_name(&strands), "hair");
-            assert_eq!(resolve("hair", &strands).unwrap().note, None);
+            assert_eq!(resolve("hair", &strands).unwrap().notes, [""; 0]);
         }
         let empty = resolve("hair", &volume(0.0, 0.0)).unwrap().tf;
         assert_eq!((empty.extinction(0.0), empty.points.len()), (0.0, 2));
+        let tiny = resolve("hair", &volume_of(0.0, 1.0, 1e-3)).unwrap();
+        assert_eq!(tiny.tf.extinction(1.0), 1.0, "what is an extinction has no size to scale with");
     }
 
     #[test]
-    fn files_are_never_scaled() {
+    fn files_are_scaled_where_they_are_of_fractions_alone() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("mine.json");
         let tf = PRESETS[1].transfer_function();
         tf.write(&path).unwrap();
-        let r = resolve(path.to_str().unwrap(), &volume(0.0, 1.0)).unwrap();
-        assert_eq!(r, ResolvedTransferFunction { tf, note: None });
+        let read = |volume: &Volume| resolve(path.to_str().unwrap(), volume).unwrap();
+        for volume in [volume(0.0, 1.0), volume_of(0.0, 1.0, 1e-3)] {
+            let r = read(&volume);
+            assert_eq!((&r.tf, r.notes.len(), r.warnings.len()), (&tf, 0, 0));
+        }
+        let engine = PRESETS.iter().find(|p| p.name == "engine").unwrap();
+        engine.transfer_function().write(&path).unwrap();
+        let (file, preset) = (read(&volume(3.0, 50.0)), resolve("engine", &volume(3.0, 50.0)).unwrap());
+        assert_eq!(file.tf, preset.tf);
+        assert_eq!(file.notes.len(), 1);
+        // What a preset became for one volume and was written is not laid over another's range again.
+        preset.tf.write(&path).unwrap();
+        assert_eq!(read(&volume(0.0, 1000.0)).tf, preset.tf);
+    }
+
+    #[test]
+    fn results_keep_our_files_to_the_byte_and_others_as_ours() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.json");
+        let text = r#" {"points": [{"value": 1, "opacity": 0.5}] } "#;
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(own_text(&path).unwrap(), text);
+        std::fs::write(&path, r#"{"Points": [0, 0, 0.5, 0, 7, 1, 0.5, 0]}"#).unwrap();
+        let ours = TransferFunction::from_json(&own_text(&path).unwrap()).unwrap();
+        assert_eq!(ours, formats::read(&path).unwrap().tf);
+        assert!(own_text(&dir.path().join("gone.vp")).is_err());
+    }
+
+    #[test]
+    fn presets_alone_scale_with_the_size_and_an_asked_scale_wins() {
+        let bone = PRESETS[1].transfer_function();
+        let hu = |mm| volume_of(-1024.0, 3071.0, mm);
+        for mm in [0.3, 0.5, 1.0, 3.0, 100.0] {
+            assert_eq!(resolve("bone", &hu(mm)).unwrap().tf, bone, "{mm} mm");
+        }
+        for (mm, factor) in [(0.1, 1630.0), (0.01, 16_300.0), (1000.0, 0.163)] {
+            let r = resolve("bone", &hu(mm)).unwrap();
+            let ratio = r.tf.extinction(800.0) / bone.extinction(800.0);
+            assert!((ratio / factor - 1.0).abs() < 1e-12, "{mm}: {ratio}");
+            assert!(r.notes.iter().any(|n| n.contains("--opacity-scale 1")), "{:?}", r.notes);
+            assert_eq!(r.suiting.opacity_scale, Some(factor));
+            for asked in [1.0, 0.5] {
+                let asked = Suiting { opacity_scale: Some(asked), ..Suiting::default() };
+                let r = resolve_as("bone", &hu(mm), asked).unwrap();
+                let ratio = r.tf.extinction(800.0) / bone.extinction(800.0);
+                assert!((ratio - asked.opacity_scale.unwrap()).abs() < 1e-12 && r.notes.len() == 1);
+            }
+        }
     }
 
     #[test]
@@ -203,14 +412,19 @@ mod tests {
         let e = find("boen").unwrap_err();
         assert!(e.place.contains("boen") && e.hint.unwrap().contains("bone"));
         assert_eq!(e.fault, crate::error::Fault::Input);
-        assert!(find("missing.json").unwrap_err().why.contains("No such file"));
+        for name in ["missing.json", "missing.vp", "missing.ITF"] {
+            assert!(find(name).unwrap_err().why.contains("No such file"), "{name}");
+        }
     }
 
     #[test]
     fn the_default_suits_the_values() {
-        for (lo, hi, expected) in [(0.0, 1.0, "engine"), (-1000.0, 1000.0, "ct"), (0.0, 563.2, "bone")] {
+        for (lo, hi, expected) in [(0.0, 1.0, "engine"), (-1000.0, 1000.0, "ct"), (0.0, 563.2, "engine")] {
             assert_eq!(default_name(&volume(lo, hi)), expected);
             assert!(find(expected).is_ok());
         }
+        assert_eq!(default_as(&volume(0.0, 563.2), Some(Units::Hu)), ("bone", None));
+        let (name, why) = default_as(&volume(0.0, 563.2), None);
+        assert!(name == "engine" && why.unwrap().contains("--units hu"));
     }
 }

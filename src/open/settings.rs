@@ -1,15 +1,18 @@
 //! One description of a scene: command line, scene file and the window's document are views of [`SceneSettings`].
 
+use super::help::{shadow_help, tf_help};
 use super::lights::{self, one_or_list};
 use super::meshes::{self, MeshFile};
-use super::presets::{self, PRESETS, ResolvedTransferFunction};
+use super::presets::{self, ResolvedTransferFunction, Suiting};
+use super::units::Units;
 use super::values::{self, Background, Size};
+use super::view;
 use super::{Read, ReadFlags, VolumeSpec, read_with};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::render::Forced;
-use crate::scene::{Camera, LightSource, Scene, Shading, Skip};
-use crate::shadow::{self, METHODS, Method};
+use crate::scene::{AxisView, Camera, LightSource, Scene, Shading, Skip};
+use crate::shadow::{self, Method};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
@@ -25,9 +28,6 @@ pub const DEFAULT_VOLUME: &str = "phantom:thorax";
 
 /// The shadow method, where nothing is said.
 pub const DEFAULT_SHADOW: &str = "dsm";
-
-/// Below this sine of the angle between two directions they count as parallel in 32-bit arithmetic.
-const MIN_SINE: f64 = 1e-5;
 
 /// A scene as a user describes it; `None` is the default. One field is all of a setting: its doc comment is the help of
 /// its flag, its name the key of a scene file, its parser reads both.
@@ -48,9 +48,16 @@ pub struct SceneSettings {
     /// What tables call the scene [default: the scene file's name, or volume and transfer function]
     #[arg(long, value_name = "TEXT", help_heading = "Scene")]
     pub name: Option<String>,
-    /// Transfer function: a preset or a .json file [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]
+    /// Transfer function: a preset or a file [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]
     #[arg(long, value_name = "FILE|PRESET", help_heading = "Scene", long_help = tf_help())]
     pub tf: Option<String>,
+    /// Factor of the transfer function's extinction at every value [default: 1; by the volume's size for presets]
+    #[arg(id = "opacity-scale", long, value_name = "F", value_parser = values::opacity_scale, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(rename = "opacity-scale")]
+    pub opacity_scale: Option<f64>,
+    /// What the volume's values are taken for, which decides how presets lie over them [default: what the file or the values tell]
+    #[arg(long, value_enum, value_name = "UNITS", help_heading = "Scene")]
+    pub units: Option<Units>,
     /// Shadow method and its settings, METHOD[:key=value,...] [default: dsm]
     #[arg(long, value_name = "METHOD", help_heading = "Scene", long_help = shadow_help())]
     pub shadow: Option<String>,
@@ -66,6 +73,12 @@ pub struct SceneSettings {
     /// Which direction is up in the picture [default: 0,0,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::direction, allow_hyphen_values = true, help_heading = "Scene")]
     pub up: Option<DVec3>,
+    /// The side to look from, by its letter: A, P, L, R, S or I [default: front, a little from the side and above]
+    #[arg(long, value_name = "SIDE", value_parser = values::view, help_heading = "Scene")]
+    pub view: Option<AxisView>,
+    /// How much larger everything is in the picture: the field of view narrows [default: 1]
+    #[arg(long, value_name = "F", value_parser = values::zoom, allow_hyphen_values = true, help_heading = "Scene")]
+    pub zoom: Option<f64>,
     /// Vertical field of view, degrees [default: 40]
     #[arg(long, value_name = "DEG", value_parser = values::fov_deg, allow_hyphen_values = true, help_heading = "Scene")]
     pub fov: Option<f64>,
@@ -164,6 +177,8 @@ pub struct Loaded {
     pub tf_source: String,
     /// Camera, lights and picture.
     pub scene: Scene,
+    /// What was asked for or found out of units and opacity.
+    pub suiting: Suiting,
     /// What was assumed.
     pub remarks: Vec<Remark>,
 }
@@ -190,6 +205,11 @@ impl SceneSettings {
         shadow::parse(self.shadow.as_deref().unwrap_or(DEFAULT_SHADOW)).map_err(|e| e.at("--shadow"))
     }
 
+    /// What is asked for of units and opacity.
+    pub fn suiting(&self) -> Suiting {
+        Suiting { units: self.units, opacity_scale: self.opacity_scale }
+    }
+
     /// The work to do although the scene does not need it.
     pub fn forced(&self) -> Forced {
         self.force.unwrap_or_default()
@@ -212,12 +232,20 @@ impl SceneSettings {
         let mut remarks: Vec<Remark> =
             volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
         remarks.extend(self.another_volume()?.map(|remark| ("warning", remark)));
-        let tf_source = self.tf.clone().unwrap_or_else(|| presets::default_name(&volume).into());
+        let (tf_source, chosen) = match &self.tf {
+            Some(tf) => (tf.clone(), None),
+            None => {
+                let (name, why) = presets::default_as(&volume, self.units);
+                (name.to_owned(), why)
+            }
+        };
         let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
-        let ResolvedTransferFunction { tf, note } = found.suit(&volume);
-        remarks.extend(note.map(|note| ("note", note)));
+        let ResolvedTransferFunction { tf, notes, warnings, suiting } =
+            found.suit(&volume, self.suiting())?;
+        remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
+        remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));
         let scene = Scene { mesh: meshes::read(self.mesh.as_deref())?, ..self.scene(&volume)? };
-        Ok(Loaded { volume, strands, tf, tf_source, scene, remarks })
+        Ok(Loaded { volume, strands, tf, tf_source, scene, suiting, remarks })
     }
 
     /// Where `sha256` is given: what to say if the volume's file has another.
@@ -239,9 +267,12 @@ impl SceneSettings {
     ///
     /// # Errors
     /// As [`Self::to_toml`].
-    pub fn resolved(&self, scene: &Scene, tf: &str) -> Result<Self> {
+    pub fn resolved(&self, scene: &Scene, tf: &str, suiting: Suiting) -> Result<Self> {
         let mut all = Self::of_scene(&self.spec(), scene, self.is_transparent()).over(self)?;
         all.tf = Some(tf.to_owned());
+        (all.units, all.opacity_scale) = (suiting.units, suiting.opacity_scale);
+        // These are in eye, target, up and field of view now.
+        (all.view, all.zoom) = (None, None);
         // Neither is of the scene: a table has methods of its own, and another machine another adapter.
         [all.shadow, all.adapter] = [None, None];
         [all.explain, all.json] = [false, false];
@@ -255,8 +286,10 @@ impl SceneSettings {
     pub fn scene(&self, volume: &Volume) -> Result<Scene> {
         let default = Scene::framing(volume);
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
+        let Self { eye, target, up, view, zoom, fov, .. } = *self;
+        let asked = view::Asked { eye, target, up, view, zoom, fov };
         Ok(Scene {
-            camera: self.camera(volume, size)?,
+            camera: view::camera(&asked, volume, size)?,
             lights: lights::checked(self.light.as_deref())?.unwrap_or(default.lights),
             ambient: self.ambient.unwrap_or(default.ambient),
             shading: self.shading.unwrap_or(default.shading),
@@ -302,55 +335,6 @@ impl SceneSettings {
     pub fn one_light(&self, command: &str) -> Result<()> {
         lights::only_one(self.light.as_deref(), command)
     }
-
-    fn camera(&self, volume: &Volume, size: Size) -> Result<Camera> {
-        let (up, fov_deg) = (self.up.unwrap_or(DVec3::Z), self.fov.unwrap_or(Camera::DEFAULT_FOV_DEG));
-        // A picture higher than wide is framed by its width.
-        let aspect = (f64::from(size.width) / f64::from(size.height)).min(1.0);
-        let narrow_deg = 2.0 * (aspect * (0.5 * fov_deg).to_radians().tan()).atan().to_degrees();
-        let framing = Camera::framing(volume, up, narrow_deg);
-        let target = self.target.unwrap_or(framing.target);
-        let eye = self.eye.unwrap_or(target + (framing.eye - framing.target));
-        let view = target - eye;
-        // Nearer than this the direction drowns in the rounding of 32-bit positions.
-        if view.length() <= 1e-6 * eye.abs().max_element().max(1.0) {
-            return Err(Error::input("bad camera", "--eye, --target", "the eye is at the target"));
-        }
-        if view.normalize().cross(up).length() < MIN_SINE {
-            let other = if up.y.abs() < 0.9 { "--up 0,1,0" } else { "--up 0,0,1" };
-            return Err(Error::input("bad camera", "--up", "up is along the direction of view")
-                .hint(format!("give another, e.g. {other}")));
-        }
-        Ok(Camera { eye, target, up, fov_deg })
-    }
-}
-
-/// The long help of `--tf`: the presets.
-fn tf_help() -> String {
-    let mut help = String::from(
-        "Transfer function: a preset, or the path of a .json file\n\
-         [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]\n\n\
-         A file is used as it is. A preset in HU is used as it is on a volume in HU (one whose values span more than \
-         300 within -32768 to 32767); on any other, -1000 to 800 HU are laid over the value range. A preset in \
-         fractions is laid over the value range of every volume. `hair` takes values as extinction in 1/mm.\n\nPresets:",
-    );
-    for preset in PRESETS {
-        help += &format!("\n  {:<12} {}", preset.name, preset.about);
-    }
-    help
-}
-
-/// The long help of `--shadow`: the methods, their keys and every default.
-fn shadow_help() -> String {
-    let mut help =
-        String::from("Shadow method and its settings, METHOD[:key=value,...] [default: dsm]\n\nMethods:");
-    for method in METHODS {
-        help += &format!("\n  {:<12} {}", method.name, method.summary);
-        for key in method.keys {
-            help += &format!("\n    {}={} [default: {}] {}", key.name, key.values(), key.default, key.help);
-        }
-    }
-    help
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::files::color;
 use crate::render::Forced;
-use crate::scene::{Light, LightSource};
+use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
 use crate::volume::RawLayout;
 use glam::DVec3;
 use serde::{Serialize, Serializer};
@@ -176,6 +176,13 @@ pub fn step(text: &str) -> Result<f64, String> {
     })
 }
 
+/// A factor of extinction.
+pub fn opacity_scale(text: &str) -> Result<f64, String> {
+    number(text).and_then(|x| {
+        if (1e-6..=1e6).contains(&x) { Ok(x) } else { Err("it must be from 1e-6 to 1e6".into()) }
+    })
+}
+
 /// `#rrggbb`, or `none`.
 pub fn background(text: &str) -> Result<Background, String> {
     match text {
@@ -191,6 +198,20 @@ pub fn spacing_mm(text: &str) -> Result<[f64; 3], String> {
         return Err("each spacing must be greater than 0".into());
     }
     Ok(v.to_array())
+}
+
+/// A side to look from, by its letter or its name.
+pub fn view(text: &str) -> Result<AxisView, String> {
+    let is = |side: &&AxisView| side.mark.eq_ignore_ascii_case(text) || side.name.eq_ignore_ascii_case(text);
+    AXIS_VIEWS.iter().find(is).copied().ok_or_else(|| format!("`{text}` is not one of A, P, L, R, S, I"))
+}
+
+/// How much larger everything is.
+pub fn zoom(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|z: &f64| (0.01..=100.0).contains(z))
+        .ok_or_else(|| "expected a factor from 0.01 to 100".into())
 }
 
 /// The layout of a raw file.
@@ -262,6 +283,9 @@ mod tests {
         }
         for bad in ["0", "-1", "8.1", "nan", "1e-9"] {
             assert!(step(bad).is_err(), "{bad}");
+        }
+        for bad in ["0", "-1", "1e7", "nan", "x"] {
+            assert!(opacity_scale(bad).is_err(), "{bad}");
         }
         for bad in ["1,1,0", "-1,1,1", "1,1"] {
             assert!(spacing_mm(bad).is_err(), "{bad}");

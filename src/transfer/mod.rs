@@ -2,6 +2,7 @@
 
 mod change;
 mod file;
+pub mod formats;
 mod pairs;
 pub mod presets;
 mod tables;
@@ -114,6 +115,18 @@ impl TransferFunction {
         colors.all(|c| c == first).then_some(first)
     }
 
+    /// The same function with its extinction times `factor` at every value.
+    #[must_use]
+    pub fn scale_extinction(&self, factor: f64) -> Self {
+        let mut scaled = self.clone();
+        match self.quantity {
+            // Opacities over a shorter length: what is interpolated stays what it is.
+            Quantity::Opacity => scaled.reference_length_mm /= factor,
+            Quantity::Extinction => scaled.points.iter_mut().for_each(|p| p.amount *= factor),
+        }
+        scaled
+    }
+
     /// The same function of a value that has been mapped by an increasing `map`, e.g. to other units.
     #[must_use]
     pub fn scale_values(&self, map: impl Fn(f64) -> f64) -> Self {
@@ -222,6 +235,22 @@ mod tests {
         assert_eq!(tf.one_color(), Some([0.1, 0.2, 0.3]), "the outer points have none");
         tf.points[0].amount = 0.5;
         assert_eq!(tf.one_color(), None);
+    }
+
+    #[test]
+    fn scaled_extinction_is_a_multiple_at_every_value() {
+        for quantity in [Quantity::Opacity, Quantity::Extinction] {
+            let tf = tf(quantity, &[(0.0, 0.0), (10.0, 0.7), (10.0, 0.2), (20.0, 1.0)]);
+            for factor in [1e-6, 0.3, 1.0, 7.0, 1e6] {
+                let scaled = tf.scale_extinction(factor);
+                for i in -5..50 {
+                    let (want, got) =
+                        (tf.extinction(f64::from(i) * 0.5) * factor, scaled.extinction(f64::from(i) * 0.5));
+                    assert!((want - got).abs() <= 1e-15 * want, "{quantity:?} {factor} {i}: {want} {got}");
+                }
+                assert_eq!(scaled.color(13.0), tf.color(13.0));
+            }
+        }
     }
 
     #[test]

@@ -122,6 +122,18 @@ pub enum AffineSource {
     Spacing,
 }
 
+/// What a file says that its values are; the text is what says so, e.g. `DICOM modality CT`.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
+pub enum ValuesSaid {
+    /// It does not say.
+    #[default]
+    Nothing,
+    /// Hounsfield units.
+    Hounsfield(String),
+    /// Something else, e.g. MR intensities or a statistic.
+    Other(String),
+}
+
 /// What a file said about itself, for `info`.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Provenance {
@@ -137,6 +149,8 @@ pub struct Provenance {
     pub frames: usize,
     /// The frame that was read, counted from 0.
     pub frame: usize,
+    /// What the file says that its values are.
+    pub values: ValuesSaid,
     /// Non-finite voxels, replaced by the smallest finite value.
     pub non_finite: usize,
     /// One line each; shown by `info` and on stderr.
@@ -153,6 +167,7 @@ impl Provenance {
             affine_source: AffineSource::Spacing,
             frames: 1,
             frame: 0,
+            values: ValuesSaid::Nothing,
             non_finite: 0,
             warnings: Vec::new(),
         }

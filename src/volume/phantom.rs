@@ -14,7 +14,7 @@
 //!
 //! `sphere` and `shell` are `f32`, the others `i16`; the chest is `i16` in HU.
 
-use super::{Provenance, Scaling, Volume, Voxels, thorax};
+use super::{Provenance, Scaling, ValuesSaid, Volume, Voxels, thorax};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use glam::{DAffine3, DMat3, DVec3};
@@ -146,7 +146,8 @@ impl Phantom {
             Self::Shell => radial(size, loading, |r| (1.0 - (r - 20.0).abs() / 8.0).max(0.0)),
         };
         let stored_type = if matches!(voxels, Voxels::I16(_)) { "int16" } else { "float32" };
-        let provenance = Provenance::new(source, "phantom", stored_type);
+        let mut provenance = Provenance::new(source, "phantom", stored_type);
+        provenance.values = ValuesSaid::Hounsfield("built in".into());
         let dims = crate::with_voxels!(&voxels, a => { let (nz, ny, nx) = a.dim(); [nx, ny, nz] });
         Volume::new_with(voxels, Scaling::IDENTITY, centred_affine(dims, spacing_mm), provenance, loading)
     }

@@ -1,6 +1,8 @@
 //! The list of presets with its pictures.
 
 use super::Bench;
+use umbravox::app::curve::Edit;
+use umbravox::transfer::TransferFunction;
 use umbravox::transfer::presets::PRESETS;
 
 #[test]
@@ -25,4 +27,39 @@ fn presets_are_shown_on_this_volume_and_chosen_by_a_click() {
     bench.settle();
     assert_eq!(bench.app().model.document.as_ref().unwrap().tf_source.0, "skin");
     assert_ne!(bench.pixels(), picture);
+}
+
+#[test]
+fn other_programs_files_are_loaded_and_an_asked_opacity_is_kept_once() {
+    let line = ["phantom:thorax:32", "--tf=bone", "--shadow=none", "--opacity-scale=2"];
+    let Some(mut bench) = Bench::open(&line) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let text = |bench: &mut Bench| {
+        let scene = dir.path().join("scene.toml");
+        bench.app().model.save_scene(&scene);
+        std::fs::read_to_string(scene).unwrap()
+    };
+    let extinction = |bench: &mut Bench| bench.app().model.document.as_ref().unwrap().tf.extinction(800.0);
+    let bone = PRESETS.iter().find(|p| p.name == "bone").unwrap().transfer_function();
+    let asked = extinction(&mut bench);
+    assert!((asked / bone.extinction(800.0) - 2.0).abs() < 1e-12);
+    assert!(text(&mut bench).contains("opacity-scale = 2.0"));
+    // An edited function is written as it is, and not scaled again when it is read.
+    bench.app().model.edit(Edit::Scale { factor: 3.0 });
+    assert!((extinction(&mut bench) / asked - 3.0).abs() < 1e-12);
+    let edited = text(&mut bench);
+    assert!(!edited.contains("opacity-scale") && edited.contains("scene.tf.json"), "{edited}");
+    let tf = TransferFunction::read(&dir.path().join("scene.tf.json")).unwrap();
+    assert!((tf.extinction(800.0) / asked - 3.0).abs() < 1e-12);
+    bench.app().model.undo();
+    assert_eq!(extinction(&mut bench), asked);
+    let path = dir.path().join("slicer.vp");
+    std::fs::write(&path, "1\n0\n1\n0\n0\n1\n4 0 0 1000 0.5\n4 0 1 1 1\n4 0 1 0 0\n").unwrap();
+    bench.app().model.load_tf(path.to_str().unwrap());
+    let document = bench.app().model.document.as_ref().unwrap();
+    assert!(
+        (document.tf.extinction(500.0) + 2.0 * 0.75_f64.ln()).abs() < 1e-12,
+        "what was asked for goes on"
+    );
+    bench.settle();
 }

@@ -85,7 +85,7 @@ impl Presets {
         let missing = |index: &usize| self.thumbnail(*index, model).is_none_or(|t| t.scene != scene);
         let Some(index) = (0..PRESETS.len()).find(missing) else { return };
         let volume = Arc::clone(&document.volume);
-        let Ok(found) = presets::resolve(PRESETS[index].name, &volume) else { return };
+        let Ok(found) = presets::resolve_as(PRESETS[index].name, &volume, document.suiting) else { return };
         self.waiting = Some(index);
         model.push(Job::Thumbnail(Box::new(ThumbnailRequest { index, tf: found.tf, scene, volume })));
     }

@@ -3,6 +3,7 @@
 use crate::app::model::Model;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::open::FORMATS;
+use crate::transfer::formats::endings;
 use eframe::egui;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -47,7 +48,8 @@ impl Purpose {
                 let volumes = FORMATS.iter().flat_map(|f| f.endings);
                 ("Volumes, strands, scenes", volumes.chain(&["toml"]).copied().collect())
             }
-            Self::LoadTransfer | Self::SaveTransfer => ("Transfer functions", vec!["json"]),
+            Self::LoadTransfer => ("Transfer functions", endings()),
+            Self::SaveTransfer => ("Transfer functions", vec!["json"]),
             Self::SaveScene => ("Scenes", vec!["toml"]),
             Self::ExportPicture => ("Pictures", PICTURE_EXTENSIONS.to_vec()),
         }

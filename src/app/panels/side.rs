@@ -5,9 +5,10 @@ use super::parts::unfilled;
 use super::strands::StrandsForm;
 use super::times::Times;
 use super::{light, shadows, strands};
-use crate::app::camera::{self, AXIS_VIEWS, Orbit};
+use crate::app::camera::{self, Orbit};
 use crate::app::model::Model;
 use crate::files::color;
+use crate::scene::AXIS_VIEWS;
 use eframe::egui;
 
 /// Width of the panel, points.

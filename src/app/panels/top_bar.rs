@@ -3,8 +3,8 @@
 use super::parts::{file_name, unfilled};
 use super::prompt::Purpose;
 use super::windows::Windows;
-use crate::app::camera::AXIS_VIEWS;
 use crate::app::model::Model;
+use crate::scene::AXIS_VIEWS;
 use crate::strands::StrandSet;
 use crate::volume::Phantom;
 use eframe::egui;

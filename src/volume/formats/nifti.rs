@@ -66,6 +66,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
         affine_source,
         frames,
         frame,
+        values: header.values_said(),
         non_finite: 0,
         warnings,
     };

@@ -1,7 +1,7 @@
 //! NIfTI-1 and NIfTI-2 headers brought to one form, and the affine that they give.
 
 use crate::volume::element::{ByteOrder, Element};
-use crate::volume::{AffineSource, Scaling};
+use crate::volume::{AffineSource, Scaling, ValuesSaid};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// Size in bytes of a NIfTI-1 and of a NIfTI-2 header.
@@ -20,6 +20,9 @@ pub struct Header {
     /// Voxels are in a second file (`.img`).
     pub paired: bool,
     pub dim: [i64; 8],
+    pub intent_code: i32,
+    /// Free text; converters put the sequence of an MR scan there.
+    pub descrip: String,
     pub datatype: i16,
     pub bitpix: i16,
     pub pixdim: [f64; 8],
@@ -74,6 +77,11 @@ impl Header {
             byte_order,
             paired,
             dim: std::array::from_fn(|i| if first { f.short(40 + 2 * i).into() } else { f.long(16 + 8 * i) }),
+            intent_code: code(if first { f.short(68).into() } else { f.integer(504) }),
+            descrip: {
+                let at = if first { 148 } else { 240 };
+                String::from_utf8_lossy(bytes.get(at..at + 80).unwrap_or_default()).into_owned()
+            },
             datatype: f.short(if first { 70 } else { 12 }),
             bitpix: f.short(if first { 72 } else { 14 }),
             pixdim: f.reals([76, 104]),
@@ -154,6 +162,19 @@ impl Header {
             return Err(format!("its scl_slope is {} but its scl_inter {}", self.scl_slope, self.scl_inter));
         }
         Ok(Scaling { slope: self.scl_slope, intercept: self.scl_inter })
+    }
+
+    /// What the values are, where an intent code or a description tells. The format has no word for HU.
+    pub fn values_said(&self) -> ValuesSaid {
+        match self.intent_code {
+            2..=24 => ValuesSaid::Other(format!("NIfTI intent {}, a statistic", self.intent_code)),
+            1002 => ValuesSaid::Other("NIfTI intent 1002, labels".into()),
+            // Only MR has an echo time; dcm2niix and SPM write it.
+            _ if self.descrip.contains("TE=") => {
+                ValuesSaid::Other("its description gives an echo time: MR".into())
+            }
+            _ => ValuesSaid::Nothing,
+        }
     }
 
     /// Byte at which the voxels begin in the file that holds them.

@@ -52,7 +52,7 @@ fn tools(
     ui.horizontal_wrapped(|ui| {
         ui.strong("Transfer function");
         presets.show(ui, model, render_state);
-        if ui.button("Load…").on_hover_text("Read a .json file").clicked() {
+        if ui.button("Load…").on_hover_text("Read a file: this program's .json, or ParaView's, 3D Slicer's, MRIcroGL's, NiiVue's, Inviwo's").clicked() {
             prompt.ask(model, Purpose::LoadTransfer);
         }
         if ui.button("Save…").on_hover_text("Write the function as a .json file").clicked() {
@@ -81,12 +81,35 @@ fn tools(
             "Each voxel weighs as much as the value changes there, per mm: peaks are boundaries",
         );
         ui.separator();
+        opacity_scale(ui, model);
         if ui.button("Fit").on_hover_text("Show all values of the volume (the wheel zooms)").clicked()
             && let Some(document) = &mut model.document
         {
             document.value_window = None;
         }
     });
+}
+
+/// The factor of the extinction, against the function that was loaded.
+fn opacity_scale(ui: &mut egui::Ui, model: &mut Model) {
+    let Some(document) = &model.document else { return };
+    // Opacities stay what they are and refer to a shorter length; an extinction says itself what it is.
+    if document.tf.quantity != Quantity::Opacity || document.tf_source.1.quantity != Quantity::Opacity {
+        return;
+    }
+    let now = document.tf_source.1.reference_length_mm / document.tf.reference_length_mm;
+    let mut factor = now;
+    ui.label("Opacity");
+    let drag =
+        egui::DragValue::new(&mut factor).speed(0.01 * now).range(1e-6..=1e6).max_decimals(4).prefix("x ");
+    let drag = ui.add(drag).accessible_name("opacity scale");
+    if drag
+        .on_hover_text("Extinction at every value, as a multiple of the function's that was loaded")
+        .changed()
+    {
+        model.edit(Edit::Scale { factor: factor / now });
+    }
+    ui.separator();
 }
 
 /// Exact values of the selected point.

@@ -16,7 +16,7 @@ use self::stack::{Layer, Stack};
 use super::head::Head;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
-use crate::volume::{Provenance, Scaling, Volume, Voxels};
+use crate::volume::{Provenance, Scaling, ValuesSaid, Volume, Voxels};
 use crate::with_voxels;
 use dicom_dictionary_std::tags;
 use ndarray::Array3;
@@ -65,7 +65,15 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
     let modality = first.set.root.text(tags::MODALITY).map(|m| dataset::printable(&m)).unwrap_or_default();
     let Layout { allocated, stored, is_signed, .. } = first.layout;
     let sign = if is_signed { "int" } else { "uint" };
+    let rescale_type = first.set.of_frame(0, tags::RESCALE_TYPE).and_then(|a| a.text(tags::RESCALE_TYPE));
+    let said = match (modality.as_str(), rescale_type.as_deref()) {
+        (_, Some("HU")) => ValuesSaid::Hounsfield("DICOM rescale type HU".into()),
+        ("CT", None) => ValuesSaid::Hounsfield("DICOM modality CT".into()),
+        ("", _) => ValuesSaid::Nothing,
+        (other, _) => ValuesSaid::Other(format!("DICOM modality {other}")),
+    };
     let provenance = Provenance {
+        values: said,
         affine_source: stack.affine_source,
         frames: stack.frames,
         frame,

@@ -1,0 +1,228 @@
+//! `umbravox tf`: presets, and transfer functions of other programs.
+
+use super::told::{print_json, print_result, say};
+use crate::error::{Error, Result};
+use crate::files::output::{check_output, write_whole};
+use crate::open::presets::{Found, PRESETS, Scale};
+use crate::transfer::TransferFunction;
+use crate::transfer::formats::{self, Carried, TRANSFER_FORMATS, TransferFormat, is_of_fractions};
+use clap::{Args, Subcommand, ValueEnum};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Transfer functions: presets, and those of other programs
+#[derive(Debug, Args)]
+pub struct TfArgs {
+    #[command(subcommand)]
+    command: TfCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum TfCommand {
+    /// List the presets
+    List(ListArgs),
+    /// Write a preset to a file
+    Export(ExportArgs),
+    /// Write another program's transfer function as this one's, or the other way
+    #[command(long_about = convert_help())]
+    Convert(ConvertArgs),
+}
+
+#[derive(Debug, Args)]
+struct ListArgs {
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Args)]
+struct ExportArgs {
+    /// Which one, as `tf list` names it
+    #[arg(value_name = "PRESET")]
+    preset: String,
+    #[command(flatten)]
+    to: Target,
+}
+
+#[derive(Debug, Args)]
+struct ConvertArgs {
+    /// The file: this program's .json, ParaView's .json, 3D Slicer's .vp and .vp.json, MRIcroGL's and NiiVue's .json,
+    /// Inviwo's .itf; told by its content
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    #[command(flatten)]
+    to: Target,
+}
+
+/// Where to and as what.
+#[derive(Debug, Args)]
+struct Target {
+    /// The file: .json, or .vp
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// The format [default: vp where the name ends in .vp, umbravox otherwise]
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    to: Option<To>,
+    /// Values over which a function of fractions is laid: 0 at LO, 1 at HI
+    #[arg(long, value_name = "LO,HI", value_parser = range, allow_hyphen_values = true)]
+    range: Option<[f64; 2]>,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum To {
+    Umbravox,
+    Paraview,
+    Vp,
+}
+
+impl To {
+    fn format(self) -> Option<&'static TransferFormat> {
+        let name = match self {
+            Self::Umbravox => "umbravox",
+            Self::Paraview => "paraview",
+            Self::Vp => "vp",
+        };
+        TRANSFER_FORMATS.iter().find(|f| f.name == name)
+    }
+}
+
+fn convert_help() -> String {
+    let mut help = String::from(
+        "Write another program's transfer function as this one's, or the other way. What cannot be carried over is said, a \
+         warning each.\n\nFormats:",
+    );
+    for format in TRANSFER_FORMATS {
+        let written = if format.write.is_some() { "read and written" } else { "read" };
+        help += &format!("\n  {:<9} .{:<8} {} ({written})", format.name, format.ending, format.about);
+    }
+    help
+}
+
+/// Two numbers, the second greater.
+fn range(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    match numbers[..] {
+        [low, high] if low < high && [low, high].iter().all(|x| x.abs() <= 1e30) => Ok([low, high]),
+        _ => Err("expected two numbers LO,HI, the second greater".into()),
+    }
+}
+
+/// A preset as `tf list --json` has it.
+#[derive(Serialize)]
+struct Listed {
+    name: &'static str,
+    /// `HU`, `fraction` or `1/mm`.
+    units: &'static str,
+    about: &'static str,
+    points: usize,
+    reference_length_mm: f64,
+}
+
+/// What `tf export --json` and `tf convert --json` print.
+#[derive(Serialize)]
+struct Converted<'a> {
+    output: String,
+    from: &'static str,
+    to: &'static str,
+    name: &'a str,
+    units: &'a str,
+    points: usize,
+    warnings: &'a [String],
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad input, or a file that cannot be written.
+pub fn run(args: TfArgs) -> Result<()> {
+    match args.command {
+        TfCommand::List(args) => list(args.json),
+        TfCommand::Export(args) => {
+            let Some(preset) = PRESETS.iter().find(|p| p.name == args.preset) else {
+                let names = PRESETS.iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+                return Err(Error::input("unknown preset", args.preset, "there is none of that name")
+                    .hint(format!("presets: {names}; `tf convert` takes files")));
+            };
+            let (tf, warnings) = Found::Preset(preset).as_it_is();
+            write(Carried { tf, warnings, format: "preset" }, &args.to)
+        }
+        TfCommand::Convert(args) => {
+            let to = target(&args.to)?;
+            check(&args.to, to)?;
+            write(formats::read(&args.input)?, &args.to)
+        }
+    }
+}
+
+fn list(json: bool) -> Result<()> {
+    let listed = PRESETS.iter().map(|preset| {
+        let tf = preset.transfer_function();
+        let units = match preset.scale {
+            Scale::Hounsfield => "HU",
+            Scale::Fraction => formats::FRACTION,
+            Scale::Extinction => "1/mm",
+        };
+        let TransferFunction { reference_length_mm, points, .. } = tf;
+        Listed { name: preset.name, units, about: preset.about, points: points.len(), reference_length_mm }
+    });
+    let listed: Vec<Listed> = listed.collect();
+    if json {
+        return print_json(&listed);
+    }
+    let lines = listed.iter().map(|p| format!("{:<12} {:<9} {}\n", p.name, p.units, p.about));
+    print_result(&lines.collect::<String>())
+}
+
+/// The format that is asked for, or that the name tells.
+fn target(target: &Target) -> Result<&'static TransferFormat> {
+    let name = target.output.to_string_lossy().to_ascii_lowercase();
+    if name.ends_with(".vp.json") && target.to.is_none() {
+        let why = "3D Slicer's .vp.json is read and not written";
+        return Err(Error::input("cannot write file", target.output.display(), why)
+            .hint("give a name that ends in .vp, or say --to umbravox"));
+    }
+    let by_name = if name.ends_with(".vp") { To::Vp } else { To::Umbravox };
+    let none = || Error::input("cannot write file", target.output.display(), "there is no such format");
+    target.to.unwrap_or(by_name).format().ok_or_else(none)
+}
+
+fn check(target: &Target, format: &TransferFormat) -> Result<()> {
+    let endings: &[&str] = if format.name == "vp" { &["vp"] } else { &["json"] };
+    check_output(&target.output, endings)
+}
+
+/// Writes what was read, whole or not at all, and says what it does not hold.
+fn write(carried: Carried, to: &Target) -> Result<()> {
+    let format = target(to)?;
+    check(to, format)?;
+    let Carried { mut tf, mut warnings, format: from } = carried;
+    if let Some([low, high]) = to.range {
+        if !is_of_fractions(&tf) {
+            let why = format!("the units of `{}` are `{}`, not `{}`", tf.name, tf.units, formats::FRACTION);
+            return Err(Error::input("cannot use flag", "--range", why));
+        }
+        tf = tf.scale_values(|v| low + v * (high - low));
+        tf.units.clear();
+    }
+    let refuse = |why: String| Error::input("cannot write file", to.output.display(), why);
+    let write = format.write.ok_or_else(|| refuse(format!("{} is not written", format.name)))?;
+    let written = write(&tf).map_err(refuse)?;
+    warnings.extend(written.warnings);
+    warnings.iter().for_each(|warning| say("warning", warning));
+    write_whole(&to.output, |file| file.write_all(written.text.as_bytes()))?;
+    if !to.json {
+        return Ok(());
+    }
+    print_json(&Converted {
+        output: to.output.display().to_string(),
+        from,
+        to: format.name,
+        name: &tf.name,
+        units: &tf.units,
+        points: tf.points.len(),
+        warnings: &warnings,
+    })
+}

@@ -1,0 +1,264 @@
+//! What the values of a volume are: Hounsfield units or not, and what says so.
+//!
+//! The file's own word comes first, then what the values look like. How many bits they are stored in says nothing.
+
+use crate::strands::STRANDS_FORMAT;
+use crate::volume::{ValuesSaid, Volume, Voxel, Voxels};
+use crate::with_voxels;
+use serde::{Deserialize, Serialize};
+
+/// What values are taken for, as `--units` says it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs, reason = "a comment would be a line of `--help`")]
+pub enum Units {
+    Hu,
+    Fraction,
+}
+
+/// What a volume's values are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum ValueKind {
+    /// Hounsfield units.
+    #[serde(rename = "HU")]
+    Hounsfield,
+    /// Extinction in 1/mm, of strands.
+    #[serde(rename = "1/mm")]
+    Extinction,
+    /// Anything else: only their place in the volume's range means something.
+    #[serde(rename = "fraction")]
+    Other,
+}
+
+impl ValueKind {
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hounsfield => "HU",
+            Self::Extinction => "1/mm",
+            Self::Other => "not HU",
+        }
+    }
+}
+
+/// What a volume's values are, and how that is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Meaning {
+    /// What they are.
+    pub kind: ValueKind,
+    /// Why, in a few words.
+    pub why: String,
+    /// It was told from the values alone, and may be wrong.
+    pub is_guess: bool,
+    /// Some values are lower than any tissue but lung.
+    pub has_air: bool,
+}
+
+/// HU of air, and how far around it air is found.
+const AIR_HU: f64 = -1000.0;
+const AIR_WIDTH: f64 = 100.0;
+/// The share of voxels that air has at least, and how much denser than all values together it lies.
+const AIR_SHARE: f64 = 0.01;
+const AIR_DENSITY: f64 = 3.0;
+/// A volume in HU that has values below this has air in it; no tissue but lung is as thin.
+const AIR_BELOW_HU: f64 = -500.0;
+/// A range of scaled values no wider than this is 8-bit or normalised data, not HU.
+const MIN_HU_WIDTH: f64 = 300.0;
+/// Beyond these there are no HU: 16 bits of a scanner.
+const PLAUSIBLE_HU: [f64; 2] = [-32768.0, 32767.0];
+/// The lowest value that scanners pad their field of view with.
+const PADDING_HU: f64 = -3100.0;
+/// Water, fat, muscle and blood, and the share of voxels that lie there in a cut-out of a body without air around it.
+const SOFT_HU: [f64; 2] = [-150.0, 250.0];
+const SOFT_SHARE: f64 = 0.3;
+/// Where 8 bits are scaled to a window of HU by the file, it ends within these.
+const WINDOW_HU: [f64; 2] = [-1100.0, 4100.0];
+/// Voxels that are looked at.
+const MOST_LOOKED_AT: usize = 1 << 20;
+
+/// Whether a volume was made from strands, so that its values are extinction in 1/mm.
+pub fn of_strands(volume: &Volume) -> bool {
+    volume.provenance.format == STRANDS_FORMAT
+}
+
+impl Meaning {
+    /// Of a volume's values; `asked` decides where it is given.
+    pub fn of(volume: &Volume, asked: Option<Units>) -> Self {
+        let [low, high] = volume.value_range();
+        let has_air = low < AIR_BELOW_HU;
+        let known = |kind, why: &str| Self { kind, why: why.into(), is_guess: false, has_air };
+        match asked {
+            Some(Units::Hu) => return known(ValueKind::Hounsfield, "--units hu"),
+            Some(Units::Fraction) => return known(ValueKind::Other, "--units fraction"),
+            None => {}
+        }
+        if of_strands(volume) {
+            return known(ValueKind::Extinction, "made from strands");
+        }
+        match &volume.provenance.values {
+            ValuesSaid::Hounsfield(by) => return known(ValueKind::Hounsfield, by),
+            ValuesSaid::Other(by) => return known(ValueKind::Other, by),
+            ValuesSaid::Nothing => {}
+        }
+        let guess = |kind, why: String| Self { kind, why, is_guess: true, has_air };
+        let [low_text, high_text] = [low, high].map(|v| (v * 1e2).round() / 1e2);
+        if high - low <= MIN_HU_WIDTH {
+            return guess(ValueKind::Other, format!("values from {low_text} to {high_text} span too little"));
+        }
+        if low < PLAUSIBLE_HU[0] || high > PLAUSIBLE_HU[1] {
+            return guess(ValueKind::Other, format!("values from {low_text} to {high_text} go beyond HU"));
+        }
+        let seen = Seen::of(volume);
+        if seen.air >= AIR_SHARE
+            && seen.air * (high - low) >= AIR_DENSITY * 2.0 * AIR_WIDTH * seen.near(low, high)
+        {
+            let percent = (100.0 * seen.air).round();
+            return guess(
+                ValueKind::Hounsfield,
+                format!("{percent} % of the voxels are air, about {AIR_HU}"),
+            );
+        }
+        if has_air && low >= PADDING_HU && seen.soft >= SOFT_SHARE {
+            let percent = (100.0 * seen.soft).round();
+            return guess(
+                ValueKind::Hounsfield,
+                format!(
+                    "{percent} % of the voxels are from {} to {}, as soft tissue is, and there are gases",
+                    SOFT_HU[0], SOFT_HU[1]
+                ),
+            );
+        }
+        let scaled_bytes = matches!(volume.voxels(), Voxels::U8(_)) && volume.scaling().slope != 1.0;
+        if scaled_bytes && (WINDOW_HU[0]..=0.0).contains(&low) && high <= WINDOW_HU[1] {
+            return guess(
+                ValueKind::Hounsfield,
+                format!("the file scales its 8 bits to {low_text} to {high_text}, a window of HU"),
+            );
+        }
+        guess(ValueKind::Other, format!("values from {low_text} to {high_text} have no air about {AIR_HU}"))
+    }
+
+    /// Whether they are HU.
+    pub fn is_hounsfield(&self) -> bool {
+        self.kind == ValueKind::Hounsfield
+    }
+
+    /// One line: what they are taken for and why, with the way to the other where it was guessed.
+    pub fn text(&self) -> String {
+        let other = if self.is_hounsfield() { "fraction" } else { "hu" };
+        let way = if self.is_guess { format!("; --units {other} says otherwise") } else { String::new() };
+        format!("{} ({}{way})", self.kind.name(), self.why)
+    }
+}
+
+/// Shares of the voxels looked at.
+struct Seen {
+    air: f64,
+    soft: f64,
+}
+
+impl Seen {
+    /// Looks at voxels evenly spread over the volume.
+    fn of(volume: &Volume) -> Self {
+        let scaling = volume.scaling();
+        let [mut air, mut soft] = [0usize; 2];
+        let looked_at = with_voxels!(volume.voxels(), array => {
+            let values = array.as_slice().unwrap_or_default();
+            let stride = values.len().div_ceil(MOST_LOOKED_AT).max(1);
+            // One of each group, at a place that wanders: a stride alone could follow the rows.
+            let picked = values.chunks(stride).enumerate().map(|(i, group)| group[i.wrapping_mul(7919) % group.len()]);
+            let mut count = 0usize;
+            for value in picked.map(|v| scaling.apply(v.to_f64())) {
+                count += 1;
+                air += usize::from((value - AIR_HU).abs() <= AIR_WIDTH);
+                // A background of exactly 0 is no tissue.
+                soft += usize::from(value != 0.0 && (SOFT_HU[0]..=SOFT_HU[1]).contains(&value));
+            }
+            count
+        });
+        let share = |count: usize| count as f64 / looked_at.max(1) as f64;
+        Self { air: share(air), soft: share(soft) }
+    }
+
+    /// What of the width around air lies within the range of values: 1 but at its end.
+    fn near(&self, low: f64, high: f64) -> f64 {
+        let [a, b] = [(AIR_HU - AIR_WIDTH).max(low), (AIR_HU + AIR_WIDTH).min(high)];
+        ((b - a) / (2.0 * AIR_WIDTH)).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::{Provenance, Scaling};
+    use glam::DAffine3;
+    use ndarray::Array3;
+
+    /// A volume of 20 x 20 x 20 voxels by a share in `[0, 1)` that runs through all of them.
+    fn volume(value: impl Fn(f64) -> f64) -> Volume {
+        let values =
+            Array3::from_shape_fn((20, 20, 20), |(k, j, i)| value(((k * 20 + j) * 20 + i) as f64 / 8000.0));
+        scaled(Voxels::F64(values), Scaling::IDENTITY)
+    }
+
+    fn scaled(voxels: Voxels, scaling: Scaling) -> Volume {
+        let provenance = Provenance::new("test", "raw", "test");
+        Volume::new(voxels, scaling, DAffine3::IDENTITY, provenance).unwrap()
+    }
+
+    fn kind(volume: &Volume) -> ValueKind {
+        Meaning::of(volume, None).kind
+    }
+
+    #[test]
+    fn air_is_what_tells_hounsfield_units() {
+        let noise = |s: f64| 30.0 * (s * 7919.0).fract();
+        // Air, tissue, bone; the same padded with -2000; a body without air around it.
+        let scan = |s: f64| if s < 0.4 { -1010.0 + noise(s) } else { 3000.0 * (s - 0.4).powi(2) };
+        assert_eq!(kind(&volume(scan)), ValueKind::Hounsfield);
+        assert_eq!(kind(&volume(|s| if s < 0.1 { -2000.0 } else { scan(s) })), ValueKind::Hounsfield);
+        let inside =
+            |s: f64| if s < 0.005 { -900.0 } else { -120.0 + 320.0 * s + if s > 0.95 { 900.0 } else { 0.0 } };
+        assert_eq!(kind(&volume(inside)), ValueKind::Hounsfield);
+        // Of 16 bits, and no HU: fMRI, a micro-CT, 12 bits from 0, the phase of an MR image, evenly spread numbers.
+        let others: [&dyn Fn(f64) -> f64; 6] = [
+            &|s| 762.0 + 4776.0 * s * s,
+            &|s| 25_500.0 * s,
+            &|s| if s < 0.5 { noise(s) } else { 1000.0 + 3000.0 * (s - 0.5) },
+            &|s| -4096.0 + 8191.0 * s,
+            &|s| -2000.0 + 4000.0 * s,
+            &|s| 65_535.0 * s,
+        ];
+        for (i, other) in others.iter().enumerate() {
+            let meaning = Meaning::of(&volume(other), None);
+            assert!(meaning.kind == ValueKind::Other && meaning.is_guess, "{i}: {}", meaning.text());
+        }
+    }
+
+    #[test]
+    fn bits_scaled_to_a_window_of_hounsfield_units_are_such() {
+        let bytes = Voxels::U8(Array3::from_shape_fn((4, 4, 16), |(k, j, i)| (k * 64 + j * 16 + i) as u8));
+        let window = Scaling { slope: 2.2086, intercept: 0.0 };
+        assert_eq!(kind(&scaled(bytes.clone(), window)), ValueKind::Hounsfield);
+        assert_eq!(kind(&scaled(bytes.clone(), Scaling::IDENTITY)), ValueKind::Other);
+        let beyond = Scaling { slope: 100.0, intercept: 0.0 };
+        assert_eq!(kind(&scaled(bytes, beyond)), ValueKind::Other);
+    }
+
+    #[test]
+    fn what_is_asked_for_and_what_the_file_says_decide() {
+        let mut volume = volume(|s| if s < 0.4 { -1000.0 } else { 1000.0 * s });
+        volume.provenance.values = ValuesSaid::Other("MR".into());
+        let meaning = Meaning::of(&volume, None);
+        assert_eq!(
+            (meaning.kind, meaning.is_guess, meaning.text()),
+            (ValueKind::Other, false, "not HU (MR)".into())
+        );
+        assert_eq!(Meaning::of(&volume, Some(Units::Hu)).text(), "HU (--units hu)");
+        volume.provenance.values = ValuesSaid::Hounsfield("DICOM modality CT".into());
+        assert_eq!(Meaning::of(&volume, None).text(), "HU (DICOM modality CT)");
+        assert_eq!(Meaning::of(&volume, Some(Units::Fraction)).kind, ValueKind::Other);
+        volume.provenance.format = STRANDS_FORMAT.into();
+        assert_eq!(kind(&volume), ValueKind::Extinction);
+    }
+}

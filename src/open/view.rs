@@ -1,0 +1,83 @@
+//! Where the camera of a scene is: what was asked for, and the volume framed for the rest.
+
+use super::values::Size;
+use crate::error::{Error, Result};
+use crate::scene::{AxisView, Camera};
+use crate::volume::Volume;
+use glam::DVec3;
+
+/// Below this sine of the angle between two directions they count as parallel in 32-bit arithmetic.
+const MIN_SINE: f64 = 1e-5;
+
+/// What was asked of a camera; see the flags of these names.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Asked {
+    pub(super) eye: Option<DVec3>,
+    pub(super) target: Option<DVec3>,
+    pub(super) up: Option<DVec3>,
+    pub(super) view: Option<AxisView>,
+    pub(super) zoom: Option<f64>,
+    pub(super) fov: Option<f64>,
+}
+
+/// The camera for a picture of this size.
+///
+/// # Errors
+/// A camera that looks nowhere, or from two places.
+pub(super) fn camera(asked: &Asked, volume: &Volume, size: Size) -> Result<Camera> {
+    let side = asked.view;
+    if side.is_some() && asked.eye.is_some() {
+        let why = "--eye says where the camera is, and --view asks for a side";
+        return Err(Error::input("bad camera", "--view", why));
+    }
+    let up = asked.up.or(side.map(|s| s.up)).unwrap_or(DVec3::Z);
+    let fov_deg = asked.fov.unwrap_or(Camera::DEFAULT_FOV_DEG);
+    let half = (0.5 * fov_deg).to_radians().tan();
+    // A picture higher than wide is framed by its width.
+    let aspect = (f64::from(size.width) / f64::from(size.height)).min(1.0);
+    let narrow_deg = 2.0 * (aspect * half).atan().to_degrees();
+    let framing = Camera::framing(volume, up, narrow_deg);
+    let target = asked.target.unwrap_or(framing.target);
+    let away = framing.eye - framing.target;
+    let away = side.map_or(away, |s| s.away * away.length());
+    let eye = asked.eye.unwrap_or(target + away);
+    // The eye stays where it is, so that nothing is passed through.
+    let fov_deg = asked.zoom.map_or(fov_deg, |zoom| 2.0 * (half / zoom).atan().to_degrees());
+    let view = target - eye;
+    // Nearer than this the direction drowns in the rounding of 32-bit positions.
+    if view.length() <= 1e-6 * eye.abs().max_element().max(1.0) {
+        return Err(Error::input("bad camera", "--eye, --target", "the eye is at the target"));
+    }
+    if view.normalize().cross(up).length() < MIN_SINE {
+        let other = if up.y.abs() < 0.9 { "--up 0,1,0" } else { "--up 0,0,1" };
+        return Err(Error::input("bad camera", "--up", "up is along the direction of view")
+            .hint(format!("give another, e.g. {other}")));
+    }
+    Ok(Camera { eye, target, up, fov_deg })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::AXIS_VIEWS;
+    use crate::volume::Phantom;
+
+    #[test]
+    fn sides_are_looked_from_and_zoom_enlarges() {
+        let volume = Phantom::Thorax.build(16).unwrap();
+        let size = Size { width: 100, height: 100 };
+        let of = |asked: &Asked| camera(asked, &volume, size).unwrap();
+        for side in AXIS_VIEWS {
+            let seen = of(&Asked { view: Some(side), ..Asked::default() });
+            let forward = seen.frame().forward;
+            assert!((forward + side.away).length() < 1e-12, "{}", side.name);
+            assert!((seen.frame().up - side.up).length() < 1e-12, "{}", side.name);
+        }
+        let plain = of(&Asked::default());
+        let near = of(&Asked { zoom: Some(2.5), ..Asked::default() });
+        let half = |camera: &Camera| (0.5 * camera.fov_deg.to_radians()).tan();
+        assert!((half(&plain) / half(&near) - 2.5).abs() < 1e-12 && plain.eye == near.eye);
+        let both = Asked { view: Some(AXIS_VIEWS[0]), eye: Some(DVec3::ONE), ..Asked::default() };
+        assert!(camera(&both, &volume, size).is_err());
+    }
+}

@@ -1,0 +1,238 @@
+//! The colour spaces in which VTK and ParaView mix two sRGB colours.
+//!
+//! Definitions: HSV after Smith (1978); CIE L*a*b* with the D65 white of `vtkMath`; Msh, polar L*a*b*, after Moreland (2009),
+//! *Diverging color maps for scientific visualization*, section 5.
+
+use crate::files::color::{linear_from_srgb, srgb_from_linear};
+
+/// Encoded sRGB in `[0, 1]`, a mixture of two such.
+type Rgb = [f64; 3];
+
+/// Hues at both ends less than half a turn apart, by the shorter way around; `vtkColorTransferFunction`'s HSVWrap.
+pub fn hsv_wrapped(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
+    let ([h, s, v], [mut h2, s2, v2]) = (hsv_from_rgb(a), hsv_from_rgb(b));
+    if (h2 - h).abs() > 0.5 {
+        h2 += if h2 < h { 1.0 } else { -1.0 };
+    }
+    rgb_from_hsv([(h + (h2 - h) * share).rem_euclid(1.0), s + (s2 - s) * share, v + (v2 - v) * share])
+}
+
+/// Hues from one number to the other.
+pub fn hsv(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
+    let (a, b) = (hsv_from_rgb(a), hsv_from_rgb(b));
+    rgb_from_hsv(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share))
+}
+
+/// Straight in L*a*b*.
+pub fn lab(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
+    let (a, b) = (lab_from_rgb(a), lab_from_rgb(b));
+    rgb_from_lab(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share))
+}
+
+/// The second colour all the way: `vtkColorTransferFunction`'s Step, where a node's colour holds up to the node.
+pub fn step(_: &Rgb, b: &Rgb, _: f64) -> Rgb {
+    *b
+}
+
+/// Moreland's diverging mixture: through white where both colours are saturated and of different hue.
+pub fn diverging(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
+    // Below this a colour counts as grey, and the hue between two as different above that.
+    const SATURATED: f64 = 0.05;
+    const DIFFERENT_HUES: f64 = std::f64::consts::FRAC_PI_3;
+    const WHITE: f64 = 88.0;
+    let (mut a, mut b, mut share) = (msh_from_lab(lab_from_rgb(a)), msh_from_lab(lab_from_rgb(b)), share);
+    let apart = {
+        let d = (a[2] - b[2]).abs();
+        if d > std::f64::consts::PI { std::f64::consts::TAU - d } else { d }
+    };
+    if a[1] > SATURATED && b[1] > SATURATED && apart > DIFFERENT_HUES {
+        let white = [a[0].max(b[0]).max(WHITE), 0.0, 0.0];
+        if share < 0.5 {
+            b = white;
+            share *= 2.0;
+        } else {
+            a = white;
+            share = 2.0 * share - 1.0;
+        }
+    }
+    if a[1] < SATURATED && b[1] > SATURATED {
+        a[2] = spun_hue(b, a[0]);
+    } else if b[1] < SATURATED && a[1] > SATURATED {
+        b[2] = spun_hue(a, b[0]);
+    }
+    rgb_from_lab(lab_from_msh(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share)))
+}
+
+/// The hue that a grey of magnitude `m` gets beside a saturated colour, so that the way between both looks even.
+fn spun_hue([m_saturated, s, h]: [f64; 3], m: f64) -> f64 {
+    if m_saturated >= m - 0.1 {
+        return h;
+    }
+    let spin = s * (m * m - m_saturated * m_saturated).sqrt() / (m_saturated * s.sin());
+    // Away from purple.
+    if h > -0.3 * std::f64::consts::PI { h + spin } else { h - spin }
+}
+
+fn hsv_from_rgb(rgb: &Rgb) -> [f64; 3] {
+    let [r, g, b] = *rgb;
+    let (top, low) = (r.max(g).max(b), r.min(g).min(b));
+    let width = top - low;
+    if width <= 0.0 {
+        return [0.0, 0.0, top];
+    }
+    let sixths = if r == top {
+        (g - b) / width
+    } else if g == top {
+        2.0 + (b - r) / width
+    } else {
+        4.0 + (r - g) / width
+    };
+    [(sixths / 6.0).rem_euclid(1.0), width / top, top]
+}
+
+fn rgb_from_hsv([h, s, v]: [f64; 3]) -> Rgb {
+    // Each channel is at the top for a third of the circle, and at the bottom for another.
+    std::array::from_fn(|channel| {
+        let from_peak = (h * 6.0 - 2.0 * channel as f64).rem_euclid(6.0);
+        let distance = from_peak.min(6.0 - from_peak);
+        v * (1.0 - s * (distance - 1.0).clamp(0.0, 1.0))
+    })
+}
+
+/// White of D65 with Y = 1, to the digits that `vtkMath` uses.
+const WHITE_XYZ: [f64; 3] = [0.9505, 1.0, 1.089];
+/// XYZ from linear sRGB (IEC 61966-2-1), rows.
+const XYZ_FROM_RGB: [[f64; 3]; 3] =
+    [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
+/// The inverse, to the digits of the standard.
+const RGB_FROM_XYZ: [[f64; 3]; 3] =
+    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
+/// Where the cube root of L*a*b* gives way to a line: CIE's `(6/29)^3`, and the line's slope and offset.
+const LAB_LINE: [f64; 3] = [0.008_856, 7.787, 16.0 / 116.0];
+
+fn times(matrix: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
+    matrix.map(|row| (0..3).map(|i| row[i] * v[i]).sum())
+}
+
+fn lab_from_rgb(rgb: &Rgb) -> [f64; 3] {
+    let xyz = times(&XYZ_FROM_RGB, rgb.map(linear_from_srgb));
+    let f: [f64; 3] = std::array::from_fn(|i| {
+        let t = xyz[i] / WHITE_XYZ[i];
+        if t > LAB_LINE[0] { t.cbrt() } else { LAB_LINE[1] * t + LAB_LINE[2] }
+    });
+    [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
+}
+
+fn rgb_from_lab([l, a, b]: [f64; 3]) -> Rgb {
+    let y = (l + 16.0) / 116.0;
+    let f = [a / 500.0 + y, y, y - b / 200.0];
+    let xyz: [f64; 3] = std::array::from_fn(|i| {
+        let cube = f[i].powi(3);
+        let t = if cube > LAB_LINE[0] { cube } else { (f[i] - LAB_LINE[2]) / LAB_LINE[1] };
+        t * WHITE_XYZ[i]
+    });
+    // `vtkMath` brings what is out of gamut back by its brightest channel.
+    let linear = times(&RGB_FROM_XYZ, xyz);
+    let encoded =
+        linear.map(|c| if c > 1.0 { 1.055 * c.powf(1.0 / 2.4) - 0.055 } else { srgb_from_linear(c) });
+    let brightest = encoded.iter().fold(1.0, |a: f64, b| a.max(*b));
+    encoded.map(|c| c / brightest)
+}
+
+fn msh_from_lab([l, a, b]: [f64; 3]) -> [f64; 3] {
+    let m = (l * l + a * a + b * b).sqrt();
+    let s = if m > 1e-3 { (l / m).clamp(-1.0, 1.0).acos() } else { 0.0 };
+    [m, s, if s > 1e-3 { b.atan2(a) } else { 0.0 }]
+}
+
+fn lab_from_msh([m, s, h]: [f64; 3]) -> [f64; 3] {
+    [m * s.cos(), m * s.sin() * h.cos(), m * s.sin() * h.sin()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What VTK 9.7's `vtkColorTransferFunction` answers a quarter, half and three quarters of the way.
+    #[test]
+    fn mixtures_are_vtks() {
+        let (a, b) = ([0.2, 0.3, 0.8], [0.8, 0.25, 0.1]);
+        let (cool, warm) = ([0.23, 0.299, 0.754], [0.706, 0.016, 0.15]);
+        type Mixed = fn(&Rgb, &Rgb, f64) -> Rgb;
+        type Case = (&'static str, Mixed, [Rgb; 2], &'static [(f64, Rgb)]);
+        let cases: [Case; 5] = [
+            (
+                "hsv wrapped",
+                hsv_wrapped,
+                [a, b],
+                &[(0.25, [0.44286, 0.175, 0.8]), (0.5, [0.8, 0.15, 0.78452]), (0.75, [0.8, 0.125, 0.38214])],
+            ),
+            (
+                "hsv",
+                hsv,
+                [a, b],
+                &[(0.25, [0.175, 0.8, 0.75536]), (0.5, [0.15, 0.8, 0.16548]), (0.75, [0.71964, 0.8, 0.125])],
+            ),
+            (
+                "lab",
+                lab,
+                [a, b],
+                &[
+                    (0.25, [0.49956, 0.28139, 0.62732]),
+                    (0.5, [0.63735, 0.26737, 0.45937]),
+                    (0.75, [0.72969, 0.25726, 0.29257]),
+                ],
+            ),
+            (
+                "diverging out of gamut",
+                diverging,
+                [a, b],
+                &[
+                    (0.25, [0.62114, 0.67631, 1.0]),
+                    (0.5, [0.8688, 0.86881, 0.8688]),
+                    (0.75, [1.0, 0.64733, 0.53404]),
+                ],
+            ),
+            (
+                "diverging",
+                diverging,
+                [cool, warm],
+                &[
+                    (0.125, [0.38329, 0.50962, 0.91756]),
+                    (0.25, [0.55319, 0.68904, 0.99544]),
+                    (0.5, [0.8654, 0.86541, 0.8654]),
+                    (0.65, [0.96629, 0.74171, 0.63878]),
+                    (0.85, [0.89378, 0.42782, 0.33454]),
+                ],
+            ),
+        ];
+        for (name, mix, [a, b], expected) in cases {
+            for (share, want) in expected {
+                close(name, mix(&a, &b, *share), *want);
+            }
+        }
+        assert_eq!([0.0, 0.01, 1.0].map(|share| step(&a, &b, share)), [b, b, b]);
+    }
+
+    fn close(name: &str, got: Rgb, want: Rgb) {
+        for c in 0..3 {
+            assert!((got[c] - want[c]).abs() < 2e-3, "{name}: {got:?}, not {want:?}");
+        }
+    }
+
+    #[test]
+    fn every_space_keeps_its_ends_and_stays_in_range() {
+        let corners: Vec<Rgb> =
+            (0..27).map(|i| [i % 3, i / 3 % 3, i / 9].map(|k| f64::from(k) / 2.0)).collect();
+        for mix in [hsv_wrapped, hsv, lab, diverging] {
+            for a in &corners {
+                for b in &corners {
+                    close("an end", mix(a, b, 0.0), *a);
+                    close("an end", mix(a, b, 1.0), *b);
+                    let middle = mix(a, b, 0.37);
+                    assert!(middle.iter().all(|c| (0.0..=1.0).contains(c)), "{a:?} {b:?}: {middle:?}");
+                }
+            }
+        }
+    }
+}

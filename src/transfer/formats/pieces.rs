@@ -1,0 +1,162 @@
+//! Any function of the value as points between which another program, or this one, goes straight: as many as a tolerance
+//! asks for.
+
+use super::curve::Side;
+
+/// A point: the value, and what the function is there.
+pub type Point<const N: usize> = (f64, [f64; N]);
+
+/// A function, how whoever reads the points goes between two of them, and how far that is off.
+pub struct Sampled<'a, const N: usize> {
+    /// Values at which the function may bend or jump, in order, each once; at least one.
+    pub breaks: Vec<f64>,
+    /// The function.
+    pub at: &'a dyn Fn(f64, Side) -> [f64; N],
+    /// What a reader has at a share of the way between two points.
+    pub between: fn(&[f64; N], &[f64; N], f64) -> [f64; N],
+    /// How far the second is from the first, in tolerances: up to 1 is good.
+    pub off: &'a dyn Fn(&[f64; N], &[f64; N]) -> f64,
+}
+
+/// Halvings of a way between two breaks at the most, and points in all: what memory a file can ask for.
+const MOST_HALVINGS: u32 = 12;
+const MOST_POINTS: usize = 1 << 17;
+/// Places between two points at which they are held against the function.
+const PROBES: u32 = 8;
+
+impl<const N: usize> Sampled<'_, N> {
+    /// Points for it, at most `most` of them (at least 2), and by how many tolerances the worst place between them is off.
+    pub fn points(&self, most: usize) -> (Vec<Point<N>>, f64) {
+        let all = self.within_tolerance();
+        let mut points = all.clone();
+        let mut allowed = 1.0;
+        while points.len() > most && allowed < 1e6 {
+            points = self.thinned(&all, allowed);
+            allowed *= 2.0;
+        }
+        // Nothing but a step at every point is beyond thinning.
+        points.truncate(most.max(2));
+        let worst = self.worst(&points);
+        (points, worst)
+    }
+
+    fn within_tolerance(&self) -> Vec<Point<N>> {
+        let ways = self.breaks.len().max(1);
+        let halvings = (MOST_POINTS / ways).checked_ilog2().unwrap_or(0).min(MOST_HALVINGS);
+        let mut points: Vec<Point<N>> = Vec::new();
+        for (i, value) in self.breaks.iter().enumerate() {
+            let [below, from] = [Side::Below, Side::From].map(|side| (self.at)(*value, side));
+            if below != from {
+                points.push((*value, below));
+            }
+            points.push((*value, from));
+            if let Some(next) = self.breaks.get(i + 1) {
+                self.halve((*value, from), (*next, (self.at)(*next, Side::Below)), halvings, &mut points);
+            }
+        }
+        points
+    }
+
+    /// Adds points inside a way until what lies between them is good enough.
+    fn halve(&self, a: Point<N>, b: Point<N>, left: u32, points: &mut Vec<Point<N>>) {
+        let middle = 0.5 * (a.0 + b.0);
+        if left == 0 || middle <= a.0 || middle >= b.0 || self.worst_between(&a, &b) <= 1.0 {
+            return;
+        }
+        let middle = (middle, (self.at)(middle, Side::From));
+        self.halve(a, middle, left - 1, points);
+        points.push(middle);
+        self.halve(middle, b, left - 1, points);
+    }
+
+    fn worst_between(&self, a: &Point<N>, b: &Point<N>) -> f64 {
+        let off = |i: u32| {
+            let share = f64::from(i) / f64::from(PROBES);
+            let want = (self.at)(a.0 + (b.0 - a.0) * share, Side::From);
+            (self.off)(&want, &(self.between)(&a.1, &b.1, share))
+        };
+        (1..PROBES).map(off).fold(0.0, f64::max)
+    }
+
+    /// By how many tolerances the worst place is off.
+    pub fn worst(&self, points: &[Point<N>]) -> f64 {
+        let ways = points.windows(2).filter(|w| w[1].0 > w[0].0);
+        let ways = ways.map(|w| self.worst_between(&w[0], &w[1]));
+        // A break that was thinned away may lie between two probes.
+        let breaks = self.breaks.iter().flat_map(|v| [Side::Below, Side::From].map(|side| (*v, side)));
+        let at_breaks = breaks.map(|(value, side)| {
+            let after = match side {
+                Side::Below => points.partition_point(|p| p.0 < value),
+                Side::From => points.partition_point(|p| p.0 <= value),
+            };
+            let got = match (after.checked_sub(1).map(|i| &points[i]), points.get(after)) {
+                (Some(a), Some(b)) => (self.between)(&a.1, &b.1, (value - a.0) / (b.0 - a.0)),
+                (Some(only), None) | (None, Some(only)) => only.1,
+                (None, None) => return f64::INFINITY,
+            };
+            (self.off)(&(self.at)(value, side), &got)
+        });
+        ways.chain(at_breaks).fold(0.0, f64::max)
+    }
+
+    /// Points without those that lie close enough to the way between their neighbours: each way is as long as `allowed`
+    /// tolerances let it be.
+    fn thinned(&self, all: &[Point<N>], allowed: f64) -> Vec<Point<N>> {
+        let good = |from: usize, to: usize| {
+            let (a, b) = (&all[from], &all[to]);
+            // Across a jump nothing goes straight.
+            let jumps = (from..to).any(|i| all[i].0 == all[i + 1].0 && to > from + 1);
+            let width = b.0 - a.0;
+            !jumps
+                && all[from + 1..to]
+                    .iter()
+                    .all(|p| (self.off)(&p.1, &(self.between)(&a.1, &b.1, (p.0 - a.0) / width)) <= allowed)
+        };
+        let mut kept = vec![all[0]];
+        let mut from = 0;
+        while from + 1 < all.len() {
+            let mut step = 1;
+            while from + 2 * step < all.len() && good(from, from + 2 * step) {
+                step *= 2;
+            }
+            let (mut low, mut high) = (from + step, (from + 2 * step).min(all.len()));
+            while high - low > 1 {
+                let middle = low + (high - low) / 2;
+                if good(from, middle) { low = middle } else { high = middle }
+            }
+            kept.push(all[low]);
+            from = low;
+        }
+        kept
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::curve::{Curve, linear};
+    use super::*;
+
+    fn sampled<'a>(curve: &'a dyn Fn(f64, Side) -> [f64; 1], breaks: &[f64]) -> Sampled<'a, 1> {
+        Sampled {
+            breaks: breaks.to_vec(),
+            at: curve,
+            between: linear,
+            off: &|want, got| (want[0] - got[0]).abs() / 1e-3,
+        }
+    }
+
+    #[test]
+    fn what_is_straight_keeps_its_points_and_what_is_bent_gets_enough() {
+        let straight = Curve::through([(0.0, [0.0]), (1.0, [3.0]), (1.0, [1.0]), (4.0, [2.0])].into_iter());
+        let at = |v: f64, side: Side| straight.at(v, side);
+        let (points, worst) = sampled(&at, &[0.0, 1.0, 4.0]).points(100);
+        assert_eq!(points, [(0.0, [0.0]), (1.0, [3.0]), (1.0, [1.0]), (4.0, [2.0])]);
+        assert!(worst < 1e-9);
+        let square = |v: f64, _: Side| [v * v];
+        let (points, worst) = sampled(&square, &[0.0, 1.0]).points(1000);
+        assert!(worst <= 1.0 && (16..40).contains(&points.len()), "{worst} {}", points.len());
+        let (points, worst) = sampled(&square, &[0.0, 1.0]).points(6);
+        assert!(points.len() <= 6 && (2.0..60.0).contains(&worst), "{worst} {}", points.len());
+        assert_eq!((points[0].0, points[points.len() - 1].0), (0.0, 1.0));
+    }
+}
