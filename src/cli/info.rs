@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 /// Say what a volume file holds
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A volume file (NIfTI, raw), strands (.hair) or a built-in one, phantom:NAME[:SIZE]
+    /// A volume file (NIfTI, raw), strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or a built-in one, phantom:NAME[:SIZE]
     #[arg(value_name = "VOLUME")]
     pub volume: String,
     #[command(flatten)]
