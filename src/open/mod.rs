@@ -17,4 +17,6 @@ pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
 pub use refusal::{Refusal, refusal};
 pub use remark::Remark;
 pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, SceneArgs, SceneSettings};
-pub use strands::{StrandFlags, is_strand_source, load_strands, parse_resolution, parse_thickness_mm};
+pub use strands::{
+    StrandFlags, is_strand_source, lacks_thickness, load_strands, parse_resolution, parse_thickness_mm,
+};

@@ -76,6 +76,12 @@ pub fn is_strand_source(source: &str) -> bool {
     }
 }
 
+/// Whether a VOLUME is a file of strands whose format has no thickness: a diameter has to be given.
+pub fn lacks_thickness(source: &str) -> bool {
+    let format = || StrandFormat::of_file(Path::new(source));
+    !source.starts_with("phantom:") && format().is_some_and(|format| !format.has_thickness)
+}
+
 /// Reads a file of strands, or builds `phantom:hair-NAME[:SEGMENTS]`, with the diameter that was asked for.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 //! A tube is a prism of [`SIDES`] sides along the strand, as thick as the strand is at each point, with a ball's half at either
 //! end. Its sides' edges lie a little outside of the strand's cylinder and their middles a little inside, so that it looks as
 //! wide as the strand on the average over all sides that it may be seen from. With 12 sides its outline is off by at most 2.3 %
-//! of the radius; strands that would make too many triangles have fewer (8, 6, 4: 5.2, 9.4 and 22 %). Where a strand bends both
+//! of the radius (5.6 % at its ends); strands that would make too many triangles have fewer (8, 6, 4: 5.2, 9.4 and 22 %). Where a strand bends both
 //! prisms end in one ring, halfway between their directions. Where it bends by more than a right angle, or so near to another
 //! bend that the rings would meet, the tube ends in a ball's half and another begins with one: they overlap, and leave no gap.
 //! Every tube is closed.

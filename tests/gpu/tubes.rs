@@ -32,9 +32,9 @@ fn things(strands: &Strands, more: &[[DVec3; 3]]) -> Option<Arc<Mesh>> {
     Some(Arc::new(Mesh::new(parts).unwrap()))
 }
 
-/// Smallest distance of a ray (`direction` of length 1) from a straight strand: a cylinder with a ball at either end is all that
-/// is nearer than its radius.
-fn distance(origin: DVec3, direction: DVec3, [a, b]: [DVec3; 2]) -> f64 {
+/// Smallest distance of a ray (`direction` of length 1) from a straight strand, and whether that is at an end of it: a cylinder
+/// with a ball at either end is all that is nearer than its radius.
+fn distance(origin: DVec3, direction: DVec3, [a, b]: [DVec3; 2]) -> (f64, bool) {
     let along = b - a;
     // The distance to the ray of a place on the strand is convex.
     let to_ray = |t: f64| {
@@ -42,15 +42,22 @@ fn distance(origin: DVec3, direction: DVec3, [a, b]: [DVec3; 2]) -> f64 {
         p.distance(p.dot(direction).max(0.0) * direction)
     };
     let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..100 {
+    for _ in 0..80 {
         let (left, right) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
         if to_ray(left) < to_ray(right) { high = right } else { low = left }
     }
-    to_ray(0.5 * (low + high))
+    let place = 0.5 * (low + high);
+    (to_ray(place), !(1e-6..=1.0 - 1e-6).contains(&place))
 }
 
-/// How far, in radii, the outline of a tube of 12 sides may be from its strand's.
-const OFF: f64 = 0.025;
+/// Whether a ray misses a strand of that radius; `None` where a tube of 12 sides may say otherwise.
+fn misses(origin: DVec3, direction: DVec3, ends: [DVec3; 2], radius: f64) -> Option<bool> {
+    let (from_axis, at_end) = distance(origin, direction, ends);
+    // How far, in radii, its sides are from the cylinder, and its ends from the balls.
+    let off = if at_end { 0.06 } else { 0.024 };
+    let radii = from_axis / radius;
+    ((radii - 1.0).abs() > off).then_some(radii > 1.0)
+}
 
 #[test]
 fn a_straight_strand_hides_what_its_cylinder_hides() {
@@ -88,13 +95,10 @@ fn a_straight_strand_hides_what_its_cylinder_hides() {
                 let direction = camera.ray_direction(f64::from(column), f64::from(row), 96, 96);
                 let x = camera.eye + (-2.0 - camera.eye.z) / direction.z * direction;
                 let (toward, _) = light.from_point(x);
-                let (from_light, from_eye) =
-                    (distance(x, toward, ends), distance(camera.eye, direction, ends));
+                let is_lit = misses(x, toward, ends, radius);
+                let is_seen = misses(camera.eye, direction, ends, radius) == Some(true);
                 let inside = (x - DVec3::new(4.0, 4.0, x.z)).abs().max_element() < 29.0;
-                if from_eye < (1.0 + OFF) * radius || (from_light / radius - 1.0).abs() < OFF || !inside {
-                    continue;
-                }
-                let is_lit = from_light > radius;
+                let (Some(is_lit), true, true) = (is_lit, is_seen, inside) else { continue };
                 counted[usize::from(is_lit)] += 1;
                 let wanted = 0.25 + if is_lit { 0.75 * toward.z } else { 0.0 };
                 let found = f64::from(picture[[row as usize, column as usize, 0]]);
@@ -136,33 +140,38 @@ fn a_strand_casts_its_shadow_into_the_medium() {
         let part = |i: i32| {
             let t = from + (f64::from(i) + 0.5) * h;
             let x = camera.eye + t * direction;
-            let hidden = shadow && distance(x, DVec3::Z, ends) < radius;
+            let hidden = shadow && distance(x, DVec3::Z, ends).0 < radius;
             let lit = if hidden { 0.0 } else { (-per_mm * (39.5 - x.z)).exp() };
             (-per_mm * (t - from)).exp() * per_mm * medium * (ambient + (1.0 - ambient) * lit) * h
         };
         (0..steps).map(part).sum::<f64>()
     };
-    let exact = setup.exact().picture(&scene);
-    let found = [
-        ("rays", setup.picture("rays", &scene)),
-        ("dsm", setup.picture("dsm:epsilon=0.005", &scene)),
-        ("exact", exact),
-    ];
+    // Light is looked up as often as samples are taken, for a hard edge in the medium.
+    let fine = Scene { step: 0.25, ..scene.clone() };
+    let [rays, dsm] =
+        ["rays:lookup=each", "dsm:epsilon=0.005,map=512,lookup=each"].map(|m| setup.picture(m, &fine));
+    // Of an error of up to 2.4 % of the radius on either side of the shadow, and of each picture's own.
+    let found = [("exact", setup.exact().picture(&scene), 0.001), ("rays", rays, 0.002), ("dsm", dsm, 0.002)];
+    let mut worst = [0.0_f64; 3];
     let (mut counted, mut darkest) = (0, 0.0_f64);
     for (row, column) in (0..64).step_by(3).flat_map(|r| (0..64).step_by(3).map(move |c| (r, c))) {
         let direction = camera.ray_direction(f64::from(column), f64::from(row), 64, 64);
-        if distance(camera.eye, direction, ends) < (1.0 + OFF) * radius {
+        if misses(camera.eye, direction, ends, radius) != Some(true) {
             continue;
         }
         let with = wanted(direction, true);
         darkest = darkest.max(wanted(direction, false) - with);
         counted += 1;
-        for (what, picture) in &found {
+        for (place, (_, picture, _)) in found.iter().enumerate() {
             let is = f64::from(picture[[row as usize, column as usize, 0]]);
-            assert!((is - with).abs() < 0.004, "{what}, {row}, {column}: {is} for {with}");
+            worst[place] = worst[place].max((is - with).abs());
         }
     }
-    assert!(counted > 250 && darkest > 0.04, "{counted}, {darkest}");
+    for ((what, _, most), worst) in found.iter().zip(worst) {
+        println!("{what}: off by {worst:.5} at most, where the shadow takes up to {darkest:.4}");
+        assert!(worst < *most, "{what}: {worst}");
+    }
+    assert!(counted > 250 && darkest > 0.015, "{counted}, {darkest}");
 }
 
 #[test]
@@ -175,10 +184,10 @@ fn a_bent_strand_in_a_chest_is_drawn_as_the_exact_picture_has_it() {
     let size = corners[7] - corners[0];
     let curve = |i: i32| {
         let t = f64::from(i) / 30.0;
-        center + size * DVec3::new(0.3 * (6.0 * t).cos(), 0.3 * (6.0 * t).sin(), 0.8 * t - 0.4)
+        center + size * DVec3::new(0.5 * (6.0 * t).cos(), 0.5 * (6.0 * t).sin(), 0.8 * t - 0.4)
     };
     let points: Vec<DVec3> = (0..=30).map(curve).collect();
-    let mesh = things(&strand(&points, 0.04 * size.x as f32), &[]);
+    let mesh = things(&strand(&points, 0.06 * size.x as f32), &[]);
     for (place, light) in lights(&volume) {
         let scene = Scene { lights: vec![light.into()], mesh: mesh.clone(), ..setup.scene(40, 30) };
         let exact = setup.exact().picture(&scene);

@@ -302,6 +302,11 @@ fn arrays_of_xml_that_are_wrong_are_refused() {
     };
     refused("a.vtp", offset("99999999").as_bytes(), "line", "beyond the file");
     refused("a.vtp", offset("-1").as_bytes(), "line", "`-1`");
+    // Tags within tags take no more of the stack than one.
+    let deep = format!("<VTKFile type=\"PolyData\">{}", "<a>".repeat(900_000));
+    refused("a.vtp", deep.as_bytes(), "line 1", "XML");
+    let deep = format!("{deep}{}</VTKFile>", "</a>".repeat(900_000));
+    refused("a.vtp", deep.as_bytes(), "a.vtp", "no polylines");
     // A DTD could name entities that grow without end.
     let dtd = "<?xml version=\"1.0\"?><!DOCTYPE a [<!ENTITY b \"c\">]><VTKFile type=\"PolyData\"></VTKFile>";
     refused("a.vtp", dtd.as_bytes(), "line 1", "XML");

@@ -33,6 +33,8 @@ pub struct StrandFormat {
     pub name: &'static str,
     /// The ending of its files, without the dot.
     pub ending: &'static str,
+    /// Whether its files may say how thick strands are.
+    pub has_thickness: bool,
     /// How a file begins; empty where nothing tells it but its name.
     magic: &'static [u8],
     /// Whether a beginning with `magic` is that of such a file after all.
@@ -48,6 +50,7 @@ impl StrandFormat {
     const DEFAULT: Self = Self {
         name: "",
         ending: "",
+        has_thickness: false,
         magic: b"",
         begins: |_| true,
         is_another: |_| false,
@@ -60,6 +63,7 @@ pub const STRAND_FORMATS: &[StrandFormat] = &[
     StrandFormat {
         name: "Cem Yuksel's hair",
         ending: "hair",
+        has_thickness: true,
         magic: hair::MAGIC,
         read: hair::parse,
         ..StrandFormat::DEFAULT
@@ -85,6 +89,7 @@ pub const STRAND_FORMATS: &[StrandFormat] = &[
         begins: |head| !vtk::is_another(head),
         is_another: vtk::is_another,
         read: |input, length, source| read_by(vtk::parse, input, length, source),
+        ..StrandFormat::DEFAULT
     },
     StrandFormat {
         name: "VTK polygonal data in XML",
@@ -93,6 +98,7 @@ pub const STRAND_FORMATS: &[StrandFormat] = &[
         begins: vtp::begins,
         is_another: vtp::is_another,
         read: |input, length, source| read_by(vtp::parse, input, length, source),
+        ..StrandFormat::DEFAULT
     },
     StrandFormat {
         name: "Wavefront polylines",

@@ -63,7 +63,7 @@ impl<'a> Cursor<'a> {
         let least = if self.binary {
             count.saturating_mul(number.bytes as u64)
         } else {
-            (2 * count).saturating_sub(1)
+            count.saturating_mul(2).saturating_sub(1)
         };
         if least > left as u64 {
             let why = format!("{count} numbers take {least} bytes at the least, but {left} are left");
