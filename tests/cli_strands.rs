@@ -72,6 +72,111 @@ fn the_report_for_people_says_what_the_json_says() {
     assert!(!without.contains("beams"));
 }
 
+fn fixture(name: &str) -> String {
+    format!("{}/tests/data/strands/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn files_of_tracks_are_volumes_and_are_voxelised() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["big.tck", "oblique.trk", "binary5.vtk", "default.vtp", "lines.obj"] {
+        let file = fixture(name);
+        let flags = ["--thickness=0.5", "--resolution=24", "--json"];
+        let report = json(dir.path(), &[&["voxelise", &file, "--rays=50"], &flags[..]].concat());
+        assert_eq!((&report["strands"], &report["segments"]), (&Value::from(4), &Value::from(22)), "{name}");
+        let info = json(dir.path(), &[&["info", &file], &flags[..]].concat());
+        assert_eq!((&info["dims"], &info["format"]), (&report["dims"], &Value::from("strands")), "{name}");
+        let error = refused(dir.path(), &["info", &file]);
+        assert!(error.contains("thickness"), "{error}");
+    }
+    let tck = umbravox(dir.path(), &["info", &fixture("big.tck"), "--thickness=1", "--resolution=9"]);
+    let text = String::from_utf8(tck.stdout).unwrap();
+    assert!(text.contains("1 lines of fewer than two points"), "{text}");
+    // Every ending is named wherever strands may be.
+    for (command, from) in
+        [("render", "[VOLUME]"), ("render", "--strands"), ("info", "<VOLUME>"), ("voxelise", "<STRANDS>")]
+    {
+        let help = stdout(dir.path(), &[command, "--help"]);
+        let (_, part) = help.split_once(&format!("\n  {from}")).or(help.split_once(from)).unwrap();
+        let part: String = part.chars().take(400).collect();
+        for ending in umbravox::strands::STRAND_EXTENSIONS {
+            assert!(part.contains(&format!(".{ending}")), "{command}, {from}: {ending}\n{part}");
+        }
+        let kind = umbravox::open::FORMATS.iter().find(|f| f.kind == "of strands").unwrap();
+        assert!(
+            umbravox::strands::STRAND_EXTENSIONS.iter().all(|e| kind.asked_as.contains(&format!(".{e}")))
+        );
+        assert_eq!(kind.endings, umbravox::strands::STRAND_EXTENSIONS);
+    }
+}
+
+#[test]
+fn strands_stand_in_a_volume_and_in_what_is_kept_of_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let here = dir.path();
+    fs::write(here.join("a.obj"), "v -60 0 -40\nv 0 10 0\nv 60 0 40\nl 1 2 3\nl 2\n").unwrap();
+    let render = |out: &str, more: &[&str]| {
+        let base = ["render", "phantom:thorax:24", "--size=32x32", "--shadow=rays", "-o", out];
+        umbravox(here, &[&base[..], more].concat())
+    };
+    let output = render("with.npy", &["--strands", "a.obj,thickness=12,color=#ff0000"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    if said.contains("adapter") && !output.status.success() {
+        println!("skipped: no graphics adapter");
+        return;
+    }
+    assert!(output.status.success() && said.contains("a.obj: 1 lines of fewer"), "{said}");
+    assert!(render("without.npy", &[]).status.success());
+    fs::write(
+        here.join("scene.toml"),
+        "volume = 'phantom:thorax:24'\nstrands = ['a.obj,color=#ff0000,thickness=12']",
+    )
+    .unwrap();
+    let scene = ["render", "--scene=scene.toml", "--size=32x32", "--shadow=rays", "-o", "scene.npy"];
+    assert!(umbravox(here, &scene).status.success());
+    let [with, without, scene] =
+        ["with", "without", "scene"].map(|n| fs::read(here.join(format!("{n}.npy"))).unwrap());
+    assert!(with == scene && with != without);
+    // A table's scene file has them, too.
+    let table = [
+        "compare",
+        "phantom:thorax:24",
+        "--size=16x16",
+        "--methods=none",
+        "--rays=4",
+        "--points=16",
+        "--repeats=1",
+    ];
+    let more = ["--strands", "a.obj,thickness=12", "--strands=phantom:hair-fur:24", "-o", "table"];
+    let output = umbravox(here, &[&table[..], &more].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let kept = fs::read_to_string(here.join("table/scene.toml")).unwrap();
+    let line = kept.lines().find(|l| l.starts_with("strands = ")).unwrap();
+    assert!(
+        line.contains("a.obj,color=#7fb2e5,thickness=12") && line.contains("phantom:hair-fur:24"),
+        "{line}"
+    );
+}
+
+#[test]
+fn strands_that_cannot_stand_in_a_volume_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 9 0 0\nl 1 2\n").unwrap();
+    for (file, place, why) in [
+        ("a.obj", "--strands: a.obj", "thickness"),
+        ("a.obj,thickness=-1", "--strands", "above 0"),
+        ("a.obj,thickness=1,colour=#ffffff", "a.obj,thickness=1,colour=#ffffff", "no format of strands"),
+        ("gone.tck,thickness=1", "--strands: gone.tck", "No such file"),
+        ("phantom:hair-curly:900000", "phantom:hair-curly:900000", "1000000 are the most"),
+        ("phantom:slab", "phantom:slab", "no strand set"),
+    ] {
+        let error = refused(dir.path(), &["render", "phantom:slab:8", "--strands", file, "-o", "x.png"]);
+        let (at, reason) = error.split_once("): ").expect("WHAT (WHERE): WHY");
+        assert!(at.contains(place) && reason.contains(why), "{file}: {error}");
+    }
+    assert!(!dir.path().join("x.png").exists());
+}
+
 #[test]
 fn what_cannot_be_voxelised_is_refused() {
     let dir = tempfile::tempdir().unwrap();

@@ -4,7 +4,9 @@ use super::method_choice::MethodChoice;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::presets::Suiting;
-use crate::open::{DEFAULT_SHADOW, Loaded, Read, Remark, SceneSettings, VolumeSpec, read_with};
+use crate::open::{
+    DEFAULT_SHADOW, Loaded, Read, Remark, SceneSettings, VolumeSpec, lacks_thickness, read_with,
+};
 use crate::scene::{Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
@@ -15,6 +17,9 @@ use std::time::Instant;
 
 /// Bins of the histogram behind the editor.
 const HISTOGRAM_BINS: usize = 512;
+
+/// Diameter of strands that are opened without one, mm.
+const ASSUMED_MM: f64 = 1.0;
 
 /// A volume that has been read, with what was asked for beside it.
 #[derive(Debug, Clone)]
@@ -119,7 +124,7 @@ impl Drop for Reading {
     }
 }
 
-fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Loading) -> Result<Opened> {
+fn read(mut spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Loading) -> Result<Opened> {
     let (volume, strands, notes, beginning) = match with {
         With::Again => {
             let Read { volume, strands } = read_with(&spec, loading)?;
@@ -133,8 +138,10 @@ fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Lo
             (volume, strands, texts(remarks), Some(beginning))
         }
         With::Scene(old) => {
+            let assumed = assume_thickness(&mut spec);
             let settings = SceneSettings::of_volume(&spec);
-            let Loaded { volume, strands, tf, tf_source, scene, remarks, .. } = settings.load(loading)?;
+            let Loaded { volume, strands, tf, tf_source, scene, mut remarks, .. } = settings.load(loading)?;
+            remarks.extend(assumed);
             // Point lights and meshes are somewhere in the old one.
             let lights = as_directions(&old, &scene);
             let shading = suited_shading(old.shading, strands.is_some());
@@ -146,6 +153,17 @@ fn read(spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Lo
     };
     let histogram = Arc::new(Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?);
     Ok(Opened { spec, volume: Arc::new(volume), strands, histogram, beginning, notes })
+}
+
+/// Gives strands whose file has no thickness one, since a file that is dropped has no flags beside it, and says so.
+fn assume_thickness(spec: &mut VolumeSpec) -> Option<Remark> {
+    let asked = &mut spec.flags.strands.thickness;
+    if asked.is_some() || spec.flags.raw.is_some() || !lacks_thickness(&spec.source) {
+        return None;
+    }
+    *asked = Some(ASSUMED_MM);
+    let where_else = "Strands, at the side, takes another";
+    Some(("note", format!("{} has no thickness: {ASSUMED_MM} mm is assumed; {where_else}", spec.source)))
 }
 
 fn texts(remarks: Vec<Remark>) -> Vec<String> {

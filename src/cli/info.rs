@@ -12,7 +12,8 @@ use std::fmt::Write as _;
 /// Say what a volume file holds
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, TIFF, .npy, raw), strands or a built-in one, phantom:NAME[:SIZE]
+    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, TIFF, .npy, raw), strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or a
+    /// built-in one, phantom:NAME[:SIZE]
     #[arg(value_name = "VOLUME")]
     pub volume: String,
     #[command(flatten)]

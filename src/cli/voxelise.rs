@@ -7,7 +7,7 @@ use crate::files::output::check_output;
 use crate::measure::cylinders::{AgainstCylinders, MAX_BEAMS, against_cylinders};
 use crate::open::{StrandFlags, is_strand_source, load_strands};
 use crate::scene::Light;
-use crate::strands::{Conservation, Kernel, StrandVolume, Strands};
+use crate::strands::{Conservation, Kernel, STRAND_EXTENSIONS, StrandVolume, Strands};
 use crate::volume::{NIFTI_EXTENSIONS, write_nifti};
 use clap::Args;
 use glam::DVec3;
@@ -17,7 +17,7 @@ use std::path::PathBuf;
 /// Turn strands into an extinction volume, with a report
 #[derive(Debug, Args)]
 pub struct VoxeliseArgs {
-    /// A .hair file or a built-in strand set, hair-NAME[:SEGMENTS]
+    /// A file of strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or a built-in set, hair-NAME[:SEGMENTS]
     #[arg(value_name = "STRANDS")]
     pub strands: String,
     /// The volume: .nii or .nii.gz [default: only the report]
@@ -72,8 +72,9 @@ pub fn run(args: &VoxeliseArgs) -> Result<()> {
         args.strands.clone()
     };
     if !is_strand_source(&source) {
-        return Err(Error::input("cannot read strands", &source, "it is no strand file or set")
-            .hint("a path that ends in .hair, or hair-NAME[:SEGMENTS]"));
+        return Err(Error::input("cannot read strands", &source, "it is no strand file or set").hint(
+            format!("files end in {}; built in are hair-NAME[:SEGMENTS]", STRAND_EXTENSIONS.join(", ")),
+        ));
     }
     let strands = load_strands(&source, args.flags.thickness, &Loading::default())?;
     let made = args.flags.voxelise(&strands, &Loading::default())?;

@@ -3,7 +3,7 @@
 //! Coordinates are world mm, RAS+ as everywhere here; a header that says `SPACE=LPS`, as 3D Slicer writes it, turns the first
 //! two about.
 
-use super::{Mesh, MeshPart};
+use super::MeshPart;
 use crate::error::{Error, Result};
 use glam::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
@@ -49,15 +49,12 @@ impl Format {
     }
 }
 
-/// Reads a mesh of files, each with its linear RGB colour.
+/// Reads a file as a part of a mesh, in a linear RGB colour.
 ///
 /// # Errors
 /// A file that cannot be read, is none of the formats, or is damaged.
-pub fn read<'a>(files: impl IntoIterator<Item = (&'a Path, [f64; 3])>) -> Result<Mesh> {
-    let part = |(path, color): (&Path, [f64; 3])| {
-        Ok(MeshPart { source: path.display().to_string(), color, triangles: read_triangles(path)? })
-    };
-    Mesh::new(files.into_iter().map(part).collect::<Result<_>>()?)
+pub fn read(path: &Path, color: [f64; 3]) -> Result<MeshPart> {
+    Ok(MeshPart { source: path.display().to_string().into(), color, triangles: read_triangles(path)? })
 }
 
 fn read_triangles(path: &Path) -> Result<Vec<[DVec3; 3]>> {
@@ -230,13 +227,14 @@ fn ply(bytes: &[u8]) -> Triangles {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Mesh;
     use super::*;
 
     fn from(name: &str, bytes: &[u8]) -> Result<Mesh> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        read([(path.as_path(), [1.0; 3])])
+        Mesh::new(vec![read(&path, [1.0; 3])?])
     }
 
     const TEXT_STL: &str = "solid one\nfacet normal 0 0 1\nouter loop\nvertex 1 2 3\nvertex 2 2 3\nvertex 1 4 3\n\

@@ -27,7 +27,7 @@ pub struct Mesh {
     /// Corners of every triangle.
     triangles: Vec<[DVec3; 3]>,
     /// Number of each part's first triangle, where the part came from, and its linear RGB.
-    parts: Vec<(usize, String, [f64; 3])>,
+    parts: Vec<(usize, PartSource, [f64; 3])>,
     tree: Bvh<f64, 3>,
     /// Triangles without an area, which are left out.
     left_out: usize,
@@ -38,12 +38,46 @@ pub struct Mesh {
 /// What a mesh is made of.
 #[derive(Debug, Clone)]
 pub struct MeshPart {
-    /// Where it came from: a path.
-    pub source: String,
+    /// Where it came from.
+    pub source: PartSource,
     /// Linear RGB.
     pub color: [f64; 3],
     /// Corners of every triangle, world mm.
     pub triangles: Vec<[DVec3; 3]>,
+}
+
+/// Where triangles came from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PartSource {
+    /// A file of a mesh, by its path.
+    File(String),
+    /// Strands, which have become tubes.
+    Strands {
+        /// Path of a file, or `phantom:hair-NAME[:SEGMENTS]`.
+        source: String,
+        /// Diameter that was asked for, mm.
+        thickness_mm: Option<f64>,
+    },
+}
+
+impl From<String> for PartSource {
+    fn from(path: String) -> Self {
+        Self::File(path)
+    }
+}
+
+impl From<&str> for PartSource {
+    fn from(path: &str) -> Self {
+        Self::File(path.to_owned())
+    }
+}
+
+impl std::fmt::Display for PartSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::File(source) | Self::Strands { source, .. } => f.write_str(source),
+        }
+    }
 }
 
 impl std::fmt::Debug for Mesh {
@@ -53,7 +87,7 @@ impl std::fmt::Debug for Mesh {
 }
 
 /// SHA-256 of all corners, and of where parts begin and their colours.
-fn digest(triangles: &[[DVec3; 3]], parts: &[(usize, String, [f64; 3])]) -> String {
+fn digest(triangles: &[[DVec3; 3]], parts: &[(usize, PartSource, [f64; 3])]) -> String {
     let mut hasher = Sha256::new();
     triangles.iter().flatten().for_each(|p| hasher.update(bytemuck::bytes_of(&p.to_array())));
     for (first, _, color) in parts {
@@ -73,6 +107,8 @@ impl PartialEq for Mesh {
 impl Mesh {
     /// sRGB of a mesh that is given none: bone.
     pub const DEFAULT_COLOR: &str = "#e3dac9";
+    /// sRGB of strands that are given none: a blue that stands out from bone and vessels.
+    pub const DEFAULT_STRAND_COLOR: &str = "#7fb2e5";
 
     /// Of parts; triangles without an area are left out.
     ///
@@ -102,8 +138,8 @@ impl Mesh {
     }
 
     /// Where each part came from, and its linear RGB.
-    pub fn parts(&self) -> impl Iterator<Item = (&str, [f64; 3])> {
-        self.parts.iter().map(|(_, source, color)| (source.as_str(), *color))
+    pub fn parts(&self) -> impl Iterator<Item = (&PartSource, [f64; 3])> {
+        self.parts.iter().map(|(_, source, color)| (source, *color))
     }
 
     /// Corners of every triangle, world mm.

@@ -1,6 +1,5 @@
 //! Scene files: [`SceneSettings`] as TOML, both ways. A key is read by the very parser of its flag.
 
-use super::meshes::MeshFile;
 use super::presets::PRESETS;
 use super::refusal::{Refusal, refusal};
 use super::settings::SceneSettings;
@@ -36,12 +35,7 @@ impl SceneSettings {
                 *name = beside.to_string_lossy().into_owned();
             }
         }
-        for MeshFile { path, .. } in settings.mesh.iter_mut().flatten() {
-            let beside = folder.join(&*path);
-            if path.is_relative() && beside.is_file() {
-                *path = beside;
-            }
-        }
+        settings.opaque.beside(folder);
         Ok(settings)
     }
 
@@ -281,12 +275,15 @@ mod tests {
         std::fs::write(dir.path().join("bone"), "").unwrap();
         std::fs::write(&scene, "tf = 'bone'").unwrap();
         assert_eq!(SceneSettings::read(&scene).unwrap().tf.unwrap(), "bone");
-        // Of meshes each by itself.
-        std::fs::write(&scene, "mesh = ['here.stl,color=#ff0000', 'elsewhere.stl']").unwrap();
+        // Of meshes and strands each by itself.
+        let things = "['here.stl,color=#ff0000', 'elsewhere.stl', 'phantom:hair-fur']";
+        std::fs::write(&scene, format!("mesh = {things}\nstrands = {things}")).unwrap();
         std::fs::write(dir.path().join("here.stl"), "").unwrap();
-        let meshes = SceneSettings::read(&scene).unwrap().mesh.unwrap();
-        let paths: Vec<_> = meshes.into_iter().map(|mesh| mesh.path).collect();
-        assert_eq!(paths, [dir.path().join("here.stl"), "elsewhere.stl".into()]);
+        let opaque = SceneSettings::read(&scene).unwrap().opaque;
+        let paths: Vec<_> = opaque.mesh.unwrap().into_iter().map(|mesh| mesh.path).collect();
+        assert_eq!(paths, [dir.path().join("here.stl"), "elsewhere.stl".into(), "phantom:hair-fur".into()]);
+        let sources: Vec<_> = opaque.strands.unwrap().into_iter().map(|strands| strands.source).collect();
+        assert_eq!(sources, paths.iter().map(|p| p.to_string_lossy().into_owned()).collect::<Vec<_>>());
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::files::hash::sha256_of_files;
 use crate::files::loading::Loading;
 use crate::scene::Shading;
-use crate::strands::{HAIR_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
+use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::formats::raw::RawFile;
 use crate::volume::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack};
 use crate::volume::{Crop, Phantom, RawLayout, Volume, nifti, raw};
@@ -49,8 +49,8 @@ pub struct ReadFlags {
 /// Which volume, and what its file does not say itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeSpec {
-    /// A path, or `phantom:NAME[:SIZE]` for a built-in volume; a `.hair` path and `phantom:hair-NAME[:SEGMENTS]` are
-    /// strands.
+    /// A path, or `phantom:NAME[:SIZE]` for a built-in volume; a file of [`crate::strands::STRAND_FORMATS`] and
+    /// `phantom:hair-NAME[:SEGMENTS]` are strands.
     pub source: String,
     /// How to read it.
     pub flags: ReadFlags,
@@ -128,7 +128,7 @@ impl VolumeSpec {
                     self.source
                 );
                 Err(Error::input("cannot use shading", "--shading", why).hint(
-                    "lambert and blinn-phong shade any volume; strands are .hair files and phantom:hair-NAME",
+                    "lambert and blinn-phong shade any volume; strands are files of hair or tracks, and phantom:hair-NAME",
                 ))
             }
             _ => Ok(()),
@@ -261,8 +261,8 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         kind: "of strands",
-        asked_as: "strands (.hair)",
-        endings: HAIR_EXTENSIONS,
+        asked_as: "strands (.hair, .tck, .trk, .vtk, .vtp, .obj)",
+        endings: STRAND_EXTENSIONS,
         flags: &["resolution", "kernel", "thickness"],
         sniff: |spec, _| spec.is_of_strands(),
         read: |spec, loading| {

@@ -1,11 +1,32 @@
-//! Opaque things in a scene as a user names them: files, each with a colour.
+//! Opaque things in a scene as a user names them: files of meshes and of strands, each with a colour.
 
-use crate::error::Result;
+use super::remark::Remark;
+use super::strands::{load_strands, parse_thickness_mm};
+use crate::error::{Error, Result};
 use crate::files::color;
-use crate::mesh::{self, Mesh};
+use crate::files::loading::Loading;
+use crate::mesh::{self, Mesh, MeshPart, PartSource};
+use crate::strands::{MOST_TRIANGLES, SIDES, Tubes, tubes};
+use clap::Args;
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// What stands in the volume; absent ones are `None`.
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
+pub struct OpaqueFlags {
+    /// An opaque thing in the volume, once or for each of several: an STL, PLY or OBJ file, world mm, and behind it
+    /// ,color=#rrggbb (sRGB, bone)
+    #[arg(long, value_name = "FILE", value_parser = mesh_file, help_heading = "Scene")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<Vec<MeshFile>>,
+    /// Strands in the volume as opaque tubes, once or for each of several: a .hair, .tck, .trk, .vtk, .vtp or .obj file or
+    /// phantom:hair-NAME[:SEGMENTS], and behind it ,color=#rrggbb (sRGB, blue) and ,thickness=MM (needed where the file
+    /// has none)
+    #[arg(long, value_name = "FILE", value_parser = strand_file, help_heading = "Scene")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub strands: Option<Vec<StrandFile>>,
+}
 
 /// A mesh file and its colour: `FILE[,color=#rrggbb]`.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,35 +43,145 @@ impl Serialize for MeshFile {
     }
 }
 
+/// A file of strands, their colour and diameter: `FILE[,color=#rrggbb][,thickness=MM]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StrandFile {
+    /// A path, or `phantom:hair-NAME[:SEGMENTS]`.
+    pub source: String,
+    /// Linear RGB.
+    pub color: [f64; 3],
+    /// Diameter, mm; `None`: the file's.
+    pub thickness_mm: Option<f64>,
+}
+
+impl Serialize for StrandFile {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let thickness = self.thickness_mm.map(|mm| format!(",thickness={mm}")).unwrap_or_default();
+        serializer.collect_str(&format_args!(
+            "{},color={}{thickness}",
+            self.source,
+            color::to_hex(self.color)
+        ))
+    }
+}
+
 /// `FILE[,color=#rrggbb]` (sRGB).
-pub fn mesh_file(text: &str) -> Result<MeshFile, String> {
-    let (path, color) = match text.rsplit_once(",color=") {
-        Some((path, hex)) => (path, color::parse_hex(hex.trim())?),
-        None => (text, color::parse_hex(Mesh::DEFAULT_COLOR)?),
-    };
-    match path.is_empty() {
-        true => Err("expected FILE[,color=#rrggbb]".into()),
-        false => Ok(MeshFile { path: path.into(), color }),
+fn mesh_file(text: &str) -> Result<MeshFile, String> {
+    let (path, [hex]) = with_keys(text, ["color"])?;
+    let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
+    Ok(MeshFile { path: path.into(), color })
+}
+
+/// `FILE[,color=#rrggbb][,thickness=MM]` (sRGB).
+fn strand_file(text: &str) -> Result<StrandFile, String> {
+    let (source, [hex, mm]) = with_keys(text, ["color", "thickness"])?;
+    let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
+    let thickness_mm = mm.map(parse_thickness_mm).transpose().map_err(|why| format!("thickness: {why}"))?;
+    Ok(StrandFile { source: source.into(), color, thickness_mm })
+}
+
+/// The name of a file, and what its keys behind it say, each `,KEY=VALUE`.
+fn with_keys<'a, const N: usize>(
+    text: &'a str,
+    keys: [&str; N],
+) -> Result<(&'a str, [Option<&'a str>; N]), String> {
+    let (mut name, mut values) = (text, [None; N]);
+    // From behind: a name may have commas, too.
+    while let Some((before, item)) = name.rsplit_once(',') {
+        let known = item.split_once('=').and_then(|(key, value)| {
+            Some((keys.iter().position(|known| *known == key.trim())?, value.trim()))
+        });
+        let Some((place, value)) = known else { break };
+        if values[place].replace(value).is_some() {
+            return Err(format!("`{}` is given twice", keys[place]));
+        }
+        name = before;
+    }
+    if name.is_empty() {
+        let keys: String = keys.iter().map(|key| format!("[,{key}=...]")).collect();
+        return Err(format!("expected FILE{keys}"));
+    }
+    Ok((name, values))
+}
+
+impl OpaqueFlags {
+    /// Paths of files beside a scene file are theirs.
+    pub(super) fn beside(&mut self, folder: &Path) {
+        for MeshFile { path, .. } in self.mesh.iter_mut().flatten() {
+            let beside = folder.join(&*path);
+            if path.is_relative() && beside.is_file() {
+                *path = beside;
+            }
+        }
+        for StrandFile { source, .. } in self.strands.iter_mut().flatten() {
+            let beside = folder.join(&*source);
+            if !source.starts_with("phantom:") && Path::new(source).is_relative() && beside.is_file() {
+                *source = beside.to_string_lossy().into_owned();
+            }
+        }
+    }
+
+    /// The opaque things of all files, where there are any; what a user should know of them joins `remarks`.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is no mesh or no strands, or would have too many triangles.
+    pub(super) fn read(&self, remarks: &mut Vec<Remark>, loading: &Loading) -> Result<Option<Arc<Mesh>>> {
+        let mut parts = Vec::new();
+        for MeshFile { path, color } in self.mesh.iter().flatten() {
+            parts.push(mesh::read(path, *color).map_err(|e| e.at("--mesh"))?);
+        }
+        let (of_meshes, mut left) = (parts.len(), MOST_TRIANGLES);
+        for file in self.strands.iter().flatten() {
+            loading.go_on(&file.source)?;
+            let part = file.read(left, remarks, loading).map_err(|e| e.at("--strands"))?;
+            left -= part.triangles.len();
+            parts.push(part);
+        }
+        if parts.is_empty() {
+            return Ok(None);
+        }
+        let flag = if of_meshes > 0 { "--mesh" } else { "--strands" };
+        Ok(Some(Arc::new(Mesh::new(parts).map_err(|e| e.at(flag))?)))
+    }
+
+    /// The files of a mesh, the other way than [`Self::read`].
+    pub(super) fn of(mesh: Option<&Mesh>) -> Self {
+        let (mut files, mut strands) = (Vec::new(), Vec::new());
+        for (source, color) in mesh.into_iter().flat_map(Mesh::parts) {
+            match source {
+                PartSource::File(path) => files.push(MeshFile { path: path.into(), color }),
+                PartSource::Strands { source, thickness_mm } => {
+                    strands.push(StrandFile { source: source.clone(), color, thickness_mm: *thickness_mm });
+                }
+            }
+        }
+        let some = |is_empty: bool| (!is_empty).then_some(());
+        Self {
+            mesh: some(files.is_empty()).map(|()| files),
+            strands: some(strands.is_empty()).map(|()| strands),
+        }
     }
 }
 
-/// The opaque things of some files, where there are any.
-///
-/// # Errors
-/// A file that cannot be read, or is no mesh.
-pub(super) fn read(files: Option<&[MeshFile]>) -> Result<Option<Arc<Mesh>>> {
-    let files = files.unwrap_or_default();
-    if files.is_empty() {
-        return Ok(None);
+impl StrandFile {
+    /// The tubes of its strands, of at most so many triangles.
+    fn read(&self, most: usize, remarks: &mut Vec<Remark>, loading: &Loading) -> Result<MeshPart> {
+        let Self { source, color, thickness_mm } = self;
+        let strands = load_strands(source, *thickness_mm, loading).map_err(|e| match e.hint {
+            Some(hint) => {
+                Error { hint: Some(hint.replace("--thickness MM", ",thickness=MM behind the file")), ..e }
+            }
+            None => e,
+        })?;
+        remarks.extend(strands.warnings().iter().map(|w| ("warning", format!("{source}: {w}"))));
+        let Tubes { triangles, sides, of_most_sides } = tubes(&strands, most)?;
+        if triangles.len() < of_most_sides {
+            let why = format!("{} would make {of_most_sides} triangles, and {most} are the most", SIDES[0]);
+            remarks.push(("note", format!("{source}: its tubes have {sides} sides, since {why}")));
+        }
+        let source = PartSource::Strands { source: source.clone(), thickness_mm: *thickness_mm };
+        Ok(MeshPart { source, color: *color, triangles })
     }
-    let read = mesh::read(files.iter().map(|file| (file.path.as_path(), file.color)));
-    Ok(Some(Arc::new(read.map_err(|e| e.at("--mesh"))?)))
-}
-
-/// The files of a mesh, the other way than [`read`].
-pub(super) fn files_of(mesh: Option<&Mesh>) -> Option<Vec<MeshFile>> {
-    let file = |(source, color): (&str, [f64; 3])| MeshFile { path: Path::new(source).into(), color };
-    Some(mesh?.parts().map(file).collect())
 }
 
 #[cfg(test)]
@@ -66,7 +197,79 @@ mod tests {
         assert_eq!(text, "\"c,d.ply,color=#ff8000\"");
         assert!(mesh_file("a.stl,color=red").unwrap_err().contains("#rrggbb"));
         assert!(mesh_file(",color=#ffffff").is_err());
-        let error = read(Some(&[mesh_file("no such file.stl").unwrap()])).unwrap_err();
+        let flags = OpaqueFlags { mesh: Some(vec![mesh_file("no such file.stl").unwrap()]), strands: None };
+        let error = flags.read(&mut Vec::new(), &Loading::default()).unwrap_err();
         assert!(error.exit_status() == 2 && error.place.contains("--mesh"), "{error}");
+    }
+
+    #[test]
+    fn strands_are_named_with_colour_and_thickness() {
+        let plain = strand_file("a,b.tck").unwrap();
+        assert_eq!((plain.source.as_str(), plain.thickness_mm), ("a,b.tck", None));
+        for text in ["a.tck,color=#ff8000,thickness=0.25", "a.tck, thickness=0.25, color=#ff8000"] {
+            let file = strand_file(text).unwrap();
+            assert_eq!((file.source.as_str(), file.color[0], file.thickness_mm), ("a.tck", 1.0, Some(0.25)));
+            assert_eq!(serde_json::to_string(&file).unwrap(), "\"a.tck,color=#ff8000,thickness=0.25\"");
+        }
+        for (text, why) in [
+            ("a.tck,thickness=0", "above 0"),
+            ("a.tck,thickness=x", "thickness"),
+            ("a.tck,color=red", "#rrggbb"),
+            ("a.tck,thickness=1,thickness=2", "twice"),
+            (",thickness=1", "expected FILE[,color=...][,thickness=...]"),
+            ("", "expected FILE"),
+        ] {
+            assert!(strand_file(text).unwrap_err().contains(why), "{text}");
+        }
+    }
+
+    fn read(texts: &[&str]) -> (Result<Option<Arc<Mesh>>>, Vec<Remark>) {
+        let files = texts.iter().map(|text| strand_file(text).unwrap()).collect();
+        let mut remarks = Vec::new();
+        let flags = OpaqueFlags { mesh: None, strands: Some(files) };
+        (flags.read(&mut remarks, &Loading::default()), remarks)
+    }
+
+    #[test]
+    fn strands_become_parts_of_a_mesh_and_are_named_by_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, "v 0 0 0\nv 9 0 0\nv 9 9 0\nl 1 2 3\nl 2\n").unwrap();
+        let path = path.to_str().unwrap();
+        let (without, _) = read(&[path]);
+        let e = without.unwrap_err();
+        assert!(e.place.contains("--strands") && e.why.contains("thickness"), "{e}");
+        assert_eq!(e.hint.unwrap(), "give a diameter with ,thickness=MM behind the file");
+        let texts = [format!("{path},thickness=2"), "phantom:hair-fur:24,color=#ff0000".into()];
+        let (mesh, remarks) = read(&texts.each_ref().map(String::as_str));
+        let mesh = mesh.unwrap().unwrap();
+        assert_eq!(remarks.len(), 1);
+        assert!(remarks[0].1.contains("a.obj: 1 lines of fewer"), "{remarks:?}");
+        let flags = OpaqueFlags::of(Some(&mesh));
+        assert_eq!(flags.mesh, None);
+        assert_eq!(flags.strands.unwrap(), texts.each_ref().map(|text| strand_file(text).unwrap()));
+        assert_eq!(OpaqueFlags::of(None), OpaqueFlags::default());
+        // Two segments with caps; a tube of fur for each strand.
+        assert!(mesh.triangles().len() > 2 * 24 + 120);
+        let [lo, hi] = mesh.bounds_mm();
+        assert!(lo.y < 0.0 && hi.y > 9.0 && hi.x > 9.0, "{lo} {hi}");
+    }
+
+    #[test]
+    fn too_many_are_refused_in_numbers() {
+        let (mesh, remarks) = read(&["phantom:hair-curly:50000", "phantom:hair-curly:6000"]);
+        assert!((900_000..=MOST_TRIANGLES).contains(&mesh.unwrap().unwrap().triangles().len()));
+        assert!(
+            remarks[0].0 == "note" && remarks[0].1.contains("8 sides, since 12 would make 1246920"),
+            "{remarks:?}"
+        );
+        let e = read(&["phantom:hair-curly:200000"]).0.unwrap_err();
+        assert!(
+            e.why.contains("200000 segments and 4 sides") && e.why.contains("1000000 are the most"),
+            "{e}"
+        );
+        let e = read(&["phantom:hair-curly:50000", "phantom:hair-curly:30000"]).0.unwrap_err();
+        assert!(e.place.contains("phantom:hair-curly:30000"), "{e}");
+        assert!(read(&["phantom:thorax"]).0.is_err() && read(&["gone.tck"]).0.is_err());
     }
 }

@@ -7,6 +7,7 @@ mod lights;
 mod meshes;
 pub mod presets;
 mod refusal;
+mod remark;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
 mod strands;
@@ -15,6 +16,10 @@ pub mod values;
 mod view;
 
 pub use formats::{FORMATS, Read, ReadFlags, VolumeSpec, load, load_with, read_with};
+pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
 pub use refusal::{Refusal, refusal};
-pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, Remark, SceneArgs, SceneSettings};
-pub use strands::{StrandFlags, is_strand_source, load_strands, parse_resolution, parse_thickness_mm};
+pub use remark::Remark;
+pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, SceneArgs, SceneSettings};
+pub use strands::{
+    StrandFlags, is_strand_source, lacks_thickness, load_strands, parse_resolution, parse_thickness_mm,
+};

@@ -2,8 +2,9 @@
 
 use super::help::{shadow_help, tf_help};
 use super::lights::{self, one_or_list};
-use super::meshes::{self, MeshFile};
+use super::meshes::OpaqueFlags;
 use super::presets::{self, ResolvedTransferFunction, Suiting};
+use super::remark::Remark;
 use super::units::Units;
 use super::values::{self, Background, Size};
 use super::view;
@@ -34,7 +35,8 @@ pub const DEFAULT_SHADOW: &str = "dsm";
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
 #[serde(try_from = "toml::Table")]
 pub struct SceneSettings {
-    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, TIFF, .npy, raw), strands or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
+    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, TIFF, .npy, raw), strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or a
+    /// built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
     #[arg(value_name = "VOLUME")]
     pub volume: Option<String>,
     #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
@@ -87,11 +89,10 @@ pub struct SceneSettings {
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
     #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
     pub light: Option<Vec<LightSource>>,
-    /// An opaque thing in the volume, once or for each of several: an STL, PLY or OBJ file, world mm, and behind it
-    /// ,color=#rrggbb (sRGB, bone)
-    #[arg(long, value_name = "FILE", value_parser = meshes::mesh_file, help_heading = "Scene")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mesh: Option<Vec<MeshFile>>,
+    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub opaque: OpaqueFlags,
     /// Share of the light that shadows do not touch, 0 to 1 [default: 0.1]
     #[arg(long, value_name = "A", value_parser = values::ambient, allow_hyphen_values = true, help_heading = "Scene")]
     pub ambient: Option<f64>,
@@ -160,9 +161,6 @@ impl SceneArgs {
         scene.iter().map(|path| settings.over(&SceneSettings::read(path)?)).collect()
     }
 }
-
-/// What is said of an input, and as what: `note` or `warning`.
-pub type Remark = (&'static str, String);
 
 /// A volume, the transfer function in its units and the scene: what every drawing command starts from.
 #[derive(Debug)]
@@ -244,7 +242,8 @@ impl SceneSettings {
             found.suit(&volume, self.suiting())?;
         remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
         remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));
-        let scene = Scene { mesh: meshes::read(self.mesh.as_deref())?, ..self.scene(&volume)? };
+        let mesh = self.opaque.read(&mut remarks, loading)?;
+        let scene = Scene { mesh, ..self.scene(&volume)? };
         Ok(Loaded { volume, strands, tf, tf_source, scene, suiting, remarks })
     }
 
@@ -279,7 +278,7 @@ impl SceneSettings {
         Ok(all)
     }
 
-    /// The scene for a volume, without its meshes, which [`Self::load`] reads.
+    /// The scene for a volume, without its opaque things, which [`Self::load`] reads.
     ///
     /// # Errors
     /// A camera that looks nowhere: eye at the target, or up along the view.
@@ -318,7 +317,7 @@ impl SceneSettings {
             up: Some(up),
             fov: Some(fov_deg),
             light: Some(scene.lights.clone()),
-            mesh: meshes::files_of(scene.mesh.as_deref()),
+            opaque: OpaqueFlags::of(scene.mesh.as_deref()),
             ambient: Some(ambient),
             shading: Some(shading),
             background: Some(background),

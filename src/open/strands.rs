@@ -3,8 +3,8 @@
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::strands::{
-    DEFAULT_RESOLUTION, HAIR_EXTENSIONS, Kernel, MAX_MM, RESOLUTIONS, StrandSet, StrandVolume, Strands,
-    read_hair_with,
+    DEFAULT_RESOLUTION, Kernel, MAX_MM, RESOLUTIONS, StrandFormat, StrandSet, StrandVolume, Strands,
+    read_strands_with,
 };
 use clap::Args;
 use serde::Serialize;
@@ -68,14 +68,18 @@ pub fn parse_thickness_mm(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected a diameter above 0 and at most 1e9 mm".into())
 }
 
-/// Whether a VOLUME is one of strands: a `.hair` path or `phantom:hair-...`.
+/// Whether a VOLUME is one of strands: a file of one of their formats, or `phantom:hair-...`.
 pub fn is_strand_source(source: &str) -> bool {
-    let path = Path::new(source);
-    let hair = path.extension().is_some_and(|e| HAIR_EXTENSIONS.iter().any(|h| e.eq_ignore_ascii_case(h)));
     match source.strip_prefix("phantom:") {
         Some(name) => name.starts_with("hair-"),
-        None => hair,
+        None => StrandFormat::of_file(Path::new(source)).is_some(),
     }
+}
+
+/// Whether a VOLUME is a file of strands whose format has no thickness: a diameter has to be given.
+pub fn lacks_thickness(source: &str) -> bool {
+    let format = || StrandFormat::of_file(Path::new(source));
+    !source.starts_with("phantom:") && format().is_some_and(|format| !format.has_thickness)
 }
 
 /// Reads a file of strands, or builds `phantom:hair-NAME[:SEGMENTS]`, with the diameter that was asked for.
@@ -88,7 +92,7 @@ pub fn load_strands(source: &str, thickness_mm: Option<f64>, loading: &Loading) 
             let (set, segments) = StrandSet::parse(name)?;
             set.build_with(segments, loading)?
         }
-        None => read_hair_with(Path::new(source), loading)?,
+        None => read_strands_with(Path::new(source), loading)?,
     };
     match thickness_mm {
         Some(mm) => strands.with_thickness(mm),

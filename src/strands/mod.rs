@@ -6,26 +6,31 @@
 //! divided by the voxel's volume it is an extinction in 1/mm.
 //!
 //! ```text
-//!  .hair file ─┐
+//!  a file  ────┐
 //!  built-in ───┴─> Strands ─> StrandGrid ─> voxelise ─> Volume (values are extinction, 1/mm)
 //!                     │                └───> tangents: which way they run, where a picture is shaded by that
 //!                     └─────────────> measure::cylinders: how far the volume's transmittance is from the strands'
 //! ```
 
+mod formats;
 mod grid;
-mod hair;
 mod random;
 mod sets;
 mod tangents;
+mod tubes;
 mod volume;
 mod voxelise;
 mod walk;
 
+pub use formats::{
+    HAIR_EXTENSIONS, HEADER_BYTES, STRAND_EXTENSIONS, STRAND_FORMATS, StrandFormat, read_hair,
+    read_hair_with, read_strands, read_strands_with, strands_of_bytes, write_hair,
+};
 pub use grid::{DEFAULT_RESOLUTION, RESOLUTIONS, StrandGrid};
-pub use hair::{HAIR_EXTENSIONS, HEADER_BYTES, read_hair, read_hair_with, write_hair};
 pub use random::Chance;
 pub use sets::StrandSet;
 pub use tangents::{tangents, tangents_with};
+pub use tubes::{MOST_TRIANGLES, SIDES, Tubes, tubes};
 pub use volume::{STRANDS_FORMAT, StrandVolume, VoxelisedStrands};
 pub use voxelise::{Conservation, Kernel, voxelise, voxelise_with};
 
@@ -58,7 +63,7 @@ pub struct StrandArrays {
     /// Number of strands.
     pub strands: u32,
     /// Segments of each strand, one fewer than its points.
-    pub segments: Attribute<u32, u16>,
+    pub segments: Attribute<u32>,
     /// Strand after strand, mm.
     pub points: Vec<[f32; 3]>,
     /// Diameter, mm.
@@ -106,6 +111,8 @@ pub struct Strands {
     arrays: StrandArrays,
     /// The first of the two points of each segment.
     first_points: Vec<u32>,
+    /// What a user should know of the file.
+    warnings: Vec<String>,
 }
 
 /// A piece of a strand between two neighbouring points.
@@ -145,7 +152,18 @@ impl Strands {
             first_points.extend(first..first + segments);
             first += segments + 1;
         }
-        Ok(Self { source: source.into(), arrays, first_points })
+        Ok(Self { source: source.into(), arrays, first_points, warnings: Vec::new() })
+    }
+
+    /// With what a user should know of the file.
+    #[must_use]
+    pub fn with_warnings(self, warnings: Vec<String>) -> Self {
+        Self { warnings, ..self }
+    }
+
+    /// What a user should know of the file that they are from, a line each.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// Path or `phantom:hair-NAME:SEGMENTS`.
@@ -246,7 +264,7 @@ impl StrandArrays {
     /// Segments of each strand in turn.
     fn segment_counts(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.strands as usize).map(|s| match &self.segments.values {
-            Some(values) => u32::from(values[s]),
+            Some(values) => values[s],
             None => self.segments.default,
         })
     }

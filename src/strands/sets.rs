@@ -165,7 +165,7 @@ impl StrandSet {
             strands: strands as u32,
             segments: Attribute {
                 default: each as u32,
-                values: (last != each).then(|| (0..strands).map(|s| count(s) as u16).collect()),
+                values: (last != each).then(|| (0..strands).map(|s| count(s) as u32).collect()),
             },
             points: lines.iter().flatten().map(|p| p.as_vec3().to_array()).collect(),
             thickness_mm: Attribute { default: root as f32, values: thickness },

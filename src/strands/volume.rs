@@ -61,7 +61,7 @@ impl StrandVolume {
         let values = voxelise_with(strands, &grid, kernel, loading)?;
         let voxelise_ms = start.elapsed().as_secs_f64() * 1e3;
         let conservation = Conservation::of_with(strands, &grid, &values, loading)?;
-        let mut warnings = Vec::new();
+        let mut warnings = strands.warnings().to_vec();
         if conservation.area_mm2 == 0.0 {
             warnings.push("no segment has length, thickness and opacity: the volume is empty".into());
         } else if conservation.relative_error > 1e-6 {

@@ -81,6 +81,15 @@ fn what_is_dropped_is_opened_by_what_it_is() {
     }
     assert_eq!(bench.pixels(), picture);
 
+    // Tracks have no thickness, and a dropped file no flags: one is assumed, and that is said.
+    let tracks = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/strands/little.tck");
+    drop_files(&mut bench, &[&tracks]);
+    bench.wait_for("tracks", |app| source(app).ends_with("little.tck"));
+    let document = bench.app().model.document.clone().unwrap();
+    assert_eq!(document.spec.flags.strands.thickness, Some(1.0));
+    assert!(bench.app().model.messages.iter().any(|m| m.text.contains("1 mm is assumed")));
+    bench.settle();
+
     // Of several the first is taken, and that is said.
     drop_files(&mut bench, &[&volume, &tf]);
     assert!(bench.app().model.messages.iter().any(|m| m.text.starts_with("2 files were dropped")));

@@ -26,6 +26,7 @@ mod samples;
 mod shading;
 mod strands;
 mod tolerance;
+mod tubes;
 mod tunnel;
 mod view;
 

@@ -1,6 +1,7 @@
 //! Strands: the file format, the built-in sets, voxelising and directions against closed forms and brute force, the cylinders.
 
 mod cylinders;
+mod formats;
 mod hair;
 mod sets;
 mod tangents;
@@ -18,7 +19,7 @@ fn arrays(lines: &[Vec<[f32; 3]>], thickness_mm: f32, transparency: f32) -> Stra
         strands: lines.len() as u32,
         segments: Attribute {
             default: 0,
-            values: Some(lines.iter().map(|l| u16::try_from(l.len() - 1).unwrap()).collect()),
+            values: Some(lines.iter().map(|l| u32::try_from(l.len() - 1).unwrap()).collect()),
         },
         points: lines.concat(),
         thickness_mm: Attribute::constant(thickness_mm),

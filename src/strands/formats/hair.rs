@@ -7,12 +7,12 @@
 //!
 //! Source: <http://www.cemyuksel.com/research/hairmodels/>, "HAIR file format".
 
-use super::{Attribute, Flaw, Part, StrandArrays, Strands};
+use super::super::{Attribute, Flaw, Part, StrandArrays, Strands};
+use super::input::{WHAT, open};
 use crate::error::{Error, Result};
-use crate::files::loading::{Loading, ReadingStage, Watched};
+use crate::files::loading::Loading;
 use crate::files::output::{check_output, write_whole};
-use std::fs::File;
-use std::io::{self, BufReader, Read, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 /// Size of the header.
@@ -21,8 +21,11 @@ pub const HEADER_BYTES: u64 = 128;
 /// File-name ending of the format.
 pub const HAIR_EXTENSIONS: &[&str] = &["hair"];
 
-const WHAT: &str = "cannot read strands";
-const MAGIC: &[u8; 4] = b"HAIR";
+/// How a file begins.
+pub(super) const MAGIC: &[u8] = b"HAIR";
+
+/// What the format counts the segments of a strand with.
+const MOST_SEGMENTS: u32 = u16::MAX as u32;
 
 const SEGMENTS: u32 = 1;
 const POINTS: u32 = 2;
@@ -108,16 +111,14 @@ pub fn read_hair(path: &Path) -> Result<Strands> {
 
 /// As [`read_hair`], watched and ended early through `loading`.
 pub fn read_hair_with(path: &Path, loading: &Loading) -> Result<Strands> {
-    loading.begin(ReadingStage::ReadingStrands);
-    let at = |byte: u64, why: String| Error::input(WHAT, format!("{}: byte {byte}", path.display()), why);
-    let refuse = |e: io::Error| Error::input(WHAT, path.display(), e);
-    // Asked before it is opened: a pipe would wait for a writer for ever.
-    if !std::fs::metadata(path).map_err(refuse)?.is_file() {
-        return Err(Error::input(WHAT, path.display(), "it is not a regular file"));
-    }
-    let file = File::open(path).map_err(refuse)?;
-    let length = file.metadata().map_err(refuse)?.len();
-    let mut input = BufReader::new(Watched::new(file, length, loading));
+    let (mut input, length) = open(path, loading)?;
+    parse(&mut input, length, &path.display().to_string())
+}
+
+/// Reads an input of `length` bytes.
+pub(super) fn parse(input: &mut dyn Read, length: u64, source: &str) -> Result<Strands> {
+    let at = |byte: u64, why: String| Error::input(WHAT, format!("{source}: byte {byte}"), why);
+    let refuse = |e: io::Error| Error::input(WHAT, source, e);
     if length < HEADER_BYTES {
         return Err(at(length, format!("the file ends within the header of {HEADER_BYTES} bytes")));
     }
@@ -135,21 +136,21 @@ pub fn read_hair_with(path: &Path, loading: &Loading) -> Result<Strands> {
     }
     check_length(&header, length).map_err(|(byte, why)| at(byte, why))?;
 
-    let segments = read_array(&mut input, &header, SEGMENTS, u16::from_le_bytes).map_err(refuse)?;
-    let points = read_array(&mut input, &header, POINTS, triple).map_err(refuse)?.unwrap_or_default();
-    let thickness = read_array(&mut input, &header, THICKNESS, f32::from_le_bytes).map_err(refuse)?;
-    let transparency = read_array(&mut input, &header, TRANSPARENCY, f32::from_le_bytes).map_err(refuse)?;
-    let color = read_array(&mut input, &header, COLORS, triple).map_err(refuse)?;
+    let segments = read_array(input, &header, SEGMENTS, u16::from_le_bytes).map_err(refuse)?;
+    let points = read_array(input, &header, POINTS, triple).map_err(refuse)?.unwrap_or_default();
+    let thickness = read_array(input, &header, THICKNESS, f32::from_le_bytes).map_err(refuse)?;
+    let transparency = read_array(input, &header, TRANSPARENCY, f32::from_le_bytes).map_err(refuse)?;
+    let color = read_array(input, &header, COLORS, triple).map_err(refuse)?;
+    let widened = |counts: Vec<u16>| counts.into_iter().map(u32::from).collect();
     let arrays = StrandArrays {
         strands: header.strands,
-        segments: Attribute { default: header.default_segments, values: segments },
+        segments: Attribute { default: header.default_segments, values: segments.map(widened) },
         points,
         thickness_mm: Attribute { default: header.default_thickness, values: thickness },
         transparency: Attribute { default: header.default_transparency, values: transparency },
         color: Attribute { default: header.default_color, values: color },
         info: header.info,
     };
-    let source = path.display().to_string();
     Strands::new(source, arrays).map_err(|flaw| at(header.place(&flaw), flaw.why))
 }
 
@@ -185,7 +186,7 @@ fn triple(bytes: [u8; 12]) -> [f32; 3] {
 
 /// The array of a flag, where the header names it.
 fn read_array<T, const N: usize>(
-    input: &mut impl Read,
+    input: &mut dyn Read,
     header: &Header,
     flag: u32,
     convert: impl Fn([u8; N]) -> T,
@@ -208,9 +209,14 @@ fn read_array<T, const N: usize>(
 /// Writes strands as a `.hair` file, whole or not at all; what was read comes back byte by byte.
 ///
 /// # Errors
-/// The name does not end in `.hair`, or the file cannot be written.
+/// The name does not end in `.hair`, a strand has more segments than the format counts, or the file cannot be written.
 pub fn write_hair(strands: &Strands, path: &Path) -> Result<()> {
     check_output(path, HAIR_EXTENSIONS)?;
+    let counts = strands.arrays().segments.values.iter().flatten();
+    if let Some(many) = counts.max().filter(|count| **count > MOST_SEGMENTS) {
+        let why = format!("a strand has {many} segments, and the format ends at {MOST_SEGMENTS}");
+        return Err(Error::input("cannot write strands", path.display(), why));
+    }
     write_whole(path, |file| write_all(strands.arrays(), file))
 }
 
@@ -232,7 +238,8 @@ fn write_all(arrays: &StrandArrays, out: &mut (impl Write + ?Sized)) -> io::Resu
     }
     out.write_all(&arrays.info)?;
     for count in arrays.segments.values.iter().flatten() {
-        out.write_all(&count.to_le_bytes())?;
+        // Checked before.
+        out.write_all(&(*count as u16).to_le_bytes())?;
     }
     let mut floats = |values: &[f32]| values.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()));
     floats(arrays.points.as_flattened())?;
