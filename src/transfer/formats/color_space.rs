@@ -4,6 +4,7 @@
 //! *Diverging color maps for scientific visualization*, section 5.
 
 use crate::files::color::{linear_from_srgb, srgb_from_linear};
+use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
 /// Encoded sRGB in `[0, 1]`, a mixture of two such.
 type Rgb = [f64; 3];
@@ -38,14 +39,10 @@ pub fn step(_: &Rgb, b: &Rgb, _: f64) -> Rgb {
 pub fn diverging(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
     // Below this a colour counts as grey, and the hue between two as different above that.
     const SATURATED: f64 = 0.05;
-    const DIFFERENT_HUES: f64 = std::f64::consts::FRAC_PI_3;
+    const DIFFERENT_HUES: f64 = FRAC_PI_3;
     const WHITE: f64 = 88.0;
     let (mut a, mut b, mut share) = (msh_from_lab(lab_from_rgb(a)), msh_from_lab(lab_from_rgb(b)), share);
-    let apart = {
-        let d = (a[2] - b[2]).abs();
-        if d > std::f64::consts::PI { std::f64::consts::TAU - d } else { d }
-    };
-    if a[1] > SATURATED && b[1] > SATURATED && apart > DIFFERENT_HUES {
+    if a[1] > SATURATED && b[1] > SATURATED && angle_between(a[2], b[2]) > DIFFERENT_HUES {
         let white = [a[0].max(b[0]).max(WHITE), 0.0, 0.0];
         if share < 0.5 {
             b = white;
@@ -60,7 +57,22 @@ pub fn diverging(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
     } else if b[1] < SATURATED && a[1] > SATURATED {
         b[2] = spun_hue(a, b[0]);
     }
+    // The hue of a dark colour is spun by more than half a turn: VTK goes the shorter angle then, always upwards. Towards a
+    // grey that is as good as any way; where it would miss the second colour, the way goes to that.
+    let turn = b[2] - a[2];
+    if turn.abs() > PI {
+        let angle = angle_between(a[2], b[2]);
+        let misses =
+            b[1] >= SATURATED && (turn - angle).rem_euclid(TAU).min((angle - turn).rem_euclid(TAU)) > 1e-9;
+        b[2] = a[2] + if misses { -angle } else { angle };
+    }
     rgb_from_lab(lab_from_msh(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share)))
+}
+
+/// The angle between two directions, 0 to half a turn.
+fn angle_between(a: f64, b: f64) -> f64 {
+    let angle = (a - b).abs() % TAU;
+    angle.min(TAU - angle)
 }
 
 /// The hue that a grey of magnitude `m` gets beside a saturated colour, so that the way between both looks even.
@@ -70,7 +82,7 @@ fn spun_hue([m_saturated, s, h]: [f64; 3], m: f64) -> f64 {
     }
     let spin = s * (m * m - m_saturated * m_saturated).sqrt() / (m_saturated * s.sin());
     // Away from purple.
-    if h > -0.3 * std::f64::consts::PI { h + spin } else { h - spin }
+    if h > -0.3 * PI { h + spin } else { h - spin }
 }
 
 fn hsv_from_rgb(rgb: &Rgb) -> [f64; 3] {
@@ -160,7 +172,7 @@ mod tests {
         let (cool, warm) = ([0.23, 0.299, 0.754], [0.706, 0.016, 0.15]);
         type Mixed = fn(&Rgb, &Rgb, f64) -> Rgb;
         type Case = (&'static str, Mixed, [Rgb; 2], &'static [(f64, Rgb)]);
-        let cases: [Case; 5] = [
+        let cases: [Case; 6] = [
             (
                 "hsv wrapped",
                 hsv_wrapped,
@@ -191,6 +203,16 @@ mod tests {
                     (0.25, [0.62114, 0.67631, 1.0]),
                     (0.5, [0.8688, 0.86881, 0.8688]),
                     (0.75, [1.0, 0.64733, 0.53404]),
+                ],
+            ),
+            (
+                "diverging from dark",
+                diverging,
+                [[0.12016, 0.08061, 0.2473], [0.36815, 0.95709, 0.48698]],
+                &[
+                    (0.1, [0.3764, 0.1616, 0.3934]),
+                    (0.3, [0.978, 0.5908, 0.6826]),
+                    (0.7, [0.8088, 1.0, 0.8178]),
                 ],
             ),
             (
