@@ -19,7 +19,7 @@ pub struct StrandFlags {
     /// How a strand's length is shared among voxels [default: box]
     #[arg(long, value_enum, value_name = "KERNEL", help_heading = "Strands")]
     pub kernel: Option<Kernel>,
-    /// Diameter of every strand, mm; wins over the file's [default: the file's]
+    /// Diameter of every strand, mm; wins over the file's, and needed where that has none [default: the file's]
     #[arg(long, value_name = "MM", value_parser = parse_thickness_mm, allow_hyphen_values = true, help_heading = "Strands")]
     pub thickness: Option<f64>,
 }
