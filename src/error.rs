@@ -53,7 +53,11 @@ impl Error {
 
     fn new(fault: Fault, what: impl ToString, place: impl ToString, why: impl ToString) -> Self {
         // An error is one line whatever a library's message looks like.
-        let one_line = |s: String| s.split_whitespace().collect::<Vec<_>>().join(" ");
+        // ... and holds nothing that a terminal would take for a command.
+        let shown = |c: char| if c.is_control() { '\u{fffd}' } else { c };
+        let one_line = |s: String| {
+            s.split_whitespace().collect::<Vec<_>>().join(" ").chars().map(shown).collect::<String>()
+        };
         Self {
             fault,
             what: one_line(what.to_string()),

@@ -22,6 +22,8 @@ pub fn print_result(text: &impl std::fmt::Display) -> Result<()> {
 /// Prints `KIND: TEXT` to stderr, even where stderr is closed.
 pub fn say(kind: &str, text: &impl std::fmt::Display) {
     // There is nowhere left to say that stderr is gone.
+    let text: String =
+        text.to_string().chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
     let _ = writeln!(io::stderr(), "{kind}: {text}");
 }
 

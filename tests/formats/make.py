@@ -7,6 +7,7 @@
 `expected.json` says for each file: the size of its grid, the affine from indices to RAS mm, and its values, the first
 index fastest, all as the library has them that is named with it.
 """
+import gzip
 import json
 import pathlib
 import shutil
@@ -84,6 +85,8 @@ def nrrds():
         affine[:3, 3] = said["space origin"]
         flip = {"left-posterior-superior": LPS, "left-anterior-superior": np.diag([-1.0, 1, 1, 1])}
         say(name, "pynrrd", flip.get(space, np.eye(4)) @ affine, back)
+    (OUT / "all.nrrd.gz").write_bytes(gzip.compress((OUT / "raw_lps.nrrd").read_bytes()))
+    say("all.nrrd.gz", "pynrrd", expected[0]["affine"], nrrd.read(str(OUT / "raw_lps.nrrd"))[0])
     data = numbers("float64")
     nrrd.write(str(OUT / "detached.nhdr"), data, {"spacings": [0.5, 0.6, 0.7], "encoding": "raw"},
                detached_header=True, relative_data_path=True)
@@ -276,6 +279,20 @@ def dicoms():
     series("dicom_padded", padded, read_back=False, PixelPaddingValue=-2000, intercept="0")
     bare[0, :, :] = padded[1:].min()
     say("dicom_padded", "definition", LPS @ affine, bare, warning="padding")
+    # Where the scaling falls the smallest value is the largest number; what lies beside padding is no mean with it.
+    folder = series("dicom_padded_falling", padded[:, :, [0, 1, 1]], read_back=False, PixelPaddingValue=-2000, slope="-1",
+                    intercept="0")
+    (folder / "89.dcm").unlink()
+    falling = -bare[:, :, [0, 1]].astype(float)
+    falling[0, :, :] = falling[1:].min()
+    affine[:3, 2] = normal * 5
+    say("dicom_padded_falling", "definition", LPS @ affine, falling, warning="padding")
+    affine[:3, 2] = normal * 2.5
+    # A file of the series that ends early is left out and said.
+    folder = series("dicom_damaged", twelve, read_back=False, bits=12)
+    whole = (folder / "88.dcm").read_bytes()
+    (folder / "88.dcm").write_bytes(whole[:-10])
+    say("dicom_damaged", "definition", LPS @ affine, twelve[:, :, :2].astype(float) - 1024, warning="damaged")
     # Slices with scalings of their own, as PET has them.
     folder = OUT / "dicom_pet"
     folder.mkdir()

@@ -14,6 +14,7 @@ pub struct Head {
     path: PathBuf,
     bytes: Vec<u8>,
     is_folder: bool,
+    is_packed: bool,
 }
 
 impl Head {
@@ -22,15 +23,11 @@ impl Head {
         let mut bytes = vec![0; HEAD_BYTES];
         let loading = Loading::default();
         let is_folder = path.is_dir();
-        let got = match is_folder {
-            true => 0,
-            false => Source::open(path, &loading)
-                .ok()
-                .and_then(|mut source| read_full(&mut source, &mut bytes).ok())
-                .unwrap_or(0),
-        };
+        let source = if is_folder { None } else { Source::open(path, &loading).ok() };
+        let is_packed = source.as_ref().is_some_and(|s| !matches!(s, Source::Plain { .. }));
+        let got = source.and_then(|mut source| read_full(&mut source, &mut bytes).ok()).unwrap_or(0);
         bytes.truncate(got);
-        Self { path: path.into(), bytes, is_folder }
+        Self { path: path.into(), bytes, is_folder, is_packed }
     }
 
     /// Its name.
@@ -41,6 +38,11 @@ impl Head {
     /// Whether it is a folder.
     pub fn is_folder(&self) -> bool {
         self.is_folder
+    }
+
+    /// Whether it is gzipped.
+    pub fn is_packed(&self) -> bool {
+        self.is_packed
     }
 
     /// The first bytes, unpacked.

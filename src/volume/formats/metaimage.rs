@@ -5,7 +5,7 @@
 
 use super::head::Head;
 use super::source::{Block, Source, inexact_integers};
-use super::text_header::{Data, Encoding, Fields, Lines, affine, beside, grid, unreadable};
+use super::text_header::{Data, Encoding, Fields, Lines, affine, beside, grid, names_several, unreadable};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::element::{ByteOrder, Element};
@@ -50,6 +50,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
     let mut source = Source::open(path, loading)?;
     let (fields, header_bytes) = header(&mut source).map_err(refuse)?;
+    let in_gzip = !matches!(source, Source::Plain { .. });
     drop(source);
     let sizes = fields.sizes(&["dimsize"]).map_err(refuse)?;
     let axes = fields.sizes(&["ndims"]).map_err(refuse)?;
@@ -69,7 +70,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     let (world_from_index, affine_source) = placed(&fields, sizes.len(), &mut warnings).map_err(refuse)?;
     let block = block(&fields, dims, frame).map_err(refuse)?;
     let scaling = scaling(&fields).map_err(refuse)?;
-    let voxels = data(&fields, path, header_bytes).map_err(refuse)?.read(&block, frames, loading)?;
+    let voxels = data(&fields, path, header_bytes, in_gzip).map_err(refuse)?.read(&block, frames, loading)?;
     warnings.extend(inexact_integers(&voxels, block.element));
     let provenance = Provenance {
         affine_source,
@@ -89,7 +90,7 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
     let loading = Loading::default();
     let (fields, header_bytes) = header(&mut Source::open(path, &loading)?).map_err(refuse)?;
-    let data = data(&fields, path, header_bytes).map_err(refuse)?;
+    let data = data(&fields, path, header_bytes, false).map_err(refuse)?;
     Ok(if data.path == path { vec![path.into()] } else { vec![path.into(), data.path] })
 }
 
@@ -168,7 +169,7 @@ fn scaling(fields: &Fields) -> Result<Scaling, String> {
     })
 }
 
-fn data(fields: &Fields, path: &Path, header_bytes: u64) -> Result<Data, String> {
+fn data(fields: &Fields, path: &Path, header_bytes: u64, in_gzip: bool) -> Result<Data, String> {
     let says = |name: &str, value: &str| fields.get(&[name]).is_some_and(|v| v.eq_ignore_ascii_case(value));
     let encoding = match (says("compresseddata", "true"), says("binarydata", "false")) {
         (true, _) => Encoding::Deflate,
@@ -178,16 +179,17 @@ fn data(fields: &Fields, path: &Path, header_bytes: u64) -> Result<Data, String>
     let name = fields.needed(&["elementdatafile"])?;
     let header_size = fields.get(&["headersize"]).unwrap_or("0");
     let skipped: i64 = header_size.parse().map_err(|_| unreadable("HeaderSize", header_size))?;
-    if name.to_uppercase().starts_with("LIST") || name.contains('%') {
+    if names_several(name) {
         return Err("its voxels are in several files; one file can be read".into());
     }
     if name.eq_ignore_ascii_case("local") {
-        return Ok(Data { path: path.to_path_buf(), encoding, start: header_bytes, skip: Some(0) });
+        let path = path.to_path_buf();
+        return Ok(Data { path, encoding, start: header_bytes, skip: Some(0), in_gzip });
     }
     let path = beside(path, name)?;
     Ok(match u64::try_from(skipped) {
-        Ok(start) => Data { path, encoding, start, skip: Some(0) },
+        Ok(start) => Data { path, encoding, start, skip: Some(0), in_gzip: false },
         // -1: the voxels are the last of the file.
-        Err(_) => Data { path, encoding, start: 0, skip: None },
+        Err(_) => Data { path, encoding, start: 0, skip: None, in_gzip: false },
     })
 }

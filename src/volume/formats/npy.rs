@@ -57,7 +57,11 @@ pub fn read_with(
         [ny, nx] => (1, [1, ny, nx]),
         [nz, ny, nx] => (1, [nz, ny, nx]),
         [frames, nz, ny, nx] if !header.is_fortran => (frames, [nz, ny, nx]),
-        _ => return Err(refuse(format!("its shape is {:?}; a volume has three axes", header.shape))),
+        _ => {
+            let order = if header.is_fortran { " in Fortran's order" } else { "" };
+            let why = format!("its shape is {:?}{order}; a volume has three axes", header.shape);
+            return Err(refuse(why));
+        }
     };
     if frame >= frames {
         let why = format!("--frame {frame} is beyond its {frames} frames (counted from 0)");
@@ -71,8 +75,15 @@ pub fn read_with(
     if is_fortran {
         voxels = reversed(voxels);
     }
-    let sidecar = Sidecar::beside(path)?;
     let mut warnings: Vec<String> = inexact_integers(&voxels, element).into_iter().collect();
+    // What stands beside an array may be about something else, or about what it was before.
+    let beside = Sidecar::beside(path).unwrap_or_default();
+    let fits =
+        |said: &Sidecar| said.raw_layout().is_ok_and(|l| l.dims == [nx, ny, nz] && l.element == element);
+    let sidecar = beside.filter(fits);
+    if sidecar.is_none() && Sidecar::path_of(path).exists() {
+        warnings.push("the .json file beside it is not about this array: not used".into());
+    }
     let (world_from_index, affine_source) = match (&sidecar, spacing_mm) {
         (Some(said), None) => (said.affine(), AffineSource::Axes),
         (_, Some(mm)) => (DAffine3::from_scale(DVec3::from_array(mm)), AffineSource::Spacing),

@@ -5,7 +5,10 @@
 
 use super::head::Head;
 use super::source::{Block, Source, inexact_integers};
-use super::text_header::{Data, Encoding, Fields, Lines, affine, beside, grid, numbers, unreadable};
+use super::text_header::{
+    Data, Encoding, Fields, Lines, affine, beside, grid, names_several, numbers, unreadable,
+};
+use super::tiff_stack::mm_of;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::element::{ByteOrder, Element};
@@ -56,6 +59,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
     let mut source = Source::open(path, loading)?;
     let (fields, header_bytes) = header(&mut source).map_err(refuse)?;
+    let in_gzip = !matches!(source, Source::Plain { .. });
     drop(source);
     let axes = Axes::of(&fields).map_err(refuse)?;
     let (dims, frames) = grid(&axes.sizes).map_err(refuse)?;
@@ -70,7 +74,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     }
     let (world_from_index, affine_source) = axes.affine(&fields, &mut warnings).map_err(refuse)?;
     let block = block(&fields, dims, frame).map_err(refuse)?;
-    let voxels = data(&fields, path, header_bytes).map_err(refuse)?.read(&block, frames, loading)?;
+    let voxels = data(&fields, path, header_bytes, in_gzip).map_err(refuse)?.read(&block, frames, loading)?;
     warnings.extend(inexact_integers(&voxels, block.element));
     let provenance = Provenance {
         affine_source,
@@ -90,7 +94,7 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
     let loading = Loading::default();
     let (fields, header_bytes) = header(&mut Source::open(path, &loading)?).map_err(refuse)?;
-    let data = data(&fields, path, header_bytes).map_err(refuse)?;
+    let data = data(&fields, path, header_bytes, false).map_err(refuse)?;
     Ok(if data.path == path { vec![path.into()] } else { vec![path.into(), data.path] })
 }
 
@@ -132,9 +136,10 @@ impl Axes {
         let kinds: Vec<&str> = fields.get(&["kinds"]).unwrap_or_default().split_whitespace().collect();
         let is_spatial = |axis: usize| match &directions {
             Some(all) => all.get(axis).is_some_and(Option::is_some),
-            None => matches!(
+            // Only a kind that says otherwise makes an axis none of space.
+            None => !matches!(
                 kinds.get(axis).copied().unwrap_or("???"),
-                "domain" | "space" | "???" | "none" | "time"
+                "time" | "list" | "vector" | "point" | "normal" | "scalar" | "complex" | "stub"
             ),
         };
         // What is in front of the grid is at each voxel; one value there is a scalar.
@@ -143,7 +148,12 @@ impl Axes {
             return Err(format!("it has {several} numbers at each voxel; scalars are needed"));
         }
         let kept: Vec<usize> = (inner..sizes.len()).collect();
-        Ok(Self { sizes: kept.iter().map(|&axis| sizes[axis]).collect(), kept })
+        let mut kept_sizes: Vec<usize> = kept.iter().map(|&axis| sizes[axis]).collect();
+        // A picture in a plane has frames behind it, not slices.
+        if kept.len() > 2 && !is_spatial(kept[2]) {
+            kept_sizes.insert(2, 1);
+        }
+        Ok(Self { sizes: kept_sizes, kept })
     }
 
     fn affine(
@@ -162,6 +172,8 @@ impl Axes {
         };
         // A file of one slice need not say how thick it is.
         let z = of(2).unwrap_or_else(|| x.cross(y).normalize_or_zero());
+        let unit = unit_mm(fields, warnings);
+        let ([x, y, z], origin) = ([x * unit, y * unit, z * unit], origin * unit);
         let space = fields.get(&["space"]).unwrap_or_default().to_lowercase();
         let lps = match space.as_str() {
             "left-posterior-superior" | "lps" | "left-posterior-superior-time" | "lpst" => true,
@@ -205,6 +217,20 @@ impl Axes {
     }
 }
 
+/// The unit of length that the header gives for space, in mm; mm where it gives none that is known.
+fn unit_mm(fields: &Fields, warnings: &mut Vec<String>) -> f64 {
+    let text = fields.get(&["space units"]).unwrap_or_default();
+    let units: Vec<&str> = text.split('"').map(str::trim).filter(|u| !u.is_empty()).collect();
+    let Some(first) = units.first() else { return 1.0 };
+    match mm_of(first).filter(|_| units.iter().all(|u| u == first)) {
+        Some(mm) => mm,
+        None => {
+            warnings.push("its units of length are not known, or differ: taken as mm".into());
+            1.0
+        }
+    }
+}
+
 /// Vectors `(a,b,c)`, or `none` for an axis without; two numbers lie in a plane.
 fn vectors(text: &str) -> Result<Vec<Option<DVec3>>, String> {
     let refuse = || unreadable("space directions or origin", text);
@@ -240,7 +266,7 @@ fn block(fields: &Fields, dims: [usize; 3], frame: usize) -> Result<Block, Strin
     Ok(Block { dims, element, byte_order, offset: 0, frame })
 }
 
-fn data(fields: &Fields, path: &Path, header_bytes: u64) -> Result<Data, String> {
+fn data(fields: &Fields, path: &Path, header_bytes: u64, in_gzip: bool) -> Result<Data, String> {
     let encoding = match fields.needed(&["encoding"])?.to_lowercase().as_str() {
         "raw" => Encoding::Raw,
         "gzip" | "gz" => Encoding::Deflate,
@@ -255,12 +281,12 @@ fn data(fields: &Fields, path: &Path, header_bytes: u64) -> Result<Data, String>
         Some("-1") => None,
         Some(text) => Some(text.parse().map_err(|_| unreadable("byte skip", text))?),
     };
-    let (path, start) = match fields.get(&["data file", "datafile"]) {
-        Some(name) if name.to_uppercase().starts_with("LIST") || name.contains('%') => {
+    let (path, start, in_gzip) = match fields.get(&["data file", "datafile"]) {
+        Some(name) if names_several(name) => {
             return Err("its voxels are in several files; one file can be read".into());
         }
-        Some(name) => (beside(path, name)?, 0),
-        None => (path.to_path_buf(), header_bytes),
+        Some(name) => (beside(path, name)?, 0, false),
+        None => (path.to_path_buf(), header_bytes, in_gzip),
     };
-    Ok(Data { path, encoding, start, skip })
+    Ok(Data { path, encoding, start, skip, in_gzip })
 }

@@ -2,7 +2,7 @@
 //! file's name.
 
 use super::sidecar::Sidecar;
-use super::source::{Block, Source, Whole};
+use super::source::{Block, Packing, Source, Whole};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::element::{ByteOrder, Element};
@@ -128,10 +128,13 @@ pub fn read_with(path: &Path, file: &RawFile, loading: &Loading) -> Result<Volum
             format!("{spacing_mm:?} mm is not three lengths above 0"),
         ));
     }
-    let mut data = Source::open(path, loading)?;
     let RawLayout { dims, element, byte_order } = *layout;
     let block = Block { dims, element, byte_order, offset: *offset_bytes, frame: 0 };
     let wanted = block.bytes().and_then(|bytes| bytes.checked_add(*offset_bytes));
+    // Voxels may begin as a gzip stream does: a file of just their size is none.
+    let is_exact = std::fs::metadata(path).is_ok_and(|m| Some(m.len()) == wanted);
+    let packing = if is_exact { Packing::Plain } else { Packing::Sniffed };
+    let mut data = Source::open_at(path, 0, packing, loading)?;
     let another_size = |held: String| {
         let [nx, ny, nz] = dims;
         let wanted = wanted.map_or("more bytes than can be counted".into(), |n| format!("{n} bytes"));

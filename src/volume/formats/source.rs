@@ -45,11 +45,15 @@ impl<'a> Source<'a> {
             io::ErrorKind::NotFound => refuse("no such file".into()),
             _ => refuse(e.to_string()),
         };
-        let file = File::open(path).map_err(io_error)?;
-        let metadata = file.metadata().map_err(io_error)?;
+        // Asked before it is opened: opening a pipe waits for somebody to write.
+        let metadata = std::fs::metadata(path).map_err(io_error)?;
         if metadata.is_dir() {
             return Err(refuse("it is a folder".into()));
         }
+        if !metadata.is_file() {
+            return Err(refuse("it is no plain file".into()));
+        }
+        let file = File::open(path).map_err(io_error)?;
         let bytes = metadata.len().saturating_sub(start);
         let mut file = BufReader::with_capacity(1 << 16, Watched::new(file, metadata.len(), loading));
         if start > 0 {

@@ -146,6 +146,13 @@ pub(super) fn affine(directions: [DVec3; 3], origin: DVec3, lps: bool) -> DAffin
     }
 }
 
+/// Whether a header names several files: a list, or a pattern of numbers.
+pub(super) fn names_several(name: &str) -> bool {
+    let is_pattern = |after: &str| after.trim_start_matches(|c: char| c.is_ascii_digit()).starts_with('d');
+    name.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("list"))
+        || name.split('%').skip(1).any(is_pattern)
+}
+
 /// A file that a header names: beside the header or below its folder, nowhere else.
 ///
 /// # Errors
@@ -178,6 +185,8 @@ pub(super) struct Data {
     pub(super) start: u64,
     /// Bytes before them once unpacked; `None` where they are the last of the file.
     pub(super) skip: Option<u64>,
+    /// The file is gzipped as a whole, and `start` counts unpacked bytes.
+    pub(super) in_gzip: bool,
 }
 
 impl Data {
@@ -187,6 +196,14 @@ impl Data {
     /// The file cannot be read or holds fewer voxels than claimed.
     pub(super) fn read(&self, block: &Block, frames: usize, loading: &Loading) -> Result<Voxels> {
         let refuse = |why: String| Error::input("cannot read volume", self.path.display(), why);
+        if self.in_gzip {
+            let (Encoding::Raw, Some(skip)) = (self.encoding, self.skip) else {
+                return Err(refuse("it is packed twice, or as text: unpack the .gz first".into()));
+            };
+            let mut source = Source::open(&self.path, loading)?;
+            let offset = self.start.saturating_add(skip);
+            return Block { offset, ..*block }.read(&mut source, 0).map_err(refuse);
+        }
         let packing = match self.encoding {
             Encoding::Deflate => Packing::Deflate,
             Encoding::Raw | Encoding::Text => Packing::Plain,

@@ -23,13 +23,13 @@ pub const EXTENSIONS: &[&str] = &["tif", "tiff"];
 const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 
 /// No packing of TIFF makes a byte into more.
-const MOST_RATIO: u64 = 1400;
+const MOST_RATIO: u64 = 1032;
 
 /// Whether a file is of this format, or a folder holds files that are named so.
 pub fn is_tiff(head: &Head) -> bool {
     match head.is_folder() {
         true => !files_in(head.path()).is_empty(),
-        false => MAGICS.iter().any(|magic| head.starts_with(magic)),
+        false => !head.is_packed() && MAGICS.iter().any(|magic| head.starts_with(magic)),
     }
 }
 
@@ -81,7 +81,7 @@ pub fn read_with(
         ..Provenance::new(path.display().to_string(), "tiff", stored_type)
     };
     let world_from_index = DAffine3::from_scale(DVec3::from_array(spacing));
-    Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
+    Volume::new_with(voxels, description.scaling(), world_from_index, provenance, loading)
 }
 
 /// Files of a folder that are named as this format, by the numbers in their names.
@@ -161,11 +161,13 @@ impl Pages {
             if self.description.is_none() {
                 self.description = Some(Description::of(&mut decoder));
             }
-            read_bytes = read_bytes.saturating_add(u64::from(size.0) * u64::from(size.1));
+            // Pages may share bytes; plain ones do not, and packed ones not many times.
+            let is_plain =
+                decoder.find_tag_unsigned::<u16>(Tag::Compression).ok().flatten().unwrap_or(1) == 1;
+            let share = if is_plain { MOST_RATIO } else { 1 };
+            read_bytes = read_bytes.saturating_add(share * u64::from(size.0) * u64::from(size.1));
             if read_bytes > most {
-                return Err(format!(
-                    "{read_bytes} pixels and more are claimed to be packed in {file_bytes} bytes"
-                ));
+                return Err(format!("more pixels are claimed than {file_bytes} bytes can hold"));
             }
             self.append(decoder.read_image().map_err(said)?)?;
             self.count += 1;
@@ -271,6 +273,17 @@ impl Description {
         field(&self.text, name)
     }
 
+    /// The straight line by which ImageJ calibrates values, as it does for those of a CT.
+    fn scaling(&self) -> Scaling {
+        let number = |name: &str| self.field(name).and_then(|v| v.parse::<f64>().ok());
+        match (self.text.starts_with("ImageJ="), self.field("cf"), number("c0"), number("c1")) {
+            (true, None | Some("0"), Some(intercept), Some(slope)) if slope != 0.0 => {
+                Scaling { slope, intercept }
+            }
+            _ => Scaling::IDENTITY,
+        }
+    }
+
     /// Voxel sizes, where ImageJ or OME says them with a unit of length.
     fn spacing_mm(&self) -> Option<[f64; 3]> {
         if self.text.starts_with("ImageJ=") {
@@ -301,7 +314,7 @@ fn sound(spacing: [f64; 3]) -> Option<[f64; 3]> {
 }
 
 /// A unit of length in mm.
-fn mm_of(unit: &str) -> Option<f64> {
+pub(super) fn mm_of(unit: &str) -> Option<f64> {
     Some(match unit {
         "mm" | "millimeter" | "millimeters" => 1.0,
         "cm" | "centimeter" => 10.0,
@@ -313,18 +326,23 @@ fn mm_of(unit: &str) -> Option<f64> {
     })
 }
 
-/// How pages follow each other: channels fastest, then slices, then times.
+/// How pages follow each other: of ImageJ channels fastest, then slices, then times; of OME as it says.
 #[derive(Debug, PartialEq)]
 struct Order {
     channels: usize,
     slices: usize,
     times: usize,
+    /// Pages from one channel, slice and time to the next.
+    strides: [usize; 3],
 }
 
 impl Order {
     fn of(text: &str, pages: usize) -> Result<Self, String> {
         let count = |name: &str| field(text, name).and_then(|n| n.parse::<usize>().ok()).filter(|&n| n > 0);
-        let plain = Self { channels: 1, slices: pages, times: 1 };
+        let plain = Self { channels: 1, slices: pages, times: 1, strides: [1, 1, pages] };
+        if let Some(ome) = Self::of_ome(text).filter(|o| o.channels * o.slices * o.times == pages) {
+            return Ok(ome);
+        }
         if !text.starts_with("ImageJ=") {
             return Ok(plain);
         }
@@ -336,7 +354,32 @@ impl Order {
         let (channels, times) = (count("channels").unwrap_or(1), count("frames").unwrap_or(1));
         let slices = pages / channels.saturating_mul(times).max(1);
         let fits = channels.checked_mul(times).and_then(|n| n.checked_mul(slices)) == Some(pages);
-        Ok(if fits && slices > 0 { Self { channels, slices, times } } else { plain })
+        let strides = [1, channels, channels * slices];
+        Ok(if fits && slices > 0 { Self { channels, slices, times, strides } } else { plain })
+    }
+
+    /// By the first `Pixels` of an OME header.
+    fn of_ome(text: &str) -> Option<Self> {
+        let (_, pixels) = text.split_once("<Pixels ")?;
+        let pixels = pixels.split('>').next()?;
+        let attribute = |name: &str| {
+            let (_, after) = pixels.split_once(&format!("{name}=\""))?;
+            after.split_once('"').map(|(value, _)| value)
+        };
+        let size = |axis: &str| {
+            attribute(&format!("Size{axis}"))?.parse::<usize>().ok().filter(|n| (1..=1 << 20).contains(n))
+        };
+        let sizes = [size("C")?, size("Z")?, size("T")?];
+        let order = attribute("DimensionOrder")?.strip_prefix("XY")?;
+        let mut strides = [1; 3];
+        let mut stride = 1;
+        for axis in order.chars() {
+            let at = "CZT".find(axis)?;
+            strides[at] = stride;
+            stride *= sizes[at];
+        }
+        let [channels, slices, times] = sizes;
+        Some(Self { channels, slices, times, strides })
     }
 
     fn frames(&self) -> usize {
@@ -344,7 +387,8 @@ impl Order {
     }
 
     fn page(&self, slice: usize, frame: usize) -> usize {
-        frame % self.channels + self.channels * (slice + self.slices * (frame / self.channels))
+        let [channel, depth, time] = self.strides;
+        frame % self.channels * channel + slice * depth + frame / self.channels * time
     }
 }
 
@@ -379,7 +423,10 @@ mod tests {
     #[test]
     fn pages_of_channels_and_times() {
         let order = Order::of("ImageJ=1\nchannels=2\nslices=3\nframes=2\n", 12).unwrap();
-        assert_eq!(order, Order { channels: 2, slices: 3, times: 2 });
+        assert_eq!(order, Order { channels: 2, slices: 3, times: 2, strides: [1, 2, 6] });
+        let ome = r#"<OME><Pixels SizeX="4" DimensionOrder="XYZCT" SizeC="2" SizeT="2" SizeZ="3">"#;
+        let by_ome = Order::of(ome, 12).unwrap();
+        assert_eq!((by_ome.page(2, 0), by_ome.page(0, 1), by_ome.page(1, 2)), (2, 3, 7));
         let pages: Vec<usize> = (0..3).map(|z| order.page(z, 3)).collect();
         assert_eq!(pages, [7, 9, 11]);
         assert!(Order::of("ImageJ=1\nimages=900\n", 1).is_err());

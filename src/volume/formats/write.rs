@@ -163,8 +163,8 @@ fn write_nrrd(volume: &Volume, path: &Path) -> Result<()> {
 /// The stored numbers, and a sidecar.
 fn write_raw(volume: &Volume, path: &Path) -> Result<()> {
     let numbers = Numbers::Stored(volume);
-    write_whole(path, |file| numbers.write(file))?;
-    write_sidecar(&Sidecar::of(volume, &numbers.layout(volume)), path)
+    let sidecar = Sidecar::of(volume, &numbers.layout(volume));
+    write_both(&sidecar, path, |file| numbers.write(file))
 }
 
 /// An array `[k, j, i]` of the values, and a sidecar.
@@ -184,24 +184,35 @@ fn write_npy(volume: &Volume, path: &Path) -> Result<()> {
     let unpadded = 10 + header.len() + 1;
     header.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(64) - unpadded));
     header.push('\n');
-    write_whole(path, |file| {
-        file.write_all(b"\x93NUMPY\x01\x00")?;
-        file.write_all(&(header.len() as u16).to_le_bytes())?;
-        file.write_all(header.as_bytes())?;
-        numbers.write(file)
-    })?;
     let mut sidecar = Sidecar::of(volume, &numbers.layout(volume));
     if matches!(numbers, Numbers::Scaled(..)) {
         (sidecar.slope, sidecar.intercept) = (1.0, 0.0);
     }
-    write_sidecar(&sidecar, path)
+    write_both(&sidecar, path, |file| {
+        file.write_all(b"\x93NUMPY\x01\x00")?;
+        file.write_all(&(header.len() as u16).to_le_bytes())?;
+        file.write_all(header.as_bytes())?;
+        numbers.write(file)
+    })
 }
 
-/// What cannot be said is not left half said: without its sidecar the file goes, too.
-fn write_sidecar(sidecar: &Sidecar, path: &Path) -> Result<()> {
+/// A file and its sidecar: neither takes its name before the voxels are written, and a file of somebody else is not
+/// overwritten by a sidecar.
+fn write_both(
+    sidecar: &Sidecar,
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<()> {
+    let beside = Sidecar::path_of(path);
+    if beside.exists() && Sidecar::beside(path).ok().flatten().is_none() {
+        let why = "it says something else, and what is known of the volume would be written over it";
+        return Err(Error::input("cannot write volume", beside.display(), why)
+            .hint("give another name, or move that file away"));
+    }
     let text = serde_json::to_string_pretty(sidecar)
         .map_err(|e| Error::runtime("cannot write volume", path.display(), e))?;
-    write_whole(&Sidecar::path_of(path), |file| writeln!(file, "{text}")).inspect_err(|_| {
-        let _ = std::fs::remove_file(path);
+    write_whole(path, |file| {
+        write(file)?;
+        write_whole(&beside, |file| writeln!(file, "{text}")).map_err(io::Error::other)
     })
 }

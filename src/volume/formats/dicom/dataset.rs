@@ -34,9 +34,12 @@ const ELEMENTS_MOST: usize = 4_000_000;
 const DEPTH_MOST: usize = 64;
 /// What a deflated data set may become.
 const INFLATED_MOST_BYTES: u64 = 1 << 31;
+/// ... and, beyond a small size, how many times its bytes: pixels of scanners pack to a third.
+const INFLATED_MOST_RATIO: u64 = 100;
+const INFLATED_SMALL_BYTES: u64 = 16 << 20;
 
 /// Attributes that are kept; all others are passed over. Names and dates of people are not among them.
-const WANTED: [Tag; 36] = [
+const WANTED: [Tag; 37] = [
     tags::SOP_CLASS_UID,
     tags::MODALITY,
     tags::SERIES_DESCRIPTION,
@@ -69,6 +72,7 @@ const WANTED: [Tag; 36] = [
     tags::RESCALE_TYPE,
     tags::MODALITY_LUT_SEQUENCE,
     tags::GRID_FRAME_OFFSET_VECTOR,
+    tags::DOSE_GRID_SCALING,
     tags::IMAGE_TYPE,
     tags::FRAME_TYPE,
     tags::DIMENSION_INDEX_VALUES,
@@ -203,7 +207,8 @@ impl DataSet {
         if set.syntax == DEFLATED {
             input.seek(SeekFrom::Start(at)).map_err(io_error)?;
             let mut inflated = Vec::new();
-            let most = INFLATED_MOST_BYTES.min(1032 * length.saturating_sub(at) + 1);
+            let most = (INFLATED_MOST_RATIO * length.saturating_sub(at))
+                .clamp(INFLATED_SMALL_BYTES, INFLATED_MOST_BYTES);
             DeflateDecoder::new(input).take(most).read_to_end(&mut inflated).map_err(io_error)?;
             set.syntax = EXPLICIT_LITTLE.into();
             let length = inflated.len() as u64;
@@ -223,6 +228,8 @@ impl DataSet {
         let mut reader = LazyDataSetReader::new_with_ts(input, syntax).map_err(|e| e.to_string())?;
         // Sequences that the present element lies in, items of the outermost one, and whether pixels have begun.
         let (mut path, mut item, mut packed) = (Vec::<Tag>::new(), 0usize, None::<Vec<Span>>);
+        // Whether the pixels of an icon are being passed over.
+        let mut in_icon = false;
         for _ in 0..ELEMENTS_MOST {
             let Some(token) = reader.advance() else { break };
             match token {
@@ -242,10 +249,13 @@ impl DataSet {
                     }
                 }
                 Ok(LazyDataToken::SequenceEnd) if packed.is_some() => break,
+                Ok(LazyDataToken::SequenceEnd) if in_icon => in_icon = false,
                 Ok(LazyDataToken::SequenceEnd) => {
                     path.pop();
                 }
-                Ok(LazyDataToken::PixelSequenceStart) => packed = Some(Vec::new()),
+                Ok(LazyDataToken::PixelSequenceStart) if path.is_empty() => packed = Some(Vec::new()),
+                Ok(LazyDataToken::PixelSequenceStart) => in_icon = true,
+                Ok(LazyDataToken::ItemStart { .. }) if in_icon => {}
                 Ok(LazyDataToken::ItemStart { len }) => match &mut packed {
                     Some(fragments) => fragments.push(Span { offset: 0, bytes: len.get().unwrap_or(0) }),
                     None => item += usize::from(path.len() == 1),

@@ -11,13 +11,12 @@ mod stack;
 
 use self::dataset::is_dicom as is_dicom_head;
 use self::pixels::{Layout, read_frame, spans, warning_of};
-use self::series::{Series, WHAT};
+use self::series::{Image, Series, WHAT};
 use self::stack::{Layer, Stack};
 use super::head::Head;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use crate::volume::{Provenance, Scaling, ValuesSaid, Volume, Voxels};
-use crate::with_voxels;
 use dicom_dictionary_std::tags;
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -30,7 +29,7 @@ pub const EXTENSIONS: &[&str] = &["dcm", "ima"];
 pub fn is_dicom(head: &Head) -> bool {
     match head.is_folder() {
         true => series::holds_dicom(head.path()),
-        false => is_dicom_head(head.bytes()),
+        false => !head.is_packed() && is_dicom_head(head.bytes()),
     }
 }
 
@@ -55,10 +54,14 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
     let stack = stack::stack(&series, frame).map_err(refuse)?;
     let values = Values::of(&series, &stack).map_err(refuse)?;
     let mut warnings = stack.warnings.clone();
-    let mut voxels = voxels(&series, &stack, &values, loading).map_err(refuse)?;
+    let (voxels, padded) = voxels(&series, &stack, &values, loading).map_err(refuse)?;
     loading.go_on(&path.display().to_string())?;
-    if let Some(padding) = values.padding {
-        warnings.extend(without_padding(&mut voxels, padding));
+    if padded > 0 {
+        warnings.push(format!("{padded} voxels hold no value (padding): they became the smallest value"));
+    }
+    if series.damaged > 0 {
+        let Series { damaged, first_fault, .. } = &series;
+        warnings.push(format!("{damaged} files of the folder are damaged and were left out ({first_fault})"));
     }
     warnings.extend(values.warnings);
     let first = &series.images[0];
@@ -93,8 +96,6 @@ struct Values {
     scaling: Scaling,
     /// Slope and intercept of each slice, where they are not the same for all: values are then stored as floats.
     each: Option<Vec<Scaling>>,
-    /// Stored values that mean nothing, from and to.
-    padding: Option<[f64; 2]>,
     warnings: Vec<String>,
 }
 
@@ -107,8 +108,9 @@ impl Values {
             let slice = &stack.slices[at];
             let set = &series.images[slice.image].set;
             let number = |tag| set.of_frame(slice.frame, tag).and_then(|a| a.number(tag));
+            let slope = number(tags::RESCALE_SLOPE).or(number(tags::DOSE_GRID_SCALING));
             Scaling {
-                slope: number(tags::RESCALE_SLOPE).filter(|s| *s != 0.0).unwrap_or(1.0),
+                slope: slope.filter(|s| *s != 0.0).unwrap_or(1.0),
                 intercept: number(tags::RESCALE_INTERCEPT).unwrap_or(0.0),
             }
         };
@@ -118,13 +120,7 @@ impl Values {
         if first.set.root.has(tags::MODALITY_LUT_SEQUENCE) {
             warnings.push("it has a table of values (modality LUT), which is not applied".into());
         }
-        let layout = first.layout;
-        let padding = first.set.root.whole(tags::PIXEL_PADDING_VALUE).map(|value| {
-            let limit = first.set.root.whole(tags::PIXEL_PADDING_RANGE_LIMIT).unwrap_or(value);
-            let of = |v: i64| layout.value((v as u32) << (layout.high + 1 - layout.stored)) as f64;
-            let (a, b) = (of(value), of(limit));
-            [a.min(b), a.max(b)]
-        });
+        let layout = series.widest();
         let mut scaling = if same { one } else { Scaling::IDENTITY };
         let photometric = first.set.root.text(tags::PHOTOMETRIC_INTERPRETATION).unwrap_or_default();
         let modality = first.set.root.text(tags::MODALITY).unwrap_or_default();
@@ -144,98 +140,146 @@ impl Values {
         if !same {
             warnings.push("its slices have scalings of their own: kept as 32-bit floats".into());
         }
-        // What padding would be scaled to differs by slice.
-        let padding = padding.filter(|_| same);
-        Ok(Self { layout, scaling, each: (!same).then_some(all), padding, warnings })
+        let differs = |image: &Image| {
+            image.set.root.text(tags::PHOTOMETRIC_INTERPRETATION).unwrap_or_default() != photometric
+        };
+        if series.images.iter().any(differs) {
+            return Err("of some of its slices small values are the bright ones, of others not".into());
+        }
+        Ok(Self { layout, scaling, each: (!same).then_some(all), warnings })
     }
 }
 
-/// The voxels, slice by slice, several at a time.
-fn voxels(series: &Series, stack: &Stack, values: &Values, loading: &Loading) -> Result<Voxels, String> {
+/// Tells pixels that hold no value: those of the file's padding, by all their bits or by their values.
+fn is_padding(image: &Image) -> impl Fn(u32) -> bool + use<> {
+    let layout = image.layout;
+    let range = image.set.root.whole(tags::PIXEL_PADDING_VALUE).map(|value| {
+        let limit = image.set.root.whole(tags::PIXEL_PADDING_RANGE_LIMIT).unwrap_or(value);
+        [value.min(limit), value.max(limit)]
+    });
+    move |pixel| {
+        range.is_some_and(|[from, to]| {
+            (from..=to).contains(&layout.whole(pixel)) || (from..=to).contains(&layout.value(pixel))
+        })
+    }
+}
+
+/// The voxels, slice by slice, several at a time, and how many of them were padding.
+fn voxels(
+    series: &Series,
+    stack: &Stack,
+    values: &Values,
+    loading: &Loading,
+) -> Result<(Voxels, usize), String> {
     let resamples = stack.layers.iter().any(|l| matches!(l, Layer::Between(..)));
     let Layout { stored, is_signed, .. } = values.layout;
+    macro_rules! gathered {
+        ($type:ty) => {
+            gathered(series, stack, values, loading, |v| v as $type).map(|(a, n)| (Voxels::from(a), n))
+        };
+    }
     if values.each.is_some() || resamples && stored <= 16 {
-        return gathered(series, stack, values, loading, |v| v as f32).map(Voxels::F32);
+        return gathered!(f32);
     }
     match (stored, is_signed) {
-        (..=8, false) => gathered(series, stack, values, loading, |v| v as u8).map(Voxels::U8),
-        (..=16, false) => gathered(series, stack, values, loading, |v| v as u16).map(Voxels::U16),
-        (..=16, true) => gathered(series, stack, values, loading, |v| v as i16).map(Voxels::I16),
-        _ => gathered(series, stack, values, loading, |v| v).map(Voxels::F64),
+        (..=8, false) => gathered!(u8),
+        (..=16, false) => gathered!(u16),
+        (..=16, true) => gathered!(i16),
+        _ => gathered!(f64),
     }
 }
 
-/// Layers of numbers as `keep` stores them.
+/// Where a slice of the volume holds no value, as first voxels and numbers of them, and the range of the others.
+struct Holes {
+    runs: Vec<[u32; 2]>,
+    range: [f64; 2],
+}
+
+/// Layers of numbers as `keep` stores them, and how many were padding: these become the smallest value.
 fn gathered<T: Copy + Default + Send + Sync>(
     series: &Series,
     stack: &Stack,
     values: &Values,
     loading: &Loading,
     keep: impl Fn(f64) -> T + Sync,
-) -> Result<Array3<T>, String> {
+) -> Result<(Array3<T>, usize), String> {
     let Layout { rows, columns, .. } = values.layout;
+    let named = |image: &Image, why: String| format!("{}: {why}", image.path.display());
     let spans: Vec<_> = series
         .images
         .iter()
-        .map(|image| {
-            spans(&image.set, &image.layout, image.frames)
-                .map_err(|e| format!("{}: {e}", image.path.display()))
-        })
+        .map(|image| spans(&image.set, &image.layout, image.frames).map_err(|e| named(image, e)))
         .collect::<Result<_, _>>()?;
     let pixels = values.layout.pixels();
     let count = pixels.checked_mul(stack.layers.len()).ok_or("more voxels than can be counted")?;
     let mut all: Vec<T> = Vec::new();
     all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels")?;
     all.resize(count, T::default());
+    // Padding is no number until all others are known.
     let frame = |at: usize| -> Result<Vec<f64>, String> {
         let slice = &stack.slices[at];
         let image = &series.images[slice.image];
         let scaling = values.each.as_ref().map_or(Scaling::IDENTITY, |each| each[at]);
         let mut out = vec![0.0; pixels];
         let spans = &spans[slice.image][slice.frame];
-        read_frame(&image.path, &image.set, &image.layout, spans, &mut out, |v| scaling.apply(v as f64))
-            .map_err(|e| format!("{}: {e}", image.path.display()))?;
+        let is_padding = is_padding(image);
+        let value = |pixel| match is_padding(pixel) {
+            true => f64::NAN,
+            false => scaling.apply(image.layout.value(pixel) as f64),
+        };
+        read_frame(&image.path, &image.set, &image.layout, spans, &mut out, value)
+            .map_err(|e| named(image, e))?;
         Ok(out)
     };
     let pieces = loading.pieces(ReadingStage::Unpacking, stack.layers.len());
-    all.par_chunks_mut(pixels).zip(&stack.layers).try_for_each(|(out, layer)| {
+    let fill = |out: &mut [T], layer: &Layer| -> Result<Holes, String> {
         if pieces.is_cancelled() {
             return Err("it was cancelled".to_string());
         }
-        match *layer {
-            Layer::Slice(at) => {
-                out.iter_mut().zip(frame(at)?).for_each(|(out, v)| *out = keep(v));
-            }
+        let numbers = match *layer {
+            Layer::Slice(at) => frame(at)?,
             Layer::Between(at, share) => {
                 let (below, above) = (frame(at)?, frame(at + 1)?);
-                for ((out, a), b) in out.iter_mut().zip(below).zip(above) {
-                    *out = keep(a + share * (b - a));
-                }
+                below.iter().zip(above).map(|(a, b)| a + share * (b - a)).collect()
+            }
+        };
+        let mut holes = Holes { runs: Vec::new(), range: [f64::INFINITY, f64::NEG_INFINITY] };
+        for (at, (out, &v)) in out.iter_mut().zip(&numbers).enumerate() {
+            if !v.is_nan() {
+                *out = keep(v);
+                holes.range = [holes.range[0].min(v), holes.range[1].max(v)];
+                continue;
+            }
+            match holes.runs.last_mut() {
+                Some([first, number]) if *first as usize + *number as usize == at => *number += 1,
+                _ => holes.runs.push([at as u32, 1]),
             }
         }
         pieces.done();
-        Ok(())
-    })?;
-    Array3::from_shape_vec((stack.layers.len(), rows, columns), all).map_err(|e| e.to_string())
-}
-
-/// Makes voxels that mean nothing the smallest of the others, and says how many.
-fn without_padding(voxels: &mut Voxels, [from, to]: [f64; 2]) -> Option<String> {
-    use crate::volume::Voxel;
-    fn replace<T: Voxel>(array: &mut Array3<T>, from: f64, to: f64) -> (usize, f64) {
-        let is_padding = |v: &T| (from..=to).contains(&v.to_f64());
-        let smallest =
-            array.iter().filter(|v| !is_padding(v)).copied().reduce(|a, b| if b < a { b } else { a });
-        let Some(smallest) = smallest else { return (0, 0.0) };
-        let mut replaced = 0;
-        array.iter_mut().filter(|v| is_padding(v)).for_each(|v| {
-            *v = smallest;
-            replaced += 1;
-        });
-        (replaced, smallest.to_f64())
+        Ok(holes)
+    };
+    let holes: Vec<Holes> = all
+        .par_chunks_mut(pixels)
+        .zip(&stack.layers)
+        .map(|(out, layer)| fill(out, layer))
+        .collect::<Result<_, _>>()?;
+    let [low, high] = holes
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], h| [a.min(h.range[0]), b.max(h.range[1])]);
+    if low > high {
+        return Err("all of its pixels are padding".into());
     }
-    let (replaced, smallest) = with_voxels!(voxels, a => replace(a, from, to));
-    (replaced > 0).then(|| {
-        format!("{replaced} voxels hold no value (padding, stored as {from}): they became the smallest, {smallest}")
-    })
+    // Where the scaling falls the largest number is the smallest value.
+    let smallest = keep(if values.scaling.slope < 0.0 { high } else { low });
+    let mut padded = 0;
+    for (out, holes) in all.chunks_mut(pixels).zip(&holes) {
+        for [first, number] in &holes.runs {
+            let (first, number) = (*first as usize, *number as usize);
+            out[first..first + number].fill(smallest);
+            padded += number;
+        }
+    }
+    Array3::from_shape_vec((stack.layers.len(), rows, columns), all)
+        .map(|array| (array, padded))
+        .map_err(|e| e.to_string())
 }

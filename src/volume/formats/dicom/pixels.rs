@@ -35,6 +35,15 @@ impl Layout {
         }
     }
 
+    /// A pixel by all its bits, those beyond the stored ones, too.
+    pub(super) fn whole(&self, pixel: u32) -> i64 {
+        let bits = self.allocated;
+        match self.is_signed && pixel >> (bits - 1) & 1 == 1 {
+            true => i64::from(pixel) - (1 << bits),
+            false => pixel.into(),
+        }
+    }
+
     /// The value in the low bits of a pixel: what lies above and below it (overlays, in old files) goes.
     pub(super) fn value(&self, pixel: u32) -> i64 {
         let shifted = i64::from(pixel >> (self.high + 1 - self.stored));
@@ -76,7 +85,7 @@ const LOSSY: [&str; 4] =
 /// Packed frames may hold so many times their bytes; an even picture packs far better than any other.
 const MOST_RATIO: u64 = 4000;
 /// ... and this much whatever they take.
-const SMALL_BYTES: u64 = 64 << 20;
+const SMALL_BYTES: u64 = 2 << 20;
 
 /// What is to be said of a transfer syntax, where values were lost.
 pub(super) fn warning_of(syntax: &str) -> Option<&'static str> {
@@ -145,7 +154,7 @@ fn dicom_name(syntax: &str) -> String {
         .map_or_else(|| printable(syntax), |found| found.name().to_owned())
 }
 
-/// The values of one frame, each as `convert` gives it, into `out` of as many.
+/// The pixels of one frame, each as `convert` makes it of all its bits, into `out` of as many.
 ///
 /// # Errors
 /// The pixels cannot be read or unpacked.
@@ -155,7 +164,7 @@ pub(super) fn read_frame<T>(
     layout: &Layout,
     spans: &[Span],
     out: &mut [T],
-    convert: impl Fn(i64) -> T,
+    convert: impl Fn(u32) -> T,
 ) -> Result<(), String> {
     let mut bytes = Vec::new();
     for span in spans {
@@ -173,7 +182,7 @@ pub(super) fn read_frame<T>(
         return Err(format!("it holds {} pixels a frame, not {}", pixels.len(), out.len()));
     }
     for (value, pixel) in out.iter_mut().zip(pixels) {
-        *value = convert(layout.value(pixel));
+        *value = convert(pixel);
     }
     Ok(())
 }

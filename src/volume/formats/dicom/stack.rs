@@ -8,8 +8,15 @@ use glam::{DAffine3, DVec3};
 
 /// Slices closer than this lie in one place, mm.
 const SAME_MM: f64 = 1e-3;
-/// Distances that differ by less than this share of one are equal: files round them.
-const EVEN: f64 = 0.01;
+/// ... or than this share of the usual distance.
+const SAME: f64 = 0.05;
+/// Slices this near to even places, as a share of the distance, are even; and so are those that a rounding of positions to
+/// tenths of a millimetre may have moved, up to a quarter of the distance.
+const EVEN: f64 = 0.02;
+const ROUNDED_MM: f64 = 0.06;
+const ROUNDED_MOST: f64 = 0.25;
+/// A slice of an uneven stack stands for a place of the grid from which it is no farther than this share of the distance.
+const SNAP: f64 = 0.01;
 /// Slices may lie so far beside the straight line of the first and the last, mm, before it is said.
 const ASIDE_MM: f64 = 0.05;
 /// Unevenly spaced slices are laid out at their smallest distance, but for more than so many times as many.
@@ -62,8 +69,21 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     }
     // PixelSpacing gives the distance of rows first.
     let across = [row * spacing[1], column * spacing[0]];
+    one_grid(series, &slices)?;
+    if numbers(tags::IMAGE_ORIENTATION_PATIENT).is_none() {
+        warnings.push("no orientation is given: rows taken to go to the left, columns to the back".into());
+    }
+    let unplaced = slices.iter().filter(|s| s.position.is_none()).count();
+    let mut slices = slices;
+    if unplaced > 0 && unplaced < slices.len() {
+        slices.retain(|s| s.position.is_some());
+        warnings.push(format!("{unplaced} slices have no position: left out"));
+    }
     let placed: Option<Vec<DVec3>> = slices.iter().map(|s| s.position).collect();
     let Some(placed) = placed else {
+        if frame > 0 {
+            return Err(format!("--frame {frame} is beyond its 1 frame (counted from 0)"));
+        }
         let thickness = thickness.unwrap_or_else(|| {
             warnings.push("no distance between slices is given: taken as 1 mm".into());
             1.0
@@ -85,19 +105,33 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     let depth_mm = |slice: &Slice| slice.position.map_or(0.0, |p| (p - placed[0]).dot(normal));
     let mut by_depth = slices;
     by_depth.sort_by(|a, b| depth_mm(a).total_cmp(&depth_mm(b)).then(a.order.cmp(&b.order)));
+    let mut gaps: Vec<f64> = by_depth.windows(2).map(|s| depth_mm(&s[1]) - depth_mm(&s[0])).collect();
+    gaps.retain(|gap| *gap > SAME_MM);
+    gaps.sort_by(f64::total_cmp);
+    let same_mm = gaps.get(gaps.len() / 2).map_or(SAME_MM, |usual| (SAME * usual).max(SAME_MM));
     let mut places: Vec<Vec<Slice>> = Vec::new();
     for slice in by_depth {
         match places.last_mut() {
-            Some(place) if (depth_mm(&slice) - depth_mm(&place[0])).abs() < SAME_MM => place.push(slice),
+            Some(place) if (depth_mm(&slice) - depth_mm(&place[0])).abs() < same_mm => place.push(slice),
             _ => places.push(vec![slice]),
         }
     }
     places.iter_mut().for_each(|place| place.sort_by_key(|s| s.order));
-    let frames = frames_of(&places, &mut warnings);
+    let told = frames_of(&places, &mut warnings);
+    let frames = match &told {
+        Frames::One => 1,
+        Frames::ByRank(n) => *n,
+        Frames::ByTime(times) => times.len(),
+    };
     if frame >= frames {
         return Err(format!("--frame {frame} is beyond its {frames} frames (counted from 0)"));
     }
-    let slices: Vec<Slice> = places.iter().map(|place| place[frame.min(place.len() - 1)]).collect();
+    let of_frame = |place: &Vec<Slice>| match &told {
+        Frames::One => place.first().copied(),
+        Frames::ByRank(_) => place.get(frame).copied(),
+        Frames::ByTime(times) => place.iter().find(|s| s.order[..2] == times[frame]).copied(),
+    };
+    let slices: Vec<Slice> = places.iter().filter_map(of_frame).collect();
     let depths: Vec<f64> = slices.iter().map(depth_mm).collect();
     let (layers, count) = layers(&depths, &mut warnings)?;
     let at = |slice: &Slice| slice.position.unwrap_or_default();
@@ -140,32 +174,81 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     })
 }
 
-/// How many volumes the slices make: as many as lie in each place.
-fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> usize {
-    let (least, most) = places.iter().map(Vec::len).fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
-    if least == most {
-        if most > 1 {
-            warnings
-                .push(format!("{most} slices lie in each place: {most} frames, of which --frame picks one"));
+/// Refuses a series whose slices lie across each other or have pixels of several sizes.
+fn one_grid(series: &Series, slices: &[Slice]) -> Result<(), String> {
+    let of = |slice: &Slice, tag| {
+        let set = &series.images[slice.image].set;
+        set.of_frame(slice.frame, tag).and_then(|a| a.numbers(tag))
+    };
+    for (tag, tolerance, what) in [
+        (tags::IMAGE_ORIENTATION_PATIENT, 1e-2, "lie in several orientations"),
+        (tags::PIXEL_SPACING, 1e-3, "have pixels of several sizes"),
+    ] {
+        let first = slices.first().and_then(|s| of(s, tag));
+        let differs = |other: Option<Vec<f64>>| match (&first, other) {
+            (Some(a), Some(b)) => {
+                a.len() != b.len()
+                    || a.iter().zip(b).any(|(a, b)| (a - b).abs() > tolerance * a.abs().max(1.0))
+            }
+            _ => false,
+        };
+        if slices.iter().any(|s| differs(of(s, tag))) {
+            return Err(format!("its slices {what}; one grid cannot hold them"));
         }
-        return most;
+    }
+    Ok(())
+}
+
+/// What tells slices of one place apart.
+enum Frames {
+    /// Nothing: one volume.
+    One,
+    /// The order of their numbers; as many lie in each place.
+    ByRank(usize),
+    /// Their times and acquisitions.
+    ByTime(Vec<[i64; 2]>),
+}
+
+/// How many volumes the slices make, and which slice is of which.
+fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> Frames {
+    let (least, most) = places.iter().map(Vec::len).fold((usize::MAX, 1), |(a, b), n| (a.min(n), b.max(n)));
+    if most == 1 {
+        return Frames::One;
+    }
+    let mut say = || {
+        warnings.push(format!("{most} slices lie in a place: {most} frames, of which --frame picks one"));
+    };
+    let time = |s: &Slice| [s.order[0], s.order[1]];
+    let mut times: Vec<[i64; 2]> = places.iter().flatten().map(time).collect();
+    times.sort_unstable();
+    times.dedup();
+    if times.len() == most {
+        say();
+        return Frames::ByTime(times);
+    }
+    if least == most {
+        say();
+        return Frames::ByRank(most);
     }
     let doubled: usize = places.iter().map(|place| place.len() - 1).sum();
     warnings.push(format!("{doubled} slices lie where others do: the one of the lowest number was taken"));
-    1
+    Frames::One
 }
 
 /// What the volume's slices are made of, for depths in rising order, and how many there are.
 fn layers(depths: &[f64], warnings: &mut Vec<String>) -> Result<(Vec<Layer>, usize), String> {
     let n = depths.len();
     let gaps: Vec<f64> = depths.windows(2).map(|d| d[1] - d[0]).collect();
-    let mean = gaps.iter().sum::<f64>() / gaps.len().max(1) as f64;
-    if gaps.iter().all(|gap| (gap - mean).abs() <= EVEN * mean) {
+    let mean = (depths[n - 1] - depths[0]) / gaps.len().max(1) as f64;
+    // Against places and not against distances: roundings of positions do not add up.
+    let tolerance = (EVEN * mean).max(ROUNDED_MM.min(ROUNDED_MOST * mean));
+    let is_even = |(k, depth): (usize, &f64)| (depth - depths[0] - k as f64 * mean).abs() <= tolerance;
+    if depths.iter().enumerate().all(is_even) {
         return Ok(((0..n).map(Layer::Slice).collect(), n));
     }
     let smallest = gaps.iter().copied().fold(f64::INFINITY, f64::min);
     let length = depths[n - 1] - depths[0];
-    let count = (length / smallest).round() as usize + 1;
+    let count = ((length / smallest).round() as usize).saturating_add(1);
     let largest = gaps.iter().copied().fold(0.0, f64::max);
     let says = format!("its slices are {smallest:.3} to {largest:.3} mm apart");
     if count > MOST_GROWTH * n {
@@ -175,11 +258,11 @@ fn layers(depths: &[f64], warnings: &mut Vec<String>) -> Result<(Vec<Layer>, usi
     let layers = (0..count)
         .map(|k| {
             let depth = depths[0] + k as f64 * step;
-            let above = depths.partition_point(|d| *d < depth - EVEN * step).clamp(1, n - 1);
+            let above = depths.partition_point(|d| *d < depth - SNAP * step).clamp(1, n - 1);
             let share = ((depth - depths[above - 1]) / gaps[above - 1]).clamp(0.0, 1.0);
             match share {
-                s if s * gaps[above - 1] <= EVEN * step => Layer::Slice(above - 1),
-                s if (1.0 - s) * gaps[above - 1] <= EVEN * step => Layer::Slice(above),
+                s if s * gaps[above - 1] <= SNAP * step => Layer::Slice(above - 1),
+                s if (1.0 - s) * gaps[above - 1] <= SNAP * step => Layer::Slice(above),
                 s => Layer::Between(above - 1, s),
             }
         })
@@ -202,6 +285,8 @@ mod tests {
 
     #[test]
     fn even_slices_are_taken_as_they_are() {
+        let thirds: Vec<f64> = (0..40).map(|k| (f64::from(k) / 3.0 * 100.0).round() / 100.0).collect();
+        assert!(laid(&thirds).unwrap().1.is_empty());
         let (layers, warnings) = laid(&[0.0, 2.0, 4.001, 6.0]).unwrap();
         assert_eq!(layers, [0, 1, 2, 3].map(Layer::Slice));
         assert!(warnings.is_empty());
@@ -219,6 +304,7 @@ mod tests {
 
     #[test]
     fn far_apart_slices_are_refused() {
+        assert!(laid(&[0.0, 1e15, 1e300]).is_err());
         assert!(laid(&[0.0, 0.1, 50.0]).unwrap_err().contains("apart"));
     }
 }
