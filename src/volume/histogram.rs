@@ -118,7 +118,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("all.raw");
         std::fs::write(&path, (0..=255).collect::<Vec<u8>>()).unwrap();
-        let layout: raw::RawLayout = "16x16x1:u8".parse().unwrap();
+        let layout: crate::volume::RawLayout = "16x16x1:u8".parse().unwrap();
         let volume = raw::read(&path, &layout.into()).unwrap();
         for most in [512, 256, 255, 100, 7, 1] {
             let histogram = Histogram::of(&volume, most);

@@ -17,7 +17,7 @@ pub use crop::Crop;
 pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
 pub use formats::nifti_write::{NIFTI_EXTENSIONS, write_nifti};
-pub use formats::raw::RawLayout;
+pub use formats::raw_layout::RawLayout;
 pub use formats::write::{VOLUME_EXTENSIONS, write_volume};
 pub use formats::{nifti, raw};
 pub use histogram::Histogram;
@@ -228,6 +228,10 @@ impl Volume {
             || world_from_index.matrix3.determinant() == 0.0
         {
             return Err(refuse("the affine is singular or not finite"));
+        }
+        let axes = world_from_index.matrix3;
+        if ![axes.x_axis, axes.y_axis, axes.z_axis].iter().all(|axis| axis.length().is_finite()) {
+            return Err(refuse("its voxels are longer than can be counted"));
         }
         let stored_range = finite_range(&voxels, loading);
         loading.go_on(&provenance.source)?;

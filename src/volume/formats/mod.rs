@@ -12,6 +12,7 @@ pub(super) mod nifti_write;
 pub mod npy;
 pub mod nrrd;
 pub mod raw;
+pub mod raw_layout;
 mod sidecar;
 mod source;
 mod text_header;

@@ -1,7 +1,7 @@
 //! What a file of voxels alone cannot say, in a JSON file beside it: `foot.raw.json` of `foot.raw`, `foot.npy.json` of
 //! `foot.npy`. `convert` writes it and the readers of those formats take it.
 
-use super::raw::RawLayout;
+use super::raw_layout::RawLayout;
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
 use crate::volume::{Scaling, Volume};

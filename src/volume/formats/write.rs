@@ -4,7 +4,7 @@
 //! 16- or 32-bit integers where they are such, and as 64-bit floats otherwise.
 
 use super::nifti_write::write_nifti;
-use super::raw::RawLayout;
+use super::raw_layout::RawLayout;
 use super::sidecar::Sidecar;
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};

@@ -30,6 +30,8 @@ const MARK: &[u8] = b"DICM";
 const VALUE_MOST_BYTES: u32 = 1 << 14;
 /// A data set of more elements is refused.
 const ELEMENTS_MOST: usize = 4_000_000;
+/// No series has more frames in a file.
+pub(super) const FRAMES_MOST: usize = 1 << 16;
 /// Sequences within each other beyond which a file is refused.
 const DEPTH_MOST: usize = 64;
 /// What a deflated data set may become.
@@ -279,6 +281,9 @@ impl DataSet {
                     if header.tag == tags::PIXEL_DATA && path.is_empty() {
                         self.pixels = PixelData::Native(span);
                         return Ok(());
+                    }
+                    if item > FRAMES_MOST {
+                        return Err(format!("it describes more than {FRAMES_MOST} frames"));
                     }
                     let home = self.home(&path, item).filter(|_| WANTED.contains(&header.tag));
                     match home {

@@ -1,6 +1,6 @@
 //! The files of a folder, sorted into series: what belongs into one volume.
 
-use super::dataset::{DataSet, PixelData, is_dicom, printable};
+use super::dataset::{DataSet, FRAMES_MOST, PixelData, is_dicom, printable};
 use super::pixels::Layout;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
@@ -155,7 +155,7 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
     };
     let frames = match whole(tags::NUMBER_OF_FRAMES).unwrap_or(1) {
         0 => 1,
-        n @ 1..=1_000_000 => n as usize,
+        n if (1..=FRAMES_MOST as i64).contains(&n) => n as usize,
         n => return Err(format!("it has {n} frames").into()),
     };
     Ok(Image { path: path.into(), set, layout, frames })
