@@ -108,7 +108,7 @@ fn flags_and_places() {
     assert!(load(&VolumeSpec { flags: ReadFlags { frame: Some(0), ..Default::default() }, ..file }).is_ok());
     refused(
         load(&VolumeSpec::new(folder.path().join("absent_2x1x1_u8.raw").to_str().unwrap())),
-        "cannot read raw",
+        "no such file",
     );
     fs::create_dir(folder.path().join("b_2x1x1_u8.raw")).unwrap();
     refused(load(&VolumeSpec::new(folder.path().join("b_2x1x1_u8.raw").to_str().unwrap())), "folder");

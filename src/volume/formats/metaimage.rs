@@ -3,6 +3,7 @@
 //! Directions and origin are in LPS mm, as in ITK, and are turned to RAS+.
 //! Source: ITK's MetaIO documentation, "MetaImage Format".
 
+use super::frames::picked;
 use super::head::Head;
 use super::source::{Block, Source, inexact_integers};
 use super::text_header::{Data, Encoding, Fields, Lines, affine, beside, grid, names_several, unreadable};
@@ -58,15 +59,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
         return Err(refuse(format!("its `NDims` is {axes:?}, and its `DimSize` has {}", sizes.len())));
     }
     let (dims, frames) = grid(&sizes).map_err(refuse)?;
-    if frame >= frames {
-        let why = format!("--frame {frame} is beyond its {frames} frames (counted from 0)");
-        return Err(Error::input("cannot read frame", path.display(), why));
-    }
-    let mut warnings = Vec::new();
-    if frames > 1 {
-        warnings
-            .push(format!("{frames} frames: frame {frame} (counted from 0) was read, --frame picks another"));
-    }
+    let mut warnings: Vec<String> = picked(path, frame, frames)?.into_iter().collect();
     let (world_from_index, affine_source) = placed(&fields, sizes.len(), &mut warnings).map_err(refuse)?;
     let block = block(&fields, dims, frame).map_err(refuse)?;
     let scaling = scaling(&fields).map_err(refuse)?;

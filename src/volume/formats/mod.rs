@@ -4,6 +4,7 @@
 //! reader says from the [`Head`] of a file whether it is its own.
 
 pub mod dicom;
+mod frames;
 mod head;
 pub mod metaimage;
 pub mod nifti;

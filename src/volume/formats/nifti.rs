@@ -3,6 +3,7 @@
 //! Read here and not by the `nifti` crate, which knows version 1 alone and allocates what the header claims before it
 //! has seen any data.
 
+use super::frames::picked;
 use super::nifti_header::{self, HEADER_BYTES, Header};
 use super::source::{Block, Source, inexact_integers};
 use crate::error::{Error, Result};
@@ -34,13 +35,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     let element = header.element().map_err(refuse)?;
     let scaling = header.scaling().map_err(refuse)?;
     let offset = header.data_offset().map_err(refuse)?;
-    if frame >= frames {
-        return Err(Error::input(
-            "cannot read frame",
-            path.display(),
-            format!("--frame {frame} is beyond its {frames} frames (counted from 0)"),
-        ));
-    }
+    let of_several = picked(path, frame, frames)?;
 
     let (mut data, data_path, at) = if header.paired {
         let data_path = pair.ok_or_else(|| {
@@ -56,7 +51,8 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
         .read(&mut data, at)
         .map_err(|why| Error::input("cannot read volume", data_path.display(), why))?;
 
-    let mut warnings = header_warnings(&header, element, frames, frame);
+    let mut warnings = header_warnings(&header, element);
+    warnings.splice(0..0, of_several);
     warnings.extend(inexact_integers(&voxels, element));
     let (world_from_index, affine_source) = header.affine(&mut warnings);
     let provenance = Provenance {
@@ -103,14 +99,10 @@ fn read_header(source: &mut Source<'_>, path: &Path) -> Result<(Header, u64)> {
     Ok((header, length as u64))
 }
 
-fn header_warnings(header: &Header, element: Element, frames: usize, frame: usize) -> Vec<String> {
+fn header_warnings(header: &Header, element: Element) -> Vec<String> {
     let mut warnings = Vec::new();
     if header.is_analyze && header.scaling() != Ok(Scaling::IDENTITY) {
         warnings.push("its values are scaled as SPM has it (Analyze 7.5 knows no scaling)".into());
-    }
-    if frames > 1 {
-        warnings
-            .push(format!("{frames} frames: frame {frame} (counted from 0) was read, --frame picks another"));
     }
     if header.vox_offset == 0.0 && !header.paired {
         warnings.push("vox_offset is 0: the voxels are taken to follow the header".into());

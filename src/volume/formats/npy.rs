@@ -3,6 +3,7 @@
 //! Read here and not by a crate: the header's text is a Python literal, of which three keys are wanted, and no memory is
 //! taken for what it merely claims. Source: NumPy's `numpy.lib.format`, "NPY format".
 
+use super::frames::picked;
 use super::head::Head;
 use super::sidecar::Sidecar;
 use super::source::{Block, Source, inexact_integers};
@@ -63,10 +64,7 @@ pub fn read_with(
             return Err(refuse(why));
         }
     };
-    if frame >= frames {
-        let why = format!("--frame {frame} is beyond its {frames} frames (counted from 0)");
-        return Err(Error::input("cannot read frame", path.display(), why));
-    }
+    let of_several = picked(path, frame, frames)?;
     let Header { element, byte_order, is_fortran, .. } = header;
     // In Fortran's order the first axis runs fastest: read as it lies, then turned about.
     let dims = if is_fortran { [nz, ny, nx] } else { [nx, ny, nz] };
@@ -92,10 +90,7 @@ pub fn read_with(
             (DAffine3::IDENTITY, AffineSource::Spacing)
         }
     };
-    if frames > 1 {
-        warnings
-            .push(format!("{frames} frames: frame {frame} (counted from 0) was read, --frame picks another"));
-    }
+    warnings.extend(of_several);
     let scaling = sidecar.map_or(Scaling::IDENTITY, |said| said.scaling());
     let provenance = Provenance {
         affine_source,

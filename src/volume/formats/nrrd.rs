@@ -3,6 +3,7 @@
 //! World is RAS+ mm by `space`, `space directions` and `space origin`; without them voxels are placed by `spacings` alone.
 //! Source: "Definition of NRRD File Format", teem.sourceforge.net/nrrd/format.html.
 
+use super::frames::picked;
 use super::head::Head;
 use super::source::{Block, Source, inexact_integers};
 use super::text_header::{
@@ -63,15 +64,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     drop(source);
     let axes = Axes::of(&fields).map_err(refuse)?;
     let (dims, frames) = grid(&axes.sizes).map_err(refuse)?;
-    if frame >= frames {
-        let why = format!("--frame {frame} is beyond its {frames} frames (counted from 0)");
-        return Err(Error::input("cannot read frame", path.display(), why));
-    }
-    let mut warnings = Vec::new();
-    if frames > 1 {
-        warnings
-            .push(format!("{frames} frames: frame {frame} (counted from 0) was read, --frame picks another"));
-    }
+    let mut warnings: Vec<String> = picked(path, frame, frames)?.into_iter().collect();
     let (world_from_index, affine_source) = axes.affine(&fields, &mut warnings).map_err(refuse)?;
     let block = block(&fields, dims, frame).map_err(refuse)?;
     let voxels = data(&fields, path, header_bytes, in_gzip).map_err(refuse)?.read(&block, frames, loading)?;

@@ -3,6 +3,7 @@
 //! Pages are slices, the first one at index 0, files in the order of the numbers in their names. Voxel sizes are those that
 //! ImageJ writes or an OME header has; a resolution alone is what a printer would take, and is not used.
 
+use super::frames::picked;
 use super::head::Head;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, Pieces, ReadingStage};
@@ -60,14 +61,7 @@ pub fn read_with(
     let mut warnings = Vec::new();
     let description = pages.description.take().unwrap_or_default();
     let order = Order::of(&description.text, pages.count).map_err(refuse)?;
-    if frame >= order.frames() {
-        let why = format!("--frame {frame} is beyond its {} frames (counted from 0)", order.frames());
-        return Err(Error::input("cannot read frame", path.display(), why));
-    }
-    if order.frames() > 1 {
-        let n = order.frames();
-        warnings.push(format!("{n} frames: frame {frame} (counted from 0) was read, --frame picks another"));
-    }
+    warnings.extend(picked(path, frame, order.frames())?);
     let spacing = spacing_mm.or_else(|| description.spacing_mm()).unwrap_or_else(|| {
         warnings.push("no --spacing given: voxels taken as 1 mm".into());
         [1.0; 3]

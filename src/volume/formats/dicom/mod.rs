@@ -208,7 +208,7 @@ fn gathered<T: Copy + Default + Send + Sync>(
     let spans: Vec<_> = series
         .images
         .iter()
-        .map(|image| spans(&image.set, &image.layout, image.frames).map_err(|e| named(image, e)))
+        .map(|image| spans(&image.path, &image.set, &image.layout, image.frames).map_err(|e| named(image, e)))
         .collect::<Result<_, _>>()?;
     let pixels = values.layout.pixels();
     let count = pixels.checked_mul(stack.layers.len()).ok_or("more voxels than can be counted")?;

@@ -98,7 +98,12 @@ pub(super) fn warning_of(syntax: &str) -> Option<&'static str> {
 ///
 /// # Errors
 /// The pixels are not there, fewer than said, or packed in a way that cannot be read.
-pub(super) fn spans(set: &DataSet, layout: &Layout, frames: usize) -> Result<Vec<Vec<Span>>, String> {
+pub(super) fn spans(
+    path: &Path,
+    set: &DataSet,
+    layout: &Layout,
+    frames: usize,
+) -> Result<Vec<Vec<Span>>, String> {
     let bytes = layout.frame_bytes();
     match &set.pixels {
         PixelData::None => Err("it has no pixels".into()),
@@ -116,7 +121,9 @@ pub(super) fn spans(set: &DataSet, layout: &Layout, frames: usize) -> Result<Vec
         }
         PixelData::Encapsulated(fragments) => {
             codec(&set.syntax)?;
-            let spans = encapsulated(fragments, frames)?;
+            let table =
+                fragments.first().map(|table| set.bytes(path, *table)).transpose()?.unwrap_or_default();
+            let spans = encapsulated(fragments, frames, &table)?;
             let packed: u64 = fragments.iter().map(|f| u64::from(f.bytes)).sum();
             let claimed = (bytes as u64).saturating_mul(frames as u64);
             if claimed > packed.saturating_mul(MOST_RATIO).max(SMALL_BYTES) {
@@ -127,16 +134,35 @@ pub(super) fn spans(set: &DataSet, layout: &Layout, frames: usize) -> Result<Vec
     }
 }
 
-/// Fragments of each frame: all of one frame, or one each. (A table of offsets is not needed for either.)
-fn encapsulated(fragments: &[Span], frames: usize) -> Result<Vec<Vec<Span>>, String> {
+/// Fragments of each frame: all of one frame, one each, or by the table of offsets, which counts from the first fragment's
+/// item on.
+fn encapsulated(fragments: &[Span], frames: usize, table: &[u8]) -> Result<Vec<Vec<Span>>, String> {
     let data = fragments.get(1..).unwrap_or_default();
-    match data.len() {
-        0 => Err("it has no pixels".into()),
-        _ if frames == 1 => Ok(vec![data.to_vec()]),
-        n if n == frames => Ok(data.iter().map(|span| vec![*span]).collect()),
-        n => {
-            Err(format!("its {frames} frames are cut into {n} fragments, which is not read; one a frame is"))
+    let Some(first) = data.first() else { return Err("it has no pixels".into()) };
+    if frames == 1 {
+        return Ok(vec![data.to_vec()]);
+    }
+    if data.len() == frames {
+        return Ok(data.iter().map(|span| vec![*span]).collect());
+    }
+    let starts: Vec<u64> = table.as_chunks().0.iter().map(|&word| u32::from_le_bytes(word).into()).collect();
+    let mut of_frames: Vec<Vec<Span>> = vec![Vec::new(); frames];
+    for span in data {
+        let at = span.offset - first.offset;
+        // The last frame that begins no later.
+        match starts.partition_point(|start| *start <= at) {
+            frame if (1..=frames).contains(&frame) && starts.len() == frames => {
+                of_frames[frame - 1].push(*span)
+            }
+            _ => {
+                let n = data.len();
+                return Err(format!("its {frames} frames are cut into {n} fragments, and no table says how"));
+            }
         }
+    }
+    match of_frames.iter().any(Vec::is_empty) {
+        true => Err("its table of offsets leaves frames without pixels".into()),
+        false => Ok(of_frames),
     }
 }
 
@@ -320,6 +346,21 @@ fn rle(bytes: &[u8], layout: &Layout) -> Result<Vec<u32>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fragments_belong_to_frames_by_the_table() {
+        let span = |offset| Span { offset, bytes: 10 };
+        // Items have eight bytes in front of ten.
+        let fragments = [span(0), span(100), span(118), span(136)];
+        let table: Vec<u8> = [0u32, 36].into_iter().flat_map(u32::to_le_bytes).collect();
+        let frames = encapsulated(&fragments, 2, &table).unwrap();
+        assert_eq!(frames, [vec![span(100), span(118)], vec![span(136)]]);
+        assert!(
+            encapsulated(&fragments, 2, &[]).is_err() && encapsulated(&fragments, 2, &table[..4]).is_err()
+        );
+        assert_eq!(encapsulated(&fragments, 3, &[]).unwrap().len(), 3);
+        assert!(encapsulated(&fragments[..1], 1, &[]).is_err());
+    }
 
     #[test]
     fn overlays_and_signs_are_told_from_values() {
