@@ -522,7 +522,7 @@ fn what_is_not_nifti() {
     refused(folder.read("absent.nii"), "no such file");
     fs::create_dir(folder.path("folder.nii")).unwrap();
     refused(folder.read("folder.nii"), "folder");
-    refused(folder.read(""), "folder");
+    refused(folder.read(""), "no DICOM images");
     refused(load(&VolumeSpec::new("")), "no such file");
 }
 
