@@ -1,5 +1,6 @@
 //! Small files of each format, made by hand from the formats' definitions; round trips; mutants of all of them.
 
+use super::write::{COLOR_SAID, OPACITY_SAID};
 use super::*;
 use crate::files::color::{linear_from_srgb, srgb_from_linear};
 use crate::transfer::{MAX_OPACITY, Quantity};
@@ -369,10 +370,12 @@ proptest! {
                 let value = f64::from(i) + 0.123;
                 // Over 1 mm, where opacities are compared: those near 1 differ by nothing that could be seen.
                 let [want, got] = [&tf, &again.tf].map(|f| -(-f.extinction(value)).exp_m1());
-                let allowed = if is_rough { 0.2 } else { 1.3e-3 * want + 1e-5 + 2e-4 };
+                // What a line of a .vp has no room for goes unsaid below these; probes between points miss a tenth.
+                let allowed = if is_rough { 0.2 } else { 1.1 * OPACITY_SAID * want + 3e-4 };
                 prop_assert!((want.min(MAX_OPACITY) - got).abs() <= allowed, "{}: {} {} {}", name, value, want, got);
                 if want > 1e-9 && !is_rough {
-                    let ([a, b], off) = ([&tf, &again.tf].map(|f| f.color(value).map(srgb_from_linear)), 1.6 / 255.0);
+                    let off = (1.1 * COLOR_SAID + 1.1) / 255.0;
+                    let [a, b] = [&tf, &again.tf].map(|f| f.color(value).map(srgb_from_linear));
                     prop_assert!((0..3).all(|c| (a[c] - b[c]).abs() < off), "{}: {} {:?} {:?}", name, value, a, b);
                 }
             }

@@ -23,8 +23,8 @@ const OPACITY_LEAST: f64 = 1e-6;
 /// How far a colour may be off: a quarter of a step of 8 bits.
 const COLOR_OFF: f64 = 0.25 / 255.0;
 /// From which error on too few points are worth a warning: a share of the opacity, and steps of 8 bits.
-const OPACITY_SAID: f64 = 0.01;
-const COLOR_SAID: f64 = 1.0;
+pub(super) const OPACITY_SAID: f64 = 0.01;
+pub(super) const COLOR_SAID: f64 = 1.0;
 /// Points of a list; ParaView's editor shows each as a handle.
 const MOST_POINTS: usize = 1000;
 /// Characters of a line that 3D Slicer reads; behind a longer one it loses the lines that follow.
