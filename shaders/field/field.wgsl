@@ -36,6 +36,8 @@ struct Field {
     color_r: f32,
     color_g: f32,
     color_b: f32,
+    // Planes n·g >= d in grid space, as (n, d): what is kept. Those beyond the last keep everything. Read with CLIP.
+    clip: array<vec4<f32>, #{MOST_CLIP_PLANES}>,
 }
 
 @group(0) @binding(0) var<uniform> field: Field;
@@ -119,6 +121,24 @@ fn value_at(g: vec3<f32>) -> f32 {
 fn brick_distance_at(brick: vec3<i32>) -> i32 {
     count_work(LOADS, 1u);
     return i32(textureLoad(brick_distance, brick, 0).x);
+}
+
+// What clip planes keep of the span of the line o + t d; entry > exit where that is nothing.
+fn clipped_span(o: vec3<f32>, d: vec3<f32>, span: vec2<f32>) -> vec2<f32> {
+    var kept = span;
+#ifdef CLIP
+    for (var i = 0u; i < #{MOST_CLIP_PLANES}; i++) {
+        let plane = field.clip[i];
+        let rise = dot(plane.xyz, d);
+        let above = dot(plane.xyz, o) - plane.w;
+        let moves = abs(rise) >= 1e-20;
+        let at = -above / select(1.0, rise, moves);
+        let never = !moves && above < 0.0;
+        kept.x = select(kept.x, max(kept.x, select(at, FAR, never)), never || (moves && rise > 0.0));
+        kept.y = select(kept.y, min(kept.y, select(at, -FAR, never)), never || (moves && rise < 0.0));
+    }
+#endif
+    return kept;
 }
 
 // 1 / d with a finite stand-in where d vanishes.

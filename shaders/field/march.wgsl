@@ -21,7 +21,7 @@
 // share their state, and llvmpipe of Mesa 22.3 has crashed on branches that were moved into functions of their own.
 #define_import_path umbravox::march
 
-#import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::{interval_start, interval_at, extinction_in, amounts_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::ran_out
@@ -117,7 +117,7 @@ fn extrema(c: vec4<f32>) -> vec2<f32> {
 // Marches the ray o + z d (grid space, d per mm) over the depths [z_from, z_to].
 fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) {
     let inv_d = safe_inverse(d);
-    let span = box_span(o, inv_d, d, field.active_lo, field.active_hi);
+    let span = clipped_span(o, d, box_span(o, inv_d, d, field.active_lo, field.active_hi));
     let end = min(span.y, z_to);
     let moves = abs(d) >= vec3<f32>(1e-20);
     let top = vec3<i32>(field.size);

@@ -8,7 +8,7 @@
 // its start.
 #define_import_path umbravox::walk
 
-#import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 
 struct Line {
     // Grid space: the point of depth 0 and the way per mm.
@@ -45,7 +45,7 @@ const MOST_SAMPLES: f32 = 16777216.0;
 // The line o + t d from `first` to `last` (mm) through the domain.
 fn line_through(o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, step_mm: f32) -> Line {
     let inv_d = safe_inverse(d);
-    let domain = box_span(o, inv_d, d, vec3<f32>(0.5), vec3<f32>(field.size) + 0.5);
+    let domain = clipped_span(o, d, box_span(o, inv_d, d, vec3<f32>(0.5), vec3<f32>(field.size) + 0.5));
     let t_in = max(domain.x, first);
     let t_out = min(domain.y, last);
 #ifdef SKIP_BRICKS

@@ -103,13 +103,20 @@ impl<'a> ExactField<'a> {
         curve
     }
 
-    /// Distances (mm) at which the ray from `origin` in the unit `direction`, world mm, enters the domain (0 where it
-    /// starts inside) and leaves it; `None` where it misses.
+    /// Distances (mm) at which the ray from `origin` in the unit `direction`, world mm, enters what clip planes keep of the
+    /// domain (0 where it starts inside) and leaves it; `None` where it misses.
     pub fn span_in_domain(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
-        let to_index = self.volume.index_from_world();
-        let (from, along) = (to_index.transform_point3(origin), to_index.transform_vector3(direction));
-        let ray = Ray::clipped(from, along, f64::INFINITY, self.volume.dims())?;
+        let ray = self.ray(origin, direction, f64::INFINITY)?;
         Some([ray.enter_mm, ray.exit_mm])
+    }
+
+    /// A ray from `origin` in the unit `direction`, world mm, as far as it is in the domain and not clipped away.
+    fn ray(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> Option<Ray> {
+        let kept = (self.volume.clip().iter())
+            .fold([0.0, length_mm], |kept, plane| plane.cut(origin, direction, kept));
+        let to_index = self.volume.index_from_world();
+        let (origin, direction) = (to_index.transform_point3(origin), to_index.transform_vector3(direction));
+        Ray::clipped(origin, direction, kept, self.volume.dims())
     }
 
     /// Whether there is any extinction along the ray from `origin` in the unit `direction`, world mm; `length_mm` may
@@ -152,12 +159,8 @@ impl<'a> ExactField<'a> {
         length_mm: f64,
         visit: impl FnMut(Piece) -> ControlFlow<()>,
     ) {
-        let to_index = self.volume.index_from_world();
+        let Some(ray) = self.ray(origin, direction, length_mm) else { return };
         let dims = self.volume.dims();
-        let origin = to_index.transform_point3(origin);
-        let Some(ray) = Ray::clipped(origin, to_index.transform_vector3(direction), length_mm, dims) else {
-            return;
-        };
         with_voxels!(self.volume.voxels(), array => {
             let grid =
                 Grid { voxels: contiguous(array), dims, scaling: self.volume.scaling(), blocks: &self.blocks };

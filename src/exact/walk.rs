@@ -18,10 +18,15 @@ pub(super) struct Ray {
 }
 
 impl Ray {
-    /// `None` where the ray misses the domain within `[0, length_mm]`, or its numbers are not finite.
-    pub fn clipped(origin: DVec3, direction: DVec3, length_mm: f64, dims: [usize; 3]) -> Option<Self> {
+    /// `None` where the ray misses the domain within `[from_mm, to_mm]`, or its numbers are not finite.
+    pub fn clipped(
+        origin: DVec3,
+        direction: DVec3,
+        [from_mm, to_mm]: [f64; 2],
+        dims: [usize; 3],
+    ) -> Option<Self> {
         let (origin, direction) = (origin.to_array(), direction.to_array());
-        let (mut enter_mm, mut exit_mm) = (0.0f64, length_mm);
+        let (mut enter_mm, mut exit_mm) = (from_mm, to_mm);
         for axis in 0..3 {
             let (p, d) = (origin[axis], direction[axis]);
             let (low, high) = (-0.5, dims[axis] as f64 - 0.5);
@@ -38,7 +43,7 @@ impl Ray {
                 exit_mm = exit_mm.min(a.max(b));
             }
         }
-        (exit_mm > enter_mm && exit_mm.is_finite()).then_some(Self { origin, direction, enter_mm, exit_mm })
+        (exit_mm > enter_mm && exit_mm.is_finite() && enter_mm.is_finite()).then_some(Self { origin, direction, enter_mm, exit_mm })
     }
 }
 

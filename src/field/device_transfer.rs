@@ -1,12 +1,12 @@
 //! A transfer function on the device, for one volume: tables, active bricks and their distances.
 
-use super::{ActiveBricks, Forced, LoadedVolume, Omittable, marches_cells};
+use super::{ActiveBricks, Forced, LoadedVolume, Omittable, grid_from_world, marches_cells};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Group, ShaderVariant, Slot, clamp_sampler, table_texture, uniform_buffer};
 use crate::transfer::{
     MAX_INTERVALS, PAIR_BINS, PairTable, TexelMapping, TransferFunction, TransferTables, VALUE_BINS,
 };
-use crate::volume::BRICK_CELLS;
+use crate::volume::{BRICK_CELLS, MOST_CLIP_PLANES, Volume};
 use bytemuck::{Pod, Zeroable};
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -31,6 +31,7 @@ struct FieldUniform {
     pub color_r: f32,
     pub color_g: f32,
     pub color_b: f32,
+    pub clip: [[f32; 4]; MOST_CLIP_PLANES],
 }
 
 /// `IntervalTable` of `shaders/field/transfer.wgsl`.
@@ -69,6 +70,8 @@ pub struct DeviceTransfer {
     pub empty: bool,
     /// Everything with extinction has one colour, and the integrals hold none.
     pub one_color: bool,
+    /// The volume has clip planes.
+    clips: bool,
     /// What is forced back on in everything that is made from this.
     pub forced: Forced,
     uniform: FieldUniform,
@@ -165,6 +168,7 @@ impl DeviceTransfer {
             table_ms,
             classify_ms,
             one_color: false,
+            clips: !loaded.volume.clip().is_empty(),
             forced,
             plain_group: bindings.group(gpu, &no_pairs(gpu)?),
             uniform,
@@ -276,12 +280,14 @@ impl DeviceTransfer {
         self.march.get().map_or(&self.plain_group, |table| &table.group)
     }
 
-    /// A variant as this function needs it: where it marches cell by cell, the pre-compressed table is made now if it has
-    /// not been, and breakpoints that it cannot hold are searched for.
+    /// A variant as this function on this volume needs it: lines end at clip planes where there are some; where it marches
+    /// cell by cell, the pre-compressed table is made now if it has not been, and breakpoints that it cannot hold are
+    /// searched for.
     ///
     /// # Errors
     /// A device out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
+        let variant = variant.defs(self.clips.then_some("CLIP"));
         if !marches_cells(&variant) {
             return Ok(variant);
         }
@@ -332,7 +338,20 @@ fn field_uniform(
         color_r,
         color_g,
         color_b,
+        clip: clip_planes(&loaded.volume),
     }
+}
+
+/// The volume's clip planes in grid space, and behind them such that keep everything.
+fn clip_planes(volume: &Volume) -> [[f32; 4]; MOST_CLIP_PLANES] {
+    let mut planes = [[0.0, 0.0, 0.0, -1.0]; MOST_CLIP_PLANES];
+    let world_from_grid = grid_from_world(volume).inverse();
+    for (plane, given) in planes.iter_mut().zip(volume.clip()) {
+        let (normal, offset) = given.seen_from(world_from_grid);
+        // Of length 1 here too, so that float32 rounds it alike in voxels of all sizes.
+        *plane = (normal.extend(offset) / normal.length()).as_vec4().to_array();
+    }
+    planes
 }
 
 /// The integrals of extinction over the value.
@@ -397,7 +416,7 @@ mod tests {
             field_shader("render/query.wgsl").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
         assert_layout!(&shader, "Field", FieldUniform: size, min_spacing_mm, inv_size, intervals, active_lo,
             first_value, active_hi, last_value, bin_origin, bins_per_value, table_origin, table_per_value,
-            inv_reference_length, color_r, color_g, color_b);
+            inv_reference_length, color_r, color_g, color_b, clip);
         assert_layout!(&shader, "IntervalTable", IntervalTable: intervals, of_bin);
     }
 }

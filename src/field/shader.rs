@@ -4,7 +4,7 @@ use super::constants::{FAR, LINE_THREADS, NO_TILE, TILE};
 use super::light_space::Projection;
 use crate::gpu::{Constant, ShaderVariant, WORK_KINDS, WORK_WORDS};
 use crate::transfer::{MAX_INTERVALS, MAX_OPACITY, MORE_NODES, PAIR_BINS, TABLE_BINS, VALUE_BINS};
-use crate::volume::BRICK_CELLS;
+use crate::volume::{BRICK_CELLS, MOST_CLIP_PLANES};
 
 /// The modules that march light rays: cell by cell, by regular samples, and from segment to segment of strands.
 const MARCH_CELLS: &str = "field/march.wgsl";
@@ -69,6 +69,7 @@ const CONSTANTS: &[Constant] = &[
     Constant::signed("BRICK_CELLS", BRICK_CELLS as i32),
     Constant::unsigned("BRICK_SHIFT", BRICK_CELLS.ilog2()),
     Constant::float("FAR", FAR),
+    Constant::unsigned("MOST_CLIP_PLANES", MOST_CLIP_PLANES as u32),
     Constant::unsigned("PARTS_OF_SUM", PARTS_OF_SUM),
     Constant::unsigned("MOST_PIECES", MOST_PIECES),
     Constant::float("MAX_OPACITY", MAX_OPACITY as f32),

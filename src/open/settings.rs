@@ -184,14 +184,14 @@ pub struct Loaded {
 impl SceneSettings {
     /// A volume, and the defaults for all else.
     pub fn of_volume(spec: &VolumeSpec) -> Self {
-        Self { volume: Some(spec.source.clone()), read_flags: spec.flags, ..Self::default() }
+        Self { volume: Some(spec.source.clone()), read_flags: spec.flags.clone(), ..Self::default() }
     }
 
     /// The volume, and how to read it.
     pub fn spec(&self) -> VolumeSpec {
         VolumeSpec {
             source: self.volume.clone().unwrap_or_else(|| DEFAULT_VOLUME.into()),
-            flags: self.read_flags,
+            flags: self.read_flags.clone(),
         }
     }
 

@@ -8,7 +8,11 @@
 
 use super::{Scaling, Volume, Voxel};
 use crate::with_voxels;
+use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
+
+/// How far outside of a plane a brick must lie, in bricks, before it counts as clipped.
+const CLIP_ROOM: f64 = 0.01;
 
 /// Cells along each side of a brick.
 pub const BRICK_CELLS: usize = 4;
@@ -18,7 +22,7 @@ pub const BRICK_CELLS: usize = 4;
 pub struct Bricks {
     /// Bricks along each axis: `ceil((n + 1) / BRICK_CELLS)`.
     pub counts: [usize; 3],
-    /// Smallest scaled value in each.
+    /// Smallest scaled value in each; NaN in those that are clipped away.
     pub min: Vec<f64>,
     /// Largest scaled value in each.
     pub max: Vec<f64>,
@@ -35,10 +39,38 @@ impl Bricks {
         dims.map(|n| (n + 1).div_ceil(BRICK_CELLS))
     }
 
-    /// Finds every brick's range; stored types are compared and only the results scaled.
+    /// Finds every brick's range; stored types are compared and only the results scaled. Bricks of which the volume's clip
+    /// planes keep nothing have no range.
     pub fn build(volume: &Volume) -> Self {
         let dims = volume.dims();
-        with_voxels!(volume.voxels(), a => build(a.as_slice().unwrap_or_default(), dims, volume.scaling()))
+        let bricks = with_voxels!(volume.voxels(), a => {
+            build(a.as_slice().unwrap_or_default(), dims, volume.scaling())
+        });
+        bricks.without_clipped(volume)
+    }
+
+    /// The same without the ranges of bricks of which the volume's clip planes keep nothing: those become NaN.
+    #[must_use]
+    pub fn without_clipped(mut self, volume: &Volume) -> Self {
+        // From brick coordinates: cell c begins at index c - 1.
+        let to_world = volume.world_from_index()
+            * DAffine3::from_translation(DVec3::NEG_ONE)
+            * DAffine3::from_scale(DVec3::splat(BRICK_CELLS as f64));
+        let planes: Vec<_> = volume.clip().iter().map(|plane| plane.seen_from(to_world)).collect();
+        if planes.is_empty() {
+            return self;
+        }
+        let [nx, ny, _] = self.counts;
+        self.min.par_iter_mut().zip(&mut self.max).enumerate().with_min_len(1 << 12).for_each(|(i, (min, max))| {
+            let low = DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64);
+            // The corner that lies farthest along the normal, with room for what float32 makes of planes.
+            let farthest = |n: DVec3| low + DVec3::select(n.cmpgt(DVec3::ZERO), DVec3::ONE, DVec3::ZERO);
+            let room = |n: DVec3| CLIP_ROOM * n.abs().element_sum();
+            if planes.iter().any(|&(n, offset)| n.dot(farthest(n)) + room(n) < offset) {
+                (*min, *max) = (f64::NAN, f64::NAN);
+            }
+        });
+        self
     }
 
     /// Number of bricks.

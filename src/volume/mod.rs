@@ -4,6 +4,7 @@
 //! edge; the domain is `[-0.5, n - 0.5]^3` in index space and there is nothing (zero extinction) outside.
 
 mod bricks;
+mod clip;
 mod crop;
 mod directions;
 mod element;
@@ -13,6 +14,7 @@ mod phantom;
 mod thorax;
 
 pub use bricks::{BRICK_CELLS, Bricks};
+pub use clip::{ClipPlane, MOST_CLIP_PLANES};
 pub use crop::Crop;
 pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
@@ -182,6 +184,7 @@ pub struct Volume {
     world_from_index: DAffine3,
     index_from_world: DAffine3,
     stored_range: [f64; 2],
+    clip: Vec<ClipPlane>,
     /// Where it came from.
     pub provenance: Provenance,
 }
@@ -247,7 +250,8 @@ impl Volume {
                 .warnings
                 .push(format!("{non_finite} voxels were not finite and became the smallest finite value"));
         }
-        Ok(Self { voxels, scaling, world_from_index, index_from_world, stored_range, provenance })
+        let clip = Vec::new();
+        Ok(Self { voxels, scaling, world_from_index, index_from_world, stored_range, clip, provenance })
     }
 
     /// Grid size `[nx, ny, nz]` along index axes `i, j, k`.

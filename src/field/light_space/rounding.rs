@@ -31,7 +31,9 @@ pub struct Rounding {
 impl LightSpace {
     /// How far float32 may put a point of a texel's ray from where it is: see `docs/bound.md`, "Positions".
     pub fn rounding(&self, volume: &Volume) -> Rounding {
-        let unit = ROUNDINGS * f64::from(f32::EPSILON) / 2.0;
+        // A clip plane's distance from a point is such a sum, too.
+        let roundings = ROUNDINGS + if volume.clip().is_empty() { 0.0 } else { DOT_ROUNDINGS };
+        let unit = roundings * f64::from(f32::EPSILON) / 2.0;
         let world_from_grid = self.grid_from_world.inverse();
         let grid_from_frame = self.grid_from_world * self.world_from_frame;
         let frame_from_grid = self.frame_from_world * world_from_grid;

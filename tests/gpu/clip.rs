@@ -1,0 +1,164 @@
+//! Clip planes: what is outside of one has no extinction, exactly so, for every method, skipped or not.
+
+use super::*;
+use crate::bound::along_light_rays;
+use umbravox::scene::Skip;
+use umbravox::volume::ClipPlane;
+
+fn plane(normal: DVec3, through: DVec3) -> ClipPlane {
+    let normal = normal.normalize();
+    ClipPlane { normal, offset_mm: normal.dot(through) }
+}
+
+fn clipped(volume: &Arc<Volume>, planes: &[ClipPlane]) -> Arc<Volume> {
+    Arc::new(Volume::clone(volume).clipped(planes).unwrap())
+}
+
+/// One oblique plane through the middle, a wedge, a thin oblique slab.
+fn cuts(volume: &Volume) -> Vec<(&'static str, Vec<ClipPlane>)> {
+    let corners = volume.corners_mm();
+    let center = corners.iter().sum::<DVec3>() / 8.0;
+    let size = corners[0].distance(corners[7]);
+    let oblique = DVec3::new(0.3, -0.5, 0.8);
+    vec![
+        ("halved", vec![plane(oblique, center)]),
+        ("wedge", vec![plane(DVec3::X, center), plane(DVec3::new(-1.0, 2.0, 0.1), center)]),
+        ("slab", vec![plane(oblique, center - 0.04 * size * oblique), plane(-oblique, center + 0.02 * size * oblique)]),
+    ]
+}
+
+/// Through one extinction everywhere, transmittance is the exponential of the way through what is kept.
+#[test]
+fn an_even_medium_is_as_deep_as_what_is_kept_of_it() {
+    let n = 24usize;
+    let volume = Arc::new(volume_of(Array3::<u8>::from_elem((n, n, n), 100).into(), DAffine3::IDENTITY));
+    let sigma = 0.07;
+    let tf = TransferFunction::new(Quantity::Extinction, &[(50.0, sigma), (200.0, sigma)]);
+    let cut = plane(DVec3::new(0.2, 0.3, 1.0), DVec3::splat(11.5));
+    let volume = clipped(&volume, &[cut, plane(DVec3::NEG_Y, DVec3::new(0.0, 19.2, 0.0))]);
+    let Some(setup) = Setup::open(&volume, &tf) else { return };
+    let toward = DVec3::new(-0.2, 0.35, -0.9).normalize();
+    let light = Light::Directional { toward };
+    // Behind the cut, before it, and above the second plane, seen from the light below.
+    let points: Vec<DVec3> = (0..400)
+        .map(|i| DVec3::new(8.0 + f64::from(i % 8), 6.0 + f64::from(i / 8 % 10), f64::from(i / 80) * 4.5 + 0.7))
+        .collect();
+    let depth = |from: &DVec3| {
+        let mut span = [0.0, f64::INFINITY];
+        for plane in volume.clip() {
+            span = plane.cut(*from, toward, span);
+        }
+        for (axis, sign) in (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]) {
+            let normal = sign * DVec3::AXES[axis];
+            let side = ClipPlane { normal, offset_mm: if sign > 0.0 { -0.5 } else { -(n as f64 - 0.5) } };
+            span = side.cut(*from, toward, span);
+        }
+        sigma * (span[1] - span[0]).max(0.0)
+    };
+    let wanted: Vec<f64> = points.iter().map(|p| (-depth(p)).exp()).collect();
+    assert!(wanted.iter().any(|t| *t < 0.5) && wanted.iter().filter(|t| **t == 1.0).count() > 20);
+    let exact = setup.exact();
+    for (p, want) in points.iter().zip(&wanted) {
+        assert!((exact.transmittance_to_light(*p, &light) - want).abs() < 1e-12, "{p}");
+    }
+    for (method, allowed) in [
+        ("rays", 2e-6),
+        ("dsm:epsilon=0.002,map=256", 0.012),
+        ("dsm:epsilon=0.002,map=256,march=samples", 0.012),
+        ("osm:layers=128,map=256", 0.02),
+        ("fourier:map=256,range=texel", 0.02),
+        ("avsm:map=256,nodes=16", 0.02),
+        ("lightvolume", 0.04),
+        ("lightvolume:build=sweep", 0.08),
+    ] {
+        let got = setup.query(&setup.shadow(method, light), &points);
+        let off = got.iter().zip(&wanted).map(|(t, want)| (f64::from(*t) - want).abs()).fold(0.0, f64::max);
+        println!("{method}: {off:.5}");
+        assert!(off <= allowed, "{method}: {off}");
+    }
+}
+
+/// What is promised of light rays is promised of clipped volumes, and holds.
+#[test]
+fn promises_hold() {
+    let whole = phantom("thorax:48");
+    for (what, planes) in cuts(&whole) {
+        let volume = clipped(&whole, &planes);
+        for (n, tf) in transfer_functions([-900.0, 1200.0]).iter().enumerate() {
+            let Some(setup) = Setup::open(&volume, tf) else { return };
+            for (place, light) in lights(&volume) {
+                for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"] {
+                    let (report, sanity) = along_light_rays(&setup, method, light);
+                    let wrong = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
+                    assert!(
+                        report.held() == Some(true) && wrong == 0,
+                        "{what}, function {n}, {place}, {method}: {report:?} {sanity:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Light rays that run in the plane itself, and beside it by hairs: on which side they lie is the neighbours' to say.
+#[test]
+fn light_along_the_plane() {
+    let whole = phantom("thorax:48");
+    let center = whole.corners_mm().iter().sum::<DVec3>() / 8.0;
+    let [_, jumps, _] = transfer_functions([-900.0, 1200.0]);
+    let normal = DVec3::new(0.3, -0.5, 0.8);
+    let across = normal.cross(DVec3::new(1.0, 0.2, 0.4)).normalize();
+    for tilt in [0.0, 1e-7, 1e-4] {
+        let volume = clipped(&whole, &[plane(normal + tilt * across, center)]);
+        let Some(setup) = Setup::open(&volume, &jumps) else { return };
+        let light = Light::Directional { toward: across };
+        for method in ["rays", "dsm:epsilon=0.01,map=64"] {
+            let (report, sanity) = along_light_rays(&setup, method, light);
+            assert_eq!((report.held(), sanity.non_finite), (Some(true), 0), "{tilt} {method}: {report:?}");
+        }
+    }
+}
+
+/// Pictures against the exact picture, and with nothing skipped the same.
+#[test]
+fn pictures_are_exact_and_skipping_changes_nothing() {
+    let whole = phantom("thorax:64");
+    let [ramp, jumps, _] = transfer_functions([-900.0, 1200.0]);
+    for (what, planes) in cuts(&whole) {
+        let volume = clipped(&whole, &planes);
+        for tf in [&ramp, &jumps] {
+            let Some(setup) = Setup::open(&volume, tf) else { return };
+            let scene = setup.scene(32, 24);
+            let exact = setup.exact().picture(&scene);
+            for (method, allowed) in
+                [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]
+            {
+                let map = setup.shadow(method, scene.light());
+                let picture = setup.picture_of(&map, &scene);
+                let rms = rms_difference(&picture, &exact);
+                println!("{what}, {method}: rms {rms:.5}");
+                assert!(rms <= allowed, "{what}, {method}: rms {rms}");
+                let plain = setup.picture_of(&map, &Scene { skip: Skip::None, ..scene.clone() });
+                let off = largest_difference(&picture, &plain);
+                assert!(off <= tolerance::SKIPPING, "{what}, {method}: {off}");
+            }
+        }
+    }
+}
+
+/// Bricks that are clipped away are not marched, and a volume of which nothing is kept is empty.
+#[test]
+fn what_is_clipped_away_costs_nothing() {
+    let whole = phantom("thorax:64");
+    let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
+    let center = whole.corners_mm().iter().sum::<DVec3>() / 8.0;
+    let Some(all) = Setup::open(&whole, &ramp) else { return };
+    let half = Setup::open(&clipped(&whole, &[plane(DVec3::X, center)]), &ramp).unwrap();
+    let [all_active, half_active] = [&all, &half].map(|s| s.session.transfer.active.active as f64);
+    assert!((0.4..0.65).contains(&(half_active / all_active)), "{half_active} of {all_active}");
+    let none = Setup::open(&clipped(&whole, &[plane(DVec3::X, center + 1e4 * DVec3::X)]), &ramp).unwrap();
+    assert!(none.session.transfer.empty);
+    let scene = none.scene(8, 8);
+    let picture = none.picture("dsm", &scene);
+    assert!((0..64).all(|i| picture[[i / 8, i % 8, 3]] == 0.0));
+}
