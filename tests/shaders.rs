@@ -61,7 +61,7 @@ fn variants() -> Vec<(ShaderVariant, bool)> {
     for variant in wanted {
         let search: &[&[&str]] = if marches_cells(&variant) { &[&[], &["MANY_BREAKPOINTS"]] } else { &[&[]] };
         for more in search {
-            for adapter in [&[][..], &["MANUAL_TRILINEAR"]] {
+            for adapter in [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS"]] {
                 let variant = variant.clone().defs([*more, adapter].concat());
                 list.extend([(variant.clone(), false), (variant, true)]);
             }

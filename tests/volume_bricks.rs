@@ -117,6 +117,8 @@ fn classification_is_that_of_the_transfer_function() {
             counts: [4, 4, 4],
             min: ranges.iter().map(|r| r[0]).collect(),
             max: ranges.iter().map(|r| r[1]).collect(),
+            labels: None,
+            world_from_index: DAffine3::IDENTITY,
         };
         let active = ActiveBricks::of(&bricks, &tf);
         for ([min, max], distance) in ranges.into_iter().zip(&active.distance) {
@@ -158,7 +160,7 @@ fn intervals_of_ordinary_functions() {
 fn seeded(counts: [usize; 3], is_active: impl FnMut(usize) -> bool) -> Bricks {
     let total = counts.iter().product();
     let min: Vec<f64> = (0..total).map(is_active).map(|a| f64::from(u8::from(a))).collect();
-    Bricks { counts, max: min.clone(), min }
+    Bricks { counts, max: min.clone(), min, labels: None, world_from_index: DAffine3::IDENTITY }
 }
 
 #[test]

@@ -21,7 +21,8 @@ struct Field {
     intervals: u32,
     // Grid-space box of the active bricks, clipped to the domain.
     active_lo: vec3<f32>,
-    // Values at or below this one have no extinction, nor have those at or above `last_value`.
+    // Values at or below this one have no extinction, nor have those at or above `last_value`; with LABELS whatever the
+    // label, as the volume has them.
     first_value: f32,
     active_hi: vec3<f32>,
     last_value: f32,
@@ -36,6 +37,8 @@ struct Field {
     color_r: f32,
     color_g: f32,
     color_b: f32,
+    // With LABELS a value without extinction, behind all functions.
+    hidden_value: f32,
     // Planes n·g >= d in grid space, as (n, d): what is kept. Those beyond the last keep everything. Read with CLIP.
     clip: array<vec4<f32>, #{MOST_CLIP_PLANES}>,
 }

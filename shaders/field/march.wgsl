@@ -23,6 +23,9 @@
 
 #import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 #import umbravox::transfer::{interval_start, interval_at, extinction_in, amounts_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
+#ifdef LABELS
+#import umbravox::labels::{shift_at, is_hidden}
+#endif
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
 #import umbravox::watch::ran_out
 #import umbravox::work::{count_work, CELLS, PIECES}
@@ -46,6 +49,12 @@ const SHORTENINGS: i32 = 40;
 
 // Parts of one cell beyond those that are counted one by one: their depths add up to no more than a ray's.
 const MOST_PARTS: u32 = 512u;
+// Stretches of a cell's chord, at the most: between extrema, and with LABELS between middles.
+#ifdef LABELS
+const STRETCHES: u32 = 6u;
+#else
+const STRETCHES: u32 = 3u;
+#endif
 // Pieces of a ray whose sums are as good as is promised.
 const MOST_PIECES: u32 = #{MOST_PIECES};
 
@@ -148,6 +157,13 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
     var c = vec4<f32>(0.0);
     var u = 1.0;
     var value = 0.0;
+#ifdef LABELS
+    // Where the chord passes half-way between two voxels on each axis, 2 where it does not; and what is added to its values.
+    var middles = vec3<f32>(2.0);
+    var shift = 0.0;
+#endif
+    // The cubic of the values as they are seen: those of the volume, or shifted to their label's function.
+    var seen = vec4<f32>(0.0);
     // Pieces that the cell may still be cut into.
     var pieces_left = 0u;
     // Pieces of the whole ray.
@@ -182,10 +198,16 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                         chord_mm = exit - z;
                         u = 0.0;
                         value = c.x;
+#ifdef LABELS
+                        let halves = (0.5 - f) / select(e, vec3<f32>(1.0), e == vec3<f32>(0.0));
+                        let inside = (e != vec3<f32>(0.0)) & (halves > vec3<f32>(0.0)) & (halves < vec3<f32>(1.0));
+                        middles = select(vec3<f32>(2.0), halves, inside);
+                        shift = -FAR;
+#endif
                         // Intervals, each gone through up to three times and shortened where opacity nears 1, and
                         // parts that are short or span a share of a whole ray.
                         let short_parts = u32(min(chord_mm / short_mm, 1e6));
-                        pieces_left = 3u * field.intervals * u32(SHORTENINGS) + short_parts + MOST_PARTS;
+                        pieces_left = STRETCHES * field.intervals * u32(SHORTENINGS) + short_parts + MOST_PARTS;
                     }
                 }
                 if distance > 0 || held {
@@ -219,8 +241,27 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
 
         // The monotone stretch ahead, and the first breakpoint on it.
         let cuts = extrema(c);
+#ifdef LABELS
+        var turn = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
+        let ahead = select(vec3<f32>(1.0), middles, middles > vec3<f32>(u));
+        turn = min(turn, min(ahead.x, min(ahead.y, ahead.z)));
+        // All of the stretch lies nearest to one voxel.
+        let new_shift = shift_at(o + (chord_z + 0.5 * (u + turn) * chord_mm) * d);
+        if new_shift != shift {
+            shift = new_shift;
+            seen = select(
+                vec4<f32>(c.x + shift, c.yzw),
+                vec4<f32>(field.hidden_value, 0.0, 0.0, 0.0),
+                is_hidden(shift),
+            );
+            value = cubic(seen, u);
+        }
+        let turn_value = cubic(seen, turn);
+#else
         let turn = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
-        let turn_value = cubic(c, turn);
+        seen = c;
+        let turn_value = cubic(seen, turn);
+#endif
         var stretch_end = turn;
         var end_value = turn_value;
         let nodes = nodes_between(value, turn_value);
@@ -243,7 +284,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         }
 #endif
         if crosses {
-            stretch_end = crossing(c, u, turn, value, turn_value, node);
+            stretch_end = crossing(seen, u, turn, value, turn_value, node);
             end_value = node;
         }
         let j = interval_at(0.5 * (value + end_value));
@@ -256,7 +297,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             let twice = select(0.5, 1.0, ends.lacking.y > ends.lacking.x);
             let kept = clamp(0.98 * twice * ends.lacking.x / abs(ends.lacking.y - ends.lacking.x), 0.0625, 0.5);
             stretch_end = max(u + kept * (stretch_end - u), min(u + LEAST_PIECE, stretch_end));
-            end_value = cubic(c, stretch_end);
+            end_value = cubic(seen, stretch_end);
             ends = amounts_in(j, vec4<f32>(value, end_value, value, value));
         }
 
@@ -264,10 +305,10 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         // stretch of the cubic is a parabola, which lies between its Bernstein coefficients.
         let sigmas = extinction_of(ends);
         let sigma = max(sigmas.x, sigmas.y);
-        let slope_a = cubic_slope(c, u);
+        let slope_a = cubic_slope(seen, u);
         let steepness = max(
-            max(abs(slope_a), abs(slope_a + (stretch_end - u) * (c.z + 3.0 * u * c.w))),
-            abs(cubic_slope(c, stretch_end)),
+            max(abs(slope_a), abs(slope_a + (stretch_end - u) * (seen.z + 3.0 * u * seen.w))),
+            abs(cubic_slope(seen, stretch_end)),
         );
         let rise = extinction_slope(j, min(ends.lacking.x, ends.lacking.y)) * steepness / chord_mm;
         let bend = sqrt(sigma * sigma + rise) * chord_mm;
@@ -277,7 +318,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
             let piece_end = select(stretch_end, u + (stretch_end - u) / parts, parts > 1.0);
             let h = piece_end - u;
             let at = u + h * GAUSS_POINTS;
-            let mean = dot(GAUSS_WEIGHTS, extinction_in(j, c.x + at * (c.y + at * (c.z + at * c.w))));
+            let mean = dot(GAUSS_WEIGHTS, extinction_in(j, seen.x + at * (seen.y + at * (seen.z + at * seen.w))));
             done = sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm);
             u = piece_end;
             count_work(PIECES, 1u);

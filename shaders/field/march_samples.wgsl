@@ -28,8 +28,13 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         if walk.found {
             // What of the stretch has values that may have extinction: it starts and ends where they do.
             let behind = sample_depth(line, walk.k);
+#ifdef LABELS
+            let a = walk.from_value;
+            let b = walk.value;
+#else
             let a = clamp(walk.from_value, field.first_value, field.last_value);
             let b = clamp(walk.value, field.first_value, field.last_value);
+#endif
             let rise = walk.value - walk.from_value;
             let mm_a_value = (behind - walk.from_t) / select(rise, 1.0, rise == 0.0);
             let start = walk.from_t + (a - walk.from_value) * mm_a_value;

@@ -108,7 +108,11 @@ fn uneven(ends: Amounts, length_mm: f32) -> bool {
     let powers = (127.0 - f32(bitcast<u32>(least) >> 23u)) * LN_2;
     let most_depth = min((1.0 - least) * inverseSqrt(least), powers) * field.inv_reference_length * length_mm;
     // A ray comes near opacity 1 no more often than in each interval of three stretches of each cell.
+#ifdef LABELS
+    let often = 2.0 * f32(field.size.x + field.size.y + field.size.z) * f32(field.intervals);
+#else
     let often = f32(field.size.x + field.size.y + field.size.z) * f32(field.intervals);
+#endif
     return (max(ends.lacking.x, ends.lacking.y) > 2.0 * least) & (most_depth * often > UNEVEN_DEPTH);
 }
 

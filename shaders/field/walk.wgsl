@@ -8,6 +8,9 @@
 // its start.
 #define_import_path umbravox::walk
 
+#ifdef LABELS
+#import umbravox::labels::{shift_at, is_hidden, seen_with}
+#endif
 #import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
 
 struct Line {
@@ -37,6 +40,10 @@ struct Walk {
     from_value: f32,
     // Turns that all loops of the line may still take.
     turns_left: u32,
+#ifdef LABELS
+    // The volume's own value at the sample behind: `value` and `from_value` are as they are seen in the stretch.
+    raw: f32,
+#endif
 }
 
 // Float32 counts no further one by one.
@@ -60,9 +67,16 @@ fn line_through(o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, step_mm: f32)
 fn start_walk(line: Line, turns_a_sample: u32) -> Walk {
     let samples = u32(clamp((line.end - line.start) / line.step_mm, 0.0, MOST_SAMPLES)) + 2u;
     // A leap takes a turn, and one more to sample where it ends.
-    let turns = samples * turns_a_sample + 3u * (field.size.x + field.size.y + field.size.z);
+    let leaps = 3u * (field.size.x + field.size.y + field.size.z);
     let k = floor(line.start / line.step_mm);
+#ifdef LABELS
+    // Where labels meet, the line is cut up to three times between two samples.
+    let turns = 4u * samples * turns_a_sample + leaps;
+    return Walk(k, 0.0, false, true, line.start < line.end, false, 0.0, 0.0, turns, 0.0);
+#else
+    let turns = samples * turns_a_sample + leaps;
     return Walk(k, 0.0, false, true, line.start < line.end, false, 0.0, 0.0, turns);
+#endif
 }
 
 // Depth of a sample, mm.
@@ -88,13 +102,41 @@ fn brick_at(line: Line, t: f32) -> vec3<i32> {
 }
 #endif
 
+#ifdef LABELS
+// A hair past a plane between two labels, in voxels.
+const PAST_PLANE: f32 = 1e-3;
+
+// The first depth past `t` at which the line passes half-way between two voxels on some axis.
+fn next_plane(line: Line, t: f32) -> f32 {
+    let forward = line.d > vec3<f32>(0.0);
+    let h = line.o + t * line.d - 0.5;
+    let planes = select(ceil(h - PAST_PLANE) - 1.0, floor(h + PAST_PLANE) + 1.0, forward);
+    let exits = select(vec3<f32>(FAR), t + (planes - h) * line.inv_d, abs(line.d) >= vec3<f32>(1e-20));
+    return min(exits.x, min(exits.y, exits.z));
+}
+#endif
+
 // Takes a sample, or a leap.
 fn take_turn(walk: ptr<function, Walk>, line: Line) {
     let behind = sample_depth(line, (*walk).k);
+#ifdef LABELS
+    // A sample may lie off the lattice, where one label ends: from there to the next plane or sample lies what follows.
+    let next = floor((*walk).k) + 1.0;
+    let plane = next_plane(line, behind);
+    let to_next = sample_depth(line, next);
+    let shift = shift_at(line.o + 0.5 * (behind + min(plane, to_next)) * line.d);
+    let cut = plane < to_next && shift != shift_at(line.o + to_next * line.d);
+    let ahead = select(to_next, plane, cut);
+#else
     let ahead = sample_depth(line, (*walk).k + 1.0);
+#endif
     var leaps = false;
     var occupied = true;
+#ifdef LABELS
+    var k = select(next, plane / line.step_mm, cut);
+#else
     var k = (*walk).k + 1.0;
+#endif
 #ifdef SKIP_BRICKS
     let brick = brick_at(line, ahead);
     let distance = brick_distance_at(brick);
@@ -113,17 +155,28 @@ fn take_turn(walk: ptr<function, Walk>, line: Line) {
     k = select(k, max(floor(min(exits.x, min(exits.y, exits.z)) / line.step_mm), k), leaps);
 #endif
     let value = value_at(line.o + select(behind, ahead, (*walk).valid) * line.d);
+#ifdef LABELS
+    let last = (*walk).raw;
+#else
     let last = (*walk).value;
+#endif
     let taken = (*walk).valid && !leaps;
     (*walk).found = taken && min(last, value) < field.last_value && max(last, value) > field.first_value;
     (*walk).from_t = behind;
+#ifdef LABELS
+    (*walk).found = (*walk).found && !is_hidden(shift);
+    (*walk).from_value = seen_with(last, shift);
+    (*walk).raw = value;
+    (*walk).value = seen_with(value, shift);
+#else
     (*walk).from_value = last;
+    (*walk).value = value;
+#endif
     // After a leap the sample behind has no value yet: it takes the next turn.
     let moves_on = taken || leaps;
     (*walk).k = select((*walk).k, k, moves_on);
     (*walk).occupied = select((*walk).occupied, occupied, moves_on);
     (*walk).valid = !leaps;
-    (*walk).value = value;
     (*walk).walking = !moves_on || sample_depth(line, k) < line.end;
 }
 

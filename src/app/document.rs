@@ -6,10 +6,10 @@ use super::reading::{Beginning, Opened};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::presets::{self, Suiting};
-use crate::open::{SceneSettings, VolumeSpec};
+use crate::open::{PartFlags, SceneSettings, VolumeSpec};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
-use crate::transfer::TransferFunction;
+use crate::transfer::{ClipPlane, LabelRule, Seen, TransferFunction};
 use crate::volume::{Histogram, Volume};
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -32,6 +32,8 @@ pub struct Document {
     pub tf_source: (String, Arc<TransferFunction>),
     /// What was asked for of units and opacity, for presets and files that are read later.
     pub suiting: Suiting,
+    /// The segmentation and the functions of its labels, as they were asked for; what is hidden and clipped is said by `tf`.
+    pub parts: PartFlags,
     /// What it was before, to be taken back.
     pub history: History,
     /// The point of the function that is selected in the editor.
@@ -64,6 +66,7 @@ impl Document {
             tf_source: (begin.tf_source, Arc::clone(&tf)),
             tf,
             suiting: begin.suiting,
+            parts: begin.parts,
             history: History::default(),
             selected: None,
             value_window: None,
@@ -84,7 +87,7 @@ impl Document {
         self.histogram = opened.histogram;
         // A preset that is fitted to the values is another function now: the one that stays counts as edited.
         if let Ok(found) = presets::resolve_as(&self.tf_source.0, &self.volume, self.suiting) {
-            self.tf_source.1 = Arc::new(found.tf);
+            self.tf_source.1 = Arc::new(found.tf.within(&self.tf));
         }
     }
 
@@ -113,17 +116,52 @@ impl Document {
         Ok(())
     }
 
-    /// Puts another transfer function in place, as one step of undo.
+    /// Puts another transfer function in place, as one step of undo; clip planes and what is said of labels stay.
     pub fn replace_tf(&mut self, tf: TransferFunction, source: String) {
         self.history.note(Arc::clone(&self.tf));
-        self.tf = Arc::new(tf);
+        self.tf = Arc::new(tf.within(&self.tf));
         self.tf_source = (source, Arc::clone(&self.tf));
         self.selected = None;
     }
 
     /// Whether the function differs from the preset or file that it came from.
     pub fn tf_edited(&self) -> bool {
-        *self.tf != *self.tf_source.1
+        !self.tf.is_same_function(&self.tf_source.1)
+    }
+
+    /// Takes other clip planes, as a step of undo where one begins.
+    pub fn take_clip(&mut self, clip: Vec<ClipPlane>, begins: bool) {
+        if clip != self.tf.clip {
+            self.take_parts(TransferFunction { clip, ..(*self.tf).clone() }, begins);
+        }
+    }
+
+    /// Hides these labels and no others, as a step of undo.
+    pub fn hide_labels(&mut self, labels: Vec<u32>) {
+        let mut rules: Vec<LabelRule> =
+            self.tf.rules.iter().filter(|rule| rule.seen != Seen::Hidden).cloned().collect();
+        if !labels.is_empty() {
+            rules.push(LabelRule { labels, seen: Seen::Hidden });
+        }
+        self.take_parts(TransferFunction { rules, ..(*self.tf).clone() }, true);
+    }
+
+    fn take_parts(&mut self, tf: TransferFunction, begins: bool) {
+        if begins {
+            self.history.note(Arc::clone(&self.tf));
+        }
+        self.tf = Arc::new(tf);
+    }
+
+    /// What of the volume is shown, as flags.
+    pub fn part_flags(&self) -> PartFlags {
+        let hidden = self.tf.rules.iter().filter(|rule| rule.seen == Seen::Hidden);
+        let hidden: Vec<u32> = hidden.flat_map(|rule| rule.labels.iter().copied()).collect();
+        PartFlags {
+            clip: Some(self.tf.clip.clone()).filter(|clip| !clip.is_empty()),
+            hide: (!hidden.is_empty()).then(|| hidden.into_iter().collect()),
+            ..self.parts.clone()
+        }
     }
 
     /// Middle of the volume, and the radius of the sphere around it; world mm.
@@ -192,6 +230,7 @@ impl Document {
             opacity_scale,
             units: self.suiting.units,
             shadow: Some(self.method.spec()),
+            parts: self.part_flags(),
             ..SceneSettings::of_scene(&self.spec, &self.scene, self.transparent)
         };
         settings.to_toml()

@@ -12,6 +12,7 @@
 //! model knows `render_thread`, and both ends of that thread know its messages.
 
 pub mod camera;
+mod clip;
 mod contents;
 pub mod curve;
 mod document;

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::presets::Suiting;
 use crate::open::{
-    DEFAULT_SHADOW, Loaded, Read, Remark, SceneSettings, VolumeSpec, lacks_thickness, read_with,
+    DEFAULT_SHADOW, Loaded, PartFlags, Read, Remark, SceneSettings, VolumeSpec, lacks_thickness, read_with,
 };
 use crate::scene::{Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
@@ -43,6 +43,8 @@ pub struct Beginning {
     pub tf_source: String,
     /// What was asked for of units and opacity.
     pub suiting: Suiting,
+    /// The segmentation and the functions of its labels.
+    pub parts: PartFlags,
     pub scene: Scene,
     /// `None`: as before.
     pub method: Option<MethodChoice>,
@@ -134,7 +136,8 @@ fn read(mut spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading:
         With::Settings(settings) => {
             let Loaded { volume, strands, tf, tf_source, scene, remarks, .. } = settings.load(loading)?;
             let (transparent, suiting) = (Some(settings.is_transparent()), settings.suiting());
-            let beginning = Beginning { tf, tf_source, suiting, scene, method, transparent };
+            let parts = settings.parts.clone();
+            let beginning = Beginning { tf, tf_source, suiting, parts, scene, method, transparent };
             (volume, strands, texts(remarks), Some(beginning))
         }
         With::Scene(old) => {
@@ -147,7 +150,8 @@ fn read(mut spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading:
             let shading = suited_shading(old.shading, strands.is_some());
             let scene = Scene { camera: scene.camera, lights, mesh: None, shading, ..*old };
             let suiting = Suiting::default();
-            let beginning = Beginning { tf, tf_source, suiting, scene, method, transparent: None };
+            let parts = PartFlags::default();
+            let beginning = Beginning { tf, tf_source, suiting, parts, scene, method, transparent: None };
             (volume, strands, texts(remarks), Some(beginning))
         }
     };

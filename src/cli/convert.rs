@@ -1,7 +1,7 @@
 //! `umbravox convert`: a volume from any format that is read to any that is written.
 
 use super::told::say;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::output::check_output;
 use crate::open::{ReadFlags, VolumeSpec, load};
 use crate::volume::{VOLUME_EXTENSIONS, write_volume};
@@ -27,11 +27,7 @@ pub struct ConvertArgs {
 /// The volume cannot be read, or the file cannot be written.
 pub fn run(args: &ConvertArgs) -> Result<()> {
     check_output(&args.output, VOLUME_EXTENSIONS)?;
-    if args.volume_flags.clip.is_some() {
-        let why = "no file says clip planes: its voxels would be all there";
-        return Err(Error::input("cannot convert volume", "--clip", why).hint("--crop keeps a part of the voxels"));
-    }
-    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags.clone() })?;
+    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
     volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
     write_volume(&volume, &args.output)
 }

@@ -202,7 +202,7 @@ fn bytes(count: u64) -> String {
 /// # Errors
 /// The volume cannot be read, or stdout cannot be written to.
 pub fn run(args: &InfoArgs) -> Result<()> {
-    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags.clone() })?;
+    let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
     let info = Info::of(&volume, args.units);
     if args.json { print_json(&info) } else { print_result(&info.to_text()) }
 }

@@ -1,6 +1,7 @@
 //! Which parts of a volume have no extinction, so that a ray can leap over them.
 
 use super::law::Laws;
+use super::walk::Labelled;
 use crate::volume::{Scaling, Voxel};
 use rayon::prelude::*;
 
@@ -27,7 +28,13 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    pub fn new<V: Voxel>(voxels: &[V], dims: [usize; 3], scaling: Scaling, laws: &Laws) -> Self {
+    pub fn new<V: Voxel>(
+        voxels: &[V],
+        dims: [usize; 3],
+        scaling: Scaling,
+        laws: &[Laws],
+        labels: Option<Labelled<'_>>,
+    ) -> Self {
         let counts = dims.map(|n| block_of(n as i64 - 1) as usize + 1);
         // Voxels that a block's cells interpolate: one more than cells, without those beyond the edge.
         let reach = |axis: usize, block: usize| {
@@ -40,6 +47,8 @@ impl Blocks {
             let [x, y, z] = std::array::from_fn(|axis| reach(axis, block[axis]));
             let first = voxels[*x.start() + dims[0] * (*y.start() + dims[1] * *z.start())];
             let (mut min, mut max) = (first, first);
+            // The functions through which some voxel is seen, a bit each.
+            let mut seen = u64::from(labels.is_none());
             for k in z {
                 for j in y.clone() {
                     let row = dims[0] * (j + dims[1] * k);
@@ -47,10 +56,16 @@ impl Blocks {
                         min = if v < min { v } else { min };
                         max = if v > max { v } else { max };
                     }
+                    if let Some(Labelled { ranks, functions }) = labels {
+                        let ranks = ranks[row + x.start()..=row + x.end()].iter();
+                        let functions = ranks.filter_map(|rank| functions[usize::from(*rank)]);
+                        seen |= functions.fold(0, |bits, function| bits | 1 << (function % 64));
+                    }
                 }
             }
             let (a, b) = (scaling.apply(min.to_f64()), scaling.apply(max.to_f64()));
-            laws.active(a.min(b), a.max(b)).is_some()
+            let has_extinction = |laws: &Laws| laws.active(a.min(b), a.max(b)).is_some();
+            laws.iter().enumerate().any(|(i, laws)| seen >> (i % 64) & 1 == 1 && has_extinction(laws))
         };
         let active = (0..counts.iter().product()).into_par_iter().with_min_len(64).map(is_active).collect();
         Self { counts, active }

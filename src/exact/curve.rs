@@ -9,7 +9,7 @@ use super::walk::Piece;
 /// Depths are mm from the ray's origin.
 #[derive(Debug, Clone)]
 pub struct OpticalDepthCurve<'a> {
-    laws: &'a Laws,
+    laws: &'a [Laws],
     pieces: Vec<Placed>,
     total: f64,
     /// Of the ray itself, whose end is no jump.
@@ -29,10 +29,12 @@ pub(super) struct Found {
     pub depth_mm: f64,
     /// The scalar value there.
     pub value: f64,
+    /// What it is seen through, as an index into [`crate::transfer::TransferFunction::functions`].
+    pub function: usize,
 }
 
 impl<'a> OpticalDepthCurve<'a> {
-    pub(super) fn new(laws: &'a Laws, length_mm: f64) -> Self {
+    pub(super) fn new(laws: &'a [Laws], length_mm: f64) -> Self {
         Self { laws, pieces: Vec::new(), total: 0.0, length_mm }
     }
 
@@ -80,7 +82,7 @@ impl<'a> OpticalDepthCurve<'a> {
         let x = self.invert(piece, tau - before);
         let depth_mm =
             if x < 1.0 { piece.start_mm + (piece.end_mm - piece.start_mm) * x } else { piece.end_mm };
-        Some(Found { depth_mm, value: piece.value.at(x) })
+        Some(Found { depth_mm, value: piece.value.at(x), function: piece.function })
     }
 
     /// Depths where extinction jumps or bends: where the value passes a point of the transfer function beside
@@ -91,7 +93,7 @@ impl<'a> OpticalDepthCurve<'a> {
         for Placed { piece, .. } in &self.pieces {
             match last {
                 Some(p) if p.end_mm < piece.start_mm => jumps.extend([p.end_mm, piece.start_mm]),
-                Some(p) if p.law != piece.law => jumps.push(piece.start_mm),
+                Some(p) if (p.function, p.law) != (piece.function, piece.law) => jumps.push(piece.start_mm),
                 None if piece.start_mm > 0.0 => jumps.push(piece.start_mm),
                 _ => {}
             }
@@ -101,17 +103,21 @@ impl<'a> OpticalDepthCurve<'a> {
         jumps
     }
 
+    fn law(&self, piece: &Piece) -> &Law {
+        &self.laws[piece.function].laws[piece.law]
+    }
+
     /// Optical depth from a piece's start to the fraction `x` of it.
     #[inline]
     fn within(&self, piece: &Piece, x: f64) -> f64 {
-        self.laws.laws[piece.law].integral(&piece.value, 0.0, x) * (piece.end_mm - piece.start_mm)
+        self.law(piece).integral(&piece.value, 0.0, x) * (piece.end_mm - piece.start_mm)
     }
 
     /// The fraction of a piece at which its optical depth reaches `tau`.
     fn invert(&self, piece: &Piece, tau: f64) -> f64 {
         const MOST_STEPS: usize = 100;
         let length_mm = piece.end_mm - piece.start_mm;
-        let law = &self.laws.laws[piece.law];
+        let law = self.law(piece);
         if let Law::Constant(sigma) = law {
             return (tau / (sigma * length_mm)).min(1.0);
         }

@@ -19,7 +19,7 @@ pub use curve::OpticalDepthCurve;
 pub use seen::SeenPoint;
 
 use crate::scene::Light;
-use crate::transfer::TransferFunction;
+use crate::transfer::{Class, TransferFunction};
 use crate::volume::{DirectionMoments, Volume};
 use crate::with_voxels;
 use blocks::Blocks;
@@ -29,7 +29,7 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use walk::{Grid, Piece, Ray};
+use walk::{Grid, Labelled, Piece, Ray};
 
 /// Optical depth beyond which a transmittance is 0 beside 1 in `f64`.
 const OPAQUE: f64 = 40.0;
@@ -39,7 +39,10 @@ const OPAQUE: f64 = 40.0;
 pub struct ExactField<'a> {
     volume: &'a Volume,
     transfer_function: &'a TransferFunction,
-    laws: Laws,
+    /// Those of each of the transfer function's functions.
+    laws: Vec<Laws>,
+    /// What voxels of each label are seen through, in the order of [`crate::volume::Labels::ids`].
+    functions: Vec<Option<usize>>,
     blocks: Blocks,
     directions: Option<Arc<DirectionMoments>>,
 }
@@ -47,11 +50,21 @@ pub struct ExactField<'a> {
 impl<'a> ExactField<'a> {
     /// Prepares the transfer function and reads the volume once, to know where it has extinction.
     pub fn new(volume: &'a Volume, transfer_function: &'a TransferFunction) -> Self {
-        let laws = Laws::new(transfer_function);
+        let laws: Vec<Laws> = match volume.labels() {
+            Some(_) => transfer_function.functions().into_iter().map(Laws::new).collect(),
+            None => vec![Laws::new(transfer_function)],
+        };
+        let functions: Vec<Option<usize>> = (volume.labels().iter().flat_map(|labels| labels.ids()))
+            .map(|id| match transfer_function.class_of(*id) {
+                Class::Hidden => None,
+                Class::Function(function) => Some(function),
+            })
+            .collect();
+        let labels = labelled(volume, &functions);
         let blocks = with_voxels!(volume.voxels(), array => {
-            Blocks::new(contiguous(array), volume.dims(), volume.scaling(), &laws)
+            Blocks::new(contiguous(array), volume.dims(), volume.scaling(), &laws, labels)
         });
-        Self { volume, transfer_function, laws, blocks, directions: None }
+        Self { volume, transfer_function, laws, functions, blocks, directions: None }
     }
 
     /// The same, knowing which way the strands run that the volume was made from.
@@ -112,7 +125,7 @@ impl<'a> ExactField<'a> {
 
     /// A ray from `origin` in the unit `direction`, world mm, as far as it is in the domain and not clipped away.
     fn ray(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> Option<Ray> {
-        let kept = (self.volume.clip().iter())
+        let kept = (self.transfer_function.clip.iter())
             .fold([0.0, length_mm], |kept, plane| plane.cut(origin, direction, kept));
         let to_index = self.volume.index_from_world();
         let (origin, direction) = (to_index.transform_point3(origin), to_index.transform_vector3(direction));
@@ -144,7 +157,7 @@ impl<'a> ExactField<'a> {
         }
         let mut sum = 0.0;
         self.walk(origin, direction, length_mm, |piece| {
-            let law = &self.laws.laws[piece.law];
+            let law = &self.laws[piece.function].laws[piece.law];
             sum += law.integral(&piece.value, 0.0, 1.0) * (piece.end_mm - piece.start_mm);
             if sum < enough { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
@@ -162,11 +175,17 @@ impl<'a> ExactField<'a> {
         let Some(ray) = self.ray(origin, direction, length_mm) else { return };
         let dims = self.volume.dims();
         with_voxels!(self.volume.voxels(), array => {
-            let grid =
-                Grid { voxels: contiguous(array), dims, scaling: self.volume.scaling(), blocks: &self.blocks };
+            let (voxels, scaling) = (contiguous(array), self.volume.scaling());
+            let labels = labelled(self.volume, &self.functions);
+            let grid = Grid { voxels, dims, scaling, blocks: &self.blocks, labels };
             grid.walk(&self.laws, &ray, visit)
         });
     }
+}
+
+/// A volume's labels and what each of them is seen through.
+fn labelled<'a>(volume: &'a Volume, functions: &'a [Option<usize>]) -> Option<Labelled<'a>> {
+    volume.labels().map(|labels| Labelled { ranks: labels.ranks(), functions })
 }
 
 /// A volume's voxels in memory order.

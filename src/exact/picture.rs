@@ -103,7 +103,7 @@ impl ExactField<'_> {
             let Some(found) = curve.find(tau) else { return [0.0; 3] };
             let x = eye + direction * found.depth_mm;
             let lit = self.lit(scene, x, direction);
-            let color = self.transfer_function.color(found.value);
+            let color = self.transfer_function.function(found.function).color(found.value);
             std::array::from_fn(|c| color[c] * lit[c])
         };
         let color = if opacity > 0.0 { integrate(light_at, opacity, rule) } else { [0.0; 3] };

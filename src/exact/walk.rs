@@ -43,7 +43,12 @@ impl Ray {
                 exit_mm = exit_mm.min(a.max(b));
             }
         }
-        (exit_mm > enter_mm && exit_mm.is_finite() && enter_mm.is_finite()).then_some(Self { origin, direction, enter_mm, exit_mm })
+        (exit_mm > enter_mm && exit_mm.is_finite() && enter_mm.is_finite()).then_some(Self {
+            origin,
+            direction,
+            enter_mm,
+            exit_mm,
+        })
     }
 }
 
@@ -52,7 +57,8 @@ impl Ray {
 pub(super) struct Piece {
     pub start_mm: f64,
     pub end_mm: f64,
-    /// Index into [`Laws::laws`]; never a clear one.
+    /// Index into the laws of each function, and into [`Laws::laws`] of that one; never a clear one.
+    pub function: usize,
     pub law: usize,
     /// The value, over `[0, 1]` from start to end.
     pub value: Cubic,
@@ -65,12 +71,22 @@ pub(super) struct Grid<'a, V> {
     pub dims: [usize; 3],
     pub scaling: Scaling,
     pub blocks: &'a Blocks,
+    pub labels: Option<Labelled<'a>>,
+}
+
+/// Voxels of which not all are seen through the same laws.
+#[derive(Clone, Copy)]
+pub(super) struct Labelled<'a> {
+    /// The place of each voxel's label among all that occur.
+    pub ranks: &'a [u8],
+    /// What voxels of a label are seen through: an index into the laws, `None` where they have no extinction.
+    pub functions: &'a [Option<usize>],
 }
 
 impl<V: Voxel> Grid<'_, V> {
     /// Calls `visit` with every piece that has extinction, in order along the ray, until it breaks.
     #[inline]
-    pub fn walk(&self, laws: &Laws, ray: &Ray, mut visit: impl FnMut(Piece) -> ControlFlow<()>) {
+    pub fn walk(&self, laws: &[Laws], ray: &Ray, mut visit: impl FnMut(Piece) -> ControlFlow<()>) {
         let mut cell = CellWalk::new(ray, self.dims);
         loop {
             if std::mem::take(&mut cell.entered_block) && !self.blocks.is_active(cell.block) {
@@ -80,8 +96,12 @@ impl<V: Voxel> Grid<'_, V> {
                 continue;
             }
             let (start, end) = cell.advance(ray);
-            if end > start {
-                let at = cell.offsets();
+            if end > start && self.labels.is_some() {
+                if self.visit_labelled(&cell, laws, ray, [start, end], &mut visit).is_break() {
+                    return;
+                }
+            } else if end > start {
+                let (at, laws) = (cell.offsets(), &laws[0]);
                 let corner: [V; 8] =
                     std::array::from_fn(|c| self.voxels[at[0][c & 1] + at[1][c >> 1 & 1] + at[2][c >> 2]]);
                 let (min, max) = self.range(&corner);
@@ -89,9 +109,9 @@ impl<V: Voxel> Grid<'_, V> {
                     let corner = corner.map(|v| self.scaling.apply(v.to_f64()));
                     let value = cell.cubic(ray, &corner, start, end);
                     let flow = if first == last {
-                        visit(Piece { start_mm: start, end_mm: end, law: first, value })
+                        visit(Piece { start_mm: start, end_mm: end, function: 0, law: first, value })
                     } else {
-                        cut(laws, [first, last], value, [start, end], &mut visit)
+                        cut((0, laws), [first, last], value, [start, end], &mut visit)
                     };
                     if flow.is_break() {
                         return;
@@ -102,6 +122,39 @@ impl<V: Voxel> Grid<'_, V> {
                 return;
             }
         }
+    }
+
+    /// Visits the pieces of a cell whose corners have labels: half-way between two voxels one label ends and another begins.
+    fn visit_labelled(
+        &self,
+        cell: &CellWalk,
+        laws: &[Laws],
+        ray: &Ray,
+        [start, end]: [f64; 2],
+        visit: &mut impl FnMut(Piece) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let Some(labels) = self.labels else { return ControlFlow::Continue(()) };
+        let at = cell.offsets();
+        let corner: [V; 8] =
+            std::array::from_fn(|c| self.voxels[at[0][c & 1] + at[1][c >> 1 & 1] + at[2][c >> 2]]);
+        let (min, max) = self.range(&corner);
+        let corner = corner.map(|v| self.scaling.apply(v.to_f64()));
+        let mut from = start;
+        for to in cell.middles(ray).map(|t| t.clamp(start, end)).into_iter().chain([end]) {
+            if to <= from {
+                continue;
+            }
+            let nearest = cell.nearest(ray, 0.5 * (from + to));
+            let function = labels.functions[usize::from(labels.ranks[nearest])];
+            if let Some((function, (first, last))) =
+                function.and_then(|f| laws[f].active(min, max).map(|active| (f, active)))
+            {
+                let value = cell.cubic(ray, &corner, from, to);
+                cut((function, &laws[function]), [first, last], value, [from, to], visit)?;
+            }
+            from = to;
+        }
+        ControlFlow::Continue(())
     }
 
     /// Smallest and largest scaled value at a cell's corners.
@@ -237,6 +290,26 @@ impl CellWalk {
         true
     }
 
+    /// Distances at which the ray passes half-way between the cell's two voxels on each axis, ascending; some are beyond the
+    /// cell, and infinite where it does not move.
+    fn middles(&self, ray: &Ray) -> [f64; 3] {
+        let mut middles: [f64; 3] = std::array::from_fn(|axis| {
+            let d = ray.direction[axis];
+            if d == 0.0 { f64::INFINITY } else { (self.cell[axis] as f64 + 0.5 - ray.origin[axis]) / d }
+        });
+        middles.sort_by(f64::total_cmp);
+        middles
+    }
+
+    /// The voxel of the cell that is nearest to a point of the ray, in memory order.
+    fn nearest(&self, ray: &Ray, t: f64) -> usize {
+        let side = |axis: usize| {
+            let p = ray.origin[axis] + ray.direction[axis] * t - self.cell[axis] as f64;
+            self.offset[axis][usize::from(p >= 0.5)]
+        };
+        side(0) + side(1) + side(2)
+    }
+
     #[inline]
     fn offsets(&self) -> [[usize; 2]; 3] {
         self.offset
@@ -275,7 +348,7 @@ impl CellWalk {
 /// `lowest` and `highest` are the intervals of the cell's extreme corners: the value stays within, whatever
 /// rounding says where it leaves a plateau.
 fn cut(
-    laws: &Laws,
+    (function, laws): (usize, &Laws),
     [lowest, highest]: [usize; 2],
     value: Cubic,
     [start_mm, end_mm]: [f64; 2],
@@ -287,7 +360,8 @@ fn cut(
             return ControlFlow::Continue(());
         }
         let at = |x: f64| if x < 1.0 { start_mm + (end_mm - start_mm) * x } else { end_mm };
-        visit(Piece { start_mm: at(from), end_mm: at(to), law, value: value.restrict(from, to) })
+        let (start_mm, end_mm) = (at(from), at(to));
+        visit(Piece { start_mm, end_mm, function, law, value: value.restrict(from, to) })
     };
     let mut piece_from = 0.0;
     let mut law = None;

@@ -1,9 +1,9 @@
 //! Which bricks have extinction under a transfer function, and how far every brick is from the next of them: what
 //! rays leap over without loss.
 
-use crate::transfer::TransferFunction;
-use crate::volume::{BRICK_CELLS, Bricks};
-use glam::{DVec3, IVec3};
+use crate::transfer::{Class, TransferFunction};
+use crate::volume::{BRICK_CELLS, Bricks, RankSet};
+use glam::{DAffine3, DVec3, IVec3};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
@@ -50,6 +50,51 @@ pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
     intervals
 }
 
+/// How far outside of a plane a brick must lie, in bricks, before it counts as clipped: more than float32 makes of planes.
+const CLIP_ROOM: f64 = 0.01;
+
+/// The function's clip planes as normals and offsets in brick coordinates, in which a brick is a unit cube.
+fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64)> {
+    // Cell c begins at index c - 1.
+    let world_from_bricks = bricks.world_from_index
+        * DAffine3::from_translation(DVec3::NEG_ONE)
+        * DAffine3::from_scale(DVec3::splat(BRICK_CELLS as f64));
+    tf.clip.iter().map(|plane| plane.seen_from(world_from_bricks)).collect()
+}
+
+/// Whether some plane keeps nothing of a brick.
+fn is_clipped(brick: usize, [nx, ny, _]: [usize; 3], planes: &[(DVec3, f64)]) -> bool {
+    let low = DVec3::new((brick % nx) as f64, (brick / nx % ny) as f64, (brick / (nx * ny)) as f64);
+    planes.iter().any(|&(normal, offset)| {
+        // The corner that lies farthest along the normal.
+        let farthest = low + DVec3::select(normal.cmpgt(DVec3::ZERO), DVec3::ONE, DVec3::ZERO);
+        normal.dot(farthest) + CLIP_ROOM * normal.abs().element_sum() < offset
+    })
+}
+
+/// For each function of `tf` the labels that are seen through it, and the values at which it has extinction; gaps between
+/// those are `blur` smaller on both sides.
+fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec<(RankSet, Vec<[f64; 2]>)> {
+    let blurred = |tf: &TransferFunction| {
+        let mut intervals = extinction_intervals(tf);
+        for gap in 1..intervals.len() {
+            intervals[gap - 1][1] += blur;
+            intervals[gap][0] -= blur;
+        }
+        intervals
+    };
+    let ids = bricks.labels.as_ref().map_or(&[][..], |labels| &labels.ids);
+    let seen_through = |function: usize| {
+        let mut ranks = RankSet::default();
+        let of_it = ids.iter().enumerate().filter(|(_, id)| tf.class_of(**id) == Class::Function(function));
+        of_it.for_each(|(rank, _)| ranks.insert(rank));
+        ranks
+    };
+    // Without labels all voxels are seen through the function itself.
+    let used = if bricks.labels.is_some() { tf.functions() } else { vec![tf] };
+    used.into_iter().enumerate().map(|(i, tf)| (seen_through(i), blurred(tf))).collect()
+}
+
 impl ActiveBricks {
     /// Finds the bricks with extinction anywhere in their range.
     pub fn of(bricks: &Bricks, tf: &TransferFunction) -> Self {
@@ -59,23 +104,22 @@ impl ActiveBricks {
     /// As [`Self::of`], for a renderer whose tables blur the function by `blur` value units: gaps between values
     /// with extinction shrink by it on both sides. Outside of the first and the last such value nothing is blurred.
     pub fn blurred(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Self {
-        let mut intervals = extinction_intervals(tf);
-        for gap in 1..intervals.len() {
-            intervals[gap - 1][1] += blur;
-            intervals[gap][0] -= blur;
-        }
-        let distance: Vec<u8> = bricks
-            .min
-            .par_iter()
-            .zip(&bricks.max)
-            .with_min_len(1 << 12)
-            .map(|(&min, &max)| {
+        let classes = intervals_of_labels(bricks, tf, blur);
+        let planes = planes_over_bricks(bricks, tf);
+        let is_active = |brick: usize| {
+            if is_clipped(brick, bricks.counts, &planes) {
+                return false;
+            }
+            let (min, max) = (bricks.min[brick], bricks.max[brick]);
+            classes.iter().any(|(ranks, intervals)| {
+                let occurs = bricks.labels.as_ref().is_none_or(|labels| labels.sets[brick].meets(ranks));
                 // The first interval that does not lie wholly below the brick decides.
                 let next = intervals.partition_point(|[_, hi]| *hi < min);
-                let active = intervals.get(next).is_some_and(|[lo, _]| *lo <= max);
-                if active { 0 } else { u8::MAX }
+                occurs && intervals.get(next).is_some_and(|[lo, _]| *lo <= max)
             })
-            .collect();
+        };
+        let distance = (0..bricks.len()).into_par_iter().with_min_len(1 << 12);
+        let distance = distance.map(|brick| if is_active(brick) { 0 } else { u8::MAX }).collect();
         Self::from_seeds(bricks.counts, distance)
     }
 

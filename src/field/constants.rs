@@ -2,6 +2,8 @@
 
 /// Stands for infinity on the device.
 pub const FAR: f32 = 1e30;
+/// Added to a value, hides it: far beyond all values, and less than [`FAR`].
+pub const HIDDEN_SHIFT: f32 = 1e29;
 /// Texels a side of a tile (Hadwiger et al. 2006, 3.4).
 pub const TILE: u32 = 16;
 /// Texels, and so records, of a tile.

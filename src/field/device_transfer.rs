@@ -1,12 +1,14 @@
 //! A transfer function on the device, for one volume: tables, active bricks and their distances.
 
+use super::seen_function::SeenFunction;
 use super::{ActiveBricks, Forced, LoadedVolume, Omittable, grid_from_world, marches_cells};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Group, ShaderVariant, Slot, clamp_sampler, table_texture, uniform_buffer};
 use crate::transfer::{
-    MAX_INTERVALS, PAIR_BINS, PairTable, TexelMapping, TransferFunction, TransferTables, VALUE_BINS,
+    ClipPlane, MAX_INTERVALS, MOST_CLIP_PLANES, PAIR_BINS, PairTable, TexelMapping, TransferFunction,
+    TransferTables, VALUE_BINS,
 };
-use crate::volume::{BRICK_CELLS, MOST_CLIP_PLANES, Volume};
+use crate::volume::{BRICK_CELLS, Volume};
 use bytemuck::{Pod, Zeroable};
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -31,6 +33,8 @@ struct FieldUniform {
     pub color_r: f32,
     pub color_g: f32,
     pub color_b: f32,
+    pub hidden_value: f32,
+    pub padding: [f32; 3],
     pub clip: [[f32; 4]; MOST_CLIP_PLANES],
 }
 
@@ -70,8 +74,10 @@ pub struct DeviceTransfer {
     pub empty: bool,
     /// Everything with extinction has one colour, and the integrals hold none.
     pub one_color: bool,
-    /// The volume has clip planes.
-    clips: bool,
+    /// The function has clip planes.
+    pub clips: bool,
+    /// The volume has labels, and some of them are seen otherwise than others.
+    labelled: bool,
     /// What is forced back on in everything that is made from this.
     pub forced: Forced,
     uniform: FieldUniform,
@@ -108,6 +114,8 @@ struct Bindings {
     intervals: wgpu::Buffer,
     integrals: wgpu::TextureView,
     extinction: wgpu::TextureView,
+    /// The labels of voxels, and the shifts of values by label.
+    labels: Option<(wgpu::TextureView, wgpu::Buffer)>,
 }
 
 impl Bindings {
@@ -116,7 +124,7 @@ impl Bindings {
         // Pipelines do not depend on the volume: all of its formats are bound as the least capable one can be.
         let filterable = gpu.filters_float32;
         let values = wgpu::TextureSampleType::Float { filterable };
-        let slots = [
+        let mut slots = vec![
             Slot::uniform(&self.field),
             Slot::texture(&self.volume, values, solid),
             Slot::sampler(&self.sampler, filterable),
@@ -127,6 +135,9 @@ impl Bindings {
             Slot::read_write(gpu.watch.binding()),
             Slot::floats(&self.extinction),
         ];
+        if let Some((ranks, shifts)) = &self.labels {
+            slots.extend([Slot::texture(ranks, wgpu::TextureSampleType::Uint, solid), Slot::uniform(shifts)]);
+        }
         Group::new(gpu, "field", &(0..).zip(slots).collect::<Vec<_>>())
     }
 }
@@ -143,7 +154,8 @@ impl DeviceTransfer {
     pub fn new(gpu: &Gpu, loaded: &LoadedVolume, tf: &TransferFunction, forced: Forced) -> Result<Self> {
         let LoadedVolume { bricks, on_device, .. } = loaded;
         let start = Instant::now();
-        let tables = TransferTables::build(tf, on_device.mapping, on_device.texel_range);
+        let seen = SeenFunction::of(loaded, tf)?;
+        let tables = seen.tables(on_device.mapping);
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
         // Integrals are linear inside a table's bin, and so a bin at the edge of a peak has some extinction all over.
@@ -151,14 +163,15 @@ impl DeviceTransfer {
         let active = ActiveBricks::blurred(bricks, tf, bin);
         let classify_ms = start.elapsed().as_secs_f64() * 1e3;
         let filter = if gpu.filters_float32 { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
-        let uniform = field_uniform(loaded, &tables, tf, &active, forced);
+        let uniform = field_uniform(loaded, &tables, &seen, &active, forced);
         let bindings = Bindings {
             field: uniform_buffer(gpu, "field", &uniform),
             volume: on_device.view.clone(),
             sampler: clamp_sampler(gpu, filter),
             distances: distance_texture(gpu, &active, forced),
             intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(&tables)?),
-            integrals: integral_texture(gpu, &tables, one_color(tf, forced).is_some())?,
+            integrals: integral_texture(gpu, &tables, one_color(&seen.function, forced).is_some())?,
+            labels: seen.labels(gpu, loaded),
             extinction: extinction_texture(gpu, &tables)?,
         };
         Self {
@@ -168,21 +181,22 @@ impl DeviceTransfer {
             table_ms,
             classify_ms,
             one_color: false,
-            clips: !loaded.volume.clip().is_empty(),
+            clips: !tf.clip.is_empty(),
             forced,
             plain_group: bindings.group(gpu, &no_pairs(gpu)?),
             uniform,
             bindings,
             march: OnceLock::new(),
-            tf: tf.clone(),
             mapping: on_device.mapping,
-            largest_texel: on_device.texel_range.iter().fold(0.0, |most, t| t.abs().max(most)),
+            largest_texel: seen.texel_range.iter().fold(0.0, |most, t| t.abs().max(most)),
+            labelled: !seen.shifts.is_empty(),
+            tf: seen.function.clone(),
         }
-        .with_colors(&tables, tf)
+        .with_colors(&tables, &seen.function)
         .forced_tables(gpu)
     }
 
-    /// The function that the tables are of.
+    /// The function that the tables are of: of a volume with labels, all of its functions side by side.
     pub fn function(&self) -> &TransferFunction {
         &self.tf
     }
@@ -194,9 +208,10 @@ impl DeviceTransfer {
     /// A device out of memory.
     pub fn recolored(&self, gpu: &Gpu, loaded: &LoadedVolume, tf: &TransferFunction) -> Result<Self> {
         let start = Instant::now();
-        let tables = TransferTables::build(tf, self.mapping, loaded.on_device.texel_range);
+        let seen = SeenFunction::of(loaded, tf)?;
+        let tables = seen.tables(self.mapping);
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
-        let one = one_color(tf, self.forced);
+        let one = one_color(&seen.function, self.forced);
         let [color_r, color_g, color_b] = one.unwrap_or_default().map(|c| c as f32);
         let uniform = FieldUniform { color_r, color_g, color_b, ..self.uniform };
         let bindings = Bindings {
@@ -220,7 +235,7 @@ impl DeviceTransfer {
             tf: self.tf.clone(),
             ..*self
         };
-        Ok(recolored.with_colors(&tables, tf))
+        Ok(recolored.with_colors(&tables, &seen.function))
     }
 
     fn with_colors(self, tables: &TransferTables, tf: &TransferFunction) -> Self {
@@ -287,7 +302,7 @@ impl DeviceTransfer {
     /// # Errors
     /// A device out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
-        let variant = variant.defs(self.clips.then_some("CLIP"));
+        let variant = variant.defs(self.clips.then_some("CLIP")).defs(self.labelled.then_some("LABELS"));
         if !marches_cells(&variant) {
             return Ok(variant);
         }
@@ -310,7 +325,7 @@ fn no_pairs(gpu: &Gpu) -> Result<wgpu::TextureView> {
 fn field_uniform(
     loaded: &LoadedVolume,
     tables: &TransferTables,
-    tf: &TransferFunction,
+    seen: &SeenFunction,
     active: &ActiveBricks,
     forced: Forced,
 ) -> FieldUniform {
@@ -320,16 +335,17 @@ fn field_uniform(
     } else {
         grid_box(active, dims)
     };
-    let [color_r, color_g, color_b] = one_color(tf, forced).unwrap_or_default().map(|c| c as f32);
+    let [color_r, color_g, color_b] = one_color(&seen.function, forced).unwrap_or_default().map(|c| c as f32);
+    let [first_value, last_value] = seen.extinct.unwrap_or([tables.first_value, tables.last_value]);
     FieldUniform {
         size: dims.map(|n| n as u32),
         min_spacing_mm: loaded.volume.min_spacing_mm() as f32,
         inv_size: dims.map(|n| 1.0 / n as f32),
         intervals: tables.intervals.len() as u32,
         active_lo,
-        first_value: tables.first_value,
+        first_value,
         active_hi,
-        last_value: tables.last_value,
+        last_value,
         bin_origin: tables.bin_origin,
         bins_per_value: tables.bins_per_value,
         table_origin: tables.table_origin,
@@ -338,15 +354,17 @@ fn field_uniform(
         color_r,
         color_g,
         color_b,
-        clip: clip_planes(&loaded.volume),
+        hidden_value: seen.hidden_texel,
+        padding: [0.0; 3],
+        clip: clip_planes(&loaded.volume, &seen.function.clip),
     }
 }
 
-/// The volume's clip planes in grid space, and behind them such that keep everything.
-fn clip_planes(volume: &Volume) -> [[f32; 4]; MOST_CLIP_PLANES] {
+/// Clip planes in a volume's grid space, and behind them such that keep everything.
+fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLANES] {
     let mut planes = [[0.0, 0.0, 0.0, -1.0]; MOST_CLIP_PLANES];
     let world_from_grid = grid_from_world(volume).inverse();
-    for (plane, given) in planes.iter_mut().zip(volume.clip()) {
+    for (plane, given) in planes.iter_mut().zip(clip) {
         let (normal, offset) = given.seen_from(world_from_grid);
         // Of length 1 here too, so that float32 rounds it alike in voxels of all sizes.
         *plane = (normal.extend(offset) / normal.length()).as_vec4().to_array();
@@ -416,7 +434,7 @@ mod tests {
             field_shader("render/query.wgsl").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
         assert_layout!(&shader, "Field", FieldUniform: size, min_spacing_mm, inv_size, intervals, active_lo,
             first_value, active_hi, last_value, bin_origin, bins_per_value, table_origin, table_per_value,
-            inv_reference_length, color_r, color_g, color_b, clip);
+            inv_reference_length, color_r, color_g, color_b, hidden_value, clip);
         assert_layout!(&shader, "IntervalTable", IntervalTable: intervals, of_bin);
     }
 }

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::transfer::TexelMapping;
-use crate::volume::{Volume, Voxel, Voxels};
+use crate::volume::{Labels, Volume, Voxel, Voxels};
 use crate::with_voxels;
 use half::f16;
 
@@ -32,6 +32,8 @@ impl TexelFormat {
 /// The volume texture and what its texels mean.
 pub struct DeviceVolume {
     pub(crate) view: wgpu::TextureView,
+    /// The places of voxels' labels among all that occur, where there are labels.
+    pub(crate) labels: Option<wgpu::TextureView>,
     /// How texels are kept.
     pub format: TexelFormat,
     /// What texel values mean.
@@ -40,7 +42,7 @@ pub struct DeviceVolume {
     pub texel_range: [f64; 2],
     /// Voxels along each axis.
     pub dims: [usize; 3],
-    /// Bytes of the texture.
+    /// Bytes of the texture, and of that of labels.
     pub bytes: u64,
 }
 
@@ -117,6 +119,23 @@ fn write_slices(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &P
     }
 }
 
+fn label_texture(gpu: &Gpu, labels: &Labels, size: wgpu::Extent3d) -> wgpu::TextureView {
+    use wgpu::util::{DeviceExt, TextureDataOrder};
+    let descriptor = wgpu::TextureDescriptor {
+        label: Some("labels"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D3,
+        format: wgpu::TextureFormat::R8Uint,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    };
+    let order = TextureDataOrder::LayerMajor;
+    let texture = gpu.device.create_texture_with_data(&gpu.queue, &descriptor, order, labels.ranks());
+    texture.create_view(&Default::default())
+}
+
 impl DeviceVolume {
     /// Uploads a volume.
     ///
@@ -155,9 +174,11 @@ impl DeviceVolume {
             view_formats: &[],
         });
         write_slices(gpu, volume, &texture, &Packing { format, center, per_stored });
+        let labels = volume.labels().map(|labels| label_texture(gpu, labels, size));
         let last = gpu.queue.submit([]);
         gpu.wait_for(last)?;
-        let bytes = (dims[0] * dims[1] * dims[2]) as u64 * format.bytes();
+        let label_bytes = u64::from(labels.is_some());
+        let bytes = (dims[0] * dims[1] * dims[2]) as u64 * (format.bytes() + label_bytes);
         if pollster::block_on(scope.pop()).is_some() {
             return Err(Error::runtime(
                 "cannot upload volume",
@@ -168,6 +189,7 @@ impl DeviceVolume {
         let [a, b] = volume.stored_range().map(|s| (s - center) * per_stored);
         Ok(Self {
             view: texture.create_view(&Default::default()),
+            labels,
             format,
             mapping,
             texel_range: [a.min(b), a.max(b)],

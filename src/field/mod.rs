@@ -11,6 +11,7 @@ mod light_space;
 mod loaded;
 mod omittable;
 mod pool_sizes;
+mod seen_function;
 mod shader;
 mod strand_lines;
 mod tile_march;

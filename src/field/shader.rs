@@ -1,10 +1,12 @@
 //! The shader modules of this room, the constants that they share with the host, and how a variant takes them in.
 
-use super::constants::{FAR, LINE_THREADS, NO_TILE, TILE};
+use super::constants::{FAR, HIDDEN_SHIFT, LINE_THREADS, NO_TILE, TILE};
 use super::light_space::Projection;
 use crate::gpu::{Constant, ShaderVariant, WORK_KINDS, WORK_WORDS};
-use crate::transfer::{MAX_INTERVALS, MAX_OPACITY, MORE_NODES, PAIR_BINS, TABLE_BINS, VALUE_BINS};
-use crate::volume::{BRICK_CELLS, MOST_CLIP_PLANES};
+use crate::transfer::{
+    MAX_INTERVALS, MAX_OPACITY, MORE_NODES, MOST_CLIP_PLANES, PAIR_BINS, TABLE_BINS, VALUE_BINS,
+};
+use crate::volume::{BRICK_CELLS, MOST_LABELS};
 
 /// The modules that march light rays: cell by cell, by regular samples, and from segment to segment of strands.
 const MARCH_CELLS: &str = "field/march.wgsl";
@@ -69,6 +71,8 @@ const CONSTANTS: &[Constant] = &[
     Constant::signed("BRICK_CELLS", BRICK_CELLS as i32),
     Constant::unsigned("BRICK_SHIFT", BRICK_CELLS.ilog2()),
     Constant::float("FAR", FAR),
+    Constant::float("HIDDEN_SHIFT", HIDDEN_SHIFT),
+    Constant::unsigned("LABEL_VECTORS", MOST_LABELS as u32 / 4),
     Constant::unsigned("MOST_CLIP_PLANES", MOST_CLIP_PLANES as u32),
     Constant::unsigned("PARTS_OF_SUM", PARTS_OF_SUM),
     Constant::unsigned("MOST_PIECES", MOST_PIECES),
@@ -94,6 +98,7 @@ pub fn field_shader(entry: &'static str) -> ShaderVariant {
         "field/work.wgsl",
         "field/dispatch.wgsl",
         "field/field.wgsl",
+        "field/labels.wgsl",
         "field/transfer.wgsl",
         "field/light.wgsl",
     ];

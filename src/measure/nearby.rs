@@ -24,9 +24,7 @@ pub(super) struct Nearby<'a> {
 
 /// A function of values that are all larger by `by`.
 fn moved(tf: &TransferFunction, by: f64) -> TransferFunction {
-    let mut tf = tf.clone();
-    tf.points.iter_mut().for_each(|p| p.value -= by);
-    tf
+    tf.scale_values(|value| value - by)
 }
 
 impl<'a> Nearby<'a> {

@@ -35,6 +35,7 @@ impl SceneSettings {
                 *name = beside.to_string_lossy().into_owned();
             }
         }
+        settings.parts.beside(folder);
         settings.opaque.beside(folder);
         Ok(settings)
     }
@@ -168,6 +169,8 @@ mod tests {
         "4,5,6",
         "#336699",
         "none",
+        "1-3,7=bone",
+        "4=skin",
         "tiles,bricks",
         "gradients",
         "64",

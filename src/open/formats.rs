@@ -11,7 +11,7 @@ use crate::scene::Shading;
 use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::formats::raw::RawFile;
 use crate::volume::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack};
-use crate::volume::{ClipPlane, Crop, Phantom, RawLayout, Volume, nifti, raw};
+use crate::volume::{Crop, Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 /// How to read a volume that does not say it itself; absent ones are `None`.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
 pub struct ReadFlags {
     /// Read VOLUME as raw voxels: DIMXxDIMYxDIMZ:TYPE, TYPE one of u8 i8 u16 i16 u32 i32 f32 f64, then :be for
     /// big-endian [default: from a name like foot_256x256x256_uint8.raw]
@@ -40,10 +40,6 @@ pub struct ReadFlags {
     /// Only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default: all]
     #[arg(long, value_name = "RANGES", value_parser = Crop::from_str, allow_hyphen_values = true, help_heading = "Volume")]
     pub crop: Option<Crop>,
-    /// Only the half-space n·x >= d in world mm, may be given more than once: what is outside has no extinction, and keeps
-    /// its values [default: all]
-    #[arg(long, value_name = "NX,NY,NZ,D", value_parser = ClipPlane::from_str, allow_hyphen_values = true, help_heading = "Volume")]
-    pub clip: Option<Vec<ClipPlane>>,
     #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
@@ -191,7 +187,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a built-in volume",
         asked_as: "phantom:NAME[:SIZE]",
         endings: &[],
-        flags: &["crop", "clip"],
+        flags: &["crop"],
         sniff: |spec, _| spec.phantom().is_some() && !spec.is_of_strands(),
         read: |spec, loading| {
             let (phantom, size) =
@@ -204,7 +200,7 @@ pub const FORMATS: &[Format] = &[
         kind: "raw voxels",
         asked_as: "raw files with --raw DIMXxDIMYxDIMZ:TYPE (.raw, .raw.gz)",
         endings: &["raw", "gz"],
-        flags: &["raw", "spacing", "offset", "crop", "clip"],
+        flags: &["raw", "spacing", "offset", "crop"],
         sniff: |spec, head| {
             let raw = head.is_named(&["raw", "raw.gz"]);
             spec.layout().is_some() || raw && Sidecar::path_of(spec.path()).is_file()
@@ -216,7 +212,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a DICOM series",
         asked_as: "DICOM (a folder, or a file of it)",
         endings: dicom::EXTENSIONS,
-        flags: &["series", "frame", "crop", "clip"],
+        flags: &["series", "frame", "crop"],
         sniff: |_, head| dicom::is_dicom(head),
         read: |spec, loading| {
             dicom::read_with(spec.path(), spec.flags.series, spec.frame(), loading).map(Read::from)
@@ -227,7 +223,7 @@ pub const FORMATS: &[Format] = &[
         kind: "NRRD",
         asked_as: "NRRD (.nrrd, .nhdr)",
         endings: nrrd::EXTENSIONS,
-        flags: &["frame", "crop", "clip"],
+        flags: &["frame", "crop"],
         sniff: |_, head| nrrd::is_nrrd(head),
         read: |spec, loading| nrrd::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| nrrd::files_of(spec.path()),
@@ -236,7 +232,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a MetaImage",
         asked_as: "MetaImage (.mha, .mhd)",
         endings: metaimage::EXTENSIONS,
-        flags: &["frame", "crop", "clip"],
+        flags: &["frame", "crop"],
         sniff: |_, head| metaimage::is_metaimage(head),
         read: |spec, loading| metaimage::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| metaimage::files_of(spec.path()),
@@ -245,7 +241,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a TIFF stack",
         asked_as: "TIFF (a file of pages, or a folder of files)",
         endings: tiff_stack::EXTENSIONS,
-        flags: &["frame", "spacing", "crop", "clip"],
+        flags: &["frame", "spacing", "crop"],
         sniff: |_, head| tiff_stack::is_tiff(head),
         read: |spec, loading| {
             tiff_stack::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -256,7 +252,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a NumPy array",
         asked_as: "NumPy (.npy)",
         endings: npy::EXTENSIONS,
-        flags: &["frame", "spacing", "crop", "clip"],
+        flags: &["frame", "spacing", "crop"],
         sniff: |_, head| npy::is_npy(head),
         read: |spec, loading| {
             npy::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -280,7 +276,7 @@ pub const FORMATS: &[Format] = &[
         kind: "read as NIfTI",
         asked_as: "NIfTI and Analyze 7.5 (.nii, .nii.gz, .hdr with .img)",
         endings: &["nii", "gz", "hdr", "img"],
-        flags: &["frame", "crop", "clip"],
+        flags: &["frame", "crop"],
         sniff: |_, _| true,
         read: |spec, loading| {
             let path = spec.path();
@@ -327,10 +323,6 @@ pub fn read_with(spec: &VolumeSpec, loading: &Loading) -> Result<Read> {
         Some(crop) => Ok(Read { volume: read.volume.cropped(crop, loading)?, ..read }),
         None => Ok(read),
     });
-    let outcome = outcome.and_then(|read| match &spec.flags.clip {
-        Some(planes) => Ok(Read { volume: read.volume.clipped(planes)?, ..read }),
-        None => Ok(read),
-    });
     // Whatever else went wrong then did so because of that.
     loading.go_on(&spec.source)?;
     outcome
@@ -339,7 +331,7 @@ pub fn read_with(spec: &VolumeSpec, loading: &Loading) -> Result<Read> {
 /// Refuses a flag that is for other formats.
 fn refuse_flags(spec: &VolumeSpec, format: &Format) -> Result<()> {
     // The first frame is the only one that every format has.
-    let flags = ReadFlags { frame: spec.flags.frame.filter(|frame| *frame > 0), ..spec.flags.clone() };
+    let flags = ReadFlags { frame: spec.flags.frame.filter(|frame| *frame > 0), ..spec.flags };
     let given =
         serde_json::to_value(flags).map_err(|e| Error::runtime("cannot use flags", &spec.source, e))?;
     let mut given = given.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());

@@ -5,6 +5,7 @@ pub mod formats;
 mod help;
 mod lights;
 mod meshes;
+mod parts;
 pub mod presets;
 mod refusal;
 mod remark;
@@ -17,6 +18,7 @@ mod view;
 
 pub use formats::{FORMATS, Read, ReadFlags, VolumeSpec, load, load_with, read_with};
 pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
+pub use parts::{LabelFunction, LabelList, PartFlags};
 pub use refusal::{Refusal, refusal};
 pub use remark::Remark;
 pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, SceneArgs, SceneSettings};

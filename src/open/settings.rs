@@ -3,6 +3,7 @@
 use super::help::{shadow_help, tf_help};
 use super::lights::{self, one_or_list};
 use super::meshes::OpaqueFlags;
+use super::parts::PartFlags;
 use super::presets::{self, ResolvedTransferFunction, Suiting};
 use super::remark::Remark;
 use super::units::Units;
@@ -43,6 +44,10 @@ pub struct SceneSettings {
     #[command(flatten)]
     #[serde(flatten)]
     pub read_flags: ReadFlags,
+    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub parts: PartFlags,
     /// SHA-256 that the volume's file should have; a warning says where it has another
     #[arg(long, value_name = "HEX", value_parser = values::sha256, help_heading = "Volume")]
     pub sha256: Option<String>,
@@ -184,14 +189,14 @@ pub struct Loaded {
 impl SceneSettings {
     /// A volume, and the defaults for all else.
     pub fn of_volume(spec: &VolumeSpec) -> Self {
-        Self { volume: Some(spec.source.clone()), read_flags: spec.flags.clone(), ..Self::default() }
+        Self { volume: Some(spec.source.clone()), read_flags: spec.flags, ..Self::default() }
     }
 
     /// The volume, and how to read it.
     pub fn spec(&self) -> VolumeSpec {
         VolumeSpec {
             source: self.volume.clone().unwrap_or_else(|| DEFAULT_VOLUME.into()),
-            flags: self.read_flags.clone(),
+            flags: self.read_flags,
         }
     }
 
@@ -224,12 +229,14 @@ impl SceneSettings {
     /// Whatever of it cannot be read or does not go together, or it was cancelled.
     pub fn load(&self, loading: &Loading) -> Result<Loaded> {
         let found = self.tf.as_deref().map(presets::find).transpose()?;
+        let of_labels = self.parts.find()?;
         lights::checked(self.light.as_deref())?;
         self.spec().check_shading(self.shading)?;
         let Read { volume, strands } = read_with(&self.spec(), loading)?;
         let mut remarks: Vec<Remark> =
             volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
         remarks.extend(self.another_volume()?.map(|remark| ("warning", remark)));
+        let volume = self.parts.label(volume, &mut remarks, loading)?;
         let (tf_source, chosen) = match &self.tf {
             Some(tf) => (tf.clone(), None),
             None => {
@@ -238,8 +245,10 @@ impl SceneSettings {
             }
         };
         let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
-        let ResolvedTransferFunction { tf, notes, warnings, suiting } =
+        let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
             found.suit(&volume, self.suiting())?;
+        tf.rules = self.parts.rules(of_labels, &volume, suiting, &mut remarks)?;
+        tf.clip = self.parts.planes(strands.is_some())?;
         remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
         remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));
         let mesh = self.opaque.read(&mut remarks, loading)?;

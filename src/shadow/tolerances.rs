@@ -26,7 +26,7 @@ pub fn longest_depth() -> f32 {
 
 /// What every march cell by cell promises, whatever is made of it.
 pub fn march_bound(context: &BuildContext<'_>, light_space: &LightSpace) -> Bound {
-    let rounding = light_space.rounding(context.volume);
+    let rounding = light_space.rounding(context.volume, context.transfer.clips);
     Bound {
         transmittance: QUADRATURE + SUMS,
         depth_mm: SHORT_PIECE * context.volume.min_spacing_mm() + rounding.position_mm,

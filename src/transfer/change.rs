@@ -21,7 +21,8 @@ impl TransferChange {
         new: &TransferFunction,
         occurs: impl Fn([f64; 2]) -> bool,
     ) -> Self {
-        if old.quantity != new.quantity || old.reference_length_mm != new.reference_length_mm {
+        let same_kind = old.quantity == new.quantity && old.reference_length_mm == new.reference_length_mm;
+        if !same_kind || old.rules != new.rules || old.clip != new.clip {
             return Self::Extinction;
         }
         let mut most = Self::Nothing;

@@ -113,7 +113,13 @@ impl TransferFunction {
             }
             points.push(point);
         }
-        let tf = Self { name: file.name, units: file.units, reference_length_mm: length, quantity, points };
+        let tf = Self {
+            name: file.name,
+            units: file.units,
+            reference_length_mm: length,
+            points,
+            ..Self::new(quantity, &[])
+        };
         let largest = tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
         if largest > MAX_MAGNITUDE {
             return Err(format!("an extinction of {largest:.3e} per mm is too large for 32-bit arithmetic"));

@@ -1,14 +1,20 @@
-//! Transfer functions: extinction (1/mm) and colour (linear RGB) as functions of the scalar value.
+//! Transfer functions: extinction (1/mm) and colour (linear RGB) as functions of the scalar value, and of what part of a
+//! volume it is in: which labels are seen otherwise, and where planes clip it.
 
 mod change;
+mod clip;
 mod file;
 pub mod formats;
+mod labels;
 mod pairs;
 pub mod presets;
 mod tables;
 
 pub use change::TransferChange;
+pub use clip::{ClipPlane, MOST_CLIP_PLANES};
+pub use labels::{Class, LabelRule, MOST_LABEL_FUNCTIONS, Seen, SideBySide};
 pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
+pub(crate) use tables::extinct_range;
 pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
 
 /// Which quantity a file gives, and so which one is interpolated linearly between points.
@@ -48,6 +54,10 @@ pub struct TransferFunction {
     pub quantity: Quantity,
     /// By non-decreasing value, at least one, at most two of one value.
     pub points: Vec<ControlPoint>,
+    /// Which labels of a segmentation are seen otherwise; no part of files, as `clip`.
+    pub rules: Vec<LabelRule>,
+    /// Half-spaces outside of any of which there is no extinction, at most [`MOST_CLIP_PLANES`].
+    pub clip: Vec<ClipPlane>,
 }
 
 /// Values at which a transfer function is asked whether it leaves extinction as it is, and how far it may be off.
@@ -64,6 +74,8 @@ impl TransferFunction {
             reference_length_mm: 1.0,
             quantity,
             points: points.iter().map(white).collect(),
+            rules: Vec::new(),
+            clip: Vec::new(),
         }
     }
 
@@ -115,10 +127,22 @@ impl TransferFunction {
         colors.all(|c| c == first).then_some(first)
     }
 
+    /// The same function for the parts of a volume that another is for: its clip planes, and its rules for labels.
+    #[must_use]
+    pub fn within(self, other: &Self) -> Self {
+        Self { rules: other.rules.clone(), clip: other.clip.clone(), ..self }
+    }
+
+    /// Whether both give the same by the value alone, whatever parts of a volume they are for.
+    pub fn is_same_function(&self, other: &Self) -> bool {
+        self.clone().within(other) == *other
+    }
+
     /// The same function with its extinction times `factor` at every value.
     #[must_use]
     pub fn scale_extinction(&self, factor: f64) -> Self {
         let mut scaled = self.clone();
+        scaled.rules = self.with_each(|tf| tf.scale_extinction(factor));
         match self.quantity {
             // Opacities over a shorter length: what is interpolated stays what it is.
             Quantity::Opacity => scaled.reference_length_mm /= factor,
@@ -130,8 +154,10 @@ impl TransferFunction {
     /// The same function of a value that has been mapped by an increasing `map`, e.g. to other units.
     #[must_use]
     pub fn scale_values(&self, map: impl Fn(f64) -> f64) -> Self {
-        let points = self.points.iter().map(|p| ControlPoint { value: map(p.value), ..*p }).collect();
-        Self { points, ..self.clone() }
+        let moved =
+            |tf: &Self| tf.points.iter().map(|p| ControlPoint { value: map(p.value), ..*p }).collect();
+        let rules = self.with_each(|tf| Self { points: moved(tf), ..tf.clone() });
+        Self { points: moved(self), rules, ..self.clone() }
     }
 
     fn interpolate(&self, value: f64, get: impl Fn(&ControlPoint) -> f64) -> f64 {

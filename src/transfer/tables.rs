@@ -204,7 +204,7 @@ fn without_idle_points(list: Vec<Interval>) -> Vec<Interval> {
 }
 
 /// Texel values outside of which there is no extinction: `<= first` and `>= last`.
-fn extinct_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
+pub(crate) fn extinct_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
     let n = tf.points.len();
     let positive = |i: usize| tf.points[i].amount > 0.0;
     let texel = |i: usize| mapping.texel_from_value(tf.points[i].value) as f32;

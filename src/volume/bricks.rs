@@ -8,11 +8,8 @@
 
 use super::{Scaling, Volume, Voxel};
 use crate::with_voxels;
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 use rayon::prelude::*;
-
-/// How far outside of a plane a brick must lie, in bricks, before it counts as clipped.
-const CLIP_ROOM: f64 = 0.01;
 
 /// Cells along each side of a brick.
 pub const BRICK_CELLS: usize = 4;
@@ -22,10 +19,39 @@ pub const BRICK_CELLS: usize = 4;
 pub struct Bricks {
     /// Bricks along each axis: `ceil((n + 1) / BRICK_CELLS)`.
     pub counts: [usize; 3],
-    /// Smallest scaled value in each; NaN in those that are clipped away.
+    /// Smallest scaled value in each.
     pub min: Vec<f64>,
     /// Largest scaled value in each.
     pub max: Vec<f64>,
+    /// Which labels occur in each, where the volume has some.
+    pub labels: Option<BrickLabels>,
+    /// World mm from the volume's index coordinates.
+    pub world_from_index: DAffine3,
+}
+
+/// The labels that occur in bricks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BrickLabels {
+    /// The volume's labels, as [`super::Labels::ids`].
+    pub ids: Vec<u32>,
+    /// A brick each: the places in `ids` of those that occur among its voxels.
+    pub sets: Vec<RankSet>,
+}
+
+/// A set of places among at most 256 labels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RankSet([u64; 4]);
+
+impl RankSet {
+    /// With one place more.
+    pub fn insert(&mut self, rank: usize) {
+        self.0[rank / 64 % 4] |= 1 << (rank % 64);
+    }
+
+    /// Whether both have some place.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.0.iter().zip(&other.0).any(|(a, b)| a & b != 0)
+    }
 }
 
 /// Voxels that brick `b` of an axis with `n` voxels interpolates.
@@ -39,38 +65,16 @@ impl Bricks {
         dims.map(|n| (n + 1).div_ceil(BRICK_CELLS))
     }
 
-    /// Finds every brick's range; stored types are compared and only the results scaled. Bricks of which the volume's clip
-    /// planes keep nothing have no range.
+    /// Finds every brick's range; stored types are compared and only the results scaled.
     pub fn build(volume: &Volume) -> Self {
         let dims = volume.dims();
         let bricks = with_voxels!(volume.voxels(), a => {
             build(a.as_slice().unwrap_or_default(), dims, volume.scaling())
         });
-        bricks.without_clipped(volume)
-    }
-
-    /// The same without the ranges of bricks of which the volume's clip planes keep nothing: those become NaN.
-    #[must_use]
-    pub fn without_clipped(mut self, volume: &Volume) -> Self {
-        // From brick coordinates: cell c begins at index c - 1.
-        let to_world = volume.world_from_index()
-            * DAffine3::from_translation(DVec3::NEG_ONE)
-            * DAffine3::from_scale(DVec3::splat(BRICK_CELLS as f64));
-        let planes: Vec<_> = volume.clip().iter().map(|plane| plane.seen_from(to_world)).collect();
-        if planes.is_empty() {
-            return self;
-        }
-        let [nx, ny, _] = self.counts;
-        self.min.par_iter_mut().zip(&mut self.max).enumerate().with_min_len(1 << 12).for_each(|(i, (min, max))| {
-            let low = DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64);
-            // The corner that lies farthest along the normal, with room for what float32 makes of planes.
-            let farthest = |n: DVec3| low + DVec3::select(n.cmpgt(DVec3::ZERO), DVec3::ONE, DVec3::ZERO);
-            let room = |n: DVec3| CLIP_ROOM * n.abs().element_sum();
-            if planes.iter().any(|&(n, offset)| n.dot(farthest(n)) + room(n) < offset) {
-                (*min, *max) = (f64::NAN, f64::NAN);
-            }
-        });
-        self
+        let labels = volume
+            .labels()
+            .map(|labels| BrickLabels { ids: labels.ids().to_vec(), sets: rank_sets(labels.ranks(), dims) });
+        Self { labels, world_from_index: volume.world_from_index(), ..bricks }
     }
 
     /// Number of bricks.
@@ -126,5 +130,23 @@ fn build<T: Voxel>(values: &[T], dims: [usize; 3], scaling: Scaling) -> Bricks {
             }
         },
     );
-    Bricks { counts, min, max }
+    Bricks { counts, min, max, labels: None, world_from_index: DAffine3::IDENTITY }
+}
+
+/// The labels among each brick's voxels.
+fn rank_sets(ranks: &[u8], dims: [usize; 3]) -> Vec<RankSet> {
+    let counts = Bricks::counts_for(dims);
+    let [nx, ny, nz] = dims;
+    let set_of = |brick: usize| {
+        let [x, y, z] = [brick % counts[0], brick / counts[0] % counts[1], brick / (counts[0] * counts[1])];
+        let mut set = RankSet::default();
+        for k in voxel_span(z, nz) {
+            for j in voxel_span(y, ny) {
+                let row = (k * ny + j) * nx;
+                voxel_span(x, nx).for_each(|i| set.insert(usize::from(ranks[row + i])));
+            }
+        }
+        set
+    };
+    (0..counts.iter().product()).into_par_iter().with_min_len(256).map(set_of).collect()
 }

@@ -4,17 +4,16 @@
 //! edge; the domain is `[-0.5, n - 0.5]^3` in index space and there is nothing (zero extinction) outside.
 
 mod bricks;
-mod clip;
 mod crop;
 mod directions;
 mod element;
 pub mod formats;
 mod histogram;
+mod labels;
 mod phantom;
 mod thorax;
 
-pub use bricks::{BRICK_CELLS, Bricks};
-pub use clip::{ClipPlane, MOST_CLIP_PLANES};
+pub use bricks::{BRICK_CELLS, BrickLabels, Bricks, RankSet};
 pub use crop::Crop;
 pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
@@ -23,6 +22,7 @@ pub use formats::raw_layout::RawLayout;
 pub use formats::write::{VOLUME_EXTENSIONS, write_volume};
 pub use formats::{nifti, raw};
 pub use histogram::Histogram;
+pub use labels::{Labels, MOST_LABELS};
 pub use phantom::Phantom;
 
 use crate::error::{Error, Result};
@@ -30,6 +30,7 @@ use crate::files::loading::{Loading, ReadingStage};
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Stored voxel values before scaling, in memory order `[[k, j, i]]` (`i` runs fastest), always contiguous.
 ///
@@ -184,7 +185,7 @@ pub struct Volume {
     world_from_index: DAffine3,
     index_from_world: DAffine3,
     stored_range: [f64; 2],
-    clip: Vec<ClipPlane>,
+    labels: Option<Arc<Labels>>,
     /// Where it came from.
     pub provenance: Provenance,
 }
@@ -250,8 +251,15 @@ impl Volume {
                 .warnings
                 .push(format!("{non_finite} voxels were not finite and became the smallest finite value"));
         }
-        let clip = Vec::new();
-        Ok(Self { voxels, scaling, world_from_index, index_from_world, stored_range, clip, provenance })
+        Ok(Self {
+            voxels,
+            scaling,
+            world_from_index,
+            index_from_world,
+            stored_range,
+            labels: None,
+            provenance,
+        })
     }
 
     /// Grid size `[nx, ny, nz]` along index axes `i, j, k`.

@@ -8,6 +8,7 @@ mod hands;
 mod loss;
 mod opening;
 mod panels;
+mod parts;
 mod presets;
 
 use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};

@@ -3,15 +3,15 @@
 use super::*;
 use crate::bound::along_light_rays;
 use umbravox::scene::Skip;
-use umbravox::volume::ClipPlane;
+use umbravox::transfer::ClipPlane;
 
 fn plane(normal: DVec3, through: DVec3) -> ClipPlane {
     let normal = normal.normalize();
     ClipPlane { normal, offset_mm: normal.dot(through) }
 }
 
-fn clipped(volume: &Arc<Volume>, planes: &[ClipPlane]) -> Arc<Volume> {
-    Arc::new(Volume::clone(volume).clipped(planes).unwrap())
+fn clipped(tf: &TransferFunction, planes: &[ClipPlane]) -> TransferFunction {
+    TransferFunction { clip: planes.to_vec(), ..tf.clone() }
 }
 
 /// One oblique plane through the middle, a wedge, a thin oblique slab.
@@ -23,7 +23,13 @@ fn cuts(volume: &Volume) -> Vec<(&'static str, Vec<ClipPlane>)> {
     vec![
         ("halved", vec![plane(oblique, center)]),
         ("wedge", vec![plane(DVec3::X, center), plane(DVec3::new(-1.0, 2.0, 0.1), center)]),
-        ("slab", vec![plane(oblique, center - 0.04 * size * oblique), plane(-oblique, center + 0.02 * size * oblique)]),
+        (
+            "slab",
+            vec![
+                plane(oblique, center - 0.04 * size * oblique),
+                plane(-oblique, center + 0.02 * size * oblique),
+            ],
+        ),
     ]
 }
 
@@ -35,17 +41,19 @@ fn an_even_medium_is_as_deep_as_what_is_kept_of_it() {
     let sigma = 0.07;
     let tf = TransferFunction::new(Quantity::Extinction, &[(50.0, sigma), (200.0, sigma)]);
     let cut = plane(DVec3::new(0.2, 0.3, 1.0), DVec3::splat(11.5));
-    let volume = clipped(&volume, &[cut, plane(DVec3::NEG_Y, DVec3::new(0.0, 19.2, 0.0))]);
+    let tf = clipped(&tf, &[cut, plane(DVec3::NEG_Y, DVec3::new(0.0, 19.2, 0.0))]);
     let Some(setup) = Setup::open(&volume, &tf) else { return };
     let toward = DVec3::new(-0.2, 0.35, -0.9).normalize();
     let light = Light::Directional { toward };
     // Behind the cut, before it, and above the second plane, seen from the light below.
     let points: Vec<DVec3> = (0..400)
-        .map(|i| DVec3::new(8.0 + f64::from(i % 8), 6.0 + f64::from(i / 8 % 10), f64::from(i / 80) * 4.5 + 0.7))
+        .map(|i| {
+            DVec3::new(8.0 + f64::from(i % 8), 6.0 + f64::from(i / 8 % 10), f64::from(i / 80) * 4.5 + 0.7)
+        })
         .collect();
     let depth = |from: &DVec3| {
         let mut span = [0.0, f64::INFINITY];
-        for plane in volume.clip() {
+        for plane in &tf.clip {
             span = plane.cut(*from, toward, span);
         }
         for (axis, sign) in (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]) {
@@ -83,11 +91,11 @@ fn an_even_medium_is_as_deep_as_what_is_kept_of_it() {
 fn promises_hold() {
     let whole = phantom("thorax:48");
     for (what, planes) in cuts(&whole) {
-        let volume = clipped(&whole, &planes);
         for (n, tf) in transfer_functions([-900.0, 1200.0]).iter().enumerate() {
-            let Some(setup) = Setup::open(&volume, tf) else { return };
-            for (place, light) in lights(&volume) {
-                for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"] {
+            let Some(setup) = Setup::open(&whole, &clipped(tf, &planes)) else { return };
+            for (place, light) in lights(&whole) {
+                for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"]
+                {
                     let (report, sanity) = along_light_rays(&setup, method, light);
                     let wrong = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
                     assert!(
@@ -109,8 +117,8 @@ fn light_along_the_plane() {
     let normal = DVec3::new(0.3, -0.5, 0.8);
     let across = normal.cross(DVec3::new(1.0, 0.2, 0.4)).normalize();
     for tilt in [0.0, 1e-7, 1e-4] {
-        let volume = clipped(&whole, &[plane(normal + tilt * across, center)]);
-        let Some(setup) = Setup::open(&volume, &jumps) else { return };
+        let tf = clipped(&jumps, &[plane(normal + tilt * across, center)]);
+        let Some(setup) = Setup::open(&whole, &tf) else { return };
         let light = Light::Directional { toward: across };
         for method in ["rays", "dsm:epsilon=0.01,map=64"] {
             let (report, sanity) = along_light_rays(&setup, method, light);
@@ -125,9 +133,8 @@ fn pictures_are_exact_and_skipping_changes_nothing() {
     let whole = phantom("thorax:64");
     let [ramp, jumps, _] = transfer_functions([-900.0, 1200.0]);
     for (what, planes) in cuts(&whole) {
-        let volume = clipped(&whole, &planes);
         for tf in [&ramp, &jumps] {
-            let Some(setup) = Setup::open(&volume, tf) else { return };
+            let Some(setup) = Setup::open(&whole, &clipped(tf, &planes)) else { return };
             let scene = setup.scene(32, 24);
             let exact = setup.exact().picture(&scene);
             for (method, allowed) in
@@ -153,10 +160,10 @@ fn what_is_clipped_away_costs_nothing() {
     let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
     let center = whole.corners_mm().iter().sum::<DVec3>() / 8.0;
     let Some(all) = Setup::open(&whole, &ramp) else { return };
-    let half = Setup::open(&clipped(&whole, &[plane(DVec3::X, center)]), &ramp).unwrap();
+    let half = Setup::open(&whole, &clipped(&ramp, &[plane(DVec3::X, center)])).unwrap();
     let [all_active, half_active] = [&all, &half].map(|s| s.session.transfer.active.active as f64);
     assert!((0.4..0.65).contains(&(half_active / all_active)), "{half_active} of {all_active}");
-    let none = Setup::open(&clipped(&whole, &[plane(DVec3::X, center + 1e4 * DVec3::X)]), &ramp).unwrap();
+    let none = Setup::open(&whole, &clipped(&ramp, &[plane(DVec3::X, center + 1e4 * DVec3::X)])).unwrap();
     assert!(none.session.transfer.empty);
     let scene = none.scene(8, 8);
     let picture = none.picture("dsm", &scene);

@@ -13,6 +13,7 @@ mod forced;
 mod invariance;
 mod kajiya_kay;
 mod kept;
+mod labels;
 mod layers;
 mod light_volume;
 mod lights;

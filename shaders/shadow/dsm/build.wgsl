@@ -1,6 +1,7 @@
 // Builds a tiled deep shadow map: a workgroup a tile, a thread a texel.
 
-#import umbravox::field::{field, value_at, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::field::{field, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
+#import umbravox::labels::seen_value_at
 #import umbravox::transfer::extinction_at
 #import umbravox::light::{light, light_ray}
 #import umbravox::work::add_work
@@ -20,11 +21,11 @@ const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 // Optical depth between two depths by the trapezoid rule over point samples of the extinction (`precompress=off`).
 fn sampled_depth(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> f32 {
     let size = vec3<f32>(field.size);
-    let span = box_span(o, safe_inverse(d), d, vec3<f32>(0.5), size + 0.5);
+    let span = clipped_span(o, d, box_span(o, safe_inverse(d), d, vec3<f32>(0.5), size + 0.5));
     let a = max(z_from, span.x);
     let b = min(z_to, span.y);
     if !(a < b) { return 0.0; }
-    return 0.5 * (b - a) * (extinction_at(value_at(o + a * d)) + extinction_at(value_at(o + b * d)));
+    return 0.5 * (b - a) * (extinction_at(seen_value_at(o + a * d)) + extinction_at(seen_value_at(o + b * d)));
 }
 #endif
 

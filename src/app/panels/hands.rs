@@ -1,5 +1,6 @@
 //! What hands do in the view: the camera, the light, the line of the split, and probes.
 
+use super::clip;
 use crate::app::camera;
 use crate::app::model::Model;
 use crate::app::render_thread::messages::Aim;
@@ -21,7 +22,8 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
     let modifiers = ui.input(|i| i.modifiers);
     let (_, radius) = document.bounding_sphere();
     let wiping = is_wiping(ui, rect, &model.split, response);
-    if response.dragged_by(egui::PointerButton::Primary) {
+    let holds = !wiping && clip::follow(ui, rect, document, response);
+    if response.dragged_by(egui::PointerButton::Primary) && !holds {
         if wiping && let Some(p) = response.interact_pointer_pos() {
             let share = ((p.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
             model.split.share = model.split.share.map(|_| share);

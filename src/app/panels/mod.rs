@@ -1,5 +1,6 @@
 //! What is seen: each panel paints its part of the window from the model, and changes it.
 
+mod clip;
 pub mod comparison;
 pub mod difference;
 pub mod editor;
@@ -7,6 +8,7 @@ pub mod flicker;
 mod hands;
 pub mod help;
 pub mod keys;
+mod labels;
 mod light;
 mod light_list;
 mod overlays;

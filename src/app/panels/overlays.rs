@@ -1,5 +1,6 @@
 //! What lies over the picture: anatomical letters, axes, the light, the probed point, and how the picture stands.
 
+use super::clip;
 use super::difference::{Difference, legend};
 use super::parts::shadowed_text;
 use crate::app::camera;
@@ -41,6 +42,7 @@ pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) 
             }
         }
     }
+    clip::paint(painter, rect, document);
     legend::paint(difference, model, ui, rect);
     let Some(picture) = &model.frame else { return };
     let (w, h) = (picture.main.texture.width, picture.main.texture.height);
@@ -54,7 +56,7 @@ pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) 
 }
 
 /// Where a world point is on screen; `None` behind the eye.
-fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
+pub(super) fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
     let frame = camera.frame();
     let d = point - camera.eye;
     let depth = d.dot(frame.forward);

@@ -4,7 +4,7 @@ use super::difference::Difference;
 use super::parts::unfilled;
 use super::strands::StrandsForm;
 use super::times::Times;
-use super::{light, shadows, strands};
+use super::{clip, labels, light, shadows, strands};
 use crate::app::camera::{self, Orbit};
 use crate::app::model::Model;
 use crate::files::color;
@@ -36,6 +36,10 @@ pub fn show(
                 section(ui, "Strands", |ui| form.show(ui, model));
             }
             section(ui, "Light", |ui| light::show(ui, model));
+            section(ui, "Clipping", |ui| clip::show(ui, model));
+            if model.document.as_ref().is_some_and(|d| d.volume.labels().is_some()) {
+                section(ui, "Labels", |ui| labels::show(ui, model));
+            }
             section(ui, "Picture", |ui| picture(ui, model));
             section(ui, "Times", |ui| times.show(ui, model));
             section(ui, "Volume", |ui| volume(ui, model));

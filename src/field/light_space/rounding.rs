@@ -29,10 +29,11 @@ pub struct Rounding {
 }
 
 impl LightSpace {
-    /// How far float32 may put a point of a texel's ray from where it is: see `docs/bound.md`, "Positions".
-    pub fn rounding(&self, volume: &Volume) -> Rounding {
+    /// How far float32 may put a point of a texel's ray, which ends at clip planes where there are some, from where it is:
+    /// see `docs/bound.md`, "Positions".
+    pub fn rounding(&self, volume: &Volume, clips: bool) -> Rounding {
         // A clip plane's distance from a point is such a sum, too.
-        let roundings = ROUNDINGS + if volume.clip().is_empty() { 0.0 } else { DOT_ROUNDINGS };
+        let roundings = ROUNDINGS + if clips { DOT_ROUNDINGS } else { 0.0 };
         let unit = roundings * f64::from(f32::EPSILON) / 2.0;
         let world_from_grid = self.grid_from_world.inverse();
         let grid_from_frame = self.grid_from_world * self.world_from_frame;

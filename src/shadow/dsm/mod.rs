@@ -201,7 +201,7 @@ impl DeepShadowMap {
         };
         let march = march_bound(context, light_space);
         // A point on a texel's ray weighs in its neighbours by as much as its texel coordinates are rounded.
-        let rounding = light_space.rounding(context.volume);
+        let rounding = light_space.rounding(context.volume, context.transfer.clips);
         let neighbours = match self.filter {
             Filter::Bilinear => rounding.texels,
             Filter::Nearest => 0.0,

@@ -150,8 +150,8 @@ impl Parts {
             name,
             units: units.into(),
             reference_length_mm,
-            quantity: Quantity::Opacity,
             points: points.collect(),
+            ..TransferFunction::new(Quantity::Opacity, &[])
         };
         // The file's own rules are the rules of the function.
         let tf = TransferFunction::from_json(&tf.to_json())?;

@@ -76,7 +76,10 @@ impl Comparison {
         let [width, height] = self.form.size;
         let scene = Scene { width, height, ..document.scene.clone() };
         let wanted = Request {
-            settings: SceneSettings::of_scene(&document.spec, &scene, document.transparent),
+            settings: SceneSettings {
+                parts: document.part_flags(),
+                ..SceneSettings::of_scene(&document.spec, &scene, document.transparent)
+            },
             adapter: model.adapter.clone(),
             volume: Arc::clone(&document.volume),
             strands: document.strands.clone(),

@@ -1,7 +1,5 @@
-//! Half-spaces outside of which a volume has no extinction.
+//! Half-spaces outside of which there is no extinction, whatever the value.
 
-use super::Volume;
-use crate::error::{Error, Result};
 use glam::{DAffine3, DVec3};
 use std::fmt;
 use std::str::FromStr;
@@ -76,25 +74,6 @@ impl fmt::Display for ClipPlane {
 impl serde::Serialize for ClipPlane {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
-    }
-}
-
-impl Volume {
-    /// Planes outside of any of which there is no extinction, whatever the transfer function; values stay what they are.
-    pub fn clip(&self) -> &[ClipPlane] {
-        &self.clip
-    }
-
-    /// The same voxels, clipped by these planes and no others.
-    ///
-    /// # Errors
-    /// More than [`MOST_CLIP_PLANES`].
-    pub fn clipped(self, planes: &[ClipPlane]) -> Result<Self> {
-        if planes.len() > MOST_CLIP_PLANES {
-            let why = format!("{} planes, at most {MOST_CLIP_PLANES} clip a volume", planes.len());
-            return Err(Error::input("cannot clip volume", "--clip", why));
-        }
-        Ok(Self { clip: planes.to_vec(), ..self })
     }
 }
 

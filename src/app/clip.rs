@@ -1,0 +1,90 @@
+//! Clip planes as hands see them: where they cut the volume's box, and how far a drag moves them.
+
+use crate::scene::AxisView;
+use crate::transfer::ClipPlane;
+use glam::DVec3;
+
+/// Edges of a box by the numbers of its corners, whose bits are the sides along x, y and z.
+const EDGES: [[usize; 2]; 12] =
+    [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
+
+/// The polygon in which a plane cuts a box, world mm; empty where it misses.
+pub fn outline(corners: &[DVec3; 8], plane: &ClipPlane) -> Vec<DVec3> {
+    let above = corners.map(|c| plane.normal.dot(c) - plane.offset_mm);
+    let cut = |[a, b]: [usize; 2]| {
+        let crosses = (above[a] < 0.0) != (above[b] < 0.0);
+        crosses.then(|| corners[a].lerp(corners[b], above[a] / (above[a] - above[b])))
+    };
+    let mut points: Vec<DVec3> = EDGES.into_iter().filter_map(cut).collect();
+    let center = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+    let [right, up] = <[DVec3; 2]>::from(plane.normal.any_orthonormal_pair());
+    let angle = |p: &DVec3| (*p - center).dot(up).atan2((*p - center).dot(right));
+    points.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+    points
+}
+
+/// Where a hand takes hold of a plane, world mm: the middle of what it cuts of the box, or beside the box where it misses.
+pub fn handle(corners: &[DVec3; 8], plane: &ClipPlane) -> DVec3 {
+    let points = outline(corners, plane);
+    let on_plane = |p: DVec3| p + plane.normal * (plane.offset_mm - plane.normal.dot(p));
+    match points.len() {
+        0 => on_plane(corners.iter().sum::<DVec3>() / 8.0),
+        n => on_plane(points.iter().sum::<DVec3>() / n as f64),
+    }
+}
+
+/// A plane through the middle of a box that keeps what is away from a side.
+pub fn from_side(corners: &[DVec3; 8], view: &AxisView) -> ClipPlane {
+    through_middle(corners, -view.away)
+}
+
+/// A plane through the middle of a box with this normal.
+pub fn through_middle(corners: &[DVec3; 8], normal: DVec3) -> ClipPlane {
+    let normal = normal.normalize_or(DVec3::Z);
+    ClipPlane { normal, offset_mm: normal.dot(corners.iter().sum::<DVec3>() / 8.0) }
+}
+
+/// Offsets between which a plane cuts the box, mm.
+pub fn offsets_mm(corners: &[DVec3; 8], normal: DVec3) -> [f64; 2] {
+    let along = corners.map(|c| normal.dot(c));
+    [along.into_iter().fold(f64::INFINITY, f64::min), along.into_iter().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::AXIS_VIEWS;
+
+    fn unit_box() -> [DVec3; 8] {
+        std::array::from_fn(|c| DVec3::new((c & 1) as f64, (c >> 1 & 1) as f64, (c >> 2) as f64))
+    }
+
+    #[test]
+    fn outlines_go_around_what_is_cut() {
+        for (text, sides) in [("0,0,1,0.25", 4), ("1,1,1,0.5", 3), ("1,1,1,1.5", 6), ("1,0,0,2", 0)] {
+            let plane: ClipPlane = text.parse().unwrap();
+            let points = outline(&unit_box(), &plane);
+            assert_eq!(points.len(), sides, "{text}");
+            assert!(points.iter().all(|p| (plane.normal.dot(*p) - plane.offset_mm).abs() < 1e-12));
+            // Convex and in order: every turn is to the same side.
+            let turn = |i: usize| {
+                let [a, b, c] = [0, 1, 2].map(|k| points[(i + k) % sides]);
+                (b - a).cross(c - b).dot(plane.normal)
+            };
+            assert!((0..sides).all(|i| turn(i) * turn(0) > 0.0), "{text}");
+            let held = handle(&unit_box(), &plane);
+            assert!((plane.normal.dot(held) - plane.offset_mm).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_cut_from_a_side_takes_that_side_away() {
+        for view in &AXIS_VIEWS {
+            let plane = from_side(&unit_box(), view);
+            let side = DVec3::splat(0.5) + 0.4 * view.away;
+            assert!(plane.normal.dot(side) < plane.offset_mm, "{}", view.name);
+            let [low, high] = offsets_mm(&unit_box(), plane.normal);
+            assert!((plane.offset_mm - 0.5 * (low + high)).abs() < 1e-12);
+        }
+    }
+}

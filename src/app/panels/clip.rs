@@ -1,0 +1,154 @@
+//! Clip planes: a list at the side, and handles in the view.
+
+use super::overlays::project;
+use crate::app::clip;
+use crate::app::document::Document;
+use crate::app::model::Model;
+use crate::scene::AXIS_VIEWS;
+use crate::transfer::{ClipPlane, MOST_CLIP_PLANES};
+use eframe::egui::{self, Color32, Pos2, Rect, Shape, Stroke, Vec2, vec2};
+use glam::DVec3;
+
+/// How near to a handle a drag begins that moves it, points.
+const REACH: f32 = 11.0;
+/// Points a mm below which a plane that faces the eye is moved by dragging up and down.
+const FACING: f32 = 1e-3;
+/// Of outlines and handles.
+const COLOR: Color32 = Color32::from_rgb(120, 215, 255);
+
+/// The section of the clip planes.
+pub fn show(ui: &mut egui::Ui, model: &mut Model) {
+    let Some(document) = &mut model.document else { return };
+    let corners = document.volume.corners_mm();
+    let mut planes = document.tf.clip.clone();
+    // A drag is one step of undo: it begins where the hand takes hold.
+    let mut begins = false;
+    let mut removed = None;
+    for (i, plane) in planes.iter_mut().enumerate() {
+        ui.horizontal(|ui| {
+            let [low, high] = clip::offsets_mm(&corners, plane.normal);
+            let speed = (high - low).max(1e-6) * 2e-3;
+            let offset =
+                egui::DragValue::new(&mut plane.offset_mm).speed(speed).max_decimals(2).suffix(" mm");
+            let offset = ui.add(offset.range(low..=high)).accessible_name(format!("clip {} offset", i + 1));
+            begins |= offset.drag_started() || offset.gained_focus();
+            offset.on_hover_text("Signed distance of the plane from the world's origin along its normal");
+            let mut normal = plane.normal;
+            let mut turned = false;
+            for (axis, name) in [&mut normal.x, &mut normal.y, &mut normal.z].into_iter().zip(["R", "A", "S"])
+            {
+                let drag = egui::DragValue::new(axis).speed(0.01).max_decimals(2).range(-1.0..=1.0);
+                let drag = ui.add(drag.prefix(format!("{name} ")));
+                let drag = drag.accessible_name(format!("clip {} normal {name}", i + 1));
+                begins |= drag.drag_started() || drag.gained_focus();
+                turned |= drag.changed();
+            }
+            if turned && normal.length() > 1e-6 {
+                // About the handle, so that what is seen stays in the picture.
+                let held = clip::handle(&corners, plane);
+                let normal = normal.normalize();
+                *plane = ClipPlane { normal, offset_mm: normal.dot(held) };
+            }
+            let remove = ui.small_button("−").on_hover_text("Remove this plane");
+            if remove.accessible_name(format!("clip {} remove", i + 1)).clicked() {
+                removed = Some(i);
+            }
+        });
+    }
+    if let Some(i) = removed {
+        planes.remove(i);
+    }
+    begins |= removed.is_some();
+    ui.add_enabled_ui(planes.len() < MOST_CLIP_PLANES, |ui| {
+        ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 3.0;
+            ui.label("Cut from").on_hover_text("A plane through the middle that takes that side away");
+            for view in &AXIS_VIEWS {
+                let button = ui.small_button(view.mark).on_hover_text(view.name);
+                if button.accessible_name(format!("clip from {}", view.name)).clicked() {
+                    planes.push(clip::from_side(&corners, view));
+                    begins = true;
+                }
+            }
+            if ui.small_button("eye").on_hover_text("What is nearer to the eye than the middle").clicked() {
+                planes.push(clip::through_middle(&corners, document.scene.camera.frame().forward));
+                begins = true;
+            }
+        });
+    });
+    if !planes.is_empty() {
+        ui.weak("Squares in the view move the planes");
+    }
+    document.take_clip(planes, begins);
+}
+
+/// Outlines and handles of the planes, over the picture.
+pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
+    let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
+    for plane in &document.tf.clip {
+        let points = clip::outline(&corners, plane);
+        let seen: Option<Vec<Pos2>> = points.iter().map(|p| project(&camera, rect, *p)).collect();
+        if let Some(seen) = seen.filter(|seen| seen.len() > 2) {
+            painter.add(Shape::closed_line(seen, Stroke::new(1.0, COLOR.gamma_multiply(0.45))));
+        }
+        if let Some(at) = project(&camera, rect, clip::handle(&corners, plane)) {
+            let square = Rect::from_center_size(at, Vec2::splat(9.0));
+            painter.rect_filled(square.expand(1.5), 2.0, Color32::from_black_alpha(170));
+            painter.rect_filled(square, 1.5, COLOR);
+        }
+    }
+}
+
+/// Whether the hand holds a plane's handle; a drag moves the plane along its normal.
+pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, response: &egui::Response) -> bool {
+    let id = ui.scope_id().with("clip handle");
+    let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
+    let handles: Vec<Option<Pos2>> =
+        document.tf.clip.iter().map(|plane| project(&camera, rect, clip::handle(&corners, plane))).collect();
+    let under = |p: Pos2| {
+        let near = handles.iter().enumerate().filter_map(|(i, at)| at.map(|at| (i, at.distance(p))));
+        near.filter(|(_, far)| *far <= REACH).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+    };
+    if response.hover_pos().and_then(under).is_some() {
+        ui.ctx().set_cursor_icon(egui::CursorIcon::Grab);
+    }
+    let started = response.drag_started_by(egui::PointerButton::Primary);
+    if started {
+        let from = ui.input(|i| i.pointer.press_origin()).or_else(|| response.interact_pointer_pos());
+        ui.data_mut(|d| d.insert_temp(id, from.and_then(under)));
+    }
+    let held = ui.data(|d| d.get_temp::<Option<usize>>(id)).flatten();
+    let Some(i) = held.filter(|i| *i < document.tf.clip.len()) else { return false };
+    if response.drag_stopped() {
+        ui.data_mut(|d| d.insert_temp(id, None::<usize>));
+        return true;
+    }
+    if !response.dragged_by(egui::PointerButton::Primary) {
+        return false;
+    }
+    let mut planes = document.tf.clip.clone();
+    let plane = &mut planes[i];
+    let at = clip::handle(&corners, plane);
+    let moved = drag_mm(&camera, rect, at, plane.normal, response.drag_delta());
+    let [low, high] = clip::offsets_mm(&corners, plane.normal);
+    plane.offset_mm = (plane.offset_mm + moved).clamp(low, high);
+    document.take_clip(planes, started);
+    true
+}
+
+/// How far along `normal` a drag moves what is at a point, mm.
+fn drag_mm(camera: &crate::scene::Camera, rect: Rect, at: DVec3, normal: DVec3, drag: Vec2) -> f64 {
+    let away = (at - camera.eye).length().max(1e-9);
+    // A thousandth of the distance is straight enough on screen.
+    let step = 1e-3 * away;
+    let whole = rect.expand(1e6);
+    let ends = [at, at + step * normal].map(|p| project(camera, whole, p));
+    let [Some(a), Some(b)] = ends else { return 0.0 };
+    let points_a_mm = (b - a) / step as f32;
+    if points_a_mm.length() > FACING * rect.height() / away as f32 {
+        return f64::from(drag.dot(points_a_mm) / points_a_mm.length_sq());
+    }
+    let mm_a_point =
+        2.0 * away * (0.5 * camera.fov_deg.to_radians()).tan() / f64::from(rect.height().max(1.0));
+    f64::from(drag.dot(vec2(0.0, -1.0))) * mm_a_point
+}

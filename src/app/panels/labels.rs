@@ -1,0 +1,54 @@
+//! The labels of a segmentation: which of them are shown.
+
+use crate::app::model::Model;
+use crate::transfer::Class;
+use eframe::egui;
+
+/// Height of the list, points.
+const HEIGHT: f32 = 170.0;
+
+/// The section of the labels, where the volume has some.
+pub fn show(ui: &mut egui::Ui, model: &mut Model) {
+    let Some(document) = &mut model.document else { return };
+    let Some(labels) = document.volume.labels().cloned() else { return };
+    let mut hidden: Vec<u32> =
+        labels.ids().iter().copied().filter(|id| document.tf.class_of(*id) == Class::Hidden).collect();
+    let before = hidden.clone();
+    ui.horizontal(|ui| {
+        if ui.small_button("all").accessible_name("show all labels").clicked() {
+            hidden.clear();
+        }
+        if ui.small_button("none").accessible_name("hide all labels").clicked() {
+            hidden = labels.ids().to_vec();
+        }
+        if ui
+            .small_button("others")
+            .on_hover_text("What is hidden is shown, and the other way round")
+            .clicked()
+        {
+            hidden = labels.ids().iter().copied().filter(|id| !before.contains(id)).collect();
+        }
+    });
+    egui::ScrollArea::vertical().id_salt("labels").max_height(HEIGHT).show(ui, |ui| {
+        egui::Grid::new("labels").num_columns(2).show(ui, |ui| {
+            for (id, count) in labels.ids().iter().zip(labels.counts()) {
+                let mut shown = !hidden.contains(id);
+                let name = if *id == 0 { "0, no label".to_owned() } else { id.to_string() };
+                let function = match document.tf.class_of(*id) {
+                    Class::Function(i) if i > 0 => format!(" ({})", document.tf.function(i).name),
+                    _ => String::new(),
+                };
+                let check = ui.checkbox(&mut shown, format!("{name}{function}"));
+                if check.accessible_name(format!("label {id}")).changed() {
+                    if shown { hidden.retain(|other| other != id) } else { hidden.push(*id) }
+                }
+                ui.weak(format!("{count} voxels"));
+                ui.end_row();
+            }
+        });
+    });
+    if hidden != before {
+        hidden.sort_unstable();
+        document.hide_labels(hidden);
+    }
+}

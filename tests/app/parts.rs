@@ -1,0 +1,93 @@
+//! What of a volume is shown: clip planes with handles, and the labels of a segmentation.
+
+use super::Bench;
+use eframe::egui::{Modifiers, vec2};
+use ndarray::Array3;
+use umbravox::files::loading::Loading;
+use umbravox::open::{SceneSettings, VolumeSpec, load};
+use umbravox::transfer::Class;
+use umbravox::volume::{Provenance, Scaling, Volume, write_volume};
+
+const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
+
+#[test]
+fn a_plane_is_cut_from_a_side_dragged_by_its_handle_and_taken_back() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let whole = bench.pixels();
+    bench.click("clip from Anterior");
+    bench.settle();
+    let document = bench.app().model.document.clone().unwrap();
+    let [plane] = document.tf.clip[..] else { panic!("{:?}", document.tf.clip) };
+    assert!(plane.normal.y < -0.99, "{plane}");
+    let cut = bench.pixels();
+    assert_ne!(cut, whole);
+    assert!(!document.tf_edited(), "the function is what it was");
+
+    // The plane goes through the middle of the volume, which is in the middle of the view.
+    let middle = bench.app().model.view.unwrap().center();
+    let camera = document.scene.camera;
+    bench.drag(middle, middle + vec2(-40.0, 30.0), Modifiers::NONE);
+    bench.settle();
+    let moved = bench.app().model.document.clone().unwrap();
+    assert_eq!(moved.scene.camera, camera, "the handle was dragged, not the view");
+    assert_eq!(moved.tf.clip[0].normal, plane.normal);
+    assert!((moved.tf.clip[0].offset_mm - plane.offset_mm).abs() > 5.0, "{} {plane}", moved.tf.clip[0]);
+    assert_ne!(bench.pixels(), cut);
+
+    // What is written draws the same.
+    let text = moved.scene_text("bone").unwrap();
+    let settings = SceneSettings::from_toml(&text).unwrap();
+    let loaded = settings.load(&Loading::default()).unwrap();
+    assert_eq!(loaded.tf.clip, moved.tf.clip, "{text}");
+
+    for expected in [vec![plane], Vec::new()] {
+        bench.click("Undo");
+        bench.settle();
+        assert_eq!(bench.app().model.document.as_ref().unwrap().tf.clip, expected, "a drag is one step");
+    }
+    assert_eq!(bench.pixels(), whole);
+    // Another function is clipped as the one before was.
+    bench.click("clip from Left");
+    bench.app().model.load_tf("skin");
+    bench.settle();
+    let document = bench.app().model.document.clone().unwrap();
+    assert_eq!((document.tf.clip.len(), document.tf_edited()), (1, false));
+    bench.click("clip 1 remove");
+    assert!(bench.app().model.document.as_ref().unwrap().tf.clip.is_empty());
+}
+
+#[test]
+fn labels_are_ticked_off_and_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("parts.nii");
+    let scan = load(&VolumeSpec::new("phantom:thorax:32")).unwrap();
+    let [nx, ny, nz] = scan.dims();
+    let labels =
+        Array3::from_shape_fn((nz, ny, nx), |(k, _, i)| if k < nz / 2 { 3u8 } else { u8::from(i > nx / 2) });
+    let provenance = Provenance::new("parts", "phantom", "uint8");
+    let labels = Volume::new(labels.into(), Scaling::IDENTITY, scan.world_from_index(), provenance).unwrap();
+    write_volume(&labels, &file).unwrap();
+    let named = format!("--labels={}", file.display());
+    let Some(mut bench) = Bench::open(&[SMALL, &[&named, "--hide=3", "--label-tf=1=skin"]].concat()) else {
+        return;
+    };
+    let document = bench.app().model.document.clone().unwrap();
+    let classes = [0, 1, 3].map(|label| document.tf.class_of(label));
+    assert_eq!(classes, [Class::Function(0), Class::Function(1), Class::Hidden]);
+    let half = bench.pixels();
+    bench.click("label 3");
+    bench.settle();
+    let document = bench.app().model.document.clone().unwrap();
+    assert_eq!(document.tf.class_of(3), Class::Function(0));
+    assert_ne!(bench.pixels(), half);
+    bench.click("hide all labels");
+    bench.click("label 1");
+    bench.settle();
+    let document = bench.app().model.document.clone().unwrap();
+    let classes = [0, 1, 3].map(|label| document.tf.class_of(label));
+    assert_eq!(classes, [Class::Hidden, Class::Function(1), Class::Hidden]);
+    let text = document.scene_text("ct").unwrap();
+    assert!(text.contains("hide = \"0,3\"") && text.contains("1=skin"), "{text}");
+    let loaded = SceneSettings::from_toml(&text).unwrap().load(&Loading::default()).unwrap();
+    assert_eq!(loaded.tf.rules, document.tf.rules);
+}

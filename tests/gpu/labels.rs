@@ -1,0 +1,196 @@
+//! Labels: hidden ones have no extinction, others are seen through their own functions, for every method.
+
+use super::*;
+use crate::bound::along_light_rays;
+use umbravox::scene::Skip;
+use umbravox::transfer::{LabelRule, Seen};
+use umbravox::volume::Labels;
+
+/// A volume with what `label` calls its voxels.
+fn labelled(volume: &Arc<Volume>, label: impl Fn([usize; 3]) -> u16) -> Arc<Volume> {
+    let [nx, ny, nz] = volume.dims();
+    let labels = Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| label([i, j, k]));
+    let segmentation = volume_of(labels.into(), volume.world_from_index());
+    let labels = Arc::new(Labels::sampled(&segmentation, volume).unwrap());
+    Arc::new(Volume::clone(volume).labelled(labels).unwrap())
+}
+
+fn through(labels: &[u32], tf: &TransferFunction) -> LabelRule {
+    LabelRule { labels: labels.to_vec(), seen: Seen::Through(Box::new(tf.clone())) }
+}
+
+fn hidden(labels: &[u32]) -> LabelRule {
+    LabelRule { labels: labels.to_vec(), seen: Seen::Hidden }
+}
+
+/// Blocks of three voxels in four labels, in no order that rays would know.
+fn blocks([i, j, k]: [usize; 3]) -> u16 {
+    [0, 7, 300, 9][((i / 3) * 5 + (j / 3) * 3 + (k / 3) * 7 + (i / 3) * (k / 3)) % 4]
+}
+
+/// The same values through several functions, and one label hidden: by opacity, and by extinction.
+fn functions() -> [TransferFunction; 3] {
+    let [ramp, jumps, peaks] = transfer_functions([-900.0, 1200.0]);
+    let steps = opacity(&[(-200.0, 0.0), (-100.0, 0.04), (40.0, 0.04), (40.0, 0.2), (900.0, 0.6)]);
+    let walls = extinction(&[(-300.0, 0.0), (-300.0, 0.01), (500.0, 0.2)]);
+    let fog = opacity(&[(-1000.0, 0.002), (0.0, 0.01), (500.0, 0.9)]);
+    [
+        TransferFunction { rules: vec![through(&[7], &steps), hidden(&[300]), through(&[9], &fog)], ..ramp },
+        TransferFunction { rules: vec![through(&[7, 9], &walls), hidden(&[300])], ..jumps.clone() },
+        TransferFunction { rules: vec![through(&[7], &peaks), through(&[9], &walls)], ..jumps },
+    ]
+}
+
+/// Even slabs of known depths, in planes half-way between voxels.
+#[test]
+fn labels_end_half_way_between_voxels() {
+    let n = 24usize;
+    let volume = Arc::new(volume_of(Array3::<u8>::from_elem((n, n, n), 100).into(), DAffine3::IDENTITY));
+    let volume = labelled(&volume, |[_, _, k]| [1u16, 2, 3][(k / 4).min(2)]);
+    let even = |sigma: f64| TransferFunction::new(Quantity::Extinction, &[(50.0, sigma), (200.0, sigma)]);
+    let tf = TransferFunction { rules: vec![hidden(&[2]), through(&[3], &even(0.3))], ..even(0.05) };
+    let Some(setup) = Setup::open(&volume, &tf) else { return };
+    let toward = DVec3::new(0.3, 0.1, -0.95).normalize();
+    let light = Light::Directional { toward };
+    let points: Vec<DVec3> = (0..300)
+        .map(|i| {
+            DVec3::new(6.0 + f64::from(i % 5), 10.0 + f64::from(i / 5 % 6), f64::from(i / 30) * 1.8 + 0.3)
+        })
+        .collect();
+    // 0.05 up to 3.5, nothing up to 7.5, 0.3 beyond.
+    let depth = |z: f64| 0.05 * (z.min(3.5) + 0.5) + 0.3 * (z - 7.5).max(0.0);
+    let wanted: Vec<f64> = points.iter().map(|p| (-depth(p.z) / -toward.z).exp()).collect();
+    let exact = setup.exact();
+    for (p, want) in points.iter().zip(&wanted) {
+        let got = exact.transmittance_to_light(*p, &light);
+        assert!((got - want).abs() < 1e-12, "{p}: {got} {want}");
+    }
+    for (method, allowed) in [
+        ("rays", 2e-6),
+        ("dsm:epsilon=0.002,map=256", 0.012),
+        ("dsm:epsilon=0.002,map=256,march=samples", 0.02),
+        ("dsm:epsilon=0.002,map=256,precompress=off,prefilter=5", 0.08),
+        ("osm:layers=128,map=256", 0.05),
+        ("avsm:map=256,nodes=16", 0.03),
+        ("lightvolume", 0.1),
+        ("lightvolume:build=sweep", 0.1),
+    ] {
+        let got = setup.query(&setup.shadow(method, light), &points);
+        let off = got.iter().zip(&wanted).map(|(t, want)| (f64::from(*t) - want).abs()).fold(0.0, f64::max);
+        println!("{method}: {off:.5}");
+        assert!(off <= allowed, "{method}: {off}");
+    }
+}
+
+/// Labels that are all seen alike change no bit of anything.
+#[test]
+fn labels_without_rules_change_nothing() {
+    let volume = phantom("thorax:48");
+    let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
+    let Some(plain) = Setup::open(&volume, &ramp) else { return };
+    let other = TransferFunction { rules: vec![hidden(&[5])], ..ramp.clone() };
+    let with = Setup::open(&labelled(&volume, blocks), &other).unwrap();
+    let scene = plain.scene(40, 30);
+    assert_eq!(plain.picture("dsm:map=64", &scene), with.picture("dsm:map=64", &scene));
+    let exact =
+        [&plain, &with].map(|setup| setup.exact().picture(&Scene { width: 12, height: 9, ..scene.clone() }));
+    assert!(largest_difference(&exact[0], &exact[1]) < 1e-6);
+}
+
+/// The same function for every label is the function itself, wherever its label ends.
+#[test]
+fn one_function_under_many_names_is_itself() {
+    let volume = phantom("thorax:48");
+    let [ramp, jumps, _] = transfer_functions([-900.0, 1200.0]);
+    for tf in [ramp, jumps] {
+        let Some(plain) = Setup::open(&volume, &tf) else { return };
+        let rules = vec![through(&[7, 300], &tf), through(&[9], &tf)];
+        let many = TransferFunction { rules, ..tf.clone() };
+        let with = Setup::open(&labelled(&volume, blocks), &many).unwrap();
+        let (_, light) = lights(&volume)[1];
+        let points: Vec<DVec3> = (0..500)
+            .map(|i| {
+                let f = |n: usize| (i * n % 97) as f64 / 97.0;
+                let [a, b] = [volume.corners_mm()[0], volume.corners_mm()[7]];
+                a + (b - a) * DVec3::new(f(13), f(29), f(57))
+            })
+            .collect();
+        let [a, b] = [&plain, &with].map(|setup| setup.query(&setup.shadow("rays", light), &points));
+        let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off < 2e-4, "{off}");
+        for p in &points {
+            let [a, b] = [&plain, &with].map(|setup| setup.exact().transmittance_to_light(*p, &light));
+            assert!((a - b).abs() < 1e-11, "{a} {b}");
+        }
+    }
+}
+
+/// What is promised of light rays holds through many labels.
+#[test]
+fn promises_hold() {
+    let volume = labelled(&phantom("thorax:48"), blocks);
+    for tf in functions() {
+        let Some(setup) = Setup::open(&volume, &tf) else { return };
+        for (place, light) in lights(&volume) {
+            for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"] {
+                let (report, sanity) = along_light_rays(&setup, method, light);
+                let wrong = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
+                assert!(
+                    report.held() == Some(true) && wrong == 0,
+                    "{place}, {method}: {report:?} {sanity:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Pictures against the exact picture, and with nothing skipped the same.
+#[test]
+fn pictures_are_exact_and_skipping_changes_nothing() {
+    // Parts as segmentations have them: large, with smooth borders.
+    let organs = |[i, j, k]: [usize; 3]| {
+        let from = |x: usize, c: f64| (x as f64 - c).powi(2);
+        if from(i, 20.0) + from(j, 30.0) + from(k, 36.0) < 300.0 {
+            7
+        } else if i > 40 {
+            300
+        } else if k < 20 {
+            9
+        } else {
+            0
+        }
+    };
+    let volume = labelled(&phantom("thorax:64"), organs);
+    // Eye rays by samples of half a voxel see narrow peaks roughly, with labels or without.
+    for tf in &functions()[..2] {
+        let Some(setup) = Setup::open(&volume, tf) else { return };
+        let scene = setup.scene(32, 24);
+        let exact = setup.exact().picture(&scene);
+        for (method, allowed) in
+            [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]
+        {
+            let map = setup.shadow(method, scene.light());
+            let picture = setup.picture_of(&map, &scene);
+            let rms = rms_difference(&picture, &exact);
+            println!("{method}: rms {rms:.5}");
+            assert!(rms <= allowed, "{method}: rms {rms}");
+            let plain = setup.picture_of(&map, &Scene { skip: Skip::None, ..scene.clone() });
+            let off = largest_difference(&picture, &plain);
+            assert!(off <= tolerance::SKIPPING, "{method}: {off}");
+        }
+    }
+}
+
+/// Hidden bricks are not marched.
+#[test]
+fn what_is_hidden_costs_nothing() {
+    let volume = labelled(&phantom("thorax:64"), |[i, ..]| u16::from(i < 32));
+    let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
+    let Some(all) = Setup::open(&volume, &ramp) else { return };
+    let half = Setup::open(&volume, &TransferFunction { rules: vec![hidden(&[1])], ..ramp.clone() }).unwrap();
+    let [all_active, half_active] = [&all, &half].map(|s| s.session.transfer.active.active as f64);
+    assert!((0.4..0.65).contains(&(half_active / all_active)), "{half_active} of {all_active}");
+    let none = Setup::open(&volume, &TransferFunction { rules: vec![hidden(&[0, 1])], ..ramp }).unwrap();
+    assert!(none.session.transfer.empty);
+    assert!(none.picture("dsm", &none.scene(8, 8)).iter().all(|c| c.is_finite()));
+}
