@@ -1,7 +1,6 @@
 //! Which parts of a volume have no extinction, so that a ray can leap over them.
 
 use super::law::Laws;
-use super::walk::Labelled;
 use crate::volume::{Scaling, Voxel};
 use rayon::prelude::*;
 
@@ -18,6 +17,15 @@ pub(super) fn block_of(cell: i64) -> i64 {
 #[inline]
 pub(super) fn cells_of(block: i64) -> [i64; 2] {
     [(block << SHIFT) - 1, ((block + 1) << SHIFT) - 2]
+}
+
+/// Voxels of which not all are seen through the same laws.
+#[derive(Clone, Copy)]
+pub(super) struct Labelled<'a> {
+    /// The place of each voxel's label among all that occur.
+    pub ranks: &'a [u8],
+    /// What voxels of a label are seen through: an index into the laws, `None` where they have no extinction.
+    pub functions: &'a [Option<usize>],
 }
 
 /// A flag for every block of cells.

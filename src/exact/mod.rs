@@ -22,14 +22,14 @@ use crate::scene::Light;
 use crate::transfer::{Class, TransferFunction};
 use crate::volume::{DirectionMoments, Volume};
 use crate::with_voxels;
-use blocks::Blocks;
+use blocks::{Blocks, Labelled};
 use glam::DVec3;
 use law::Laws;
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use walk::{Grid, Labelled, Piece, Ray};
+use walk::{Grid, Piece, Ray};
 
 /// Optical depth beyond which a transmittance is 0 beside 1 in `f64`.
 const OPAQUE: f64 = 40.0;

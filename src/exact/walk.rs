@@ -1,6 +1,6 @@
 //! Along a ray cell by cell, each cell's cubic cut where the value passes from one law to the next.
 
-use super::blocks::{Blocks, block_of, cells_of};
+use super::blocks::{Blocks, Labelled, block_of, cells_of};
 use super::cubic::Cubic;
 use super::law::{Law, Laws};
 use crate::volume::{Scaling, Voxel};
@@ -72,15 +72,6 @@ pub(super) struct Grid<'a, V> {
     pub scaling: Scaling,
     pub blocks: &'a Blocks,
     pub labels: Option<Labelled<'a>>,
-}
-
-/// Voxels of which not all are seen through the same laws.
-#[derive(Clone, Copy)]
-pub(super) struct Labelled<'a> {
-    /// The place of each voxel's label among all that occur.
-    pub ranks: &'a [u8],
-    /// What voxels of a label are seen through: an index into the laws, `None` where they have no extinction.
-    pub functions: &'a [Option<usize>],
 }
 
 impl<V: Voxel> Grid<'_, V> {

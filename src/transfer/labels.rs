@@ -1,30 +1,12 @@
 //! Transfer functions that differ by label: what a segmentation tells apart is hidden, or seen through another function.
 
-use super::{ControlPoint, TransferFunction};
+use super::{ControlPoint, LabelRule, Seen, TransferFunction};
 
 /// Functions beside the first that labels may have at the most: all of them share the bins of one set of tables.
 pub const MOST_LABEL_FUNCTIONS: usize = 15;
 /// Room between two functions on the axis of values that they share, as a share of the range of values: more than a bin of
 /// the tables.
 const ROOM: f64 = 1.0 / 32.0;
-
-/// How voxels of some labels are seen.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Seen {
-    /// They have no extinction.
-    Hidden,
-    /// Through another function, whose own rules mean nothing.
-    Through(Box<TransferFunction>),
-}
-
-/// Voxels of these labels are not seen through the function that has the rule, but so.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LabelRule {
-    /// As the segmentation has them.
-    pub labels: Vec<u32>,
-    /// How.
-    pub seen: Seen,
-}
 
 /// What the voxels of a label are seen through.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

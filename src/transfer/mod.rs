@@ -12,7 +12,7 @@ mod tables;
 
 pub use change::TransferChange;
 pub use clip::{ClipPlane, MOST_CLIP_PLANES};
-pub use labels::{Class, LabelRule, MOST_LABEL_FUNCTIONS, Seen, SideBySide};
+pub use labels::{Class, MOST_LABEL_FUNCTIONS, SideBySide};
 pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
 pub(crate) use tables::extinct_range;
 pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
@@ -58,6 +58,24 @@ pub struct TransferFunction {
     pub rules: Vec<LabelRule>,
     /// Half-spaces outside of any of which there is no extinction, at most [`MOST_CLIP_PLANES`].
     pub clip: Vec<ClipPlane>,
+}
+
+/// How voxels of some labels are seen.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Seen {
+    /// They have no extinction.
+    Hidden,
+    /// Through another function, whose own rules mean nothing.
+    Through(Box<TransferFunction>),
+}
+
+/// Voxels of these labels are not seen through the function that has the rule, but so.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LabelRule {
+    /// As the segmentation has them.
+    pub labels: Vec<u32>,
+    /// How.
+    pub seen: Seen,
 }
 
 /// Values at which a transfer function is asked whether it leaves extinction as it is, and how far it may be off.

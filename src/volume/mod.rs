@@ -11,6 +11,7 @@ pub mod formats;
 mod histogram;
 mod labels;
 mod phantom;
+mod segmentation;
 mod thorax;
 
 pub use bricks::{BRICK_CELLS, BrickLabels, Bricks, RankSet};
@@ -343,6 +344,24 @@ impl Volume {
             let pick = |axis: usize| if c >> axis & 1 == 0 { -0.5 } else { n[axis] };
             self.world_from_index.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
         })
+    }
+
+    /// What a segmentation calls its voxels, where there is one.
+    pub fn labels(&self) -> Option<&Arc<Labels>> {
+        self.labels.as_ref()
+    }
+
+    /// The same with labels for its voxels.
+    ///
+    /// # Errors
+    /// Labels for another number of voxels.
+    pub fn labelled(self, labels: Arc<Labels>) -> Result<Self> {
+        let voxels = with_voxels!(&self.voxels, a => a.len());
+        if labels.ranks().len() != voxels {
+            let why = format!("{} labels for {voxels} voxels", labels.ranks().len());
+            return Err(Error::input("cannot use labels", &self.provenance.source, why));
+        }
+        Ok(Self { labels: Some(labels), ..self })
     }
 
     /// Bytes that the stored voxels take on the host.

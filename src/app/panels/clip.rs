@@ -1,6 +1,6 @@
 //! Clip planes: a list at the side, and handles in the view.
 
-use super::overlays::project;
+use super::parts::project;
 use crate::app::clip;
 use crate::app::document::Document;
 use crate::app::model::Model;

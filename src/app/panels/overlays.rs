@@ -2,7 +2,7 @@
 
 use super::clip;
 use super::difference::{Difference, legend};
-use super::parts::shadowed_text;
+use super::parts::{project, shadowed_text};
 use crate::app::camera;
 use crate::app::model::Model;
 use crate::scene::{Camera, Light};
@@ -53,19 +53,6 @@ pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) 
     if shift && let Light::Directional { toward } = document.light().light {
         light_arrow(painter, rect, &camera, toward);
     }
-}
-
-/// Where a world point is on screen; `None` behind the eye.
-pub(super) fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
-    let frame = camera.frame();
-    let d = point - camera.eye;
-    let depth = d.dot(frame.forward);
-    if depth <= 0.0 {
-        return None;
-    }
-    let half = f64::from(0.5 * rect.height()) / (0.5 * camera.fov_deg.to_radians()).tan() / depth;
-    let offset = vec2((d.dot(frame.right) * half) as f32, (-d.dot(frame.up) * half) as f32);
-    Some(rect.center() + offset).filter(|p| rect.contains(*p))
 }
 
 /// The patient's axes, seen as the volume is.

@@ -1,7 +1,9 @@
 //! Small parts that several panels paint.
 
 use crate::error::Error;
-use eframe::egui::{self, Align2, Color32, FontId, Painter, Pos2, vec2};
+use crate::scene::Camera;
+use eframe::egui::{self, Align2, Color32, FontId, Painter, Pos2, Rect, vec2};
+use glam::DVec3;
 
 /// The frame of a panel without its fill: the window is cleared to that colour.
 pub fn unfilled(ui: &egui::Ui) -> egui::Frame {
@@ -31,4 +33,17 @@ pub fn complaint(ui: &mut egui::Ui, e: &Error) {
 /// The last part of a path or a source.
 pub fn file_name(source: &str) -> &str {
     source.rsplit(['/', '\\']).next().unwrap_or(source)
+}
+
+/// Where a world point is on screen; `None` behind the eye.
+pub(super) fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
+    let frame = camera.frame();
+    let d = point - camera.eye;
+    let depth = d.dot(frame.forward);
+    if depth <= 0.0 {
+        return None;
+    }
+    let half = f64::from(0.5 * rect.height()) / (0.5 * camera.fov_deg.to_radians()).tan() / depth;
+    let offset = vec2((d.dot(frame.right) * half) as f32, (-d.dot(frame.up) * half) as f32);
+    Some(rect.center() + offset).filter(|p| rect.contains(*p))
 }

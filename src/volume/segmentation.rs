@@ -1,0 +1,96 @@
+//! A segmentation, sampled at the voxels of another volume.
+
+use super::{Labels, Volume};
+use crate::error::{Error, Result};
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+/// How far a stored label may lie from a whole number.
+const WHOLE: f64 = 1e-3;
+/// How far a voxel may lie from one of another grid, in voxels, and still be at the same place.
+const SAME_PLACE: f64 = 1e-3;
+
+impl Labels {
+    /// The labels of a segmentation at the voxels of `volume`, by the nearest of its own voxels; 0 outside of it.
+    ///
+    /// # Errors
+    /// A value that is no label (a whole number from 0 to 2^32 - 1), or more than [`super::MOST_LABELS`] of them.
+    pub fn sampled(segmentation: &Volume, volume: &Volume) -> Result<Self> {
+        let refuse = |why: String| Error::input("cannot use labels", &segmentation.provenance.source, why);
+        let source = segmentation.dims();
+        let [nx, ny, nz] = volume.dims();
+        let to_source = segmentation.index_from_world() * volume.world_from_index();
+        let resampled = source != [nx, ny, nz] || !is_identity(to_source, source);
+        let label_at = |place: usize| {
+            let index = DVec3::new((place % nx) as f64, (place / nx % ny) as f64, (place / (nx * ny)) as f64);
+            let nearest = (to_source.transform_point3(index) + 0.5).floor();
+            let is_inside = |axis: usize| (0.0..source[axis] as f64).contains(&nearest[axis]);
+            if !(0..3).all(is_inside) {
+                return Ok(0);
+            }
+            let [i, j, k] = nearest.to_array().map(|c| c as usize);
+            let value = segmentation.value(i, j, k);
+            let whole = value.round();
+            let fits = (value - whole).abs() <= WHOLE && (0.0..=f64::from(u32::MAX)).contains(&whole);
+            if fits { Ok(whole as u32) } else { Err(value) }
+        };
+        let voxels = (0..nx * ny * nz).into_par_iter().with_min_len(1 << 14);
+        let labels: std::result::Result<Vec<u32>, f64> = voxels.map(label_at).collect();
+        let labels = labels
+            .map_err(|value| refuse(format!("{value} is no label: labels are whole numbers from 0 on")))?;
+        Self::new(&labels, resampled).map_err(refuse)
+    }
+}
+
+/// Whether a map of indices moves no voxel of such a grid.
+fn is_identity(map: DAffine3, dims: [usize; 3]) -> bool {
+    (0..8).all(|corner| {
+        let at = |axis: usize| if corner >> axis & 1 == 0 { 0.0 } else { dims[axis] as f64 };
+        let index = DVec3::new(at(0), at(1), at(2));
+        map.transform_point3(index).abs_diff_eq(index, SAME_PLACE)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::{Provenance, Scaling, Voxels};
+    use ndarray::Array3;
+
+    fn volume(voxels: impl Into<Voxels>, world_from_index: DAffine3) -> Volume {
+        let provenance = Provenance::new("seg", "phantom", "test");
+        Volume::new(voxels.into(), Scaling::IDENTITY, world_from_index, provenance).unwrap()
+    }
+
+    #[test]
+    fn the_nearest_voxel_gives_the_label() {
+        let grid = DAffine3::from_translation(DVec3::new(3.0, -2.0, 1.0));
+        let scan = volume(Array3::<u8>::zeros((4, 3, 5)), grid);
+        let seg = Array3::from_shape_fn((4, 3, 5), |(k, j, i)| ((i + j + k) % 3 * 100) as u16);
+        let same = Labels::sampled(&volume(seg.clone(), grid), &scan).unwrap();
+        assert_eq!((same.ids(), same.resampled), (&[0, 100, 200][..], false));
+        let want: Vec<u8> = seg.iter().map(|v| (v / 100) as u8).collect();
+        assert_eq!(same.ranks(), want);
+        assert_eq!(same.counts().iter().sum::<usize>(), 60);
+        // Twice as coarse, and one voxel off at one end: what lies outside is 0.
+        let coarse =
+            DAffine3::from_translation(DVec3::new(4.4, -2.0, 1.0)) * DAffine3::from_scale(DVec3::splat(2.0));
+        let seg = Array3::from_shape_fn((2, 2, 2), |(k, j, i)| (1 + i + 2 * j + 4 * k) as u8);
+        let labels = Labels::sampled(&volume(seg, coarse), &scan).unwrap();
+        assert!(labels.resampled);
+        let row: Vec<u32> = labels.ranks()[..5].iter().map(|r| labels.ids()[usize::from(*r)]).collect();
+        assert_eq!(row, [0, 1, 1, 2, 2]);
+    }
+
+    #[test]
+    fn what_is_no_label_is_refused() {
+        let scan = volume(Array3::<u8>::zeros((1, 1, 2)), DAffine3::IDENTITY);
+        for (values, why) in [([0.0, 1.5], "1.5 is no label"), ([-1.0, 0.0], "-1 is no label")] {
+            let seg = volume(Array3::from_shape_vec((1, 1, 2), values.to_vec()).unwrap(), DAffine3::IDENTITY);
+            assert!(Labels::sampled(&seg, &scan).unwrap_err().why.contains(why));
+        }
+        let scan = volume(Array3::<u8>::zeros((1, 1, 300)), DAffine3::IDENTITY);
+        let seg = volume(Array3::from_shape_fn((1, 1, 300), |(_, _, i)| i as u16), DAffine3::IDENTITY);
+        assert!(Labels::sampled(&seg, &scan).unwrap_err().why.contains("at most 256"));
+    }
+}
