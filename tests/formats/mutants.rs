@@ -89,6 +89,27 @@ static SEEDS: &[Seed] = &[
     seed("dicom", "dicom_jpeg_lossless/0.dcm", "dicom_jpeg_lossless/0.dcm"),
     seed("dicom", "dicom_missing", "dicom_missing/89.dcm"),
     seed("dicom", "enhanced.dcm", "enhanced.dcm"),
+    seed("dicom", "dicom_unknown/0.dcm", "dicom_unknown/0.dcm"),
+    seed("dicom", "dicom_table/0.dcm", "dicom_table/0.dcm"),
+    seed("dicom", "dicom_float/0.dcm", "dicom_float/0.dcm"),
+    seed("zarr", "two.ome.zarr", "two.ome.zarr/.zattrs"),
+    seed("zarr", "two.ome.zarr", "two.ome.zarr/s0/.zarray"),
+    seed("zarr", "three.ome.zarr", "three.ome.zarr/zarr.json"),
+    seed("zarr", "v3_sharded.zarr", "v3_sharded.zarr/zarr.json"),
+    seed("zarr", "v3_sharded.zarr", "v3_sharded.zarr/c/0/0/0"),
+    seed("zarr", "v3_turned.zarr", "v3_turned.zarr/c/0/0/0"),
+    seed("zarr", "v2_gzip.zarr", "v2_gzip.zarr/0.0.0"),
+    seed("zarr", "v2_zstd.zarr", "v2_zstd.zarr/0.0.0"),
+    seed("zarr", "v2_blosclz_1.zarr", "v2_blosclz_1.zarr/0.0.0"),
+    seed("zarr", "v2_lz4_2.zarr", "v2_lz4_2.zarr/0.0.0"),
+    seed("zarr", "v2_zlib_1.zarr", "v2_zlib_1.zarr/0.0.0"),
+    seed("zarr", "v2_zstd_2.zarr", "v2_zstd_2.zarr/0.0.0"),
+    seed("vti", "appended.vti", "appended.vti"),
+    seed("vti", "raw.vti", "raw.vti"),
+    seed("vti", "raw_packed.vti", "raw_packed.vti"),
+    seed("vti", "inline.vti", "inline.vti"),
+    seed("vti", "text.vti", "text.vti"),
+    seed("vti", "cells.vti", "cells.vti"),
     strands("hair", "own.hair"),
     strands("tck", "little.tck"),
     strands("tck", "big.tck"),
@@ -118,7 +139,7 @@ static SEEDS: &[Seed] = &[
 ];
 
 /// Words that headers are made of, put where they do not belong.
-const WORDS: [&[u8]; 24] = [
+const WORDS: [&[u8]; 26] = [
     b"4294967295",
     b"-1",
     b"99999999999999999999",
@@ -143,6 +164,8 @@ const WORDS: [&[u8]; 24] = [
     b"[[[[[[[[[[[[[[[[",
     b"<a><a><a><a><a>",
     b"null",
+    b"[1000000, 1000000, 1000000]",
+    b"1000000000",
 ];
 
 fn mutate(random: &mut fastrand::Rng, bytes: &mut Vec<u8>) {
@@ -189,7 +212,7 @@ fn mutate(random: &mut fastrand::Rng, bytes: &mut Vec<u8>) {
     }
 }
 
-fn copy(from: &Path, to: &Path) {
+pub fn copy(from: &Path, to: &Path) {
     if from.is_dir() {
         std::fs::create_dir_all(to).unwrap();
         for entry in std::fs::read_dir(from).unwrap() {

@@ -10,11 +10,13 @@ use glam::{DAffine3, DVec3};
 const SAME_MM: f64 = 1e-3;
 /// ... or than this share of the usual distance.
 const SAME: f64 = 0.05;
-/// Slices this near to even places, as a share of the distance, are even; and so are those that a rounding of positions to
-/// tenths of a millimetre may have moved, up to a quarter of the distance.
+/// Slices this near to even places, as a share of the distance, are even; and so are those that a rounding of positions may
+/// have moved: to tenths of a millimetre, up to a quarter of the distance, whatever they are written with, and to the decimals
+/// that they are written with, up to less than half of the distance.
 const EVEN: f64 = 0.02;
 const ROUNDED_MM: f64 = 0.06;
 const ROUNDED_MOST: f64 = 0.25;
+const WRITTEN_MOST: f64 = 0.45;
 /// A slice of an uneven stack stands for a place of the grid from which it is no farther than this share of the distance.
 const SNAP: f64 = 0.01;
 /// Slices may lie so far beside the straight line of the first and the last, mm, before it is said.
@@ -133,7 +135,7 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     };
     let slices: Vec<Slice> = places.iter().filter_map(of_frame).collect();
     let depths: Vec<f64> = slices.iter().map(depth_mm).collect();
-    let (layers, count) = layers(&depths, &mut warnings)?;
+    let (layers, count) = layers(&depths, written_mm(series, &slices, normal), &mut warnings)?;
     let at = |slice: &Slice| slice.position.unwrap_or_default();
     let (from, to) = (at(&slices[0]), at(&slices[slices.len() - 1]));
     // The line of the first voxels may lean: that is the gantry's tilt, and a sheared affine keeps it exactly.
@@ -235,13 +237,32 @@ fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> Frames {
     Frames::One
 }
 
-/// What the volume's slices are made of, for depths in rising order, and how many there are.
-fn layers(depths: &[f64], warnings: &mut Vec<String>) -> Result<(Vec<Layer>, usize), String> {
+/// How far the decimals of positions leave a slice's depth open against that of others, mm; 0 where they do not say.
+fn written_mm(series: &Series, slices: &[Slice], normal: DVec3) -> f64 {
+    let decimals = |slice: &Slice| {
+        let of = series.images[slice.image].set.of_frame(slice.frame, tags::IMAGE_POSITION_PATIENT);
+        of.and_then(|attributes| attributes.decimals(tags::IMAGE_POSITION_PATIENT))
+    };
+    // Of some positions the last decimals are zeros that were not written.
+    let most = slices.iter().map(decimals).try_fold(0, |most, decimals| Some(most.max(decimals?)));
+    let unit_mm = most.map_or(0.0, |decimals| 10f64.powi(-(decimals.min(300) as i32)));
+    // Half a unit of each coordinate, of a slice and of those that it is compared with.
+    unit_mm * normal.abs().element_sum()
+}
+
+/// What the volume's slices are made of, for depths in rising order, and how many there are; positions leave these open by
+/// `written_mm`.
+fn layers(
+    depths: &[f64],
+    written_mm: f64,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<Layer>, usize), String> {
     let n = depths.len();
     let gaps: Vec<f64> = depths.windows(2).map(|d| d[1] - d[0]).collect();
     let mean = (depths[n - 1] - depths[0]) / gaps.len().max(1) as f64;
     // Against places and not against distances: roundings of positions do not add up.
-    let tolerance = (EVEN * mean).max(ROUNDED_MM.min(ROUNDED_MOST * mean));
+    let rounded_mm = ROUNDED_MM.min(ROUNDED_MOST * mean).max(written_mm.min(WRITTEN_MOST * mean));
+    let tolerance = rounded_mm.max(EVEN * mean);
     let is_even = |(k, depth): (usize, &f64)| (depth - depths[0] - k as f64 * mean).abs() <= tolerance;
     if depths.iter().enumerate().all(is_even) {
         return Ok(((0..n).map(Layer::Slice).collect(), n));
@@ -280,7 +301,22 @@ mod tests {
 
     fn laid(depths: &[f64]) -> Result<(Vec<Layer>, Vec<String>), String> {
         let mut warnings = Vec::new();
-        layers(depths, &mut warnings).map(|(layers, _)| (layers, warnings))
+        layers(depths, 0.0, &mut warnings).map(|(layers, _)| (layers, warnings))
+    }
+
+    #[test]
+    fn positions_are_as_fine_as_they_are_written() {
+        // Every 0.3 mm, and every 0.125 mm, to tenths.
+        for spacing in [0.3, 0.125] {
+            let depths: Vec<f64> = (0..40).map(|k| (f64::from(k) * spacing * 10.0).round() / 10.0).collect();
+            let mut warnings = Vec::new();
+            assert_eq!(layers(&depths, 0.1, &mut warnings).unwrap().1, 40, "{spacing}");
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+        // A slice that is missing is one, however coarse.
+        let mut warnings = Vec::new();
+        layers(&[0.0, 0.3, 0.6, 1.2, 1.5], 0.1, &mut warnings).unwrap();
+        assert!(warnings[0].contains("resampled"), "{warnings:?}");
     }
 
     #[test]
