@@ -4,9 +4,18 @@
 const SHARE: f64 = 0.8;
 
 /// Memory that programs can still take; `None` where the system does not say.
-pub(crate) fn free_bytes() -> Option<u64> {
+fn free_bytes() -> Option<u64> {
+    said("MemAvailable:")
+}
+
+/// Memory that the machine has, which does not change while a program runs; `None` where the system does not say.
+pub(crate) fn host_bytes() -> Option<u64> {
+    said("MemTotal:")
+}
+
+fn said(name: &str) -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok()?.checked_mul(1 << 10)
 }
 

@@ -174,3 +174,32 @@ fn a_store_is_named_by_its_files_too_and_has_their_digest() {
     let said = refusal(path.to_str().unwrap(), ReadFlags::default());
     assert!(said.contains("claimed"), "{said}");
 }
+
+#[test]
+fn lists_lead_nowhere_else_and_to_whole_files() {
+    for (name, from, to, why) in [
+        ("list.nhdr", "slice09.raw", "../slice09.raw", "beside it alone"),
+        ("list.mhd", "slice09.raw", "/etc/passwd", "beside it alone"),
+        ("pattern.mhd", "slice%02d", "../%02d", "beside it alone"),
+        ("pattern.mhd", "8 13 1", "8 14 1", "no whole number in each"),
+        ("pattern.nhdr", "8 13 1", "9 14 1", "no such file"),
+        ("list.mhd", "5 4 6", "50 40 60", "shorter"),
+        ("slabs.nhdr", "byte skip: 5", "byte skip: 6", "shorter"),
+    ] {
+        let home = tempfile::tempdir().unwrap();
+        for file in std::fs::read_dir(folder().join("files")).unwrap().map(|entry| entry.unwrap().path()) {
+            let name = file.file_name().unwrap().to_string_lossy().into_owned();
+            if name.starts_with("slice") || name.starts_with("half") {
+                std::fs::copy(&file, home.path().join(name)).unwrap();
+            }
+        }
+        let text = std::fs::read_to_string(folder().join("files").join(name)).unwrap();
+        assert!(text.contains(from), "{text}");
+        std::fs::write(home.path().join(name), text.replace(from, to)).unwrap();
+        let said = refusal(home.path().join(name).to_str().unwrap(), ReadFlags::default());
+        assert!(said.contains(why), "{name}, {to}: {said}");
+    }
+    let spec = VolumeSpec::new(folder().join("files/list.mhd").to_string_lossy());
+    let other = VolumeSpec::new(folder().join("files/pattern.mhd").to_string_lossy());
+    assert_ne!(spec.sha256().unwrap(), other.sha256().unwrap());
+}

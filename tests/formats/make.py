@@ -117,6 +117,33 @@ def metaimages():
         say(name, "SimpleITK", affine, values)
 
 
+def lists():
+    """Headers whose voxels lie in several files; ITK reads them, and the files are made by hand."""
+    data = numbers("int16", (5, 4, 6))
+    slices = [data[:, :, k].flatten(order="F").tobytes() for k in range(6)]
+    for k in range(6):
+        (OUT / f"slice{k + 8:02d}.raw").write_bytes(slices[k])
+        (OUT / f"slice{k + 8:02d}.gz").write_bytes(gzip.compress(slices[k], mtime=0))
+    for k in range(2):
+        (OUT / f"half{k}.raw").write_bytes(b"12345" + b"".join(slices[3 * k:3 * k + 3]))
+    nrrd_header = ("NRRD0005\ntype: short\ndimension: 3\nsizes: 5 4 6\nspace: left-posterior-superior\nendian: little\n"
+                   "space directions: (0.7,0,0) (0,0.8,0) (0,0,2.5)\nspace origin: (1,2,3)\n")
+    meta_header = ("ObjectType = Image\nNDims = 3\nDimSize = 5 4 6\nElementType = MET_SHORT\nElementSpacing = 0.7 0.8 2.5\n"
+                   "Offset = 1 2 3\nElementByteOrderMSB = False\n")
+    names = [f"slice{k + 8:02d}.raw" for k in range(6)]
+    for name, text in [
+        ("list.nhdr", nrrd_header + "encoding: raw\ndata file: LIST\n" + "\n".join(names) + "\n"),
+        ("pattern.nhdr", nrrd_header + "encoding: gzip\ndata file: slice%02d.gz 8 13 1\n"),
+        ("slabs.nhdr", nrrd_header + "encoding: raw\nbyte skip: 5\ndata file: LIST 3\nhalf0.raw\nhalf1.raw\n"),
+        ("list.mhd", meta_header + "ElementDataFile = LIST\n" + "\n".join(names) + "\n"),
+        ("pattern.mhd", meta_header + "ElementDataFile = slice%02d.raw 8 13 1\n"),
+    ]:
+        (OUT / name).write_text(text)
+        values, affine = of_sitk(sitk.ReadImage(str(OUT / name)))
+        assert (values == data).all(), name
+        say(name, "SimpleITK", affine, values)
+
+
 # --- NumPy -----------------------------------------------------------------------------------------------------------
 def arrays():
     for name, array in [("c.npy", numbers("int16", (3, 4, 5))), ("fortran.npy", np.asfortranarray(numbers("float32", (3, 4, 5)))),
@@ -552,7 +579,7 @@ def vtis():
         say(name, "VTK", affine, values.reshape((5, 4, 3), order="F"))
 
 
-MAKERS = (nrrds, metaimages, arrays, tiffs, analyzes, dicoms, dicom_rarities, zarrs, vtis)
+MAKERS = (nrrds, metaimages, lists, arrays, tiffs, analyzes, dicoms, dicom_rarities, zarrs, vtis)
 
 if __name__ == "__main__":
     kinds = sys.argv[1:]

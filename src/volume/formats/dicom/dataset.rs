@@ -5,8 +5,7 @@
 
 use super::unknown::Unknown;
 use dicom_core::dictionary::DataDictionary;
-use dicom_core::header::Header as _;
-use dicom_core::{PrimitiveValue, Tag};
+use dicom_core::{DataElementHeader, PrimitiveValue, Tag};
 use dicom_dictionary_std::{StandardDataDictionary, tags};
 use dicom_encoding::TransferSyntaxIndex;
 use dicom_parser::StatefulDecode;
@@ -300,29 +299,8 @@ impl DataSet {
                     decoder.skip_bytes(len).map_err(|e| e.to_string())?;
                 }
                 Ok(LazyDataToken::LazyValue { header, decoder }) => {
-                    let bytes = header.len.get().ok_or("an element of it has no length")?;
-                    let span = Span { offset: decoder.position(), bytes };
-                    if span.offset.saturating_add(bytes.into()) > length {
-                        return Err(format!("its element {} ends beyond the file", header.tag));
-                    }
-                    let floats = [tags::FLOAT_PIXEL_DATA, tags::DOUBLE_FLOAT_PIXEL_DATA];
-                    let has_floats = floats.contains(&header.tag);
-                    if (header.tag == tags::PIXEL_DATA || has_floats) && path.is_empty() {
-                        (self.pixels, self.has_floats) = (PixelData::Native(span), has_floats);
+                    if self.take(&header, decoder, &path, item, length)? {
                         return Ok(());
-                    }
-                    if item > FRAMES_MOST {
-                        return Err(format!("it describes more than {FRAMES_MOST} frames"));
-                    }
-                    let is_table = header.tag == tags::LUT_DATA;
-                    let most = if is_table { TABLE_MOST_BYTES } else { VALUE_MOST_BYTES };
-                    let home = self.home(&path, item).filter(|_| WANTED.contains(&header.tag));
-                    match home {
-                        Some(home) if bytes <= most => {
-                            let value = decoder.read_value_preserved(&header).map_err(|e| e.to_string())?;
-                            home.0.insert(header.tag(), value);
-                        }
-                        _ => decoder.skip_bytes(bytes).map_err(|e| e.to_string())?,
                     }
                 }
                 Ok(LazyDataToken::ElementHeader(_) | LazyDataToken::ItemEnd) => {}
@@ -333,6 +311,41 @@ impl DataSet {
             self.pixels = PixelData::Encapsulated(fragments);
         }
         Ok(())
+    }
+
+    /// Takes an element where it is wanted; whether the pixels begin with it.
+    fn take<D: StatefulDecode>(
+        &mut self,
+        header: &DataElementHeader,
+        decoder: &mut D,
+        path: &[Tag],
+        item: usize,
+        length: u64,
+    ) -> Result<bool, String> {
+        let bytes = header.len.get().ok_or("an element of it has no length")?;
+        let span = Span { offset: decoder.position(), bytes };
+        if span.offset.saturating_add(bytes.into()) > length {
+            return Err(format!("its element {} ends beyond the file", header.tag));
+        }
+        let floats = [tags::FLOAT_PIXEL_DATA, tags::DOUBLE_FLOAT_PIXEL_DATA];
+        let has_floats = floats.contains(&header.tag);
+        if (header.tag == tags::PIXEL_DATA || has_floats) && path.is_empty() {
+            (self.pixels, self.has_floats) = (PixelData::Native(span), has_floats);
+            return Ok(true);
+        }
+        if item > FRAMES_MOST {
+            return Err(format!("it describes more than {FRAMES_MOST} frames"));
+        }
+        let is_table = header.tag == tags::LUT_DATA;
+        let most = if is_table { TABLE_MOST_BYTES } else { VALUE_MOST_BYTES };
+        match self.home(path, item).filter(|_| WANTED.contains(&header.tag)) {
+            Some(home) if bytes <= most => {
+                let value = decoder.read_value_preserved(header).map_err(|e| e.to_string())?;
+                home.0.insert(header.tag, value);
+            }
+            _ => decoder.skip_bytes(bytes).map_err(|e| e.to_string())?,
+        }
+        Ok(false)
     }
 
     /// Where an attribute within these sequences belongs; `item` counts those of the outermost from 1.

@@ -11,7 +11,7 @@ mod stack;
 mod table;
 mod unknown;
 
-use self::dataset::is_dicom as is_dicom_head;
+use self::dataset::{Span, is_dicom as is_dicom_head};
 use self::pixels::{Layout, read_floats, read_frame, spans, warning_of};
 use self::series::{Image, Series, WHAT};
 use self::stack::{Layer, Stack};
@@ -212,34 +212,27 @@ struct Holes {
     range: [f64; 2],
 }
 
-/// Layers of numbers as `keep` stores them, and how many were padding: these become the smallest value.
-fn gathered<T: Copy + Default + Send + Sync>(
-    series: &Series,
-    stack: &Stack,
-    values: &Values,
-    loading: &Loading,
-    keep: impl Fn(f64) -> T + Sync,
-) -> Result<(Array3<T>, usize), String> {
-    let Layout { rows, columns, .. } = values.layout;
-    let named = |image: &Image, why: String| format!("{}: {why}", image.path.display());
-    let spans: Vec<_> = series
-        .images
-        .iter()
-        .map(|image| spans(&image.path, &image.set, &image.layout, image.frames).map_err(|e| named(image, e)))
-        .collect::<Result<_, _>>()?;
-    let pixels = values.layout.pixels();
-    let count = pixels.checked_mul(stack.layers.len()).ok_or("more voxels than can be counted")?;
-    refuse_beyond_host(count.checked_mul(size_of::<T>()).map(|bytes| bytes as u64))?;
-    let mut all: Vec<T> = Vec::new();
-    all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels")?;
-    all.resize(count, T::default());
-    // Padding is no number until all others are known.
-    let frame = |at: usize| -> Result<Vec<f64>, String> {
-        let slice = &stack.slices[at];
-        let image = &series.images[slice.image];
-        let scaling = values.each.as_ref().map_or(Scaling::IDENTITY, |each| each[at]);
-        let mut out = vec![0.0; pixels];
-        let spans = &spans[slice.image][slice.frame];
+fn named(image: &Image, why: String) -> String {
+    format!("{}: {why}", image.path.display())
+}
+
+/// The slices of a series, as numbers.
+struct Frames<'a> {
+    series: &'a Series,
+    stack: &'a Stack,
+    values: &'a Values,
+    /// Where the pixels of each frame of each image lie.
+    spans: Vec<Vec<Vec<Span>>>,
+}
+
+impl Frames<'_> {
+    /// The numbers of a slice; padding is none until all others are known.
+    fn numbers(&self, at: usize) -> Result<Vec<f64>, String> {
+        let slice = &self.stack.slices[at];
+        let image = &self.series.images[slice.image];
+        let scaling = self.values.each.as_ref().map_or(Scaling::IDENTITY, |each| each[at]);
+        let mut out = vec![0.0; self.values.layout.pixels()];
+        let spans = &self.spans[slice.image][slice.frame];
         if image.layout.is_float {
             read_floats(&image.path, &image.set, &image.layout, spans, &mut out)
                 .map_err(|e| named(image, e))?;
@@ -250,7 +243,7 @@ fn gathered<T: Copy + Default + Send + Sync>(
             return Ok(out);
         }
         let is_padding = is_padding(image);
-        let table = values.tables[slice.image].as_ref();
+        let table = self.values.tables[slice.image].as_ref();
         let value = |pixel| {
             let stored = image.layout.value(pixel);
             match (is_padding(pixel), table) {
@@ -262,16 +255,38 @@ fn gathered<T: Copy + Default + Send + Sync>(
         read_frame(&image.path, &image.set, &image.layout, spans, &mut out, value)
             .map_err(|e| named(image, e))?;
         Ok(out)
+    }
+}
+
+/// Layers of numbers as `keep` stores them, and how many were padding: these become the smallest value.
+fn gathered<T: Copy + Default + Send + Sync>(
+    series: &Series,
+    stack: &Stack,
+    values: &Values,
+    loading: &Loading,
+    keep: impl Fn(f64) -> T + Sync,
+) -> Result<(Array3<T>, usize), String> {
+    let Layout { rows, columns, .. } = values.layout;
+    let spans = |image: &Image| {
+        spans(&image.path, &image.set, &image.layout, image.frames).map_err(|e| named(image, e))
     };
+    let spans: Vec<_> = series.images.iter().map(spans).collect::<Result<_, _>>()?;
+    let pixels = values.layout.pixels();
+    let count = pixels.checked_mul(stack.layers.len()).ok_or("more voxels than can be counted")?;
+    refuse_beyond_host(count.checked_mul(size_of::<T>()).map(|bytes| bytes as u64))?;
+    let mut all: Vec<T> = Vec::new();
+    all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels")?;
+    all.resize(count, T::default());
+    let frames = Frames { series, stack, values, spans };
     let pieces = loading.pieces(ReadingStage::Unpacking, stack.layers.len());
     let fill = |out: &mut [T], layer: &Layer| -> Result<Holes, String> {
         if pieces.is_cancelled() {
             return Err("it was cancelled".to_string());
         }
         let numbers = match *layer {
-            Layer::Slice(at) => frame(at)?,
+            Layer::Slice(at) => frames.numbers(at)?,
             Layer::Between(at, share) => {
-                let (below, above) = (frame(at)?, frame(at + 1)?);
+                let (below, above) = (frames.numbers(at)?, frames.numbers(at + 1)?);
                 below.iter().zip(above).map(|(a, b)| a + share * (b - a)).collect()
             }
         };

@@ -21,7 +21,7 @@ use super::head::Head;
 use super::source::inexact_integers;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::volume::memory::{free_bytes, refuse_beyond_host};
+use crate::volume::memory::{host_bytes, refuse_beyond_host};
 use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::{DAffine3, DMat3, DVec3};
 use std::path::{Path, PathBuf};
@@ -33,8 +33,9 @@ pub const EXTENSIONS: &[&str] = &["zarr"];
 const MARKS: [&str; 4] = ["zarr.json", ".zattrs", ".zgroup", ".zarray"];
 /// The longest side of a 3-D texture that every device holds.
 const SIDE_MOST: usize = 2048;
-/// Of the memory that is free, a level that is chosen for a user takes at most one part in so many.
-const OF_FREE: u64 = 4;
+/// Of the host's memory, a level that is chosen for a user takes at most one part in so many: of all of it and not of what is
+/// free, so that the same level is chosen again.
+const OF_HOST: u64 = 4;
 
 /// Whether a folder holds Zarr, or a file says what the folder around it holds.
 pub fn is_zarr(head: &Head) -> bool {
@@ -178,11 +179,10 @@ impl Store {
         let count = self.levels.len();
         let all: Vec<Chosen<'_>> =
             (0..count).map(|at| self.level(at)).collect::<Result<_, _>>().map_err(refuse)?;
-        let free = free_bytes().unwrap_or(u64::MAX);
+        let most = host_bytes().unwrap_or(u64::MAX) / OF_HOST;
         let fits = |chosen: &Chosen<'_>| {
             let bytes = chosen.part(0).kept_bytes();
-            chosen.dims().iter().all(|n| *n <= SIDE_MOST)
-                && bytes.is_some_and(|bytes| bytes <= free / OF_FREE)
+            chosen.dims().iter().all(|n| *n <= SIDE_MOST) && bytes.is_some_and(|bytes| bytes <= most)
         };
         let finest = all.iter().position(fits).unwrap_or(count - 1);
         let at = choice.level.unwrap_or(finest);
