@@ -203,3 +203,53 @@ fn lists_lead_nowhere_else_and_to_whole_files() {
     let other = VolumeSpec::new(folder().join("files/pattern.mhd").to_string_lossy());
     assert_ne!(spec.sha256().unwrap(), other.sha256().unwrap());
 }
+
+#[test]
+fn images_in_folders_of_a_store_are_found_or_said() {
+    let (_home, image) = store("two.ome.zarr");
+    let around = tempfile::tempdir().unwrap();
+    mutants::copy(&image, &around.path().join("0"));
+    let read = || load(&VolumeSpec::new(around.path().to_string_lossy()));
+    std::fs::write(around.path().join(".zattrs"), r#"{"bioformats2raw.layout": 3}"#).unwrap();
+    let volume = read().unwrap();
+    assert_eq!(volume.dims(), [8, 6, 3]);
+    assert!(volume.provenance.warnings[0].contains("in `0`"), "{:?}", volume.provenance.warnings);
+    std::fs::write(around.path().join(".zattrs"), r#"{"plate": {"rows": []}}"#).unwrap();
+    assert!(read().unwrap_err().why.contains("A/1/0"));
+    std::fs::write(around.path().join(".zattrs"), "{").unwrap();
+    assert!(read().unwrap_err().why.contains(".zattrs"));
+}
+
+#[test]
+fn vtk_images_that_cannot_be_read_are_refused_in_words() {
+    let text = std::fs::read_to_string(folder().join("files/text.vti")).unwrap();
+    let home = tempfile::tempdir().unwrap();
+    let path = home.path().join("a.vti");
+    for (from, to, why) in [
+        ("Scalars=\"density\"", "Scalars=\"gradient\"", "`gradient` are 3 numbers"),
+        ("Scalars=\"density\"", "Scalars=\"gone\"", "no array of one number"),
+        ("WholeExtent=\"2 6 -1 2 0 2\"", "WholeExtent=\"2 7 -1 2 0 2\"", "smaller than the image"),
+        ("2 6 -1 2 0 2", "2 99999 -1 99999 0 99999", "GiB"),
+        ("2 6 -1 2 0 2", "2 6 -1 2 0 3", "ends after 480"),
+        ("2 6 -1 2 0 2", "2 6 -1 2 0 -1", "no voxels along an axis"),
+        ("2 6 -1 2 0 2", "2 6", "WholeExtent is `2 6`"),
+        ("Spacing=\"0.7", "Spacing=\"0", "singular"),
+        ("Direction=\"0.87", "Direction=\"1 0.87", "too few or too many"),
+        ("34.5584", "x34.5584", "`x34.5584"),
+        ("\"Float64\" Name=\"density\"", "\"String\" Name=\"density\"", "of the kind `String`"),
+        ("</ImageData>", "", "no XML file"),
+        ("header_type", "compressor=\"vtkLZ4DataCompressor\" header_type", "zlib or none"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        std::fs::write(&path, text.replace(from, to)).unwrap();
+        let said = refusal(path.to_str().unwrap(), ReadFlags::default());
+        assert!(said.contains(why), "{to}: {said}");
+    }
+    // What says that it is in LPS is turned, everything else stands as it does.
+    let plain = load(&VolumeSpec::new(folder().join("files/text.vti").to_string_lossy())).unwrap();
+    std::fs::write(&path, text.replacen('\n', "\n<!-- SPACE=LPS, it's said -->\n", 1)).unwrap();
+    let turned = load(&VolumeSpec::new(path.to_string_lossy())).unwrap();
+    let about = glam::DAffine3::from_scale(glam::DVec3::new(-1.0, -1.0, 1.0));
+    assert_eq!(turned.world_from_index(), about * plain.world_from_index());
+    assert_eq!(turned.voxels(), plain.voxels());
+}

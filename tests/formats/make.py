@@ -539,10 +539,11 @@ def zarrs():
 
 # --- VTK images, by VTK ----------------------------------------------------------------------------------------------
 def vtis():
-    for name, dtype, mode, packed, wide, lps in [
-        ("appended.vti", "int16", "appended", True, False, False), ("raw.vti", "float32", "raw", False, True, False),
-        ("raw_packed.vti", "uint16", "raw", True, True, False), ("inline.vti", "uint8", "binary", True, False, False),
-        ("text.vti", "float64", "ascii", False, False, False), ("cells.vti", "int32", "binary", False, False, False),
+    for name, dtype, mode, packed, wide in [
+        ("appended.vti", "int16", "appended", True, False), ("raw.vti", "float32", "raw", False, True),
+        ("raw_packed.vti", "uint16", "raw", True, True), ("inline.vti", "uint8", "binary", True, False),
+        ("text.vti", "float64", "ascii", False, False), ("cells.vti", "int32", "binary", False, False),
+        ("pieces.vti", "int16", "binary", True, False),
     ]:
         data = numbers(dtype)
         image = vtk.vtkImageData()
@@ -566,6 +567,8 @@ def vtis():
         writer.SetEncodeAppendedData(mode == "appended")
         (writer.SetCompressorTypeToZLib if packed else writer.SetCompressorTypeToNone)()
         (writer.SetHeaderTypeToUInt64 if wide else writer.SetHeaderTypeToUInt32)()
+        if name == "pieces.vti":
+            writer.SetNumberOfPieces(2)
         writer.Write()
         reader = vtk.vtkXMLImageDataReader()
         reader.SetFileName(str(OUT / name))

@@ -113,6 +113,7 @@ static SEEDS: &[Seed] = &[
     seed("vti", "inline.vti", "inline.vti"),
     seed("vti", "text.vti", "text.vti"),
     seed("vti", "cells.vti", "cells.vti"),
+    seed("vti", "pieces.vti", "pieces.vti"),
     strands("hair", "own.hair"),
     strands("tck", "little.tck"),
     strands("tck", "big.tck"),

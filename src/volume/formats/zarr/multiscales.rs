@@ -10,6 +10,8 @@ use std::path::Path;
 
 /// Sizes of one image; more than this are none.
 const LEVELS_MOST: usize = 64;
+/// Names of axes and paths of arrays are said to people; longer ones are none.
+const NAME_MOST_BYTES: usize = 200;
 
 /// An axis of an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,8 +88,8 @@ impl Image {
             return Err(format!("its image is said to have {} levels", datasets.len()));
         }
         let levels = datasets.iter().map(|dataset| {
-            let path =
-                dataset.get("path").and_then(Value::as_str).ok_or("a level of its image has no path")?;
+            let path = dataset.get("path").and_then(Value::as_str).filter(|p| p.len() <= NAME_MOST_BYTES);
+            let path = path.ok_or("a level of its image has no path")?;
             let (scale, translation) = (Vec::new(), Vec::new());
             let mut level = Level { path: path.into(), scale, translation, is_scaled: false };
             level.transform(dataset.get("coordinateTransformations"))?;
@@ -103,7 +105,8 @@ impl Axis {
     /// An axis, which in version 0.3 is its name alone.
     fn of(value: &Value) -> Option<Self> {
         let text = |key: &str| value.get(key).and_then(Value::as_str).map(String::from);
-        let name = value.as_str().map(String::from).or_else(|| text("name"))?;
+        let name = value.as_str().map(String::from).or_else(|| text("name"));
+        let name = name.filter(|name| name.len() <= NAME_MOST_BYTES)?;
         Some(Self { name: name.to_lowercase(), unit: text("unit") })
     }
 
