@@ -12,8 +12,8 @@ use std::fmt::Write as _;
 /// Say what a volume file holds
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, TIFF, .npy, raw), strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or a
-    /// built-in one, phantom:NAME[:SIZE]
+    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk, .vtk,
+    /// .vtp, .obj) or a built-in one, phantom:NAME[:SIZE]
     #[arg(value_name = "VOLUME")]
     pub volume: String,
     #[command(flatten)]
@@ -30,7 +30,7 @@ pub struct InfoArgs {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Info {
     pub source: String,
-    /// `nifti1`, `nifti2`, `analyze`, `dicom`, `nrrd`, `metaimage`, `tiff`, `npy`, `raw`, `phantom` or `strands`.
+    /// `nifti1`, `nifti2`, `analyze`, `dicom`, `nrrd`, `metaimage`, `zarr`, `vti`, `tiff`, `npy`, `raw`, `phantom` or `strands`.
     pub format: String,
     /// Voxels along the index axes.
     pub dims: [usize; 3],

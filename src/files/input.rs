@@ -1,4 +1,4 @@
-//! Reading small text files.
+//! Reading small text files, and what files of several formats say in the same words.
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -7,6 +7,15 @@ use std::path::Path;
 
 /// No transfer function, scene or list of rays is larger; an endless device file ends here.
 const MAX_TEXT_BYTES: u64 = 256 << 20;
+
+/// Where a file of places would say which way its axes go.
+const SPACE_WITHIN: usize = 4096;
+
+/// Whether a file that begins so says `SPACE=LPS`, as 3D Slicer writes it: x goes to the left, y to the back.
+pub fn says_lps(beginning: &[u8]) -> bool {
+    const SAID: &[u8] = b"SPACE=LPS";
+    beginning[..beginning.len().min(SPACE_WITHIN)].windows(SAID.len()).any(|words| words == SAID)
+}
 
 /// The whole of a UTF-8 text file; `what` begins the error line, e.g. `cannot read scene file`.
 ///

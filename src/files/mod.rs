@@ -1,5 +1,5 @@
 //! What every room reads and writes files with: text with a one-line error, readings that can be watched and ended,
-//! files that appear whole or not at all, pictures, sums of what was read, and sRGB.
+//! files that appear whole or not at all, pictures, sums of what was read, sRGB, and what VTK's XML files share.
 
 pub mod color;
 pub mod hash;
@@ -7,3 +7,4 @@ pub mod input;
 pub mod loading;
 pub mod output;
 pub mod picture;
+pub mod vtk_xml;

@@ -5,6 +5,7 @@
 
 use super::MeshPart;
 use crate::error::{Error, Result};
+use crate::files::input::says_lps;
 use glam::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
@@ -18,8 +19,6 @@ const WHAT: &str = "cannot read mesh";
 /// Bytes of a binary STL file before its triangles, and of each of them.
 const STL_HEADER_BYTES: usize = 84;
 const STL_TRIANGLE_BYTES: usize = 50;
-/// Where a header would say which way its axes go.
-const SPACE_WITHIN: usize = 4096;
 
 /// How a file is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,8 +68,7 @@ fn read_triangles(path: &Path) -> Result<Vec<[DVec3; 3]>> {
         Format::Obj => obj(&bytes),
     };
     let mut triangles = triangles.map_err(refused)?;
-    let header = String::from_utf8_lossy(&bytes[..bytes.len().min(SPACE_WITHIN)]).into_owned();
-    if header.contains("SPACE=LPS") {
+    if says_lps(&bytes) {
         triangles.iter_mut().flatten().for_each(|p| *p *= DVec3::new(-1.0, -1.0, 1.0));
     }
     Ok(triangles)

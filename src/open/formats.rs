@@ -10,7 +10,7 @@ use crate::files::loading::Loading;
 use crate::scene::Shading;
 use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::formats::raw::RawFile;
-use crate::volume::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack};
+use crate::volume::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack, vti, zarr};
 use crate::volume::{Crop, Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
 use serde::Serialize;
@@ -25,7 +25,7 @@ pub struct ReadFlags {
     /// big-endian [default: from a name like foot_256x256x256_uint8.raw]
     #[arg(long, value_name = "LAYOUT", value_parser = values::raw_layout, help_heading = "Volume")]
     pub raw: Option<RawLayout>,
-    /// Voxel spacing of a file that does not say it (raw, .npy, TIFF), or to win over it, mm [default: the file's, or 1,1,1]
+    /// Voxel spacing of a file that does not say it (raw, .npy, TIFF, Zarr), or to win over it, mm [default: the file's, or 1,1,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::spacing_mm, allow_hyphen_values = true, help_heading = "Volume")]
     pub spacing: Option<[f64; 3]>,
     /// Bytes before the first voxel of a raw file [default: 0]
@@ -37,6 +37,9 @@ pub struct ReadFlags {
     /// Which volume of a 4-D file, from 0 [default: 0]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
     pub frame: Option<usize>,
+    /// Which size of an image that is there in several, from 0, the finest [default: the finest that fits memory and a texture]
+    #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
+    pub level: Option<usize>,
     /// Only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default: all]
     #[arg(long, value_name = "RANGES", value_parser = Crop::from_str, allow_hyphen_values = true, help_heading = "Volume")]
     pub crop: Option<Crop>,
@@ -112,6 +115,11 @@ impl VolumeSpec {
 
     fn frame(&self) -> usize {
         self.flags.frame.unwrap_or(0)
+    }
+
+    fn zarr_choice(&self) -> zarr::Choice {
+        let ReadFlags { level, spacing, .. } = self.flags;
+        zarr::Choice { level, frame: self.frame(), spacing_mm: spacing }
     }
 
     /// Whether strands are what it names.
@@ -209,6 +217,15 @@ pub const FORMATS: &[Format] = &[
         files: itself,
     },
     Format {
+        kind: "a Zarr store",
+        asked_as: "OME-Zarr (a folder, .zarr)",
+        endings: zarr::EXTENSIONS,
+        flags: &["frame", "level", "spacing", "crop"],
+        sniff: |_, head| zarr::is_zarr(head),
+        read: |spec, loading| zarr::read_with(spec.path(), spec.zarr_choice(), loading).map(Read::from),
+        files: |spec| zarr::files_of(spec.path(), spec.zarr_choice()),
+    },
+    Format {
         kind: "a DICOM series",
         asked_as: "DICOM (a folder, or a file of it)",
         endings: dicom::EXTENSIONS,
@@ -236,6 +253,15 @@ pub const FORMATS: &[Format] = &[
         sniff: |_, head| metaimage::is_metaimage(head),
         read: |spec, loading| metaimage::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| metaimage::files_of(spec.path()),
+    },
+    Format {
+        kind: "a VTK image",
+        asked_as: "VTK images (.vti)",
+        endings: vti::EXTENSIONS,
+        flags: &["crop"],
+        sniff: |_, head| vti::is_vti(head),
+        read: |spec, loading| vti::read_with(spec.path(), loading).map(Read::from),
+        files: itself,
     },
     Format {
         kind: "a TIFF stack",
@@ -372,8 +398,9 @@ mod tests {
             ("a.nii", "--spacing=1,1,1", "raw files"),
             ("a.nii", "--kernel=tent", ".hair"),
             ("a.hair", "--offset=1", "raw files"),
-            ("a.hair", "--frame=1", "DICOM"),
+            ("a.hair", "--frame=1", "OME-Zarr"),
             ("a.nii", "--series=2", "DICOM"),
+            ("a.nii", "--level=1", "OME-Zarr"),
             ("a.hair", "--crop=,,1:", "phantom"),
             ("a_2x2x2_u8.raw", "--thickness=1", ".hair"),
             ("phantom:slab", "--raw=2x2x2:u8", "raw files"),

@@ -36,8 +36,8 @@ pub const DEFAULT_SHADOW: &str = "dsm";
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
 #[serde(try_from = "toml::Table")]
 pub struct SceneSettings {
-    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, TIFF, .npy, raw), strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or a
-    /// built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
+    /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk, .vtk,
+    /// .vtp, .obj) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
     #[arg(value_name = "VOLUME")]
     pub volume: Option<String>,
     #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]

@@ -1,6 +1,6 @@
 //! Element types of voxels in a file, and reading them in bounded pieces.
 
-use super::Voxels;
+use super::{Voxel, Voxels};
 use ndarray::Array3;
 use std::fmt;
 use std::io::{self, Read};
@@ -70,6 +70,38 @@ impl Element {
         ELEMENTS[self as usize].3
     }
 
+    /// Size of one element in memory, as [`Voxels`] hold it.
+    pub fn kept_bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::I8 | Self::U16 | Self::I16 => 2,
+            Self::F32 => 4,
+            Self::U32 | Self::I32 | Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+
+    /// From NumPy's name, with the order of bytes in front: `<i2`; the machine's own order is taken as little-endian.
+    pub fn of_numpy(name: &str) -> Option<(Self, ByteOrder)> {
+        let (order, kind) = match name.chars().next()? {
+            '<' | '>' | '|' | '=' => name.split_at(1),
+            _ => ("=", name),
+        };
+        let element = match kind {
+            "u1" | "b1" => Self::U8,
+            "i1" => Self::I8,
+            "u2" => Self::U16,
+            "i2" => Self::I16,
+            "u4" => Self::U32,
+            "i4" => Self::I32,
+            "u8" => Self::U64,
+            "i8" => Self::I64,
+            "f4" => Self::F32,
+            "f8" => Self::F64,
+            _ => return None,
+        };
+        Some((element, if order == ">" { ByteOrder::Big } else { ByteOrder::Little }))
+    }
+
     /// The name shown to people: `uint8`, `int16 big-endian`.
     pub fn describe(self, order: ByteOrder) -> String {
         let suffix = if order == ByteOrder::Big && self.bytes() > 1 { " big-endian" } else { "" };
@@ -106,6 +138,37 @@ impl fmt::Display for ReadFailure {
     }
 }
 
+/// Runs `$body` with `$convert` bound to what makes a kept number of the bytes of a stored one; the array that comes of it
+/// becomes [`Voxels`].
+macro_rules! with_element {
+    ($element:expr, $order:expr, $convert:ident => $body:expr) => {{
+        use $crate::volume::element::{ByteOrder, Element};
+        macro_rules! of {
+            ($stored:ty, $kept:ty) => {{
+                let order: ByteOrder = $order;
+                let $convert = move |bytes: [u8; size_of::<$stored>()]| match order {
+                    ByteOrder::Little => <$stored>::from_le_bytes(bytes) as $kept,
+                    ByteOrder::Big => <$stored>::from_be_bytes(bytes) as $kept,
+                };
+                $body.map($crate::volume::Voxels::from)
+            }};
+        }
+        match $element {
+            Element::U8 => of!(u8, u8),
+            Element::I8 => of!(i8, i16),
+            Element::U16 => of!(u16, u16),
+            Element::I16 => of!(i16, i16),
+            Element::U32 => of!(u32, f64),
+            Element::I32 => of!(i32, f64),
+            Element::U64 => of!(u64, f64),
+            Element::I64 => of!(i64, f64),
+            Element::F32 => of!(f32, f32),
+            Element::F64 => of!(f64, f64),
+        }
+    }};
+}
+pub(in crate::volume) use with_element;
+
 /// Bytes converted at a time; a multiple of every element size.
 const CHUNK_BYTES: usize = 1 << 20;
 
@@ -120,27 +183,45 @@ pub fn read_voxels(
     element: Element,
     order: ByteOrder,
 ) -> Result<Voxels, ReadFailure> {
-    macro_rules! read {
-        ($stored:ty => $variant:ident($kept:ty)) => {{
-            let convert = |bytes: [u8; size_of::<$stored>()]| match order {
-                ByteOrder::Little => <$stored>::from_le_bytes(bytes) as $kept,
-                ByteOrder::Big => <$stored>::from_be_bytes(bytes) as $kept,
-            };
-            read_array(input, dims, convert).map(Voxels::$variant)
-        }};
+    with_element!(element, order, convert => read_array(input, dims, convert))
+}
+
+/// As [`read_voxels`], of data in which the last axis runs fastest and the first one slowest; each number is put where it belongs
+/// at once, so that memory is taken for the voxels alone, and for all of them.
+///
+/// # Errors
+/// As there.
+pub fn read_turned_voxels(
+    input: &mut impl Read,
+    dims: [usize; 3],
+    element: Element,
+    order: ByteOrder,
+) -> Result<Voxels, ReadFailure> {
+    with_element!(element, order, convert => read_turned_array(input, dims, convert))
+}
+
+fn read_turned_array<T: Voxel, const N: usize>(
+    input: &mut impl Read,
+    [nx, ny, nz]: [usize; 3],
+    convert: impl Fn([u8; N]) -> T,
+) -> Result<Array3<T>, ReadFailure> {
+    let count =
+        [nx, ny, nz].iter().try_fold(1usize, |count, &n| count.checked_mul(n)).ok_or(ReadFailure::Memory)?;
+    let mut values = Vec::new();
+    values.try_reserve_exact(count).map_err(|_| ReadFailure::Memory)?;
+    values.resize(count, T::of_f64(0.0));
+    // Columns along z follow each other along y, then x.
+    let mut column = vec![0u8; nz.saturating_mul(N)];
+    for at in 0..nx * ny {
+        let got = read_full(input, &mut column).map_err(ReadFailure::Io)?;
+        if got < column.len() {
+            return Err(ReadFailure::Short { got: (at * column.len() + got) as u64 });
+        }
+        let first = at % ny * nx + at / ny;
+        let places = values.iter_mut().skip(first).step_by(nx * ny);
+        places.zip(column.as_chunks::<N>().0).for_each(|(value, &bytes)| *value = convert(bytes));
     }
-    match element {
-        Element::U8 => read!(u8 => U8(u8)),
-        Element::I8 => read!(i8 => I16(i16)),
-        Element::U16 => read!(u16 => U16(u16)),
-        Element::I16 => read!(i16 => I16(i16)),
-        Element::U32 => read!(u32 => F64(f64)),
-        Element::I32 => read!(i32 => F64(f64)),
-        Element::U64 => read!(u64 => F64(f64)),
-        Element::I64 => read!(i64 => F64(f64)),
-        Element::F32 => read!(f32 => F32(f32)),
-        Element::F64 => read!(f64 => F64(f64)),
-    }
+    Array3::from_shape_vec((nz, ny, nx), values).map_err(|_| ReadFailure::Memory)
 }
 
 fn read_array<T, const N: usize>(
@@ -206,6 +287,18 @@ mod tests {
             other => panic!("{other:?}"),
         }
         assert_eq!(data_bytes([usize::MAX, 2, 1], Element::U8), None);
+    }
+
+    #[test]
+    fn turned_data_are_the_same_voxels() {
+        let [nx, ny, nz] = [5, 4, 3];
+        let array = Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| (100 * k + 10 * j + i) as i16);
+        let turned: Vec<u8> = array.t().iter().flat_map(|v| v.to_be_bytes()).collect();
+        let read =
+            |bytes: &[u8]| read_turned_voxels(&mut &bytes[..], [nx, ny, nz], Element::I16, ByteOrder::Big);
+        assert_eq!(read(&turned).unwrap(), Voxels::I16(array));
+        let short = turned.len() - 3;
+        assert!(matches!(read(&turned[..short]), Err(ReadFailure::Short { got }) if got == short as u64));
     }
 
     #[test]

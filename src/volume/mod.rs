@@ -10,6 +10,7 @@ mod element;
 pub mod formats;
 mod histogram;
 mod labels;
+mod memory;
 mod phantom;
 mod segmentation;
 mod thorax;
@@ -80,10 +81,24 @@ macro_rules! with_voxels {
 pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
     /// The same number.
     fn to_f64(self) -> f64;
+    /// The number that is nearest towards 0; the last one there is where it is beyond.
+    fn of_f64(value: f64) -> Self;
 }
 
 macro_rules! voxel {
-    ($($t:ty),*) => { $(impl Voxel for $t { #[inline(always)] fn to_f64(self) -> f64 { f64::from(self) } })* };
+    ($($t:ty),*) => { $(
+        impl Voxel for $t {
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+
+            #[inline(always)]
+            fn of_f64(value: f64) -> Self {
+                value as $t
+            }
+        }
+    )* };
 }
 voxel!(u8, i16, u16, f32, f64);
 

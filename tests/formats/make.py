@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Writes the files that tests/formats reads, with the libraries whose formats they are, and what these read back.
 
-    python3 -m venv v && v/bin/pip install nibabel scipy pydicom pynrrd SimpleITK tifffile pyjpegls pylibjpeg-openjpeg numpy
-    v/bin/python tests/formats/make.py
+    python3 -m venv v && v/bin/pip install nibabel scipy pydicom pynrrd SimpleITK tifffile pyjpegls pylibjpeg-openjpeg numpy zarr \
+        ome-zarr vtk
+    v/bin/python tests/formats/make.py            (or of some kinds alone: make.py zarrs vtis)
 
 `expected.json` says for each file: the size of its grid, the affine from indices to RAS mm, and its values, the first
 index fastest, all as the library has them that is named with it.
@@ -11,13 +12,20 @@ import gzip
 import json
 import pathlib
 import shutil
+import sys
 
 import nibabel
 import nrrd
+import numcodecs
 import numpy as np
+import ome_zarr.format
+import ome_zarr.writer
 import pydicom
 import SimpleITK as sitk
 import tifffile
+import vtk
+import vtk.util.numpy_support
+import zarr
 from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.sequence import Sequence
 from pydicom.uid import (CTImageStorage, DeflatedExplicitVRLittleEndian, EnhancedCTImageStorage, ExplicitVRBigEndian,
@@ -106,6 +114,33 @@ def metaimages():
         image.SetDirection(rotation(0.2, -0.3, 0.4).flatten().tolist())
         sitk.WriteImage(image, str(OUT / name), packed)
         values, affine = of_sitk(sitk.ReadImage(str(OUT / name)))
+        say(name, "SimpleITK", affine, values)
+
+
+def lists():
+    """Headers whose voxels lie in several files; ITK reads them, and the files are made by hand."""
+    data = numbers("int16", (5, 4, 6))
+    slices = [data[:, :, k].flatten(order="F").tobytes() for k in range(6)]
+    for k in range(6):
+        (OUT / f"slice{k + 8:02d}.raw").write_bytes(slices[k])
+        (OUT / f"slice{k + 8:02d}.gz").write_bytes(gzip.compress(slices[k], mtime=0))
+    for k in range(2):
+        (OUT / f"half{k}.raw").write_bytes(b"12345" + b"".join(slices[3 * k:3 * k + 3]))
+    nrrd_header = ("NRRD0005\ntype: short\ndimension: 3\nsizes: 5 4 6\nspace: left-posterior-superior\nendian: little\n"
+                   "space directions: (0.7,0,0) (0,0.8,0) (0,0,2.5)\nspace origin: (1,2,3)\n")
+    meta_header = ("ObjectType = Image\nNDims = 3\nDimSize = 5 4 6\nElementType = MET_SHORT\nElementSpacing = 0.7 0.8 2.5\n"
+                   "Offset = 1 2 3\nElementByteOrderMSB = False\n")
+    names = [f"slice{k + 8:02d}.raw" for k in range(6)]
+    for name, text in [
+        ("list.nhdr", nrrd_header + "encoding: raw\ndata file: LIST\n" + "\n".join(names) + "\n"),
+        ("pattern.nhdr", nrrd_header + "encoding: gzip\ndata file: slice%02d.gz 8 13 1\n"),
+        ("slabs.nhdr", nrrd_header + "encoding: raw\nbyte skip: 5\ndata file: LIST 3\nhalf0.raw\nhalf1.raw\n"),
+        ("list.mhd", meta_header + "ElementDataFile = LIST\n" + "\n".join(names) + "\n"),
+        ("pattern.mhd", meta_header + "ElementDataFile = slice%02d.raw 8 13 1\n"),
+    ]:
+        (OUT / name).write_text(text)
+        values, affine = of_sitk(sitk.ReadImage(str(OUT / name)))
+        assert (values == data).all(), name
         say(name, "SimpleITK", affine, values)
 
 
@@ -358,10 +393,210 @@ def enhanced(data, origin, row, column, normal, affine):
     say("enhanced.dcm", "definition", LPS @ affine, data.astype(float) - 1024)
 
 
+def dicom_rarities():
+    """What few files have: sequences of an unknown type, tables of values, positions of one decimal, floats."""
+    orientation, origin = [1, 0, 0, 0, 1, 0], np.array([10.5, -20.25, 30.0])
+    affine = LPS @ np.array([[0.7, 0, 0, 10.5], [0, 0.8, 0, -20.25], [0, 0, 2.5, 30], [0, 0, 0, 1]])
+    data = (numbers("uint16") % 1024).astype("uint16")
+
+    def files(name, spacing=2.5, decimals=4, change=lambda ds: None, **options):
+        folder = OUT / name
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        for k in range(3):
+            path = folder / f"{k}.dcm"
+            dicom_file(path, np.ascontiguousarray(data[:, :, k].T), origin + np.array([0, 0, spacing * k]), orientation,
+                       number=k + 1, **options)
+            ds = pydicom.dcmread(path)
+            ds.ImagePositionPatient = ["10.5", "-20.25" if decimals > 1 else "-20.2", f"{30 + spacing * k:.{decimals}f}"]
+            change(ds)
+            ds.save_as(path, enforce_file_format=True)
+        return folder
+
+    def unknown(ds):
+        # The items of a sequence of unknown type are in the implicit syntax: one within another here.
+        inner = bytes.fromhex("feff00e0ffffffff" "08005011" "0c000000") + b"1.2.840.1234" + bytes.fromhex("feff0de000000000")
+        nested = bytes.fromhex("feff00e0ffffffff" "08004011" "ffffffff") + inner + bytes.fromhex("feffdde000000000feff0de000000000")
+        ds.add_new((0x0009, 0x1002), "UN", nested)
+        ds[0x0009, 0x1002].is_undefined_length = True
+        ds.add_new((0x0009, 0x0010), "LO", "UMBRAVOX TEST")
+    files("dicom_unknown", change=unknown, bits=10)
+    say("dicom_unknown", "definition", affine, data.astype(float) - 1024)
+
+    def table(ds):
+        item = Dataset()
+        values = (np.arange(300) ** 2 // 7).astype("uint16")
+        item.add_new((0x0028, 0x3002), "US", [300, 100, 16])
+        item.add_new((0x0028, 0x3006), "OW", values.tobytes())
+        item.add_new((0x0028, 0x3004), "LO", "OD")
+        ds.ModalityLUTSequence = Sequence([item])
+        del ds.RescaleSlope, ds.RescaleIntercept
+    folder = files("dicom_table", change=table, bits=10, modality="CR")
+    mapped = np.stack([pydicom.pixels.apply_modality_lut(ds.pixel_array, ds).T
+                       for ds in (pydicom.dcmread(folder / f"{k}.dcm") for k in range(3))], 2)
+    say("dicom_table", "pydicom", affine, mapped, warning="modality LUT")
+
+    shutil.rmtree(OUT / "dicom_rounded", ignore_errors=True)
+    (OUT / "dicom_rounded").mkdir()
+    seven = (numbers("uint16", (5, 4, 7)) % 1024).astype("uint16")
+    for k in range(7):
+        path = OUT / "dicom_rounded" / f"{k}.dcm"
+        dicom_file(path, np.ascontiguousarray(seven[:, :, k].T), origin, orientation, number=k + 1, bits=10)
+        ds = pydicom.dcmread(path)
+        ds.ImagePositionPatient = ["10.5", "-20.2", f"{30 + 0.15 * k:.1f}"]
+        ds.save_as(path, enforce_file_format=True)
+    even = LPS @ np.array([[0.7, 0, 0, 10.5], [0, 0.8, 0, -20.2], [0, 0, 0.9 / 6, 30], [0, 0, 0, 1]])
+    say("dicom_rounded", "definition", even, seven.astype(float) - 1024)
+
+    for name, dtype, tag, vr in [("dicom_float", "float32", (0x7FE0, 0x0008), "OF"), ("dicom_double", "float64", (0x7FE0, 0x0009), "OD")]:
+        values = numbers(dtype)
+        slices = iter(range(3))
+
+        def floats(ds):
+            del ds.PixelData, ds.BitsStored, ds.HighBit, ds.PixelRepresentation
+            ds.BitsAllocated = 8 * values.dtype.itemsize
+            ds.add_new(tag, vr, np.ascontiguousarray(values[:, :, next(slices)].T).tobytes())
+        folder = files(name, change=floats, slope="2", intercept="1", modality="MR")
+        back = np.stack([pydicom.dcmread(folder / f"{k}.dcm").pixel_array.T for k in range(3)], 2)
+        say(name, "pydicom", affine, back.astype("float64") * 2 + 1)
+
+
+# --- OME-Zarr, by ome-zarr and zarr ----------------------------------------------------------------------------------
+def zarr_image(name, array, fmt, units, **more):
+    """An image of two levels; `array` has the axes that `units` names."""
+    axes = [{"name": axis, "type": {"t": "time", "c": "channel"}.get(axis, "space"), **({"unit": unit} if unit else {})}
+            for axis, unit in units.items()]
+    levels = [array, array[..., ::2, ::2]]
+    scale = [2.5 if axis == "z" else 0.5 if axis in "xy" else 1.0 for axis in units]
+    transformations = [[{"type": "scale", "scale": [s * factor if axis in "xy" else s for axis, s in zip(units, scale)]},
+                        {"type": "translation", "translation": [(10.0 + at + (factor - 1) * 0.25) if axis in "xyz" else 0.0
+                                                                for at, axis in enumerate(units)]}]
+                       for factor in (1, 2)]
+    root = zarr.open_group(str(OUT / name), mode="w", zarr_format=fmt.zarr_format)
+    ome_zarr.writer.write_multiscale(levels, root, fmt=fmt, axes=axes, coordinate_transformations=transformations,
+                                     storage_options=more)
+    return root
+
+
+def of_zarr(root, level):
+    """Values (x, y, z) of the first frame, and the affine, as the library reads the metadata back."""
+    said = dict(root.attrs)
+    said = said.get("ome", said)["multiscales"][0]
+    dataset = said["datasets"][level]
+    axes = [axis["name"] for axis in said["axes"]]
+    mm = [{"micrometer": 1e-3, "millimeter": 1.0, "nanometer": 1e-6}.get(axis.get("unit"), 1.0) for axis in said["axes"]]
+    scale, translation = (t[t["type"]] for t in dataset["coordinateTransformations"])
+    affine = np.eye(4)
+    for row, axis in enumerate("xyz"):
+        at = axes.index(axis)
+        affine[row, row], affine[row, 3] = scale[at] * mm[at], translation[at] * mm[at]
+    return root[dataset["path"]][:], affine
+
+
+def zarrs():
+    v04, v05 = ome_zarr.format.FormatV04(), ome_zarr.format.FormatV05()
+    micro = {axis: "micrometer" for axis in "zyx"}
+    root = zarr_image("two.ome.zarr", numbers("int16", (3, 6, 8)), v04, micro, chunks=(2, 3, 4))
+    for level in (0, 1):
+        array, affine = of_zarr(root, level)
+        say("two.ome.zarr", "ome-zarr 0.4", affine, array.transpose(2, 1, 0), level=level, warning=f"level {level}")
+    root = zarr_image("three.ome.zarr", numbers("uint16", (2, 3, 2, 4, 6)), v05,
+                      {"t": "second", "c": None, "z": "nanometer", "y": "millimeter", "x": "micrometer"}, chunks=(1, 2, 2, 3, 4))
+    array, affine = of_zarr(root, 0)
+    say("three.ome.zarr", "ome-zarr 0.5", affine, array[1, 2].transpose(2, 1, 0), frame=5, warning="frame 5")
+    # Smooth, so that every packer finds something, and long enough that blosc cuts its blocks.
+    smooth = (np.arange(8 * 8 * 16).reshape(8, 8, 16) // 3 % 200 * 7).astype("uint16")
+    blosc = {f"{cname}_{shuffle}": numcodecs.Blosc(cname=cname, clevel=9, shuffle=shuffle)
+             for cname in ("blosclz", "lz4", "zlib", "zstd") for shuffle in (0, 1, 2)}
+    for name, compressor in {**blosc, "zlib": numcodecs.Zlib(), "gzip": numcodecs.GZip(), "zstd": numcodecs.Zstd(),
+                             "plain": None}.items():
+        path = f"v2_{name}.zarr"
+        zarr.create_array(str(OUT / path), data=smooth, chunks=(8, 8, 16), compressors=compressor, zarr_format=2, filters=None)
+        back = zarr.open_array(str(OUT / path), mode="r")[:]
+        assert (back == smooth).all()
+        say(path, "zarr", np.eye(4), back.transpose(2, 1, 0), warning="array alone")
+    # In Fortran's order and with the highest byte first; chunks that are not there; several axes in front.
+    array = zarr.create_array(str(OUT / "v2_turned.zarr"), shape=(2, 5, 4, 3), chunks=(2, 2, 3, 2), dtype=">i4", order="F",
+                              zarr_format=2, fill_value=-7, compressors=numcodecs.Blosc("lz4"), filters=None,
+                              chunk_key_encoding={"name": "v2", "separator": "/"})
+    array[:, :2] = numbers("int32", (2, 5, 4, 3))[:, :2]
+    say("v2_turned.zarr", "zarr", np.eye(4), array[1].transpose(2, 1, 0), frame=1)
+    codecs = zarr.codecs
+    for name, dtype, more in [
+        ("v3_sharded.zarr", "float32", {"shards": (4, 4, 8), "chunks": (2, 4, 4), "compressors": codecs.BloscCodec(cname="zstd")}),
+        ("v3_checked.zarr", "uint8", {"chunks": (3, 4, 5), "compressors": [codecs.GzipCodec(), codecs.Crc32cCodec()]}),
+        ("v3_turned.zarr", "float64", {"chunks": (3, 2, 5), "filters": codecs.TransposeCodec(order=(1, 2, 0)),
+                                       "serializer": codecs.BytesCodec(endian="big"), "compressors": codecs.ZstdCodec(level=19)}),
+        ("v3_plain.zarr", "int8", {"chunks": (3, 4, 5), "compressors": None,
+                                   "chunk_key_encoding": {"name": "v2", "separator": "."}}),
+    ]:
+        data = numbers(dtype, (7, 6, 9))
+        array = zarr.create_array(str(OUT / name), shape=data.shape, dtype=dtype, fill_value=3, **more)
+        # One corner is not written: chunks of the fill value.
+        array[:4], array[4:, :4] = data[:4], data[4:, :4]
+        say(name, "zarr", np.eye(4), array[:].transpose(2, 1, 0))
+
+
+# --- VTK images, by VTK ----------------------------------------------------------------------------------------------
+def vtis():
+    for name, dtype, mode, packed, wide in [
+        ("appended.vti", "int16", "appended", True, False), ("raw.vti", "float32", "raw", False, True),
+        ("raw_packed.vti", "uint16", "raw", True, True), ("inline.vti", "uint8", "binary", True, False),
+        ("text.vti", "float64", "ascii", False, False), ("cells.vti", "int32", "binary", False, False),
+        ("pieces.vti", "int16", "binary", True, False),
+    ]:
+        data = numbers(dtype)
+        image = vtk.vtkImageData()
+        grown = 1 if name == "cells.vti" else 0
+        image.SetExtent(2, 6 + grown, -1, 2 + grown, 0, 2 + grown)
+        image.SetSpacing(0.7, 0.8, 2.5)
+        image.SetOrigin(10.5, -20.25, 30.0)
+        image.SetDirectionMatrix(rotation(0.2, -0.3, 0.4).flatten().tolist())
+        scalars = vtk.util.numpy_support.numpy_to_vtk(data.flatten(order="F"), deep=True)
+        scalars.SetName("density")
+        vectors = vtk.util.numpy_support.numpy_to_vtk(np.zeros((data.size, 3)), deep=True)
+        vectors.SetName("gradient")
+        of = image.GetCellData() if grown else image.GetPointData()
+        of.AddArray(vectors)
+        of.SetScalars(scalars)
+        writer = vtk.vtkXMLImageDataWriter()
+        writer.SetFileName(str(OUT / name))
+        writer.SetInputData(image)
+        {"appended": writer.SetDataModeToAppended, "raw": writer.SetDataModeToAppended, "binary": writer.SetDataModeToBinary,
+         "ascii": writer.SetDataModeToAscii}[mode]()
+        writer.SetEncodeAppendedData(mode == "appended")
+        (writer.SetCompressorTypeToZLib if packed else writer.SetCompressorTypeToNone)()
+        (writer.SetHeaderTypeToUInt64 if wide else writer.SetHeaderTypeToUInt32)()
+        if name == "pieces.vti":
+            writer.SetNumberOfPieces(2)
+        writer.Write()
+        reader = vtk.vtkXMLImageDataReader()
+        reader.SetFileName(str(OUT / name))
+        reader.Update()
+        back = reader.GetOutput()
+        values = vtk.util.numpy_support.vtk_to_numpy((back.GetCellData() if grown else back.GetPointData()).GetScalars())
+        matrix = back.GetIndexToPhysicalMatrix()
+        affine = np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
+        # The first voxel is at the extent's beginning, a cell in its middle.
+        affine[:3, 3] = affine[:3, :3] @ (np.array([2, -1, 0]) + 0.5 * grown) + affine[:3, 3]
+        say(name, "VTK", affine, values.reshape((5, 4, 3), order="F"))
+
+
+MAKERS = (nrrds, metaimages, lists, arrays, tiffs, analyzes, dicoms, dicom_rarities, zarrs, vtis)
+
 if __name__ == "__main__":
-    shutil.rmtree(OUT, ignore_errors=True)
-    OUT.mkdir()
-    for make in (nrrds, metaimages, arrays, tiffs, analyzes, dicoms):
-        make()
+    kinds = sys.argv[1:]
+    old = []
+    if kinds:
+        # What other kinds have made is kept.
+        old = json.loads((HERE / "expected.json").read_text())
+    else:
+        shutil.rmtree(OUT, ignore_errors=True)
+        OUT.mkdir()
+    for make in MAKERS:
+        if not kinds or make.__name__ in kinds:
+            make()
+    made = {e["name"] for e in expected}
+    expected = [e for e in old if e["name"] not in made] + expected
     (HERE / "expected.json").write_text("[\n" + ",\n".join(json.dumps(e) for e in expected) + "\n]\n")
     print(len(expected), "files")

@@ -3,11 +3,9 @@
 use super::super::{Attribute, MAX_MM, StrandArrays, Strands};
 use super::input::{Trouble, WHAT, whole};
 use crate::error::{Error, Result};
+use crate::files::input::says_lps;
 use glam::DVec3;
 use std::io::Read;
-
-/// Where a header would say which way its axes go, as 3D Slicer writes it.
-const SPACE_WITHIN: usize = 4096;
 
 /// Polylines without a thickness.
 #[derive(Debug, Default)]
@@ -30,8 +28,7 @@ type Why<T> = std::result::Result<T, String>;
 impl Lines {
     /// Of a file whose beginning may say `SPACE=LPS`.
     pub fn of_space(bytes: &[u8]) -> Self {
-        let head = &bytes[..bytes.len().min(SPACE_WITHIN)];
-        Self { is_lps: head.windows(9).any(|w| w == b"SPACE=LPS"), ..Self::default() }
+        Self { is_lps: says_lps(bytes), ..Self::default() }
     }
 
     /// Makes room for points that the file has been seen to be long enough for.

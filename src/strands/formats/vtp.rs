@@ -10,12 +10,10 @@ use super::input::Trouble;
 use super::lines::Lines;
 use super::number::Number;
 use super::vtk::polylines;
-use super::vtp_data::{Appended, Coding, MOST_NUMBERS, bytes_of};
+use super::vtp_data::{Appended, MOST_NUMBERS, bytes_of};
+use crate::files::vtk_xml::{Coding, appended_is_raw, kind_of};
 use glam::DVec3;
 use roxmltree::{Document, Node, ParsingOptions};
-
-/// Where the tag of the file stands, if it does.
-const TAG_WITHIN: usize = 1024;
 
 /// The tag that data without a meaning in XML stand behind.
 const APPENDED: &[u8] = b"<AppendedData";
@@ -28,15 +26,6 @@ pub(super) fn begins(head: &[u8]) -> bool {
 /// Whether a beginning is that of a VTK file of other data.
 pub(super) fn is_another(head: &[u8]) -> bool {
     kind_of(head).is_some_and(|kind| kind != "PolyData")
-}
-
-/// The `type` of the file's tag.
-fn kind_of(head: &[u8]) -> Option<String> {
-    let text = String::from_utf8_lossy(&head[..head.len().min(TAG_WITHIN)]).into_owned();
-    let tag = text.split_once("<VTKFile")?.1.split('>').next()?;
-    let value = tag.split_once("type=")?.1;
-    let quote = value.chars().next().filter(|c| "\"'".contains(*c))?;
-    Some(value[1..].split(quote).next()?.to_owned())
 }
 
 /// The polylines of a file.
@@ -80,11 +69,7 @@ fn split(bytes: &[u8]) -> Result<(String, Option<Appended<'_>>), Trouble> {
     };
     let rest = &bytes[tag..];
     let close = rest.iter().position(|b| *b == b'>').unwrap_or(rest.len());
-    let raw = match String::from_utf8_lossy(&rest[..close]) {
-        text if text.contains("base64") => false,
-        text if text.contains("raw") => true,
-        _ => return Err(Trouble::at_byte(tag, "appended data are neither raw nor in base64")),
-    };
+    let raw = appended_is_raw(&rest[..close]).map_err(|why| Trouble::at_byte(tag, why))?;
     let mark = rest[close..].iter().position(|b| *b == b'_');
     let from = mark.ok_or_else(|| Trouble::at_byte(tag, "appended data have no mark `_`"))?;
     let text = utf8(&bytes[..tag])? + "</VTKFile>";

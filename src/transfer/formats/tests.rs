@@ -6,50 +6,15 @@ use crate::files::color::{linear_from_srgb, srgb_from_linear};
 use crate::transfer::{MAX_OPACITY, Quantity};
 use proptest::prelude::*;
 
-const PARAVIEW: &str = r#"[{"ColorSpace": "RGB", "Name": "Bones", "NanColor": [1, 1, 0],
-    "Points": [-100, 0, 0.5, 0, 300, 0.25, 0.5, 0, 300.00001, 0.75, 0.5, 0, 900, 1, 0.5, 0],
-    "RGBPoints": [-100, 0, 0, 0, 400, 1, 0.5, 0, 900, 1, 1, 1]}]"#;
-
-const PARAVIEW_BENT: &str = r#"{"ColorSpace": "Diverging", "Name": "Bent", "UseLogScale": 0,
-    "Points": [0, 0, 0.3, 0.5, 1, 1, 0.5, 0], "ScalarOpacityUnitDistance": 2.5,
-    "RGBPoints": [0, 0.23, 0.299, 0.754, 1, 0.706, 0.016, 0.15]}"#;
-
-const VP: &str = "1\n1\n0.9\n0.1\n0.2\n10\n8 -1000 0 100 0 100.00001 0.5 3000 0.25\n4 0 0.5 255 1\n\
-    12 -1000 0.25 0.5 0.75 200 1 0.5 0 3000 1 1 1\n";
-
-const VP_JSON: &str = r#"{"@schema": "https://example.org/volume-property-schema-v1.0.0.json#",
-    "volumeProperties": [{"effectiveRange": [-1000, 3000], "interpolationType": "nearest", "components": [{
-        "shade": true, "lighting": {"diffuse": 1, "ambient": 0.2, "specular": 0.3, "specularPower": 5},
-        "disableGradientOpacity": false, "scalarOpacityUnitDistance": 0.5,
-        "rgbTransferFunction": {"type": "colorTransferFunction", "points": [
-            {"x": 500, "color": [1, 1, 0], "midpoint": 0.5, "sharpness": 0}, {"x": -1000, "color": [0, 0, 1]}]},
-        "scalarOpacity": {"type": "piecewiseLinearFunction", "points": [
-            {"x": 0, "y": 0, "midpoint": 0.5, "sharpness": 0}, {"x": 1000, "y": 0.5, "midpoint": 0.5, "sharpness": 0}]},
-        "gradientOpacity": {"type": "piecewiseLinearFunction", "points": [{"x": 0, "y": 1}, {"x": 255, "y": 1}]}}]}]}"#;
-
-const NIIVUE: &str =
-    r#"{"R": [0, 255, 255], "G": [0, 128, 255], "B": [0, 0, 255], "A": [0, 64, 128], "I": [0, 102, 255]}"#;
-
-const NIIVUE_RANGE: &str =
-    r#"{"min": -200, "max": 310, "R": [0, 255], "G": [0, 0], "B": [0, 0], "A": [0, 51], "I": [0, 255]}"#;
-
-const INVIWO: &str = r#"<?xml version="1.0" ?>
-<InviwoWorkspace version="2">
-    <maskMin content="0.25" /><maskMax content="1" /><type content="0" />
-    <Points>
-        <Point><pos content="0.125" /><rgba x="1" y="0" z="0" w="0.25" /></Point>
-        <Point><pos content="0.75" /><rgba x="0" y="0" z="1" w="0.875" /></Point>
-    </Points>
-</InviwoWorkspace>"#;
-
-const INVIWO_OLD: &str = r#"<?xml version="1.0" ?><InviwoTreeData version="1.0">
-    <maskMin content="0"/><maskMax content="1"/><dataPoints>
-    <point><pos x="0" y="0"/><rgba x="0" y="0" z="0" w="0"/></point>
-    <point><pos x="1" y="0.5"/><rgba x="1" y="1" z="1" w="0.5"/></point>
-    </dataPoints><interpolationType_ content="0"/></InviwoTreeData>"#;
-
-const OWN: &str = r##"{"name": "own", "units": "HU", "reference_length_mm": 2.0,
-    "points": [{"value": 150, "opacity": 0, "color": "#d0b090"}, {"value": 600, "opacity": 0.6}]}"##;
+const PARAVIEW: &str = include_str!("../../../tests/formats/transfer/paraview.json");
+const PARAVIEW_BENT: &str = include_str!("../../../tests/formats/transfer/paraview_bent.json");
+const VP: &str = include_str!("../../../tests/formats/transfer/slicer.vp");
+const VP_JSON: &str = include_str!("../../../tests/formats/transfer/slicer.vp.json");
+const NIIVUE: &str = include_str!("../../../tests/formats/transfer/niivue.json");
+const NIIVUE_RANGE: &str = include_str!("../../../tests/formats/transfer/niivue_range.json");
+const INVIWO: &str = include_str!("../../../tests/formats/transfer/inviwo.itf");
+const INVIWO_OLD: &str = include_str!("../../../tests/formats/transfer/inviwo_old.itf");
+const OWN: &str = include_str!("../../../tests/formats/transfer/own.json");
 
 const ALL: [(&str, &str); 9] = [
     (PARAVIEW, "paraview"),

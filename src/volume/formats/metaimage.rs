@@ -3,10 +3,12 @@
 //! Directions and origin are in LPS mm, as in ITK, and are turned to RAS+.
 //! Source: ITK's MetaIO documentation, "MetaImage Format".
 
+use super::beside::beside;
 use super::frames::picked;
 use super::head::Head;
+use super::parts;
 use super::source::{Block, Source, inexact_integers};
-use super::text_header::{Data, Encoding, Fields, Lines, affine, beside, grid, names_several, unreadable};
+use super::text_header::{Data, Encoding, Fields, Lines, affine, grid, unreadable};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::element::{ByteOrder, Element};
@@ -75,7 +77,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
 }
 
-/// The files that a header stands for: itself, and the one that it names.
+/// The files that a header stands for: itself, and those that it names.
 ///
 /// # Errors
 /// The header cannot be read.
@@ -84,7 +86,9 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     let loading = Loading::default();
     let (fields, header_bytes) = header(&mut Source::open(path, &loading)?).map_err(refuse)?;
     let data = data(&fields, path, header_bytes, false).map_err(refuse)?;
-    Ok(if data.path == path { vec![path.into()] } else { vec![path.into(), data.path] })
+    let mut files = vec![path.to_path_buf()];
+    files.extend(data.paths.into_iter().filter(|file| file != path));
+    Ok(files)
 }
 
 /// The fields, and the bytes up to the voxels: `ElementDataFile` is the last line.
@@ -100,6 +104,12 @@ fn header(source: &mut Source<'_>) -> Result<(Fields, u64), String> {
         };
         fields.push(name, value);
         if name.trim().eq_ignore_ascii_case("ElementDataFile") {
+            // What follows a list is names, a file in each line.
+            while parts::is_list(value)
+                && let Some(line) = lines.next()?
+            {
+                fields.list.extend(Some(line.trim().to_owned()).filter(|line| !line.is_empty()));
+            }
             return Ok((fields, lines.bytes));
         }
     }
@@ -172,17 +182,17 @@ fn data(fields: &Fields, path: &Path, header_bytes: u64, in_gzip: bool) -> Resul
     let name = fields.needed(&["elementdatafile"])?;
     let header_size = fields.get(&["headersize"]).unwrap_or("0");
     let skipped: i64 = header_size.parse().map_err(|_| unreadable("HeaderSize", header_size))?;
-    if names_several(name) {
-        return Err("its voxels are in several files; one file can be read".into());
-    }
     if name.eq_ignore_ascii_case("local") {
-        let path = path.to_path_buf();
-        return Ok(Data { path, encoding, start: header_bytes, skip: Some(0), in_gzip });
+        let paths = vec![path.to_path_buf()];
+        return Ok(Data { paths, encoding, start: header_bytes, skip: Some(0), in_gzip });
     }
-    let path = beside(path, name)?;
+    let paths = match parts::named(path, name, &fields.list)? {
+        Some(several) => several,
+        None => vec![beside(path, name)?],
+    };
     Ok(match u64::try_from(skipped) {
-        Ok(start) => Data { path, encoding, start, skip: Some(0), in_gzip: false },
+        Ok(start) => Data { paths, encoding, start, skip: Some(0), in_gzip: false },
         // -1: the voxels are the last of the file.
-        Err(_) => Data { path, encoding, start: 0, skip: None, in_gzip: false },
+        Err(_) => Data { paths, encoding, start: 0, skip: None, in_gzip: false },
     })
 }

@@ -3,6 +3,7 @@
 //! Which of them a name stands for is decided above (`open::FORMATS`), by content first and by name second: every
 //! reader says from the [`Head`] of a file whether it is its own.
 
+mod beside;
 pub mod dicom;
 mod frames;
 mod head;
@@ -12,13 +13,18 @@ mod nifti_header;
 pub(super) mod nifti_write;
 pub mod npy;
 pub mod nrrd;
+mod parts;
 pub mod raw;
 pub mod raw_layout;
 mod sidecar;
 mod source;
 mod text_header;
+mod text_numbers;
 pub mod tiff_stack;
+mod units;
+pub mod vti;
 pub(super) mod write;
+pub mod zarr;
 
 pub use head::Head;
 pub use sidecar::Sidecar;

@@ -10,10 +10,8 @@ use super::source::{Block, Source, inexact_integers};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::element::{ByteOrder, Element, read_full};
-use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
-use crate::with_voxels;
+use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::{DAffine3, DVec3};
-use ndarray::Array3;
 use std::path::Path;
 
 /// File-name endings of the format.
@@ -66,13 +64,13 @@ pub fn read_with(
     };
     let of_several = picked(path, frame, frames)?;
     let Header { element, byte_order, is_fortran, .. } = header;
-    // In Fortran's order the first axis runs fastest: read as it lies, then turned about.
-    let dims = if is_fortran { [nz, ny, nx] } else { [nx, ny, nz] };
-    let block = Block { dims, element, byte_order, offset: header_bytes, frame };
-    let mut voxels = block.read(&mut source, header_bytes).map_err(refuse)?;
-    if is_fortran {
-        voxels = reversed(voxels);
-    }
+    let block = Block { dims: [nx, ny, nz], element, byte_order, offset: header_bytes, frame };
+    // In Fortran's order the first axis runs fastest.
+    let voxels = match is_fortran {
+        true => block.read_turned(&mut source, header_bytes),
+        false => block.read(&mut source, header_bytes),
+    };
+    let voxels = voxels.map_err(refuse)?;
     let mut warnings: Vec<String> = inexact_integers(&voxels, element).into_iter().collect();
     // What stands beside an array may be about something else, or about what it was before.
     let beside = Sidecar::beside(path).unwrap_or_default();
@@ -100,14 +98,6 @@ pub fn read_with(
         ..Provenance::new(path.display().to_string(), "npy", block.stored_type())
     };
     Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
-}
-
-/// The same array with its axes in reverse, contiguous.
-fn reversed(voxels: Voxels) -> Voxels {
-    fn turn<T: Clone>(array: &Array3<T>) -> Array3<T> {
-        array.t().as_standard_layout().into_owned()
-    }
-    with_voxels!(&voxels, a => turn(a).into())
 }
 
 fn header(source: &mut Source<'_>) -> Result<(Header, u64), String> {
@@ -151,28 +141,9 @@ fn parse(text: &str) -> Result<Header, String> {
         .and_then(|q| descr[1..].split_once(q))
         .map(|(inside, _)| inside)
         .ok_or("its elements are records; numbers are needed")?;
-    let (order, kind) = match descr.chars().next() {
-        Some('<' | '>' | '|' | '=') => descr.split_at(1),
-        _ => ("=", descr),
-    };
-    let element = match kind {
-        "u1" | "b1" => Element::U8,
-        "i1" => Element::I8,
-        "u2" => Element::U16,
-        "i2" => Element::I16,
-        "u4" => Element::U32,
-        "i4" => Element::I32,
-        "u8" => Element::U64,
-        "i8" => Element::I64,
-        "f4" => Element::F32,
-        "f8" => Element::F64,
-        _ => {
-            return Err(format!(
-                "its elements are of type `{descr}`; integers and 32- or 64-bit floats are read"
-            ));
-        }
-    };
-    let byte_order = if order == ">" { ByteOrder::Big } else { ByteOrder::Little };
+    let (element, byte_order) = Element::of_numpy(descr).ok_or_else(|| {
+        format!("its elements are of type `{descr}`; integers and 32- or 64-bit floats are read")
+    })?;
     let is_fortran = value(text, "fortran_order")?.starts_with("True");
     let shape = value(text, "shape")?;
     let inside = shape.strip_prefix('(').and_then(|s| s.split_once(')')).map(|(inside, _)| inside);

@@ -3,13 +3,13 @@
 //! World is RAS+ mm by `space`, `space directions` and `space origin`; without them voxels are placed by `spacings` alone.
 //! Source: "Definition of NRRD File Format", teem.sourceforge.net/nrrd/format.html.
 
+use super::beside::beside;
 use super::frames::picked;
 use super::head::Head;
+use super::parts;
 use super::source::{Block, Source, inexact_integers};
-use super::text_header::{
-    Data, Encoding, Fields, Lines, affine, beside, grid, names_several, numbers, unreadable,
-};
-use super::tiff_stack::mm_of;
+use super::text_header::{Data, Encoding, Fields, Lines, affine, grid, numbers, unreadable};
+use super::units::mm_of;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::element::{ByteOrder, Element};
@@ -21,6 +21,9 @@ use std::path::{Path, PathBuf};
 pub const EXTENSIONS: &[&str] = &["nrrd", "nhdr"];
 
 const MAGIC: &[u8] = b"NRRD000";
+
+/// The field that names the files of a detached header.
+const DATA_FILE: &[&str] = &["data file", "datafile"];
 
 /// Names of element types, as the format has them.
 const TYPES: [(&[&str], Element); 10] = [
@@ -79,7 +82,7 @@ pub fn read_with(path: &Path, frame: usize, loading: &Loading) -> Result<Volume>
     Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
 }
 
-/// The files that a header stands for: itself, and the one that it names.
+/// The files that a header stands for: itself, and those that it names.
 ///
 /// # Errors
 /// The header cannot be read.
@@ -88,7 +91,9 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>> {
     let loading = Loading::default();
     let (fields, header_bytes) = header(&mut Source::open(path, &loading)?).map_err(refuse)?;
     let data = data(&fields, path, header_bytes, false).map_err(refuse)?;
-    Ok(if data.path == path { vec![path.into()] } else { vec![path.into(), data.path] })
+    let mut files = vec![path.to_path_buf()];
+    files.extend(data.paths.into_iter().filter(|file| file != path));
+    Ok(files)
 }
 
 /// The fields, and the bytes up to the voxels.
@@ -101,6 +106,11 @@ fn header(source: &mut Source<'_>) -> Result<(Fields, u64), String> {
     let mut fields = Fields::default();
     // The header ends with an empty line, that of a detached one with its file.
     while let Some(line) = lines.next()?.filter(|line| !line.is_empty()) {
+        // The last field of a header may be a list, a file in each line up to its end.
+        if fields.get(DATA_FILE).is_some_and(parts::is_list) {
+            fields.list.push(line);
+            continue;
+        }
         // Key and value pairs (`:=`) are what a user says of the volume, not what it is.
         if let Some((name, value)) = line.split_once(": ").filter(|_| !line.starts_with('#')) {
             fields.push(name, value);
@@ -274,12 +284,12 @@ fn data(fields: &Fields, path: &Path, header_bytes: u64, in_gzip: bool) -> Resul
         Some("-1") => None,
         Some(text) => Some(text.parse().map_err(|_| unreadable("byte skip", text))?),
     };
-    let (path, start, in_gzip) = match fields.get(&["data file", "datafile"]) {
-        Some(name) if names_several(name) => {
-            return Err("its voxels are in several files; one file can be read".into());
-        }
-        Some(name) => (beside(path, name)?, 0, false),
-        None => (path.to_path_buf(), header_bytes, in_gzip),
+    let (paths, start, in_gzip) = match fields.get(DATA_FILE) {
+        Some(name) => match parts::named(path, name, &fields.list)? {
+            Some(several) => (several, 0, false),
+            None => (vec![beside(path, name)?], 0, false),
+        },
+        None => (vec![path.to_path_buf()], header_bytes, in_gzip),
     };
-    Ok(Data { path, encoding, start, skip, in_gzip })
+    Ok(Data { paths, encoding, start, skip, in_gzip })
 }

@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
 use crate::volume::Voxels;
-use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_voxels};
+use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_turned_voxels, read_voxels};
+use crate::volume::memory::refuse_beyond_host;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -155,11 +156,34 @@ impl Block {
         data_bytes(self.dims, self.element)
     }
 
+    /// The bytes of its voxels in memory; `None` where they cannot be counted.
+    pub(super) fn kept_bytes(&self) -> Option<u64> {
+        let bytes = self.element.kept_bytes() as u64;
+        self.dims.iter().try_fold(bytes, |bytes, n| bytes.checked_mul(*n as u64))
+    }
+
     /// Reads the voxels out of a stream of which `read` bytes have been taken.
     ///
     /// # Errors
     /// The stream holds fewer bytes than are claimed, or cannot be read; in words.
     pub(super) fn read(&self, data: &mut Source<'_>, read: u64) -> Result<Voxels, String> {
+        self.read_by(data, read, |data| read_voxels(data, self.dims, self.element, self.byte_order))
+    }
+
+    /// As [`Self::read`], where z runs fastest and x slowest.
+    ///
+    /// # Errors
+    /// As there.
+    pub(super) fn read_turned(&self, data: &mut Source<'_>, read: u64) -> Result<Voxels, String> {
+        self.read_by(data, read, |data| read_turned_voxels(data, self.dims, self.element, self.byte_order))
+    }
+
+    fn read_by<'a>(
+        &self,
+        data: &mut Source<'a>,
+        read: u64,
+        voxels: impl FnOnce(&mut Source<'a>) -> Result<Voxels, ReadFailure>,
+    ) -> Result<Voxels, String> {
         let [nx, ny, nz] = self.dims;
         let claim = format!("{nx}x{ny}x{nz} {} from byte {} on", self.stored_type(), self.offset);
         let frame_bytes = self.bytes();
@@ -174,15 +198,15 @@ impl Block {
         if end > data.most_bytes() {
             return Err(short(format!("holds {}", data.held())));
         }
+        refuse_beyond_host(self.kept_bytes())?;
         data.wanted_to(end);
         if start < read || data.skip(start - read).map_err(|e| e.to_string())? < start - read {
             return Err(short(format!("ends before byte {start}")));
         }
-        let voxels =
-            read_voxels(data, self.dims, self.element, self.byte_order).map_err(|failure| match failure {
-                ReadFailure::Short { got } => short(format!("ends after {}", start + got)),
-                other => other.to_string(),
-            })?;
+        let voxels = voxels(data).map_err(|failure| match failure {
+            ReadFailure::Short { got } => short(format!("ends after {}", start + got)),
+            other => other.to_string(),
+        })?;
         data.finish().map_err(|e| format!("damaged after the voxels: {e}"))?;
         Ok(voxels)
     }
@@ -207,6 +231,7 @@ impl Block {
         if end.is_none_or(|end| end > data.most_bytes()) {
             return Err(Whole::Another(data.held()));
         }
+        refuse_beyond_host(self.kept_bytes()).map_err(Whole::Unreadable)?;
         let io_error = |e: io::Error| Whole::Unreadable(e.to_string());
         if data.skip(self.offset).map_err(io_error)? < self.offset {
             return Err(Whole::Another("fewer".into()));

@@ -1,14 +1,15 @@
 //! Headers of lines, the files that they name, and voxels as text: what NRRD and MetaImage share.
 
+use super::parts;
 use super::source::{Block, Packing, Source};
+use super::text_numbers::TextNumbers;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::Voxels;
-use crate::volume::element::{ByteOrder, Element, read_voxels};
+use crate::volume::element::{ByteOrder, ReadFailure, read_voxels};
 use glam::{DAffine3, DMat3, DVec3};
-use ndarray::Array3;
 use std::io::{self, Read};
-use std::path::{Component, Path, PathBuf};
+use std::path::PathBuf;
 
 /// A header longer than this is none.
 const HEADER_MOST_BYTES: u64 = 1 << 20;
@@ -57,16 +58,20 @@ impl<'s, 'a> Lines<'s, 'a> {
 
 /// Fields of a header, by names that are compared without letter case.
 #[derive(Debug, Default)]
-pub(super) struct Fields(Vec<(String, String)>);
+pub(super) struct Fields {
+    all: Vec<(String, String)>,
+    /// Names of files that stand in lines of their own.
+    pub(super) list: Vec<String>,
+}
 
 impl Fields {
     pub(super) fn push(&mut self, name: &str, value: &str) {
-        self.0.push((name.trim().to_lowercase(), value.trim().to_owned()));
+        self.all.push((name.trim().to_lowercase(), value.trim().to_owned()));
     }
 
     /// The first field of one of these names.
     pub(super) fn get(&self, names: &[&str]) -> Option<&str> {
-        self.0.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, value)| value.as_str())
+        self.all.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, value)| value.as_str())
     }
 
     /// As [`Self::get`].
@@ -146,29 +151,6 @@ pub(super) fn affine(directions: [DVec3; 3], origin: DVec3, lps: bool) -> DAffin
     }
 }
 
-/// Whether a header names several files: a list, or a pattern of numbers.
-pub(super) fn names_several(name: &str) -> bool {
-    let is_pattern = |after: &str| after.trim_start_matches(|c: char| c.is_ascii_digit()).starts_with('d');
-    name.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("list"))
-        || name.split('%').skip(1).any(is_pattern)
-}
-
-/// A file that a header names: beside the header or below its folder, nowhere else.
-///
-/// # Errors
-/// A name that leads elsewhere, or several files.
-pub(super) fn beside(header: &Path, name: &str) -> Result<PathBuf, String> {
-    let path = Path::new(name);
-    let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    // What a header says must not make this program open just any file of the machine.
-    if name.is_empty() || !inside || name.contains('\\') {
-        return Err(format!(
-            "its voxels are said to be in `{name}`, and a header may name files beside it alone"
-        ));
-    }
-    Ok(header.parent().unwrap_or(Path::new("")).join(path))
-}
-
 /// How the voxels are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
@@ -179,7 +161,8 @@ pub(super) enum Encoding {
 
 /// Where the voxels of a header lie.
 pub(super) struct Data {
-    pub(super) path: PathBuf,
+    /// The file, or several with as many voxels in each.
+    pub(super) paths: Vec<PathBuf>,
     pub(super) encoding: Encoding,
     /// Bytes of the file before them, packed or not.
     pub(super) start: u64,
@@ -195,12 +178,15 @@ impl Data {
     /// # Errors
     /// The file cannot be read or holds fewer voxels than claimed.
     pub(super) fn read(&self, block: &Block, frames: usize, loading: &Loading) -> Result<Voxels> {
-        let refuse = |why: String| Error::input("cannot read volume", self.path.display(), why);
+        let Some(path) = self.paths.first() else {
+            return Err(Error::input("cannot read volume", "its header", "it names no file"));
+        };
+        let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
         if self.in_gzip {
             let (Encoding::Raw, Some(skip)) = (self.encoding, self.skip) else {
                 return Err(refuse("it is packed twice, or as text: unpack the .gz first".into()));
             };
-            let mut source = Source::open(&self.path, loading)?;
+            let mut source = Source::open(path, loading)?;
             let offset = self.start.saturating_add(skip);
             return Block { offset, ..*block }.read(&mut source, 0).map_err(refuse);
         }
@@ -208,7 +194,15 @@ impl Data {
             Encoding::Deflate => Packing::Deflate,
             Encoding::Raw | Encoding::Text => Packing::Plain,
         };
-        let mut source = Source::open_at(&self.path, self.start, packing, loading)?;
+        if self.paths.len() > 1 {
+            return match (self.encoding, self.skip) {
+                (Encoding::Raw | Encoding::Deflate, Some(skip)) => {
+                    parts::read(&self.paths, packing, self.start, skip, block, frames, loading)
+                }
+                _ => Err(refuse("its voxels are text, or last, in several files, which is not read".into())),
+            };
+        }
+        let mut source = Source::open_at(path, self.start, packing, loading)?;
         if self.encoding == Encoding::Text {
             return read_text(&mut source, block).map_err(refuse);
         }
@@ -238,31 +232,13 @@ fn read_text(source: &mut Source<'_>, block: &Block) -> Result<Voxels, String> {
     if (count as u64).saturating_add(skipped as u64) > most {
         return Err(format!("its header claims {nx}x{ny}x{nz} voxels, but it holds {most} numbers at most"));
     }
-    let mut text = String::new();
-    source.read_to_string(&mut text).map_err(|e| e.to_string())?;
-    let mut values = Vec::with_capacity(count);
-    let words = text.split(|c: char| c.is_whitespace() || c == ',').filter(|w| !w.is_empty());
-    for word in words.skip(skipped).take(count) {
-        values.push(word.parse::<f64>().map_err(|_| unreadable("voxel", word))?);
+    let mut numbers = TextNumbers::new(source, block.element, count as u64);
+    if !numbers.skip(skipped as u64).map_err(|e| e.to_string())? {
+        return Err(format!("its text ends before frame {}", block.frame));
     }
-    if values.len() < count {
-        return Err(format!("its text ends after {} of {count} voxels", values.len()));
-    }
-    typed(values, block)
-}
-
-/// Numbers as the type that the header says.
-fn typed(values: Vec<f64>, block: &Block) -> Result<Voxels, String> {
-    let bytes: Vec<u8> = match block.element {
-        Element::U8 => values.iter().map(|&v| v as u8).collect(),
-        Element::I8 => values.iter().map(|&v| v as i8 as u8).collect(),
-        Element::U16 => values.iter().flat_map(|&v| (v as u16).to_le_bytes()).collect(),
-        Element::I16 => values.iter().flat_map(|&v| (v as i16).to_le_bytes()).collect(),
-        Element::F32 => values.iter().flat_map(|&v| (v as f32).to_le_bytes()).collect(),
-        Element::U32 | Element::I32 | Element::U64 | Element::I64 | Element::F64 => {
-            let [nx, ny, nz] = block.dims;
-            return Array3::from_shape_vec((nz, ny, nx), values).map(Voxels::F64).map_err(|e| e.to_string());
-        }
-    };
-    read_voxels(&mut &bytes[..], block.dims, block.element, ByteOrder::Little).map_err(|e| e.to_string())
+    let size = block.element.bytes() as u64;
+    read_voxels(&mut numbers, block.dims, block.element, ByteOrder::Little).map_err(|failure| match failure {
+        ReadFailure::Short { got } => format!("its text ends after {} of {count} voxels", got / size),
+        other => other.to_string(),
+    })
 }

@@ -3,9 +3,9 @@
 //! The data set is walked token by token with the crate `dicom-parser`, and no value is read that is not wanted or is
 //! longer than any wanted one: the crate's own reader of whole objects takes the memory that lengths in the file claim.
 
+use super::unknown::Unknown;
 use dicom_core::dictionary::DataDictionary;
-use dicom_core::header::Header as _;
-use dicom_core::{PrimitiveValue, Tag};
+use dicom_core::{DataElementHeader, PrimitiveValue, Tag};
 use dicom_dictionary_std::{StandardDataDictionary, tags};
 use dicom_encoding::TransferSyntaxIndex;
 use dicom_parser::StatefulDecode;
@@ -26,8 +26,9 @@ const DEFLATED: &str = "1.2.840.10008.1.2.1.99";
 /// Bytes before the mark of a file, and the mark.
 const PREAMBLE_BYTES: usize = 128;
 const MARK: &[u8] = b"DICM";
-/// No wanted value is longer.
+/// No wanted value is longer, but for a table of values.
 const VALUE_MOST_BYTES: u32 = 1 << 14;
+const TABLE_MOST_BYTES: u32 = 1 << 17;
 /// A data set of more elements is refused.
 const ELEMENTS_MOST: usize = 4_000_000;
 /// No series has more frames in a file.
@@ -41,7 +42,7 @@ const INFLATED_MOST_RATIO: u64 = 100;
 const INFLATED_SMALL_BYTES: u64 = 16 << 20;
 
 /// Attributes that are kept; all others are passed over. Names and dates of people are not among them.
-const WANTED: [Tag; 37] = [
+const WANTED: [Tag; 40] = [
     tags::SOP_CLASS_UID,
     tags::MODALITY,
     tags::SERIES_DESCRIPTION,
@@ -73,6 +74,9 @@ const WANTED: [Tag; 37] = [
     tags::RESCALE_SLOPE,
     tags::RESCALE_TYPE,
     tags::MODALITY_LUT_SEQUENCE,
+    tags::LUT_DESCRIPTOR,
+    tags::LUT_DATA,
+    tags::FLOAT_PIXEL_PADDING_VALUE,
     tags::GRID_FRAME_OFFSET_VECTOR,
     tags::DOSE_GRID_SCALING,
     tags::IMAGE_TYPE,
@@ -118,6 +122,21 @@ impl Attributes {
         self.0.get(&tag)?.to_int().ok()
     }
 
+    /// Numbers of 16 bits.
+    pub(super) fn words(&self, tag: Tag) -> Option<Vec<u16>> {
+        self.0.get(&tag)?.to_multi_int().ok()
+    }
+
+    /// Decimals of the numbers, where they are texts without an exponent: so finely they were rounded.
+    pub(super) fn decimals(&self, tag: Tag) -> Option<usize> {
+        let PrimitiveValue::Strs(texts) = self.0.get(&tag)? else { return None };
+        let of = |text: &String| match text.contains(['e', 'E']) {
+            true => None,
+            false => Some(text.trim().split_once('.').map_or(0, |(_, decimals)| decimals.len())),
+        };
+        texts.iter().map(of).try_fold(0, |most, decimals| Some(most.max(decimals?)))
+    }
+
     pub(super) fn has(&self, tag: Tag) -> bool {
         self.0.contains_key(&tag)
     }
@@ -150,7 +169,13 @@ pub(super) struct DataSet {
     pub(super) shared: Attributes,
     pub(super) frames: Vec<Attributes>,
     pub(super) pixels: PixelData,
-    /// The data set itself, where the file holds it deflated: spans are of this.
+    /// Whether they are floats.
+    pub(super) has_floats: bool,
+    /// What the table of values says of itself.
+    pub(super) table: Attributes,
+    /// Where the file holds the data set deflated: from which byte on, and the data set itself, of which spans are. That is not
+    /// kept where there is one frame, which is inflated anew.
+    pub(super) deflated_from: Option<u64>,
     pub(super) inflated: Option<Vec<u8>>,
 }
 
@@ -215,7 +240,7 @@ impl DataSet {
             set.syntax = EXPLICIT_LITTLE.into();
             let length = inflated.len() as u64;
             set.walk(&mut Cursor::new(&inflated[..]), 0, length)?;
-            set.inflated = Some(inflated);
+            (set.deflated_from, set.inflated) = (Some(at), Some(inflated));
         } else {
             set.walk(&mut input, at, length)?;
         }
@@ -227,6 +252,7 @@ impl DataSet {
             return Err(format!("its transfer syntax {} is not known", printable(&self.syntax)));
         };
         input.seek(SeekFrom::Start(at)).map_err(|e| e.to_string())?;
+        let input = Unknown::new(input, self.syntax != IMPLICIT_LITTLE).map_err(|e| e.to_string())?;
         let mut reader = LazyDataSetReader::new_with_ts(input, syntax).map_err(|e| e.to_string())?;
         // Sequences that the present element lies in, items of the outermost one, and whether pixels have begun.
         let (mut path, mut item, mut packed) = (Vec::<Tag>::new(), 0usize, None::<Vec<Span>>);
@@ -273,25 +299,8 @@ impl DataSet {
                     decoder.skip_bytes(len).map_err(|e| e.to_string())?;
                 }
                 Ok(LazyDataToken::LazyValue { header, decoder }) => {
-                    let bytes = header.len.get().ok_or("an element of it has no length")?;
-                    let span = Span { offset: decoder.position(), bytes };
-                    if span.offset.saturating_add(bytes.into()) > length {
-                        return Err(format!("its element {} ends beyond the file", header.tag));
-                    }
-                    if header.tag == tags::PIXEL_DATA && path.is_empty() {
-                        self.pixels = PixelData::Native(span);
+                    if self.take(&header, decoder, &path, item, length)? {
                         return Ok(());
-                    }
-                    if item > FRAMES_MOST {
-                        return Err(format!("it describes more than {FRAMES_MOST} frames"));
-                    }
-                    let home = self.home(&path, item).filter(|_| WANTED.contains(&header.tag));
-                    match home {
-                        Some(home) if bytes <= VALUE_MOST_BYTES => {
-                            let value = decoder.read_value_preserved(&header).map_err(|e| e.to_string())?;
-                            home.0.insert(header.tag(), value);
-                        }
-                        _ => decoder.skip_bytes(bytes).map_err(|e| e.to_string())?,
                     }
                 }
                 Ok(LazyDataToken::ElementHeader(_) | LazyDataToken::ItemEnd) => {}
@@ -304,10 +313,46 @@ impl DataSet {
         Ok(())
     }
 
+    /// Takes an element where it is wanted; whether the pixels begin with it.
+    fn take<D: StatefulDecode>(
+        &mut self,
+        header: &DataElementHeader,
+        decoder: &mut D,
+        path: &[Tag],
+        item: usize,
+        length: u64,
+    ) -> Result<bool, String> {
+        let bytes = header.len.get().ok_or("an element of it has no length")?;
+        let span = Span { offset: decoder.position(), bytes };
+        if span.offset.saturating_add(bytes.into()) > length {
+            return Err(format!("its element {} ends beyond the file", header.tag));
+        }
+        let floats = [tags::FLOAT_PIXEL_DATA, tags::DOUBLE_FLOAT_PIXEL_DATA];
+        let has_floats = floats.contains(&header.tag);
+        if (header.tag == tags::PIXEL_DATA || has_floats) && path.is_empty() {
+            (self.pixels, self.has_floats) = (PixelData::Native(span), has_floats);
+            return Ok(true);
+        }
+        if item > FRAMES_MOST {
+            return Err(format!("it describes more than {FRAMES_MOST} frames"));
+        }
+        let is_table = header.tag == tags::LUT_DATA;
+        let most = if is_table { TABLE_MOST_BYTES } else { VALUE_MOST_BYTES };
+        match self.home(path, item).filter(|_| WANTED.contains(&header.tag)) {
+            Some(home) if bytes <= most => {
+                let value = decoder.read_value_preserved(header).map_err(|e| e.to_string())?;
+                home.0.insert(header.tag, value);
+            }
+            _ => decoder.skip_bytes(bytes).map_err(|e| e.to_string())?,
+        }
+        Ok(false)
+    }
+
     /// Where an attribute within these sequences belongs; `item` counts those of the outermost from 1.
     fn home(&mut self, path: &[Tag], item: usize) -> Option<&mut Attributes> {
         match path {
             [] => Some(&mut self.root),
+            [tags::MODALITY_LUT_SEQUENCE] => Some(&mut self.table),
             [tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE, inner] if OF_FRAMES.contains(inner) => {
                 Some(&mut self.shared)
             }
@@ -336,10 +381,18 @@ impl DataSet {
             let bytes = inflated.get(from..from.saturating_add(span.bytes as usize));
             return bytes.map(<[u8]>::to_vec).ok_or_else(|| "its pixels end early".into());
         }
-        let mut file = File::open(path).map_err(|e| e.to_string())?;
-        file.seek(SeekFrom::Start(span.offset)).map_err(|e| e.to_string())?;
+        let io_error = |e: io::Error| e.to_string();
+        let mut file = File::open(path).map_err(io_error)?;
         let mut bytes = Vec::new();
-        file.take(span.bytes.into()).read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+        let from = self.deflated_from.unwrap_or(span.offset);
+        file.seek(SeekFrom::Start(from)).map_err(io_error)?;
+        if self.deflated_from.is_some() {
+            let mut inflating = DeflateDecoder::new(BufReader::new(file));
+            io::copy(&mut inflating.by_ref().take(span.offset), &mut io::sink()).map_err(io_error)?;
+            inflating.take(span.bytes.into()).read_to_end(&mut bytes).map_err(io_error)?;
+        } else {
+            file.take(span.bytes.into()).read_to_end(&mut bytes).map_err(io_error)?;
+        }
         match bytes.len() == span.bytes as usize {
             true => Ok(bytes),
             false => Err("its pixels end early".into()),

@@ -8,14 +8,18 @@ mod dataset;
 mod pixels;
 mod series;
 mod stack;
+mod table;
+mod unknown;
 
-use self::dataset::is_dicom as is_dicom_head;
-use self::pixels::{Layout, read_frame, spans, warning_of};
+use self::dataset::{Span, is_dicom as is_dicom_head};
+use self::pixels::{Layout, read_floats, read_frame, spans, warning_of};
 use self::series::{Image, Series, WHAT};
 use self::stack::{Layer, Stack};
+use self::table::Table;
 use super::head::Head;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
+use crate::volume::memory::refuse_beyond_host;
 use crate::volume::{Provenance, Scaling, ValuesSaid, Volume, Voxels};
 use dicom_dictionary_std::tags;
 use ndarray::Array3;
@@ -66,8 +70,12 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
     warnings.extend(values.warnings);
     let first = &series.images[0];
     let modality = first.set.root.text(tags::MODALITY).map(|m| dataset::printable(&m)).unwrap_or_default();
-    let Layout { allocated, stored, is_signed, .. } = first.layout;
-    let sign = if is_signed { "int" } else { "uint" };
+    let Layout { allocated, stored, is_signed, is_float, .. } = first.layout;
+    let stored_type = match (is_float, is_signed) {
+        (true, _) => format!("float{allocated}, {modality}"),
+        (_, true) => format!("int{allocated}, {stored} bits used, {modality}"),
+        (_, false) => format!("uint{allocated}, {stored} bits used, {modality}"),
+    };
     let rescale_type = first.set.of_frame(0, tags::RESCALE_TYPE).and_then(|a| a.text(tags::RESCALE_TYPE));
     let said = match (modality.as_str(), rescale_type.as_deref()) {
         (_, Some("HU")) => ValuesSaid::Hounsfield("DICOM rescale type HU".into()),
@@ -81,11 +89,7 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
         frames: stack.frames,
         frame,
         warnings,
-        ..Provenance::new(
-            path.display().to_string(),
-            "dicom",
-            format!("{sign}{allocated}, {stored} bits used, {modality}"),
-        )
+        ..Provenance::new(path.display().to_string(), "dicom", stored_type)
     };
     Volume::new_with(voxels, values.scaling, stack.world_from_index, provenance, loading)
 }
@@ -96,6 +100,8 @@ struct Values {
     scaling: Scaling,
     /// Slope and intercept of each slice, where they are not the same for all: values are then stored as floats.
     each: Option<Vec<Scaling>>,
+    /// Tables of values of the images that have one: numbers go through them before any scaling.
+    tables: Vec<Option<Table>>,
     warnings: Vec<String>,
 }
 
@@ -117,16 +123,24 @@ impl Values {
         let all: Vec<Scaling> = (0..stack.slices.len()).map(of_slice).collect();
         let one = all.first().copied().unwrap_or(Scaling::IDENTITY);
         let same = all.iter().all(|s| *s == one);
-        if first.set.root.has(tags::MODALITY_LUT_SEQUENCE) {
-            warnings.push("it has a table of values (modality LUT), which is not applied".into());
+        let mut layout = series.widest();
+        let table = |image: &Image| Table::of(&image.set, image.layout.is_signed);
+        let tables: Vec<Option<Table>> = series.images.iter().map(table).collect::<Result<_, _>>()?;
+        if let Some(bits) = tables.iter().flatten().map(|table| table.bits).max() {
+            let all = tables.iter().all(Option::is_some);
+            let which = if all { "its pixels" } else { "some of its slices" };
+            warnings.push(format!("{which} went through a table of values (modality LUT)"));
+            layout = match all {
+                true => Layout { stored: bits, is_signed: false, ..layout },
+                false => Layout { stored: layout.stored.max(bits) + u32::from(layout.is_signed), ..layout },
+            };
         }
-        let layout = series.widest();
         let mut scaling = if same { one } else { Scaling::IDENTITY };
         let photometric = first.set.root.text(tags::PHOTOMETRIC_INTERPRETATION).unwrap_or_default();
         let modality = first.set.root.text(tags::MODALITY).unwrap_or_default();
         match photometric.as_str() {
             // Of a CT the values are HU whichever way they are shown; of others small ones are the bright ones.
-            "MONOCHROME1" if modality != "CT" && same => {
+            "MONOCHROME1" if modality != "CT" && same && !layout.is_float => {
                 let [lo, hi] = layout.range().map(|v| v as f64);
                 scaling = Scaling { slope: -one.slope, intercept: one.slope * (lo + hi) + one.intercept };
                 warnings.push("small values are the bright ones (MONOCHROME1): turned about".into());
@@ -146,7 +160,7 @@ impl Values {
         if series.images.iter().any(differs) {
             return Err("of some of its slices small values are the bright ones, of others not".into());
         }
-        Ok(Self { layout, scaling, each: (!same).then_some(all), warnings })
+        Ok(Self { layout, scaling, each: (!same).then_some(all), tables, warnings })
     }
 }
 
@@ -172,14 +186,17 @@ fn voxels(
     loading: &Loading,
 ) -> Result<(Voxels, usize), String> {
     let resamples = stack.layers.iter().any(|l| matches!(l, Layer::Between(..)));
-    let Layout { stored, is_signed, .. } = values.layout;
+    let Layout { stored, is_signed, is_float, allocated, .. } = values.layout;
     macro_rules! gathered {
         ($type:ty) => {
             gathered(series, stack, values, loading, |v| v as $type).map(|(a, n)| (Voxels::from(a), n))
         };
     }
-    if values.each.is_some() || resamples && stored <= 16 {
-        return gathered!(f32);
+    match is_float {
+        true if allocated > 32 => return gathered!(f64),
+        true => return gathered!(f32),
+        false if values.each.is_some() || resamples && stored <= 16 => return gathered!(f32),
+        false => {}
     }
     match (stored, is_signed) {
         (..=8, false) => gathered!(u8),
@@ -195,6 +212,52 @@ struct Holes {
     range: [f64; 2],
 }
 
+fn named(image: &Image, why: String) -> String {
+    format!("{}: {why}", image.path.display())
+}
+
+/// The slices of a series, as numbers.
+struct Frames<'a> {
+    series: &'a Series,
+    stack: &'a Stack,
+    values: &'a Values,
+    /// Where the pixels of each frame of each image lie.
+    spans: Vec<Vec<Vec<Span>>>,
+}
+
+impl Frames<'_> {
+    /// The numbers of a slice; padding is none until all others are known.
+    fn numbers(&self, at: usize) -> Result<Vec<f64>, String> {
+        let slice = &self.stack.slices[at];
+        let image = &self.series.images[slice.image];
+        let scaling = self.values.each.as_ref().map_or(Scaling::IDENTITY, |each| each[at]);
+        let mut out = vec![0.0; self.values.layout.pixels()];
+        let spans = &self.spans[slice.image][slice.frame];
+        if image.layout.is_float {
+            read_floats(&image.path, &image.set, &image.layout, spans, &mut out)
+                .map_err(|e| named(image, e))?;
+            let padding = image.set.root.number(tags::FLOAT_PIXEL_PADDING_VALUE);
+            for value in &mut out {
+                *value = if padding == Some(*value) { f64::NAN } else { scaling.apply(*value) };
+            }
+            return Ok(out);
+        }
+        let is_padding = is_padding(image);
+        let table = self.values.tables[slice.image].as_ref();
+        let value = |pixel| {
+            let stored = image.layout.value(pixel);
+            match (is_padding(pixel), table) {
+                (true, _) => f64::NAN,
+                (false, Some(table)) => scaling.apply(table.value(stored).into()),
+                (false, None) => scaling.apply(stored as f64),
+            }
+        };
+        read_frame(&image.path, &image.set, &image.layout, spans, &mut out, value)
+            .map_err(|e| named(image, e))?;
+        Ok(out)
+    }
+}
+
 /// Layers of numbers as `keep` stores them, and how many were padding: these become the smallest value.
 fn gathered<T: Copy + Default + Send + Sync>(
     series: &Series,
@@ -204,42 +267,26 @@ fn gathered<T: Copy + Default + Send + Sync>(
     keep: impl Fn(f64) -> T + Sync,
 ) -> Result<(Array3<T>, usize), String> {
     let Layout { rows, columns, .. } = values.layout;
-    let named = |image: &Image, why: String| format!("{}: {why}", image.path.display());
-    let spans: Vec<_> = series
-        .images
-        .iter()
-        .map(|image| spans(&image.path, &image.set, &image.layout, image.frames).map_err(|e| named(image, e)))
-        .collect::<Result<_, _>>()?;
+    let spans = |image: &Image| {
+        spans(&image.path, &image.set, &image.layout, image.frames).map_err(|e| named(image, e))
+    };
+    let spans: Vec<_> = series.images.iter().map(spans).collect::<Result<_, _>>()?;
     let pixels = values.layout.pixels();
     let count = pixels.checked_mul(stack.layers.len()).ok_or("more voxels than can be counted")?;
+    refuse_beyond_host(count.checked_mul(size_of::<T>()).map(|bytes| bytes as u64))?;
     let mut all: Vec<T> = Vec::new();
     all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels")?;
     all.resize(count, T::default());
-    // Padding is no number until all others are known.
-    let frame = |at: usize| -> Result<Vec<f64>, String> {
-        let slice = &stack.slices[at];
-        let image = &series.images[slice.image];
-        let scaling = values.each.as_ref().map_or(Scaling::IDENTITY, |each| each[at]);
-        let mut out = vec![0.0; pixels];
-        let spans = &spans[slice.image][slice.frame];
-        let is_padding = is_padding(image);
-        let value = |pixel| match is_padding(pixel) {
-            true => f64::NAN,
-            false => scaling.apply(image.layout.value(pixel) as f64),
-        };
-        read_frame(&image.path, &image.set, &image.layout, spans, &mut out, value)
-            .map_err(|e| named(image, e))?;
-        Ok(out)
-    };
+    let frames = Frames { series, stack, values, spans };
     let pieces = loading.pieces(ReadingStage::Unpacking, stack.layers.len());
     let fill = |out: &mut [T], layer: &Layer| -> Result<Holes, String> {
         if pieces.is_cancelled() {
             return Err("it was cancelled".to_string());
         }
         let numbers = match *layer {
-            Layer::Slice(at) => frame(at)?,
+            Layer::Slice(at) => frames.numbers(at)?,
             Layer::Between(at, share) => {
-                let (below, above) = (frame(at)?, frame(at + 1)?);
+                let (below, above) = (frames.numbers(at)?, frames.numbers(at + 1)?);
                 below.iter().zip(above).map(|(a, b)| a + share * (b - a)).collect()
             }
         };

@@ -1,6 +1,7 @@
 //! Pixels of a frame: as they stand, or unpacked by the crate of their transfer syntax.
 
 use super::dataset::{DataSet, EXPLICIT_BIG, PixelData, Span, printable};
+use crate::volume::element::Element;
 use jpeg_decoder::PixelFormat;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -10,12 +11,14 @@ use std::path::Path;
 pub(super) struct Layout {
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// Bits that a pixel takes: 8, 16 or 32.
+    /// Bits that a pixel takes: 8, 16 or 32; of floats 32 or 64.
     pub(super) allocated: u32,
     /// Bits of them that are its value, and the highest of these.
     pub(super) stored: u32,
     pub(super) high: u32,
     pub(super) is_signed: bool,
+    /// Pixels are floats, and what is said of bits above is not about them.
+    pub(super) is_float: bool,
 }
 
 impl Layout {
@@ -213,6 +216,37 @@ pub(super) fn read_frame<T>(
     Ok(())
 }
 
+/// The pixels of one frame of floats into `out` of as many.
+///
+/// # Errors
+/// They cannot be read.
+pub(super) fn read_floats(
+    path: &Path,
+    set: &DataSet,
+    layout: &Layout,
+    spans: &[Span],
+    out: &mut [f64],
+) -> Result<(), String> {
+    let bytes = spans.iter().map(|span| set.bytes(path, *span)).collect::<Result<Vec<_>, _>>()?.concat();
+    let element = if layout.allocated == 64 { Element::F64 } else { Element::F32 };
+    if bytes.len() < out.len() * element.bytes() {
+        return Err("its pixels end early".into());
+    }
+    let is_big = set.syntax == EXPLICIT_BIG;
+    for (value, word) in out.iter_mut().zip(bytes.chunks_exact(element.bytes())) {
+        let mut stored = [0; 8];
+        stored[..word.len()].copy_from_slice(word);
+        if is_big {
+            stored[..word.len()].reverse();
+        }
+        *value = match element {
+            Element::F64 => f64::from_le_bytes(stored),
+            _ => f32::from_bits(u64::from_le_bytes(stored) as u32).into(),
+        };
+    }
+    Ok(())
+}
+
 fn words(bytes: &[u8], allocated: u32, big: bool) -> Vec<u32> {
     match (allocated, big) {
         (8, _) => bytes.iter().map(|&b| b.into()).collect(),
@@ -364,8 +398,15 @@ mod tests {
 
     #[test]
     fn overlays_and_signs_are_told_from_values() {
-        let layout =
-            |stored, high, is_signed| Layout { rows: 1, columns: 1, allocated: 16, stored, high, is_signed };
+        let layout = |stored, high, is_signed| Layout {
+            rows: 1,
+            columns: 1,
+            allocated: 16,
+            stored,
+            high,
+            is_signed,
+            is_float: false,
+        };
         assert_eq!(layout(12, 11, false).value(0xf123), 0x123);
         assert_eq!(layout(12, 11, true).value(0x0fff), -1);
         assert_eq!(layout(12, 15, false).value(0x1230), 0x123);

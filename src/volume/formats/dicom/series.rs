@@ -74,6 +74,8 @@ impl Series {
             let mixed = u32::from(layout.is_signed != widest.is_signed);
             widest.stored = (layout.stored.max(widest.stored) + mixed).min(32);
             widest.is_signed |= layout.is_signed;
+            widest.is_float |= layout.is_float;
+            widest.allocated = widest.allocated.max(layout.allocated);
         }
         widest
     }
@@ -123,9 +125,9 @@ impl From<String> for Refused {
 /// # Errors
 /// It is no DICOM file, has no pixels, or its attributes contradict each other.
 pub(super) fn image(path: &Path) -> Result<Image, Refused> {
-    let set = DataSet::read(path)?;
+    let mut set = DataSet::read(path)?;
     if set.pixels == PixelData::None {
-        return Err(Refused::NoScalars("it is a DICOM file without an image of integers".into()));
+        return Err(Refused::NoScalars("it is a DICOM file without an image".into()));
     }
     let whole = |tag| set.root.whole(tag);
     let needed = |tag| whole(tag).ok_or_else(|| format!("it has no `{}`", super::dataset::name_of(tag)));
@@ -137,7 +139,8 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
         return Err(Refused::NoScalars("its pixels are colours; scalars are needed".into()));
     }
     let allocated = match needed(tags::BITS_ALLOCATED)? {
-        n @ (8 | 16 | 32) => n as u32,
+        n @ (32 | 64) if set.has_floats => n as u32,
+        n @ (8 | 16 | 32) if !set.has_floats => n as u32,
         n => return Err(format!("its pixels have {n} bits; 8, 16 and 32 are read").into()),
     };
     let stored = whole(tags::BITS_STORED).unwrap_or(allocated.into());
@@ -152,12 +155,16 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
         stored: stored as u32,
         high: high as u32,
         is_signed: whole(tags::PIXEL_REPRESENTATION) == Some(1),
+        is_float: set.has_floats,
     };
     let frames = match whole(tags::NUMBER_OF_FRAMES).unwrap_or(1) {
         0 => 1,
         n if (1..=FRAMES_MOST as i64).contains(&n) => n as usize,
         n => return Err(format!("it has {n} frames").into()),
     };
+    if frames == 1 {
+        set.inflated = None;
+    }
     Ok(Image { path: path.into(), set, layout, frames })
 }
 

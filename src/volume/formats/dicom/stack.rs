@@ -3,6 +3,7 @@
 use super::series::{Series, Slice};
 use crate::volume::AffineSource;
 use crate::volume::formats::text_header::affine;
+use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use glam::{DAffine3, DVec3};
 
@@ -10,11 +11,13 @@ use glam::{DAffine3, DVec3};
 const SAME_MM: f64 = 1e-3;
 /// ... or than this share of the usual distance.
 const SAME: f64 = 0.05;
-/// Slices this near to even places, as a share of the distance, are even; and so are those that a rounding of positions to
-/// tenths of a millimetre may have moved, up to a quarter of the distance.
+/// Slices this near to even places, as a share of the distance, are even; and so are those that a rounding of positions may
+/// have moved: to tenths of a millimetre, up to a quarter of the distance, whatever they are written with, and to the decimals
+/// that they are written with, up to less than half of the distance.
 const EVEN: f64 = 0.02;
 const ROUNDED_MM: f64 = 0.06;
 const ROUNDED_MOST: f64 = 0.25;
+const WRITTEN_MOST: f64 = 0.45;
 /// A slice of an uneven stack stands for a place of the grid from which it is no farther than this share of the distance.
 const SNAP: f64 = 0.01;
 /// Slices may lie so far beside the straight line of the first and the last, mm, before it is said.
@@ -50,29 +53,8 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     let set = &series.images[first.image].set;
     let numbers = |tag| set.of_frame(first.frame, tag).and_then(|a| a.numbers(tag));
     let mut warnings = Vec::new();
-    let spacing = [tags::PIXEL_SPACING, tags::NOMINAL_SCANNED_PIXEL_SPACING, tags::IMAGER_PIXEL_SPACING]
-        .into_iter()
-        .find_map(|tag| numbers(tag).filter(|v| v.len() == 2 && v.iter().all(|s| *s > 0.0)));
-    let spacing = spacing.unwrap_or_else(|| {
-        warnings.push("no pixel spacing is given: pixels taken as 1 mm".into());
-        vec![1.0, 1.0]
-    });
-    let thickness = [tags::SPACING_BETWEEN_SLICES, tags::SLICE_THICKNESS]
-        .into_iter()
-        .find_map(|tag| numbers(tag).map(|v| v[0].abs()).filter(|mm| *mm > 0.0));
-    let orientation = numbers(tags::IMAGE_ORIENTATION_PATIENT).filter(|v| v.len() == 6);
-    let (row, column) = orientation
-        .map_or((DVec3::X, DVec3::Y), |v| (DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])));
-    let normal = row.cross(column);
-    if (normal.length() - 1.0).abs() > 1e-2 {
-        return Err("its rows and columns are not perpendicular directions (ImageOrientationPatient)".into());
-    }
-    // PixelSpacing gives the distance of rows first.
-    let across = [row * spacing[1], column * spacing[0]];
+    let Plane { across, normal, thickness } = Plane::of(numbers, &mut warnings)?;
     one_grid(series, &slices)?;
-    if numbers(tags::IMAGE_ORIENTATION_PATIENT).is_none() {
-        warnings.push("no orientation is given: rows taken to go to the left, columns to the back".into());
-    }
     let unplaced = slices.iter().filter(|s| s.position.is_none()).count();
     let mut slices = slices;
     if unplaced > 0 && unplaced < slices.len() {
@@ -81,26 +63,7 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     }
     let placed: Option<Vec<DVec3>> = slices.iter().map(|s| s.position).collect();
     let Some(placed) = placed else {
-        if frame > 0 {
-            return Err(format!("--frame {frame} is beyond its 1 frame (counted from 0)"));
-        }
-        let thickness = thickness.unwrap_or_else(|| {
-            warnings.push("no distance between slices is given: taken as 1 mm".into());
-            1.0
-        });
-        if slices.len() > 1 {
-            warnings.push("its slices have no positions: placed in the order of their numbers".into());
-        }
-        let origin = slices.iter().find_map(|s| s.position).unwrap_or(DVec3::ZERO);
-        let layers = (0..slices.len()).map(Layer::Slice).collect();
-        return Ok(Stack {
-            world_from_index: affine([across[0], across[1], normal * thickness], origin, true),
-            affine_source: AffineSource::Spacing,
-            frames: 1,
-            slices,
-            layers,
-            warnings,
-        });
+        return in_order(slices, &Plane { across, normal, thickness }, frame, warnings);
     };
     let depth_mm = |slice: &Slice| slice.position.map_or(0.0, |p| (p - placed[0]).dot(normal));
     let mut by_depth = slices;
@@ -133,7 +96,7 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     };
     let slices: Vec<Slice> = places.iter().filter_map(of_frame).collect();
     let depths: Vec<f64> = slices.iter().map(depth_mm).collect();
-    let (layers, count) = layers(&depths, &mut warnings)?;
+    let (layers, count) = layers(&depths, written_mm(series, &slices, normal), &mut warnings)?;
     let at = |slice: &Slice| slice.position.unwrap_or_default();
     let (from, to) = (at(&slices[0]), at(&slices[slices.len() - 1]));
     // The line of the first voxels may lean: that is the gantry's tilt, and a sheared affine keeps it exactly.
@@ -147,7 +110,92 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
         }
         n => (to - from) / (n - 1) as f64,
     };
-    let aside = slices.iter().zip(&depths).map(|(slice, depth)| {
+    say_how_they_lie(&slices, &depths, along.angle_between(normal).to_degrees(), &mut warnings);
+    Ok(Stack {
+        world_from_index: affine([across[0], across[1], along], from, true),
+        affine_source: AffineSource::Axes,
+        frames,
+        slices,
+        layers,
+        warnings,
+    })
+}
+
+/// How a series lies in space but for where its slices are.
+struct Plane {
+    /// From one pixel to the next along rows and columns, LPS mm.
+    across: [DVec3; 2],
+    /// Of length 1.
+    normal: DVec3,
+    /// What is said of the distance between slices, mm.
+    thickness: Option<f64>,
+}
+
+impl Plane {
+    fn of(numbers: impl Fn(Tag) -> Option<Vec<f64>>, warnings: &mut Vec<String>) -> Result<Self, String> {
+        let spacing = [tags::PIXEL_SPACING, tags::NOMINAL_SCANNED_PIXEL_SPACING, tags::IMAGER_PIXEL_SPACING]
+            .into_iter()
+            .find_map(|tag| numbers(tag).filter(|v| v.len() == 2 && v.iter().all(|s| *s > 0.0)));
+        let spacing = spacing.unwrap_or_else(|| {
+            warnings.push("no pixel spacing is given: pixels taken as 1 mm".into());
+            vec![1.0, 1.0]
+        });
+        let thickness = [tags::SPACING_BETWEEN_SLICES, tags::SLICE_THICKNESS]
+            .into_iter()
+            .find_map(|tag| numbers(tag).map(|v| v[0].abs()).filter(|mm| *mm > 0.0));
+        let orientation = numbers(tags::IMAGE_ORIENTATION_PATIENT).filter(|v| v.len() == 6);
+        let (row, column) = orientation
+            .map_or((DVec3::X, DVec3::Y), |v| (DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])));
+        let normal = row.cross(column);
+        if (normal.length() - 1.0).abs() > 1e-2 {
+            return Err(
+                "its rows and columns are not perpendicular directions (ImageOrientationPatient)".into()
+            );
+        }
+        // PixelSpacing gives the distance of rows first.
+        let across = [row * spacing[1], column * spacing[0]];
+        if numbers(tags::IMAGE_ORIENTATION_PATIENT).is_none() {
+            warnings
+                .push("no orientation is given: rows taken to go to the left, columns to the back".into());
+        }
+        Ok(Self { across, normal, thickness })
+    }
+}
+
+/// Slices without positions, one after the other.
+fn in_order(
+    slices: Vec<Slice>,
+    plane: &Plane,
+    frame: usize,
+    mut warnings: Vec<String>,
+) -> Result<Stack, String> {
+    if frame > 0 {
+        return Err(format!("--frame {frame} is beyond its 1 frame (counted from 0)"));
+    }
+    let thickness = plane.thickness.unwrap_or_else(|| {
+        warnings.push("no distance between slices is given: taken as 1 mm".into());
+        1.0
+    });
+    if slices.len() > 1 {
+        warnings.push("its slices have no positions: placed in the order of their numbers".into());
+    }
+    let origin = slices.iter().find_map(|s| s.position).unwrap_or(DVec3::ZERO);
+    let layers = (0..slices.len()).map(Layer::Slice).collect();
+    Ok(Stack {
+        world_from_index: affine([plane.across[0], plane.across[1], plane.normal * thickness], origin, true),
+        affine_source: AffineSource::Spacing,
+        frames: 1,
+        slices,
+        layers,
+        warnings,
+    })
+}
+
+/// Says where slices do not lie as a grid's do.
+fn say_how_they_lie(slices: &[Slice], depths: &[f64], tilt_deg: f64, warnings: &mut Vec<String>) {
+    let at = |slice: &Slice| slice.position.unwrap_or_default();
+    let (from, to) = (at(&slices[0]), at(&slices[slices.len() - 1]));
+    let aside = slices.iter().zip(depths).map(|(slice, depth)| {
         let share = if depths[depths.len() - 1] > depths[0] {
             (depth - depths[0]) / (depths[depths.len() - 1] - depths[0])
         } else {
@@ -159,19 +207,10 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     if aside > ASIDE_MM {
         warnings.push(format!("its slices lie up to {aside:.2} mm beside a straight line: taken as on it"));
     }
-    let tilt_deg = along.angle_between(normal).to_degrees();
     if tilt_deg > 0.05 {
         warnings
             .push(format!("its slices are sheared by {tilt_deg:.2} degrees (a tilted gantry): kept exactly"));
     }
-    Ok(Stack {
-        world_from_index: affine([across[0], across[1], along], from, true),
-        affine_source: AffineSource::Axes,
-        frames,
-        slices,
-        layers,
-        warnings,
-    })
 }
 
 /// Refuses a series whose slices lie across each other or have pixels of several sizes.
@@ -235,13 +274,32 @@ fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> Frames {
     Frames::One
 }
 
-/// What the volume's slices are made of, for depths in rising order, and how many there are.
-fn layers(depths: &[f64], warnings: &mut Vec<String>) -> Result<(Vec<Layer>, usize), String> {
+/// How far the decimals of positions leave a slice's depth open against that of others, mm; 0 where they do not say.
+fn written_mm(series: &Series, slices: &[Slice], normal: DVec3) -> f64 {
+    let decimals = |slice: &Slice| {
+        let of = series.images[slice.image].set.of_frame(slice.frame, tags::IMAGE_POSITION_PATIENT);
+        of.and_then(|attributes| attributes.decimals(tags::IMAGE_POSITION_PATIENT))
+    };
+    // Of some positions the last decimals are zeros that were not written.
+    let most = slices.iter().map(decimals).try_fold(0, |most, decimals| Some(most.max(decimals?)));
+    let unit_mm = most.map_or(0.0, |decimals| 10f64.powi(-(decimals.min(300) as i32)));
+    // Half a unit of each coordinate, of a slice and of those that it is compared with.
+    unit_mm * normal.abs().element_sum()
+}
+
+/// What the volume's slices are made of, for depths in rising order, and how many there are; positions leave these open by
+/// `written_mm`.
+fn layers(
+    depths: &[f64],
+    written_mm: f64,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<Layer>, usize), String> {
     let n = depths.len();
     let gaps: Vec<f64> = depths.windows(2).map(|d| d[1] - d[0]).collect();
     let mean = (depths[n - 1] - depths[0]) / gaps.len().max(1) as f64;
     // Against places and not against distances: roundings of positions do not add up.
-    let tolerance = (EVEN * mean).max(ROUNDED_MM.min(ROUNDED_MOST * mean));
+    let rounded_mm = ROUNDED_MM.min(ROUNDED_MOST * mean).max(written_mm.min(WRITTEN_MOST * mean));
+    let tolerance = rounded_mm.max(EVEN * mean);
     let is_even = |(k, depth): (usize, &f64)| (depth - depths[0] - k as f64 * mean).abs() <= tolerance;
     if depths.iter().enumerate().all(is_even) {
         return Ok(((0..n).map(Layer::Slice).collect(), n));
@@ -280,7 +338,22 @@ mod tests {
 
     fn laid(depths: &[f64]) -> Result<(Vec<Layer>, Vec<String>), String> {
         let mut warnings = Vec::new();
-        layers(depths, &mut warnings).map(|(layers, _)| (layers, warnings))
+        layers(depths, 0.0, &mut warnings).map(|(layers, _)| (layers, warnings))
+    }
+
+    #[test]
+    fn positions_are_as_fine_as_they_are_written() {
+        // Every 0.3 mm, and every 0.125 mm, to tenths.
+        for spacing in [0.3, 0.125] {
+            let depths: Vec<f64> = (0..40).map(|k| (f64::from(k) * spacing * 10.0).round() / 10.0).collect();
+            let mut warnings = Vec::new();
+            assert_eq!(layers(&depths, 0.1, &mut warnings).unwrap().1, 40, "{spacing}");
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+        // A slice that is missing is one, however coarse.
+        let mut warnings = Vec::new();
+        layers(&[0.0, 0.3, 0.6, 1.2, 1.5], 0.1, &mut warnings).unwrap();
+        assert!(warnings[0].contains("resampled"), "{warnings:?}");
     }
 
     #[test]

@@ -1,0 +1,111 @@
+//! TIFF: a multi-page file, or a folder of files of one page each; grey values of 8, 16 and 32 bits.
+//!
+//! Pages are slices, the first one at index 0, files in the order of the numbers in their names. Voxel sizes are those that
+//! ImageJ writes or an OME header has; a resolution alone is what a printer would take, and is not used.
+
+mod description;
+mod pages;
+
+use self::description::Order;
+use self::pages::Pages;
+use super::frames::picked;
+use super::head::Head;
+use crate::error::{Error, Result};
+use crate::files::loading::{Loading, ReadingStage};
+use crate::volume::{Provenance, Volume};
+use glam::{DAffine3, DVec3};
+use std::path::{Path, PathBuf};
+
+/// File-name endings of the format.
+pub const EXTENSIONS: &[&str] = &["tif", "tiff"];
+
+const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
+
+/// Whether a file is of this format, or a folder holds files that are named so.
+pub fn is_tiff(head: &Head) -> bool {
+    match head.is_folder() {
+        true => !files_in(head.path()).is_empty(),
+        false => !head.is_packed() && MAGICS.iter().any(|magic| head.starts_with(magic)),
+    }
+}
+
+/// The files that a path stands for, in the order of their slices.
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    if path.is_dir() { files_in(path) } else { vec![path.into()] }
+}
+
+/// Reads one frame (0 is the first); `spacing_mm` wins over what the file says.
+///
+/// # Errors
+/// A file that cannot be read, holds colours, or has pages of several sizes.
+pub fn read_with(
+    path: &Path,
+    frame: usize,
+    spacing_mm: Option<[f64; 3]>,
+    loading: &Loading,
+) -> Result<Volume> {
+    let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
+    let files = files_of(path);
+    let mut pages = Pages::default();
+    let counting = loading.pieces(ReadingStage::Reading, usize::MAX);
+    for file in &files {
+        pages.add(file, &counting).map_err(|why| Error::input("cannot read volume", file.display(), why))?;
+        loading.go_on(&path.display().to_string())?;
+    }
+    let mut warnings = Vec::new();
+    let description = pages.description.take().unwrap_or_default();
+    let order = Order::of(&description.text, pages.count).map_err(refuse)?;
+    warnings.extend(picked(path, frame, order.frames())?);
+    let spacing = spacing_mm.or_else(|| description.spacing_mm()).unwrap_or_else(|| {
+        warnings.push("no --spacing given: voxels taken as 1 mm".into());
+        [1.0; 3]
+    });
+    let pieces = loading.pieces(ReadingStage::Reading, order.slices);
+    let (voxels, stored_type) = pages.voxels(&order, frame, &pieces).map_err(refuse)?;
+    let provenance = Provenance {
+        frames: order.frames(),
+        frame,
+        warnings,
+        ..Provenance::new(path.display().to_string(), "tiff", stored_type)
+    };
+    let world_from_index = DAffine3::from_scale(DVec3::from_array(spacing));
+    Volume::new_with(voxels, description.scaling(), world_from_index, provenance, loading)
+}
+
+/// Files of a folder that are named as this format, by the numbers in their names.
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
+    let named =
+        |p: &PathBuf| p.extension().is_some_and(|e| EXTENSIONS.iter().any(|x| e.eq_ignore_ascii_case(x)));
+    let mut files: Vec<PathBuf> = entries.filter(|p| named(p) && p.is_file()).collect();
+    files.sort_by_cached_key(|p| natural(&p.file_name().unwrap_or_default().to_string_lossy()));
+    files
+}
+
+/// A name cut into words and numbers, so that `slice10` follows after `slice9`.
+fn natural(name: &str) -> Vec<(u128, String)> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let word = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let (text, after) = rest.split_at(word);
+        let digits = after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len());
+        let (number, after) = after.split_at(digits);
+        parts.push((0, text.to_lowercase()));
+        parts.push((number.parse().unwrap_or(u128::MAX), String::new()));
+        rest = after;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_sorted_by_their_numbers() {
+        let mut names = ["s10.tif", "s9.tif", "S1.tif", "s9b2.tif", "s9b10.tif"];
+        names.sort_by_cached_key(|n| natural(n));
+        assert_eq!(names, ["S1.tif", "s9.tif", "s9b2.tif", "s9b10.tif", "s10.tif"]);
+    }
+}
