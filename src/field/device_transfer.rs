@@ -1,5 +1,6 @@
 //! A transfer function on the device, for one volume: tables, active bricks and their distances.
 
+use super::fold::FoldUniform;
 use super::{ActiveBricks, Forced, LoadedVolume, Omittable, marches_cells};
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Group, ShaderVariant, Slot, clamp_sampler, table_texture, uniform_buffer};
@@ -31,6 +32,8 @@ struct FieldUniform {
     pub color_r: f32,
     pub color_g: f32,
     pub color_b: f32,
+    // Read by variants for a folded texture alone.
+    pub fold: FoldUniform,
 }
 
 /// `IntervalTable` of `shaders/field/transfer.wgsl`.
@@ -72,6 +75,8 @@ pub struct DeviceTransfer {
     /// What is forced back on in everything that is made from this.
     pub forced: Forced,
     uniform: FieldUniform,
+    /// The volume's texture is folded.
+    folded: bool,
     bindings: Bindings,
     /// Group 0 without a pre-compressed table.
     plain_group: Group,
@@ -166,6 +171,7 @@ impl DeviceTransfer {
             classify_ms,
             one_color: false,
             forced,
+            folded: on_device.fold.is_folded(),
             plain_group: bindings.group(gpu, &no_pairs(gpu)?),
             uniform,
             bindings,
@@ -276,12 +282,13 @@ impl DeviceTransfer {
         self.march.get().map_or(&self.plain_group, |table| &table.group)
     }
 
-    /// A variant as this function needs it: where it marches cell by cell, the pre-compressed table is made now if it has
+    /// A variant as this function and its volume need it: where it marches cell by cell, the pre-compressed table is made now if it has
     /// not been, and breakpoints that it cannot hold are searched for.
     ///
     /// # Errors
     /// A device out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
+        let variant = variant.defs(self.folded.then_some("FOLDED"));
         if !marches_cells(&variant) {
             return Ok(variant);
         }
@@ -332,6 +339,7 @@ fn field_uniform(
         color_r,
         color_g,
         color_b,
+        fold: loaded.on_device.fold.uniform(),
     }
 }
 
@@ -395,9 +403,11 @@ mod tests {
     fn uniforms_have_one_layout() {
         let shader =
             field_shader("render/query.wgsl").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
+        let shader = shader.defs(["FOLDED"]);
+        assert_layout!(&shader, "Fold", FoldUniform: period, tiles, placed, stride, margin, inv_sides);
         assert_layout!(&shader, "Field", FieldUniform: size, min_spacing_mm, inv_size, intervals, active_lo,
             first_value, active_hi, last_value, bin_origin, bins_per_value, table_origin, table_per_value,
-            inv_reference_length, color_r, color_g, color_b);
+            inv_reference_length, color_r, color_g, color_b, fold);
         assert_layout!(&shader, "IntervalTable", IntervalTable: intervals, of_bin);
     }
 }

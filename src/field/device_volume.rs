@@ -1,5 +1,6 @@
 //! A volume's values on the device, without loss where the file has integers.
 
+use super::fold::{Fold, Part};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::transfer::TexelMapping;
@@ -40,6 +41,8 @@ pub struct DeviceVolume {
     pub texel_range: [f64; 2],
     /// Voxels along each axis.
     pub dims: [usize; 3],
+    /// Where they lie in the texture.
+    pub fold: Fold,
     /// Bytes of the texture.
     pub bytes: u64,
 }
@@ -75,72 +78,78 @@ fn packing(volume: &Volume) -> Packing {
     }
 }
 
-/// Copies a volume's voxels into its texture, slice by slice.
-fn write_slices(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &Packing) {
+/// Copies a volume's voxels into its texture, tile by tile and slice by slice.
+fn write_slices(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &Packing, fold: &Fold) {
     let Packing { format, center, per_stored } = *packing;
-    let dims = volume.dims();
-    let slice_voxels = dims[0] * dims[1];
-    let mut slice = Vec::<u8>::with_capacity(slice_voxels * format.bytes() as usize);
-    for k in 0..dims[2] {
-        slice.clear();
-        let texel = |stored: f64| ((stored - center) * per_stored) as f32;
-        with_voxels!(volume.voxels(), a => {
-            let stored = a.as_slice().unwrap_or_default()[k * slice_voxels..][..slice_voxels].iter();
-            match format {
-                TexelFormat::Half => stored.for_each(|v| {
-                    slice.extend_from_slice(&f16::from_f32(texel(v.to_f64())).to_le_bytes());
-                }),
-                TexelFormat::Single => stored.for_each(|v| {
-                    slice.extend_from_slice(&texel(v.to_f64()).to_le_bytes());
-                }),
+    let texel = |stored: f64| ((stored - center) * per_stored) as f32;
+    let [nx, ny, _] = volume.dims();
+    let mut slice = Vec::<u8>::new();
+    let mut written = 0;
+    for [x, y, z] in fold.parts() {
+        for (k, layer) in z.of_texels().zip(z.first_texel..) {
+            slice.clear();
+            with_voxels!(volume.voxels(), a => for j in y.of_texels() {
+                let row = &a.as_slice().unwrap_or_default()[(k * ny + j) * nx..][..nx];
+                let stored = along_row(row, &x);
+                match format {
+                    TexelFormat::Half => stored.for_each(|v| {
+                        slice.extend_from_slice(&f16::from_f32(texel(v.to_f64())).to_le_bytes());
+                    }),
+                    TexelFormat::Single => stored.for_each(|v| {
+                        slice.extend_from_slice(&texel(v.to_f64()).to_le_bytes());
+                    }),
+                }
+            });
+            let [width, height] = [&x, &y].map(|part| part.texels() as u32);
+            gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    origin: wgpu::Origin3d { x: x.first_texel as u32, y: y.first_texel as u32, z: layer as u32 },
+                    ..texture.as_image_copy()
+                },
+                &slice,
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(width * format.bytes() as u32),
+                    rows_per_image: Some(height),
+                },
+                wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            );
+            written += 1;
+            // Bounds what the queue keeps of the copies.
+            if written % 64 == 0 {
+                gpu.queue.submit([]);
             }
-        });
-        gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo {
-                texture,
-                mip_level: 0,
-                origin: wgpu::Origin3d { x: 0, y: 0, z: k as u32 },
-                aspect: wgpu::TextureAspect::All,
-            },
-            &slice,
-            wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some((dims[0] as u64 * format.bytes()) as u32),
-                rows_per_image: Some(dims[1] as u32),
-            },
-            wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() },
-        );
-        // Bounds what the queue keeps of the copies.
-        if k % 64 == 63 {
-            gpu.queue.submit([]);
         }
     }
+}
+
+/// The values of a row that a tile's texels hold, in their order.
+fn along_row<'a, T>(row: &'a [T], part: &Part) -> impl Iterator<Item = &'a T> {
+    let row = &row[part.voxels.clone()];
+    let margin = |edge: Option<&'a T>| edge.into_iter().cycle().take(part.margin);
+    margin(row.first()).chain(row).chain(margin(row.last()))
 }
 
 impl DeviceVolume {
     /// Uploads a volume.
     ///
     /// # Errors
-    /// A grid larger than the adapter's 3-D textures, or a device out of memory.
+    /// A grid that no way of folding brings into the adapter's 3-D textures, or a device out of memory.
     pub fn upload(gpu: &Gpu, volume: &Volume) -> Result<Self> {
         let dims = volume.dims();
         let limit = gpu.device.limits().max_texture_dimension_3d as usize;
-        if let Some(n) = dims.iter().find(|n| **n > limit) {
-            return Err(Error::input(
-                "cannot render volume",
-                &volume.provenance.source,
-                format!("{n} voxels along an axis, the adapter's 3-D textures end at {limit}"),
-            ));
-        }
+        let fold = Fold::of(dims, limit).ok_or_else(|| {
+            let [x, y, z] = dims;
+            let why =
+                format!("{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}");
+            Error::input("cannot render volume", &volume.provenance.source, why)
+        })?;
         let Packing { format, center, per_stored } = packing(volume);
         let scaling = volume.scaling();
         let mapping = TexelMapping { scale: scaling.slope / per_stored, offset: scaling.apply(center) };
         let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let size = wgpu::Extent3d {
-            width: dims[0] as u32,
-            height: dims[1] as u32,
-            depth_or_array_layers: dims[2] as u32,
-        };
+        let [width, height, depth_or_array_layers] = fold.sides().map(|side| side as u32);
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers };
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("volume"),
             size,
@@ -154,10 +163,10 @@ impl DeviceVolume {
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
-        write_slices(gpu, volume, &texture, &Packing { format, center, per_stored });
+        write_slices(gpu, volume, &texture, &Packing { format, center, per_stored }, &fold);
         let last = gpu.queue.submit([]);
         gpu.wait_for(last)?;
-        let bytes = (dims[0] * dims[1] * dims[2]) as u64 * format.bytes();
+        let bytes = fold.sides().iter().product::<usize>() as u64 * format.bytes();
         if pollster::block_on(scope.pop()).is_some() {
             return Err(Error::runtime(
                 "cannot upload volume",
@@ -172,6 +181,7 @@ impl DeviceVolume {
             mapping,
             texel_range: [a.min(b), a.max(b)],
             dims,
+            fold,
             bytes,
         })
     }
