@@ -103,7 +103,11 @@ fn write_slices(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &P
             let [width, height] = [&x, &y].map(|part| part.texels() as u32);
             gpu.queue.write_texture(
                 wgpu::TexelCopyTextureInfo {
-                    origin: wgpu::Origin3d { x: x.first_texel as u32, y: y.first_texel as u32, z: layer as u32 },
+                    origin: wgpu::Origin3d {
+                        x: x.first_texel as u32,
+                        y: y.first_texel as u32,
+                        z: layer as u32,
+                    },
                     ..texture.as_image_copy()
                 },
                 &slice,
@@ -140,8 +144,9 @@ impl DeviceVolume {
         let limit = gpu.device.limits().max_texture_dimension_3d as usize;
         let fold = Fold::of(dims, limit).ok_or_else(|| {
             let [x, y, z] = dims;
-            let why =
-                format!("{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}");
+            let why = format!(
+                "{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}"
+            );
             Error::input("cannot render volume", &volume.provenance.source, why)
         })?;
         let Packing { format, center, per_stored } = packing(volume);

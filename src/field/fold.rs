@@ -54,7 +54,8 @@ impl Part {
     /// The voxels that its texels hold, in their order.
     pub(super) fn of_texels(&self) -> impl Iterator<Item = usize> + Clone {
         let Range { start, end } = self.voxels;
-        let (before, behind) = (std::iter::repeat_n(start, self.margin), std::iter::repeat_n(end - 1, self.margin));
+        let (before, behind) =
+            (std::iter::repeat_n(start, self.margin), std::iter::repeat_n(end - 1, self.margin));
         before.chain(start..end).chain(behind)
     }
 
@@ -70,7 +71,8 @@ impl Fold {
     pub fn of(dims: [usize; 3], limit: usize) -> Option<Self> {
         let limit = limit.max(2);
         let tiles = dims.map(|n| if n <= limit { 1 } else { (n - 1).div_ceil(limit - 1) });
-        let period = std::array::from_fn(|a| if tiles[a] == 1 { dims[a] } else { (dims[a] - 1).div_ceil(tiles[a]) });
+        let period =
+            std::array::from_fn(|a| if tiles[a] == 1 { dims[a] } else { (dims[a] - 1).div_ceil(tiles[a]) });
         let whole = Self { dims, period, tiles, placed: [1; 3] };
         let count = tiles.iter().try_fold(1usize, |product, n| product.checked_mul(*n))?;
         // A cut axis has the length of a tile in the texture.
@@ -203,7 +205,8 @@ mod tests {
                 }
             }
             let last = dims.map(|n| n as i32 - 1);
-            let all = (0..=last[2]).flat_map(|k| (0..=last[1]).flat_map(move |j| (0..=last[0]).map(move |i| [i, j, k])));
+            let all = (0..=last[2])
+                .flat_map(|k| (0..=last[1]).flat_map(move |j| (0..=last[0]).map(move |i| [i, j, k])));
             for cell in all {
                 // The cell's voxels, and, along axes that are not cut, those a filter may touch beyond the edge.
                 for corner in 0..27 {

@@ -8,6 +8,7 @@ mod meshes;
 pub mod presets;
 mod refusal;
 mod remark;
+mod seen;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
 mod strands;
@@ -19,6 +20,7 @@ pub use formats::{FORMATS, Read, ReadFlags, VolumeSpec, load, load_with, read_wi
 pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
 pub use refusal::{Refusal, refusal};
 pub use remark::Remark;
+pub use seen::Seen;
 pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, SceneArgs, SceneSettings};
 pub use strands::{
     StrandFlags, is_strand_source, lacks_thickness, load_strands, parse_resolution, parse_thickness_mm,

@@ -28,6 +28,7 @@ use crate::files::loading::{Loading, ReadingStage};
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
+use std::sync::{Arc, OnceLock};
 
 /// Stored voxel values before scaling, in memory order `[[k, j, i]]` (`i` runs fastest), always contiguous.
 ///
@@ -182,6 +183,7 @@ pub struct Volume {
     world_from_index: DAffine3,
     index_from_world: DAffine3,
     stored_range: [f64; 2],
+    bricks: OnceLock<Arc<Bricks>>,
     /// Where it came from.
     pub provenance: Provenance,
 }
@@ -247,7 +249,8 @@ impl Volume {
                 .warnings
                 .push(format!("{non_finite} voxels were not finite and became the smallest finite value"));
         }
-        Ok(Self { voxels, scaling, world_from_index, index_from_world, stored_range, provenance })
+        let bricks = OnceLock::new();
+        Ok(Self { voxels, scaling, world_from_index, index_from_world, stored_range, bricks, provenance })
     }
 
     /// Grid size `[nx, ny, nz]` along index axes `i, j, k`.
@@ -331,6 +334,11 @@ impl Volume {
             let pick = |axis: usize| if c >> axis & 1 == 0 { -0.5 } else { n[axis] };
             self.world_from_index.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
         })
+    }
+
+    /// The range of values in each of its bricks, found when it is first asked for.
+    pub fn bricks(&self) -> &Arc<Bricks> {
+        self.bricks.get_or_init(|| Arc::new(Bricks::build(self)))
     }
 
     /// Bytes that the stored voxels take on the host.

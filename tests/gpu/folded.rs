@@ -29,7 +29,8 @@ static SMALL: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| {
 /// Waves with a grain, over an oblique grid.
 fn waves([nx, ny, nz]: [usize; 3], half: bool) -> Arc<Volume> {
     let value = |(k, j, i): (usize, usize, usize)| {
-        let wave = (0.31 * i as f32).sin() + (0.23 * j as f32 + 0.11 * k as f32).cos() + (0.17 * k as f32).sin();
+        let wave =
+            (0.31 * i as f32).sin() + (0.23 * j as f32 + 0.11 * k as f32).cos() + (0.17 * k as f32).sin();
         (300.0 * wave).round() + ((i * 7 + j * 13 + k * 29) % 17) as f32
     };
     let values = Array3::from_shape_fn((nz, ny, nx), value);

@@ -47,7 +47,8 @@ pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
             return;
         }
         let z = first.z + k as f32 * spacing.z;
-        let mut slice = Slice { hu: vec![AIR; nx * ny], nearest: vec![0.0; nx * ny], sides: [nx, ny], first, spacing, z };
+        let mut slice =
+            Slice { hu: vec![AIR; nx * ny], nearest: vec![0.0; nx * ny], sides: [nx, ny], first, spacing, z };
         for (j, row) in slice.hu.chunks_exact_mut(nx).enumerate() {
             // The largest slices take a tenth of a second.
             if pieces.is_cancelled() {
