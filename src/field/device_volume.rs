@@ -30,6 +30,8 @@ impl TexelFormat {
     }
 }
 
+const FIT_HINT: &str = "--fit=BYTES or --fit=2x2x1 reduces it by whole factors";
+
 /// The volume texture and what its texels mean.
 pub struct DeviceVolume {
     pub(crate) view: wgpu::TextureView,
@@ -147,7 +149,7 @@ impl DeviceVolume {
             let why = format!(
                 "{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}"
             );
-            Error::input("cannot render volume", &volume.provenance.source, why)
+            Error::input("cannot render volume", &volume.provenance.source, why).hint(FIT_HINT)
         })?;
         let Packing { format, center, per_stored } = packing(volume);
         let scaling = volume.scaling();
@@ -177,7 +179,8 @@ impl DeviceVolume {
                 "cannot upload volume",
                 &volume.provenance.source,
                 format!("the device has no {bytes} bytes left for it"),
-            ));
+            )
+            .hint(FIT_HINT));
         }
         let [a, b] = volume.stored_range().map(|s| (s - center) * per_stored);
         Ok(Self {

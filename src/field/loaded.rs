@@ -15,7 +15,7 @@ pub struct LoadedVolume {
     /// What it was made from, where that is strands.
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// The range of values in each of its bricks.
-    pub bricks: Arc<Bricks>,
+    pub bricks: Bricks,
     /// Its voxels on the device.
     pub on_device: DeviceVolume,
     /// What builds of maps on it have needed.
@@ -31,7 +31,7 @@ impl LoadedVolume {
     /// A volume that the adapter cannot hold.
     pub fn new(gpu: &Gpu, volume: Arc<Volume>) -> Result<Self> {
         let on_device = DeviceVolume::upload(gpu, &volume)?;
-        let (bricks, pool_sizes) = (Arc::clone(volume.bricks()), PoolSizes::default());
+        let (bricks, pool_sizes) = (Bricks::build(&volume), PoolSizes::default());
         Ok(Self { volume, strands: None, bricks, on_device, pool_sizes, directions: OnceLock::new() })
     }
 

@@ -7,3 +7,4 @@ pub mod input;
 pub mod loading;
 pub mod output;
 pub mod picture;
+pub mod room;

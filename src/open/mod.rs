@@ -1,6 +1,7 @@
 //! What a user names, on the command line, in a scene file or in the window, becomes what the program works on.
 
 mod file;
+mod fit;
 pub mod formats;
 mod help;
 mod lights;

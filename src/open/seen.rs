@@ -4,7 +4,7 @@ use crate::field::{ActiveBricks, extinction_intervals};
 use crate::mesh::Mesh;
 use crate::scene::Camera;
 use crate::transfer::TransferFunction;
-use crate::volume::{BRICK_CELLS, Volume};
+use crate::volume::{BRICK_CELLS, Bricks, Volume};
 use glam::{DVec3, IVec3};
 
 /// Share of the picture's half that is left free beyond what reaches furthest.
@@ -26,7 +26,7 @@ pub struct Seen<'a> {
 impl<'a> Seen<'a> {
     /// Of a volume by a transfer function, with opaque things in it.
     pub fn of(volume: &'a Volume, tf: &TransferFunction, mesh: Option<&'a Mesh>) -> Self {
-        let active = ActiveBricks::of(volume.bricks(), tf);
+        let active = ActiveBricks::of(&Bricks::build(volume), tf);
         let to_world = |index: DVec3| volume.world_from_index().transform_point3(index);
         let of_field = active.index_box(volume.dims()).map(|[lo, hi]| {
             let corner = |c: usize| {

@@ -1,6 +1,7 @@
 //! Element types of voxels in a file, and reading them in bounded pieces.
 
-use super::Voxels;
+use super::fit::Reducer;
+use super::{Voxel, Voxels};
 use ndarray::Array3;
 use std::fmt;
 use std::io::{self, Read};
@@ -55,6 +56,16 @@ const ELEMENTS: [(Element, &str, &str, usize); 10] = [
 ];
 
 impl Element {
+    /// Bytes of a voxel as it is kept: see [`Voxels`].
+    pub(super) fn kept_bytes(self) -> u64 {
+        match self {
+            Self::U8 => 1,
+            Self::I8 | Self::U16 | Self::I16 => 2,
+            Self::F32 => 4,
+            Self::U32 | Self::I32 | Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+
     /// From the short (`u8`) or the long name (`uint8`).
     pub fn from_name(name: &str) -> Option<Self> {
         ELEMENTS.iter().find(|(_, short, long, _)| name == *short || name == *long).map(|e| e.0)
@@ -120,13 +131,30 @@ pub fn read_voxels(
     element: Element,
     order: ByteOrder,
 ) -> Result<Voxels, ReadFailure> {
+    read_reduced(input, dims, element, order, None)
+}
+
+/// As [`read_voxels`], and keeps the means of blocks of so many voxels along each axis alone.
+///
+/// # Errors
+/// As there.
+pub(super) fn read_reduced(
+    input: &mut impl Read,
+    dims: [usize; 3],
+    element: Element,
+    order: ByteOrder,
+    factors: Option<[usize; 3]>,
+) -> Result<Voxels, ReadFailure> {
     macro_rules! read {
         ($stored:ty => $variant:ident($kept:ty)) => {{
             let convert = |bytes: [u8; size_of::<$stored>()]| match order {
                 ByteOrder::Little => <$stored>::from_le_bytes(bytes) as $kept,
                 ByteOrder::Big => <$stored>::from_be_bytes(bytes) as $kept,
             };
-            read_array(input, dims, convert).map(Voxels::$variant)
+            match factors {
+                Some(factors) => read_means(input, dims, factors, convert).map(Voxels::$variant),
+                None => read_array(input, dims, convert).map(Voxels::$variant),
+            }
         }};
     }
     match element {
@@ -164,6 +192,33 @@ fn read_array<T, const N: usize>(
         values.extend(chunk[..wanted * N].as_chunks::<N>().0.iter().map(|&bytes| convert(bytes)));
     }
     Array3::from_shape_vec((dims[2], dims[1], dims[0]), values).map_err(|_| ReadFailure::Memory)
+}
+
+/// As [`read_array`], row by row into blocks.
+fn read_means<T: Voxel, const N: usize>(
+    input: &mut impl Read,
+    dims: [usize; 3],
+    factors: [usize; 3],
+    convert: impl Fn([u8; N]) -> T,
+) -> Result<Array3<T>, ReadFailure> {
+    let [nx, ny, nz] = dims;
+    let row_bytes = nx.checked_mul(N).ok_or(ReadFailure::Memory)?;
+    let rows = ny.checked_mul(nz).ok_or(ReadFailure::Memory)?;
+    let mut reducer = Reducer::new(dims, factors).ok_or(ReadFailure::Memory)?;
+    let (mut bytes, mut row) = (Vec::new(), Vec::new());
+    bytes.try_reserve_exact(row_bytes).map_err(|_| ReadFailure::Memory)?;
+    row.try_reserve_exact(nx).map_err(|_| ReadFailure::Memory)?;
+    bytes.resize(row_bytes, 0u8);
+    for before in 0..rows {
+        let got = read_full(input, &mut bytes).map_err(ReadFailure::Io)?;
+        if got < row_bytes {
+            return Err(ReadFailure::Short { got: (before * row_bytes + got) as u64 });
+        }
+        row.clear();
+        row.extend(bytes.as_chunks::<N>().0.iter().map(|&bytes| convert(bytes)));
+        reducer.row(&row).ok_or(ReadFailure::Memory)?;
+    }
+    reducer.finish().ok_or(ReadFailure::Memory)
 }
 
 /// Fills `buffer` as far as the input goes; returns the number of bytes read.

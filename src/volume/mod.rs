@@ -7,6 +7,7 @@ mod bricks;
 mod crop;
 mod directions;
 mod element;
+mod fit;
 pub mod formats;
 mod histogram;
 mod phantom;
@@ -16,6 +17,7 @@ pub use bricks::{BRICK_CELLS, Bricks};
 pub use crop::Crop;
 pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
+pub use fit::Fit;
 pub use formats::nifti_write::{NIFTI_EXTENSIONS, write_nifti};
 pub use formats::raw_layout::RawLayout;
 pub use formats::write::{VOLUME_EXTENSIONS, write_volume};
@@ -28,7 +30,6 @@ use crate::files::loading::{Loading, ReadingStage};
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
-use std::sync::{Arc, OnceLock};
 
 /// Stored voxel values before scaling, in memory order `[[k, j, i]]` (`i` runs fastest), always contiguous.
 ///
@@ -77,12 +78,25 @@ macro_rules! with_voxels {
 pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
     /// The same number.
     fn to_f64(self) -> f64;
+
+    /// The nearest of this type.
+    fn nearest(value: f64) -> Self;
 }
 
 macro_rules! voxel {
-    ($($t:ty),*) => { $(impl Voxel for $t { #[inline(always)] fn to_f64(self) -> f64 { f64::from(self) } })* };
+    ($round:expr => $($t:ty),*) => { $(impl Voxel for $t {
+        #[inline(always)]
+        fn to_f64(self) -> f64 {
+            f64::from(self)
+        }
+        #[inline(always)]
+        fn nearest(value: f64) -> Self {
+            $round(value) as $t
+        }
+    })* };
 }
-voxel!(u8, i16, u16, f32, f64);
+voxel!(f64::round => u8, i16, u16);
+voxel!(f64::from => f32, f64);
 
 /// `value = stored * slope + intercept`, in `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -183,7 +197,6 @@ pub struct Volume {
     world_from_index: DAffine3,
     index_from_world: DAffine3,
     stored_range: [f64; 2],
-    bricks: OnceLock<Arc<Bricks>>,
     /// Where it came from.
     pub provenance: Provenance,
 }
@@ -249,8 +262,7 @@ impl Volume {
                 .warnings
                 .push(format!("{non_finite} voxels were not finite and became the smallest finite value"));
         }
-        let bricks = OnceLock::new();
-        Ok(Self { voxels, scaling, world_from_index, index_from_world, stored_range, bricks, provenance })
+        Ok(Self { voxels, scaling, world_from_index, index_from_world, stored_range, provenance })
     }
 
     /// Grid size `[nx, ny, nz]` along index axes `i, j, k`.
@@ -334,11 +346,6 @@ impl Volume {
             let pick = |axis: usize| if c >> axis & 1 == 0 { -0.5 } else { n[axis] };
             self.world_from_index.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
         })
-    }
-
-    /// The range of values in each of its bricks, found when it is first asked for.
-    pub fn bricks(&self) -> &Arc<Bricks> {
-        self.bricks.get_or_init(|| Arc::new(Bricks::build(self)))
     }
 
     /// Bytes that the stored voxels take on the host.

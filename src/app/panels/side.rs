@@ -97,6 +97,10 @@ fn picture(ui: &mut egui::Ui, model: &mut Model) {
                     camera::look_from(&mut scene.camera, view);
                 }
             }
+        });
+        ui.end_row();
+        ui.label("Camera");
+        ui.horizontal(|ui| {
             if ui.small_button("reset").on_hover_text("The first view (Home)").clicked() {
                 scene.camera = document.home;
             }

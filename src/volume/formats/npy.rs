@@ -69,6 +69,10 @@ pub fn read_with(
     // In Fortran's order the first axis runs fastest: read as it lies, then turned about.
     let dims = if is_fortran { [nz, ny, nx] } else { [nx, ny, nz] };
     let block = Block { dims, element, byte_order, offset: header_bytes, frame };
+    if is_fortran {
+        // Factors are of x, y and z.
+        loading.reduce_to(None);
+    }
     let mut voxels = block.read(&mut source, header_bytes).map_err(refuse)?;
     if is_fortran {
         voxels = reversed(voxels);

@@ -2,8 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
+use crate::files::room;
 use crate::volume::Voxels;
-use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_voxels};
+use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_reduced};
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -70,6 +71,15 @@ impl<'a> Source<'a> {
             }
             true => Self::Zlib { stream: Box::new(ZlibDecoder::new(file)), packed_bytes: bytes },
         })
+    }
+
+    fn loading(&self) -> &'a Loading {
+        match self {
+            Self::Plain { file, .. } => file.get_ref(),
+            Self::Gzip { stream, .. } => stream.get_ref().get_ref(),
+            Self::Zlib { stream, .. } => stream.get_ref().get_ref(),
+        }
+        .loading()
     }
 
     /// Says that the bytes up to `end` are what is read. What a packed stream holds before them is only told from all of
@@ -155,6 +165,13 @@ impl Block {
         data_bytes(self.dims, self.element)
     }
 
+    /// What they are reduced by while they are read; voxels that there is no memory for are refused.
+    fn factors(&self, data: &Source<'_>) -> Result<Option<[usize; 3]>, String> {
+        let factors = data.loading().factors_for(self.dims, self.element.kept_bytes())?;
+        let dims = factors.map_or(self.dims, |factors| room::reduced_dims(self.dims, factors));
+        room::check(dims, self.element.kept_bytes()).map(|()| factors)
+    }
+
     /// Reads the voxels out of a stream of which `read` bytes have been taken.
     ///
     /// # Errors
@@ -174,14 +191,17 @@ impl Block {
         if end > data.most_bytes() {
             return Err(short(format!("holds {}", data.held())));
         }
+        let factors = self.factors(data)?;
         data.wanted_to(end);
         if start < read || data.skip(start - read).map_err(|e| e.to_string())? < start - read {
             return Err(short(format!("ends before byte {start}")));
         }
         let voxels =
-            read_voxels(data, self.dims, self.element, self.byte_order).map_err(|failure| match failure {
-                ReadFailure::Short { got } => short(format!("ends after {}", start + got)),
-                other => other.to_string(),
+            read_reduced(data, self.dims, self.element, self.byte_order, factors).map_err(|failure| {
+                match failure {
+                    ReadFailure::Short { got } => short(format!("ends after {}", start + got)),
+                    other => other.to_string(),
+                }
             })?;
         data.finish().map_err(|e| format!("damaged after the voxels: {e}"))?;
         Ok(voxels)
@@ -211,7 +231,8 @@ impl Block {
         if data.skip(self.offset).map_err(io_error)? < self.offset {
             return Err(Whole::Another("fewer".into()));
         }
-        let voxels = read_voxels(data, self.dims, self.element, self.byte_order);
+        let factors = self.factors(data).map_err(Whole::Unreadable)?;
+        let voxels = read_reduced(data, self.dims, self.element, self.byte_order, factors);
         let voxels = voxels.map_err(|failure| match failure {
             ReadFailure::Short { got } => Whole::Another(format!("{} bytes", self.offset + got)),
             other => Whole::Unreadable(other.to_string()),

@@ -16,6 +16,7 @@ use self::stack::{Layer, Stack};
 use super::head::Head;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
+use crate::files::room;
 use crate::volume::{Provenance, Scaling, ValuesSaid, Volume, Voxels};
 use dicom_dictionary_std::tags;
 use ndarray::Array3;
@@ -212,6 +213,7 @@ fn gathered<T: Copy + Default + Send + Sync>(
         .collect::<Result<_, _>>()?;
     let pixels = values.layout.pixels();
     let count = pixels.checked_mul(stack.layers.len()).ok_or("more voxels than can be counted")?;
+    room::check([columns, rows, stack.layers.len()], size_of::<T>() as u64)?;
     let mut all: Vec<T> = Vec::new();
     all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels")?;
     all.resize(count, T::default());
