@@ -42,7 +42,7 @@ pub(super) fn room_for(fit: Fit) -> Room {
 pub(super) fn fitted(volume: Volume, room: Option<Room>, loading: &Loading) -> Result<Volume> {
     let Some(room) = room else { return Ok(volume) };
     if let Some(Reduced { from, factors }) = loading.take_reduced() {
-        return Ok(if factors == [1; 3] { volume } else { volume.as_reduced(factors, from) });
+        return Ok(if factors == [1; 3] { volume } else { volume.said_reduced(factors, from) });
     }
     fn bytes_each<T>(_: &ndarray::Array3<T>) -> u64 {
         size_of::<T>() as u64

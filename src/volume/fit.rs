@@ -156,11 +156,11 @@ impl Volume {
         let voxels: Voxels = with_voxels!(&self.voxels, a => means(a, factors).ok_or_else(none)?.into());
         let dims = self.dims();
         let volume = Self::new_with(voxels, self.scaling, self.world_from_index, self.provenance, loading)?;
-        Ok(volume.as_reduced(factors, dims))
+        Ok(volume.said_reduced(factors, dims))
     }
 
     /// The same voxels, known to be means of blocks of a grid of `from` voxels, where that one was in the world; and says so.
-    pub(crate) fn as_reduced(mut self, factors: [usize; 3], from: [usize; 3]) -> Self {
+    pub(crate) fn said_reduced(mut self, factors: [usize; 3], from: [usize; 3]) -> Self {
         let [fx, fy, fz] = factors;
         let scale = DVec3::from_array(factors.map(|n| n as f64));
         // The middle of a block's voxels.
