@@ -63,6 +63,8 @@ fn variants() -> Vec<(ShaderVariant, bool)> {
         for more in search {
             for adapter in [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS"]] {
                 let variant = variant.clone().defs([*more, adapter].concat());
+                // Where a texture is folded says nothing of what is bound.
+                list.push((variant.clone().defs(["FOLDED"]), false));
                 list.extend([(variant.clone(), false), (variant, true)]);
             }
         }
@@ -165,6 +167,7 @@ fn what_is_asked_for_twice_is_composed_with_all_of_it() {
         assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "RESUMABLE"], live));
         assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS", "WORDS_2"], live));
     }
+    assert!(has(&["FOLDED", "MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS"], false));
 }
 
 #[test]

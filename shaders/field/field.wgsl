@@ -41,7 +41,25 @@ struct Field {
     hidden_value: f32,
     // Planes n·g >= d in grid space, as (n, d): what is kept. Those beyond the last keep everything. Read with CLIP.
     clip: array<vec4<f32>, #{MOST_CLIP_PLANES}>,
+#ifdef FOLDED
+    fold: Fold,
+#endif
 }
+
+#ifdef FOLDED
+// The grid is longer than a texture may be: tiles of it lie side by side in one (src/field/fold.rs).
+struct Fold {
+    // Voxels from a tile to the next, and tiles, along each axis of the grid.
+    period: vec3<i32>,
+    tiles: vec3<i32>,
+    // Tiles along each axis of the texture, texels from one to the next, and of these the ones before its first voxel.
+    placed: vec3<i32>,
+    stride: vec3<i32>,
+    margin: vec3<i32>,
+    // 1 / texels of the texture.
+    inv_sides: vec3<f32>,
+}
+#endif
 
 @group(0) @binding(0) var<uniform> field: Field;
 @group(0) @binding(1) var volume: texture_3d<f32>;
@@ -55,11 +73,30 @@ struct Cell {
     hi: vec4<f32>,
 }
 
+#ifdef FOLDED
+// From the voxels that lie between `low` and the next one along each axis to their texels.
+fn tile_offset(low: vec3<i32>) -> vec3<i32> {
+    let tile = min(low / field.fold.period, field.fold.tiles - 1);
+    let number = tile.x + field.fold.tiles.x * (tile.y + field.fold.tiles.y * tile.z);
+    let row = number / field.fold.placed.x;
+    let layer = row / field.fold.placed.y;
+    let place = vec3<i32>(number - row * field.fold.placed.x, row - layer * field.fold.placed.y, layer);
+    return place * field.fold.stride + field.fold.margin - tile * field.fold.period;
+}
+#endif
+
 fn cell_values(cell: vec3<i32>) -> Cell {
     count_work(LOADS, 8u);
     let last = vec3<i32>(field.size) - 1;
+#ifdef FOLDED
+    let low = clamp(cell - 1, vec3<i32>(0), last);
+    let offset = tile_offset(low);
+    let a = low + offset;
+    let b = clamp(cell, vec3<i32>(0), last) + offset;
+#else
     let a = clamp(cell - 1, vec3<i32>(0), last);
     let b = clamp(cell, vec3<i32>(0), last);
+#endif
     return Cell(
         vec4<f32>(
             textureLoad(volume, a, 0).x,
@@ -82,8 +119,15 @@ fn cell_values(cell: vec3<i32>) -> Cell {
 fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: vec3<bool>, held: bool) -> Cell {
     count_work(LOADS, 4u);
     let last = vec3<i32>(field.size) - 1;
+#ifdef FOLDED
+    let lowest = clamp(cell - 1, vec3<i32>(0), last);
+    let offset = tile_offset(lowest);
+    let low = lowest + offset;
+    let high = clamp(cell, vec3<i32>(0), last) + offset;
+#else
     let low = clamp(cell - 1, vec3<i32>(0), last);
     let high = clamp(cell, vec3<i32>(0), last);
+#endif
     let near = select(low, high, mirrored);
     let far = select(high, low, mirrored);
     let plane = select(near, far, held);
@@ -117,7 +161,13 @@ fn value_at(g: vec3<f32>) -> f32 {
     return mix(y.x, y.y, w.y);
 #else
     count_work(LOADS, 1u);
+#ifdef FOLDED
+    let index = clamp(g - 1.0, vec3<f32>(0.0), vec3<f32>(field.size - 1u));
+    let texel = index + vec3<f32>(tile_offset(vec3<i32>(index))) + 0.5;
+    return textureSampleLevel(volume, linear_clamp, texel * field.fold.inv_sides, 0.0).x;
+#else
     return textureSampleLevel(volume, linear_clamp, (g - 0.5) * field.inv_size, 0.0).x;
+#endif
 #endif
 }
 

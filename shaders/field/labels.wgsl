@@ -5,6 +5,9 @@
 #define_import_path umbravox::labels
 
 #import umbravox::field::{field, value_at}
+#ifdef FOLDED
+#import umbravox::field::tile_offset
+#endif
 #import umbravox::work::{count_work, LOADS}
 
 #ifdef LABELS
@@ -18,7 +21,11 @@ const HIDDEN_SHIFT: f32 = #{HIDDEN_SHIFT};
 fn shift_at(g: vec3<f32>) -> f32 {
     count_work(LOADS, 1u);
     let voxel = clamp(vec3<i32>(floor(g - 0.5)), vec3<i32>(0), vec3<i32>(field.size) - 1);
+#ifdef FOLDED
+    let rank = textureLoad(label_ranks, voxel + tile_offset(voxel), 0).x;
+#else
     let rank = textureLoad(label_ranks, voxel, 0).x;
+#endif
     return label_shifts[rank >> 2u][rank & 3u];
 }
 

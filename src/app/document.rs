@@ -6,7 +6,7 @@ use super::reading::{Beginning, Opened};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::presets::{self, Suiting};
-use crate::open::{PartFlags, SceneSettings, VolumeSpec};
+use crate::open::{self, PartFlags, SceneSettings, VolumeSpec};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::{ClipPlane, LabelRule, Seen, TransferFunction};
@@ -169,6 +169,14 @@ impl Document {
         let corners = self.volume.corners_mm();
         let center = corners.iter().sum::<DVec3>() / 8.0;
         (center, corners.iter().map(|c| c.distance(center)).fold(1e-6, f64::max))
+    }
+
+    /// Frames what the transfer function shows, from the side that the camera looks from.
+    pub fn frame_seen(&mut self) {
+        let Scene { camera, width, height, .. } = self.scene;
+        let seen = open::Seen::of(&self.volume, &self.tf, self.scene.mesh.as_deref());
+        let aspect = f64::from(width) / f64::from(height);
+        self.scene.camera = seen.framed(camera.eye - camera.target, camera.up, camera.fov_deg, aspect);
     }
 
     /// Place of the light that is edited, the last one where there are fewer.

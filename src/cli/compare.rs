@@ -14,7 +14,7 @@ use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, Status, Watch, spoken};
 use crate::measure::table::Row;
 use crate::open::presets::{self, PRESETS};
-use crate::open::{Loaded, SceneArgs, SceneSettings};
+use crate::open::{Loaded, SceneArgs, SceneSettings, Seen};
 use crate::render::Renderer;
 use crate::report::Start;
 use crate::report::make::{Files, Made, Order, Subject, make, scene_name};
@@ -305,7 +305,8 @@ fn recorded(settings: SceneSettings, loaded: &Loaded, name: &str, several: bool)
     let prefix = if several { format!("{}_", file_name_part(name)) } else { String::new() };
     let tf_file = tf_text.as_ref().map_or(String::new(), |_| format!("{prefix}transfer_function.json"));
     let tf = if is_preset { loaded.tf_source.clone() } else { tf_file.clone() };
-    let scene = settings.scene(&loaded.volume)?;
+    let mesh = loaded.scene.mesh.as_deref();
+    let scene = settings.scene(&Seen::of(&loaded.volume, &loaded.tf, mesh))?;
     let mut resolved = settings.resolved(&scene, &tf, loaded.suiting)?;
     resolved.name = Some(name.to_owned());
     resolved.sha256 = volume_sha256.clone();

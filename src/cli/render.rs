@@ -75,6 +75,8 @@ struct Summary {
     adapter: String,
     method: &'static str,
     params: String,
+    volume_tiles: usize,
+    volume_texture: [usize; 3],
     table_ms: f64,
     march_table_ms: Option<f64>,
     classify_ms: f64,
@@ -117,6 +119,8 @@ impl Summary {
             adapter: session.renderer.gpu().info.name.clone(),
             method: method.name(),
             params: method.params(),
+            volume_tiles: session.loaded.on_device.fold.tiles(),
+            volume_texture: session.loaded.on_device.fold.sides(),
             table_ms: session.transfer.table_ms,
             march_table_ms: session.transfer.march_table().map(|t| t.table_ms),
             classify_ms: session.transfer.classify_ms,
@@ -140,6 +144,10 @@ impl Summary {
     fn explain(&self) {
         let say = |line: String| say("plan", &line);
         say(format!("adapter {}, times by {}", self.adapter, self.clock));
+        if self.volume_tiles > 1 {
+            let [x, y, z] = self.volume_texture;
+            say(format!("volume folded: {} slabs of it in a texture of {x} x {y} x {z}", self.volume_tiles));
+        }
         let march_table = self.march_table_ms.map(|ms| format!(", pre-compressed table {ms:.1} ms"));
         let tables = format!("tables {:.1} ms{}", self.table_ms, march_table.unwrap_or_default());
         say(format!("{tables}, bricks classified in {:.1} ms", self.classify_ms));

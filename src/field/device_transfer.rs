@@ -1,5 +1,6 @@
 //! A transfer function on the device, for one volume: tables, active bricks and their distances.
 
+use super::fold::FoldUniform;
 use super::seen_function::SeenFunction;
 use super::{ActiveBricks, Forced, LoadedVolume, Omittable, grid_from_world, marches_cells};
 use crate::error::{Error, Result};
@@ -36,6 +37,8 @@ struct FieldUniform {
     pub hidden_value: f32,
     pub padding: [f32; 3],
     pub clip: [[f32; 4]; MOST_CLIP_PLANES],
+    // Read by variants for a folded texture alone.
+    pub fold: FoldUniform,
 }
 
 /// `IntervalTable` of `shaders/field/transfer.wgsl`.
@@ -81,6 +84,8 @@ pub struct DeviceTransfer {
     /// What is forced back on in everything that is made from this.
     pub forced: Forced,
     uniform: FieldUniform,
+    /// The volume's texture is folded.
+    folded: bool,
     bindings: Bindings,
     /// Group 0 without a pre-compressed table.
     plain_group: Group,
@@ -183,6 +188,7 @@ impl DeviceTransfer {
             one_color: false,
             clips: !tf.clip.is_empty(),
             forced,
+            folded: on_device.fold.is_folded(),
             plain_group: bindings.group(gpu, &no_pairs(gpu)?),
             uniform,
             bindings,
@@ -295,14 +301,15 @@ impl DeviceTransfer {
         self.march.get().map_or(&self.plain_group, |table| &table.group)
     }
 
-    /// A variant as this function on this volume needs it: lines end at clip planes where there are some; where it marches
-    /// cell by cell, the pre-compressed table is made now if it has not been, and breakpoints that it cannot hold are
-    /// searched for.
+    /// A variant as this function and its volume need it: lines end at clip planes where there are some, values are shifted by
+    /// label, texels found in a folded texture; where it marches cell by cell, the pre-compressed table is made now if it has
+    /// not been, and breakpoints that it cannot hold are searched for.
     ///
     /// # Errors
     /// A device out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
-        let variant = variant.defs(self.clips.then_some("CLIP")).defs(self.labelled.then_some("LABELS"));
+        let needs = [(self.clips, "CLIP"), (self.labelled, "LABELS"), (self.folded, "FOLDED")];
+        let variant = variant.defs(needs.into_iter().filter_map(|(needed, name)| needed.then_some(name)));
         if !marches_cells(&variant) {
             return Ok(variant);
         }
@@ -357,6 +364,7 @@ fn field_uniform(
         hidden_value: seen.hidden_texel,
         padding: [0.0; 3],
         clip: clip_planes(&loaded.volume, &seen.function.clip),
+        fold: loaded.on_device.fold.uniform(),
     }
 }
 
@@ -432,9 +440,11 @@ mod tests {
     fn uniforms_have_one_layout() {
         let shader =
             field_shader("render/query.wgsl").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
+        let shader = shader.defs(["FOLDED"]);
+        assert_layout!(&shader, "Fold", FoldUniform: period, tiles, placed, stride, margin, inv_sides);
         assert_layout!(&shader, "Field", FieldUniform: size, min_spacing_mm, inv_size, intervals, active_lo,
             first_value, active_hi, last_value, bin_origin, bins_per_value, table_origin, table_per_value,
-            inv_reference_length, color_r, color_g, color_b, hidden_value, clip);
+            inv_reference_length, color_r, color_g, color_b, hidden_value, clip, fold);
         assert_layout!(&shader, "IntervalTable", IntervalTable: intervals, of_bin);
     }
 }

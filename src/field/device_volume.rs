@@ -1,5 +1,6 @@
 //! A volume's values on the device, without loss where the file has integers.
 
+use super::fold::{Fold, Part};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::transfer::TexelMapping;
@@ -29,6 +30,8 @@ impl TexelFormat {
     }
 }
 
+const FIT_HINT: &str = "--fit=BYTES or --fit=2x2x1 reduces it by whole factors";
+
 /// The volume texture and what its texels mean.
 pub struct DeviceVolume {
     pub(crate) view: wgpu::TextureView,
@@ -42,6 +45,8 @@ pub struct DeviceVolume {
     pub texel_range: [f64; 2],
     /// Voxels along each axis.
     pub dims: [usize; 3],
+    /// Where they lie in the texture.
+    pub fold: Fold,
     /// Bytes of the texture, and of that of labels.
     pub bytes: u64,
 }
@@ -77,17 +82,57 @@ fn packing(volume: &Volume) -> Packing {
     }
 }
 
-/// Copies a volume's voxels into its texture, slice by slice.
-fn write_slices(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &Packing) {
+/// Writes a texture tile by tile and slice by slice: `put` appends the texels of one row, those that a part has of the
+/// voxels of a grid's row, which begins at a place in memory order.
+fn write_tiles(
+    gpu: &Gpu,
+    texture: &wgpu::Texture,
+    (fold, [nx, ny, _]): (&Fold, [usize; 3]),
+    texel_bytes: u64,
+    put: impl Fn(usize, &Part, &mut Vec<u8>),
+) {
+    let mut slice = Vec::<u8>::new();
+    let mut written = 0;
+    for [x, y, z] in fold.parts() {
+        for (k, layer) in z.of_texels().zip(z.first_texel..) {
+            slice.clear();
+            y.of_texels().for_each(|j| put((k * ny + j) * nx, &x, &mut slice));
+            let [width, height] = [&x, &y].map(|part| part.texels() as u32);
+            gpu.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    origin: wgpu::Origin3d {
+                        x: x.first_texel as u32,
+                        y: y.first_texel as u32,
+                        z: layer as u32,
+                    },
+                    ..texture.as_image_copy()
+                },
+                &slice,
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(width * texel_bytes as u32),
+                    rows_per_image: Some(height),
+                },
+                wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            );
+            written += 1;
+            // Bounds what the queue keeps of the copies.
+            if written % 64 == 0 {
+                gpu.queue.submit([]);
+            }
+        }
+    }
+}
+
+/// Copies a volume's voxels into its texture.
+fn write_voxels(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &Packing, fold: &Fold) {
     let Packing { format, center, per_stored } = *packing;
+    let texel = |stored: f64| ((stored - center) * per_stored) as f32;
     let dims = volume.dims();
-    let slice_voxels = dims[0] * dims[1];
-    let mut slice = Vec::<u8>::with_capacity(slice_voxels * format.bytes() as usize);
-    for k in 0..dims[2] {
-        slice.clear();
-        let texel = |stored: f64| ((stored - center) * per_stored) as f32;
-        with_voxels!(volume.voxels(), a => {
-            let stored = a.as_slice().unwrap_or_default()[k * slice_voxels..][..slice_voxels].iter();
+    with_voxels!(volume.voxels(), a => {
+        let voxels = a.as_slice().unwrap_or_default();
+        write_tiles(gpu, texture, (fold, dims), format.bytes(), |first, part, slice| {
+            let stored = along_row(&voxels[first..][..dims[0]], part);
             match format {
                 TexelFormat::Half => stored.for_each(|v| {
                     slice.extend_from_slice(&f16::from_f32(texel(v.to_f64())).to_le_bytes());
@@ -97,94 +142,77 @@ fn write_slices(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &P
                 }),
             }
         });
-        gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo {
-                texture,
-                mip_level: 0,
-                origin: wgpu::Origin3d { x: 0, y: 0, z: k as u32 },
-                aspect: wgpu::TextureAspect::All,
-            },
-            &slice,
-            wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some((dims[0] as u64 * format.bytes()) as u32),
-                rows_per_image: Some(dims[1] as u32),
-            },
-            wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() },
-        );
-        // Bounds what the queue keeps of the copies.
-        if k % 64 == 63 {
-            gpu.queue.submit([]);
-        }
-    }
+    });
 }
 
-fn label_texture(gpu: &Gpu, labels: &Labels, size: wgpu::Extent3d) -> wgpu::TextureView {
-    use wgpu::util::{DeviceExt, TextureDataOrder};
-    let descriptor = wgpu::TextureDescriptor {
-        label: Some("labels"),
-        size,
+/// The places of voxels' labels, laid as the voxels are.
+fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> wgpu::TextureView {
+    let texture = solid_texture(gpu, "labels", wgpu::TextureFormat::R8Uint, fold);
+    write_tiles(gpu, &texture, (fold, dims), 1, |first, part, slice| {
+        slice.extend(along_row(&labels.ranks()[first..][..dims[0]], part));
+    });
+    texture.create_view(&Default::default())
+}
+
+/// A 3-D texture for a grid.
+fn solid_texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, fold: &Fold) -> wgpu::Texture {
+    let [width, height, depth_or_array_layers] = fold.sides().map(|side| side as u32);
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D3,
-        format: wgpu::TextureFormat::R8Uint,
+        format,
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
-    };
-    let order = TextureDataOrder::LayerMajor;
-    let texture = gpu.device.create_texture_with_data(&gpu.queue, &descriptor, order, labels.ranks());
-    texture.create_view(&Default::default())
+    })
+}
+
+/// The values of a row that a tile's texels hold, in their order.
+fn along_row<'a, T>(row: &'a [T], part: &Part) -> impl Iterator<Item = &'a T> {
+    let row = &row[part.voxels.clone()];
+    let margin = |edge: Option<&'a T>| edge.into_iter().cycle().take(part.margin);
+    margin(row.first()).chain(row).chain(margin(row.last()))
 }
 
 impl DeviceVolume {
     /// Uploads a volume.
     ///
     /// # Errors
-    /// A grid larger than the adapter's 3-D textures, or a device out of memory.
+    /// A grid that no way of folding brings into the adapter's 3-D textures, or a device out of memory.
     pub fn upload(gpu: &Gpu, volume: &Volume) -> Result<Self> {
         let dims = volume.dims();
         let limit = gpu.device.limits().max_texture_dimension_3d as usize;
-        if let Some(n) = dims.iter().find(|n| **n > limit) {
-            return Err(Error::input(
-                "cannot render volume",
-                &volume.provenance.source,
-                format!("{n} voxels along an axis, the adapter's 3-D textures end at {limit}"),
-            ));
-        }
+        let fold = Fold::of(dims, limit).ok_or_else(|| {
+            let [x, y, z] = dims;
+            let why = format!(
+                "{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}"
+            );
+            Error::input("cannot render volume", &volume.provenance.source, why).hint(FIT_HINT)
+        })?;
         let Packing { format, center, per_stored } = packing(volume);
         let scaling = volume.scaling();
         let mapping = TexelMapping { scale: scaling.slope / per_stored, offset: scaling.apply(center) };
         let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let size = wgpu::Extent3d {
-            width: dims[0] as u32,
-            height: dims[1] as u32,
-            depth_or_array_layers: dims[2] as u32,
+        let kept = match format {
+            TexelFormat::Half => wgpu::TextureFormat::R16Float,
+            TexelFormat::Single => wgpu::TextureFormat::R32Float,
         };
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("volume"),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D3,
-            format: match format {
-                TexelFormat::Half => wgpu::TextureFormat::R16Float,
-                TexelFormat::Single => wgpu::TextureFormat::R32Float,
-            },
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
-        write_slices(gpu, volume, &texture, &Packing { format, center, per_stored });
-        let labels = volume.labels().map(|labels| label_texture(gpu, labels, size));
+        let texture = solid_texture(gpu, "volume", kept, &fold);
+        write_voxels(gpu, volume, &texture, &Packing { format, center, per_stored }, &fold);
+        let labels = volume.labels().map(|labels| label_texture(gpu, labels, &fold, dims));
         let last = gpu.queue.submit([]);
         gpu.wait_for(last)?;
-        let label_bytes = u64::from(labels.is_some());
-        let bytes = (dims[0] * dims[1] * dims[2]) as u64 * (format.bytes() + label_bytes);
+        let texel_bytes = format.bytes() + u64::from(labels.is_some());
+        let bytes = fold.sides().iter().product::<usize>() as u64 * texel_bytes;
         if pollster::block_on(scope.pop()).is_some() {
             return Err(Error::runtime(
                 "cannot upload volume",
                 &volume.provenance.source,
                 format!("the device has no {bytes} bytes left for it"),
-            ));
+            )
+            .hint(FIT_HINT));
         }
         let [a, b] = volume.stored_range().map(|s| (s - center) * per_stored);
         Ok(Self {
@@ -194,6 +222,7 @@ impl DeviceVolume {
             mapping,
             texel_range: [a.min(b), a.max(b)],
             dims,
+            fold,
             bytes,
         })
     }

@@ -3,6 +3,7 @@
 //! Whoever waits holds a [`Loading`] that the readers share: they say what they do and how much of it is done, and look
 //! now and then whether to go on. One that was cancelled returns an error soon and keeps nothing.
 
+use super::room::Room;
 use crate::error::{Error, Result};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -68,6 +69,23 @@ pub struct ReadingProgress {
 pub struct Loading {
     progress: Mutex<ReadingProgress>,
     cancelled: AtomicBool,
+    reducing: Mutex<Reducing>,
+}
+
+/// What a reader has done to its voxels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reduced {
+    /// Voxels along each axis that there were.
+    pub from: [usize; 3],
+    /// Voxels of a block along each axis that became one.
+    pub factors: [usize; 3],
+}
+
+/// How voxels are reduced while they are read.
+#[derive(Debug, Default)]
+struct Reducing {
+    room: Option<Room>,
+    done: Option<Reduced>,
 }
 
 impl Loading {
@@ -95,6 +113,28 @@ impl Loading {
             true => Err(Error::runtime("cannot read volume", source, "it was cancelled")),
             false => Ok(()),
         }
+    }
+
+    /// Says what voxels are to fit into, for readers that can reduce them as they come; `None` has them read as they are.
+    pub fn reduce_to(&self, room: Option<Room>) {
+        *self.reducing.lock().unwrap_or_else(PoisonError::into_inner) = Reducing { room, done: None };
+    }
+
+    /// By which factors a grid is to be reduced while it is read, of voxels of so many bytes each: a reader that asks has to
+    /// do it. `None`: it is to be read as it is.
+    ///
+    /// # Errors
+    /// No factors make it fit; in words.
+    pub fn factors_for(&self, dims: [usize; 3], voxel_bytes: u64) -> Result<Option<[usize; 3]>, String> {
+        let mut reducing = self.reducing.lock().unwrap_or_else(PoisonError::into_inner);
+        let factors = reducing.room.map(|room| room.factors(dims, voxel_bytes)).transpose()?;
+        reducing.done = factors.map(|factors| Reduced { from: dims, factors });
+        Ok(factors)
+    }
+
+    /// What a reader has reduced its voxels by, where one was asked to and asked how; said once.
+    pub fn take_reduced(&self) -> Option<Reduced> {
+        self.reducing.lock().unwrap_or_else(PoisonError::into_inner).done.take()
     }
 
     /// Says what is done from now on.
@@ -157,6 +197,11 @@ impl<'a, R> Watched<'a, R> {
     /// Of an input that is wanted up to byte `end`.
     pub fn new(input: R, end: u64, loading: &'a Loading) -> Self {
         Self { input, loading, at: 0, end }
+    }
+
+    /// Who watches.
+    pub fn loading(&self) -> &'a Loading {
+        self.loading
     }
 
     /// It is wanted only up to this byte.

@@ -7,4 +7,5 @@ pub mod input;
 pub mod loading;
 pub mod output;
 pub mod picture;
+pub mod room;
 pub mod vtk_xml;

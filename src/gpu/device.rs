@@ -156,6 +156,12 @@ impl Gpu {
     }
 }
 
+/// Texels along an axis of the largest 3-D texture of the adapter that the system prefers; `None` where there is none.
+pub fn texture_side() -> Option<usize> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    choose(&instance, None).ok().map(|adapter| adapter.limits().max_texture_dimension_3d as usize)
+}
+
 fn choose(instance: &wgpu::Instance, name: Option<&str>) -> Result<wgpu::Adapter> {
     let Some(name) = name else {
         return pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions {

@@ -17,7 +17,7 @@ pub use buffers::{
     StorageBuffer, clamp_sampler, copy_rows, read_back, steady_side, store_texture, table_texture,
     uniform_buffer,
 };
-pub use device::{DeviceLoss, Gpu};
+pub use device::{DeviceLoss, Gpu, texture_side};
 pub use kernels::Kernels;
 #[cfg(test)]
 pub(crate) use layout::{assert_layout, wgsl_layout};

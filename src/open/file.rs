@@ -154,6 +154,8 @@ mod tests {
     /// What some flag takes, the pickiest first; a setting that takes none of these needs a line more.
     const TEXTS: &[&str] = &[
         "2x2x2:u8",
+        "auto",
+        "2x2x1",
         "3x3x3:i16:be",
         "1:2,,3:",
         ":9,1:4,2:8",

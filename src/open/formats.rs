@@ -2,6 +2,7 @@
 //!
 //! One entry of [`FORMATS`] is all that a format needs: errors, hints, help and the window's dialog read that list.
 
+use super::fit::{fitted, room_for};
 use super::strands::{StrandFlags, is_strand_source, load_strands};
 use super::values;
 use crate::error::{Error, Result};
@@ -11,7 +12,7 @@ use crate::scene::Shading;
 use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::formats::raw::RawFile;
 use crate::volume::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack, vti, zarr};
-use crate::volume::{Crop, Phantom, RawLayout, Volume, nifti, raw};
+use crate::volume::{Crop, Fit, Phantom, RawLayout, Volume, nifti, raw};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -43,6 +44,10 @@ pub struct ReadFlags {
     /// Only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default: all]
     #[arg(long, value_name = "RANGES", value_parser = Crop::from_str, allow_hyphen_values = true, help_heading = "Volume")]
     pub crop: Option<Crop>,
+    /// Fewer voxels, each the mean of a block: of 2x2x1 voxels, or the smallest blocks that leave so many bytes of voxels
+    /// (--fit=2GiB), or that the adapter's textures and the machine's free memory hold (--fit) [default: all voxels]
+    #[arg(long, value_name = "auto|BYTES|XxYxZ", value_parser = Fit::from_str, num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
+    pub fit: Option<Fit>,
     #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
@@ -195,7 +200,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a built-in volume",
         asked_as: "phantom:NAME[:SIZE]",
         endings: &[],
-        flags: &["crop"],
+        flags: &["crop", "fit"],
         sniff: |spec, _| spec.phantom().is_some() && !spec.is_of_strands(),
         read: |spec, loading| {
             let (phantom, size) =
@@ -208,7 +213,7 @@ pub const FORMATS: &[Format] = &[
         kind: "raw voxels",
         asked_as: "raw files with --raw DIMXxDIMYxDIMZ:TYPE (.raw, .raw.gz)",
         endings: &["raw", "gz"],
-        flags: &["raw", "spacing", "offset", "crop"],
+        flags: &["raw", "spacing", "offset", "crop", "fit"],
         sniff: |spec, head| {
             let raw = head.is_named(&["raw", "raw.gz"]);
             spec.layout().is_some() || raw && Sidecar::path_of(spec.path()).is_file()
@@ -220,7 +225,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a Zarr store",
         asked_as: "OME-Zarr (a folder, .zarr)",
         endings: zarr::EXTENSIONS,
-        flags: &["frame", "level", "spacing", "crop"],
+        flags: &["frame", "level", "spacing", "crop", "fit"],
         sniff: |_, head| zarr::is_zarr(head),
         read: |spec, loading| zarr::read_with(spec.path(), spec.zarr_choice(), loading).map(Read::from),
         files: |spec| zarr::files_of(spec.path(), spec.zarr_choice()),
@@ -229,7 +234,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a DICOM series",
         asked_as: "DICOM (a folder, or a file of it)",
         endings: dicom::EXTENSIONS,
-        flags: &["series", "frame", "crop"],
+        flags: &["series", "frame", "crop", "fit"],
         sniff: |_, head| dicom::is_dicom(head),
         read: |spec, loading| {
             dicom::read_with(spec.path(), spec.flags.series, spec.frame(), loading).map(Read::from)
@@ -240,7 +245,7 @@ pub const FORMATS: &[Format] = &[
         kind: "NRRD",
         asked_as: "NRRD (.nrrd, .nhdr)",
         endings: nrrd::EXTENSIONS,
-        flags: &["frame", "crop"],
+        flags: &["frame", "crop", "fit"],
         sniff: |_, head| nrrd::is_nrrd(head),
         read: |spec, loading| nrrd::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| nrrd::files_of(spec.path()),
@@ -249,7 +254,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a MetaImage",
         asked_as: "MetaImage (.mha, .mhd)",
         endings: metaimage::EXTENSIONS,
-        flags: &["frame", "crop"],
+        flags: &["frame", "crop", "fit"],
         sniff: |_, head| metaimage::is_metaimage(head),
         read: |spec, loading| metaimage::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| metaimage::files_of(spec.path()),
@@ -258,7 +263,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a VTK image",
         asked_as: "VTK images (.vti)",
         endings: vti::EXTENSIONS,
-        flags: &["crop"],
+        flags: &["crop", "fit"],
         sniff: |_, head| vti::is_vti(head),
         read: |spec, loading| vti::read_with(spec.path(), loading).map(Read::from),
         files: itself,
@@ -267,7 +272,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a TIFF stack",
         asked_as: "TIFF (a file of pages, or a folder of files)",
         endings: tiff_stack::EXTENSIONS,
-        flags: &["frame", "spacing", "crop"],
+        flags: &["frame", "spacing", "crop", "fit"],
         sniff: |_, head| tiff_stack::is_tiff(head),
         read: |spec, loading| {
             tiff_stack::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -278,7 +283,7 @@ pub const FORMATS: &[Format] = &[
         kind: "a NumPy array",
         asked_as: "NumPy (.npy)",
         endings: npy::EXTENSIONS,
-        flags: &["frame", "spacing", "crop"],
+        flags: &["frame", "spacing", "crop", "fit"],
         sniff: |_, head| npy::is_npy(head),
         read: |spec, loading| {
             npy::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -302,7 +307,7 @@ pub const FORMATS: &[Format] = &[
         kind: "read as NIfTI",
         asked_as: "NIfTI and Analyze 7.5 (.nii, .nii.gz, .hdr with .img)",
         endings: &["nii", "gz", "hdr", "img"],
-        flags: &["frame", "crop"],
+        flags: &["frame", "crop", "fit"],
         sniff: |_, _| true,
         read: |spec, loading| {
             let path = spec.path();
@@ -345,9 +350,15 @@ pub fn read_with(spec: &VolumeSpec, loading: &Loading) -> Result<Read> {
     loading.go_on(&spec.source)?;
     let format = spec.format().unwrap_or(&FORMATS[FORMATS.len() - 1]);
     refuse_flags(spec, format)?;
-    let outcome = (format.read)(spec, loading).and_then(|read| match spec.flags.crop {
-        Some(crop) => Ok(Read { volume: read.volume.cropped(crop, loading)?, ..read }),
-        None => Ok(read),
+    let room = spec.flags.fit.map(room_for);
+    // Voxels that are cropped have to be there first.
+    loading.reduce_to(room.filter(|_| spec.flags.crop.is_none()));
+    let outcome = (format.read)(spec, loading).and_then(|read| {
+        let volume = match spec.flags.crop {
+            Some(crop) => read.volume.cropped(crop, loading)?,
+            None => read.volume,
+        };
+        Ok(Read { volume: fitted(volume, room, loading)?, ..read })
     });
     // Whatever else went wrong then did so because of that.
     loading.go_on(&spec.source)?;
@@ -390,6 +401,10 @@ mod tests {
         assert!(known.iter().all(|flag| used.contains(flag)), "{known:?} {used:?}");
         used.retain(|flag| !known.contains(flag));
         assert!(used.is_empty(), "{used:?}");
+        // What is done to any volume once it was read.
+        for format in FORMATS.iter().filter(|f| f.flags.contains(&"crop")) {
+            assert!(format.flags.contains(&"fit"), "{}", format.kind);
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What a user names, on the command line, in a scene file or in the window, becomes what the program works on.
 
 mod file;
+mod fit;
 pub mod formats;
 mod help;
 mod lights;
@@ -9,6 +10,7 @@ mod parts;
 pub mod presets;
 mod refusal;
 mod remark;
+mod seen;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
 mod strands;
@@ -21,6 +23,7 @@ pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
 pub use parts::{LabelFunction, LabelList, PartFlags};
 pub use refusal::{Refusal, refusal};
 pub use remark::Remark;
+pub use seen::Seen;
 pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, SceneArgs, SceneSettings};
 pub use strands::{
     StrandFlags, is_strand_source, lacks_thickness, load_strands, parse_resolution, parse_thickness_mm,

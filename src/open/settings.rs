@@ -6,6 +6,7 @@ use super::meshes::OpaqueFlags;
 use super::parts::PartFlags;
 use super::presets::{self, ResolvedTransferFunction, Suiting};
 use super::remark::Remark;
+use super::seen::Seen;
 use super::units::Units;
 use super::values::{self, Background, Size};
 use super::view;
@@ -71,10 +72,10 @@ pub struct SceneSettings {
     /// Picture size, pixels [default: 512x512]
     #[arg(long, value_name = "WxH", value_parser = values::size, allow_hyphen_values = true, help_heading = "Scene")]
     pub size: Option<Size>,
-    /// Where the camera is, world mm [default: frames the volume]
+    /// Where the camera is, world mm [default: frames what has extinction, and opaque things]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, help_heading = "Scene")]
     pub eye: Option<DVec3>,
-    /// What the camera looks at, world mm [default: the centre of the volume]
+    /// What the camera looks at, world mm [default: the middle of what is framed]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, help_heading = "Scene")]
     pub target: Option<DVec3>,
     /// Which direction is up in the picture [default: 0,0,1]
@@ -252,7 +253,8 @@ impl SceneSettings {
         remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
         remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));
         let mesh = self.opaque.read(&mut remarks, loading)?;
-        let scene = Scene { mesh, ..self.scene(&volume)? };
+        let scene = self.scene(&Seen::of(&volume, &tf, mesh.as_deref()))?;
+        let scene = Scene { mesh, ..scene };
         Ok(Loaded { volume, strands, tf, tf_source, scene, suiting, remarks })
     }
 
@@ -287,17 +289,17 @@ impl SceneSettings {
         Ok(all)
     }
 
-    /// The scene for a volume, without its opaque things, which [`Self::load`] reads.
+    /// The scene for what there is to see, without its opaque things, which [`Self::load`] reads.
     ///
     /// # Errors
     /// A camera that looks nowhere: eye at the target, or up along the view.
-    pub fn scene(&self, volume: &Volume) -> Result<Scene> {
-        let default = Scene::framing(volume);
+    pub fn scene(&self, seen: &Seen<'_>) -> Result<Scene> {
+        let default = Scene::framing(seen.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
         let Self { eye, target, up, view, zoom, fov, .. } = *self;
         let asked = view::Asked { eye, target, up, view, zoom, fov };
         Ok(Scene {
-            camera: view::camera(&asked, volume, size)?,
+            camera: view::camera(&asked, seen, size)?,
             lights: lights::checked(self.light.as_deref())?.unwrap_or(default.lights),
             ambient: self.ambient.unwrap_or(default.ambient),
             shading: self.shading.unwrap_or(default.shading),
@@ -359,14 +361,14 @@ mod tests {
 
     fn scene(line: &[&str]) -> Result<Scene> {
         let settings = Line::try_parse_from([&["test"], line].concat()).unwrap().settings;
-        settings.scene(&load(&VolumeSpec::new("phantom:slab:8"))?)
+        settings.scene(&Seen::whole(&load(&VolumeSpec::new("phantom:slab:8"))?))
     }
 
     #[test]
     fn the_defaults_are_the_contracts() {
         let scene = scene(&[]).unwrap();
         let volume = load(&VolumeSpec::new("phantom:slab:8")).unwrap();
-        assert_eq!(scene, Scene::framing(&volume));
+        assert_eq!(scene, Scene { camera: scene.camera, ..Scene::framing(&volume) });
         assert_eq!((scene.width, scene.height, scene.camera.fov_deg), (512, 512, 40.0));
         assert_eq!((scene.ambient, scene.step, scene.background), (0.1, 0.5, [0.0; 3]));
         assert_eq!((scene.shading, scene.skip), (Shading::None, Skip::Bricks));
@@ -390,7 +392,7 @@ mod tests {
             let spec = VolumeSpec::new("phantom:slab:8");
             let settings = SceneSettings::of_scene(&spec, &scene, transparent);
             assert_eq!(settings.spec(), spec);
-            assert_eq!(settings.scene(&volume).unwrap(), scene);
+            assert_eq!(settings.scene(&Seen::whole(&volume)).unwrap(), scene);
             assert_eq!(settings.is_transparent(), transparent);
         }
     }
@@ -401,7 +403,7 @@ mod tests {
         let offset = DVec3::new(5.0, 6.0, 7.0) - framed.target;
         assert!((moved.eye - framed.eye - offset).length() < 1e-9);
         let eye = scene(&["--eye", "-90,0,1"]).unwrap().camera;
-        assert_eq!((eye.eye, eye.target), (DVec3::new(-90.0, 0.0, 1.0), framed.target));
+        assert_eq!((eye.eye, eye.target), (DVec3::new(-90.0, 0.0, 1.0), DVec3::ZERO));
     }
 
     #[test]

@@ -1,10 +1,14 @@
-//! Where the camera of a scene is: what was asked for, and the volume framed for the rest.
+//! Where the camera of a scene is: what was asked for, and what there is to see framed for the rest.
 
+use super::seen::Seen;
 use super::values::Size;
 use crate::error::{Error, Result};
 use crate::scene::{AxisView, Camera};
-use crate::volume::Volume;
 use glam::DVec3;
+
+/// Where the camera is from what it looks at, unless something else is asked for: in front, a little to the side and above
+/// (RAS+: +y is anterior).
+const AWAY: DVec3 = DVec3::new(0.5, 0.8, 0.35);
 
 /// Below this sine of the angle between two directions they count as parallel in 32-bit arithmetic.
 const MIN_SINE: f64 = 1e-5;
@@ -24,7 +28,7 @@ pub(super) struct Asked {
 ///
 /// # Errors
 /// A camera that looks nowhere, or from two places.
-pub(super) fn camera(asked: &Asked, volume: &Volume, size: Size) -> Result<Camera> {
+pub(super) fn camera(asked: &Asked, seen: &Seen<'_>, size: Size) -> Result<Camera> {
     let side = asked.view;
     if side.is_some() && asked.eye.is_some() {
         let why = "--eye says where the camera is, and --view asks for a side";
@@ -33,14 +37,18 @@ pub(super) fn camera(asked: &Asked, volume: &Volume, size: Size) -> Result<Camer
     let up = asked.up.or(side.map(|s| s.up)).unwrap_or(DVec3::Z);
     let fov_deg = asked.fov.unwrap_or(Camera::DEFAULT_FOV_DEG);
     let half = (0.5 * fov_deg).to_radians().tan();
-    // A picture higher than wide is framed by its width.
-    let aspect = (f64::from(size.width) / f64::from(size.height)).min(1.0);
-    let narrow_deg = 2.0 * (aspect * half).atan().to_degrees();
-    let framing = Camera::framing(volume, up, narrow_deg);
-    let target = asked.target.unwrap_or(framing.target);
-    let away = framing.eye - framing.target;
-    let away = side.map_or(away, |s| s.away * away.length());
-    let eye = asked.eye.unwrap_or(target + away);
+    let along_up = AWAY.normalize().cross(up).length() < 1e-3 * up.length();
+    let away = side.map_or(if along_up { DVec3::Y } else { AWAY }, |s| s.away);
+    let aspect = f64::from(size.width) / f64::from(size.height);
+    let (target, eye) = match (asked.target, asked.eye) {
+        (Some(target), Some(eye)) => (target, eye),
+        (None, Some(eye)) => (seen.center_mm(), eye),
+        (target, None) => {
+            let framed = seen.framed(away, up, fov_deg, aspect);
+            let target = target.unwrap_or(framed.target);
+            (target, target + framed.eye - framed.target)
+        }
+    };
     // The eye stays where it is, so that nothing is passed through.
     let fov_deg = asked.zoom.map_or(fov_deg, |zoom| 2.0 * (half / zoom).atan().to_degrees());
     let view = target - eye;
@@ -66,7 +74,8 @@ mod tests {
     fn sides_are_looked_from_and_zoom_enlarges() {
         let volume = Phantom::Thorax.build(16).unwrap();
         let size = Size { width: 100, height: 100 };
-        let of = |asked: &Asked| camera(asked, &volume, size).unwrap();
+        let seen = Seen::whole(&volume);
+        let of = |asked: &Asked| camera(asked, &seen, size).unwrap();
         for side in AXIS_VIEWS {
             let seen = of(&Asked { view: Some(side), ..Asked::default() });
             let forward = seen.frame().forward;
@@ -78,6 +87,6 @@ mod tests {
         let half = |camera: &Camera| (0.5 * camera.fov_deg.to_radians()).tan();
         assert!((half(&plain) / half(&near) - 2.5).abs() < 1e-12 && plain.eye == near.eye);
         let both = Asked { view: Some(AXIS_VIEWS[0]), eye: Some(DVec3::ONE), ..Asked::default() };
-        assert!(camera(&both, &volume, size).is_err());
+        assert!(camera(&both, &seen, size).is_err());
     }
 }

@@ -1,5 +1,6 @@
 //! Element types of voxels in a file, and reading them in bounded pieces.
 
+use super::fit::Reducer;
 use super::{Voxel, Voxels};
 use ndarray::Array3;
 use std::fmt;
@@ -183,7 +184,24 @@ pub fn read_voxels(
     element: Element,
     order: ByteOrder,
 ) -> Result<Voxels, ReadFailure> {
-    with_element!(element, order, convert => read_array(input, dims, convert))
+    read_reduced(input, dims, element, order, None)
+}
+
+/// As [`read_voxels`], and keeps the means of blocks of so many voxels along each axis alone.
+///
+/// # Errors
+/// As there.
+pub(super) fn read_reduced(
+    input: &mut impl Read,
+    dims: [usize; 3],
+    element: Element,
+    order: ByteOrder,
+    factors: Option<[usize; 3]>,
+) -> Result<Voxels, ReadFailure> {
+    match factors {
+        Some(factors) => with_element!(element, order, convert => read_means(input, dims, factors, convert)),
+        None => with_element!(element, order, convert => read_array(input, dims, convert)),
+    }
 }
 
 /// As [`read_voxels`], of data in which the last axis runs fastest and the first one slowest; each number is put where it belongs
@@ -245,6 +263,33 @@ fn read_array<T, const N: usize>(
         values.extend(chunk[..wanted * N].as_chunks::<N>().0.iter().map(|&bytes| convert(bytes)));
     }
     Array3::from_shape_vec((dims[2], dims[1], dims[0]), values).map_err(|_| ReadFailure::Memory)
+}
+
+/// As [`read_array`], row by row into blocks.
+fn read_means<T: Voxel, const N: usize>(
+    input: &mut impl Read,
+    dims: [usize; 3],
+    factors: [usize; 3],
+    convert: impl Fn([u8; N]) -> T,
+) -> Result<Array3<T>, ReadFailure> {
+    let [nx, ny, nz] = dims;
+    let row_bytes = nx.checked_mul(N).ok_or(ReadFailure::Memory)?;
+    let rows = ny.checked_mul(nz).ok_or(ReadFailure::Memory)?;
+    let mut reducer = Reducer::new(dims, factors).ok_or(ReadFailure::Memory)?;
+    let (mut bytes, mut row) = (Vec::new(), Vec::new());
+    bytes.try_reserve_exact(row_bytes).map_err(|_| ReadFailure::Memory)?;
+    row.try_reserve_exact(nx).map_err(|_| ReadFailure::Memory)?;
+    bytes.resize(row_bytes, 0u8);
+    for before in 0..rows {
+        let got = read_full(input, &mut bytes).map_err(ReadFailure::Io)?;
+        if got < row_bytes {
+            return Err(ReadFailure::Short { got: (before * row_bytes + got) as u64 });
+        }
+        row.clear();
+        row.extend(bytes.as_chunks::<N>().0.iter().map(|&bytes| convert(bytes)));
+        reducer.row(&row).ok_or(ReadFailure::Memory)?;
+    }
+    reducer.finish().ok_or(ReadFailure::Memory)
 }
 
 /// Fills `buffer` as far as the input goes; returns the number of bytes read.

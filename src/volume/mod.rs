@@ -7,10 +7,10 @@ mod bricks;
 mod crop;
 mod directions;
 mod element;
+mod fit;
 pub mod formats;
 mod histogram;
 mod labels;
-mod memory;
 mod phantom;
 mod segmentation;
 mod thorax;
@@ -19,6 +19,7 @@ pub use bricks::{BRICK_CELLS, BrickLabels, Bricks, RankSet};
 pub use crop::Crop;
 pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
+pub use fit::Fit;
 pub use formats::nifti_write::{NIFTI_EXTENSIONS, write_nifti};
 pub use formats::raw_layout::RawLayout;
 pub use formats::write::{VOLUME_EXTENSIONS, write_volume};
@@ -83,24 +84,31 @@ pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
     fn to_f64(self) -> f64;
     /// The number that is nearest towards 0; the last one there is where it is beyond.
     fn of_f64(value: f64) -> Self;
+
+    /// The nearest of this type.
+    fn nearest(value: f64) -> Self;
 }
 
 macro_rules! voxel {
-    ($($t:ty),*) => { $(
-        impl Voxel for $t {
-            #[inline(always)]
-            fn to_f64(self) -> f64 {
-                f64::from(self)
-            }
-
-            #[inline(always)]
-            fn of_f64(value: f64) -> Self {
-                value as $t
-            }
+    ($round:expr => $($t:ty),*) => { $(impl Voxel for $t {
+        #[inline(always)]
+        fn to_f64(self) -> f64 {
+            f64::from(self)
         }
-    )* };
+
+        #[inline(always)]
+        fn of_f64(value: f64) -> Self {
+            value as $t
+        }
+
+        #[inline(always)]
+        fn nearest(value: f64) -> Self {
+            $round(value) as $t
+        }
+    })* };
 }
-voxel!(u8, i16, u16, f32, f64);
+voxel!(f64::round => u8, i16, u16);
+voxel!(f64::from => f32, f64);
 
 /// `value = stored * slope + intercept`, in `f64`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]

@@ -9,6 +9,7 @@ mod common;
 mod degenerate;
 mod exact_pictures;
 mod fair;
+mod folded;
 mod forced;
 mod invariance;
 mod kajiya_kay;

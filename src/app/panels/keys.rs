@@ -7,13 +7,14 @@ use crate::app::model::Model;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 
 /// Each key with what it does.
-pub const KEYS: [(&str, &str); 16] = [
+pub const KEYS: [(&str, &str); 17] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
     ("Ctrl+E", "export a picture"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo (transfer function)"),
     ("1 … 6", "look from anterior, posterior, left, right, superior, inferior"),
     ("Home", "reset the camera"),
+    ("0", "frame what the transfer function shows"),
     ("C", "split view on or off"),
     ("X", "switch the two methods"),
     ("F", "flicker between the two methods on or off"),
@@ -66,6 +67,11 @@ pub fn shortcuts(
     }
     if hit(Modifiers::NONE, Key::Home) {
         model.reset_camera();
+    }
+    if hit(Modifiers::NONE, Key::Num0)
+        && let Some(document) = &mut model.document
+    {
+        document.frame_seen();
     }
     if hit(Modifiers::NONE, Key::C) {
         model.split.set(model.split.share.is_none());

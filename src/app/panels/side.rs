@@ -60,6 +60,7 @@ fn section(ui: &mut egui::Ui, title: &str, contents: impl FnOnce(&mut egui::Ui))
 fn picture(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let scene = &mut document.scene;
+    let mut frame = false;
     egui::Grid::new("picture").num_columns(2).show(ui, |ui| {
         ui.label("Field of view");
         let fov = egui::Slider::new(&mut scene.camera.fov_deg, 5.0..=120.0).suffix("°").max_decimals(1);
@@ -100,12 +101,20 @@ fn picture(ui: &mut egui::Ui, model: &mut Model) {
                     camera::look_from(&mut scene.camera, view);
                 }
             }
+        });
+        ui.end_row();
+        ui.label("Camera");
+        ui.horizontal(|ui| {
             if ui.small_button("reset").on_hover_text("The first view (Home)").clicked() {
                 scene.camera = document.home;
             }
+            frame = ui.small_button("frame").on_hover_text("What is seen fills the picture (0)").clicked();
         });
         ui.end_row();
     });
+    if frame {
+        document.frame_seen();
+    }
 }
 
 fn volume(ui: &mut egui::Ui, model: &Model) {

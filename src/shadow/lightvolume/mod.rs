@@ -265,7 +265,8 @@ impl Method for LightVolume {
         let own = uniform_buffer(gpu, "light volume", &own);
         let making = Making { context, lattice, light: context.light_uniform(&light_space), own };
         let format = wgpu::TextureFormat::R32Float;
-        let nodes = VolumeTexture::new(gpu, "light volume", format, lattice.counts.to_array())?;
+        let nodes = VolumeTexture::new(gpu, "light volume", format, lattice.counts.to_array())
+            .map_err(|e| e.hint("a larger scale has fewer nodes"))?;
         let built = match self.build {
             LightBuild::Gather => self.gather(&making, &nodes)?,
             LightBuild::Sweep => self.sweep(&making, &nodes)?,

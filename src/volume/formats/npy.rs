@@ -64,6 +64,10 @@ pub fn read_with(
     };
     let of_several = picked(path, frame, frames)?;
     let Header { element, byte_order, is_fortran, .. } = header;
+    if is_fortran {
+        // Turned about while it is read: reduced afterwards.
+        loading.reduce_to(None);
+    }
     let block = Block { dims: [nx, ny, nz], element, byte_order, offset: header_bytes, frame };
     // In Fortran's order the first axis runs fastest.
     let voxels = match is_fortran {

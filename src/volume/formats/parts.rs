@@ -5,9 +5,9 @@ use super::beside::beside;
 use super::source::{Block, Packing, Source};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
+use crate::files::room::refuse_beyond_host;
 use crate::volume::Voxels;
 use crate::volume::element::{ReadFailure, read_voxels};
-use crate::volume::memory::refuse_beyond_host;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 

@@ -2,9 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
+use crate::files::room;
 use crate::volume::Voxels;
-use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_turned_voxels, read_voxels};
-use crate::volume::memory::refuse_beyond_host;
+use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_reduced, read_turned_voxels};
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -71,6 +71,15 @@ impl<'a> Source<'a> {
             }
             true => Self::Zlib { stream: Box::new(ZlibDecoder::new(file)), packed_bytes: bytes },
         })
+    }
+
+    fn loading(&self) -> &'a Loading {
+        match self {
+            Self::Plain { file, .. } => file.get_ref(),
+            Self::Gzip { stream, .. } => stream.get_ref().get_ref(),
+            Self::Zlib { stream, .. } => stream.get_ref().get_ref(),
+        }
+        .loading()
     }
 
     /// Says that the bytes up to `end` are what is read. What a packed stream holds before them is only told from all of
@@ -162,12 +171,21 @@ impl Block {
         self.dims.iter().try_fold(bytes, |bytes, n| bytes.checked_mul(*n as u64))
     }
 
+    /// What they are reduced by while they are read; voxels that there is no memory for are refused.
+    fn factors(&self, data: &Source<'_>) -> Result<Option<[usize; 3]>, String> {
+        let factors = data.loading().factors_for(self.dims, self.element.kept_bytes() as u64)?;
+        let dims = factors.map_or(self.dims, |factors| room::reduced_dims(self.dims, factors));
+        room::check(dims, self.element.kept_bytes() as u64).map(|()| factors)
+    }
+
     /// Reads the voxels out of a stream of which `read` bytes have been taken.
     ///
     /// # Errors
     /// The stream holds fewer bytes than are claimed, or cannot be read; in words.
     pub(super) fn read(&self, data: &mut Source<'_>, read: u64) -> Result<Voxels, String> {
-        self.read_by(data, read, |data| read_voxels(data, self.dims, self.element, self.byte_order))
+        self.read_by(data, read, |data, factors| {
+            read_reduced(data, self.dims, self.element, self.byte_order, factors)
+        })
     }
 
     /// As [`Self::read`], where z runs fastest and x slowest.
@@ -175,14 +193,15 @@ impl Block {
     /// # Errors
     /// As there.
     pub(super) fn read_turned(&self, data: &mut Source<'_>, read: u64) -> Result<Voxels, String> {
-        self.read_by(data, read, |data| read_turned_voxels(data, self.dims, self.element, self.byte_order))
+        // Means of blocks are made afterwards.
+        self.read_by(data, read, |data, _| read_turned_voxels(data, self.dims, self.element, self.byte_order))
     }
 
     fn read_by<'a>(
         &self,
         data: &mut Source<'a>,
         read: u64,
-        voxels: impl FnOnce(&mut Source<'a>) -> Result<Voxels, ReadFailure>,
+        voxels: impl FnOnce(&mut Source<'a>, Option<[usize; 3]>) -> Result<Voxels, ReadFailure>,
     ) -> Result<Voxels, String> {
         let [nx, ny, nz] = self.dims;
         let claim = format!("{nx}x{ny}x{nz} {} from byte {} on", self.stored_type(), self.offset);
@@ -198,12 +217,12 @@ impl Block {
         if end > data.most_bytes() {
             return Err(short(format!("holds {}", data.held())));
         }
-        refuse_beyond_host(self.kept_bytes())?;
+        let factors = self.factors(data)?;
         data.wanted_to(end);
         if start < read || data.skip(start - read).map_err(|e| e.to_string())? < start - read {
             return Err(short(format!("ends before byte {start}")));
         }
-        let voxels = voxels(data).map_err(|failure| match failure {
+        let voxels = voxels(data, factors).map_err(|failure| match failure {
             ReadFailure::Short { got } => short(format!("ends after {}", start + got)),
             other => other.to_string(),
         })?;
@@ -231,12 +250,12 @@ impl Block {
         if end.is_none_or(|end| end > data.most_bytes()) {
             return Err(Whole::Another(data.held()));
         }
-        refuse_beyond_host(self.kept_bytes()).map_err(Whole::Unreadable)?;
         let io_error = |e: io::Error| Whole::Unreadable(e.to_string());
         if data.skip(self.offset).map_err(io_error)? < self.offset {
             return Err(Whole::Another("fewer".into()));
         }
-        let voxels = read_voxels(data, self.dims, self.element, self.byte_order);
+        let factors = self.factors(data).map_err(Whole::Unreadable)?;
+        let voxels = read_reduced(data, self.dims, self.element, self.byte_order, factors);
         let voxels = voxels.map_err(|failure| match failure {
             ReadFailure::Short { got } => Whole::Another(format!("{} bytes", self.offset + got)),
             other => Whole::Unreadable(other.to_string()),

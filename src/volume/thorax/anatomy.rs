@@ -2,8 +2,8 @@
 
 use super::noise::uniform;
 use super::regions::{CAVITY_HALF, CAVITY_Y, HEART, cavity_scale, lungs};
-use super::shape::{Painter, Shape};
-use glam::{Vec3, vec3};
+use super::shape::{Painter, Part, Solid, drum, path, plate, tube};
+use glam::{Vec3, vec2, vec3};
 
 /// Points of a smooth curve (Catmull-Rom) through the given ones.
 fn smooth(points: &[Vec3]) -> Vec<Vec3> {
@@ -29,7 +29,7 @@ fn smooth(points: &[Vec3]) -> Vec<Vec3> {
 }
 
 /// Everything painted, in order.
-pub fn shapes() -> Vec<Shape> {
+pub fn solids() -> Vec<Solid> {
     let mut painter = Painter::default();
     abdomen(&mut painter);
     lung_vessels(&mut painter);
@@ -39,7 +39,7 @@ pub fn shapes() -> Vec<Shape> {
     spine(&mut painter);
     ribs(&mut painter);
     sternum_and_shoulders(&mut painter);
-    painter.shapes
+    painter.solids
 }
 
 fn abdomen(painter: &mut Painter) {
@@ -148,12 +148,12 @@ fn airways(painter: &mut Painter) {
         }
     }
     // All walls before all lumens, so that branches open into each other.
-    for (points, radii) in &tubes {
-        painter.path(20.0, points, radii.map(|r| r + 1.4));
-    }
-    for (points, radii) in &tubes {
-        painter.path(-985.0, points, *radii);
-    }
+    let wider = |mm: f32| {
+        let tubes = tubes.iter();
+        tubes.flat_map(|(points, radii)| path(points, radii.map(|r| r + mm), 1.0)).collect::<Vec<Part>>()
+    };
+    painter.solid(20.0, wider(1.4));
+    painter.solid(-985.0, wider(0.0));
 }
 
 /// Arteries and veins of both lungs: each branch forks in two, thinner by Murray's law (2^(-1/3)).
@@ -182,7 +182,7 @@ fn lung_vessels(painter: &mut Painter) {
                 // Contrast fades to tissue in the smallest ones.
                 let hu = 60.0 + 60.0 * branch.radius.min(4.0);
                 let radii = [branch.radius, 0.5 * (branch.radius + thinner)];
-                painter.tube(hu, branch.from, end, radii);
+                painter.solid(hu, vec![tube(branch.from, end, radii, 1.0)]);
                 if thinner < 0.55 {
                     continue;
                 }
@@ -227,26 +227,22 @@ fn spine(painter: &mut Painter) {
         let center = vec3(0.0, spine_y(z), z);
         let (x, y) = (vec3(5.5, 0.0, 0.0), vec3(0.0, 12.0, 0.0));
         if half % 2 != 0 {
-            painter.flat_tube(85.0, center - x, center + x, [11.5; 2], 0.62);
+            painter.solid(85.0, vec![tube(center - x, center + x, [11.5; 2], 0.62)]);
             continue;
         }
-        // A drum: stacked layers, a little wider at the end plates.
+        // A drum, a little wider at the end plates.
         for (hu, inset) in [(620.0, 0.0), (230.0, 1.9)] {
-            for layer in -3i32..=3 {
-                let at = center + vec3(0.0, 0.0, layer as f32 * (2.55 - 0.2 * inset));
-                let radius = 11.0 + 0.12 * (layer * layer) as f32 - inset;
-                painter.flat_tube(hu, at - x, at + x, [radius; 2], 0.22);
-            }
+            painter.solid(hu, vec![drum(center, vec2(5.5, 9.8 - inset), 11.0 - inset, 0.018)]);
         }
         let arch = center - 2.1 * y;
         for side in [-1.0, 1.0] {
             let pedicle = center + vec3(side * 11.0, -9.0, 3.0);
             let joint = arch + vec3(side * 12.5, 0.0, 1.0);
-            painter.bone(pedicle, joint, 4.2, 1.6, 1.3);
-            painter.bone(joint, arch + vec3(0.0, -9.0, -2.0), 4.0, 1.6, 1.6);
-            painter.bone(joint, joint + vec3(side * 22.0, -7.0, 3.0), 4.0, 1.5, 1.0);
+            painter.bone(&[pedicle, joint], 4.2, 1.6, 1.3);
+            painter.bone(&[joint, arch + vec3(0.0, -9.0, -2.0)], 4.0, 1.6, 1.6);
+            painter.bone(&[joint, joint + vec3(side * 22.0, -7.0, 3.0)], 4.0, 1.5, 1.0);
         }
-        painter.bone(arch + vec3(0.0, -9.0, -2.0), arch + vec3(0.0, -22.0, -16.0), 3.4, 1.5, 1.5);
+        painter.bone(&[arch + vec3(0.0, -9.0, -2.0), arch + vec3(0.0, -22.0, -16.0)], 3.4, 1.5, 1.5);
     }
     let canal: Vec<Vec3> =
         (-15..=15).map(|i| vec3(0.0, spine_y(9.0 * i as f32) - 20.5, 9.0 * i as f32)).collect();
@@ -271,18 +267,14 @@ fn ribs(painter: &mut Painter) {
             };
             let mut points: Vec<Vec3> = (0..=28).map(|i| point(i as f32 / 28.0)).collect();
             points.insert(0, vec3(side * 15.0, spine_y(head_z) - 6.0, head_z + 2.0));
-            for ends in points.windows(2) {
-                painter.flat_tube(700.0, ends[0], ends[1], [3.7; 2], 1.7);
-            }
-            for ends in points.windows(2) {
-                painter.flat_tube(280.0, ends[0], ends[1], [2.1; 2], 1.7);
-            }
+            painter.solid(700.0, path(&points, [3.7; 2], 1.7));
+            painter.solid(280.0, path(&points, [2.1; 2], 1.7));
             if number <= 8 {
                 let from = point(1.0);
                 let z = (from.z + 9.0 + 4.0 * (n - 4.0).max(0.0)).max(-40.0);
                 let to = vec3(side * 14.0, sternum_y(z), z);
                 let middle = 0.5 * (from + to) + vec3(0.0, 4.0, -6.0);
-                painter.path(135.0, &smooth(&[from, middle, to]), [5.2, 5.0]);
+                painter.path(190.0, &smooth(&[from, middle, to]), [5.2, 5.0]);
             }
         }
     }
@@ -294,15 +286,20 @@ fn sternum_y(z: f32) -> f32 {
 }
 
 fn sternum_and_shoulders(painter: &mut Painter) {
-    for (hu, inset) in [(620.0, 0.0), (240.0, 1.6)] {
-        for layer in 0..=26 {
+    // Both edges of a plate that is narrow below and broad above, where it is the manubrium.
+    let edges: Vec<[Vec3; 2]> = (0..=26)
+        .map(|layer| {
             let z = -46.0 + 5.0 * layer as f32;
-            // Narrow body below, broad manubrium above.
             let half_width = if z > 50.0 { 12.0 + 0.35 * (z - 50.0) } else { 11.0 + 2.0 * (0.12 * z).sin() };
-            let x = vec3(half_width, 0.0, 0.0);
-            let center = vec3(0.0, sternum_y(z), z);
-            painter.tube(hu, center - x, center + x, [5.2 - inset; 2]);
-        }
+            [-1.0, 1.0].map(|side| vec3(side * half_width, sternum_y(z), z))
+        })
+        .collect();
+    for (hu, radius) in [(620.0, 5.2), (240.0, 3.6)] {
+        let triangles = edges.windows(2).flat_map(|layers| {
+            let [[a, b], [c, d]] = [layers[0], layers[1]];
+            [plate([a, b, c], radius), plate([b, c, d], radius)]
+        });
+        painter.solid(hu, triangles.collect());
     }
     for side in [-1.0, 1.0] {
         let clavicle = smooth(&[
@@ -311,20 +308,18 @@ fn sternum_and_shoulders(painter: &mut Painter) {
             vec3(side * 88.0, 40.0, 108.0),
             vec3(side * 118.0, 12.0, 116.0),
         ]);
-        for ends in clavicle.windows(2) {
-            painter.bone(ends[0], ends[1], 5.8, 2.0, 1.0);
-        }
-        // Scapula: a thin blade along the back of the cage, and its spine.
-        let blade = [vec3(72.0, -84.0, 92.0), vec3(120.0, -62.0, 96.0), vec3(86.0, -88.0, 4.0)]
-            .map(|p| p * vec3(side, 1.0, 1.0));
-        for step in 0..=22 {
-            let t = step as f32 / 22.0;
-            painter.bone(blade[0].lerp(blade[2], t), blade[1].lerp(blade[2], t), 3.0, 1.5, 1.0);
-        }
+        painter.bone(&clavicle, 5.8, 2.0, 1.0);
+        // Scapula: a thin blade along the back of the cage with thicker borders, and its spine.
+        let mirror = vec3(side, 1.0, 1.0);
+        let blade = [vec3(72.0, -84.0, 92.0), vec3(120.0, -62.0, 96.0), vec3(86.0, -88.0, 4.0)];
+        let blade = blade.map(|p| p * mirror);
+        let [inner, outer, tip] = blade;
+        let mut bone = vec![plate(blade, 1.8)];
+        bone.extend(path(&[inner, tip], [2.8; 2], 1.0));
+        bone.extend(path(&[outer, tip], [4.2, 3.2], 1.0));
+        painter.solid(640.0, bone);
+        painter.solid(280.0, path(&[outer, tip], [2.4, 1.4], 1.0));
         let spine = [vec3(74.0, -88.0, 78.0), vec3(104.0, -84.0, 92.0), vec3(132.0, -58.0, 106.0)];
-        for ends in spine.windows(2) {
-            let mirror = vec3(side, 1.0, 1.0);
-            painter.bone(ends[0] * mirror, ends[1] * mirror, 4.6, 1.7, 1.0);
-        }
+        painter.bone(&smooth(&spine.map(|p| p * mirror)), 4.6, 1.7, 1.0);
     }
 }

@@ -5,51 +5,101 @@ use glam::{Vec2, Vec3, vec2, vec3};
 /// HU of air.
 pub const AIR: f32 = -1000.0;
 
-/// `inside` where the signed distance is below 0, `outside` above, a ramp in between.
-pub fn over(outside: f32, inside: f32, distance_mm: f32, edge_mm: f32) -> f32 {
-    outside + (inside - outside) * (0.5 - distance_mm / edge_mm).clamp(0.0, 1.0)
+/// `inside` where the signed distance is below 0, `outside` above, and in between what a scanner makes of an edge: its
+/// detector and its reconstruction each average over about a cell, together with the weights of a tent two cells wide.
+pub fn over(outside: f32, inside: f32, distance: f32, cell: f32) -> f32 {
+    let t = (distance / cell).clamp(-1.0, 1.0);
+    // The tent's integral up to the edge.
+    let within = 0.5 * (1.0 - t.abs()).powi(2);
+    outside + (inside - outside) * if t < 0.0 { 1.0 - within } else { within }
 }
 
-/// HU of everything that is not a painted shape.
-pub fn tissue(p: Vec3, edge_mm: f32) -> f32 {
-    let body = body(p);
-    let outside = table(p, edge_mm);
-    if body > edge_mm {
+/// A surface near a point.
+#[derive(Clone, Copy)]
+struct Surface {
+    /// Signed distance to it, below 0 inside.
+    mm: f32,
+    /// How wide a voxel's cell is along its normal, mm: the width of its edge.
+    edge_mm: f32,
+}
+
+impl Surface {
+    /// Of a function that is 0 there, by its gradient.
+    fn new(value: f32, gradient: Vec3, cell: Vec3) -> Self {
+        let slope = gradient.length().max(1e-6);
+        Self { mm: value / slope, edge_mm: (gradient * cell).length() / slope }
+    }
+
+    /// The one so much further in.
+    fn inward(self, mm: f32) -> Self {
+        Self { mm: self.mm + mm, ..self }
+    }
+
+    /// What is outside of it.
+    fn outside(self) -> Self {
+        Self { mm: -self.mm, ..self }
+    }
+
+    /// What both hold.
+    fn and(self, other: Self) -> Self {
+        if self.mm > other.mm { self } else { other }
+    }
+
+    fn is_far_outside(self) -> bool {
+        self.mm > self.edge_mm
+    }
+
+    fn is_far_inside(self) -> bool {
+        self.mm < -self.edge_mm
+    }
+
+    fn over(self, outside: f32, inside: f32) -> f32 {
+        over(outside, inside, self.mm, self.edge_mm)
+    }
+}
+
+/// HU of everything that is not a painted solid, in a voxel's cell of so many mm.
+pub fn tissue(p: Vec3, cell: Vec3) -> f32 {
+    let body = body(p, cell);
+    let outside = table(p, cell);
+    if body.is_far_outside() {
         return outside;
     }
-    let mut hu = over(outside, 30.0, body, edge_mm);
-    hu = over(hu, -105.0, body + 2.5, edge_mm);
+    let mut hu = body.over(outside, 30.0);
+    hu = body.inward(2.5).over(hu, -105.0);
     // Fat is thicker at the sides and in front than at the back.
     let fat_mm = 9.0 + 5.0 * (p.x / 160.0).powi(2) + 4.0 * (p.y / 110.0).max(0.0);
-    let muscle = body + fat_mm;
-    if muscle > edge_mm {
+    let muscle = body.inward(fat_mm);
+    if muscle.is_far_outside() {
         return hu;
     }
-    hu = over(hu, 55.0, muscle, edge_mm);
-    let cavity = cavity(p);
-    if cavity > edge_mm {
+    hu = muscle.over(hu, 55.0);
+    let cavity = cavity(p, cell);
+    if cavity.is_far_outside() {
         return hu;
     }
-    let below = diaphragm(p);
+    let below = diaphragm(p, cell);
     // Lungs sink under their own weight: denser towards the back.
     let lung_hu = -840.0 - 0.45 * (p.y - 10.0);
     let lung = lung_from(p, cavity, below);
-    if lung < -edge_mm {
+    if lung.is_far_inside() {
         return lung_hu;
     }
     let mut inside = mediastinum_hu(p);
-    if below > -edge_mm {
-        inside = over(inside, abdomen_hu(p, edge_mm), -below, edge_mm);
+    if !below.is_far_inside() {
+        inside = below.outside().over(inside, abdomen_hu(p, cell));
     }
-    hu = over(hu, inside, cavity, edge_mm);
-    over(hu, lung_hu, lung, edge_mm)
+    hu = cavity.over(hu, inside);
+    lung.over(hu, lung_hu)
 }
 
 /// Signed distance to the skin, to first order.
-fn body(p: Vec3) -> f32 {
+fn body(p: Vec3, cell: Vec3) -> Surface {
     let up = (p.z / 128.0).clamp(-0.5, 1.0);
     let half = vec2(162.0 - 14.0 * up * up, 112.0 - 12.0 * up * up);
-    superellipse(vec2(p.x, p.y - 8.0), half)
+    let q = vec2(p.x, p.y - 8.0).abs() / half;
+    let slope = q * vec2(q.x.sqrt(), q.y.sqrt());
+    Surface::new(slope.dot(q) - 1.0, (2.5 * slope / half).extend(0.0), cell)
 }
 
 /// Centre of the rib cage in y, and its half axes.
@@ -67,45 +117,47 @@ pub fn cavity_scale(z: f32) -> f32 {
 }
 
 /// Signed distance to the inside of the rib cage, to first order.
-fn cavity(p: Vec3) -> f32 {
+fn cavity(p: Vec3, cell: Vec3) -> Surface {
     let u = p.x.abs() / CAVITY_HALF.x;
     let v = (p.y - CAVITY_Y).abs() / CAVITY_HALF.y;
     let w = apex(p.z);
     let slopes = [u, v, w].map(|t| t * t.sqrt());
     let value = slopes[0] * u + slopes[1] * v + slopes[2] * w - 1.0;
     let gradient = vec3(slopes[0] / CAVITY_HALF.x, slopes[1] / CAVITY_HALF.y, slopes[2] / 142.0);
-    value / (2.5 * gradient.length()).max(1e-3)
-}
-
-/// Signed distance to `|x/a|^2.5 + |y/b|^2.5 = 1`, to first order.
-fn superellipse(p: Vec2, half: Vec2) -> f32 {
-    let q = p.abs() / half;
-    let slope = q * vec2(q.x.sqrt(), q.y.sqrt());
-    (slope.dot(q) - 1.0) / (2.5 * (slope / half).length()).max(1e-3)
+    Surface::new(value, 2.5 * gradient, cell)
 }
 
 /// Signed distance to the diaphragm, above 0 underneath: two domes, the right one (+x) higher.
-fn diaphragm(p: Vec3) -> f32 {
-    let dome = |x: f32, top: f32| top - 40.0 * (((p.x - x) / 78.0).powi(2) + ((p.y - 8.0) / 92.0).powi(2));
-    (dome(60.0, -34.0).max(dome(-62.0, -44.0)).max(-112.0) - p.z) * 0.8
+fn diaphragm(p: Vec3, cell: Vec3) -> Surface {
+    let dome = |x: f32, top: f32| {
+        let off = vec2(p.x - x, p.y - 8.0);
+        let height = top - 40.0 * ((off.x / 78.0).powi(2) + (off.y / 92.0).powi(2));
+        (height, -80.0 * vec2(off.x / (78.0 * 78.0), off.y / (92.0 * 92.0)))
+    };
+    let (right, left, floor) = (dome(60.0, -34.0), dome(-62.0, -44.0), (-112.0, Vec2::ZERO));
+    let higher = |a: (f32, Vec2), b: (f32, Vec2)| if a.0 > b.0 { a } else { b };
+    let (height, slope) = higher(higher(right, left), floor);
+    let surface = Surface::new(1.0, slope.extend(-1.0), cell);
+    Surface { mm: 0.8 * (height - p.z), ..surface }
 }
 
-/// Signed distance to the lungs: in the cage, above the diaphragm, beside the mediastinum.
+/// Signed distance to the lungs, mm: in the cage, above the diaphragm, beside the mediastinum.
 pub fn lungs(p: Vec3) -> f32 {
-    lung_from(p, cavity(p), diaphragm(p))
+    lung_from(p, cavity(p, Vec3::ONE), diaphragm(p, Vec3::ONE)).mm
 }
 
-fn lung_from(p: Vec3, cavity: f32, below: f32) -> f32 {
-    let outside = (cavity + 3.0).max(below + 2.0);
-    if outside > 30.0 {
-        return outside;
+fn lung_from(p: Vec3, cavity: Surface, below: Surface) -> Surface {
+    let within = cavity.inward(3.0).and(below.inward(2.0));
+    if within.mm > 30.0 {
+        return within;
     }
     // The two lungs come close to each other in front of the heart and part around the spine.
     let front = ((p.y - 20.0) / 60.0).clamp(0.0, 1.0);
     let middle = p.x.abs() - (27.0 - 19.0 * front);
     let spine = vec2(p.x, p.y + 52.0).length() - 25.0;
     let heart = ((p - HEART).length() - 52.0).max(-30.0);
-    outside.max(-middle.min(spine).min(heart))
+    // These are upright but for the heart, and that lies under its own walls.
+    within.and(Surface { mm: -middle.min(spine).min(heart), edge_mm: cavity.edge_mm })
 }
 
 /// Centre of the heart.
@@ -117,18 +169,20 @@ fn mediastinum_hu(p: Vec3) -> f32 {
 }
 
 /// Liver on the right, fat on the left (stomach and spleen are painted).
-fn abdomen_hu(p: Vec3, edge_mm: f32) -> f32 {
-    over(-95.0, 112.0, -(p.x + 30.0 + 0.35 * (p.z + 70.0)) * 0.9, edge_mm)
+fn abdomen_hu(p: Vec3, cell: Vec3) -> f32 {
+    let plane = -(p.x + 30.0 + 0.35 * (p.z + 70.0));
+    Surface::new(plane, vec3(-1.0, 0.0, -0.35), cell).over(-95.0, 112.0)
 }
 
 /// The scanner table's thin shell and foam, in air.
-fn table(p: Vec3, edge_mm: f32) -> f32 {
+fn table(p: Vec3, cell: Vec3) -> f32 {
     let top = -107.0 + p.x * p.x / 840.0;
     let depth = top - p.y;
-    if depth < -edge_mm || p.x.abs() > 172.0 {
+    if depth < -cell.y || p.x.abs() > 172.0 {
         return AIR;
     }
     let slab = (depth - 9.0).abs() - 9.0;
-    let shape = slab.max(p.x.abs() - 168.0);
-    over(over(AIR, -180.0, shape, edge_mm), -930.0, shape + 2.2, edge_mm)
+    let side = p.x.abs() - 168.0;
+    let shape = Surface { mm: slab.max(side), edge_mm: if slab > side { cell.y } else { cell.x } };
+    shape.inward(2.2).over(shape.over(AIR, -180.0), -930.0)
 }

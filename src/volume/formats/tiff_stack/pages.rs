@@ -2,8 +2,8 @@
 
 use super::description::{Description, Order};
 use crate::files::loading::Pieces;
+use crate::files::room::refuse_beyond_host;
 use crate::volume::Voxels;
-use crate::volume::memory::refuse_beyond_host;
 use ndarray::Array3;
 use std::fs::File;
 use std::io::BufReader;

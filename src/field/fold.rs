@@ -1,0 +1,245 @@
+//! How a grid with more voxels along an axis than a 3-D texture has texels lies in one: cut into tiles across that axis,
+//! and the tiles laid side by side along the others.
+//!
+//! Neighbouring tiles share the voxel layer at their seam, so that every cell lies in one of them whole; where tiles lie
+//! next to each other in the texture, each has its outermost voxels once more around it, so that filters see nothing of
+//! its neighbour.
+
+use bytemuck::{Pod, Zeroable};
+use std::ops::Range;
+
+/// Where the tiles of a grid lie in its texture. One tile of the grid's own size is a texture that is not folded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Fold {
+    /// Voxels of the grid.
+    dims: [usize; 3],
+    /// Voxels from a tile to the next along each axis of the grid; one fewer than a tile has, where it is cut.
+    period: [usize; 3],
+    /// Tiles along each axis of the grid.
+    tiles: [usize; 3],
+    /// Tiles along each axis of the texture.
+    placed: [usize; 3],
+}
+
+/// `Fold` of `shaders/field/field.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub(super) struct FoldUniform {
+    pub period: [i32; 3],
+    pub padding_a: u32,
+    pub tiles: [i32; 3],
+    pub padding_b: u32,
+    pub placed: [i32; 3],
+    pub padding_c: u32,
+    pub stride: [i32; 3],
+    pub padding_d: u32,
+    pub margin: [i32; 3],
+    pub padding_e: u32,
+    pub inv_sides: [f32; 3],
+    pub padding_f: u32,
+}
+
+/// What a tile has of an axis.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Part {
+    /// Its voxels.
+    pub voxels: Range<usize>,
+    /// How often its first and its last one are repeated before and behind them.
+    pub margin: usize,
+    /// The texel that the first repetition, or else the first voxel, is in.
+    pub first_texel: usize,
+}
+
+impl Part {
+    /// The voxels that its texels hold, in their order.
+    pub(super) fn of_texels(&self) -> impl Iterator<Item = usize> + Clone {
+        let Range { start, end } = self.voxels;
+        let (before, behind) =
+            (std::iter::repeat_n(start, self.margin), std::iter::repeat_n(end - 1, self.margin));
+        before.chain(start..end).chain(behind)
+    }
+
+    /// How many texels that is.
+    pub(super) fn texels(&self) -> usize {
+        self.voxels.len() + 2 * self.margin
+    }
+}
+
+impl Fold {
+    /// For a grid of `dims` voxels in a texture of at most `limit` texels along each axis: the fewest texels of all ways to
+    /// lay the tiles. `None` where there is none.
+    pub fn of(dims: [usize; 3], limit: usize) -> Option<Self> {
+        let limit = limit.max(2);
+        let tiles = dims.map(|n| if n <= limit { 1 } else { (n - 1).div_ceil(limit - 1) });
+        let period =
+            std::array::from_fn(|a| if tiles[a] == 1 { dims[a] } else { (dims[a] - 1).div_ceil(tiles[a]) });
+        let whole = Self { dims, period, tiles, placed: [1; 3] };
+        let count = tiles.iter().try_fold(1usize, |product, n| product.checked_mul(*n))?;
+        // A cut axis has the length of a tile in the texture.
+        let most = |a: usize| if tiles[a] == 1 { (limit / (dims[a] + 2)).clamp(1, count) } else { 1 };
+        let mut best: Option<(usize, Self)> = None;
+        for x in 1..=most(0) {
+            for y in 1..=most(1) {
+                let z = count.div_ceil(x * y);
+                if z > most(2) {
+                    continue;
+                }
+                let fold = Self { placed: [x, y, z], ..whole };
+                let texels = fold.sides().iter().product();
+                if best.is_none_or(|(fewest, _)| texels < fewest) {
+                    best = Some((texels, fold));
+                }
+            }
+        }
+        best.map(|(_, fold)| fold)
+    }
+
+    /// How many tiles there are.
+    pub fn tiles(&self) -> usize {
+        self.tiles.iter().product()
+    }
+
+    /// Whether there is more than one tile.
+    pub fn is_folded(&self) -> bool {
+        self.tiles != [1; 3]
+    }
+
+    /// Voxels of a tile along each axis, at the most.
+    fn tile(&self) -> [usize; 3] {
+        std::array::from_fn(|a| if self.tiles[a] == 1 { self.dims[a] } else { self.period[a] + 1 })
+    }
+
+    /// How many times a tile's outermost voxels are repeated along each axis of the texture.
+    fn margin(&self) -> [usize; 3] {
+        self.placed.map(|n| usize::from(n > 1))
+    }
+
+    /// Texels from a tile to the next along each axis of the texture.
+    fn stride(&self) -> [usize; 3] {
+        let (tile, margin) = (self.tile(), self.margin());
+        std::array::from_fn(|a| tile[a] + 2 * margin[a])
+    }
+
+    /// Texels of the texture along each axis.
+    pub fn sides(&self) -> [usize; 3] {
+        let stride = self.stride();
+        std::array::from_fn(|a| self.placed[a] * stride[a])
+    }
+
+    /// What each tile has of the three axes.
+    pub(super) fn parts(&self) -> impl Iterator<Item = [Part; 3]> {
+        let Self { dims, period, tiles, placed } = *self;
+        let (stride, margin) = (self.stride(), self.margin());
+        let at = |number: usize, counts: [usize; 3]| {
+            [number % counts[0], number / counts[0] % counts[1], number / (counts[0] * counts[1])]
+        };
+        (0..self.tiles()).map(move |number| {
+            let (tile, place) = (at(number, tiles), at(number, placed));
+            std::array::from_fn(|a| {
+                let first = tile[a] * period[a];
+                let end = if tiles[a] == 1 { dims[a] } else { (first + period[a] + 1).min(dims[a]) };
+                Part { voxels: first..end, margin: margin[a], first_texel: place[a] * stride[a] }
+            })
+        })
+    }
+
+    pub(super) fn uniform(&self) -> FoldUniform {
+        let whole = |n: [usize; 3]| n.map(|n| n as i32);
+        FoldUniform {
+            period: whole(self.period),
+            tiles: whole(self.tiles),
+            placed: whole(self.placed),
+            stride: whole(self.stride()),
+            margin: whole(self.margin()),
+            inv_sides: self.sides().map(|n| 1.0 / n as f32),
+            ..FoldUniform::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `tile_offset` of `shaders/field/field.wgsl`, added to the voxel.
+    fn texel(fold: &Fold, cell: [i32; 3], voxel: [i32; 3]) -> [usize; 3] {
+        let FoldUniform { period, tiles, placed, stride, margin, .. } = fold.uniform();
+        let tile: [i32; 3] = std::array::from_fn(|a| (cell[a] / period[a]).min(tiles[a] - 1));
+        let number = tile[0] + tiles[0] * (tile[1] + tiles[1] * tile[2]);
+        let place = [number % placed[0], number / placed[0] % placed[1], number / (placed[0] * placed[1])];
+        std::array::from_fn(|a| (place[a] * stride[a] + margin[a] - tile[a] * period[a] + voxel[a]) as usize)
+    }
+
+    #[test]
+    fn what_fits_is_one_tile_of_its_own_size() {
+        for dims in [[5, 9, 16], [16, 16, 16], [1, 1, 1]] {
+            let fold = Fold::of(dims, 16).unwrap();
+            assert!(!fold.is_folded() && fold.sides() == dims);
+            let parts: Vec<_> = fold.parts().collect();
+            assert_eq!(parts.len(), 1);
+            for (part, n) in parts[0].iter().zip(dims) {
+                assert_eq!(*part, Part { voxels: 0..n, margin: 0, first_texel: 0 });
+            }
+        }
+    }
+
+    /// Every voxel of every cell is where the shader looks for it, and so are the voxels beside it that a filter may touch.
+    #[test]
+    fn cells_lie_whole_in_one_tile() {
+        for (dims, limit) in [
+            ([5, 7, 40], 24),
+            ([40, 5, 7], 24),
+            ([3, 100, 2], 24),
+            ([30, 40, 2], 24),
+            ([2, 3, 31], 16),
+            ([1, 1, 200], 16),
+        ] {
+            let fold = Fold::of(dims, limit).unwrap();
+            let sides = fold.sides();
+            assert!(fold.is_folded() && sides.iter().all(|n| *n <= limit), "{dims:?} {sides:?}");
+            let mut held = vec![None; sides.iter().product()];
+            for [x, y, z] in fold.parts() {
+                for (k, w) in z.of_texels().zip(z.first_texel..) {
+                    for (j, v) in y.of_texels().zip(y.first_texel..) {
+                        for (i, u) in x.of_texels().zip(x.first_texel..) {
+                            let texel = &mut held[(w * sides[1] + v) * sides[0] + u];
+                            assert!(texel.is_none(), "{dims:?}: two tiles overlap");
+                            *texel = Some([i, j, k]);
+                        }
+                    }
+                }
+            }
+            let last = dims.map(|n| n as i32 - 1);
+            let all = (0..=last[2])
+                .flat_map(|k| (0..=last[1]).flat_map(move |j| (0..=last[0]).map(move |i| [i, j, k])));
+            for cell in all {
+                // The cell's voxels, and, along axes that are not cut, those a filter may touch beyond the edge.
+                for corner in 0..27 {
+                    let step = [corner % 3 - 1, corner / 3 % 3 - 1, corner / 9 - 1];
+                    let beyond = |a: usize| fold.placed[a] > 1 && fold.tiles[a] == 1;
+                    let reaches = |a: usize| {
+                        let at = cell[a] + step[a];
+                        (step[a] >= 0 && at <= last[a]) || beyond(a)
+                    };
+                    if !(0..3).all(reaches) {
+                        continue;
+                    }
+                    let voxel: [i32; 3] = std::array::from_fn(|a| cell[a] + step[a]);
+                    let [u, v, w] = texel(&fold, cell, voxel);
+                    let expected: [usize; 3] = std::array::from_fn(|a| voxel[a].clamp(0, last[a]) as usize);
+                    let found = held[(w * sides[1] + v) * sides[0] + u];
+                    assert_eq!(found, Some(expected), "{dims:?}: cell {cell:?} voxel {voxel:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_fewest_texels_are_taken_and_what_cannot_fit_is_refused() {
+        // Two tiles of 1191 slices, side by side.
+        assert_eq!(Fold::of([512, 512, 2380], 2048).unwrap().sides(), [512, 1028, 1191]);
+        for dims in [[40, 40, 40], [16, 16, 17], [usize::MAX, usize::MAX, usize::MAX], [usize::MAX, 1, 1]] {
+            assert_eq!(Fold::of(dims, 16), None, "{dims:?}");
+        }
+    }
+}

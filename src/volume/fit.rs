@@ -1,0 +1,245 @@
+//! Fewer voxels of the same field: means of blocks, by whole factors along each axis.
+
+use super::{Volume, Voxel, Voxels};
+use crate::error::Result;
+use crate::files::loading::Loading;
+use crate::files::room::reduced_dims;
+use crate::with_voxels;
+use glam::{DAffine3, DVec3};
+use ndarray::Array3;
+use std::fmt;
+use std::str::FromStr;
+
+/// What a volume is to be reduced to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fit {
+    /// What the adapter's textures and the machine's free memory hold.
+    Auto,
+    /// Voxels of so many bytes, as the host keeps them.
+    Bytes(u64),
+    /// Blocks of so many voxels along i, j, k became one each.
+    Factors([usize; 3]),
+}
+
+/// Largest factor along an axis.
+const MOST_FACTOR: usize = 1024;
+
+impl FromStr for Fit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let refuse =
+            || format!("`{text}` is not auto, bytes like 2GiB, or factors like 2x2x1 (1 to {MOST_FACTOR})");
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        const UNITS: [(&str, u64); 7] = [
+            ("KiB", 1 << 10),
+            ("MiB", 1 << 20),
+            ("GiB", 1 << 30),
+            ("kB", 1000),
+            ("MB", 1_000_000),
+            ("GB", 1_000_000_000),
+            ("B", 1),
+        ];
+        if let Some((number, unit)) =
+            UNITS.iter().find_map(|(name, size)| Some((text.strip_suffix(name)?, *size)))
+        {
+            let number: f64 = number.trim().parse().map_err(|_| refuse())?;
+            let bytes = (number * unit as f64).floor();
+            return if (1.0..2f64.powi(53)).contains(&bytes) {
+                Ok(Self::Bytes(bytes as u64))
+            } else {
+                Err(refuse())
+            };
+        }
+        let factors: Option<Vec<usize>> = text.split('x').map(|n| n.trim().parse().ok()).collect();
+        let factors: Option<[usize; 3]> = factors.and_then(|list| list.try_into().ok());
+        let factors = factors.filter(|factors| factors.iter().all(|n| (1..=MOST_FACTOR).contains(n)));
+        factors.map(Self::Factors).ok_or_else(refuse)
+    }
+}
+
+impl fmt::Display for Fit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => write!(f, "auto"),
+            Self::Bytes(bytes) => write!(f, "{bytes}B"),
+            Self::Factors([x, y, z]) => write!(f, "{x}x{y}x{z}"),
+        }
+    }
+}
+
+impl serde::Serialize for Fit {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// Takes the rows of a grid in their order and keeps the means of blocks of voxels.
+pub(super) struct Reducer<T> {
+    dims: [usize; 3],
+    factors: [usize; 3],
+    /// Sums and numbers of finite values in the layer of blocks that is being filled.
+    sums: Vec<f64>,
+    counts: Vec<u32>,
+    rows: usize,
+    values: Vec<T>,
+}
+
+impl<T: Voxel> Reducer<T> {
+    /// Of a grid; `None` where there is no memory for a layer.
+    pub(super) fn new(dims: [usize; 3], factors: [usize; 3]) -> Option<Self> {
+        let [width, height, _] = reduced_dims(dims, factors);
+        let layer = width.checked_mul(height)?;
+        let (mut sums, mut counts) = (Vec::new(), Vec::new());
+        sums.try_reserve_exact(layer).ok()?;
+        counts.try_reserve_exact(layer).ok()?;
+        sums.resize(layer, 0.0);
+        counts.resize(layer, 0);
+        Some(Self { dims, factors, sums, counts, rows: 0, values: Vec::new() })
+    }
+
+    /// Takes the next row; `None` where there is no memory for what is kept.
+    pub(super) fn row(&mut self, row: &[T]) -> Option<()> {
+        let ([_, ny, nz], [fx, fy, fz]) = (self.dims, self.factors);
+        let (j, k) = (self.rows % ny, self.rows / ny);
+        let width = row.len().div_ceil(fx);
+        let place = j / fy * width..(j / fy + 1) * width;
+        let cells = self.sums[place.clone()].iter_mut().zip(&mut self.counts[place]);
+        for ((sum, count), values) in cells.zip(row.chunks(fx)) {
+            for value in values.iter().map(|v| v.to_f64()).filter(|v| v.is_finite()) {
+                *sum += value;
+                *count += 1;
+            }
+        }
+        self.rows += 1;
+        if j + 1 == ny && ((k + 1) % fz == 0 || k + 1 == nz) {
+            self.values.try_reserve(self.sums.len()).ok()?;
+            // A block without a finite value has none.
+            let means =
+                self.sums.iter().zip(&self.counts).map(|(sum, count)| T::nearest(sum / f64::from(*count)));
+            self.values.extend(means);
+            self.sums.fill(0.0);
+            self.counts.fill(0);
+        }
+        Some(())
+    }
+
+    /// The means; `None` where rows are missing.
+    pub(super) fn finish(self) -> Option<Array3<T>> {
+        let [x, y, z] = reduced_dims(self.dims, self.factors);
+        Array3::from_shape_vec((z, y, x), self.values).ok()
+    }
+}
+
+impl Volume {
+    /// The means of blocks of voxels, where they were in the world; the values are rounded to what the type holds.
+    /// Incomplete blocks at the far ends are the means of what is there.
+    ///
+    /// # Errors
+    /// No memory for them, or it was cancelled.
+    pub fn reduced(self, factors: [usize; 3], loading: &Loading) -> Result<Self> {
+        if factors == [1; 3] {
+            return Ok(self);
+        }
+        fn means<T: Voxel>(array: &Array3<T>, factors: [usize; 3]) -> Option<Array3<T>> {
+            let (nz, ny, nx) = array.dim();
+            let mut reducer = Reducer::new([nx, ny, nz], factors)?;
+            array.as_slice()?.chunks_exact(nx).try_for_each(|row| reducer.row(row))?;
+            reducer.finish()
+        }
+        let none = || {
+            let why = "not enough memory for the reduced voxels";
+            crate::error::Error::runtime("cannot reduce volume", &self.provenance.source, why)
+        };
+        let voxels: Voxels = with_voxels!(&self.voxels, a => means(a, factors).ok_or_else(none)?.into());
+        let dims = self.dims();
+        let volume = Self::new_with(voxels, self.scaling, self.world_from_index, self.provenance, loading)?;
+        Ok(volume.said_reduced(factors, dims))
+    }
+
+    /// The same voxels, known to be means of blocks of a grid of `from` voxels, where that one was in the world; and says so.
+    pub(crate) fn said_reduced(mut self, factors: [usize; 3], from: [usize; 3]) -> Self {
+        let [fx, fy, fz] = factors;
+        let scale = DVec3::from_array(factors.map(|n| n as f64));
+        // The middle of a block's voxels.
+        let first = 0.5 * (scale - 1.0);
+        self.world_from_index *= DAffine3::from_translation(first) * DAffine3::from_scale(scale);
+        self.index_from_world = self.world_from_index.inverse();
+        let ([nx, ny, nz], [x, y, z]) = (from, self.dims());
+        let said = format!(
+            "reduced by {fx}x{fy}x{fz} from {nx} x {ny} x {nz} to {x} x {y} x {z} voxels: means of blocks"
+        );
+        self.provenance.warnings.push(said);
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::{Provenance, Scaling};
+
+    #[test]
+    fn texts() {
+        for text in ["auto", "2x2x1", "1x1x1024", "2097152B"] {
+            assert_eq!(text.parse::<Fit>().unwrap().to_string(), text);
+        }
+        assert_eq!("2GiB".parse(), Ok(Fit::Bytes(1 << 31)));
+        assert_eq!("1.5 MB".parse(), Ok(Fit::Bytes(1_500_000)));
+        for bytes in [1u64, 999, 1001, 123_456_789_013, (1 << 52) + 1] {
+            assert_eq!(Fit::Bytes(bytes).to_string().parse(), Ok(Fit::Bytes(bytes)));
+        }
+        for bad in
+            ["", "2", "2x2", "0x1x1", "2x2x2x2", "1025x1x1", "GiB", "-1GiB", "0kB", "nanMiB", "2x2x1.5"]
+        {
+            assert!(bad.parse::<Fit>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn blocks_keep_their_means_and_their_places() {
+        let values = Array3::from_shape_fn((5, 4, 7), |(k, j, i)| (100 * k + 10 * j + i) as f32);
+        let affine =
+            DAffine3::from_cols_array(&[0.5, 0.25, 0.0, -1.0, 2.0, 0.0, 0.0, 0.5, 3.0, 7.0, -8.0, 9.0]);
+        let provenance = Provenance::new("test", "test", "float32");
+        let scaling = Scaling { slope: 2.0, intercept: 1.0 };
+        let whole = Volume::new(Voxels::F32(values), scaling, affine, provenance).unwrap();
+        let part = whole.clone().reduced([2, 1, 3], &Loading::default()).unwrap();
+        assert_eq!(part.dims(), [4, 4, 2]);
+        for (k, j, i) in [(0, 0, 0), (0, 3, 2), (1, 2, 3)] {
+            let (mut sum, mut count, mut place) = (0.0, 0.0, DVec3::ZERO);
+            for (z, x) in
+                (3 * k..(3 * k + 3).min(5)).flat_map(|z| (2 * i..(2 * i + 2).min(7)).map(move |x| (z, x)))
+            {
+                sum += whole.value(x, j, z);
+                count += 1.0;
+            }
+            assert!((part.value(i, j, k) - sum / count).abs() < 1e-4, "{i} {j} {k}");
+            for (z, x) in (3 * k..3 * k + 3).flat_map(|z| (2 * i..2 * i + 2).map(move |x| (z, x))) {
+                place += affine.transform_point3(DVec3::new(x as f64, j as f64, z as f64)) / 6.0;
+            }
+            let at = part.world_from_index().transform_point3(DVec3::new(i as f64, j as f64, k as f64));
+            assert!((at - place).length() < 1e-12);
+            assert!((part.index_from_world().transform_point3(place).x - i as f64).abs() < 1e-12);
+        }
+        assert!(part.provenance.warnings[0].contains("reduced by 2x1x3 from 7 x 4 x 5 to 4 x 4 x 2"));
+    }
+
+    #[test]
+    fn integers_are_rounded_and_what_is_not_finite_left_out() {
+        let reduced = |voxels: Voxels| {
+            let provenance = Provenance::new("test", "test", "test");
+            let volume = Volume::new(voxels, Scaling::IDENTITY, DAffine3::IDENTITY, provenance).unwrap();
+            let volume = volume.reduced([2, 1, 1], &Loading::default()).unwrap();
+            [volume.value(0, 0, 0), volume.value(1, 0, 0)]
+        };
+        let row = |a: [i16; 4]| Voxels::I16(Array3::from_shape_vec((1, 1, 4), a.to_vec()).unwrap());
+        assert_eq!(reduced(row([-3, -4, 7, 9])), [-4.0, 8.0]);
+        let mut reducer = Reducer::<f32>::new([4, 1, 1], [2, 1, 1]).unwrap();
+        reducer.row(&[f32::NAN, 3.0, f32::NAN, f32::INFINITY]).unwrap();
+        let means = reducer.finish().unwrap();
+        assert!(means[[0, 0, 0]] == 3.0 && means[[0, 0, 1]].is_nan());
+    }
+}
