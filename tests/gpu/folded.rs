@@ -8,7 +8,8 @@ use umbravox::gpu::Gpu;
 use umbravox::render::{Forced, Renderer, Session};
 use umbravox::scene::{Light, Scene, Shading};
 use umbravox::shadow;
-use umbravox::volume::{Volume, Voxels};
+use umbravox::transfer::{LabelRule, Seen, TransferFunction};
+use umbravox::volume::{Labels, Volume, Voxels};
 
 /// Texels along an axis of the small device's 3-D textures.
 const LIMIT: u32 = 64;
@@ -40,12 +41,15 @@ fn waves([nx, ny, nz]: [usize; 3], half: bool) -> Arc<Volume> {
 }
 
 fn sessions(volume: &Arc<Volume>) -> Option<[Session; 2]> {
+    sessions_through(volume, &extinction(&[(150.0, 0.0), (500.0, 0.12)]))
+}
+
+fn sessions_through(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<[Session; 2]> {
     let (Some(whole), Some(small)) = (RENDERER.as_ref(), SMALL.as_ref()) else {
         println!("skipped: no graphics adapter");
         return None;
     };
-    let tf = extinction(&[(150.0, 0.0), (500.0, 0.12)]);
-    let on = |renderer| Session::on(renderer, Arc::clone(volume), &tf, Forced::NOTHING).unwrap();
+    let on = |renderer| Session::on(renderer, Arc::clone(volume), tf, Forced::NOTHING).unwrap();
     let [whole, small] = [on(whole), on(small)];
     assert!(!whole.loaded.on_device.fold.is_folded() && small.loaded.on_device.fold.is_folded());
     Some([whole, small])
@@ -126,4 +130,32 @@ fn what_no_folding_holds_is_refused_in_numbers() {
     let refused = small.load(waves([65, 64, 64], true)).err().unwrap();
     assert!(refused.why.contains("65 x 64 x 64") && refused.why.contains("64 x 64 x 64"), "{refused}");
     assert_eq!(refused.exit_status(), 2);
+}
+
+#[test]
+fn labels_and_planes_are_where_they_were() {
+    for dims in [[20, 18, 150], [150, 40, 22]] {
+        let plain = waves(dims, true);
+        let label = |(k, j, i): (usize, usize, usize)| ((i / 5 + j / 7 + k / 9) % 3) as u8;
+        let labels = Array3::from_shape_fn((dims[2], dims[1], dims[0]), label);
+        let labels = Labels::sampled(&volume_of(labels.into(), plain.world_from_index()), &plain).unwrap();
+        let volume = Arc::new(Volume::clone(&plain).labelled(Arc::new(labels)).unwrap());
+        let other = extinction(&[(-100.0, 0.0), (300.0, 0.05)]);
+        let rules = vec![
+            LabelRule { labels: vec![1], seen: Seen::Hidden },
+            LabelRule { labels: vec![2], seen: Seen::Through(Box::new(other)) },
+        ];
+        let clip = vec!["0.2,0.1,1,20".parse().unwrap()];
+        let tf = TransferFunction { rules, clip, ..extinction(&[(150.0, 0.0), (500.0, 0.12)]) };
+        let Some(both) = sessions_through(&volume, &tf) else { return };
+        let points = points(&volume);
+        let light = Light::Directional { toward: DVec3::new(0.3, 0.2, -0.9) };
+        for method in ["rays", "dsm:map=64"] {
+            let [a, b] = both.each_ref().map(|session| {
+                let map = session.shadow(shadow::parse(method).unwrap().as_ref(), light).unwrap();
+                session.query(&map, &points).unwrap()
+            });
+            assert!(a.iter().any(|t| *t < 0.9) && a == b, "{dims:?} {method}: {}", apart(&a, &b));
+        }
+    }
 }
