@@ -9,6 +9,7 @@ use crate::open::presets::{self, Suiting};
 use crate::open::{self, PartFlags, SceneSettings, VolumeSpec};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
+use crate::transfer::formats::alike;
 use crate::transfer::{ClipPlane, LabelRule, Seen, TransferFunction};
 use crate::volume::{Histogram, Volume};
 use glam::{DQuat, DVec3};
@@ -87,7 +88,7 @@ impl Document {
         self.histogram = opened.histogram;
         // A preset that is fitted to the values is another function now: the one that stays counts as edited.
         if let Ok(found) = presets::resolve_as(&self.tf_source.0, &self.volume, self.suiting) {
-            self.tf_source.1 = Arc::new(found.tf.within(&self.tf));
+            self.tf_source.1 = Arc::new(kept_parts(found.tf, &self.tf));
         }
     }
 
@@ -119,7 +120,7 @@ impl Document {
     /// Puts another transfer function in place, as one step of undo; clip planes and what is said of labels stay.
     pub fn replace_tf(&mut self, tf: TransferFunction, source: String) {
         self.history.note(Arc::clone(&self.tf));
-        self.tf = Arc::new(tf.within(&self.tf));
+        self.tf = Arc::new(kept_parts(tf, &self.tf));
         self.tf_source = (source, Arc::clone(&self.tf));
         self.selected = None;
     }
@@ -259,6 +260,17 @@ impl Document {
         let text = self.scene_text(&tf)?;
         write_whole(path, |file| file.write_all(text.as_bytes()))
     }
+}
+
+/// A function for the parts that another was for; the functions of labels become of its kind.
+fn kept_parts(tf: TransferFunction, before: &TransferFunction) -> TransferFunction {
+    let mut rules = before.rules.clone();
+    for rule in &mut rules {
+        if let Seen::Through(own) = &mut rule.seen {
+            **own = alike(own, &tf).0;
+        }
+    }
+    TransferFunction { rules, clip: before.clip.clone(), ..tf }
 }
 
 /// A shading's name on the command line.

@@ -5,7 +5,8 @@ use super::remark::Remark;
 use super::{VolumeSpec, load_with};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::transfer::{ClipPlane, LabelRule, MOST_CLIP_PLANES, Seen};
+use crate::transfer::formats::{alike, are_alike};
+use crate::transfer::{ClipPlane, LabelRule, MOST_CLIP_PLANES, Quantity, Seen, TransferFunction};
 use crate::volume::{Labels, Volume};
 use clap::Args;
 use serde::{Serialize, Serializer};
@@ -17,6 +18,8 @@ use std::sync::Arc;
 
 /// Labels that one flag may name.
 const MOST_NAMED: usize = 4096;
+/// Share of an amount from which on it is said that a function of another kind is not quite the same.
+const OFF_SAID: f64 = 0.002;
 /// Labels that a message shows.
 const MOST_SHOWN: usize = 12;
 
@@ -190,21 +193,35 @@ impl PartFlags {
         volume.labelled(Arc::new(labels))
     }
 
-    /// The rules for a volume's labels: its functions suited to it, then what is hidden.
+    /// The rules for a volume's labels: its functions suited to it and of the kind of `tf`, then what is hidden.
     ///
     /// # Errors
     /// A function that cannot be suited.
     pub fn rules(
         &self,
         found: Vec<(LabelList, Found)>,
+        tf: &TransferFunction,
         volume: &Volume,
         suiting: Suiting,
         remarks: &mut Vec<Remark>,
     ) -> Result<Vec<LabelRule>> {
         let mut rules = Vec::new();
         for (list, found) in found {
-            let ResolvedTransferFunction { tf, warnings, .. } = found.suit(volume, suiting)?;
+            let ResolvedTransferFunction { tf: own, warnings, .. } = found.suit(volume, suiting)?;
             remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
+            // One set of tables holds them all.
+            if !are_alike(&own, tf) {
+                let (name, kind) = (&own.name, kind_of(tf));
+                remarks.push(("note", format!("`{name}`, of labels {list}, became {kind}, as --tf is")));
+            }
+            let (tf, off) = alike(&own, tf);
+            if off > OFF_SAID {
+                let percent = 100.0 * off;
+                remarks.push((
+                    "warning",
+                    format!("there its amounts are off by up to {percent:.1} % of themselves"),
+                ));
+            }
             rules.push(LabelRule { labels: list.labels, seen: Seen::Through(Box::new(tf)) });
         }
         let hidden =
@@ -223,6 +240,14 @@ impl PartFlags {
                 *name = beside.to_string_lossy().into_owned();
             }
         }
+    }
+}
+
+/// What a function gives, in words.
+fn kind_of(tf: &TransferFunction) -> String {
+    match tf.quantity {
+        Quantity::Opacity => format!("opacities over {} mm", tf.reference_length_mm),
+        Quantity::Extinction => "extinction".into(),
     }
 }
 

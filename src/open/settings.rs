@@ -248,7 +248,7 @@ impl SceneSettings {
         let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
         let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
             found.suit(&volume, self.suiting())?;
-        tf.rules = self.parts.rules(of_labels, &volume, suiting, &mut remarks)?;
+        tf.rules = self.parts.rules(of_labels, &tf, &volume, suiting, &mut remarks)?;
         tf.clip = self.parts.planes(strands.is_some())?;
         remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
         remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));

@@ -145,15 +145,9 @@ impl TransferFunction {
         colors.all(|c| c == first).then_some(first)
     }
 
-    /// The same function for the parts of a volume that another is for: its clip planes, and its rules for labels.
-    #[must_use]
-    pub fn within(self, other: &Self) -> Self {
-        Self { rules: other.rules.clone(), clip: other.clip.clone(), ..self }
-    }
-
     /// Whether both give the same by the value alone, whatever parts of a volume they are for.
     pub fn is_same_function(&self, other: &Self) -> bool {
-        self.clone().within(other) == *other
+        Self { rules: other.rules.clone(), clip: other.clip.clone(), ..self.clone() } == *other
     }
 
     /// The same function with its extinction times `factor` at every value.

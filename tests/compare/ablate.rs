@@ -19,6 +19,8 @@ fn every_omission_is_forced_back_on() {
         "--depths=20",
         "--repeats=2",
         "--ablate",
+        // So that there are tiles beside it.
+        "--zoom=0.6",
         "--methods",
         methods,
     ]);

@@ -1,7 +1,10 @@
 //! Against sums over many samples, and against an independent implementation.
 
 use super::*;
+use std::sync::Arc;
 use umbravox::exact::ExactField;
+use umbravox::transfer::{ClipPlane, LabelRule, Seen};
+use umbravox::volume::Labels;
 
 /// Trilinear value at index coordinates, clamped at the edge; `None` outside the domain.
 fn value_at(volume: &Volume, p: DVec3) -> Option<f64> {
@@ -103,6 +106,59 @@ fn independent_implementation() {
         let field = ExactField::new(&volume, tf);
         for ([a, b, c, d, e, f], want) in segments.into_iter().zip(want) {
             assert_close(field.optical_depth(DVec3::new(a, b, c), DVec3::new(d, e, f)), want, 1e-11);
+        }
+    }
+}
+
+/// Labels end half-way between voxels, and planes wherever they are: summed as they are defined, point by point.
+#[test]
+fn midpoint_sums_of_parts() {
+    const STEPS: usize = 40_000;
+    let whole = rough_volume(oblique());
+    let [nx, ny, nz] = whole.dims();
+    let mut random = Rng::with_seed(11);
+    let labels = Array3::from_shape_fn((nz, ny, nx), |_| random.u8(0..4));
+    let provenance = Provenance::new("labels", "phantom", "uint8");
+    let segmentation = Volume::new(labels.clone().into(), Scaling::IDENTITY, oblique(), provenance).unwrap();
+    let labelled = Arc::new(Labels::sampled(&segmentation, &whole).unwrap());
+    let volume = whole.labelled(labelled).unwrap();
+    let center = oblique().transform_point3(DVec3::new(4.0, 3.0, 2.5));
+    let normal = DVec3::new(0.4, -0.3, 0.8).normalize();
+    let plane = ClipPlane { normal, offset_mm: normal.dot(center) };
+    let functions = transfer_functions();
+    for (n, tf) in functions.iter().enumerate() {
+        let other = &functions[(n + 1) % functions.len()];
+        let rules = vec![
+            LabelRule { labels: vec![2], seen: Seen::Hidden },
+            LabelRule { labels: vec![3], seen: Seen::Through(Box::new(other.clone())) },
+        ];
+        let tf = TransferFunction { rules, clip: vec![plane], ..tf.clone() };
+        let field = ExactField::new(&volume, &tf);
+        for _ in 0..15 {
+            let [a, b] =
+                std::array::from_fn(|_| in_box(&mut random, DVec3::splat(-2.0), DVec3::new(10.0, 8.0, 7.0)));
+            let step_mm = oblique().transform_vector3(b - a).length() / STEPS as f64;
+            let extinction = |i: usize| {
+                let p = a.lerp(b, (i as f64 + 0.5) / STEPS as f64);
+                let Some(value) = value_at(&volume, p) else { return 0.0 };
+                if normal.dot(oblique().transform_point3(p)) < plane.offset_mm {
+                    return 0.0;
+                }
+                let last = DVec3::new(nx as f64, ny as f64, nz as f64) - 1.0;
+                let nearest = (p + 0.5).floor().clamp(DVec3::ZERO, last).as_usizevec3();
+                match labels[[nearest.z, nearest.y, nearest.x]] {
+                    2 => 0.0,
+                    3 => other.extinction(value),
+                    _ => tf.extinction(value),
+                }
+            };
+            let sum: f64 = (0..STEPS).map(extinction).sum();
+            let [a, b] = [a, b].map(|p| oblique().transform_point3(p));
+            let most = functions.iter().map(|tf| tf.max_extinction(0.0, 101.0)).fold(0.0, f64::max);
+            // Every border is misplaced by up to half a step.
+            let tolerance = 30.0 * step_mm * most;
+            let got = field.optical_depth(a, b);
+            assert!((got - sum * step_mm).abs() <= tolerance, "{n}: {got} {} {tolerance}", sum * step_mm);
         }
     }
 }

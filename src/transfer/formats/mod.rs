@@ -3,6 +3,7 @@
 //! What is read is told by its content first and by its name second. What a format has and a [`TransferFunction`] has not
 //! is approximated where that can be said with a figure, else left out; each such thing is a warning.
 
+mod alike;
 mod carried;
 mod color_space;
 mod curve;
@@ -16,6 +17,7 @@ mod slicer;
 mod tests;
 mod write;
 
+pub use alike::{alike, are_alike};
 pub use carried::{Carried, FRACTION};
 pub use write::{Written, is_of_fractions};
 
