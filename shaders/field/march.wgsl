@@ -204,7 +204,7 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
                         middles = select(vec3<f32>(2.0), halves, inside);
                         shift = -FAR;
 #endif
-                        // Intervals, each gone through up to three times and shortened where opacity nears 1, and
+                        // Intervals, each gone through in every stretch and shortened where opacity nears 1, and
                         // parts that are short or span a share of a whole ray.
                         let short_parts = u32(min(chord_mm / short_mm, 1e6));
                         pieces_left = STRETCHES * field.intervals * u32(SHORTENINGS) + short_parts + MOST_PARTS;

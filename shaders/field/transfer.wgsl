@@ -107,7 +107,7 @@ fn uneven(ends: Amounts, length_mm: f32) -> bool {
     // -log(x) is at most (1 - x) / sqrt(x), and for an x of 2^k or more -k log(2).
     let powers = (127.0 - f32(bitcast<u32>(least) >> 23u)) * LN_2;
     let most_depth = min((1.0 - least) * inverseSqrt(least), powers) * field.inv_reference_length * length_mm;
-    // A ray comes near opacity 1 no more often than in each interval of three stretches of each cell.
+    // A ray comes near opacity 1 no more often than in each interval of three stretches of each cell, six with labels.
 #ifdef LABELS
     let often = 2.0 * f32(field.size.x + field.size.y + field.size.z) * f32(field.intervals);
 #else

@@ -70,8 +70,9 @@ fn start_walk(line: Line, turns_a_sample: u32) -> Walk {
     let leaps = 3u * (field.size.x + field.size.y + field.size.z);
     let k = floor(line.start / line.step_mm);
 #ifdef LABELS
-    // Where labels meet, the line is cut up to three times between two samples.
-    let turns = 4u * samples * turns_a_sample + leaps;
+    // Where labels meet, the line is cut as often as it passes half-way between voxels, which is up to three times a voxel.
+    let cuts = 3u * u32(ceil(clamp(line.step_mm / field.min_spacing_mm, 1.0, 64.0))) + 3u;
+    let turns = (1u + cuts) * samples * turns_a_sample + leaps;
     return Walk(k, 0.0, false, true, line.start < line.end, false, 0.0, 0.0, turns, 0.0);
 #else
     let turns = samples * turns_a_sample + leaps;
@@ -103,6 +104,8 @@ fn brick_at(line: Line, t: f32) -> vec3<i32> {
 #endif
 
 #ifdef LABELS
+// Planes half-way between voxels that a step may pass.
+const MOST_PLANES: u32 = 64u;
 // A hair past a plane between two labels, in voxels.
 const PAST_PLANE: f32 = 1e-3;
 
@@ -122,10 +125,19 @@ fn take_turn(walk: ptr<function, Walk>, line: Line) {
 #ifdef LABELS
     // A sample may lie off the lattice, where one label ends: from there to the next plane or sample lies what follows.
     let next = floor((*walk).k) + 1.0;
-    let plane = next_plane(line, behind);
+    var plane = next_plane(line, behind);
     let to_next = sample_depth(line, next);
     let shift = shift_at(line.o + 0.5 * (behind + min(plane, to_next)) * line.d);
-    let cut = plane < to_next && shift != shift_at(line.o + to_next * line.d);
+    // The first plane behind which there is another label.
+    var cut = false;
+    var planes_left = MOST_PLANES;
+    loop {
+        let beyond = next_plane(line, plane);
+        cut = plane < to_next && shift != shift_at(line.o + 0.5 * (plane + min(beyond, to_next)) * line.d);
+        planes_left -= 1u;
+        if cut || plane >= to_next || planes_left == 0u { break; }
+        plane = beyond;
+    }
     let ahead = select(to_next, plane, cut);
 #else
     let ahead = sample_depth(line, (*walk).k + 1.0);

@@ -75,11 +75,17 @@ fn is_clipped(brick: usize, [nx, ny, _]: [usize; 3], planes: &[(DVec3, f64)]) ->
 /// For each function of `tf` the labels that are seen through it, and the values at which it has extinction; gaps between
 /// those are `blur` smaller on both sides.
 fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec<(RankSet, Vec<[f64; 2]>)> {
+    let is_one_of_several = bricks.labels.is_some() && !tf.rules.is_empty();
     let blurred = |tf: &TransferFunction| {
         let mut intervals = extinction_intervals(tf);
         for gap in 1..intervals.len() {
             intervals[gap - 1][1] += blur;
             intervals[gap][0] -= blur;
+        }
+        // Side by side in one table the ends of a function are gaps, too.
+        if is_one_of_several {
+            intervals.first_mut().into_iter().for_each(|first| first[0] -= blur);
+            intervals.last_mut().into_iter().for_each(|last| last[1] += blur);
         }
         intervals
     };

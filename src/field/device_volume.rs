@@ -187,7 +187,8 @@ impl DeviceVolume {
         let fold = Fold::of(dims, limit).ok_or_else(|| {
             let [x, y, z] = dims;
             let why = format!(
-                "{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}"
+                "{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}, and folded four times as \
+                 many along an axis"
             );
             Error::input("cannot render volume", &volume.provenance.source, why).hint(FIT_HINT)
         })?;

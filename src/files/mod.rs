@@ -9,3 +9,4 @@ pub mod output;
 pub mod picture;
 pub mod room;
 pub mod vtk_xml;
+pub mod xml;

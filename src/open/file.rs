@@ -31,7 +31,7 @@ impl SceneSettings {
             let beside = folder.join(&*name);
             // Neither a preset nor a built-in volume has a file; where one is called so, it is the file that is odd.
             let is_built_in = name.starts_with("phantom:") || PRESETS.iter().any(|p| p.name == name);
-            if !is_built_in && Path::new(name).is_relative() && beside.is_file() {
+            if !is_built_in && !name.is_empty() && Path::new(name).is_relative() && beside.exists() {
                 *name = beside.to_string_lossy().into_owned();
             }
         }

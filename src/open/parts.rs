@@ -166,9 +166,21 @@ impl PartFlags {
     ///
     /// # Errors
     /// The segmentation cannot be read, or is none.
-    pub fn label(&self, volume: Volume, remarks: &mut Vec<Remark>, loading: &Loading) -> Result<Volume> {
+    pub fn label(
+        &self,
+        volume: Volume,
+        is_of_strands: bool,
+        remarks: &mut Vec<Remark>,
+        loading: &Loading,
+    ) -> Result<Volume> {
         let Some(file) = &self.labels else { return Ok(volume) };
+        if is_of_strands {
+            let why = "they are of voxels, and these are strands";
+            return Err(Error::input("cannot use labels", "--labels", why));
+        }
         let segmentation = load_with(&VolumeSpec::new(file.clone()), loading)?;
+        let warnings = segmentation.provenance.warnings.iter().map(|w| ("warning", format!("{file}: {w}")));
+        remarks.extend(warnings);
         let labels = Labels::sampled(&segmentation, &volume)?;
         if labels.resampled {
             remarks.push((
@@ -207,8 +219,9 @@ impl PartFlags {
     ) -> Result<Vec<LabelRule>> {
         let mut rules = Vec::new();
         for (list, found) in found {
-            let ResolvedTransferFunction { tf: own, warnings, .. } = found.suit(volume, suiting)?;
+            let ResolvedTransferFunction { tf: own, warnings, notes, .. } = found.suit(volume, suiting)?;
             remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
+            remarks.extend(notes.into_iter().map(|note| ("note", note)));
             // One set of tables holds them all.
             if !are_alike(&own, tf) {
                 let (name, kind) = (&own.name, kind_of(tf));
@@ -236,7 +249,7 @@ impl PartFlags {
         for name in self.labels.iter_mut().chain(functions) {
             let beside = folder.join(&*name);
             let is_preset = presets::PRESETS.iter().any(|p| p.name == name);
-            if !is_preset && Path::new(&*name).is_relative() && beside.exists() {
+            if !name.is_empty() && !is_preset && Path::new(&*name).is_relative() && beside.exists() {
                 *name = beside.to_string_lossy().into_owned();
             }
         }

@@ -9,6 +9,8 @@ use glam::{DVec3, IVec3};
 
 /// Share of the picture's half that is left free beyond what reaches furthest.
 const MARGIN: f64 = 0.05;
+/// How far before all that is seen the eye stays, as a share of its depth.
+const BEFORE: f64 = 0.1;
 
 /// What there is to see: all cells with extinction somewhere, and the opaque things among them; the whole domain where there
 /// is neither. It does not depend on how a picture is drawn.
@@ -92,7 +94,9 @@ impl<'a> Seen<'a> {
             (-(ends[0] + ends[1]) / (2.0 * half), 0.5 * (ends[0] - ends[1]))
         };
         let ((depth_x, x), (depth_y, y)) = (side(right, half_x), side(frame_up, half_y));
-        let depth = depth_x.min(depth_y);
+        // Before what is nearest, however wide the view.
+        let [far, near] = [self.furthest(forward), -self.furthest(-forward)];
+        let depth = depth_x.min(depth_y).min(near - BEFORE * (far - near));
         let eye = depth * forward + x * right + y * frame_up;
         let target = eye + (self.center_mm.dot(forward) - depth) * forward;
         Camera { eye, target, up, fov_deg }

@@ -237,7 +237,7 @@ impl SceneSettings {
         let mut remarks: Vec<Remark> =
             volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
         remarks.extend(self.another_volume()?.map(|remark| ("warning", remark)));
-        let volume = self.parts.label(volume, &mut remarks, loading)?;
+        let volume = self.parts.label(volume, strands.is_some(), &mut remarks, loading)?;
         let (tf_source, chosen) = match &self.tf {
             Some(tf) => (tf.clone(), None),
             None => {
@@ -248,7 +248,9 @@ impl SceneSettings {
         let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
         let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
             found.suit(&volume, self.suiting())?;
-        tf.rules = self.parts.rules(of_labels, &tf, &volume, suiting, &mut remarks)?;
+        // Each by itself: a factor that suits a preset to the volume is none for a file.
+        let own = Suiting { units: suiting.units, ..self.suiting() };
+        tf.rules = self.parts.rules(of_labels, &tf, &volume, own, &mut remarks)?;
         tf.clip = self.parts.planes(strands.is_some())?;
         remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
         remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));
@@ -280,7 +282,10 @@ impl SceneSettings {
     pub fn resolved(&self, scene: &Scene, tf: &str, suiting: Suiting) -> Result<Self> {
         let mut all = Self::of_scene(&self.spec(), scene, self.is_transparent()).over(self)?;
         all.tf = Some(tf.to_owned());
-        (all.units, all.opacity_scale) = (suiting.units, suiting.opacity_scale);
+        // With functions of labels it would be a factor of all of them.
+        let of_all = self.parts.label_tf.is_none();
+        let opacity_scale = if of_all { suiting.opacity_scale } else { self.opacity_scale };
+        (all.units, all.opacity_scale) = (suiting.units, opacity_scale);
         // These are in eye, target, up and field of view now.
         (all.view, all.zoom) = (None, None);
         // Neither is of the scene: a table has methods of its own, and another machine another adapter.

@@ -7,6 +7,8 @@ pub const MOST_LABEL_FUNCTIONS: usize = 15;
 /// Room between two functions on the axis of values that they share, as a share of the range of values: more than a bin of
 /// the tables.
 const ROOM: f64 = 1.0 / 32.0;
+/// Width of the range of values at the least, as a share of the largest of them.
+const LEAST_WIDTH: f64 = 1.0 / 1024.0;
 
 /// What the voxels of a label are seen through.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,7 +62,11 @@ impl TransferFunction {
 
     /// An element of [`Self::functions`].
     pub fn function(&self, index: usize) -> &Self {
-        if index == 0 { self } else { self.functions().get(index).copied().unwrap_or(self) }
+        let others = self.rules.iter().filter_map(|rule| match &rule.seen {
+            Seen::Through(tf) => Some(&**tf),
+            Seen::Hidden => None,
+        });
+        std::iter::once(self).chain(others).nth(index).unwrap_or(self)
     }
 
     /// The same with every function in it changed, its own rules kept.
@@ -91,7 +97,10 @@ impl TransferFunction {
                 |tf: &Self| format!("{:?} over {} mm", tf.quantity, tf.reference_length_mm).to_lowercase();
             return Err(format!("one gives {} and the others {}", of(other), of(self)));
         }
-        let width = if high > low { high - low } else { 1.0 };
+        // No narrower than what float32 tells apart beside the values themselves.
+        let least = low.abs().max(high.abs()) * LEAST_WIDTH;
+        let width = if high - low > least { high - low } else { least };
+        let width = if width > 0.0 { width } else { 1.0 };
         let room = ROOM * width;
         let [low, high] = [low - 0.25 * room, high + 0.25 * room];
         let pitch = high - low + room;
@@ -153,7 +162,7 @@ mod tests {
                             || one.points.iter().any(|p| (p.value - value).abs() < 1e-9)
                     );
                 }
-                let width = if range[1] > range[0] { range[1] - range[0] } else { 1.0 };
+                let width = if range[1] > range[0] { range[1] - range[0] } else { LEAST_WIDTH * range[0] };
                 assert_eq!(function.amount(range[1] + 0.75 * ROOM * width + shift), 0.0);
             }
             assert_eq!(function.amount(hidden), 0.0);

@@ -1,9 +1,22 @@
 //! Labels of a segmentation on a volume's grid: a place has the label of the nearest voxel.
 
+use crate::files::room::refuse_beyond_host;
 use rayon::prelude::*;
 
 /// Different labels that a volume may have, 0 among them.
 pub const MOST_LABELS: usize = 256;
+
+/// Voxels that are looked through at a time.
+const CHUNK: usize = 1 << 16;
+
+/// Why voxels have no labels.
+#[derive(Debug)]
+pub(super) enum NoLabels {
+    /// This value is none.
+    NoLabel(f64),
+    /// In words.
+    Other(String),
+}
 
 /// A label for every voxel of a volume.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,23 +31,46 @@ pub struct Labels {
 }
 
 impl Labels {
-    /// From the label of each voxel, x fastest.
+    /// From what calls each of so many voxels, x fastest; asked twice, so that memory is taken for the places alone.
     ///
     /// # Errors
-    /// More than [`MOST_LABELS`] different ones.
-    pub(super) fn new(labels: &[u32], resampled: bool) -> Result<Self, String> {
+    /// See [`NoLabels`].
+    pub(super) fn new(
+        voxels: usize,
+        label_at: impl Fn(usize) -> Result<u32, f64> + Sync,
+        resampled: bool,
+    ) -> Result<Self, NoLabels> {
+        refuse_beyond_host(Some(voxels as u64)).map_err(NoLabels::Other)?;
         let distinct = |mut labels: Vec<u32>| {
             labels.sort_unstable();
             labels.dedup();
             labels
         };
-        let of_chunks = labels.par_chunks(1 << 16).map(|chunk| distinct(chunk.to_vec()));
-        let ids = of_chunks.reduce(Vec::new, |a, b| distinct([a, b].concat()));
+        let chunks = || (0..voxels.div_ceil(CHUNK)).into_par_iter();
+        let places = |chunk: usize| chunk * CHUNK..((chunk + 1) * CHUNK).min(voxels);
+        let of_chunk = |chunk: usize| {
+            let mut found: Vec<u32> = Vec::new();
+            let mut last = None;
+            for place in places(chunk) {
+                let label = label_at(place).map_err(NoLabels::NoLabel)?;
+                if last != Some(label) {
+                    found.push(label);
+                    last = Some(label);
+                }
+            }
+            Ok(distinct(found))
+        };
+        let ids = chunks().map(of_chunk).try_reduce(Vec::new, |a, b| Ok(distinct([a, b].concat())))?;
         if ids.len() > MOST_LABELS {
-            return Err(format!("{} different labels, at most {MOST_LABELS} are told apart", ids.len()));
+            let why = format!("{} different labels, at most {MOST_LABELS} are told apart", ids.len());
+            return Err(NoLabels::Other(why));
         }
-        let rank = |label: &u32| ids.partition_point(|id| id < label) as u8;
-        let ranks: Vec<u8> = labels.par_iter().with_min_len(1 << 14).map(rank).collect();
+        let mut ranks: Vec<u8> = Vec::new();
+        let no_memory = |_| NoLabels::Other("not enough memory for the labels".into());
+        ranks.try_reserve_exact(voxels).map_err(no_memory)?;
+        let rank =
+            |place: usize| label_at(place).map_or(0, |label| ids.partition_point(|id| *id < label) as u8);
+        ranks.par_extend((0..voxels).into_par_iter().with_min_len(CHUNK).map(rank));
         let mut counts = vec![0; ids.len()];
         ranks.iter().for_each(|rank| counts[usize::from(*rank)] += 1);
         Ok(Self { ids, ranks, counts, resampled })

@@ -1,9 +1,10 @@
 //! A segmentation, sampled at the voxels of another volume.
 
-use super::{Labels, Volume};
+use super::labels::NoLabels;
+use super::{Labels, Volume, Voxel};
 use crate::error::{Error, Result};
+use crate::with_voxels;
 use glam::{DAffine3, DVec3};
-use rayon::prelude::*;
 
 /// How far a stored label may lie from a whole number.
 const WHOLE: f64 = 1e-3;
@@ -21,7 +22,18 @@ impl Labels {
         let [nx, ny, nz] = volume.dims();
         let to_source = segmentation.index_from_world() * volume.world_from_index();
         let resampled = source != [nx, ny, nz] || !is_identity(to_source, source);
-        let label_at = |place: usize| {
+        let refused = |value: f64| refuse(format!("{value} is no label: labels are whole numbers from 0 on"));
+        let voxels = nx * ny * nz;
+        if !resampled {
+            // Voxel by voxel the same grid.
+            let scaling = segmentation.scaling();
+            return with_voxels!(segmentation.voxels(), a => {
+                let stored = a.as_slice().unwrap_or_default();
+                Self::new(voxels, |place| label(scaling.apply(stored[place].to_f64())), resampled)
+            })
+            .map_err(|trouble| trouble.told(refuse, refused));
+        }
+        let nearest = |place: usize| {
             let index = DVec3::new((place % nx) as f64, (place / nx % ny) as f64, (place / (nx * ny)) as f64);
             let nearest = (to_source.transform_point3(index) + 0.5).floor();
             let is_inside = |axis: usize| (0.0..source[axis] as f64).contains(&nearest[axis]);
@@ -29,16 +41,25 @@ impl Labels {
                 return Ok(0);
             }
             let [i, j, k] = nearest.to_array().map(|c| c as usize);
-            let value = segmentation.value(i, j, k);
-            let whole = value.round();
-            let fits = (value - whole).abs() <= WHOLE && (0.0..=f64::from(u32::MAX)).contains(&whole);
-            if fits { Ok(whole as u32) } else { Err(value) }
+            label(segmentation.value(i, j, k))
         };
-        let voxels = (0..nx * ny * nz).into_par_iter().with_min_len(1 << 14);
-        let labels: std::result::Result<Vec<u32>, f64> = voxels.map(label_at).collect();
-        let labels = labels
-            .map_err(|value| refuse(format!("{value} is no label: labels are whole numbers from 0 on")))?;
-        Self::new(&labels, resampled).map_err(refuse)
+        Self::new(voxels, nearest, resampled).map_err(|trouble| trouble.told(refuse, refused))
+    }
+}
+
+/// A value as a label, or itself where it is none.
+fn label(value: f64) -> std::result::Result<u32, f64> {
+    let whole = value.round();
+    let fits = (value - whole).abs() <= WHOLE && (0.0..=f64::from(u32::MAX)).contains(&whole);
+    if fits { Ok(whole as u32) } else { Err(value) }
+}
+
+impl NoLabels {
+    fn told(self, other: impl Fn(String) -> Error, value: impl Fn(f64) -> Error) -> Error {
+        match self {
+            Self::NoLabel(found) => value(found),
+            Self::Other(why) => other(why),
+        }
     }
 }
 

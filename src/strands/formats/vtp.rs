@@ -12,8 +12,9 @@ use super::number::Number;
 use super::vtk::polylines;
 use super::vtp_data::{Appended, MOST_NUMBERS, bytes_of};
 use crate::files::vtk_xml::{Coding, appended_is_raw, kind_of};
+use crate::files::xml;
 use glam::DVec3;
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::Node;
 
 /// The tag that data without a meaning in XML stand behind.
 const APPENDED: &[u8] = b"<AppendedData";
@@ -34,11 +35,8 @@ pub(super) fn is_another(head: &[u8]) -> bool {
 /// It is not as the format has it, an array is cut short, or a polyline goes through a point that there is not.
 pub(super) fn parse(bytes: &[u8]) -> Result<Lines, Trouble> {
     let (text, appended) = split(bytes)?;
-    let options = ParsingOptions { allow_dtd: false, nodes_limit: 1_000_000, ..ParsingOptions::default() };
-    let document = Document::parse_with_options(&text, options).map_err(|e| {
-        let line = usize::try_from(e.pos().row).unwrap_or(1);
-        Trouble::in_line(line, format!("it is no XML file of VTK: {e}"))
-    })?;
+    let document = xml::parse(&text, 1_000_000)
+        .map_err(|e| Trouble::in_line(e.line, format!("it is no XML file of VTK: {}", e.why)))?;
     let root = document.root_element();
     let kind = root.attribute("type").unwrap_or_default();
     if !root.has_tag_name("VTKFile") || kind != "PolyData" {

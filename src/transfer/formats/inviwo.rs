@@ -3,7 +3,8 @@
 
 use super::carried::{Carried, FRACTION, Parts, colors, opacities};
 use super::curve::{Curve, MOST_NODES, Node, Side, Ways, linear};
-use roxmltree::{Document, Node as Element, ParsingOptions};
+use crate::files::xml;
+use roxmltree::Node as Element;
 
 /// Elements in a file: some seven a point.
 const MOST_ELEMENTS: u32 = 8 * MOST_NODES as u32;
@@ -18,11 +19,9 @@ pub fn is_one(text: &str) -> bool {
 /// # Errors
 /// It is no XML, has a document type (entities are not expanded), or no points.
 pub fn read(text: &str) -> Result<Carried, String> {
-    let options =
-        ParsingOptions { allow_dtd: false, nodes_limit: MOST_ELEMENTS, ..ParsingOptions::default() };
     let text = text.trim_start_matches('\u{feff}');
     let document =
-        Document::parse_with_options(text, options).map_err(|e| format!("not the XML of a .itf: {e}"))?;
+        xml::parse(text, MOST_ELEMENTS).map_err(|e| format!("not the XML of a .itf: {}", e.why))?;
     let named = |element: &Element<'_, '_>, names: &[&str]| {
         names.iter().any(|name| element.tag_name().name().eq_ignore_ascii_case(name))
     };

@@ -15,11 +15,12 @@ use crate::files::input::says_lps;
 use crate::files::loading::{Loading, ReadingStage, Watched};
 use crate::files::room::refuse_beyond_host;
 use crate::files::vtk_xml::{Coding, array_bytes, kind_of};
+use crate::files::xml;
 use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_voxels};
 use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
 use glam::{DMat3, DVec3};
 use ndarray::{Array3, s};
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::{Document, Node};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -27,6 +28,8 @@ use std::path::Path;
 /// File-name endings of the format.
 pub const EXTENSIONS: &[&str] = &["vti"];
 
+/// Places between the ends of pieces, times pieces, that are looked at.
+const MOST_PLACES: usize = 20_000_000;
 /// Nodes of no image's tags are more.
 const NODES_MOST: u32 = 200_000;
 /// Pieces that an image is cut into.
@@ -47,9 +50,8 @@ pub fn read_with(path: &Path, loading: &Loading) -> Result<Volume> {
     let open = || File::open(path).map_err(|e| e.to_string());
     let bytes = std::fs::metadata(path).map_err(|e| refuse(e.to_string()))?.len();
     let skeleton = open().and_then(Skeleton::of).map_err(refuse)?;
-    let options = ParsingOptions { allow_dtd: false, nodes_limit: NODES_MOST, ..ParsingOptions::default() };
-    let document = Document::parse_with_options(&skeleton.text, options)
-        .map_err(|e| refuse(format!("it is no XML file of VTK: {e}")))?;
+    let document = xml::parse(&skeleton.text, NODES_MOST)
+        .map_err(|e| refuse(format!("it is no XML file of VTK: {}", e.why)))?;
     let image = Image::of(&document, &skeleton, bytes).map_err(refuse)?;
     let mut warnings = Vec::new();
     let (pieces, element) = image.pieces(&mut warnings).map_err(refuse)?;
@@ -208,8 +210,8 @@ impl<'a, 'input> Image<'a, 'input> {
             }
             return self.read(piece, element, open()?);
         }
-        let held = pieces.iter().map(|piece| kept(piece.dims).unwrap_or(0)).fold(0u64, u64::saturating_add);
-        if kept(dims).is_none_or(|whole| held < whole) {
+        let boxes: Vec<_> = pieces.iter().map(|piece| (piece.from, piece.dims)).collect();
+        if !cover(&boxes, dims)? {
             return Err("its pieces leave voxels of the image out".into());
         }
         let mut whole = None;
@@ -330,6 +332,27 @@ fn extent(node: Node<'_, '_>, name: &str) -> Result<[[i64; 2]; 3], String> {
         Some([a, b, c, d, e, f]) => Ok([[*a, *b], [*c, *d], [*e, *f]]),
         _ => Err(format!("its {name} is `{}`", text.chars().take(60).collect::<String>())),
     }
+}
+
+/// Whether boxes, each from a voxel on and so many along each axis, leave no voxel of a grid out; they may overlap.
+fn cover(boxes: &[([usize; 3], [usize; 3])], dims: [usize; 3]) -> Result<bool, String> {
+    // Between neighbouring ends of boxes all voxels are in the same ones.
+    let ends: [Vec<usize>; 3] = std::array::from_fn(|a| {
+        let of_boxes = boxes.iter().flat_map(|(from, size)| [from[a], from[a].saturating_add(size[a])]);
+        let mut ends: Vec<usize> = of_boxes.chain([0]).filter(|end| *end < dims[a]).collect();
+        ends.sort_unstable();
+        ends.dedup();
+        ends
+    });
+    let places = ends.iter().map(Vec::len).product::<usize>();
+    if places.saturating_mul(boxes.len()) > MOST_PLACES {
+        return Err(format!("its {} pieces are too many to be put together", boxes.len()));
+    }
+    let is_in = |at: [usize; 3]| {
+        boxes.iter().any(|(from, size)| (0..3).all(|a| at[a] >= from[a] && at[a] - from[a] < size[a]))
+    };
+    let [x, y, z] = &ends;
+    Ok(z.iter().all(|k| y.iter().all(|j| x.iter().all(|i| is_in([*i, *j, *k])))))
 }
 
 /// Puts a piece where it belongs; those before it have made the whole.
