@@ -184,7 +184,7 @@ impl DeviceVolume {
     pub fn upload(gpu: &Gpu, volume: &Volume) -> Result<Self> {
         let dims = volume.dims();
         let limit = gpu.device.limits().max_texture_dimension_3d as usize;
-        let fold = Fold::of(dims, limit).ok_or_else(|| {
+        let fold = Fold::with_bricks(dims, limit).ok_or_else(|| {
             let [x, y, z] = dims;
             let why = format!(
                 "{x} x {y} x {z} voxels, the adapter's 3-D textures hold {limit} x {limit} x {limit}, and folded four times as \

@@ -5,7 +5,7 @@
 //! next to each other in the texture, each has its outermost voxels once more around it, so that filters see nothing of
 //! its neighbour.
 
-use crate::volume::Bricks;
+use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
@@ -71,10 +71,6 @@ impl Fold {
     /// lay the tiles. `None` where there is none.
     pub fn of(dims: [usize; 3], limit: usize) -> Option<Self> {
         let limit = limit.max(2);
-        // The bricks' distances lie in a texture that is not folded.
-        if Bricks::counts_for(dims).iter().any(|n| *n > limit) {
-            return None;
-        }
         let tiles = dims.map(|n| if n <= limit { 1 } else { (n - 1).div_ceil(limit - 1) });
         let period =
             std::array::from_fn(|a| if tiles[a] == 1 { dims[a] } else { (dims[a] - 1).div_ceil(tiles[a]) });
@@ -97,6 +93,12 @@ impl Fold {
             }
         }
         best.map(|(_, fold)| fold)
+    }
+
+    /// As [`Self::of`], where the bricks' distances fit as well, whose texture is not folded.
+    pub fn with_bricks(dims: [usize; 3], limit: usize) -> Option<Self> {
+        let fit = dims.iter().all(|n| n / BRICK_CELLS < limit);
+        fit.then(|| Self::of(dims, limit)).flatten()
     }
 
     /// How many tiles there are.

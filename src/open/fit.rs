@@ -20,7 +20,7 @@ pub(super) fn room_for(fit: Fit) -> Room {
         most_bytes: u64::MAX,
         bytes_beside: 0,
         texture_side: usize::MAX,
-        lies_in: |dims, side| Fold::of(dims, side).is_some(),
+        lies_in: |dims, side| Fold::with_bricks(dims, side).is_some(),
     };
     match fit {
         Fit::Factors(factors) => Room { fixed: Some(factors), ..room },

@@ -2,6 +2,7 @@
 
 use super::Bench;
 use eframe::egui::{Modifiers, vec2};
+use glam::DVec3;
 use ndarray::Array3;
 use umbravox::files::loading::Loading;
 use umbravox::open::{SceneSettings, VolumeSpec, load};
@@ -25,10 +26,14 @@ fn a_plane_is_cut_from_a_side_dragged_by_its_handle_and_taken_back() {
     assert_ne!(cut, whole);
     assert!(!document.tf_edited(), "the function is what it was");
 
-    // The plane goes through the middle of the volume, which is in the middle of the view.
-    let middle = bench.app().model.view.unwrap().center();
-    let camera = document.scene.camera;
-    bench.drag(middle, middle + vec2(-40.0, 30.0), Modifiers::NONE);
+    // The plane goes through the middle of the volume.
+    let (view, camera) = (bench.app().model.view.unwrap(), document.scene.camera);
+    let frame = camera.frame();
+    let d = document.volume.corners_mm().iter().sum::<DVec3>() / 8.0 - camera.eye;
+    let half =
+        0.5 * f64::from(view.height()) / (0.5 * camera.fov_deg.to_radians()).tan() / d.dot(frame.forward);
+    let handle = view.center() + vec2((d.dot(frame.right) * half) as f32, (-d.dot(frame.up) * half) as f32);
+    bench.drag(handle, handle + vec2(-40.0, 30.0), Modifiers::NONE);
     bench.settle();
     let moved = bench.app().model.document.clone().unwrap();
     assert_eq!(moved.scene.camera, camera, "the handle was dragged, not the view");

@@ -1,6 +1,6 @@
 //! Clip planes: a list at the side, and handles in the view.
 
-use super::parts::project;
+use super::parts::{project, project_anywhere};
 use crate::app::clip;
 use crate::app::document::Document;
 use crate::app::model::Model;
@@ -87,7 +87,7 @@ pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
     let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
     for plane in &document.tf.clip {
         let points = clip::outline(&corners, plane);
-        let seen: Option<Vec<Pos2>> = points.iter().map(|p| project(&camera, rect, *p)).collect();
+        let seen: Option<Vec<Pos2>> = points.iter().map(|p| project_anywhere(&camera, rect, *p)).collect();
         if let Some(seen) = seen.filter(|seen| seen.len() > 2) {
             painter.add(Shape::closed_line(seen, Stroke::new(1.0, COLOR.gamma_multiply(0.45))));
         }
@@ -141,8 +141,7 @@ fn drag_mm(camera: &crate::scene::Camera, rect: Rect, at: DVec3, normal: DVec3, 
     let away = (at - camera.eye).length().max(1e-9);
     // A thousandth of the distance is straight enough on screen.
     let step = 1e-3 * away;
-    let whole = rect.expand(1e6);
-    let ends = [at, at + step * normal].map(|p| project(camera, whole, p));
+    let ends = [at, at + step * normal].map(|p| project_anywhere(camera, rect, p));
     let [Some(a), Some(b)] = ends else { return 0.0 };
     let points_a_mm = (b - a) / step as f32;
     if points_a_mm.length() > FACING * rect.height() / away as f32 {

@@ -35,8 +35,13 @@ pub fn file_name(source: &str) -> &str {
     source.rsplit(['/', '\\']).next().unwrap_or(source)
 }
 
-/// Where a world point is on screen; `None` behind the eye.
+/// Where a world point is in the view; `None` behind the eye and beside the view.
 pub(super) fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
+    project_anywhere(camera, rect, point).filter(|p| rect.contains(*p))
+}
+
+/// Where a world point is on screen, also beside the view; `None` behind the eye.
+pub(super) fn project_anywhere(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2> {
     let frame = camera.frame();
     let d = point - camera.eye;
     let depth = d.dot(frame.forward);
@@ -45,5 +50,5 @@ pub(super) fn project(camera: &Camera, rect: Rect, point: DVec3) -> Option<Pos2>
     }
     let half = f64::from(0.5 * rect.height()) / (0.5 * camera.fov_deg.to_radians()).tan() / depth;
     let offset = vec2((d.dot(frame.right) * half) as f32, (-d.dot(frame.up) * half) as f32);
-    Some(rect.center() + offset).filter(|p| rect.contains(*p))
+    Some(rect.center() + offset)
 }

@@ -4,7 +4,7 @@ use super::curve::{Curve, Side, linear};
 use super::pieces::Sampled;
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
 
-/// How far an amount may be off between two points, as a share of itself, and where it is next to nothing.
+/// How far extinction may be off between two points, as a share of itself, and where it is next to nothing.
 const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
 /// Points of one function: several share the intervals that a device holds.
@@ -34,7 +34,11 @@ pub fn alike(tf: &TransferFunction, like: &TransferFunction) -> (TransferFunctio
     };
     let mut breaks: Vec<f64> = tf.points.iter().map(|p| p.value).collect();
     breaks.dedup();
-    let off = |want: &[f64; 1], got: &[f64; 1]| (want[0] - got[0]).abs() / (LEAST + SHARE * want[0]);
+    // Near opacity 1 little of an amount is much extinction.
+    let off = |want: &[f64; 1], got: &[f64; 1]| {
+        let [want, got] = [want, got].map(|amount| like.extinction_of_amount(amount[0]));
+        (want - got).abs() / (LEAST + SHARE * want)
+    };
     let (points, worst) = Sampled { breaks, at: &given, between: linear, off: &off }.points(MOST_POINTS);
     let point = |i: usize| {
         let (value, [amount]) = points[i];
@@ -75,7 +79,10 @@ mod tests {
                 );
                 for i in -10..600 {
                     let value = f64::from(i) * 0.5 + 0.1;
-                    let (want, got) = (tf.extinction(value), made.extinction(value));
+                    // More than opacity 1 less a 2^24th nothing of a kind can say.
+                    let most =
+                        like.extinction_of_amount(if like.quantity == Quantity::Opacity { 1.0 } else { 1e9 });
+                    let (want, got) = (tf.extinction(value).min(most), made.extinction(value));
                     assert!((want - got).abs() <= 1e-6 + 4e-3 * want, "{value}: {want} {got}");
                     let [a, b] = [tf.color(value), made.color(value)];
                     assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-9), "{value}");
