@@ -74,7 +74,6 @@ fn main() -> umbravox::Result<()> {
 /// The four pictures with their labels.
 fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbaImage)>> {
     let Loaded { volume, tf, scene, .. } = SceneSettings::read(path)?.load(&Loading::default())?;
-    let volume = Arc::new(volume);
     let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
     let mut panels = Vec::new();
     for (label, method) in [("no shadows", "none"), ("shadow rays", "rays"), ("deep shadow map", DSM)] {

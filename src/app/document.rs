@@ -175,7 +175,7 @@ impl Document {
     /// Frames what the transfer function shows, from the side that the camera looks from.
     pub fn frame_seen(&mut self) {
         let Scene { camera, width, height, .. } = self.scene;
-        let seen = open::Seen::of(&self.volume, &self.tf, self.scene.mesh.as_deref());
+        let seen = open::Seen::of(&self.volume, &self.tf, self.scene.mesh.as_ref());
         let aspect = f64::from(width) / f64::from(height);
         self.scene.camera = seen.framed(camera.eye - camera.target, camera.up, camera.fov_deg, aspect);
     }

@@ -131,7 +131,7 @@ fn read(mut spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading:
         With::Again => {
             let Read { volume, strands } = read_with(&spec, loading)?;
             let notes = volume.provenance.warnings.clone();
-            (volume, strands, notes, None)
+            (Arc::new(volume), strands, notes, None)
         }
         With::Settings(settings) => {
             let Loaded { volume, strands, tf, tf_source, scene, remarks, .. } = settings.load(loading)?;
@@ -156,7 +156,7 @@ fn read(mut spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading:
         }
     };
     let histogram = Arc::new(Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?);
-    Ok(Opened { spec, volume: Arc::new(volume), strands, histogram, beginning, notes })
+    Ok(Opened { spec, volume, strands, histogram, beginning, notes })
 }
 
 /// Gives strands whose file has no thickness one, since a file that is dropped has no flags beside it, and says so.

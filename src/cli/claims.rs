@@ -83,7 +83,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
     let mut read = |name: &str| {
         let loaded = load(&settings_of(name, &given)?)?;
-        let subject = Subject { volume: Arc::new(loaded.volume), tf: loaded.tf, scene: loaded.scene };
+        let subject = Subject { volume: loaded.volume, tf: loaded.tf, scene: loaded.scene };
         Ok(stand_in(name, &given).map_or_else(|| subject.clone(), |s| s.of(subject.clone())))
     };
     let effort = Effort { repeats: args.repeats as usize, ..EFFORT };

@@ -3,7 +3,6 @@
 use super::interrupt::Interrupt;
 use super::told::{load, print_result, say};
 use crate::error::{Error, Result};
-use crate::files::hash::sha256;
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::gpu::Gpu;
@@ -13,12 +12,12 @@ use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, Status, Watch, spoken};
 use crate::measure::table::Row;
-use crate::open::presets::{self, PRESETS};
-use crate::open::{Loaded, SceneArgs, SceneSettings, Seen};
+use crate::open::{Loaded, SceneArgs, SceneSettings};
 use crate::render::Renderer;
 use crate::report::Start;
+use crate::report::asked::{Asked, function_text};
 use crate::report::make::{Files, Made, Order, Subject, make, scene_name};
-use crate::report::run::{Run, SceneRecord, Shard};
+use crate::report::run::{Run, Shard};
 use crate::report::tables::{Layout, summary};
 use crate::report::writers::table_json;
 use crate::shadow::{COMPARED, Method, parse_list};
@@ -123,14 +122,6 @@ fn tex_width_pt(text: &str) -> Result<f64, String> {
     width.ok_or_else(|| "expected a width of 100 to 5000 points".into())
 }
 
-/// A scene of the command line, as it is recorded.
-struct Asked {
-    settings: SceneSettings,
-    record: SceneRecord,
-    /// The transfer function's file, where it is no preset.
-    tf_text: Option<String>,
-}
-
 /// Runs the command.
 ///
 /// # Errors
@@ -204,7 +195,7 @@ fn measured(
         let first = first.take().filter(|_| i == 0);
         let loaded = first.map_or_else(|| asked[i].settings.load(&Loading::default()), Ok)?;
         let Loaded { volume, strands, tf, scene, .. } = loaded;
-        Ok(Subject { volume: Arc::new(volume), tf, strands, scene, forced: asked[i].settings.forced() })
+        Ok(Subject { volume, tf, strands, scene, forced: asked[i].settings.forced() })
     };
     let bar = progress_bar()?;
     let interrupt = Interrupt::listen()?;
@@ -275,11 +266,12 @@ fn read_all(scenes: Vec<SceneSettings>, paths: &[PathBuf], each_light: bool) -> 
         let name = settings.name.clone().or_else(of_file);
         let name = unused_name(name.unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf)), &names);
         names.push(name.clone());
-        asked.push(recorded(settings.clone(), &loaded, &name, several)?);
+        let tf_text = function_text(&loaded)?;
+        asked.push(Asked::of(settings.clone(), &loaded, tf_text.clone(), &name, several)?);
         for (light, source) in loaded.scene.lights_apart().into_iter().filter(|_| each_light) {
             let name = unused_name(format!("{name} light {light}"), &names);
             let alone = SceneSettings { light: Some(vec![source]), ..settings.clone() };
-            let mut alone = recorded(alone, &loaded, &name, several)?;
+            let mut alone = Asked::of(alone, &loaded, tf_text.clone(), &name, several)?;
             alone.record.light = Some(light);
             names.push(name);
             asked.push(alone);
@@ -295,33 +287,6 @@ fn read_all(scenes: Vec<SceneSettings>, paths: &[PathBuf], each_light: bool) -> 
     }
     let none = || Error::input("bad command line", "--scene", "no scene");
     Ok((asked, first.ok_or_else(none)?))
-}
-
-/// What is recorded of a scene.
-fn recorded(settings: SceneSettings, loaded: &Loaded, name: &str, several: bool) -> Result<Asked> {
-    let volume_sha256 = settings.spec().sha256()?;
-    let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source);
-    let tf_text = if is_preset { None } else { Some(presets::own_text(Path::new(&loaded.tf_source))?) };
-    let prefix = if several { format!("{}_", file_name_part(name)) } else { String::new() };
-    let tf_file = tf_text.as_ref().map_or(String::new(), |_| format!("{prefix}transfer_function.json"));
-    let tf = if is_preset { loaded.tf_source.clone() } else { tf_file.clone() };
-    let mesh = loaded.scene.mesh.as_deref();
-    let scene = settings.scene(&Seen::of(&loaded.volume, &loaded.tf, mesh))?;
-    let mut resolved = settings.resolved(&scene, &tf, loaded.suiting)?;
-    resolved.name = Some(name.to_owned());
-    resolved.sha256 = volume_sha256.clone();
-    let record = SceneRecord {
-        name: name.to_owned(),
-        file: String::new(),
-        settings: resolved.to_toml()?,
-        volume_sha256,
-        tf: loaded.tf_source.clone(),
-        tf_file,
-        tf_sha256: sha256(loaded.tf.to_json().as_bytes()),
-        size: [scene.width, scene.height],
-        light: None,
-    };
-    Ok(Asked { settings, record, tf_text })
 }
 
 /// Writes what was measured, prints the table and says what files there are.

@@ -13,7 +13,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::io::{self, IsTerminal};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Print the exact optical depth of segments, a shadow method's transmittance at points, or curves along a light ray
 #[derive(Debug, Args)]
@@ -88,8 +87,8 @@ pub fn run(args: ProbeArgs) -> Result<()> {
             let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light());
             points.par_iter().map(to_light).collect::<Vec<_>>()
         };
-        let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?
-            .with_strands(strands);
+        let session =
+            Session::open(settings.adapter.as_deref(), volume, &tf, settings.forced())?.with_strands(strands);
         let shadow = session.shadow(method.as_ref(), scene.light())?;
         let found = session.query(&shadow, &points)?;
         let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));

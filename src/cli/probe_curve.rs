@@ -56,7 +56,6 @@ pub fn run(
     let Loaded { volume, strands, tf, scene, .. } = load(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
-    let volume = Arc::new(volume);
     let session = Session::open(settings.adapter.as_deref(), Arc::clone(&volume), &tf, settings.forced())?
         .with_strands(strands);
     let points = curve.points_mm();

@@ -5,14 +5,13 @@ use crate::error::Result;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use crate::gpu::Clock;
-use crate::measure::facts::REVISION;
 use crate::open::{DEFAULT_SHADOW, Loaded, SceneArgs};
 use crate::render::{Omission, Picture, Session};
+use crate::report::asked::picture_texts;
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{Bound, BuildReport, Method, NoShadows, ShadowMap};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Draw one picture
 #[derive(Debug, Args)]
@@ -37,18 +36,13 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load(&settings)?;
     let mut whole = settings.resolved(&scene, &tf_source, suiting)?;
     whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
-    let session = Session::open(settings.adapter.as_deref(), Arc::new(volume), &tf, settings.forced())?
-        .with_strands(strands);
+    let session =
+        Session::open(settings.adapter.as_deref(), volume, &tf, settings.forced())?.with_strands(strands);
     let method = needed_method(&session, &scene, method);
     let shadows = session.shadows_of(method.as_ref(), &scene)?;
     let picture = session.render(&shadows, &scene)?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
-    let texts = [
-        ("Software", format!("umbravox {}, revision {REVISION}", env!("CARGO_PKG_VERSION"))),
-        ("umbravox:adapter", session.renderer.gpu().info.name.clone()),
-        ("umbravox:scene", whole.to_toml()?),
-    ];
-    let texts = texts.map(|(key, text)| (key.to_owned(), text));
+    let texts = picture_texts(&session.renderer.gpu().info.name, Some(&whole))?;
     write_picture_with(&args.output, &picture.pixels, backdrop, &texts)?;
     let summary = Summary::of(&args.output, &session, method.as_ref(), (&shadows, &scene), &picture);
     if settings.explain {

@@ -71,6 +71,15 @@ impl SceneSettings {
     }
 }
 
+impl SceneSettings {
+    /// Every key, with the help of its flag.
+    pub fn keys() -> Vec<(String, String)> {
+        let command = Line::command();
+        let help = |a: &clap::Arg| a.get_help().map_or_else(String::new, ToString::to_string);
+        command.get_arguments().map(|a| (a.get_id().to_string(), help(a))).collect()
+    }
+}
+
 fn unwritable(e: toml::ser::Error) -> Error {
     Error::input("cannot write scene", "settings", e)
 }

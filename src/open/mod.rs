@@ -5,6 +5,7 @@ mod fit;
 pub mod formats;
 mod help;
 mod lights;
+mod load;
 mod meshes;
 mod parts;
 pub mod presets;
@@ -19,12 +20,13 @@ pub mod values;
 mod view;
 
 pub use formats::{FORMATS, Read, ReadFlags, VolumeSpec, load, load_with, read_with};
+pub use load::{Functions, Loaded};
 pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
 pub use parts::{LabelFunction, LabelList, PartFlags};
 pub use refusal::{Refusal, refusal};
 pub use remark::Remark;
 pub use seen::Seen;
-pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, Loaded, SceneArgs, SceneSettings};
+pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, SceneArgs, SceneSettings};
 pub use strands::{
     StrandFlags, is_strand_source, lacks_thickness, load_strands, parse_resolution, parse_thickness_mm,
 };

@@ -146,13 +146,14 @@ impl PartFlags {
         Ok(planes)
     }
 
-    /// The transfer functions of labels, found before anything large is read.
+    /// The transfer functions of labels, found before anything large is read; `is_labelled` where the voxels have labels
+    /// without a file of them.
     ///
     /// # Errors
     /// A function that cannot be found or read, or labels that are spoken of without a segmentation.
-    pub fn find(&self) -> Result<Vec<(LabelList, Found)>> {
+    pub fn find(&self, is_labelled: bool) -> Result<Vec<(LabelList, Found)>> {
         let flag = if self.hide.is_some() { "--hide" } else { "--label-tf" };
-        if self.labels.is_none() && (self.hide.is_some() || self.label_tf.is_some()) {
+        if self.labels.is_none() && !is_labelled && (self.hide.is_some() || self.label_tf.is_some()) {
             let why = "it is about labels, and there is no segmentation";
             return Err(Error::input("cannot use flag", flag, why).hint("--labels FILE gives one"));
         }
@@ -297,6 +298,6 @@ mod tests {
     #[test]
     fn rules_without_labels_are_refused() {
         let flags = PartFlags { hide: "1".parse().ok(), ..PartFlags::default() };
-        assert_eq!(flags.find().unwrap_err().place, "--hide");
+        assert_eq!(flags.find(false).unwrap_err().place, "--hide");
     }
 }

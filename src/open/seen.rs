@@ -6,6 +6,7 @@ use crate::scene::Camera;
 use crate::transfer::{Class, TransferFunction};
 use crate::volume::{BRICK_CELLS, Bricks, Volume};
 use glam::{DVec3, IVec3};
+use std::sync::Arc;
 
 /// Share of the picture's half that is left free beyond what reaches furthest.
 const MARGIN: f64 = 0.05;
@@ -15,8 +16,8 @@ const BEFORE: f64 = 0.1;
 /// What there is to see: all cells with extinction somewhere, and the opaque things among them; the whole domain where there
 /// is neither. It does not depend on how a picture is drawn.
 #[derive(Debug)]
-pub struct Seen<'a> {
-    volume: &'a Volume,
+pub struct Seen {
+    volume: Arc<Volume>,
     /// Bricks with extinction beside ones without: all others lie between them.
     outer: Vec<IVec3>,
     /// Values with extinction, by each of the transfer function's functions.
@@ -25,13 +26,13 @@ pub struct Seen<'a> {
     functions: Vec<Option<usize>>,
     /// Clip planes in index coordinates: kept is `normal · p >= offset`.
     planes: Vec<(DVec3, f64)>,
-    mesh: Option<&'a Mesh>,
+    mesh: Option<Arc<Mesh>>,
     center_mm: DVec3,
 }
 
-impl<'a> Seen<'a> {
+impl Seen {
     /// Of a volume by a transfer function, with opaque things in it.
-    pub fn of(volume: &'a Volume, tf: &TransferFunction, mesh: Option<&'a Mesh>) -> Self {
+    pub fn of(volume: &Arc<Volume>, tf: &TransferFunction, mesh: Option<&Arc<Mesh>>) -> Self {
         let active = ActiveBricks::of(&Bricks::build(volume), tf);
         let to_world = |index: DVec3| volume.world_from_index().transform_point3(index);
         let of_field = active.index_box(volume.dims()).map(|[lo, hi]| {
@@ -40,7 +41,8 @@ impl<'a> Seen<'a> {
             };
             (0..8).map(|c| to_world(corner(c))).collect::<Vec<_>>()
         });
-        let corners = of_field.into_iter().flatten().chain(mesh.into_iter().flat_map(Mesh::bounds_mm));
+        let corners =
+            of_field.into_iter().flatten().chain(mesh.into_iter().flat_map(|mesh| mesh.bounds_mm()));
         let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let [lo, hi] = corners.fold(none, |[lo, hi], p| [lo.min(p), hi.max(p)]);
         if lo.cmpgt(hi).any() {
@@ -52,26 +54,27 @@ impl<'a> Seen<'a> {
             Class::Function(function) => Some(function),
         };
         Self {
-            volume,
+            volume: Arc::clone(volume),
             outer: active.outer().to_vec(),
             intervals: tf.functions().into_iter().map(extinction_intervals).collect(),
             functions: ids.iter().map(function).collect(),
             planes: tf.clip.iter().map(|plane| plane.seen_from(volume.world_from_index())).collect(),
-            mesh,
+            mesh: mesh.map(Arc::clone),
             center_mm: 0.5 * (lo + hi),
         }
     }
 
     /// All of a volume's domain.
-    pub fn whole(volume: &'a Volume) -> Self {
+    pub fn whole(volume: &Arc<Volume>) -> Self {
         let center_mm = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
         let (intervals, functions, planes) = (Vec::new(), Vec::new(), Vec::new());
+        let volume = Arc::clone(volume);
         Self { volume, outer: Vec::new(), intervals, functions, planes, mesh: None, center_mm }
     }
 
     /// The volume.
-    pub fn volume(&self) -> &'a Volume {
-        self.volume
+    pub fn volume(&self) -> &Volume {
+        &self.volume
     }
 
     /// Middle of the box around it, to a brick; world mm.
@@ -104,7 +107,7 @@ impl<'a> Seen<'a> {
 
     /// How far it reaches along a direction of any length, from the world's origin and in that length: to a cell.
     fn furthest(&self, direction: DVec3) -> f64 {
-        let of_mesh = self.mesh.map_or(f64::NEG_INFINITY, |mesh| {
+        let of_mesh = self.mesh.as_ref().map_or(f64::NEG_INFINITY, |mesh| {
             mesh.triangles().iter().flatten().map(|p| p.dot(direction)).fold(f64::NEG_INFINITY, f64::max)
         });
         if self.outer.is_empty() && self.mesh.is_none() {
@@ -198,14 +201,14 @@ mod tests {
     use ndarray::Array3;
 
     /// One inside a box of voxels, 0 around it, on an oblique grid.
-    fn boxed(lo: [usize; 3], hi: [usize; 3]) -> Volume {
+    fn boxed(lo: [usize; 3], hi: [usize; 3]) -> Arc<Volume> {
         let inside =
             |(k, j, i): (usize, usize, usize)| (0..3).all(|a| (lo[a]..=hi[a]).contains(&[i, j, k][a]));
         let values = Array3::from_shape_fn((41, 33, 50), |at| u8::from(inside(at)));
         let axes = DMat3::from_rotation_y(0.3) * DMat3::from_diagonal(DVec3::new(1.5, 1.0, -0.7));
         let affine = DAffine3::from_mat3_translation(axes, DVec3::new(-40.0, 7.0, 300.0));
-        Volume::new(Voxels::U8(values), Scaling::IDENTITY, affine, Provenance::new("box", "test", "u8"))
-            .unwrap()
+        let provenance = Provenance::new("box", "test", "u8");
+        Arc::new(Volume::new(Voxels::U8(values), Scaling::IDENTITY, affine, provenance).unwrap())
     }
 
     /// Where the corners of the box of cells with extinction are seen: -1 to 1 along both sides of the picture.
@@ -263,7 +266,7 @@ mod tests {
         let volume = boxed([9, 7, 10], [22, 20, 25]);
         let clear = TransferFunction::new(Quantity::Extinction, &[(0.0, 0.0), (1.0, 0.0)]);
         let (none, whole) = (Seen::of(&volume, &clear, None), Seen::whole(&volume));
-        let camera = |seen: &Seen<'_>| seen.framed(DVec3::Y, DVec3::Z, 40.0, 1.0);
+        let camera = |seen: &Seen| seen.framed(DVec3::Y, DVec3::Z, 40.0, 1.0);
         assert_eq!(camera(&none), camera(&whole));
         // Extinction everywhere is the same, to the last cell.
         let full = TransferFunction::new(Quantity::Extinction, &[(0.0, 0.1), (1.0, 0.1)]);

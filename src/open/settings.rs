@@ -4,27 +4,21 @@ use super::help::{shadow_help, tf_help};
 use super::lights::{self, one_or_list};
 use super::meshes::OpaqueFlags;
 use super::parts::PartFlags;
-use super::presets::{self, ResolvedTransferFunction, Suiting};
-use super::remark::Remark;
+use super::presets::Suiting;
 use super::seen::Seen;
 use super::units::Units;
 use super::values::{self, Background, Size};
 use super::view;
-use super::{Read, ReadFlags, VolumeSpec, read_with};
+use super::{ReadFlags, VolumeSpec};
 use crate::error::{Error, Result};
-use crate::files::loading::Loading;
 use crate::render::Forced;
 use crate::scene::{AxisView, Camera, LightSource, Scene, Shading, Skip};
 use crate::shadow::{self, Method};
-use crate::strands::VoxelisedStrands;
-use crate::transfer::TransferFunction;
-use crate::volume::Volume;
 use clap::Args;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::ops::Not;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Which volume, where nothing is said.
 pub const DEFAULT_VOLUME: &str = "phantom:thorax";
@@ -168,25 +162,6 @@ impl SceneArgs {
     }
 }
 
-/// A volume, the transfer function in its units and the scene: what every drawing command starts from.
-#[derive(Debug)]
-pub struct Loaded {
-    /// What casts shadows.
-    pub volume: Volume,
-    /// What the volume was made from, where that is strands.
-    pub strands: Option<Arc<VoxelisedStrands>>,
-    /// Its transfer function.
-    pub tf: TransferFunction,
-    /// The preset or file that `tf` is.
-    pub tf_source: String,
-    /// Camera, lights and picture.
-    pub scene: Scene,
-    /// What was asked for or found out of units and opacity.
-    pub suiting: Suiting,
-    /// What was assumed.
-    pub remarks: Vec<Remark>,
-}
-
 impl SceneSettings {
     /// A volume, and the defaults for all else.
     pub fn of_volume(spec: &VolumeSpec) -> Self {
@@ -224,56 +199,6 @@ impl SceneSettings {
         self.background == Some(Background::None)
     }
 
-    /// Reads what is named, cheap things first; watched and ended early through `loading`.
-    ///
-    /// # Errors
-    /// Whatever of it cannot be read or does not go together, or it was cancelled.
-    pub fn load(&self, loading: &Loading) -> Result<Loaded> {
-        let found = self.tf.as_deref().map(presets::find).transpose()?;
-        let of_labels = self.parts.find()?;
-        lights::checked(self.light.as_deref())?;
-        self.spec().check_shading(self.shading)?;
-        let Read { volume, strands } = read_with(&self.spec(), loading)?;
-        let mut remarks: Vec<Remark> =
-            volume.provenance.warnings.iter().map(|w| ("warning", w.clone())).collect();
-        remarks.extend(self.another_volume()?.map(|remark| ("warning", remark)));
-        let volume = self.parts.label(volume, strands.is_some(), &mut remarks, loading)?;
-        let (tf_source, chosen) = match &self.tf {
-            Some(tf) => (tf.clone(), None),
-            None => {
-                let (name, why) = presets::default_as(&volume, self.units);
-                (name.to_owned(), why)
-            }
-        };
-        let found = found.map_or_else(|| presets::find(&tf_source), Ok)?;
-        let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
-            found.suit(&volume, self.suiting())?;
-        // Each by itself: a factor that suits a preset to the volume is none for a file.
-        let own = Suiting { units: suiting.units, ..self.suiting() };
-        tf.rules = self.parts.rules(of_labels, &tf, &volume, own, &mut remarks)?;
-        tf.clip = self.parts.planes(strands.is_some())?;
-        remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
-        remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));
-        let mesh = self.opaque.read(&mut remarks, loading)?;
-        let scene = self.scene(&Seen::of(&volume, &tf, mesh.as_deref()))?;
-        let scene = Scene { mesh, ..scene };
-        Ok(Loaded { volume, strands, tf, tf_source, scene, suiting, remarks })
-    }
-
-    /// Where `sha256` is given: what to say if the volume's file has another.
-    fn another_volume(&self) -> Result<Option<String>> {
-        let Some(expected) = &self.sha256 else { return Ok(None) };
-        let spec = self.spec();
-        Ok(match spec.sha256()? {
-            Some(found) if found == *expected => None,
-            Some(found) => Some(format!(
-                "{} is not the file that was meant: its SHA-256 is {found}, not {expected}",
-                spec.source
-            )),
-            None => Some(format!("{} is built in: it has no SHA-256 to compare", spec.source)),
-        })
-    }
-
     /// The settings with nothing left to a default, for a file that stays true when defaults change: what was given, and
     /// what `scene` says of the rest.
     ///
@@ -298,7 +223,7 @@ impl SceneSettings {
     ///
     /// # Errors
     /// A camera that looks nowhere: eye at the target, or up along the view.
-    pub fn scene(&self, seen: &Seen<'_>) -> Result<Scene> {
+    pub fn scene(&self, seen: &Seen) -> Result<Scene> {
         let default = Scene::framing(seen.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
         let Self { eye, target, up, view, zoom, fov, .. } = *self;
@@ -357,6 +282,7 @@ mod tests {
     use super::*;
     use crate::open::load;
     use clap::Parser;
+    use std::sync::Arc;
 
     #[derive(Parser)]
     struct Line {
@@ -366,7 +292,7 @@ mod tests {
 
     fn scene(line: &[&str]) -> Result<Scene> {
         let settings = Line::try_parse_from([&["test"], line].concat()).unwrap().settings;
-        settings.scene(&Seen::whole(&load(&VolumeSpec::new("phantom:slab:8"))?))
+        settings.scene(&Seen::whole(&Arc::new(load(&VolumeSpec::new("phantom:slab:8"))?)))
     }
 
     #[test]
@@ -381,7 +307,7 @@ mod tests {
 
     #[test]
     fn a_scene_and_its_settings_are_two_views_of_one_thing() {
-        let volume = load(&VolumeSpec::new("phantom:slab:8")).unwrap();
+        let volume = Arc::new(load(&VolumeSpec::new("phantom:slab:8")).unwrap());
         for (transparent, background) in [(false, "#336699"), (true, "none")] {
             let line = [
                 "--size=9x8",

@@ -28,7 +28,7 @@ pub(super) struct Asked {
 ///
 /// # Errors
 /// A camera that looks nowhere, or from two places.
-pub(super) fn camera(asked: &Asked, seen: &Seen<'_>, size: Size) -> Result<Camera> {
+pub(super) fn camera(asked: &Asked, seen: &Seen, size: Size) -> Result<Camera> {
     let side = asked.view;
     if side.is_some() && asked.eye.is_some() {
         let why = "--eye says where the camera is, and --view asks for a side";
@@ -69,10 +69,11 @@ mod tests {
     use super::*;
     use crate::scene::AXIS_VIEWS;
     use crate::volume::Phantom;
+    use std::sync::Arc;
 
     #[test]
     fn sides_are_looked_from_and_zoom_enlarges() {
-        let volume = Phantom::Thorax.build(16).unwrap();
+        let volume = Arc::new(Phantom::Thorax.build(16).unwrap());
         let size = Size { width: 100, height: 100 };
         let seen = Seen::whole(&volume);
         let of = |asked: &Asked| camera(asked, &seen, size).unwrap();

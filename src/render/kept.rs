@@ -114,17 +114,38 @@ impl AskedFor {
 /// Share of what is seen that a map covers besides on each side, so that a camera that moves a little needs no other.
 const VIEW_MARGIN: f64 = 0.1;
 
+/// Which maps serve a picture that they were not built for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Serving {
+    /// Those that cover all that it shows; they are built a little wider, for a camera that moves.
+    #[default]
+    Covering,
+    /// Those alone that would be built for it again: a picture is the same to the bit, whatever was drawn before.
+    Same,
+}
+
 /// A map that is kept.
 struct KeptMap {
     key: MapKey,
     map: ShadowMap,
+    /// The view that it was built for.
+    view: Option<View>,
     /// The view (none: every point) that was last asked about, and whether the map serves it: a picture asks several times,
     /// and going through the bricks of a large volume takes milliseconds.
     asked: Cell<Option<(Option<View>, bool)>>,
 }
 
 impl KeptMap {
-    fn serves(&self, loaded: &LoadedVolume, transfer: &DeviceTransfer, view: Option<View>) -> bool {
+    fn serves(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        view: Option<View>,
+        serving: Serving,
+    ) -> bool {
+        if serving == Serving::Same {
+            return self.view == view || !self.map.light_space.can_fit_view();
+        }
         if let Some((_, serves)) = self.asked.get().filter(|(asked, _)| *asked == view) {
             return serves;
         }
@@ -154,6 +175,7 @@ const MOST_MAPS: usize = 4;
 pub struct Kept {
     transfer: Option<(TransferFunction, DeviceTransfer)>,
     forced: Forced,
+    serving: Serving,
     /// Maps of the tables' extinction; the most lately used is last.
     maps: Vec<KeptMap>,
 }
@@ -162,6 +184,12 @@ impl Kept {
     /// Nothing yet; `forced` is what is done although no picture needs it.
     pub fn new(forced: Forced) -> Self {
         Self { forced, ..Self::default() }
+    }
+
+    /// The same, of whose maps only such serve.
+    #[must_use]
+    pub fn serving_by(self, serving: Serving) -> Self {
+        Self { serving, ..self }
     }
 
     /// Makes the tables of `tf`, as far as it differs from the function before; `None` where it is the same.
@@ -232,7 +260,7 @@ impl Kept {
         self.maps.iter().rposition(|kept| {
             let key = &kept.key;
             let same = key.light == light && key.needed && key.method == spec;
-            same && kept.serves(loaded, transfer, view)
+            same && kept.serves(loaded, transfer, view, self.serving)
         })
     }
 
@@ -282,7 +310,8 @@ impl Kept {
             return Ok(());
         }
         let method = if needed { method } else { &NoShadows };
-        let view = asked.view(scene).map(|view| view.with_margin(VIEW_MARGIN));
+        let margin = if self.serving == Serving::Same { 0.0 } else { VIEW_MARGIN };
+        let view = asked.view(scene).map(|view| view.with_margin(margin));
         let map = renderer.shadow_in(loaded, transfer, method, light, view.as_ref())?;
         if needed {
             *work.build_ms.get_or_insert(0.0) += map.report.build_ms();
@@ -295,7 +324,7 @@ impl Kept {
             });
         }
         let key = MapKey { method: spec.into(), light, needed };
-        self.maps.push(KeptMap { key, map, asked: Cell::new(None) });
+        self.maps.push(KeptMap { key, map, view, asked: Cell::new(None) });
         Ok(())
     }
 

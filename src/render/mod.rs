@@ -15,7 +15,7 @@ mod session;
 mod shader;
 
 pub use display::{DisplayTexture, Drawn, Screen};
-pub use kept::{AskedFor, Change, INVALIDATES, Kept, Stage, Work};
+pub use kept::{AskedFor, Change, INVALIDATES, Kept, Serving, Stage, Work};
 pub use lights::LightMaps;
 pub use pace::Pace;
 pub use picture::Picture;

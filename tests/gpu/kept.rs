@@ -1,7 +1,7 @@
 //! What an edit makes stale, row by row, and that what is kept is still right.
 
 use super::*;
-use umbravox::render::{AskedFor, Change, INVALIDATES, Kept, LoadedVolume, Stage, Work};
+use umbravox::render::{AskedFor, Change, INVALIDATES, Kept, LoadedVolume, Serving, Stage, Work};
 use umbravox::scene::{Camera, LightSource};
 
 /// A scene that is edited.
@@ -267,4 +267,37 @@ fn what_fails_leaves_the_old_in_place() {
     let refused = session.kept.set_transfer(session.renderer, &session.loaded, &opacity(&points), &mut work);
     assert!(refused.is_err() && work == Work::default());
     assert_eq!(session.show(&state), (vec![], vec![], None));
+}
+
+/// Where only a map that would be built again serves, no picture tells what was drawn before: bit by bit a session's own.
+#[test]
+fn no_picture_depends_on_those_before() {
+    let state = State::first();
+    let Some(mut session) = Session::open(&state.volume) else { return };
+    session.kept = Kept::new(Forced::NOTHING).serving_by(Serving::Same);
+    let plain = Setup::open(&state.volume, &state.tf).unwrap();
+    let Camera { eye, target, .. } = state.scene.camera;
+    let nearer = |share: f64| Camera { eye: target + share * (eye - target), ..state.scene.camera };
+    let mut work = Work::default();
+    session.kept.set_transfer(session.renderer, &session.loaded, &state.tf, &mut work).unwrap();
+    for (method, share, builds) in [
+        ("dsm:map=64", 1.0, true),
+        // What it sees the map would cover, but its own is finer.
+        ("dsm:map=64", 0.4, true),
+        ("dsm:map=64", 1.0, false),
+        ("dsm:fit=volume,map=64", 1.0, true),
+        ("dsm:fit=volume,map=64", 0.4, false),
+    ] {
+        let scene = Scene { camera: nearer(share), ..state.scene.clone() };
+        let parsed = shadow::parse(method).unwrap();
+        let (named, asked) = ((method, parsed.as_ref()), (&scene, AskedFor::Picture));
+        let mut work = Work::default();
+        session.kept.prepare(session.renderer, &session.loaded, named, asked, &mut work).unwrap();
+        assert_eq!(work.build_ms.is_some(), builds, "{method} {share}");
+        let maps = session.kept.shadows(method, &scene).unwrap();
+        let transfer = session.kept.transfer().unwrap();
+        let picture = session.renderer.render(&session.loaded, transfer, maps, &scene).unwrap().pixels;
+        let map = plain.session.shadow_of(parsed.as_ref(), &scene, scene.light()).unwrap();
+        assert_eq!(picture, plain.picture_of(&map, &scene), "{method} {share}");
+    }
 }

@@ -204,8 +204,9 @@ impl LightSpace {
         })
     }
 
-    /// Whether the map may cover a part of the active bricks alone.
-    fn can_fit_view(&self) -> bool {
+    /// Whether the map would cover a part of the active bricks alone where a view shows no more: else it is the same for every
+    /// view.
+    pub fn can_fit_view(&self) -> bool {
         let has_border = self.shape.texels.is_none_or(|texels| texels >= MapShape::LEAST_WITH_BORDER);
         self.shape.fits_view && has_border && self.projection != Projection::Octahedral
     }

@@ -1,0 +1,80 @@
+//! A scene that a table is asked of, as the table's folder records it.
+
+use super::names;
+use super::run::SceneRecord;
+use crate::error::Result;
+use crate::files::hash::sha256;
+use crate::measure::facts::REVISION;
+use crate::open::presets::{self, PRESETS};
+use crate::open::{Loaded, SceneSettings};
+use std::path::Path;
+
+/// A scene with what its folder keeps of it.
+pub struct Asked {
+    /// As it was asked for.
+    pub settings: SceneSettings,
+    /// As it is recorded, with nothing left to a default.
+    pub record: SceneRecord,
+    /// The transfer function's file, where it is no preset.
+    pub tf_text: Option<String>,
+}
+
+impl Asked {
+    /// Of settings that look at what is loaded. `tf_text` is the text of the transfer function where that is no preset, `several`
+    /// whether the folder holds other scenes.
+    ///
+    /// # Errors
+    /// The volume's file cannot be read for its SHA-256.
+    pub fn of(
+        settings: SceneSettings,
+        loaded: &Loaded,
+        tf_text: Option<String>,
+        name: &str,
+        several: bool,
+    ) -> Result<Self> {
+        let volume_sha256 = settings.spec().sha256()?;
+        let prefix = names::prefix(name, several);
+        let tf_file = tf_text.as_ref().map_or(String::new(), |_| format!("{prefix}transfer_function.json"));
+        let tf = if tf_file.is_empty() { loaded.tf_source.clone() } else { tf_file.clone() };
+        let scene = loaded.scene_of(&settings)?;
+        let mut resolved = settings.resolved(&scene, &tf, loaded.suiting)?;
+        resolved.name = Some(name.to_owned());
+        resolved.sha256 = volume_sha256.clone();
+        let record = SceneRecord {
+            name: name.to_owned(),
+            file: String::new(),
+            settings: resolved.to_toml()?,
+            volume_sha256,
+            tf: loaded.tf_source.clone(),
+            tf_file,
+            tf_sha256: sha256(loaded.tf.to_json().as_bytes()),
+            size: [scene.width, scene.height],
+            light: None,
+        };
+        Ok(Self { settings, record, tf_text })
+    }
+}
+
+/// The text of the transfer function that was read from a file; `None` for a preset.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn function_text(loaded: &Loaded) -> Result<Option<String>> {
+    let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source);
+    if is_preset { Ok(None) } else { presets::own_text(Path::new(&loaded.tf_source)).map(Some) }
+}
+
+/// Keys and texts that a single picture carries: what drew it, and the scene file that draws it again.
+///
+/// # Errors
+/// As [`SceneSettings::to_toml`].
+pub fn picture_texts(adapter: &str, scene: Option<&SceneSettings>) -> Result<Vec<(String, String)>> {
+    let program = format!("umbravox {}, revision {REVISION}", env!("CARGO_PKG_VERSION"));
+    let scene = scene.map(SceneSettings::to_toml).transpose()?;
+    let texts = [
+        ("Software", Some(program)),
+        ("umbravox:adapter", Some(adapter.to_owned())),
+        ("umbravox:scene", scene),
+    ];
+    Ok(texts.into_iter().filter_map(|(key, text)| Some((key.to_owned(), text?))).collect())
+}
