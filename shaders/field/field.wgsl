@@ -85,18 +85,29 @@ fn tile_offset(low: vec3<i32>) -> vec3<i32> {
 }
 #endif
 
+// The texels of the two voxels between which a cell lies.
+struct CellEnds {
+    low: vec3<i32>,
+    high: vec3<i32>,
+}
+
+fn ends_of_cell(cell: vec3<i32>) -> CellEnds {
+    let last = vec3<i32>(field.size) - 1;
+    let low = clamp(cell - 1, vec3<i32>(0), last);
+    let high = clamp(cell, vec3<i32>(0), last);
+#ifdef FOLDED
+    let offset = tile_offset(low);
+    return CellEnds(low + offset, high + offset);
+#else
+    return CellEnds(low, high);
+#endif
+}
+
 fn cell_values(cell: vec3<i32>) -> Cell {
     count_work(LOADS, 8u);
-    let last = vec3<i32>(field.size) - 1;
-#ifdef FOLDED
-    let low = clamp(cell - 1, vec3<i32>(0), last);
-    let offset = tile_offset(low);
-    let a = low + offset;
-    let b = clamp(cell, vec3<i32>(0), last) + offset;
-#else
-    let a = clamp(cell - 1, vec3<i32>(0), last);
-    let b = clamp(cell, vec3<i32>(0), last);
-#endif
+    let ends = ends_of_cell(cell);
+    let a = ends.low;
+    let b = ends.high;
     return Cell(
         vec4<f32>(
             textureLoad(volume, a, 0).x,
@@ -118,16 +129,9 @@ fn cell_values(cell: vec3<i32>) -> Cell {
 // known yet those of the nearer face are read (not `held`): asked again, all eight are there.
 fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: vec3<bool>, held: bool) -> Cell {
     count_work(LOADS, 4u);
-    let last = vec3<i32>(field.size) - 1;
-#ifdef FOLDED
-    let lowest = clamp(cell - 1, vec3<i32>(0), last);
-    let offset = tile_offset(lowest);
-    let low = lowest + offset;
-    let high = clamp(cell, vec3<i32>(0), last) + offset;
-#else
-    let low = clamp(cell - 1, vec3<i32>(0), last);
-    let high = clamp(cell, vec3<i32>(0), last);
-#endif
+    let ends = ends_of_cell(cell);
+    let low = ends.low;
+    let high = ends.high;
     let near = select(low, high, mirrored);
     let far = select(high, low, mirrored);
     let plane = select(near, far, held);

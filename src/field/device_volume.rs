@@ -2,7 +2,7 @@
 
 use super::fold::{Fold, Part};
 use crate::error::{Error, Result};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, solid_texture};
 use crate::transfer::TexelMapping;
 use crate::volume::{Labels, Volume, Voxel, Voxels};
 use crate::with_voxels;
@@ -147,26 +147,16 @@ fn write_voxels(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &P
 
 /// The places of voxels' labels, laid as the voxels are.
 fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> wgpu::TextureView {
-    let texture = solid_texture(gpu, "labels", wgpu::TextureFormat::R8Uint, fold);
+    let texture = grid_texture(gpu, "labels", wgpu::TextureFormat::R8Uint, fold);
     write_tiles(gpu, &texture, (fold, dims), 1, |first, part, slice| {
         slice.extend(along_row(&labels.ranks()[first..][..dims[0]], part));
     });
     texture.create_view(&Default::default())
 }
 
-/// A 3-D texture for a grid.
-fn solid_texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, fold: &Fold) -> wgpu::Texture {
-    let [width, height, depth_or_array_layers] = fold.sides().map(|side| side as u32);
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D3,
-        format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    })
+/// A 3-D texture for a grid, whose sides the adapter holds.
+fn grid_texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, fold: &Fold) -> wgpu::Texture {
+    solid_texture(gpu, label, format, fold.sides().map(|side| side as u32), wgpu::TextureUsages::empty())
 }
 
 /// The values of a row that a tile's texels hold, in their order.
@@ -200,7 +190,7 @@ impl DeviceVolume {
             TexelFormat::Half => wgpu::TextureFormat::R16Float,
             TexelFormat::Single => wgpu::TextureFormat::R32Float,
         };
-        let texture = solid_texture(gpu, "volume", kept, &fold);
+        let texture = grid_texture(gpu, "volume", kept, &fold);
         write_voxels(gpu, volume, &texture, &Packing { format, center, per_stored }, &fold);
         let labels = volume.labels().map(|labels| label_texture(gpu, labels, &fold, dims));
         let last = gpu.queue.submit([]);

@@ -24,5 +24,5 @@ pub(crate) use layout::{assert_layout, wgsl_layout};
 pub use pipeline_cache::PipelineStore;
 pub use shaders::{Constant, ShaderVariant, compose, shader_paths};
 pub use timing::{Clock, PassTimer, Span};
-pub use volume_texture::VolumeTexture;
+pub use volume_texture::{VolumeTexture, solid_texture};
 pub use watch::{WORK_KINDS, WORK_WORDS, Watch, Work};

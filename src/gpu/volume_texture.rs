@@ -5,6 +5,26 @@ use crate::error::{Error, Result};
 use bytemuck::Pod;
 use std::ops::Range;
 
+/// A 3-D texture that shaders read and the host writes, and besides is used so; its sides are not checked.
+pub fn solid_texture(
+    gpu: &Gpu,
+    label: &str,
+    format: wgpu::TextureFormat,
+    [width, height, depth_or_array_layers]: [u32; 3],
+    besides: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D3,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | besides,
+        view_formats: &[],
+    })
+}
+
 /// A 3-D texture: 32-bit floats are stored to by passes, fewer bits are copied to or written by the host.
 pub struct VolumeTexture {
     view: wgpu::TextureView,
@@ -21,21 +41,11 @@ impl VolumeTexture {
             let why = format!("{side} texels along an axis, the adapter's 3-D textures end at {limit}");
             return Err(Error::runtime(format!("cannot allocate {label}"), &gpu.info.name, why));
         }
-        let [width, height, depth_or_array_layers] = sides;
         let stored = match format {
             wgpu::TextureFormat::R32Float => wgpu::TextureUsages::STORAGE_BINDING,
             _ => wgpu::TextureUsages::empty(),
         };
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(label),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D3,
-            format,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST | stored,
-            view_formats: &[],
-        });
+        let texture = solid_texture(gpu, label, format, sides, stored);
         gpu.take_error()?;
         Ok(Self { view: texture.create_view(&Default::default()) })
     }

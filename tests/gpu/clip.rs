@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::bound::along_light_rays;
-use umbravox::scene::Skip;
 use umbravox::transfer::ClipPlane;
 
 fn plane(normal: DVec3, through: DVec3) -> ClipPlane {
@@ -65,11 +64,7 @@ fn an_even_medium_is_as_deep_as_what_is_kept_of_it() {
     };
     let wanted: Vec<f64> = points.iter().map(|p| (-depth(p)).exp()).collect();
     assert!(wanted.iter().any(|t| *t < 0.5) && wanted.iter().filter(|t| **t == 1.0).count() > 20);
-    let exact = setup.exact();
-    for (p, want) in points.iter().zip(&wanted) {
-        assert!((exact.transmittance_to_light(*p, &light) - want).abs() < 1e-12, "{p}");
-    }
-    for (method, allowed) in [
+    let methods = [
         ("rays", 2e-6),
         ("dsm:epsilon=0.002,map=256", 0.012),
         ("dsm:epsilon=0.002,map=256,march=samples", 0.012),
@@ -78,12 +73,8 @@ fn an_even_medium_is_as_deep_as_what_is_kept_of_it() {
         ("avsm:map=256,nodes=16", 0.02),
         ("lightvolume", 0.04),
         ("lightvolume:build=sweep", 0.08),
-    ] {
-        let got = setup.query(&setup.shadow(method, light), &points);
-        let off = got.iter().zip(&wanted).map(|(t, want)| (f64::from(*t) - want).abs()).fold(0.0, f64::max);
-        println!("{method}: {off:.5}");
-        assert!(off <= allowed, "{method}: {off}");
-    }
+    ];
+    checks::answers_are(&setup, light, &points, &wanted, &methods);
 }
 
 /// What is promised of light rays is promised of clipped volumes, and holds.
@@ -93,17 +84,7 @@ fn promises_hold() {
     for (what, planes) in cuts(&whole) {
         for (n, tf) in transfer_functions([-900.0, 1200.0]).iter().enumerate() {
             let Some(setup) = Setup::open(&whole, &clipped(tf, &planes)) else { return };
-            for (place, light) in lights(&whole) {
-                for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"]
-                {
-                    let (report, sanity) = along_light_rays(&setup, method, light);
-                    let wrong = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
-                    assert!(
-                        report.held() == Some(true) && wrong == 0,
-                        "{what}, function {n}, {place}, {method}: {report:?} {sanity:?}"
-                    );
-                }
-            }
+            checks::promises_hold(&setup, &format!("{what}, function {n}"));
         }
     }
 }
@@ -135,20 +116,7 @@ fn pictures_are_exact_and_skipping_changes_nothing() {
     for (what, planes) in cuts(&whole) {
         for tf in [&ramp, &jumps] {
             let Some(setup) = Setup::open(&whole, &clipped(tf, &planes)) else { return };
-            let scene = setup.scene(32, 24);
-            let exact = setup.exact().picture(&scene);
-            for (method, allowed) in
-                [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]
-            {
-                let map = setup.shadow(method, scene.light());
-                let picture = setup.picture_of(&map, &scene);
-                let rms = rms_difference(&picture, &exact);
-                println!("{what}, {method}: rms {rms:.5}");
-                assert!(rms <= allowed, "{what}, {method}: rms {rms}");
-                let plain = setup.picture_of(&map, &Scene { skip: Skip::None, ..scene.clone() });
-                let off = largest_difference(&picture, &plain);
-                assert!(off <= tolerance::SKIPPING, "{what}, {method}: {off}");
-            }
+            checks::pictures_are_exact_and_skipping_changes_nothing(&setup, what);
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Labels: hidden ones have no extinction, others are seen through their own functions, for every method.
 
 use super::*;
-use crate::bound::along_light_rays;
 use umbravox::scene::Skip;
 use umbravox::transfer::{LabelRule, Seen};
 use umbravox::volume::Labels;
@@ -60,12 +59,7 @@ fn labels_end_half_way_between_voxels() {
     // 0.05 up to 3.5, nothing up to 7.5, 0.3 beyond.
     let depth = |z: f64| 0.05 * (z.min(3.5) + 0.5) + 0.3 * (z - 7.5).max(0.0);
     let wanted: Vec<f64> = points.iter().map(|p| (-depth(p.z) / -toward.z).exp()).collect();
-    let exact = setup.exact();
-    for (p, want) in points.iter().zip(&wanted) {
-        let got = exact.transmittance_to_light(*p, &light);
-        assert!((got - want).abs() < 1e-12, "{p}: {got} {want}");
-    }
-    for (method, allowed) in [
+    let methods = [
         ("rays", 2e-6),
         ("dsm:epsilon=0.002,map=256", 0.012),
         ("dsm:epsilon=0.002,map=256,march=samples", 0.02),
@@ -74,12 +68,8 @@ fn labels_end_half_way_between_voxels() {
         ("avsm:map=256,nodes=16", 0.03),
         ("lightvolume", 0.1),
         ("lightvolume:build=sweep", 0.1),
-    ] {
-        let got = setup.query(&setup.shadow(method, light), &points);
-        let off = got.iter().zip(&wanted).map(|(t, want)| (f64::from(*t) - want).abs()).fold(0.0, f64::max);
-        println!("{method}: {off:.5}");
-        assert!(off <= allowed, "{method}: {off}");
-    }
+    ];
+    checks::answers_are(&setup, light, &points, &wanted, &methods);
 }
 
 /// Labels that are all seen alike change no bit of anything.
@@ -131,16 +121,7 @@ fn promises_hold() {
     let volume = labelled(&phantom("thorax:48"), blocks);
     for tf in functions() {
         let Some(setup) = Setup::open(&volume, &tf) else { return };
-        for (place, light) in lights(&volume) {
-            for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"] {
-                let (report, sanity) = along_light_rays(&setup, method, light);
-                let wrong = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
-                assert!(
-                    report.held() == Some(true) && wrong == 0,
-                    "{place}, {method}: {report:?} {sanity:?}"
-                );
-            }
-        }
+        checks::promises_hold(&setup, "labels");
     }
 }
 
@@ -164,20 +145,7 @@ fn pictures_are_exact_and_skipping_changes_nothing() {
     // Eye rays by samples of half a voxel see narrow peaks roughly, with labels or without.
     for tf in &functions()[..2] {
         let Some(setup) = Setup::open(&volume, tf) else { return };
-        let scene = setup.scene(32, 24);
-        let exact = setup.exact().picture(&scene);
-        for (method, allowed) in
-            [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]
-        {
-            let map = setup.shadow(method, scene.light());
-            let picture = setup.picture_of(&map, &scene);
-            let rms = rms_difference(&picture, &exact);
-            println!("{method}: rms {rms:.5}");
-            assert!(rms <= allowed, "{method}: rms {rms}");
-            let plain = setup.picture_of(&map, &Scene { skip: Skip::None, ..scene.clone() });
-            let off = largest_difference(&picture, &plain);
-            assert!(off <= tolerance::SKIPPING, "{method}: {off}");
-        }
+        checks::pictures_are_exact_and_skipping_changes_nothing(&setup, "labels");
     }
 }
 

@@ -3,6 +3,7 @@
 //! All tests share one device; where there is no adapter each says `skipped: no graphics adapter`.
 
 mod bound;
+mod checks;
 mod clip;
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,0 +1,52 @@
+//! What is checked of whatever a volume is made of: promises, known answers, pictures.
+
+use super::*;
+use crate::bound::along_light_rays;
+use umbravox::scene::Skip;
+
+/// What `rays` and `dsm` promise of light rays holds under every light; `what` says of what.
+pub fn promises_hold(setup: &Setup, what: &str) {
+    for (place, light) in lights(setup.volume()) {
+        for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"] {
+            let (report, sanity) = along_light_rays(setup, method, light);
+            let wrong = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
+            assert!(
+                report.held() == Some(true) && wrong == 0,
+                "{what}, {place}, {method}: {report:?} {sanity:?}"
+            );
+        }
+    }
+}
+
+/// Exact answers at points are those that are known, and each method's are as close as is allowed it.
+pub fn answers_are(setup: &Setup, light: Light, points: &[DVec3], wanted: &[f64], methods: &[(&str, f64)]) {
+    let exact = setup.exact();
+    for (p, want) in points.iter().zip(wanted) {
+        let got = exact.transmittance_to_light(*p, &light);
+        assert!((got - want).abs() < 1e-12, "{p}: {got} {want}");
+    }
+    for (method, allowed) in methods {
+        let got = setup.query(&setup.shadow(method, light), points);
+        let off = got.iter().zip(wanted).map(|(t, want)| (f64::from(*t) - want).abs()).fold(0.0, f64::max);
+        println!("{method}: {off:.5}");
+        assert!(off <= *allowed, "{method}: {off}");
+    }
+}
+
+/// Pictures are the exact one, and the same with nothing skipped.
+pub fn pictures_are_exact_and_skipping_changes_nothing(setup: &Setup, what: &str) {
+    let scene = setup.scene(32, 24);
+    let exact = setup.exact().picture(&scene);
+    for (method, allowed) in
+        [("rays", tolerance::RAYS_PICTURE_RMS), ("dsm:epsilon=0.005", tolerance::DSM_PICTURE_RMS)]
+    {
+        let map = setup.shadow(method, scene.light());
+        let picture = setup.picture_of(&map, &scene);
+        let rms = rms_difference(&picture, &exact);
+        println!("{what}, {method}: rms {rms:.5}");
+        assert!(rms <= allowed, "{what}, {method}: rms {rms}");
+        let plain = setup.picture_of(&map, &Scene { skip: Skip::None, ..scene.clone() });
+        let off = largest_difference(&picture, &plain);
+        assert!(off <= tolerance::SKIPPING, "{what}, {method}: {off}");
+    }
+}
