@@ -1,5 +1,6 @@
 # make demo    build, then compare the shadow methods on the built-in chest phantom
-# make test    every test
+# make test    every test, those of the Python module too
+# make python  the Python module: its wheel is built, installed into a fresh virtual environment and tested
 # make adapters   the device's tests, the stability suite and the search on every software Vulkan that is there
 # make lint    formatting and clippy, as CI runs them
 # make bench   the criterion benches, and what shadows cost at which error (in turn with UMBRAVOX_BEFORE, another binary, and
@@ -20,7 +21,7 @@ SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
 STRIP_METHODS := none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;lightvolume:scale=4,2
 XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 
-.PHONY: demo test adapters lint bench shots measured strip setup check-tools
+.PHONY: demo test python adapters lint bench shots measured strip setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -35,6 +36,11 @@ demo: setup
 test: setup
 	$(CARGO) test --locked -- --show-output
 	$(CARGO) test --locked --features half --test half
+	scripts/python.sh
+
+python: setup
+	$(CARGO) build --locked
+	scripts/python.sh
 
 adapters:
 	@scripts/setup.sh --second
@@ -42,7 +48,9 @@ adapters:
 
 lint:
 	$(CARGO) fmt --check
+	$(CARGO) fmt --check --manifest-path python/Cargo.toml
 	$(CARGO) clippy --locked --all-targets -- -D warnings
+	$(CARGO) clippy --locked -p umbravox-python -- -D warnings
 
 bench: setup
 	$(CARGO) bench --locked

@@ -1,0 +1,150 @@
+//! Keyword arguments as the settings of a scene: each is read by the parser of the flag of that name.
+
+use crate::fault::{Fault, Outcome};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};
+use toml::{Table, Value};
+use umbravox::open::SceneSettings;
+use umbravox::transfer::TransferFunction;
+
+const WHAT: &str = "bad argument";
+
+/// Keys of settings that say what the command line prints.
+pub const NOT_HERE: [&str; 2] = ["explain", "json"];
+
+/// What keyword arguments ask for.
+#[derive(Clone, Default)]
+pub struct Asked {
+    pub settings: SceneSettings,
+    /// `tf`, where it is a function and not the name of one.
+    pub function: Option<TransferFunction>,
+}
+
+impl Asked {
+    /// Reads keyword arguments; `None` is as if it was not given.
+    pub fn of(arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
+        let (mut table, mut function) = (Table::new(), None);
+        for (name, given) in arguments.into_iter().flatten() {
+            let name: String = name.extract()?;
+            let key = name.replace('_', "-");
+            if given.is_none() {
+                continue;
+            }
+            if NOT_HERE.contains(&key.as_str()) {
+                return Err(Fault::input(WHAT, name, "it is of the command line alone"));
+            }
+            if key == "tf" && given.cast::<PyDict>().is_ok() {
+                function = Some(transfer_function(&given)?);
+                continue;
+            }
+            table.insert(key.clone(), value(&name, &key, &given)?);
+        }
+        let settings = SceneSettings::try_from(table).map_err(|mut e| {
+            e.what = WHAT.into();
+            (e.place, e.hint) = (e.place.replace('-', "_"), e.hint.map(|hint| as_names(&hint)));
+            e
+        })?;
+        Ok(Self { settings, function })
+    }
+
+    /// These where given, those below otherwise.
+    pub fn over(&self, below: &Self) -> Outcome<Self> {
+        let mut replaced = below.settings.clone();
+        // A place of the camera replaces a side, and a side a place.
+        replaced.view = replaced.view.filter(|_| self.settings.eye.is_none());
+        replaced.eye = replaced.eye.filter(|_| self.settings.view.is_none());
+        let settings = self.settings.over(&replaced)?;
+        let named = self.settings.tf.is_some();
+        let function = self.function.clone().or_else(|| below.function.clone().filter(|_| !named));
+        // A function wins over a name that was given before it.
+        let tf = settings.tf.clone().filter(|_| function.is_none());
+        Ok(Self { settings: SceneSettings { tf, ..settings }, function })
+    }
+}
+
+/// A hint that lists keys, with the names that Python has for them.
+fn as_names(hint: &str) -> String {
+    match hint.strip_prefix("keys: ") {
+        Some(keys) => {
+            let names = keys.split(", ").filter(|key| !NOT_HERE.contains(key));
+            let names: Vec<String> = names.map(|key| key.replace('-', "_")).collect();
+            format!("arguments: {}", names.join(", "))
+        }
+        None => hint.to_owned(),
+    }
+}
+
+/// A transfer function as its file has it, as a dictionary.
+fn transfer_function(given: &Bound<'_, PyAny>) -> Outcome<TransferFunction> {
+    let json: String = given.py().import("json")?.call_method1("dumps", (given,))?.extract()?;
+    TransferFunction::from_json(&json).map_err(|why| Fault::input(WHAT, "tf", why))
+}
+
+/// A Python object as a scene file would have it.
+fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
+    if let Ok(on) = given.cast::<PyBool>() {
+        // The one flag that may stand without a value.
+        let on = on.is_true();
+        return Ok(if key == "fit" && on { Value::String("auto".into()) } else { Value::Boolean(on) });
+    }
+    if let Some(text) = text(given)? {
+        return Ok(Value::String(text));
+    }
+    if let Some(number) = number(given) {
+        return Ok(number);
+    }
+    let items: Vec<Bound<'_, PyAny>> = match given.try_iter() {
+        Ok(items) => items.collect::<PyResult<_>>()?,
+        Err(_) => return Err(unusable(name, given)),
+    };
+    let values = items.iter().map(|item| element(name, item)).collect::<Outcome<Vec<_>>>()?;
+    match (key, &values[..]) {
+        ("size", [Value::Integer(width), Value::Integer(height)]) => {
+            Ok(Value::String(format!("{width}x{height}")))
+        }
+        _ => Ok(Value::Array(values)),
+    }
+}
+
+/// One of several: a text, a number, or the numbers of a text such as those of a plane.
+fn element(name: &str, item: &Bound<'_, PyAny>) -> Outcome<Value> {
+    if let Some(text) = text(item)? {
+        return Ok(Value::String(text));
+    }
+    if let Some(number) = number(item) {
+        return Ok(number);
+    }
+    let numbers = item.try_iter().map_err(|_| unusable(name, item))?;
+    let mut texts = Vec::new();
+    for one in numbers {
+        let one = one?;
+        let one = number(&one).ok_or_else(|| unusable(name, &one))?;
+        texts.push(one.to_string());
+    }
+    Ok(Value::String(texts.join(",")))
+}
+
+/// A text, or a path as one.
+fn text(given: &Bound<'_, PyAny>) -> Outcome<Option<String>> {
+    if let Ok(text) = given.cast::<PyString>() {
+        return Ok(Some(text.extract()?));
+    }
+    if given.hasattr("__fspath__")? {
+        return Ok(Some(given.py().import("os")?.call_method1("fsdecode", (given,))?.extract()?));
+    }
+    Ok(None)
+}
+
+/// A number of Python's or NumPy's; an array is none, even of one element.
+fn number(given: &Bound<'_, PyAny>) -> Option<Value> {
+    if given.cast::<PyInt>().is_err() && given.cast::<PyFloat>().is_err() && given.try_iter().is_ok() {
+        return None;
+    }
+    let whole = given.extract::<i64>().ok().map(Value::Integer);
+    whole.or_else(|| given.extract::<f64>().ok().map(Value::Float))
+}
+
+fn unusable(name: &str, given: &Bound<'_, PyAny>) -> Fault {
+    let kind = given.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
+    Fault::input(WHAT, name, format!("expected a text, a number or several of them, got {kind}"))
+}

@@ -1,0 +1,277 @@
+//! The error-against-time table of one scene, as dictionaries.
+
+use crate::arguments::Asked;
+use crate::attended::Ending;
+use crate::fault::{Fault, Outcome};
+use crate::volume::Held;
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyList, PyString};
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+use umbravox::Error;
+use umbravox::error::Result;
+use umbravox::files::output::{check_output_dir, prepare_output_dir};
+use umbravox::measure::budget::Budget;
+use umbravox::measure::facts::Facts;
+use umbravox::measure::job::Effort;
+use umbravox::measure::journal::Journal;
+use umbravox::measure::progress::{Progress, Status, Watch};
+use umbravox::measure::table::{COLUMNS, Cell, Row};
+use umbravox::open::Loaded;
+use umbravox::render::Renderer;
+use umbravox::report::Start;
+use umbravox::report::asked::{Asked as AskedScene, function_text};
+use umbravox::report::make::{Order, Subject, make, scene_name};
+use umbravox::report::run::{Run, SceneRecord};
+use umbravox::report::tables::Layout;
+use umbravox::scene::Scene;
+use umbravox::shadow::{COMPARED, Method, parse_list};
+use umbravox::transfer::TransferFunction;
+
+/// A step that begins.
+pub struct Step {
+    done: usize,
+    total: usize,
+    what: String,
+    left_s: Option<f64>,
+}
+
+impl Step {
+    /// One of several alike.
+    pub fn of(done: usize, total: usize, what: &str) -> Self {
+        Self { done, total, what: what.to_owned(), left_s: None }
+    }
+}
+
+/// What hears of steps: a callable, or the line on stderr that `progress=True` asks for.
+pub struct Listener(Option<Py<PyAny>>);
+
+/// The listener of an argument `progress`.
+pub fn listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) -> PyResult<Listener> {
+    let Some(given) = progress else { return Ok(Listener(None)) };
+    Ok(Listener(match given.cast::<PyBool>() {
+        Ok(on) if on.is_true() => Some(py.import("umbravox._progress")?.getattr("Line")?.call0()?.unbind()),
+        Ok(_) => None,
+        Err(_) => Some(given.clone().unbind()),
+    }))
+}
+
+impl Listener {
+    /// Tells it of a step.
+    pub fn hear(&self, py: Python<'_>, step: Step) -> PyResult<()> {
+        let Some(callable) = &self.0 else { return Ok(()) };
+        let dict = PyDict::new(py);
+        dict.set_item("done", step.done)?;
+        dict.set_item("total", step.total)?;
+        dict.set_item("what", step.what)?;
+        dict.set_item("left_s", step.left_s)?;
+        callable.call1(py, (dict,)).map(|_| ())
+    }
+}
+
+/// What is asked of a table; see the flags of `umbravox compare`.
+pub struct Table {
+    pub methods: Option<String>,
+    pub budgets: Option<String>,
+    pub effort: Effort,
+    pub output: Option<PathBuf>,
+    pub overwrite: bool,
+    pub resume: bool,
+}
+
+/// What it is measured on.
+pub struct Wanted {
+    subject: Subject,
+    record: SceneRecord,
+    /// The text of the transfer function, where that is no preset.
+    tf_text: Option<String>,
+}
+
+/// A finished table.
+pub struct Rows {
+    rows: Vec<Row>,
+    /// What a reader should know.
+    pub notes: Vec<String>,
+    /// Rows that failed, and why.
+    failures: Vec<String>,
+}
+
+/// How much to measure: repeats, points, rays and depths where they are given.
+pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
+    let default = Effort::default();
+    let check_all = match check {
+        "sample" => false,
+        "all" => true,
+        other => {
+            return Err(Fault::input(
+                "bad argument",
+                "check",
+                format!("`{other}` is neither sample nor all"),
+            ));
+        }
+    };
+    let within = |given: Option<i64>, name: &str, range: RangeInclusive<i64>, default: usize| match given {
+        None => Ok(default),
+        Some(n) if range.contains(&n) => Ok(n as usize),
+        Some(n) => {
+            let why = format!("{n} is not in {}..={}", range.start(), range.end());
+            Err(Fault::input("bad argument", name, why))
+        }
+    };
+    let [repeats, points, rays, depths] = given;
+    Ok(Effort {
+        repeats: within(repeats, "repeats", Effort::REPEATS, default.repeats)?,
+        points: within(points, "points", Effort::POINTS, default.points)?,
+        rays: within(rays, "rays", Effort::RAYS, default.rays)?,
+        depths: within(depths, "depths", Effort::DEPTHS, default.depths)?,
+        check_all,
+    })
+}
+
+/// A text, or several that are joined.
+pub fn texts(given: Option<&Bound<'_, PyAny>>, name: &str, joint: &str) -> Outcome<Option<String>> {
+    let Some(given) = given else { return Ok(None) };
+    if let Ok(text) = given.cast::<PyString>() {
+        return Ok(Some(text.extract()?));
+    }
+    let texts: Vec<String> = given
+        .extract()
+        .map_err(|_| Fault::input("bad argument", name, "expected a text, or a list of texts"))?;
+    Ok(Some(texts.join(joint)))
+}
+
+impl Table {
+    /// What to measure on, apart from the scene that asks.
+    pub fn asked(&self, loaded: &Loaded, asked: &Asked, scene: Scene, held: &Held) -> Result<Wanted> {
+        let name = asked.settings.name.clone().unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf));
+        let (record, tf_text) = match (&self.output, &held.read_by) {
+            (None, _) => {
+                let size = [scene.width, scene.height];
+                (SceneRecord { name, size, ..SceneRecord::default() }, None)
+            }
+            (Some(_), None) => {
+                let why = "the volume is an array, which a folder of results could not be made again from";
+                return Err(Error::input("cannot write table", "output", why)
+                    .hint("save the volume to a file, and make the scene of that"));
+            }
+            (Some(_), Some(_)) => {
+                let own = asked.function.as_ref().map(TransferFunction::to_json);
+                let tf_text = own.map_or_else(|| function_text(loaded), |text| Ok(Some(text)))?;
+                let recorded = AskedScene::of(asked.settings.clone(), loaded, tf_text, &name, false)?;
+                (recorded.record, recorded.tf_text)
+            }
+        };
+        let subject = Subject {
+            volume: Arc::clone(&loaded.volume),
+            tf: loaded.tf.clone(),
+            strands: loaded.strands.clone(),
+            scene,
+            forced: asked.settings.forced(),
+        };
+        Ok(Wanted { subject, record, tf_text })
+    }
+
+    /// Measures it, and writes the files where there is a folder for them.
+    pub fn measured(
+        &self,
+        wanted: Wanted,
+        renderer: &Arc<Renderer>,
+        ending: &Ending,
+        say: &Sender<Step>,
+    ) -> Result<Rows> {
+        let list = self.methods.as_deref().unwrap_or(&COMPARED);
+        let methods = distinct(parse_list(list).map_err(|e| e.at("methods"))?);
+        let budgets = self.budgets.as_deref().map(Budget::parse_list).transpose();
+        let budgets = budgets.map_err(|e| e.at("budget"))?.unwrap_or_default();
+        let Wanted { subject, record, tf_text } = wanted;
+        let facts = Facts::of(renderer.gpu());
+        let mut run = Run::new(&facts, self.effort, list, &methods, vec![record], None);
+        run.budgets = budgets.iter().map(Budget::to_string).collect();
+        let start = match (self.resume, self.overwrite) {
+            (true, _) => Start::Resume,
+            (_, true) => Start::Overwrite,
+            _ => Start::New,
+        };
+        let mut journal = match &self.output {
+            Some(folder) => {
+                check_output_dir(folder)?;
+                run.check(folder, start)?;
+                prepare_output_dir(folder)?;
+                let journal = Journal::open(folder, self.resume)?;
+                run.begin(folder, start, &[tf_text])?;
+                journal
+            }
+            None => Journal::nowhere(),
+        };
+        let methods = [methods];
+        let order = Order { methods: &methods, budgets: &budgets, remark: "" };
+        let mut subject = Some(subject);
+        let gone = || Error::runtime("cannot compare", "scene", "it was measured already");
+        let mut read = |_| subject.take().ok_or_else(gone);
+        let mut progress = Progress::watched(Watcher { ending, say });
+        let made = make(&order, &run, &mut read, renderer, &mut journal, &mut progress)?;
+        let comparison = &made.comparison;
+        let failures = comparison.failures.iter().map(|(name, e)| format!("{name} failed: {e}")).collect();
+        let (notes, rows) = (comparison.notes.clone(), comparison.rows());
+        if let Some(folder) = &self.output {
+            made.write(folder, &Layout::default())?;
+        }
+        Ok(Rows { rows, notes, failures })
+    }
+}
+
+/// Methods, each once.
+fn distinct(mut methods: Vec<Box<dyn Method>>) -> Vec<Box<dyn Method>> {
+    let mut seen = std::collections::HashSet::new();
+    methods.retain(|method| seen.insert(format!("{method:?}")));
+    methods
+}
+
+/// Passes on what begins.
+struct Watcher<'a> {
+    ending: &'a Ending,
+    say: &'a Sender<Step>,
+}
+
+impl Watch for Watcher<'_> {
+    fn starts(&mut self, status: &Status) {
+        let Status { what, done, total, left_s, .. } = *status;
+        // Nobody may be listening.
+        let _ = self.say.send(Step { done, total, what: what.to_owned(), left_s });
+    }
+
+    fn goes_on(&self) -> bool {
+        self.ending.goes_on()
+    }
+}
+
+impl Rows {
+    /// Rows that failed, as warnings.
+    pub fn warn(&self, py: Python<'_>) -> PyResult<()> {
+        for remark in &self.failures {
+            py.import("warnings")?.call_method1("warn", (remark,))?;
+        }
+        Ok(())
+    }
+
+    /// A dictionary a row: every column of `compare.csv`, `None` where nothing was measured.
+    pub fn as_dicts<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyList>> {
+        let rows = PyList::empty(py);
+        for row in &self.rows {
+            let dict = PyDict::new(py);
+            for (column, cell) in COLUMNS.iter().zip(row.cells()) {
+                match cell {
+                    Cell::Empty => dict.set_item(column.name, py.None())?,
+                    Cell::Text(text) => dict.set_item(column.name, text)?,
+                    Cell::Integer(n) => dict.set_item(column.name, n)?,
+                    Cell::Real(x) => dict.set_item(column.name, x)?,
+                    Cell::Flag(yes) => dict.set_item(column.name, yes)?,
+                }
+            }
+            rows.append(dict)?;
+        }
+        Ok(rows)
+    }
+}

@@ -1,0 +1,51 @@
+//! What goes wrong, as an exception that carries the same words.
+
+use pyo3::prelude::*;
+use umbravox::error::Fault as Whose;
+
+/// An error of the library's, or one that Python has raised already.
+pub enum Fault {
+    Ours(umbravox::Error),
+    Raised(PyErr),
+}
+
+/// Result of everything that Python calls.
+pub type Outcome<T> = Result<T, Fault>;
+
+impl Fault {
+    /// Where the input is at fault.
+    pub fn input(what: &str, place: impl ToString, why: impl ToString) -> Self {
+        Self::Ours(umbravox::Error::input(what, place, why))
+    }
+}
+
+impl From<umbravox::Error> for Fault {
+    fn from(e: umbravox::Error) -> Self {
+        Self::Ours(e)
+    }
+}
+
+impl From<PyErr> for Fault {
+    fn from(e: PyErr) -> Self {
+        Self::Raised(e)
+    }
+}
+
+impl From<Fault> for PyErr {
+    fn from(fault: Fault) -> Self {
+        match fault {
+            Fault::Raised(e) => e,
+            Fault::Ours(e) => Python::attach(|py| exception(py, e).unwrap_or_else(|broken| broken)),
+        }
+    }
+}
+
+/// The exceptions are classes of `umbravox._errors`, which can be pickled.
+fn exception(py: Python<'_>, e: umbravox::Error) -> PyResult<PyErr> {
+    let name = match e.fault {
+        Whose::Input => "InputError",
+        Whose::Runtime | Whose::Cancelled => "RunError",
+    };
+    let class = py.import("umbravox._errors")?.getattr(name)?;
+    Ok(PyErr::from_value(class.call1((e.what, e.place, e.why, e.hint))?))
+}

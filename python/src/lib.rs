@@ -1,0 +1,77 @@
+//! The Python module `umbravox`: the library's volumes, pictures, exact answers and tables for NumPy. It holds no
+//! rendering logic; what arguments mean is what the flags of their names mean.
+
+mod arguments;
+mod attended;
+mod comparing;
+mod device;
+mod fault;
+mod scene;
+mod stage;
+mod volume;
+
+use numpy::{PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use umbravox::files::picture::{Backdrop, write_picture_as};
+use umbravox::open::SceneSettings;
+use umbravox::open::presets::PRESETS;
+use umbravox::shadow::METHODS;
+
+#[pymodule]
+mod _umbravox {
+    #[pymodule_export]
+    use super::scene::PyScene;
+    #[pymodule_export]
+    use super::volume::{PyVolume, read};
+    #[pymodule_export]
+    use super::{arguments_of_scenes, methods, presets, write_picture};
+
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}
+
+/// Names of the transfer functions that are built in, with what they show.
+#[pyfunction]
+fn presets(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let dict = PyDict::new(py);
+    PRESETS.iter().try_for_each(|preset| dict.set_item(preset.name, preset.about))?;
+    Ok(dict)
+}
+
+/// Names of the shadow methods, with a line on each.
+#[pyfunction]
+fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let dict = PyDict::new(py);
+    METHODS.iter().try_for_each(|method| dict.set_item(method.name, method.summary))?;
+    Ok(dict)
+}
+
+/// Arguments that a scene takes, with their help.
+#[pyfunction]
+fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let dict = PyDict::new(py);
+    for (key, help) in SceneSettings::keys() {
+        if !arguments::NOT_HERE.contains(&key.as_str()) {
+            dict.set_item(key.replace('-', "_"), help)?;
+        }
+    }
+    Ok(dict)
+}
+
+/// Writes a picture (height x width x 4, linear RGB and opacity) by the ending of the name: .png, .exr or .npy.
+#[pyfunction]
+#[pyo3(signature = (path, picture, *, transparent=false))]
+fn write_picture(path: PathBuf, picture: PyReadonlyArray3<'_, f32>, transparent: bool) -> fault::Outcome<()> {
+    if picture.shape()[2] != 4 {
+        let why = format!("its shape is {:?}; expected height x width x 4", picture.shape());
+        return Err(fault::Fault::input("cannot write picture", "picture", why));
+    }
+    let backdrop = if transparent { Backdrop::LeftOut } else { Backdrop::Drawn };
+    Ok(write_picture_as(&path, &picture.as_array().to_owned(), backdrop)?)
+}

@@ -1,0 +1,258 @@
+//! What answers questions about a scene, and what it keeps on the device from one to the next. It knows no Python.
+
+use crate::arguments::Asked;
+use crate::device;
+use crate::volume::Held;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use umbravox::error::{Error, Result};
+use umbravox::exact::ExactField;
+use umbravox::files::loading::Loading;
+use umbravox::open::{DEFAULT_SHADOW, Loaded, Remark, SceneSettings};
+use umbravox::render::{AskedFor, DeviceTransfer, Kept, LoadedVolume, Picture, Renderer, Serving, Work};
+use umbravox::report::asked::picture_texts;
+use umbravox::scene::{Camera, Scene};
+use umbravox::shadow::{BuildReport, ShadowMap};
+use umbravox::transfer::TransferFunction;
+use umbravox::volume::{DirectionMoments, Volume};
+
+/// A volume, and what is kept of the questions about it. No answer depends on the questions before it.
+pub struct Stage {
+    pub held: Held,
+    kit: Mutex<Kit>,
+}
+
+/// What is kept from one question to the next.
+#[derive(Default)]
+struct Kit {
+    device: Option<(Arc<Renderer>, LoadedVolume)>,
+    looked: Option<Looked>,
+    /// What the last picture took.
+    last: Option<Cost>,
+    /// What was assumed, and nobody has been told of.
+    untold: Vec<Remark>,
+    notes: Vec<String>,
+}
+
+/// A look at the volume.
+struct Looked {
+    asked: Asked,
+    loaded: Loaded,
+    kept: Kept,
+    /// Settings, and the camera that they framed: looking for that takes longer than a small picture.
+    framed: Option<(SceneSettings, Camera)>,
+}
+
+impl Looked {
+    /// The scene of settings that look so.
+    fn scene(&mut self, settings: &SceneSettings) -> Result<Scene> {
+        let of_camera = SceneSettings {
+            size: settings.size,
+            eye: settings.eye,
+            target: settings.target,
+            up: settings.up,
+            view: settings.view,
+            zoom: settings.zoom,
+            fov: settings.fov,
+            ..SceneSettings::default()
+        };
+        let Some((_, camera)) = self.framed.as_ref().filter(|(framed, _)| *framed == of_camera) else {
+            let scene = self.loaded.scene_of(settings)?;
+            self.framed = Some((of_camera, scene.camera));
+            return Ok(scene);
+        };
+        let Camera { eye, target, up, fov_deg } = *camera;
+        let place = SceneSettings {
+            eye: Some(eye),
+            target: Some(target),
+            up: Some(up),
+            fov: Some(fov_deg),
+            view: None,
+            zoom: None,
+            ..settings.clone()
+        };
+        Ok(Scene { camera: *camera, ..self.loaded.scene_of(&place)? })
+    }
+}
+
+/// What a picture took.
+#[derive(Clone)]
+pub struct Cost {
+    pub adapter: String,
+    pub clock: String,
+    pub work: Work,
+    pub frame_ms: f64,
+    pub bytes: u64,
+    pub left_out: Vec<String>,
+}
+
+/// What a picture, or a query, reads.
+pub struct Made<'a> {
+    pub renderer: &'a Renderer,
+    pub on_device: &'a LoadedVolume,
+    kept: &'a Kept,
+    pub maps: Vec<&'a ShadowMap>,
+    pub scene: &'a Scene,
+}
+
+impl Made<'_> {
+    pub fn transfer(&self) -> Result<&DeviceTransfer> {
+        self.kept.transfer().ok_or_else(|| Error::runtime("cannot draw", "scene", "it has no tables"))
+    }
+}
+
+/// What the exact reference asks, apart from the scene, so that it is not held up meanwhile.
+pub struct Looks {
+    volume: Arc<Volume>,
+    tf: TransferFunction,
+    directions: Option<Arc<DirectionMoments>>,
+}
+
+impl Looks {
+    fn of(loaded: &Loaded, scene: &Scene) -> Result<Self> {
+        let strands = loaded.strands.as_ref().filter(|_| scene.shading.is_of_strands());
+        let directions = strands.map(|strands| strands.directions()).transpose()?;
+        Ok(Self { volume: Arc::clone(&loaded.volume), tf: loaded.tf.clone(), directions })
+    }
+
+    pub fn field(&self) -> ExactField<'_> {
+        ExactField::new(&self.volume, &self.tf).with_directions(self.directions.clone())
+    }
+}
+
+impl Stage {
+    /// Nothing kept yet.
+    pub fn new(held: Held) -> Self {
+        let notes = held.remarks.iter().map(|(_, text)| text.clone()).collect();
+        Self { held, kit: Mutex::new(Kit { notes, ..Kit::default() }) }
+    }
+
+    /// What was assumed, a line each.
+    pub fn notes(&self) -> Vec<String> {
+        lock(&self.kit).notes.clone()
+    }
+
+    /// More of that.
+    pub fn note(&self, notes: &[String]) {
+        lock(&self.kit).notes.extend_from_slice(notes);
+    }
+
+    /// What was assumed since this was asked last.
+    pub fn take_untold(&self) -> Vec<Remark> {
+        std::mem::take(&mut lock(&self.kit).untold)
+    }
+
+    /// What the last picture took.
+    pub fn last(&self) -> Option<Cost> {
+        lock(&self.kit).last.clone()
+    }
+
+    /// Looks at the volume, unless that look is kept, and asks something of it.
+    pub fn looked_at<T>(&self, asked: &Asked, ask: impl FnOnce(&Loaded, Scene) -> Result<T>) -> Result<T> {
+        let mut kit = lock(&self.kit);
+        let looked = self.look(&mut kit, asked)?;
+        let scene = looked.scene(&asked.settings)?;
+        ask(&looked.loaded, scene)
+    }
+
+    /// What the exact reference is asked of.
+    pub fn exact(&self, asked: &Asked) -> Result<(Looks, Scene)> {
+        self.looked_at(asked, |loaded, scene| Ok((Looks::of(loaded, &scene)?, scene)))
+    }
+
+    fn look<'s>(&self, kit: &'s mut Kit, asked: &Asked) -> Result<&'s mut Looked> {
+        let same =
+            |l: &Looked| l.asked.settings.looks_as(&asked.settings) && l.asked.function == asked.function;
+        if !kit.looked.as_ref().is_some_and(same) {
+            let settings = &asked.settings;
+            let mut functions = settings.functions(self.held.volume.labels().is_some())?;
+            if let Some(tf) = &asked.function {
+                functions = functions.with_whole(&tf.name, tf.clone());
+            }
+            let field = (Arc::clone(&self.held.volume), self.held.strands.clone());
+            let loaded = settings.look_at(field, functions, Vec::new(), &Loading::default())?;
+            kit.notes.extend(loaded.remarks.iter().map(|(_, text)| text.clone()));
+            kit.untold.extend(loaded.remarks.iter().cloned());
+            let kept = Kept::new(settings.forced()).serving_by(Serving::Same);
+            kit.looked = Some(Looked { asked: asked.clone(), loaded, kept, framed: None });
+        }
+        kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))
+    }
+
+    pub fn renderer(&self, asked: &Asked) -> Result<Arc<Renderer>> {
+        device::renderer(asked.settings.adapter.as_deref())
+    }
+
+    /// Builds what a picture or a query reads, unless it is kept.
+    pub fn prepared<T>(
+        &self,
+        asked: &Asked,
+        asked_for: AskedFor,
+        then: impl FnOnce(Made<'_>) -> Result<T>,
+    ) -> Result<T> {
+        let mut kit = lock(&self.kit);
+        let renderer = self.renderer(asked)?;
+        // A device that was lost has taken all that was on it.
+        if kit.device.as_ref().is_some_and(|(kept, _)| !Arc::ptr_eq(kept, &renderer)) {
+            (kit.device, kit.looked) = (None, None);
+        }
+        if kit.device.is_none() {
+            let on_device = renderer.load(Arc::clone(&self.held.volume))?;
+            kit.device = Some((renderer, on_device.with_strands(self.held.strands.clone())));
+        }
+        self.look(&mut kit, asked)?;
+        let Kit { device: Some((renderer, on_device)), looked: Some(looked), last, .. } = &mut *kit else {
+            return Err(Error::runtime("cannot draw", "scene", "nothing is looked at"));
+        };
+        let scene = looked.scene(&asked.settings)?;
+        let mut work = Work::default();
+        looked.kept.set_transfer(renderer, on_device, &looked.loaded.tf, &mut work)?;
+        let method = asked.settings.method()?;
+        let spec = asked.settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW);
+        looked.kept.prepare(renderer, on_device, (spec, method.as_ref()), (&scene, asked_for), &mut work)?;
+        let maps = looked.kept.shadows(spec, &scene).unwrap_or_default();
+        let bytes = BuildReport::of_all(maps.iter().copied()).bytes;
+        *last = Some(Cost {
+            adapter: renderer.gpu().info.name.clone(),
+            clock: String::new(),
+            work,
+            frame_ms: 0.0,
+            bytes,
+            left_out: Vec::new(),
+        });
+        then(Made { renderer, on_device, kept: &looked.kept, maps, scene: &scene })
+    }
+
+    pub fn drawn(&self, asked: &Asked) -> Result<Picture> {
+        let picture = self.prepared(asked, AskedFor::Picture, |made| {
+            made.renderer.render(made.on_device, made.transfer()?, made.maps.clone(), made.scene)
+        })?;
+        if let Some(cost) = &mut lock(&self.kit).last {
+            let (frame_ms, clock) = picture.span.best();
+            (cost.frame_ms, cost.clock) = (frame_ms, clock.to_string());
+            cost.left_out = picture.plan.left_out.iter().map(ToString::to_string).collect();
+        }
+        Ok(picture)
+    }
+
+    /// The settings with nothing left to a default.
+    pub fn resolved(&self, asked: &Asked) -> Result<SceneSettings> {
+        let settings = &asked.settings;
+        let mut resolved = self
+            .looked_at(asked, |loaded, scene| settings.resolved(&scene, &loaded.tf_source, loaded.suiting))?;
+        resolved.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
+        Ok(resolved)
+    }
+
+    /// What a picture file keeps as text.
+    pub fn texts(&self, asked: &Asked) -> Result<Vec<(String, String)>> {
+        let adapter = self.renderer(asked)?.gpu().info.name.clone();
+        let is_of_files = self.held.read_by.is_some() && asked.function.is_none();
+        let scene = if is_of_files { Some(self.resolved(asked)?) } else { None };
+        picture_texts(&adapter, scene.as_ref())
+    }
+}
+
+/// What a question that failed half-way has left is as good as any.
+fn lock(kit: &Mutex<Kit>) -> MutexGuard<'_, Kit> {
+    kit.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,299 @@
+//! Volumes from NumPy arrays and from files.
+
+use crate::arguments::Asked;
+use crate::attended::interruptible;
+use crate::fault::{Fault, Outcome};
+use glam::{DAffine3, DMat3, DVec3};
+use ndarray::Array3;
+use numpy::{IntoPyArray, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::path::PathBuf;
+use std::sync::Arc;
+use umbravox::files::loading::Loading;
+use umbravox::open::{Read, Remark, SceneSettings};
+use umbravox::strands::VoxelisedStrands;
+use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxels, write_volume};
+use umbravox::with_voxels;
+
+const WHAT: &str = "cannot use volume";
+/// 64-bit integers beyond are not all numbers of 64-bit floats.
+const MOST_EXACT: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
+
+/// A volume that is in memory.
+#[derive(Clone)]
+pub struct Held {
+    pub volume: Arc<Volume>,
+    pub strands: Option<Arc<VoxelisedStrands>>,
+    /// What it was read by; `None` for an array.
+    pub read_by: Option<SceneSettings>,
+    pub remarks: Vec<Remark>,
+}
+
+/// A scalar field on a regular grid, with an affine to world millimetres (RAS+).
+#[pyclass(frozen, module = "umbravox", name = "Volume")]
+pub struct PyVolume {
+    pub held: Held,
+}
+
+#[pymethods]
+impl PyVolume {
+    #[new]
+    #[pyo3(signature = (voxels, affine=None, *, spacing=None, labels=None, axes="ijk", name="array"))]
+    fn new(
+        voxels: &Bound<'_, PyAny>,
+        affine: Option<&Bound<'_, PyAny>>,
+        spacing: Option<[f64; 3]>,
+        labels: Option<&Bound<'_, PyAny>>,
+        axes: &str,
+        name: &str,
+    ) -> Outcome<Self> {
+        let py = voxels.py();
+        let (voxels, own) = of_image(voxels)?;
+        let affine = affine.or(own.as_ref().filter(|_| spacing.is_none()));
+        let world_from_index = match (affine, spacing) {
+            (Some(_), Some(_)) => {
+                return Err(Fault::input(WHAT, name, "both an affine and a spacing are given"));
+            }
+            (Some(affine), None) => affine_of(affine, name)?,
+            (None, spacing) => DAffine3::from_scale(DVec3::from_array(spacing.unwrap_or([1.0; 3]))),
+        };
+        let source = if affine.is_some() { AffineSource::Axes } else { AffineSource::Spacing };
+        let (stored, stored_type, warning) = stored(&voxels, axes, name)?;
+        let mut provenance = Provenance::new(name, "array", stored_type);
+        provenance.affine_source = source;
+        provenance.warnings.extend(warning);
+        let labels = labels.map(of_image).transpose()?;
+        let segmentation = labels.map(|(labels, _)| self::stored(&labels, axes, "labels")).transpose()?;
+        let volume = interruptible(
+            py,
+            || (),
+            |_| {
+                let volume = Volume::new(stored, Scaling::IDENTITY, world_from_index, provenance)?;
+                let Some((labels, kind, _)) = segmentation else { return Ok(volume) };
+                let about = Provenance::new("labels", "array", kind);
+                let segmentation = Volume::new(labels, Scaling::IDENTITY, world_from_index, about)?;
+                if segmentation.dims() != volume.dims() {
+                    let why = format!(
+                        "their shape is {:?}, and the volume's {:?}",
+                        segmentation.dims(),
+                        volume.dims()
+                    );
+                    return Err(umbravox::Error::input("cannot use labels", "labels", why));
+                }
+                let labels = Labels::sampled(&segmentation, &volume)?;
+                volume.labelled(Arc::new(labels))
+            },
+        )?;
+        let warnings = volume.provenance.warnings.iter();
+        let mut remarks: Vec<Remark> = warnings.map(|warning| ("warning", warning.clone())).collect();
+        if affine.is_none() && spacing.is_none() {
+            remarks.push(("note", "no affine and no spacing given: voxels taken as 1 mm".into()));
+        }
+        tell(py, &remarks)?;
+        Ok(Self { held: Held { volume: Arc::new(volume), strands: None, read_by: None, remarks } })
+    }
+
+    /// Voxels along the axes i, j and k.
+    #[getter]
+    fn shape(&self) -> (usize, usize, usize) {
+        self.held.volume.dims().into()
+    }
+
+    /// World mm (RAS+) from index coordinates, 4 x 4.
+    #[getter]
+    fn affine<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        let affine = self.held.volume.world_from_index();
+        let row = |r: usize| {
+            let m = affine.matrix3;
+            [m.x_axis[r], m.y_axis[r], m.z_axis[r], affine.translation[r]]
+        };
+        let rows = ndarray::arr2(&[row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]);
+        rows.into_pyarray(py).into_any()
+    }
+
+    /// Distance between voxel centres along i, j and k, mm.
+    #[getter]
+    fn spacing(&self) -> (f64, f64, f64) {
+        self.held.volume.spacing_mm().into()
+    }
+
+    /// Smallest and largest value.
+    #[getter]
+    fn value_range(&self) -> (f64, f64) {
+        self.held.volume.value_range().into()
+    }
+
+    /// The file, or what the array was called.
+    #[getter]
+    fn name(&self) -> String {
+        self.held.volume.provenance.source.clone()
+    }
+
+    /// What was assumed while reading.
+    #[getter]
+    fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        PyList::new(py, self.held.remarks.iter().map(|(_, text)| text))
+    }
+
+    /// The labels that its voxels have; empty without a segmentation.
+    #[getter]
+    fn labels(&self) -> Vec<u32> {
+        self.held.volume.labels().map_or_else(Vec::new, |labels| labels.ids().to_vec())
+    }
+
+    /// A copy of the values, axes i, j, k: as they are stored where nothing scales them, else float64.
+    fn voxels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let volume = &self.held.volume;
+        let scaling = volume.scaling();
+        let array = with_voxels!(volume.voxels(), a => match scaling == Scaling::IDENTITY {
+            true => a.clone().into_pyarray(py).into_any(),
+            false => a.mapv(|v| scaling.apply(f64::from(v))).into_pyarray(py).into_any(),
+        });
+        array.getattr("T")
+    }
+
+    /// Writes it as `umbravox convert` does, by the ending of the name.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> Outcome<()> {
+        interruptible(py, || (), |_| write_volume(&self.held.volume, &path))
+    }
+
+    fn __repr__(&self) -> String {
+        let volume = &self.held.volume;
+        let ([nx, ny, nz], [x, y, z]) = (volume.dims(), volume.spacing_mm());
+        let about = &volume.provenance;
+        format!(
+            "<Volume {}, {nx} x {ny} x {nz} of {}, {x:.4} x {y:.4} x {z:.4} mm>",
+            about.source, about.stored_type
+        )
+    }
+}
+
+/// Reads a volume, as the command line does with flags of these names.
+#[pyfunction]
+#[pyo3(signature = (path, **arguments))]
+pub fn read(
+    py: Python<'_>,
+    path: &Bound<'_, PyAny>,
+    arguments: Option<&Bound<'_, PyDict>>,
+) -> Outcome<PyVolume> {
+    let all = PyDict::new(py);
+    if let Some(arguments) = arguments {
+        all.update(arguments.as_mapping())?;
+    }
+    all.set_item("volume", path)?;
+    let Asked { settings, .. } = Asked::of(Some(&all))?;
+    let only_reads = SceneSettings {
+        volume: settings.volume.clone(),
+        read_flags: settings.read_flags,
+        sha256: settings.sha256.clone(),
+        ..SceneSettings::default()
+    };
+    let labels = settings.parts.labels.clone();
+    let rest = SceneSettings { parts: only_reads.parts.clone(), ..settings.clone() };
+    if rest != only_reads
+        || settings.parts.hide.is_some()
+        || settings.parts.label_tf.is_some()
+        || settings.parts.clip.is_some()
+    {
+        return Err(Fault::input(
+            "bad argument",
+            "read",
+            "it takes what says how a file is read, and labels; the rest is a scene's",
+        ));
+    }
+    let mut reads = only_reads;
+    reads.parts.labels = labels;
+    let held = read_held(py, reads)?;
+    tell(py, &held.remarks)?;
+    Ok(PyVolume { held })
+}
+
+/// Reads what settings name.
+pub fn read_held(py: Python<'_>, settings: SceneSettings) -> Outcome<Held> {
+    let loading = Loading::default();
+    let mut remarks = Vec::new();
+    let Read { volume, strands } =
+        interruptible(py, || loading.cancel(), |_| settings.read_volume(&mut remarks, &loading))?;
+    Ok(Held { volume: Arc::new(volume), strands, read_by: Some(settings), remarks })
+}
+
+/// Warnings as Python's own.
+pub fn tell(py: Python<'_>, remarks: &[Remark]) -> PyResult<()> {
+    for (_, text) in remarks.iter().filter(|(kind, _)| *kind == "warning") {
+        py.import("warnings")?.call_method1("warn", (text,))?;
+    }
+    Ok(())
+}
+
+/// The array of an image as nibabel has them, and its affine; anything else as it is.
+fn of_image<'py>(given: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
+    match given.hasattr("dataobj")? && given.hasattr("affine")? {
+        true => Ok((given.getattr("dataobj")?, Some(given.getattr("affine")?))),
+        false => Ok((given.clone(), None)),
+    }
+}
+
+/// An array of three axes as voxels, with what it was stored as, and what to warn of.
+fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, String, Option<String>)> {
+    let refuse = |why: String| Fault::input(WHAT, name, why);
+    let py = given.py();
+    let array = py.import("numpy")?.call_method1("asarray", (given,))?;
+    let untyped = array.cast::<PyUntypedArray>().map_err(PyErr::from)?;
+    let dtype = untyped.dtype();
+    let stored_type = dtype.str()?.to_string();
+    if untyped.ndim() != 3 {
+        return Err(refuse(format!("its shape is {:?}; a volume has three axes", untyped.shape())));
+    }
+    let array = match axes {
+        "ijk" => array.getattr("T")?,
+        "kji" => array.clone(),
+        other => return Err(refuse(format!("its axes are `{other}`; expected ijk or kji"))),
+    };
+    let (kind, bytes): (String, usize) =
+        (dtype.getattr("kind")?.extract()?, dtype.getattr("itemsize")?.extract()?);
+    // Other types are widened to the next one that holds them, as they are where files have them.
+    let to = match (kind.as_str(), bytes) {
+        ("b", _) | ("u", 1) => "u1",
+        ("i", 1 | 2) => "i2",
+        ("u", 2) => "u2",
+        ("f", 2 | 4) => "f4",
+        ("u" | "i", 4 | 8) | ("f", _) => "f8",
+        _ => return Err(refuse(format!("its values are {stored_type}, and no numbers that a field has"))),
+    };
+    let array = array.call_method1("astype", (to,))?;
+    macro_rules! voxels {
+        ($type:ty) => {
+            Voxels::from(owned(array.extract::<PyReadonlyArray3<'_, $type>>()?))
+        };
+    }
+    let voxels = match to {
+        "u1" => voxels!(u8),
+        "i2" => voxels!(i16),
+        "u2" => voxels!(u16),
+        "f4" => voxels!(f32),
+        _ => voxels!(f64),
+    };
+    let inexact = matches!((&voxels, kind.as_str(), bytes), (Voxels::F64(a), "u" | "i", 8) if a.iter().any(|v| v.abs() > MOST_EXACT));
+    Ok((voxels, stored_type, inexact.then(|| "integers beyond 2^53 were rounded to 53 bits".into())))
+}
+
+/// A copy with the last axis fastest.
+fn owned<T: numpy::Element + Clone>(array: PyReadonlyArray3<'_, T>) -> Array3<T> {
+    array.as_array().as_standard_layout().into_owned()
+}
+
+/// A 4 x 4 matrix of NumPy's, or what becomes one.
+fn affine_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<DAffine3> {
+    let refuse = |why: &str| Fault::input(WHAT, name, why);
+    let numpy = given.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (given, "f8"))?;
+    let matrix: PyReadonlyArray2<'_, f64> =
+        array.extract().map_err(|_| refuse("its affine is no matrix of 4 x 4"))?;
+    let m = matrix.as_array();
+    if m.dim() != (4, 4) || [m[[3, 0]], m[[3, 1]], m[[3, 2]], m[[3, 3]]] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(refuse("its affine is no matrix of 4 x 4 whose last row is 0 0 0 1"));
+    }
+    let column = |c: usize| DVec3::new(m[[0, c]], m[[1, c]], m[[2, c]]);
+    Ok(DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3)))
+}

@@ -1,0 +1,69 @@
+"""Volumetric shadows for CT volumes, each method with its error against an exact answer.
+
+A scene is a volume and how it is looked at. Its arguments have the names of the command line's flags, with ``_`` for
+``-``, and mean the same (``arguments()`` lists them)::
+
+    import umbravox as uv
+
+    scene = uv.Scene("ct.nii.gz", tf="bone", light="dir:0,1,1", shadow="dsm:epsilon=0.01")
+    picture = scene.render(size=(640, 480))                  # height x width x 4, linear RGB and opacity
+    found = scene.transmittance(points)                      # by the scene's method, points n x 3 in world mm
+    exact = scene.transmittance(points, "exact")             # float64, cell by cell
+    rows = scene.compare("rays;dsm:epsilon=0.06,0.02")       # a dictionary each, for pandas.DataFrame
+
+Volumes are files, or arrays with an affine from index coordinates (i, j, k) to world mm (RAS+)::
+
+    scene = uv.Scene(array, affine, units="hu")
+
+Lengths are world millimetres, extinction is 1/mm, optical depth its line integral, transmittance ``exp(-optical depth)``.
+"""
+
+from ._errors import Error, InputError, RunError
+from ._umbravox import Scene, Volume, __version__, methods, presets, read, write_picture
+from ._umbravox import arguments_of_scenes as arguments
+
+__all__ = [
+    "Error",
+    "InputError",
+    "RunError",
+    "Scene",
+    "Volume",
+    "__version__",
+    "arguments",
+    "compare",
+    "methods",
+    "presets",
+    "read",
+    "render",
+    "srgb8",
+    "transmittance",
+    "write_picture",
+]
+
+
+def render(volume=None, affine=None, **arguments):
+    """A picture of a volume: ``Scene(volume, affine, **arguments).render()``."""
+    return Scene(volume, affine, **arguments).render()
+
+
+def transmittance(points, method=None, volume=None, affine=None, **arguments):
+    """Transmittance from the light to points, as ``Scene(...).transmittance(points, method)``."""
+    return Scene(volume, affine, **arguments).transmittance(points, method)
+
+
+_MEASURING = ("output", "repeats", "points", "rays", "depths", "check", "budget", "overwrite", "resume", "progress")
+
+
+def compare(volume=None, methods=None, affine=None, **arguments):
+    """The rows of a table, as ``Scene(...).compare(methods, ...)``."""
+    measuring = {name: arguments.pop(name) for name in _MEASURING if name in arguments}
+    return Scene(volume, affine, **arguments).compare(methods, **measuring)
+
+
+def srgb8(picture):
+    """A picture as 8-bit sRGB, height x width x 3, as a PNG file of it holds and ``matplotlib`` shows."""
+    import numpy as np
+
+    linear = np.clip(np.asarray(picture, np.float64)[..., :3], 0.0, 1.0)
+    codes = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.round(255.0 * codes).astype(np.uint8)

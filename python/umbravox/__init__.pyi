@@ -1,0 +1,289 @@
+from collections.abc import Callable, Sequence
+from os import PathLike
+from typing import Any, TypedDict, final, type_check_only
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from typing_extensions import Unpack
+
+__version__: str
+
+_Path = str | PathLike[str]
+_Three = str | Sequence[float] | NDArray[Any]
+
+@type_check_only
+class Step(TypedDict):
+    """What ``progress`` hears of: a step that begins, and seconds that are left of all, where that is known."""
+
+    done: int
+    total: int
+    what: str
+    left_s: float | None
+
+_Progress = bool | Callable[[Step], object] | None
+
+@type_check_only
+class Camera(TypedDict):
+    """A camera, as arguments of a scene."""
+
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    up: tuple[float, float, float]
+    fov: float
+    zoom: float
+
+@type_check_only
+class Cost(TypedDict):
+    """What a picture took; tables and maps that were kept are ``None``."""
+
+    adapter: str
+    clock: str
+    table_ms: float | None
+    classify_ms: float | None
+    build_ms: float | None
+    frame_ms: float
+    bytes: int
+    left_out: list[str]
+
+@type_check_only
+class ReadArguments(TypedDict, total=False):
+    """What says how a file is read."""
+
+    raw: str | None
+    spacing: _Three | None
+    offset: int | None
+    series: int | None
+    frame: int | None
+    level: int | None
+    crop: str | None
+    fit: bool | str | None
+    thickness: float | str | None
+    resolution: int | str | None
+    kernel: str | None
+    sha256: str | None
+    labels: _Path | None
+
+@type_check_only
+class SceneArguments(TypedDict, total=False):
+    """How a volume is looked at."""
+
+    clip: str | Sequence[str] | Sequence[float] | Sequence[Sequence[float]] | None
+    hide: str | int | Sequence[int] | None
+    label_tf: str | Sequence[str] | None
+    name: str | None
+    tf: _Path | dict[str, Any] | None
+    opacity_scale: float | None
+    units: str | None
+    shadow: str | None
+    size: str | tuple[int, int] | None
+    eye: _Three | None
+    target: _Three | None
+    up: _Three | None
+    view: str | None
+    zoom: float | None
+    fov: float | None
+    light: str | Sequence[str] | None
+    mesh: _Path | Sequence[str] | None
+    strands: _Path | Sequence[str] | None
+    ambient: float | None
+    shading: str | None
+    background: str | None
+    step: float | None
+    skip: str | None
+    force: str | None
+    adapter: str | None
+
+@type_check_only
+class SceneAndReadArguments(SceneArguments, total=False):
+    """Those of a scene that reads its volume."""
+
+    raw: str | None
+    spacing: _Three | None
+    offset: int | None
+    series: int | None
+    frame: int | None
+    level: int | None
+    crop: str | None
+    fit: bool | str | None
+    thickness: float | str | None
+    resolution: int | str | None
+    kernel: str | None
+    sha256: str | None
+    labels: ArrayLike | _Path | None
+
+@type_check_only
+class FileArguments(SceneAndReadArguments, total=False):
+    """Those that a scene file may have."""
+
+    volume: _Path | None
+
+class Error(Exception):
+    what: str
+    place: str
+    why: str
+    hint: str | None
+    def __init__(self, what: str, place: str, why: str, hint: str | None = None) -> None: ...
+
+class InputError(Error, ValueError): ...
+class RunError(Error, RuntimeError): ...
+
+@final
+class Volume:
+    """A scalar field on a regular grid, with an affine to world millimetres (RAS+).
+
+    ``voxels`` has the axes i, j, k, as nibabel's arrays do and as the affine counts them; ``axes="kji"`` says that the first
+    axis is the slowest, as in SimpleITK's arrays and in .npy files that this program reads. Integers of 32 and 64 bits become
+    float64; NaN and infinities the smallest finite value, with a warning.
+    """
+
+    def __new__(
+        cls,
+        voxels: ArrayLike,
+        affine: ArrayLike | None = None,
+        *,
+        spacing: Sequence[float] | None = None,
+        labels: ArrayLike | None = None,
+        axes: str = "ijk",
+        name: str = "array",
+    ) -> Volume: ...
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Voxels along the axes i, j and k."""
+    @property
+    def affine(self) -> NDArray[np.float64]:
+        """World mm (RAS+) from index coordinates, 4 x 4."""
+    @property
+    def spacing(self) -> tuple[float, float, float]:
+        """Distance between voxel centres along i, j and k, mm."""
+    @property
+    def value_range(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+    @property
+    def name(self) -> str:
+        """The file, or what the array was called."""
+    @property
+    def notes(self) -> list[str]:
+        """What was assumed while reading."""
+    @property
+    def labels(self) -> list[int]:
+        """The labels that its voxels have; empty without a segmentation."""
+    def voxels(self) -> NDArray[Any]:
+        """A copy of the values, axes i, j, k: as they are stored where nothing scales them, else float64."""
+    def save(self, path: _Path) -> None:
+        """Writes it as ``umbravox convert`` does: .nii, .nii.gz, .nrrd, .npy or .raw."""
+
+@final
+class Scene:
+    """A volume and how it is looked at; every argument is named as the flag of the command line.
+
+    Methods take the same arguments, which count for that call alone. What a call does not change is kept on the device: a new
+    camera costs a picture (and a map, unless the method has ``fit=volume`` and a size of its own), a new light its map. No answer
+    depends on the calls before it.
+    """
+
+    def __new__(
+        cls,
+        volume: Volume | ArrayLike | _Path | None = None,
+        affine: ArrayLike | None = None,
+        *,
+        axes: str | None = None,
+        **arguments: Unpack[SceneAndReadArguments],
+    ) -> Scene: ...
+    @staticmethod
+    def read(path: _Path, **arguments: Unpack[FileArguments]) -> Scene:
+        """The scene of a file (TOML), with some of it given otherwise."""
+    @property
+    def volume(self) -> Volume:
+        """The volume."""
+    @property
+    def notes(self) -> list[str]:
+        """What was assumed, a line each."""
+    @property
+    def last(self) -> Cost | None:
+        """What the last picture took: milliseconds, bytes, and what was left out."""
+    def render(self, **arguments: Unpack[SceneArguments]) -> NDArray[np.float32]:
+        """A picture, height x width x 4: linear RGB over the background, and opacity."""
+    def write(self, path: _Path, **arguments: Unpack[SceneArguments]) -> None:
+        """Draws a picture into a file (.png, .exr, .npy) as ``umbravox render`` does."""
+    def exact_picture(
+        self, *, progress: _Progress = None, **arguments: Unpack[SceneArguments]
+    ) -> NDArray[np.float32]:
+        """The picture by the exact reference; minutes for large ones."""
+    def transmittance(
+        self, points: ArrayLike, method: str | None = None, **arguments: Unpack[SceneArguments]
+    ) -> NDArray[np.floating[Any]]:
+        """Transmittance from the light to points, n x 3 in world mm: by the scene's method, by another, or ``"exact"``.
+
+        float32 by a method, float64 exactly.
+        """
+    def optical_depth(
+        self, starts: ArrayLike, ends: ArrayLike, **arguments: Unpack[SceneArguments]
+    ) -> NDArray[np.float64]:
+        """The exact optical depth of segments between points, each n x 3 in world mm."""
+    def compare(
+        self,
+        methods: str | Sequence[str] | None = None,
+        *,
+        output: _Path | None = None,
+        repeats: int | None = None,
+        points: int | None = None,
+        rays: int | None = None,
+        depths: int | None = None,
+        check: str = "sample",
+        budget: str | Sequence[str] | None = None,
+        overwrite: bool = False,
+        resume: bool = False,
+        progress: _Progress = None,
+        **arguments: Unpack[SceneArguments],
+    ) -> list[dict[str, Any]]:
+        """The rows of the error-against-time table: the columns of ``compare.csv``, ``None`` where nothing was measured.
+
+        With ``output``, a folder, all the files of ``umbravox compare`` are written as well. ``progress`` is called with a
+        :class:`Step`, or is ``True`` for a line on stderr.
+        """
+    def camera(self, **arguments: Unpack[SceneArguments]) -> Camera:
+        """The camera that arguments ask for, as arguments."""
+    def to_toml(self, **arguments: Unpack[SceneArguments]) -> str:
+        """The scene file that says the same, with nothing left to a default."""
+
+def read(path: _Path, **arguments: Unpack[ReadArguments]) -> Volume:
+    """Reads a volume, as the command line does with flags of these names."""
+
+def render(
+    volume: Volume | ArrayLike | _Path | None = None,
+    affine: ArrayLike | None = None,
+    **arguments: Unpack[SceneAndReadArguments],
+) -> NDArray[np.float32]:
+    """A picture of a volume: ``Scene(volume, affine, **arguments).render()``."""
+
+def transmittance(
+    points: ArrayLike,
+    method: str | None = None,
+    volume: Volume | ArrayLike | _Path | None = None,
+    affine: ArrayLike | None = None,
+    **arguments: Unpack[SceneAndReadArguments],
+) -> NDArray[np.floating[Any]]:
+    """Transmittance from the light to points, as ``Scene(...).transmittance(points, method)``."""
+
+def compare(
+    volume: Volume | ArrayLike | _Path | None = None,
+    methods: str | Sequence[str] | None = None,
+    affine: ArrayLike | None = None,
+    **arguments: Any,
+) -> list[dict[str, Any]]:
+    """The rows of a table, as ``Scene(...).compare(methods, ...)``."""
+
+def arguments() -> dict[str, str]:
+    """Arguments that a scene takes, with their help."""
+
+def methods() -> dict[str, str]:
+    """Names of the shadow methods, with a line on each."""
+
+def presets() -> dict[str, str]:
+    """Names of the transfer functions that are built in, with what they show."""
+
+def srgb8(picture: ArrayLike) -> NDArray[np.uint8]:
+    """A picture as 8-bit sRGB, height x width x 3."""
+
+def write_picture(path: _Path, picture: NDArray[np.float32], *, transparent: bool = False) -> None:
+    """Writes a picture (height x width x 4) by the ending of the name: .png, .exr or .npy."""

@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Builds the Python module's wheel, installs it into a fresh virtual environment, and runs its tests there: against the
+# command line (cargo build), against figures of an independent program, and the notebook of examples/.
+# Where there is no Python that could, it says `skipped:` and why.
+# usage: python.sh [PYTEST ARGUMENTS]
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+skip() {
+    echo "skipped: the Python module is not tested: $1"
+    exit 0
+}
+
+python=${PYTHON:-python3}
+command -v "$python" >/dev/null || skip "there is no $python"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || skip "$("$python" --version) is older than 3.10"
+"$python" -c 'import venv, ensurepip' 2>/dev/null || skip "$python has no venv (Debian: apt-get install python3-venv)"
+
+export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}"
+mkdir -p "$CARGO_TARGET_DIR/python"
+folder=$(cd "$CARGO_TARGET_DIR/python" && pwd)
+rm -rf "$folder/wheels" "$folder/venv"
+
+# What builds it is kept from one run to the next.
+tools=$folder/tools
+[[ -x $tools/bin/maturin ]] || {
+    "$python" -m venv "$tools"
+    "$tools/bin/pip" install --quiet --disable-pip-version-check "maturin>=1.9,<2" ||
+        skip "pip cannot fetch maturin, which builds it"
+}
+# Not pip's isolated build, which would fetch maturin again each time.
+"$tools/bin/maturin" build --release --locked --interpreter "$python" --out "$folder/wheels"
+wheel=$(ls "$folder"/wheels/*.whl)
+
+"$python" -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet --disable-pip-version-check "${wheel}[test]" ||
+    skip "pip cannot fetch what its tests need"
+# Beside no source that could be imported in its place.
+cd python/tests
+"$folder/venv/bin/python" -m pytest -q -rs -p no:cacheprovider "$@"
