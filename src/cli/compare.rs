@@ -207,7 +207,7 @@ fn measured(
         Ok(Subject { volume: Arc::new(volume), tf, strands, scene, forced: asked[i].settings.forced() })
     };
     let bar = progress_bar()?;
-    let interrupt = Interrupt::listen()?;
+    let interrupt = Interrupt::listen("what is measured is kept")?;
     let mut progress = Progress::watched(Bar { bar: &bar, interrupt: &interrupt });
     let made = make(&order, run, &mut read, renderer, journal, &mut progress);
     drop(progress);

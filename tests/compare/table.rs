@@ -70,7 +70,9 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
     let dsm = ["dsm-map-64-epsilon-0.02", "dsm-map-64-epsilon-0.02-prefilter-5", "dsm-map-64-epsilon-0.06"];
     let mut files: Vec<String> =
         ["csv", "json", "md", "png", "rows.jsonl", "svg", "tex"].map(|e| format!("compare.{e}")).into();
-    files.extend(["columns.md", "pictures.md", "pictures.png", "report.html", "run.json"].map(String::from));
+    files.extend(
+        ["columns.md", "pictures.md", "grid.png", "grid.pdf", "report.html", "run.json"].map(String::from),
+    );
     files.extend(["scene.toml", "transfer_function.json", "compare.pdf"].map(String::from));
     files.extend(["pdf", "png", "svg"].map(|e| format!("compare_bytes.{e}")));
     files.extend(dsm.iter().map(|slug| format!("nodes_{slug}.npy")));

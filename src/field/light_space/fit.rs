@@ -178,6 +178,18 @@ impl LightSpace {
         held && region.area() <= MOST_TOO_LARGE * least && !wide
     }
 
+    /// Whether fitting anew to a view (`None`: to every point), of the same bricks under the same light, would lay out this
+    /// very map.
+    pub fn is_fitted_to(
+        &self,
+        volume: &Volume,
+        active: &ActiveBricks,
+        light: Light,
+        view: Option<&View>,
+    ) -> bool {
+        Self::fit(volume, active, light, self.shape, view).is_laid_out_as(self)
+    }
+
     /// Whether the map covers a part of the active bricks alone.
     pub fn is_of_view(&self) -> bool {
         self.region.is_some()
