@@ -97,7 +97,7 @@ pub struct LayoutFlags {
     /// commas [default: a few; in compare.md most]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub columns: Option<Vec<String>>,
-    /// Width that compare.tex must fit, points [default: 455, an A4 page with margins of 2.5 cm]
+    /// Width that compare.tex must fit, and of grid.pdf, points [default: 455, an A4 page with margins of 2.5 cm]
     #[arg(long, value_name = "PT", value_parser = tex_width_pt)]
     pub tex_width: Option<f64>,
 }

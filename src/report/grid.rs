@@ -11,8 +11,6 @@ use crate::measure::table::Row;
 use image::{Rgb, RgbImage};
 use ndarray::{Array2, Array3};
 
-/// Width of the figure, points: A4 with margins of 2.5 cm, as of the LaTeX table.
-const WIDTH: f64 = 455.0;
 /// It is no higher where its pictures are wide enough in that.
 const MOST_HEIGHT: f64 = 650.0;
 /// Pictures are no narrower, or their settings could not be read.
@@ -85,13 +83,13 @@ impl<'a> Shown<'a> {
     }
 }
 
-/// The figure as a PNG and as a PDF file, 455 points wide: black is no difference, the end of the colour bar is `max`, which
+/// The figure as a PNG and as a PDF file, `width` points wide: black is no difference, the end of the colour bar is `max`, which
 /// `label` says the meaning of. In the PDF file every pixel of every picture is kept, and text is text.
 ///
 /// # Errors
 /// The drawing backend's own.
-pub fn files(shown: &[Shown], max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
-    let (drawing, cell) = figure(shown, max, label);
+pub fn files(shown: &[Shown], width: f64, max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
+    let (drawing, cell) = figure(shown, width, max, label);
     let widest = shown.iter().map(|s| s.picture.dim().1).max().unwrap_or(1) as f64;
     let [least, most] = PIXELS_PER_POINT;
     let png = super::canvas::encode_png(&drawing.bitmap_of((widest / cell).clamp(least, most))?)?;
@@ -101,6 +99,8 @@ pub fn files(shown: &[Shown], max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
 /// How a figure is laid out.
 #[derive(Debug, Clone, PartialEq)]
 struct Layout {
+    /// Of the page, points.
+    width: f64,
     across: usize,
     /// Width of a picture, points.
     cell: f64,
@@ -111,35 +111,36 @@ struct Layout {
 impl Layout {
     /// The one with the widest pictures that leaves few places empty and fits on a page; where none does, one that is
     /// higher than a page.
-    fn of(shown: &[Shown]) -> Self {
-        let all = (1..=shown.len().clamp(1, MOST_ACROSS)).filter_map(|across| Self::across(shown, across));
+    fn of(shown: &[Shown], width: f64) -> Self {
+        let all = 1..=shown.len().clamp(1, MOST_ACROSS);
+        let all = all.filter_map(|across| Self::across(shown, width, across));
         let worth = |layout: &Self| {
             layout.cell * shown.len() as f64 / (layout.across * layout.lines.len().max(1)) as f64
         };
         let best = all.reduce(|a, b| if worth(&b) > worth(&a) { b } else { a });
         best.unwrap_or_else(|| {
-            let widest = ((WIDTH + GAP) / (LEAST_CELL + GAP)).floor() as usize;
-            let across = shown.len().clamp(1, widest);
-            let cell = column(across);
-            Self { across, cell, lines: lines(shown, across, cell) }
+            let most = ((width + GAP) / (LEAST_CELL + GAP)).floor().clamp(1.0, MOST_ACROSS as f64) as usize;
+            let across = shown.len().clamp(1, most);
+            let cell = column(width, across);
+            Self { width, across, cell, lines: lines(shown, across, cell) }
         })
     }
 
     /// With so many pictures a row; `None` where these would be too narrow.
-    fn across(shown: &[Shown], across: usize) -> Option<Self> {
-        let column = column(across);
+    fn across(shown: &[Shown], width: f64, across: usize) -> Option<Self> {
+        let column = column(width, across);
         let mut cell = column;
         // Narrower pictures may have more lines above them.
         for _ in 0..8 {
-            let layout = Self { across, cell, lines: lines(shown, across, cell) };
+            if cell < LEAST_CELL.max(MOST_NARROWED * column) {
+                break;
+            }
+            let layout = Self { width, across, cell, lines: lines(shown, across, cell) };
             let (height, rows) = (layout.height(shown), layout.lines.len() as f64);
             if height <= MOST_HEIGHT {
                 return Some(layout);
             }
             cell -= (height - MOST_HEIGHT) / (2.0 * rows * shape(shown)).max(1e-3) + 0.01;
-            if cell < LEAST_CELL.max(MOST_NARROWED * column) {
-                return None;
-            }
         }
         None
     }
@@ -157,13 +158,13 @@ impl Layout {
 
     fn height(&self, shown: &[Shown]) -> f64 {
         let rows: f64 = (0..self.lines.len()).map(|row| self.row_height(shown, row)).sum();
-        rows + legend_height()
+        rows + bar_height(BAR, TEXT) + LINE * said(shown, self.width).len() as f64 + 0.4 * LINE
     }
 }
 
 /// Width of a column where so many share the page.
-fn column(across: usize) -> f64 {
-    ((WIDTH - GAP * (across - 1) as f64) / across as f64).min(MOST_CELL)
+fn column(width: f64, across: usize) -> f64 {
+    ((width - GAP * (across - 1) as f64) / across as f64).min(MOST_CELL)
 }
 
 /// Height of a picture by its width; all of a scene have one.
@@ -177,34 +178,47 @@ fn lines(shown: &[Shown], across: usize, cell: f64) -> Vec<usize> {
     shown.chunks(across).map(most).collect()
 }
 
-fn legend_height() -> f64 {
-    bar_height(BAR, TEXT) + 2.0 * LINE
+/// What the figures under the pictures are, in lines; none where there are none.
+fn said(shown: &[Shown], width: f64) -> Vec<String> {
+    if shown.iter().all(|s| s.figures.is_empty()) {
+        return Vec::new();
+    }
+    let words = "Below each: time to build its shadows + to draw, memory of its shadows, error of transmittance where the \
+                 camera looks.";
+    let mut lines = vec![String::new()];
+    for word in words.split_inclusive(' ') {
+        // There is always a last line.
+        let last = lines.len() - 1;
+        match text_width(&lines[last], TEXT) + text_width(word.trim_end(), TEXT) <= width {
+            true => lines[last] += word,
+            false => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// The figure, and the width of its pictures in points.
-fn figure(shown: &[Shown], max: f32, label: &str) -> (Drawing, f64) {
-    let layout = Layout::of(shown);
+fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) {
+    let layout = Layout::of(shown, width);
     let (cell, high) = (layout.cell, layout.cell * shape(shown));
-    let mut drawing = Drawing::new(WIDTH, layout.height(shown).ceil());
+    let mut drawing = Drawing::new(width, layout.height(shown).ceil());
     let used = layout.across as f64 * (cell + GAP) - GAP;
     let mut top = 0.0;
     for (row, cells) in shown.chunks(layout.across).enumerate() {
         let above = layout.above(row);
         for (i, s) in cells.iter().enumerate() {
-            let left = 0.5 * (WIDTH - used) + i as f64 * (cell + GAP);
+            let left = 0.5 * (width - used) + i as f64 * (cell + GAP);
             put(&mut drawing, s, Point(left, top), [cell, high, above], max);
         }
         top += layout.row_height(shown, row);
     }
     // Numbers below its ends reach beyond them.
-    let half = 0.5 * used - 16.0;
-    let bar = Rect { left: 0.5 * WIDTH - half, top, right: 0.5 * WIDTH + half, bottom: top + BAR };
-    colour_bar(&mut drawing, bar, max, label, TEXT);
-    let said = "Below each: time to build its shadows + to draw, memory of its shadows, error of transmittance \
-                where the camera looks.";
-    let place = Point(0.5 * WIDTH, top + bar_height(BAR, TEXT) + 0.7 * LINE);
-    if shown.iter().any(|s| !s.figures.is_empty()) {
-        drawing.text(place, Anchor::Middle, TEXT, INK, said);
+    let half = 0.5 * used.max(200.0).min(width) - 16.0;
+    let bar = Rect { left: 0.5 * width - half, top, right: 0.5 * width + half, bottom: top + BAR };
+    colour_bar(&mut drawing, bar, max, &shorten(label.into(), TEXT, width), TEXT);
+    for (i, line) in said(shown, width).iter().enumerate() {
+        let place = Point(0.5 * width, top + bar_height(BAR, TEXT) + (i as f64 + 0.7) * LINE);
+        drawing.text(place, Anchor::Middle, TEXT, INK, line.trim_end());
     }
     (drawing, cell)
 }
@@ -246,6 +260,8 @@ mod tests {
     use super::super::heat::inferno;
     use super::*;
 
+    const WIDTH: f64 = 455.0;
+
     fn shown<'a>(picture: &'a Array3<f32>, settings: &[&str]) -> Shown<'a> {
         let row = Row {
             method: "dsm".into(),
@@ -282,22 +298,27 @@ mod tests {
 
     #[test]
     fn pictures_fill_a_page_and_few_places_stay_empty() {
-        let square = Array3::zeros((300, 300, 4));
-        let layout = |picture, count| Layout::of(&vec![shown(picture, &["epsilon=0.06"]); count]);
+        let (square, low) = (Array3::zeros((300, 300, 4)), Array3::zeros((100, 400, 4)));
+        let layout = |picture, count| Layout::of(&vec![shown(picture, &["epsilon=0.06"]); count], WIDTH);
         let across = |picture, count| layout(picture, count).across;
         assert_eq!([1, 2, 3, 4, 5, 8].map(|n| across(&square, n)), [1, 2, 3, 4, 5, 4]);
         assert_eq!([9, 10, 12].map(|n| across(&square, n)), [5, 5, 6]);
         // Low pictures are fewer a row, and wider.
-        assert!(across(&Array3::zeros((100, 400, 4)), 9) <= 3);
+        assert!(across(&low, 9) <= 3);
         for count in 1..=14 {
             let layout = layout(&square, count);
             let all = vec![shown(&square, &["epsilon=0.06"]); count];
             assert!(layout.cell >= LEAST_CELL && layout.height(&all) <= MOST_HEIGHT, "{count}: {layout:?}");
             assert!(layout.across as f64 * (layout.cell + GAP) - GAP <= WIDTH + 1e-9);
         }
-        // More than a page holds.
+        // More than a page holds, and a column of two, a narrow one and a poster.
         let many = layout(&square, 40);
         assert!(many.cell >= LEAST_CELL && many.lines.len() == 40_usize.div_ceil(many.across));
+        let all = vec![shown(&square, &["epsilon=0.06"]); 4];
+        let across = [100.0, 220.0, 5000.0].map(|width| Layout::of(&all, width).across);
+        assert_eq!(across, [1, 2, 4]);
+        assert!(said(&all, WIDTH).len() == 1 && said(&all, 220.0).len() == 2);
+        assert!(said(&all, 100.0).iter().all(|line| text_width(line.trim_end(), TEXT) <= 100.0));
     }
 
     #[test]
@@ -313,9 +334,9 @@ mod tests {
             difference,
         };
         let all = [Shown::reference(&bright), of("osm", &dark, Some(&half)), of("dom", &dark, Some(&full))];
-        let layout = Layout::of(&all);
-        let (drawing, cell) = figure(&all, 0.1, "how wrong");
-        assert_eq!((layout.across, cell), (3, column(3)));
+        let layout = Layout::of(&all, WIDTH);
+        let (drawing, cell) = figure(&all, WIDTH, 0.1, "how wrong");
+        assert_eq!((layout.across, cell), (3, column(WIDTH, 3)));
         let page = drawing.bitmap_of(2.0).unwrap();
         let (above, high) = (layout.above(0), 0.75 * cell);
         let at = |i: usize, down: f64| {
@@ -342,7 +363,7 @@ mod tests {
             Shown { difference: None, ..shown(&picture, &[]) },
             Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) },
         ];
-        let [png, pdf] = files(&all, 0.02, "difference").unwrap();
+        let [png, pdf] = files(&all, WIDTH, 0.02, "difference").unwrap();
         assert!(image::load_from_memory(&png).unwrap().width() >= 2 * 455);
         let text = String::from_utf8_lossy(&pdf);
         assert!(
@@ -352,6 +373,6 @@ mod tests {
         let count = |part: &str| text.matches(part).count();
         assert_eq!((count("/Subtype /Image"), count("/Width 301"), count("/Height 300")), (3, 3, 3));
         assert!(count("/FontFile") >= 1 && count("/ToUnicode") >= 1, "letters are of a font");
-        assert!(files(&[], 1.0, "").is_ok());
+        assert!(files(&[], WIDTH, 1.0, "").is_ok());
     }
 }

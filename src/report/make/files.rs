@@ -64,9 +64,9 @@ pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone)
 }
 
 /// Writes where each row's picture differs from that by `rays`, the nodes of its texels, all pictures of a scene with
-/// their differences beside each other on one scale, and `pictures.md`, which shows them; returns the paths, with those of
+/// their differences beside each other on one scale, `grid_pt` points wide, and `pictures.md`, which shows them; returns the paths, with those of
 /// the pictures, which the journal has written.
-pub fn write_pictures(made: &Made, folder: &Path) -> Result<Vec<PathBuf>> {
+pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<PathBuf>> {
     let all = &made.comparison.compared;
     let mut paths = vec![folder.join("pictures.md")];
     let mut sheet = String::new();
@@ -110,7 +110,7 @@ pub fn write_pictures(made: &Made, folder: &Path) -> Result<Vec<PathBuf>> {
             let difference = c.difference.as_ref();
             cells.extend(picture.map(|picture| Shown::of(&c.row, picture, difference)));
         }
-        let [png, pdf] = grid::files(&cells, scale, DIFFERENCE)?;
+        let [png, pdf] = grid::files(&cells, grid_pt, scale, DIFFERENCE)?;
         for (name, bytes) in grids.iter().zip([with_texts(png, &texts)?, pdf]) {
             let path = folder.join(name);
             write_whole(&path, |file| file.write_all(&bytes))?;
