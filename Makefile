@@ -7,7 +7,8 @@
 #              UMBRAVOX_PEER, a command that runs VTK's ray caster)
 # make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another)
 # make measured   every table of docs/measured.md on the adapter that is here, into docs/measured/ADAPTER.md (MEASURED_FLAGS="--only cost")
-# make strip   docs/strip.png and the README's table (out/strip/compare.md) anew
+# make pictures   every picture of README and docs but the window's, and the README's table (out/strip/compare.md), anew; on a quiet
+#              machine, for its times (PICTURES_EFFORT="--repeats 1 --points 1000 --rays 100" is a trial)
 # make check-tools   what is missing to build and run; installs nothing
 
 CARGO ?= cargo
@@ -19,9 +20,12 @@ DEMO_FLAGS ?= phantom:thorax:64 --size 192x192 --repeats 2
 UMBRAVOX_DATA ?= ../shared/data
 SHOTS_VOLUME ?= $(UMBRAVOX_DATA)/CT_AVM.nii.gz
 STRIP_METHODS := none;rays;dsm:map=256,epsilon=0.06,0.02,0.005;osm:map=256,layers=8,32,128;dom:map=256,layers=7,31;bom:map=256,layers=7,31;clusters:map=256,clusters=4,8;fourier:map=256,terms=7,15;avsm:map=256,nodes=8,16;moments:map=256,moments=6,8;lightvolume:scale=4,2
+GRID_METHODS := none;rays;dsm:map=256,epsilon=0.02;osm:map=256,layers=32;fourier:map=256,terms=15
+PICTURES_EFFORT ?= --repeats 7
+PICTURES_DIR ?= docs
 XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 
-.PHONY: demo test python adapters lint bench shots measured strip setup check-tools
+.PHONY: demo test python adapters lint bench shots measured pictures setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -67,10 +71,15 @@ measured: setup
 	$(CARGO) build --release --locked
 	UMBRAVOX_DATA="$(UMBRAVOX_DATA)" scripts/measured.py $(UMBRAVOX) $(MEASURED_FLAGS)
 
-strip: setup
+pictures: setup
 	$(CARGO) build --release --locked
-	$(UMBRAVOX) compare --scene examples/chest.toml --methods "$(STRIP_METHODS)" --repeats 7 -o out/strip
-	$(CARGO) run --release --locked --example strip -- examples/chest.toml out/strip/compare.csv docs/strip.png
+	$(CARGO) build --release --locked --example strip
+	@mkdir -p $(PICTURES_DIR)
+	$(UMBRAVOX) compare --scene examples/chest.toml --methods "$(STRIP_METHODS)" $(PICTURES_EFFORT) --overwrite -o out/strip
+	$(TARGET_DIR)/release/examples/strip examples/chest.toml out/strip/compare.csv $(PICTURES_DIR)/strip.png
+	$(UMBRAVOX) compare --scene examples/chest.toml --methods "$(GRID_METHODS)" $(PICTURES_EFFORT) --overwrite -o out/grid
+	cp out/grid/grid.png $(PICTURES_DIR)/grid.png
+	$(UMBRAVOX) render --scene examples/chest.toml --size 220x220 --light-sweep 24 --fps 8 -o $(PICTURES_DIR)/sweep.gif
 
 setup:
 	@scripts/setup.sh

@@ -96,7 +96,7 @@ pub struct LayoutFlags {
     /// commas [default: a few; in compare.md most]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub columns: Option<Vec<String>>,
-    /// Width that compare.tex must fit, points [default: 455, an A4 page with margins of 2.5 cm]
+    /// Width that compare.tex must fit, and of grid.pdf, points [default: 455, an A4 page with margins of 2.5 cm]
     #[arg(long, value_name = "PT", value_parser = tex_width_pt)]
     pub tex_width: Option<f64>,
 }
@@ -198,7 +198,7 @@ fn measured(
         Ok(Subject { volume, tf, strands, scene, forced: asked[i].settings.forced() })
     };
     let bar = progress_bar()?;
-    let interrupt = Interrupt::listen()?;
+    let interrupt = Interrupt::listen("what is measured is kept")?;
     let mut progress = Progress::watched(Bar { bar: &bar, interrupt: &interrupt });
     let made = make(&order, run, &mut read, renderer, journal, &mut progress);
     drop(progress);

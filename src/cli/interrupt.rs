@@ -16,16 +16,14 @@ const ENDED: i32 = 130;
 pub struct Interrupt(());
 
 impl Interrupt {
-    /// Starts to listen.
+    /// Starts to listen; `outcome` tells the user what becomes of the work that is done by then.
     ///
     /// # Errors
     /// The system does not let it.
-    pub fn listen() -> Result<Self> {
+    pub fn listen(outcome: &'static str) -> Result<Self> {
         let listens = LISTENS.get_or_init(|| {
-            let heard = || match COME.fetch_add(1, Ordering::SeqCst) {
-                0 => {
-                    say("note", &"ending after this step; what is measured is kept (once more ends at once)")
-                }
+            let heard = move || match COME.fetch_add(1, Ordering::SeqCst) {
+                0 => say("note", &format_args!("ending after this step; {outcome} (once more ends at once)")),
                 _ => std::process::exit(ENDED),
             };
             ctrlc::set_handler(heard).map_err(|e| e.to_string())

@@ -4,6 +4,7 @@ pub mod claims;
 pub mod compare;
 pub mod convert;
 mod error;
+pub mod frames;
 pub mod info;
 mod interrupt;
 pub mod merge;
@@ -41,7 +42,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Info(info::InfoArgs),
-    Render(render::RenderArgs),
+    Render(Box<render::RenderArgs>),
     Probe(probe::ProbeArgs),
     Compare(Box<compare::CompareArgs>),
     Convert(convert::ConvertArgs),
@@ -90,7 +91,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCod
 fn run(command: Command, window: Window) -> Result<()> {
     match command {
         Command::Info(args) => info::run(&args),
-        Command::Render(args) => render::run(args),
+        Command::Render(args) => render::run(*args),
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(*args),
         Command::Convert(args) => convert::run(&args),

@@ -1,26 +1,31 @@
-//! `umbravox render`: one picture.
+//! `umbravox render`: one picture, or those of a turn.
 
+use super::frames::{Drawer, Frame, FrameFlags, Texts};
 use super::told::{load, print_json, say};
 use crate::error::Result;
+use crate::files::animation::is_animation;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use crate::gpu::Clock;
 use crate::open::{DEFAULT_SHADOW, Loaded, SceneArgs};
-use crate::render::{Omission, Picture, Session};
+use crate::render::{DrawnPicture, Omission, Sequence, Session};
 use crate::report::asked::picture_texts;
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{Bound, BuildReport, Method, NoShadows, ShadowMap};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Draw one picture
+/// Draw one picture, or those of a camera or of lights that turn
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
+    #[command(flatten)]
+    pub frames: FrameFlags,
     /// The picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity). With
     /// --background none a .png has straight alpha, and .exr and .npy hold colours times opacity. A .png holds as text
-    /// the scene file that draws it
+    /// the scene file that draws it. With --turntable or --light-sweep frame.png stands for frame_0000.png and so on, and
+    /// .apng and .gif are one animated file
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -28,23 +33,45 @@ pub struct RenderArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// Bad input, or a failure of the device or disk.
+/// Bad input, a failure of the device or disk, or an interruption between the pictures of a turn.
 pub fn run(args: RenderArgs) -> Result<()> {
-    check_output(&args.output, PICTURE_EXTENSIONS)?;
+    let turn = args.frames.turn(&args.output)?;
+    if turn.is_none() {
+        let hint = "--turntable and --light-sweep make one animated file";
+        let animated = is_animation(&args.output);
+        check_output(&args.output, PICTURE_EXTENSIONS)
+            .map_err(|e| if animated { e.hint(hint) } else { e })?;
+    }
     let settings = args.scene.into_settings()?;
     let method = settings.method()?;
+    let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
+    turn.iter().try_for_each(|turn| turn.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load(&settings)?;
-    let mut whole = settings.resolved(&scene, &tf_source, suiting)?;
-    whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
     let session =
         Session::open(settings.adapter.as_deref(), volume, &tf, settings.forced())?.with_strands(strands);
-    let method = needed_method(&session, &scene, method);
-    let shadows = session.shadows_of(method.as_ref(), &scene)?;
-    let picture = session.render(&shadows, &scene)?;
-    let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
-    let texts = picture_texts(&session.renderer.gpu().info.name, Some(&whole))?;
-    write_picture_with(&args.output, &picture.pixels, backdrop, &texts)?;
-    let summary = Summary::of(&args.output, &session, method.as_ref(), (&shadows, &scene), &picture);
+    let adapter = session.renderer.gpu().info.name.clone();
+    let texts = |scene: &Scene| -> Result<Texts> {
+        let mut whole = settings.resolved(scene, &tf_source, suiting)?;
+        whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
+        picture_texts(&adapter, Some(&whole))
+    };
+    let mut sequence = Sequence::new(&session, method.as_ref());
+    let needed = needed_method(&session, &scene, method.as_ref());
+    let summary_of = |drawn: &DrawnPicture, shadows: &[&ShadowMap]| {
+        Summary::of(&args.output, &session, needed, (shadows, &scene), drawn)
+    };
+    let summary = match &turn {
+        None => {
+            let drawn = sequence.draw(&scene)?;
+            write_picture_with(&args.output, &drawn.picture.pixels, backdrop, &texts(&scene)?)?;
+            summary_of(&drawn, &sequence.shadows())
+        }
+        Some(turn) => {
+            let drawer = Drawer { turn, backdrop, texts: &texts };
+            let (first, frames) = drawer.draw(&mut sequence, &scene, summary_of)?;
+            Summary { frames: Some(frames), ..first }
+        }
+    };
     if settings.explain {
         summary.explain();
     }
@@ -55,14 +82,14 @@ pub fn run(args: RenderArgs) -> Result<()> {
 }
 
 /// The method asked for, or none where no light can be kept from a sample: the map is then not even built.
-fn needed_method(session: &Session, scene: &Scene, method: Box<dyn Method>) -> Box<dyn Method> {
+fn needed_method<'a>(session: &Session, scene: &Scene, method: &'a dyn Method) -> &'a dyn Method {
     match session.needs_shadows(scene) {
         Ok(()) => method,
-        Err(_) => Box::new(NoShadows),
+        Err(_) => &NoShadows,
     }
 }
 
-/// What `--json` prints.
+/// What `--json` prints: of a turn the first picture's, and each picture in `frames`.
 #[derive(Debug, serde::Serialize)]
 struct Summary {
     output: String,
@@ -88,6 +115,8 @@ struct Summary {
     bound_depth_mm: Option<f64>,
     lights: Vec<Lit>,
     left_out: Vec<Omission>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frames: Option<Vec<Frame>>,
 }
 
 /// What one light that shines has cost.
@@ -103,11 +132,12 @@ impl Summary {
         output: &Path,
         session: &Session,
         method: &dyn Method,
-        (shadows, scene): (&[ShadowMap], &Scene),
-        picture: &Picture,
+        (shadows, scene): (&[&ShadowMap], &Scene),
+        DrawnPicture { picture, .. }: &DrawnPicture,
     ) -> Self {
         let (frame_ms, clock) = picture.span.best();
-        let (report, bound) = (BuildReport::of_all(shadows), Bound::of_all(shadows));
+        let maps = || shadows.iter().copied();
+        let (report, bound) = (BuildReport::of_all(maps()), Bound::of_all(maps()));
         Self {
             output: output.display().to_string(),
             adapter: session.renderer.gpu().info.name.clone(),
@@ -130,8 +160,9 @@ impl Summary {
             pool_growths: report.pool_growths,
             bound: bound.map(|b| b.transmittance),
             bound_depth_mm: bound.map(|b| b.depth_mm),
-            lights: scene.shining().into_iter().zip(shadows).map(Lit::of).collect(),
+            lights: scene.shining().into_iter().zip(maps()).map(Lit::of).collect(),
             left_out: picture.plan.left_out.clone(),
+            frames: None,
         }
     }
 
@@ -154,6 +185,9 @@ impl Summary {
         }
         say(format!("ray cast {:.1} ms", self.frame_ms));
         self.left_out.iter().for_each(|o| say(o.to_string()));
+        if let Some(frames) = &self.frames {
+            say(Frame::explained(frames));
+        }
     }
 }
 

@@ -1,9 +1,10 @@
 //! Files that appear whole or not at all.
 
 use crate::error::{Error, Result};
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use tempfile::{Builder, NamedTempFile};
+use tempfile::{Builder, NamedTempFile, SpooledTempFile};
 
 const WHAT: &str = "cannot write file";
 
@@ -13,13 +14,46 @@ const WHAT: &str = "cannot write file";
 /// Whatever `write` meets, or the folder or disk refuses.
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let fail = |e: io::Error| Error::runtime(WHAT, path.display(), e);
-    let temporary = temporary_in(&folder_of(path)).map_err(fail)?;
-    let mut buffered = BufWriter::new(temporary);
+    let (whole, file) = WholeFile::begin(path)?;
+    let mut buffered = BufWriter::new(file);
     write(&mut buffered).map_err(fail)?;
-    let temporary = buffered.into_inner().map_err(|e| fail(e.into_error()))?;
-    temporary.as_file().sync_all().map_err(fail)?;
-    temporary.persist(path).map_err(|e| fail(e.error))?;
-    Ok(())
+    buffered.into_inner().map_err(|e| fail(e.into_error()))?;
+    whole.finish()
+}
+
+/// A file that is written over a while: it is there once it is finished; dropped before, it leaves nothing.
+pub struct WholeFile {
+    temporary: NamedTempFile,
+    path: PathBuf,
+}
+
+impl WholeFile {
+    /// Begins it; what is to be in it is written to the file that comes with it, and flushed before it is finished.
+    ///
+    /// # Errors
+    /// The folder cannot be written to.
+    pub fn begin(path: &Path) -> Result<(Self, File)> {
+        let fail = |e: io::Error| Error::runtime(WHAT, path.display(), e);
+        let temporary = temporary_in(&folder_of(path)).map_err(fail)?;
+        let file = temporary.as_file().try_clone().map_err(fail)?;
+        Ok((Self { temporary, path: path.into() }, file))
+    }
+
+    /// Gives it its name.
+    ///
+    /// # Errors
+    /// The disk or the folder refuses.
+    pub fn finish(self) -> Result<()> {
+        let fail = |e: io::Error| Error::runtime(WHAT, self.path.display(), e);
+        self.temporary.as_file().sync_all().map_err(fail)?;
+        self.temporary.persist(&self.path).map_err(|e| fail(e.error))?;
+        Ok(())
+    }
+}
+
+/// What is kept for a while beside a file to come, in memory or, beyond so many bytes, in a nameless file of its folder.
+pub(super) fn spool_beside(path: &Path, memory_bytes: usize) -> SpooledTempFile {
+    tempfile::spooled_tempfile_in(memory_bytes, folder_of(path))
 }
 
 /// Refuses an output file before any work is done for it: an ending that is not among `extensions`, a folder that
@@ -133,6 +167,22 @@ mod tests {
         assert_eq!((e.exit_status(), e.why.as_str()), (1, "disk full"));
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(entries(dir.path()), 1);
+    }
+
+    #[test]
+    fn a_file_written_over_a_while_is_there_when_it_is_finished() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.gif");
+        let (whole, mut file) = WholeFile::begin(&path).unwrap();
+        file.write_all(b"half").unwrap();
+        drop(whole);
+        assert_eq!(entries(dir.path()), 0, "given up, it leaves nothing");
+        let (whole, mut file) = WholeFile::begin(&path).unwrap();
+        file.write_all(b"whole").unwrap();
+        assert!(!path.exists());
+        whole.finish().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+        assert_eq!(WholeFile::begin(&dir.path().join("none/a.gif")).err().unwrap().exit_status(), 1);
     }
 
     #[test]

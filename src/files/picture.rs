@@ -116,13 +116,25 @@ pub fn picture_png(picture: &Array3<f32>) -> Result<Vec<u8>> {
 
 fn png(picture: &Array3<f32>, backdrop: Backdrop, texts: &[(String, String)]) -> Result<Vec<u8>> {
     let (height, width, _) = picture.dim();
+    encode_png(&codes(picture, backdrop), [width as u32, height as u32], color_type(backdrop), texts)
+}
+
+/// What a PNG's pixels are made of.
+pub(super) fn color_type(backdrop: Backdrop) -> png::ColorType {
+    match backdrop {
+        Backdrop::Drawn => png::ColorType::Rgb,
+        Backdrop::LeftOut => png::ColorType::Rgba,
+    }
+}
+
+/// The pixels of a picture with 8 bits a channel: sRGB, and alpha where the background is left out.
+pub(super) fn codes(picture: &Array3<f32>, backdrop: Backdrop) -> Vec<u8> {
     let pixels = picture.rows().into_iter().map(|p| [0, 1, 2, 3].map(|c| f64::from(p[c])));
     let opaque = |[r, g, b, _]: [f64; 4]| [r, g, b].map(srgb8_from_linear);
-    let (codes, kind) = match backdrop {
-        Backdrop::Drawn => (pixels.flat_map(opaque).collect::<Vec<u8>>(), png::ColorType::Rgb),
-        Backdrop::LeftOut => (pixels.flat_map(straight_srgb8).collect(), png::ColorType::Rgba),
-    };
-    encode_png(&codes, [width as u32, height as u32], kind, texts)
+    match backdrop {
+        Backdrop::Drawn => pixels.flat_map(opaque).collect(),
+        Backdrop::LeftOut => pixels.flat_map(straight_srgb8).collect(),
+    }
 }
 
 /// 8-bit pixels as a PNG file with texts by their keys.

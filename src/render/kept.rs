@@ -128,8 +128,6 @@ pub enum Serving {
 struct KeptMap {
     key: MapKey,
     map: ShadowMap,
-    /// The view that it was built for.
-    view: Option<View>,
     /// The view (none: every point) that was last asked about, and whether the map serves it: a picture asks several times,
     /// and going through the bricks of a large volume takes milliseconds.
     asked: Cell<Option<(Option<View>, bool)>>,
@@ -143,14 +141,15 @@ impl KeptMap {
         view: Option<View>,
         serving: Serving,
     ) -> bool {
-        if serving == Serving::Same {
-            return self.view == view || !self.map.light_space.can_fit_view();
-        }
         if let Some((_, serves)) = self.asked.get().filter(|(asked, _)| *asked == view) {
             return serves;
         }
         let space = &self.map.light_space;
-        let serves = space.serves(&loaded.volume, &transfer.active, self.key.light, view.as_ref());
+        let (volume, active, light) = (&loaded.volume, &transfer.active, self.key.light);
+        let serves = match serving {
+            Serving::Covering => space.serves(volume, active, light, view.as_ref()),
+            Serving::Same => space.is_fitted_to(volume, active, light, view.as_ref()),
+        };
         self.asked.set(Some((view, serves)));
         serves
     }
@@ -324,7 +323,7 @@ impl Kept {
             });
         }
         let key = MapKey { method: spec.into(), light, needed };
-        self.maps.push(KeptMap { key, map, view, asked: Cell::new(None) });
+        self.maps.push(KeptMap { key, map, asked: Cell::new(None) });
         Ok(())
     }
 

@@ -11,6 +11,7 @@ mod picture;
 mod plan;
 mod query;
 mod renderer;
+mod sequence;
 mod session;
 mod shader;
 
@@ -21,6 +22,7 @@ pub use pace::Pace;
 pub use picture::Picture;
 pub use plan::{Omission, Plan, needs_shadows};
 pub use renderer::Renderer;
+pub use sequence::{DrawnPicture, Sequence, Turned, Turning};
 pub use session::Session;
 
 pub use crate::field::{DeviceTransfer, Forced, LoadedVolume, Omittable, View};

@@ -1,73 +1,250 @@
-//! All pictures of a scene beside each other, under each where it is wrong, with one colour bar for all.
+//! All pictures of a scene beside each other as a figure for a page: above each its method and settings, under it where it
+//! is wrong and what it took, with one colour bar for all.
 
-use super::canvas::{Anchor, BLACK, Drawing, PIXELS_PER_POINT, Point, WHITE, encode_png, text_width};
-use super::heat::{false_colour, with_legend};
+use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, text_width};
+use super::heat::{bar_height, colour_bar, false_colour};
+use super::number::significant;
+use super::plot::shorten;
 use crate::error::Result;
 use crate::files::color::srgb8_from_linear;
-use image::imageops::{self, FilterType};
+use crate::measure::table::Row;
 use image::{Rgb, RgbImage};
 use ndarray::{Array2, Array3};
 
-/// Pictures are shown no wider than this, and no narrower than the other.
-const WIDEST_PX: u32 = 360;
-const NARROWEST_PX: u32 = 220;
-/// Columns of the sheet.
-const MOST_ACROSS: usize = 4;
-const GAP_PX: u32 = 12;
-const TEXT: f64 = 9.5;
-const LINE: f64 = 12.5;
+/// It is no higher where its pictures are wide enough in that.
+const MOST_HEIGHT: f64 = 650.0;
+/// Pictures are no narrower, or their settings could not be read.
+const LEAST_CELL: f64 = 64.0;
+/// Pictures are no wider: a single row of two.
+const MOST_CELL: f64 = 220.0;
+/// As far as pictures are made narrower than their columns for the height's sake.
+const MOST_NARROWED: f64 = 0.85;
+const MOST_ACROSS: usize = 7;
+const GAP: f64 = 6.0;
+/// Between a picture and its difference.
+const SEAM: f64 = 2.0;
+const NAME: f64 = 8.5;
+const TEXT: f64 = 7.0;
+const LINE: f64 = 8.6;
+/// Height of the colour bar alone.
+const BAR: f64 = 7.0;
+const GREY: super::canvas::Rgb = [130, 130, 130];
+/// Pixels a point of the PNG file: enough for 300 dpi, and for the pictures as they are where that is less.
+const PIXELS_PER_POINT: [f64; 2] = [2.0, 4.0];
 
-/// A picture with what is said above it.
+/// A picture with what is said above and below it.
 #[derive(Debug, Clone)]
 pub struct Shown<'a> {
-    /// Method and settings, `METHOD:key=value,...`.
-    pub label: String,
+    /// The method.
+    pub name: String,
+    /// Its settings, `key=value` each.
+    pub settings: Vec<String>,
+    /// What it took and how wrong it is, a line each.
+    pub figures: Vec<String>,
     /// `height x width x 4`, linear RGBA.
     pub picture: &'a Array3<f32>,
     /// `height x width`, not negative; none where the picture is what others differ from.
     pub difference: Option<&'a Array2<f32>>,
 }
 
-/// The sheet as a PNG file: black is no difference, the end of the colour bar is `max`, which `label` says the meaning of.
+impl<'a> Shown<'a> {
+    /// Of a row of the table.
+    pub fn of(row: &Row, picture: &'a Array3<f32>, difference: Option<&'a Array2<f32>>) -> Self {
+        let map = row.map.map(|map| format!("map={map}"));
+        let settings =
+            row.params.split(' ').filter(|s| !s.is_empty()).map(str::to_owned).chain(map).collect();
+        let times = row.build_ms.zip(row.frame_ms);
+        let figures = [
+            times.map(|(build, frame)| format!("{} + {} ms", significant(build, 3), significant(frame, 3))),
+            row.bytes.map(|bytes| format!("{} MiB", significant(bytes as f64 / f64::from(1 << 20), 3))),
+            row.point_err_rms.map(|error| format!("rms error {}", significant(error, 3))),
+        ];
+        let figures = figures.into_iter().flatten().collect();
+        Self { name: row.method.clone(), settings, figures, picture, difference }
+    }
+
+    /// Of the picture that others differ from, where the table has no row of it.
+    pub fn reference(picture: &'a Array3<f32>) -> Self {
+        let settings = vec!["(not in the table)".into()];
+        Self { name: "rays".into(), settings, figures: Vec::new(), picture, difference: None }
+    }
+
+    /// Lines of settings no wider than `width`, broken where a setting ends.
+    fn lines(&self, width: f64) -> Vec<String> {
+        let mut lines: Vec<String> = Vec::new();
+        for setting in &self.settings {
+            let longer = lines.last().map(|last| format!("{last}, {setting}"));
+            match (longer.filter(|longer| text_width(longer, TEXT) <= width), lines.last_mut()) {
+                (Some(longer), Some(last)) => *last = longer,
+                _ => lines.push(shorten(setting.clone(), TEXT, width)),
+            }
+        }
+        lines
+    }
+}
+
+/// The figure as a PNG and as a PDF file, `width` points wide: black is no difference, the end of the colour bar is `max`, which
+/// `label` says the meaning of. In the PDF file every pixel of every picture is kept, and text is text.
 ///
 /// # Errors
 /// The drawing backend's own.
-pub fn png(shown: &[Shown], max: f32, label: &str) -> Result<Vec<u8>> {
-    encode_png(&with_legend(&sheet(shown, max)?, max, label)?)
+pub fn files(shown: &[Shown], width: f64, max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
+    let (drawing, cell) = figure(shown, width, max, label);
+    let widest = shown.iter().map(|s| s.picture.dim().1).max().unwrap_or(1) as f64;
+    let [least, most] = PIXELS_PER_POINT;
+    let png = super::canvas::encode_png(&drawing.bitmap_of((widest / cell).clamp(least, most))?)?;
+    Ok([png, drawing.pdf()?])
 }
 
-fn sheet(shown: &[Shown], max: f32) -> Result<RgbImage> {
-    let size = |s: &Shown| (s.picture.dim().1 as u32, s.picture.dim().0 as u32);
-    let (width, height) = shown.iter().map(size).next().unwrap_or((1, 1));
-    let cell_width = width.clamp(NARROWEST_PX, WIDEST_PX);
-    let cell_height = (u64::from(cell_width) * u64::from(height) / u64::from(width.max(1))).max(1) as u32;
-    let labels: Vec<Vec<String>> = shown.iter().map(|s| lines(&s.label, points(cell_width))).collect();
-    let label_height = labels.iter().map(Vec::len).max().unwrap_or(0) as f64 * LINE + 2.0;
-    let label_px = (label_height * f64::from(PIXELS_PER_POINT)).ceil() as u32;
-    let across = shown.len().clamp(1, MOST_ACROSS);
-    let down = shown.len().div_ceil(across).max(1);
-    let (column, row) = (cell_width + GAP_PX, label_px + 2 * cell_height + GAP_PX / 3 + GAP_PX);
-    let mut sheet =
-        RgbImage::from_pixel(across as u32 * column + GAP_PX, down as u32 * row + GAP_PX, Rgb(WHITE));
-    for (i, (s, lines)) in shown.iter().zip(&labels).enumerate() {
-        let left = i64::from(GAP_PX + (i % across) as u32 * column);
-        let top = i64::from(GAP_PX + (i / across) as u32 * row);
-        let words = words(lines, points(cell_width), points(label_px))?;
-        imageops::replace(&mut sheet, &words, left, top);
-        let fitted = |picture: &RgbImage| {
-            // Enlarged, a pixel stays one; made smaller, none is dropped.
-            let filter =
-                if cell_width >= picture.width() { FilterType::Nearest } else { FilterType::Triangle };
-            imageops::resize(picture, cell_width, cell_height, filter)
+/// How a figure is laid out.
+#[derive(Debug, Clone, PartialEq)]
+struct Layout {
+    /// Of the page, points.
+    width: f64,
+    across: usize,
+    /// Width of a picture, points.
+    cell: f64,
+    /// Lines of settings in each row of pictures.
+    lines: Vec<usize>,
+}
+
+impl Layout {
+    /// The one with the widest pictures that leaves few places empty and fits on a page; where none does, one that is
+    /// higher than a page.
+    fn of(shown: &[Shown], width: f64) -> Self {
+        let all = 1..=shown.len().clamp(1, MOST_ACROSS);
+        let all = all.filter_map(|across| Self::across(shown, width, across));
+        let worth = |layout: &Self| {
+            layout.cell * shown.len() as f64 / (layout.across * layout.lines.len().max(1)) as f64
         };
-        let below = top + i64::from(label_px);
-        imageops::replace(&mut sheet, &fitted(&encoded(s.picture)), left, below);
-        if let Some(difference) = s.difference {
-            let lower = below + i64::from(cell_height + GAP_PX / 3);
-            imageops::replace(&mut sheet, &fitted(&false_colour(difference, max)), left, lower);
+        let best = all.reduce(|a, b| if worth(&b) > worth(&a) { b } else { a });
+        best.unwrap_or_else(|| {
+            let most = ((width + GAP) / (LEAST_CELL + GAP)).floor().clamp(1.0, MOST_ACROSS as f64) as usize;
+            let across = shown.len().clamp(1, most);
+            let cell = column(width, across);
+            Self { width, across, cell, lines: lines(shown, across, cell) }
+        })
+    }
+
+    /// With so many pictures a row; `None` where these would be too narrow.
+    fn across(shown: &[Shown], width: f64, across: usize) -> Option<Self> {
+        let column = column(width, across);
+        let mut cell = column;
+        // Narrower pictures may have more lines above them.
+        for _ in 0..8 {
+            if cell < LEAST_CELL.max(MOST_NARROWED * column) {
+                break;
+            }
+            let layout = Self { width, across, cell, lines: lines(shown, across, cell) };
+            let (height, rows) = (layout.height(shown), layout.lines.len() as f64);
+            if height <= MOST_HEIGHT {
+                return Some(layout);
+            }
+            cell -= (height - MOST_HEIGHT) / (2.0 * rows * shape(shown)).max(1e-3) + 0.01;
+        }
+        None
+    }
+
+    /// What stands above the pictures of a row.
+    fn above(&self, row: usize) -> f64 {
+        NAME + 3.0 + LINE * self.lines[row] as f64
+    }
+
+    /// Of a row of pictures with all that belongs to it, and the gap to the next.
+    fn row_height(&self, shown: &[Shown], row: usize) -> f64 {
+        let figures = shown.iter().map(|s| s.figures.len()).max().unwrap_or(0) as f64;
+        self.above(row) + 2.0 * self.cell * shape(shown) + SEAM + 2.0 + LINE * figures + GAP
+    }
+
+    fn height(&self, shown: &[Shown]) -> f64 {
+        let rows: f64 = (0..self.lines.len()).map(|row| self.row_height(shown, row)).sum();
+        rows + bar_height(BAR, TEXT) + LINE * said(shown, self.width).len() as f64 + 0.4 * LINE
+    }
+}
+
+/// Width of a column where so many share the page.
+fn column(width: f64, across: usize) -> f64 {
+    ((width - GAP * (across - 1) as f64) / across as f64).min(MOST_CELL)
+}
+
+/// Height of a picture by its width; all of a scene have one.
+fn shape(shown: &[Shown]) -> f64 {
+    let dims = shown.first().map_or((1, 1), |s| (s.picture.dim().0, s.picture.dim().1));
+    dims.0 as f64 / dims.1.max(1) as f64
+}
+
+fn lines(shown: &[Shown], across: usize, cell: f64) -> Vec<usize> {
+    let most = |row: &[Shown]| row.iter().map(|s| s.lines(cell).len()).max().unwrap_or(0);
+    shown.chunks(across).map(most).collect()
+}
+
+/// What the figures under the pictures are, in lines; none where there are none.
+fn said(shown: &[Shown], width: f64) -> Vec<String> {
+    if shown.iter().all(|s| s.figures.is_empty()) {
+        return Vec::new();
+    }
+    let words = "Below each: time to build its shadows + to draw, memory of its shadows, error of transmittance where the \
+                 camera looks.";
+    let mut lines = vec![String::new()];
+    for word in words.split_inclusive(' ') {
+        // There is always a last line.
+        let last = lines.len() - 1;
+        match text_width(&lines[last], TEXT) + text_width(word.trim_end(), TEXT) <= width {
+            true => lines[last] += word,
+            false => lines.push(word.to_owned()),
         }
     }
-    Ok(sheet)
+    lines
+}
+
+/// The figure, and the width of its pictures in points.
+fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) {
+    let layout = Layout::of(shown, width);
+    let (cell, high) = (layout.cell, layout.cell * shape(shown));
+    let mut drawing = Drawing::new(width, layout.height(shown).ceil());
+    let used = layout.across as f64 * (cell + GAP) - GAP;
+    let mut top = 0.0;
+    for (row, cells) in shown.chunks(layout.across).enumerate() {
+        let above = layout.above(row);
+        for (i, s) in cells.iter().enumerate() {
+            let left = 0.5 * (width - used) + i as f64 * (cell + GAP);
+            put(&mut drawing, s, Point(left, top), [cell, high, above], max);
+        }
+        top += layout.row_height(shown, row);
+    }
+    // Numbers below its ends reach beyond them.
+    let half = 0.5 * used.max(200.0).min(width) - 16.0;
+    let bar = Rect { left: 0.5 * width - half, top, right: 0.5 * width + half, bottom: top + BAR };
+    colour_bar(&mut drawing, bar, max, &shorten(label.into(), TEXT, width), TEXT);
+    for (i, line) in said(shown, width).iter().enumerate() {
+        let place = Point(0.5 * width, top + bar_height(BAR, TEXT) + (i as f64 + 0.7) * LINE);
+        drawing.text(place, Anchor::Middle, TEXT, INK, line.trim_end());
+    }
+    (drawing, cell)
+}
+
+/// Draws one picture with all that belongs to it; `wide`, `high` of the picture, and what stands `above` it.
+fn put(drawing: &mut Drawing, s: &Shown, Point(left, top): Point, [wide, high, above]: [f64; 3], max: f32) {
+    let name = shorten(s.name.clone(), NAME, wide);
+    drawing.text(Point(left, top + 0.5 * NAME), Anchor::Start, NAME, BLACK, &name);
+    for (i, line) in s.lines(wide).iter().enumerate() {
+        let place = Point(left, top + NAME + 1.0 + (i as f64 + 0.5) * LINE);
+        drawing.text(place, Anchor::Start, TEXT, INK, line);
+    }
+    let place = |top: f64| Rect { left, top, right: left + wide, bottom: top + high };
+    let (upper, lower) = (place(top + above), place(top + above + high + SEAM));
+    drawing.picture(upper, encoded(s.picture));
+    match s.difference {
+        Some(difference) => drawing.picture(lower, false_colour(difference, max)),
+        None => {
+            let middle = Point(left + 0.5 * wide, 0.5 * (lower.top + lower.bottom));
+            drawing.text(middle, Anchor::Middle, TEXT, GREY, "reference");
+        }
+    }
+    for (i, figure) in s.figures.iter().enumerate() {
+        let place = Point(left, lower.bottom + 2.0 + (i as f64 + 0.5) * LINE);
+        drawing.text(place, Anchor::Start, TEXT, INK, &shorten(figure.clone(), TEXT, wide));
+    }
 }
 
 /// As a PNG file of the picture has it.
@@ -78,68 +255,124 @@ fn encoded(picture: &Array3<f32>) -> RgbImage {
     })
 }
 
-fn points(pixels: u32) -> f64 {
-    f64::from(pixels) / f64::from(PIXELS_PER_POINT)
-}
-
-fn words(lines: &[String], width: f64, height: f64) -> Result<RgbImage> {
-    let mut drawing = Drawing::new(width, height);
-    for (i, line) in lines.iter().enumerate() {
-        let place = Point(0.0, (i as f64 + 0.5) * LINE);
-        drawing.text(place, Anchor::Start, TEXT, BLACK, line);
-    }
-    drawing.bitmap()
-}
-
-/// Method and settings in lines no wider than `width` points, broken where a setting ends; a setting that is wider
-/// itself has a line of its own.
-fn lines(label: &str, width: f64) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for part in label.split_inclusive([':', ',']) {
-        // There is always a last line.
-        let last = lines.len() - 1;
-        let longer = format!("{}{part}", lines[last]);
-        if lines[last].is_empty() || text_width(longer.trim_end_matches(','), TEXT) <= width {
-            lines[last] = longer;
-        } else {
-            lines.push(part.to_owned());
-        }
-    }
-    lines
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::heat::inferno;
     use super::*;
 
+    const WIDTH: f64 = 455.0;
+
+    fn shown<'a>(picture: &'a Array3<f32>, settings: &[&str]) -> Shown<'a> {
+        let row = Row {
+            method: "dsm".into(),
+            params: settings.join(" "),
+            map: Some(512),
+            build_ms: Some(1234.5),
+            frame_ms: Some(67.89),
+            bytes: Some(3 << 19),
+            point_err_rms: Some(0.012_345),
+            ..Row::default()
+        };
+        Shown::of(&row, picture, None)
+    }
+
     #[test]
-    fn labels_are_broken_between_settings() {
-        assert_eq!(lines("none", 100.0), ["none"]);
-        let label = "dsm:epsilon=0.06,prefilter=5,map=512";
-        let broken = lines(label, 90.0);
-        assert!(broken.len() > 1 && broken.iter().all(|l| text_width(l, TEXT) <= 93.0), "{broken:?}");
-        assert_eq!(broken.concat(), label);
+    fn rows_say_what_they_took() {
+        let picture = Array3::zeros((2, 2, 4));
+        let s = shown(&picture, &["epsilon=0.06"]);
+        assert_eq!((s.name.as_str(), s.settings), ("dsm", vec!["epsilon=0.06".to_owned(), "map=512".into()]));
+        assert_eq!(s.figures, ["1234 + 67.9 ms", "1.50 MiB", "rms error 0.0123"]);
+        let none = Row { method: "none".into(), ..Row::default() };
+        assert!(Shown::of(&none, &picture, None).settings.is_empty());
+    }
+
+    #[test]
+    fn settings_are_broken_between_each_other() {
+        let picture = Array3::zeros((2, 2, 4));
+        let s = shown(&picture, &["epsilon=0.06", "prefilter=5", "lookup=each"]);
+        assert_eq!(s.lines(400.0), ["epsilon=0.06, prefilter=5, lookup=each, map=512"]);
+        let broken = s.lines(75.0);
+        assert!(broken.len() > 1 && broken.iter().all(|l| text_width(l, TEXT) <= 75.0), "{broken:?}");
+        assert_eq!(broken.join(", "), s.lines(400.0)[0]);
+    }
+
+    #[test]
+    fn pictures_fill_a_page_and_few_places_stay_empty() {
+        let (square, low) = (Array3::zeros((300, 300, 4)), Array3::zeros((100, 400, 4)));
+        let layout = |picture, count| Layout::of(&vec![shown(picture, &["epsilon=0.06"]); count], WIDTH);
+        let across = |picture, count| layout(picture, count).across;
+        assert_eq!([1, 2, 3, 4, 5, 8].map(|n| across(&square, n)), [1, 2, 3, 4, 5, 4]);
+        assert_eq!([9, 10, 12].map(|n| across(&square, n)), [5, 5, 6]);
+        // Low pictures are fewer a row, and wider.
+        assert!(across(&low, 9) <= 3);
+        for count in 1..=14 {
+            let layout = layout(&square, count);
+            let all = vec![shown(&square, &["epsilon=0.06"]); count];
+            assert!(layout.cell >= LEAST_CELL && layout.height(&all) <= MOST_HEIGHT, "{count}: {layout:?}");
+            assert!(layout.across as f64 * (layout.cell + GAP) - GAP <= WIDTH + 1e-9);
+        }
+        // More than a page holds, and a column of two, a narrow one and a poster.
+        let many = layout(&square, 40);
+        assert!(many.cell >= LEAST_CELL && many.lines.len() == 40_usize.div_ceil(many.across));
+        let all = vec![shown(&square, &["epsilon=0.06"]); 4];
+        let across = [100.0, 220.0, 5000.0].map(|width| Layout::of(&all, width).across);
+        assert_eq!(across, [1, 2, 4]);
+        assert!(said(&all, WIDTH).len() == 1 && said(&all, 220.0).len() == 2);
+        assert!(said(&all, 100.0).iter().all(|line| text_width(line.trim_end(), TEXT) <= 100.0));
     }
 
     #[test]
     fn each_picture_has_its_difference_below_on_the_one_scale() {
-        let picture = |grey: f32| Array3::from_elem((30, 40, 4), grey);
+        let picture = |grey: f32| Array3::from_elem((60, 80, 4), grey);
         let (dark, bright) = (picture(0.0), picture(1.0));
-        let (half, full) = (Array2::from_elem((30, 40), 0.05), Array2::from_elem((30, 40), 0.1));
-        let shown = [
-            Shown { label: "rays".into(), picture: &bright, difference: None },
-            Shown { label: "osm:map=256".into(), picture: &dark, difference: Some(&half) },
-            Shown { label: "osm:map=512".into(), picture: &dark, difference: Some(&full) },
+        let (half, full) = (Array2::from_elem((60, 80), 0.05), Array2::from_elem((60, 80), 0.1));
+        let of = |name: &str, picture, difference| Shown {
+            name: name.into(),
+            settings: vec!["map=256".into()],
+            figures: vec!["1 MiB".into()],
+            picture,
+            difference,
+        };
+        let all = [Shown::reference(&bright), of("osm", &dark, Some(&half)), of("dom", &dark, Some(&full))];
+        let layout = Layout::of(&all, WIDTH);
+        let (drawing, cell) = figure(&all, WIDTH, 0.1, "how wrong");
+        assert_eq!((layout.across, cell), (3, column(WIDTH, 3)));
+        let page = drawing.bitmap_of(2.0).unwrap();
+        let (above, high) = (layout.above(0), 0.75 * cell);
+        let at = |i: usize, down: f64| {
+            let (x, y) = (i as f64 * (cell + GAP) + 0.2 * cell, above + down);
+            *page.get_pixel((2.0 * x) as u32, (2.0 * y) as u32)
+        };
+        let [white, black] = [Rgb([255; 3]), Rgb([0; 3])];
+        assert_eq!([0, 1, 2].map(|i| at(i, 0.5 * high)), [white, black, black]);
+        let lower = [0, 1, 2].map(|i| at(i, 1.5 * high + SEAM));
+        assert_eq!(lower, [white, inferno(0.5), inferno(1.0)], "the reference has no difference");
+        let svg = drawing.svg(None).into_string();
+        for text in
+            ["rays", "(not in the table)", "reference", "osm", "map=256", "1 MiB", "how wrong", "≥ 0.1"]
+        {
+            assert!(svg.contains(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn the_pdf_has_every_pixel_and_text_as_text() {
+        let picture = Array3::from_shape_fn((300, 301, 4), |(j, i, c)| (i * j * (c + 1)) as f32 / 3e5);
+        let difference = Array2::from_elem((300, 301), 0.01);
+        let all = [
+            Shown { difference: None, ..shown(&picture, &[]) },
+            Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) },
         ];
-        let sheet = sheet(&shown, 0.1).unwrap();
-        let column = NARROWEST_PX + GAP_PX;
-        let label_px = ((LINE + 2.0) * f64::from(PIXELS_PER_POINT)).ceil() as u32;
-        let height = NARROWEST_PX * 30 / 40;
-        let at = |i: u32, y: u32| *sheet.get_pixel(GAP_PX + i * column + 50, GAP_PX + label_px + y);
-        assert_eq!((at(0, 5), at(1, 5)), (Rgb(WHITE), Rgb(BLACK)));
-        let lower = height + GAP_PX / 3 + 5;
-        assert_eq!(at(0, lower), Rgb(WHITE), "the reference has no difference");
-        assert_eq!([at(1, lower), at(2, lower)], [0.5, 1.0].map(super::super::heat::inferno));
-        assert!(png(&[], 1.0, "").is_ok());
+        let [png, pdf] = files(&all, WIDTH, 0.02, "difference").unwrap();
+        assert!(image::load_from_memory(&png).unwrap().width() >= 2 * 455);
+        let text = String::from_utf8_lossy(&pdf);
+        assert!(
+            pdf.starts_with(b"%PDF") && text.contains("/MediaBox [0 0 455 "),
+            "the page is 455 points wide"
+        );
+        let count = |part: &str| text.matches(part).count();
+        assert_eq!((count("/Subtype /Image"), count("/Width 301"), count("/Height 300")), (3, 3, 3));
+        assert!(count("/FontFile") >= 1 && count("/ToUnicode") >= 1, "letters are of a font");
+        assert!(files(&[], WIDTH, 1.0, "").is_ok());
     }
 }

@@ -52,7 +52,6 @@ pub fn round_max(values: &Array2<f32>) -> f32 {
 
 const LEGEND_HEIGHT_PX: u32 = 98;
 const LEGEND_MIN_WIDTH_PX: u32 = 420;
-const TEXT: f64 = 11.5;
 
 /// The picture with a legend below it: the scale from 0 to `max` with numbers, and `label` saying what it shows.
 /// A picture narrower than the legend is centred over it.
@@ -64,32 +63,44 @@ pub fn with_legend(picture: &RgbImage, max: f32, label: &str) -> Result<RgbImage
     let points = |px: u32| f64::from(px) / f64::from(PIXELS_PER_POINT);
     let (width, height) = (points(width_px), points(LEGEND_HEIGHT_PX));
     let mut legend = Drawing::new(width, height);
-    let (left, right) = (24.0, width - 24.0);
-    let (top, bottom) = (6.0, 17.0);
-    const STEPS: u32 = 256;
-    for i in 0..STEPS {
-        // To the end, and covered by the next: two edges side by side would let the ground through.
-        let step = Rect { left: left + (right - left) * f64::from(i) / f64::from(STEPS), top, right, bottom };
-        let Rgb(color) = inferno((f64::from(i) + 0.5) / f64::from(STEPS));
-        legend.polygon(&step.corners(), color);
-    }
-    const TICKS: u32 = 4;
-    for i in 0..=TICKS {
-        let share = f64::from(i) / f64::from(TICKS);
-        let x = left + (right - left) * share;
-        legend.line(&[Point(x, bottom), Point(x, bottom + 3.0)], 0.8, INK);
-        let number = trimmed(&significant(f64::from(max) * share, 3));
-        let text = if i == TICKS { format!("≥ {number}") } else { number };
-        // The last number may reach to the border but not over it.
-        let x = x.min(width - 0.5 * text_width(&text, TEXT) - 2.0);
-        legend.text(Point(x, bottom + 10.0), Anchor::Middle, TEXT, INK, &text);
-    }
-    legend.text(Point(0.5 * width, height - 9.0), Anchor::Middle, TEXT, BLACK, label);
+    let bar = Rect { left: 24.0, top: 6.0, right: width - 24.0, bottom: 17.0 };
+    colour_bar(&mut legend, bar, max, label, 11.5);
 
     let mut page = RgbImage::from_pixel(width_px, picture.height() + LEGEND_HEIGHT_PX, Rgb(WHITE));
     imageops::replace(&mut page, picture, i64::from((width_px - picture.width()) / 2), 0);
     imageops::replace(&mut page, &legend.bitmap()?, 0, i64::from(picture.height()));
     Ok(page)
+}
+
+/// The scale of [`false_colour`] from 0 to `max`, below it numbers and `label` in letters of a size; all that takes
+/// [`bar_height`] from the bar's top on, and little more than its width.
+pub(super) fn colour_bar(drawing: &mut Drawing, bar: Rect, max: f32, label: &str, size: f64) {
+    let Rect { left, top, right, bottom } = bar;
+    const STEPS: u32 = 256;
+    for i in 0..STEPS {
+        // To the end, and covered by the next: two edges side by side would let the ground through.
+        let step = Rect { left: left + (right - left) * f64::from(i) / f64::from(STEPS), top, right, bottom };
+        let Rgb(color) = inferno((f64::from(i) + 0.5) / f64::from(STEPS));
+        drawing.polygon(&step.corners(), color);
+    }
+    const TICKS: u32 = 4;
+    for i in 0..=TICKS {
+        let share = f64::from(i) / f64::from(TICKS);
+        let x = left + (right - left) * share;
+        drawing.line(&[Point(x, bottom), Point(x, bottom + 3.0)], 0.8, INK);
+        let number = trimmed(&significant(f64::from(max) * share, 3));
+        let text = if i == TICKS { format!("≥ {number}") } else { number };
+        // The last number may reach a little over the bar, to the border of a legend, but not over that.
+        let x = x.min(right + 22.0 - 0.5 * text_width(&text, size));
+        drawing.text(Point(x, bottom + 0.87 * size), Anchor::Middle, size, INK, &text);
+    }
+    let below = Point(0.5 * (left + right), bottom + 2.0 * size);
+    drawing.text(below, Anchor::Middle, size, BLACK, label);
+}
+
+/// Height of [`colour_bar`] with what is said below it.
+pub(super) fn bar_height(bar_height: f64, size: f64) -> f64 {
+    bar_height + 2.6 * size
 }
 
 /// A number without zeros at the end of its decimals.

@@ -200,7 +200,7 @@ impl Made {
         let files = Files {
             tables,
             plots: write_scene_plots(&rows, &self.run, folder)?,
-            pictures: write_pictures(&self, folder)?,
+            pictures: write_pictures(&self, folder, layout.tex_width_pt)?,
             report: write_page(&self, folder)?,
             budgets: write_budgets(&rows, &self.comparison.trials, folder)?,
             ablations: self

@@ -30,9 +30,9 @@ pub fn reference(prefix: &str) -> String {
     picture(&format!("{prefix}reference"))
 }
 
-/// The pictures of a scene beside each other.
-pub fn grid(prefix: &str) -> String {
-    format!("{prefix}pictures.png")
+/// The pictures of a scene beside each other, for the screen and for a paper.
+pub fn grids(prefix: &str) -> [String; 2] {
+    ["png", "pdf"].map(|ending| format!("{prefix}grid.{ending}"))
 }
 
 /// The plots of a scene, without their endings: error against time, and against bytes.

@@ -19,6 +19,7 @@ use crate::files::picture::with_texts;
 use crate::measure::table::Row;
 use cost::Cost;
 use error::figure;
+pub(super) use page::shorten;
 use std::path::{Path, PathBuf};
 
 /// `point_err_rms` and `ray_err_max` against `build_ms + frame_ms`, side by side.

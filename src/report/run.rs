@@ -245,7 +245,7 @@ impl Run {
             let stems = self.plot_parts(i).into_iter().flat_map(|part| names::plots(&part));
             files.extend(stems.flat_map(|stem| names::PLOT_ENDINGS.map(|e| format!("{stem}.{e}"))));
             for prefix in self.prefixes(i) {
-                files.push(names::grid(&prefix));
+                files.extend(names::grids(&prefix));
                 files.extend(["png", "exr"].map(|e| format!("{}.{e}", names::reference(&prefix))));
             }
         }

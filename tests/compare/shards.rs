@@ -160,7 +160,12 @@ fn adapters_keep_their_own_fronts_and_files() {
         let own = |r: &&HashMap<String, String>| r["adapter"] == *adapter && r["pareto"] == "true";
         assert_eq!(rows.iter().filter(own).count(), 2, "each adapter has its own front: {rows:?}");
     }
-    for name in ["picture_Planted-Card_none.png", "Planted-Card_pictures.png", "compare_Planted-Card.pdf"] {
+    for name in [
+        "picture_Planted-Card_none.png",
+        "Planted-Card_grid.png",
+        "Planted-Card_grid.pdf",
+        "compare_Planted-Card.pdf",
+    ] {
         assert!(both.join(name).is_file(), "{name}");
     }
     let run = Run::read(&both).unwrap().unwrap();

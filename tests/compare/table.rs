@@ -70,7 +70,9 @@ fn the_table_has_a_row_a_setting_and_every_file_is_there() {
     let dsm = ["dsm-map-64-epsilon-0.02", "dsm-map-64-epsilon-0.02-prefilter-5", "dsm-map-64-epsilon-0.06"];
     let mut files: Vec<String> =
         ["csv", "json", "md", "png", "rows.jsonl", "svg", "tex"].map(|e| format!("compare.{e}")).into();
-    files.extend(["columns.md", "pictures.md", "pictures.png", "report.html", "run.json"].map(String::from));
+    files.extend(
+        ["columns.md", "pictures.md", "grid.png", "grid.pdf", "report.html", "run.json"].map(String::from),
+    );
     files.extend(["scene.toml", "transfer_function.json", "compare.pdf"].map(String::from));
     files.extend(["pdf", "png", "svg"].map(|e| format!("compare_bytes.{e}")));
     files.extend(dsm.iter().map(|slug| format!("nodes_{slug}.npy")));
@@ -167,9 +169,21 @@ fn scenes_share_a_table_and_flags_win_over_each() {
         for file in [format!("compare_{scene}.svg"), format!("picture_{scene}_dsm-map-32-epsilon-0.02.png")] {
             assert!(out.join(&file).is_file(), "{file}");
         }
+        // Three pictures, and the two that differ from that by `rays`, with every pixel.
+        let pdf = std::fs::read(out.join(format!("{scene}_grid.pdf"))).unwrap();
+        let pdf = String::from_utf8_lossy(&pdf);
+        let count = |part: &str| pdf.matches(part).count();
+        assert_eq!([count("/Subtype /Image"), count("/Width 32"), count("/Height 24")], [5; 3], "{scene}");
+        let png = image::open(out.join(format!("{scene}_grid.png"))).unwrap();
+        assert!(png.width() >= 2 * 455 && png.to_rgb8().pixels().any(|p| p.0 == [255; 3]), "{scene}");
     }
     let sheet = std::fs::read_to_string(out.join("pictures.md")).unwrap();
-    assert!(sheet.contains("## ball") && sheet.contains("(difference_wall_none.png)"), "{sheet}");
+    assert!(
+        sheet.contains("## ball")
+            && sheet.contains("![all pictures](ball_grid.png)")
+            && sheet.contains("(difference_wall_none.png)"),
+        "{sheet}"
+    );
 }
 
 #[test]

@@ -178,6 +178,18 @@ impl LightSpace {
         held && region.area() <= MOST_TOO_LARGE * least && !wide
     }
 
+    /// Whether fitting anew to a view (`None`: to every point), of the same bricks under the same light, would lay out this
+    /// very map.
+    pub fn is_fitted_to(
+        &self,
+        volume: &Volume,
+        active: &ActiveBricks,
+        light: Light,
+        view: Option<&View>,
+    ) -> bool {
+        Self::fit(volume, active, light, self.shape, view).is_laid_out_as(self)
+    }
+
     /// Whether the map covers a part of the active bricks alone.
     pub fn is_of_view(&self) -> bool {
         self.region.is_some()
@@ -204,9 +216,8 @@ impl LightSpace {
         })
     }
 
-    /// Whether the map would cover a part of the active bricks alone where a view shows no more: else it is the same for every
-    /// view.
-    pub fn can_fit_view(&self) -> bool {
+    /// Whether the map may cover a part of the active bricks alone.
+    fn can_fit_view(&self) -> bool {
         let has_border = self.shape.texels.is_none_or(|texels| texels >= MapShape::LEAST_WITH_BORDER);
         self.shape.fits_view && has_border && self.projection != Projection::Octahedral
     }

@@ -64,9 +64,9 @@ pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone)
 }
 
 /// Writes where each row's picture differs from that by `rays`, the nodes of its texels, all pictures of a scene with
-/// their differences beside each other on one scale, and `pictures.md`, which shows them; returns the paths, with those of
+/// their differences beside each other on one scale, `grid_pt` points wide, and `pictures.md`, which shows them; returns the paths, with those of
 /// the pictures, which the journal has written.
-pub fn write_pictures(made: &Made, folder: &Path) -> Result<Vec<PathBuf>> {
+pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<PathBuf>> {
     let all = &made.comparison.compared;
     let mut paths = vec![folder.join("pictures.md")];
     let mut sheet = String::new();
@@ -80,8 +80,8 @@ pub fn write_pictures(made: &Made, folder: &Path) -> Result<Vec<PathBuf>> {
         let space = if sheet.is_empty() { "" } else { "\n" };
         let several = all.iter().any(|c| c.row.scene == wanted.0 && c.row.adapter != wanted.1);
         let on = if several { format!(", {}", wanted.1) } else { String::new() };
-        let grid_name = names::grid(&prefix);
-        sheet += &format!("{space}## {}{on}\n\n![all pictures]({grid_name})\n\n", wanted.0);
+        let grids = names::grids(&prefix);
+        sheet += &format!("{space}## {}{on}\n\n![all pictures]({})\n\n", wanted.0, grids[0]);
         sheet += "| method | picture | difference from `rays` |\n| --- | --- | --- |\n";
         let reference = made.references.iter().find(|r| (r.scene.as_str(), r.adapter.as_str()) == wanted);
         if let Some(reference) = reference {
@@ -93,10 +93,7 @@ pub fn write_pictures(made: &Made, folder: &Path) -> Result<Vec<PathBuf>> {
             let name = format!("{}.png", names::reference(&prefix));
             sheet += &format!("| rays, not in the table | ![{name}]({name}) | |\n");
         }
-        let mut cells: Vec<Shown> = reference
-            .into_iter()
-            .map(|r| Shown { label: "rays".into(), picture: &r.pixels, difference: None })
-            .collect();
+        let mut cells: Vec<Shown> = reference.iter().map(|r| Shown::reference(&r.pixels)).collect();
         for c in own {
             let picture = format!("{}.png", names::picture(&c.slug));
             paths.push(folder.join(&picture));
@@ -111,12 +108,14 @@ pub fn write_pictures(made: &Made, folder: &Path) -> Result<Vec<PathBuf>> {
             sheet += " |\n";
             let picture = c.picture.as_ref();
             let difference = c.difference.as_ref();
-            cells.extend(picture.map(|picture| Shown { label: c.row.spec(), picture, difference }));
+            cells.extend(picture.map(|picture| Shown::of(&c.row, picture, difference)));
         }
-        let png = with_texts(grid::png(&cells, scale, DIFFERENCE)?, &texts)?;
-        let path = folder.join(grid_name);
-        write_whole(&path, |file| file.write_all(&png))?;
-        paths.push(path);
+        let [png, pdf] = grid::files(&cells, grid_pt, scale, DIFFERENCE)?;
+        for (name, bytes) in grids.iter().zip([with_texts(png, &texts)?, pdf]) {
+            let path = folder.join(name);
+            write_whole(&path, |file| file.write_all(&bytes))?;
+            paths.push(path);
+        }
     }
     write_whole(&paths[0], |file| file.write_all(sheet.as_bytes()))?;
     for (c, nodes) in all.iter().zip(&made.nodes) {

@@ -1,0 +1,391 @@
+//! Pictures in a row as one file: animated PNG, every pixel as in a PNG file of its own, and GIF, of 256 colours in all.
+
+use super::output::{WholeFile, extension, spool_beside};
+use super::picture::{Backdrop, codes, color_type};
+use crate::error::{Error, Result};
+use color_quant::NeuQuant;
+use gif::{AnyExtension, Extension, Frame, Repeat};
+use ndarray::Array3;
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
+use std::fs::File;
+use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use tempfile::SpooledTempFile;
+
+/// File-name endings that [`Animation`] knows.
+pub const ANIMATION_EXTENSIONS: &[&str] = &["apng", "gif"];
+
+/// Pictures a second that a file may have: viewers show a GIF whose pictures stand for less than 20 ms at a pace of their
+/// own.
+pub const PICTURES_PER_SECOND: [f64; 2] = [0.1, 50.0];
+
+/// Colours of a GIF file.
+const COLORS: usize = 256;
+/// Pixels, spread over all pictures, from which these are chosen.
+const TRAINING_PIXELS: u64 = 1 << 21;
+/// Bytes of pixels that are held in memory until the colours are chosen; more lie in a file without a name.
+const SPOOL_BYTES: usize = 64 << 20;
+
+/// Whether a file of that name is an animated one.
+pub fn is_animation(path: &Path) -> bool {
+    extension(path, ANIMATION_EXTENSIONS).is_ok()
+}
+
+/// Refuses an animated file before any work is done for it, beyond what
+/// [`check_output`](super::output::check_output) refuses: a GIF file knows no half-transparent pixels.
+///
+/// # Errors
+/// That, as a fault of the command line.
+pub fn check_backdrop(path: &Path, backdrop: Backdrop) -> Result<()> {
+    if backdrop == Backdrop::LeftOut && extension(path, &["gif"]).is_ok() {
+        let why = "a GIF file has no half-transparent pixels, which a picture without background needs";
+        return Err(Error::input("cannot write file", path.display(), why)
+            .hint("an .apng file has them, and so have numbered .png files"));
+    }
+    Ok(())
+}
+
+/// What an animated file is of.
+#[derive(Debug, Clone)]
+pub struct Animated {
+    /// Pixels across and down.
+    pub size: [u32; 2],
+    /// How many pictures there will be.
+    pub frames: u32,
+    /// Pictures a second, within [`PICTURES_PER_SECOND`].
+    pub fps: f64,
+    /// What is behind the volume.
+    pub backdrop: Backdrop,
+    /// Texts by their keys: `iTXt` chunks of a PNG file, one comment of a GIF file.
+    pub texts: Vec<(String, String)>,
+}
+
+/// An animated file that is being written, and repeats for ever when shown. It is there, whole, once it is finished.
+pub struct Animation {
+    path: PathBuf,
+    whole: WholeFile,
+    of: Animated,
+    added: u32,
+    encoder: Encoder,
+}
+
+enum Encoder {
+    /// Pictures are written as they come.
+    Png(Box<png::Writer<BufWriter<File>>>),
+    /// Pictures wait until the colours of all are known.
+    Gif { file: BufWriter<File>, waiting: SpooledTempFile, seen: Colors },
+}
+
+impl Animation {
+    /// Begins a file; its format is by the name's ending.
+    ///
+    /// # Errors
+    /// Another ending, a GIF file without a background (it knows no half-transparent pixels), or a folder that cannot be
+    /// written to.
+    pub fn begin(path: &Path, of: Animated) -> Result<Self> {
+        let kind = extension(path, ANIMATION_EXTENSIONS)?;
+        check_backdrop(path, of.backdrop)?;
+        let (whole, file) = WholeFile::begin(path)?;
+        let file = BufWriter::new(file);
+        let encoder = match kind {
+            "apng" => Encoder::Png(Box::new(png_writer(file, &of).map_err(|e| failed(path, e))?)),
+            _ => {
+                let pixels = u64::from(of.size[0]) * u64::from(of.size[1]) * u64::from(of.frames);
+                let seen = Colors::of_every(pixels.div_ceil(TRAINING_PIXELS) as usize);
+                Encoder::Gif { file, waiting: spool_beside(path, SPOOL_BYTES), seen }
+            }
+        };
+        Ok(Self { path: path.into(), whole, of, added: 0, encoder })
+    }
+
+    /// Adds the next picture, `height x width x 4` as [`write_picture`](super::picture::write_picture) takes it.
+    ///
+    /// # Errors
+    /// One of another size, one too many, or the disk refuses.
+    pub fn add(&mut self, picture: &Array3<f32>) -> Result<()> {
+        let fail = |e: &dyn std::fmt::Display| failed(&self.path, e);
+        let [width, height] = self.of.size.map(|side| side as usize);
+        if picture.dim() != (height, width, 4) || self.added >= self.of.frames {
+            return Err(fail(&"another picture was announced"));
+        }
+        let pixels = codes(picture, self.of.backdrop);
+        match &mut self.encoder {
+            Encoder::Png(writer) => writer.write_image_data(&pixels).map_err(|e| fail(&e))?,
+            Encoder::Gif { waiting, seen, .. } => {
+                seen.add(&pixels);
+                waiting.write_all(&pixels).map_err(|e| fail(&e))?;
+            }
+        }
+        self.added += 1;
+        Ok(())
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// Pictures are missing, or the disk refuses.
+    pub fn finish(self) -> Result<()> {
+        let Self { path, whole, of, added, encoder } = self;
+        if added != of.frames {
+            return Err(failed(&path, format_args!("{added} of {} pictures were given", of.frames)));
+        }
+        match encoder {
+            Encoder::Png(writer) => writer.finish().map_err(|e| failed(&path, e))?,
+            Encoder::Gif { file, waiting, seen } => {
+                write_gif(file, waiting, seen, &of).map_err(|e| failed(&path, e))?;
+            }
+        }
+        whole.finish()
+    }
+}
+
+fn failed(path: &Path, why: impl std::fmt::Display) -> Error {
+    Error::runtime("cannot write file", path.display(), why)
+}
+
+fn png_writer(
+    file: BufWriter<File>,
+    of: &Animated,
+) -> Result<png::Writer<BufWriter<File>>, png::EncodingError> {
+    let mut encoder = png::Encoder::new(file, of.size[0], of.size[1]);
+    encoder.set_color(color_type(of.backdrop));
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_animated(of.frames, 0)?;
+    // Hundredths of a picture a second are told apart; each picture takes the place of the one before, alpha and all.
+    encoder.set_frame_delay(100, (100.0 * of.fps).round() as u16)?;
+    encoder.set_blend_op(png::BlendOp::Source)?;
+    for (key, text) in &of.texts {
+        encoder.add_itxt_chunk(key.clone(), text.clone())?;
+    }
+    encoder.write_header()
+}
+
+/// Which colours pictures have: all of them while a GIF file can have so many, and a sample to choose from.
+struct Colors {
+    /// Of how many pixels one is in the sample.
+    of_every: usize,
+    /// The next of these from where the next picture begins.
+    next: usize,
+    /// RGBA.
+    sample: Vec<u8>,
+    /// `None` once there are more than [`COLORS`].
+    all: Option<HashSet<[u8; 3]>>,
+}
+
+impl Colors {
+    fn of_every(pixels: usize) -> Self {
+        // An odd stride goes through all columns of pictures of usual widths.
+        Self { of_every: pixels | 1, next: 0, sample: Vec::new(), all: Some(HashSet::new()) }
+    }
+
+    fn add(&mut self, pixels: &[u8]) {
+        let (colors, _) = pixels.as_chunks::<3>();
+        let sampled = colors.iter().skip(self.next).step_by(self.of_every);
+        let beyond = self.next + sampled.len() * self.of_every;
+        self.sample.extend(sampled.flat_map(|&[r, g, b]| [r, g, b, u8::MAX]));
+        self.next = beyond - colors.len();
+        if let Some(all) = &mut self.all {
+            let mut last = None;
+            for color in colors {
+                // Pictures have long runs of one colour.
+                if last != Some(color) && all.insert(*color) && all.len() > COLORS {
+                    self.all = None;
+                    break;
+                }
+                last = Some(color);
+            }
+        }
+    }
+
+    fn palette(self) -> Palette {
+        if let Some(all) = self.all {
+            let mut colors: Vec<_> = all.into_iter().collect();
+            colors.sort_unstable();
+            let places = colors.iter().zip(0..=u8::MAX).map(|(color, place)| (*color, place)).collect();
+            return Palette { colors: colors.concat(), places, net: None };
+        }
+        let net = NeuQuant::new(1, COLORS, &self.sample);
+        Palette { colors: net.color_map_rgb(), places: HashMap::new(), net: Some(net) }
+    }
+}
+
+/// The colours of a GIF file, one set for all pictures: sets of their own would flicker.
+struct Palette {
+    /// RGB.
+    colors: Vec<u8>,
+    /// The places of colours that were asked for.
+    places: HashMap<[u8; 3], u8>,
+    /// `None` where every colour has its place.
+    net: Option<NeuQuant>,
+}
+
+impl Palette {
+    fn place(&mut self, color: [u8; 3]) -> u8 {
+        let [r, g, b] = color;
+        let nearest = || self.net.as_ref().map_or(0, |net| net.index_of(&[r, g, b, u8::MAX]) as u8);
+        *self.places.entry(color).or_insert_with(nearest)
+    }
+}
+
+/// No dithering: it would crawl from picture to picture, and triple the file.
+fn write_gif(
+    file: BufWriter<File>,
+    mut waiting: SpooledTempFile,
+    seen: Colors,
+    of: &Animated,
+) -> Result<(), gif::EncodingError> {
+    let mut palette = seen.palette();
+    // No picture is wider than 16,384 pixels, which is less than a GIF file can say.
+    let [width, height] = of.size.map(|side| side as u16);
+    let mut encoder = gif::Encoder::new(file, width, height, &palette.colors)?;
+    encoder.set_repeat(Repeat::Infinite)?;
+    let lines: Vec<String> = of.texts.iter().map(|(key, text)| format!("{key}: {text}")).collect();
+    if !lines.is_empty() {
+        let comment = AnyExtension::from(Extension::Comment);
+        encoder.write_raw_extension(comment, &[lines.join("\n").as_bytes()])?;
+    }
+    waiting.seek(SeekFrom::Start(0))?;
+    let mut pixels = vec![0; 3 * of.size[0] as usize * of.size[1] as usize];
+    for frame in 0..of.frames {
+        waiting.read_exact(&mut pixels)?;
+        let (colors, _) = pixels.as_chunks::<3>();
+        let mut last = ([0; 3], palette.place([0; 3]));
+        let mut place = |color: [u8; 3]| {
+            if color != last.0 {
+                last = (color, palette.place(color));
+            }
+            last.1
+        };
+        let places: Vec<u8> = colors.iter().map(|color| place(*color)).collect();
+        encoder.write_frame(&Frame {
+            width,
+            height,
+            buffer: Cow::Owned(places),
+            delay: delay_hundredths(frame, of.fps),
+            ..Frame::default()
+        })?;
+    }
+    encoder.into_inner()?.flush()?;
+    Ok(())
+}
+
+/// How long a picture of a GIF file stands, in hundredths of a second, such that pictures are never more than half of one
+/// off their time.
+fn delay_hundredths(frame: u32, fps: f64) -> u16 {
+    let at = |frame: u32| (100.0 * f64::from(frame) / fps).round();
+    (at(frame + 1) - at(frame)) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    const SIZE: [u32; 2] = [37, 23];
+
+    fn picture(frame: u32, hues: f32) -> Array3<f32> {
+        Array3::from_shape_fn((23, 37, 4), |(j, i, c)| match c {
+            3 => (i as f32 + frame as f32) / 50.0,
+            _ => ((j + c + frame as usize) as f32 / 30.0 * (i as f32 / 37.0) * hues).round() / hues,
+        })
+    }
+
+    fn written(path: &Path, frames: u32, fps: f64, backdrop: Backdrop, hues: f32) -> Vec<u8> {
+        let texts = vec![("umbravox:scene".to_owned(), "name = 'Kopf ä'\n".repeat(40))];
+        let of = Animated { size: SIZE, frames, fps, backdrop, texts };
+        let mut animation = Animation::begin(path, of).unwrap();
+        (0..frames).for_each(|frame| animation.add(&picture(frame, hues)).unwrap());
+        animation.finish().unwrap();
+        std::fs::read(path).unwrap()
+    }
+
+    #[test]
+    fn an_animated_png_has_every_pixel_of_every_picture() {
+        let dir = tempfile::tempdir().unwrap();
+        for (backdrop, channels) in [(Backdrop::Drawn, 3), (Backdrop::LeftOut, 4)] {
+            let bytes = written(&dir.path().join("a.apng"), 4, 12.5, backdrop, 1e6);
+            let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+            assert_eq!(reader.info().animation_control().unwrap().num_frames, 4);
+            assert_eq!(reader.info().utf8_text[0].keyword, "umbravox:scene");
+            let mut pixels = vec![0; 37 * 23 * channels];
+            for frame in 0..4 {
+                reader.next_frame(&mut pixels).unwrap();
+                assert_eq!(pixels, codes(&picture(frame, 1e6), backdrop), "picture {frame}");
+                let control = reader.info().frame_control().unwrap();
+                assert_eq!((control.delay_num, control.delay_den), (100, 1250));
+                assert_eq!((control.width, control.height), (37, 23));
+            }
+            assert!(reader.next_frame(&mut pixels).is_err());
+        }
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    /// The pictures of a GIF file, RGB, and how long each stands.
+    fn decoded(bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<u16>) {
+        let mut options = gif::DecodeOptions::new();
+        options.set_color_output(gif::ColorOutput::RGBA);
+        let mut decoder = options.read_info(bytes).unwrap();
+        assert_eq!(decoder.repeat(), Repeat::Infinite);
+        let (mut pictures, mut delays) = (Vec::new(), Vec::new());
+        while let Some(frame) = decoder.read_next_frame().unwrap() {
+            let rgb = frame.buffer.as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
+            pictures.push(rgb);
+            delays.push(frame.delay);
+        }
+        (pictures, delays)
+    }
+
+    #[test]
+    fn a_gif_keeps_few_colours_and_comes_near_many() {
+        let dir = tempfile::tempdir().unwrap();
+        let bytes = written(&dir.path().join("few.gif"), 3, 12.0, Backdrop::Drawn, 3.0);
+        let said = "name = 'Kopf ä'".as_bytes();
+        assert!(bytes.windows(said.len()).any(|w| w == said));
+        let (pictures, delays) = decoded(&bytes);
+        assert_eq!(delays, [8, 9, 8], "12 a second");
+        for (frame, rgb) in (0..).zip(&pictures) {
+            assert_eq!(*rgb, codes(&picture(frame, 3.0), Backdrop::Drawn), "picture {frame}");
+        }
+        let (pictures, _) = decoded(&written(&dir.path().join("many.gif"), 9, 10.0, Backdrop::Drawn, 1e6));
+        let mut colors = HashSet::new();
+        for (frame, rgb) in (0..).zip(&pictures) {
+            let exact = codes(&picture(frame, 1e6), Backdrop::Drawn);
+            colors.extend(rgb.as_chunks::<3>().0.iter().copied());
+            let off: f64 = rgb.iter().zip(&exact).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
+            let rms = (off / exact.len() as f64).sqrt();
+            assert!(rms < 6.0, "picture {frame}: {rms} of 255");
+        }
+        assert!(pictures.len() == 9 && colors.len() <= COLORS && colors.len() > 128, "{}", colors.len());
+    }
+
+    #[test]
+    fn what_is_given_up_or_refused_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let of = |backdrop| Animated { size: SIZE, frames: 2, fps: 10.0, backdrop, texts: Vec::new() };
+        for name in ["a.apng", "a.gif"] {
+            let mut animation = Animation::begin(&dir.path().join(name), of(Backdrop::Drawn)).unwrap();
+            animation.add(&picture(0, 1e6)).unwrap();
+            assert!(animation.add(&Array3::zeros((2, 2, 4))).is_err());
+            let e = animation.finish().unwrap_err();
+            assert!(e.exit_status() == 1 && e.why.contains("1 of 2"), "{e}");
+        }
+        let e = Animation::begin(&dir.path().join("a.gif"), of(Backdrop::LeftOut)).err().unwrap();
+        assert!(e.exit_status() == 2 && e.why.contains("half-transparent"), "{e}");
+        assert!(Animation::begin(&dir.path().join("a.mp4"), of(Backdrop::Drawn)).is_err());
+        assert!(Animation::begin(&dir.path().join("none/a.gif"), of(Backdrop::Drawn)).is_err());
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn samples_are_spread_evenly_over_pictures() {
+        let pixels = |n: usize| vec![7; 3 * n];
+        let mut colors = Colors::of_every(6);
+        for n in [5, 1, 9, 20, 2] {
+            colors.add(&pixels(n));
+        }
+        // One of seven of 37, from the first on.
+        assert_eq!(colors.sample.len() / 4, 6);
+        assert_eq!(colors.all.as_ref().map(HashSet::len), Some(1));
+    }
+}
