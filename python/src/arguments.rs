@@ -2,7 +2,7 @@
 
 use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};
+use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyInt, PyString};
 use toml::{Table, Value};
 use umbravox::open::SceneSettings;
 use umbravox::transfer::TransferFunction;
@@ -18,16 +18,19 @@ pub struct Asked {
     pub settings: SceneSettings,
     /// `tf`, where it is a function and not the name of one.
     pub function: Option<TransferFunction>,
+    /// Keys that are given as empty: what was asked for before them is not.
+    cleared: Vec<String>,
 }
 
 impl Asked {
     /// Reads keyword arguments; `None` is as if it was not given.
     pub fn of(arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
-        let (mut table, mut function) = (Table::new(), None);
+        let (mut table, mut function, mut cleared) = (Table::new(), None, Vec::new());
         for (name, given) in arguments.into_iter().flatten() {
             let name: String = name.extract()?;
             let key = name.replace('_', "-");
-            if given.is_none() {
+            // `fit` is a switch, too.
+            if given.is_none() || (key == "fit" && given.cast::<PyBool>().is_ok_and(|on| !on.is_true())) {
                 continue;
             }
             if NOT_HERE.contains(&key.as_str()) {
@@ -37,28 +40,46 @@ impl Asked {
                 function = Some(transfer_function(&given)?);
                 continue;
             }
-            table.insert(key.clone(), value(&name, &key, &given)?);
+            match value(&name, &key, &given)? {
+                Value::Array(items) if items.is_empty() => cleared.push(key),
+                value => {
+                    table.insert(key, value);
+                }
+            }
         }
         let settings = SceneSettings::try_from(table).map_err(|mut e| {
             e.what = WHAT.into();
             (e.place, e.hint) = (e.place.replace('-', "_"), e.hint.map(|hint| as_names(&hint)));
             e
         })?;
-        Ok(Self { settings, function })
+        Ok(Self { settings, function, cleared })
+    }
+
+    /// Those of a scene file.
+    pub fn of_file(settings: SceneSettings) -> Self {
+        Self { settings, ..Self::default() }
     }
 
     /// These where given, those below otherwise.
     pub fn over(&self, below: &Self) -> Outcome<Self> {
-        let mut replaced = below.settings.clone();
-        // A place of the camera replaces a side, and a side a place.
-        replaced.view = replaced.view.filter(|_| self.settings.eye.is_none());
-        replaced.eye = replaced.eye.filter(|_| self.settings.view.is_none());
-        let settings = self.settings.over(&replaced)?;
+        let mut left = below.settings.clone();
+        // A place of the camera replaces a side, and a side all that says where the camera is.
+        left.view = left.view.filter(|_| self.settings.eye.is_none());
+        if self.settings.view.is_some() {
+            (left.eye, left.target, left.up) = (None, None, None);
+        }
+        if !self.cleared.is_empty() {
+            let unwritable = |e: toml::ser::Error| Fault::input(WHAT, "settings", e);
+            let mut table = Table::try_from(&left).map_err(unwritable)?;
+            table.retain(|key, _| !self.cleared.iter().any(|cleared| cleared == key));
+            left = SceneSettings::try_from(table)?;
+        }
+        let settings = self.settings.over(&left)?;
         let named = self.settings.tf.is_some();
         let function = self.function.clone().or_else(|| below.function.clone().filter(|_| !named));
         // A function wins over a name that was given before it.
         let tf = settings.tf.clone().filter(|_| function.is_none());
-        Ok(Self { settings: SceneSettings { tf, ..settings }, function })
+        Ok(Self { settings: SceneSettings { tf, ..settings }, function, cleared: Vec::new() })
     }
 }
 
@@ -76,7 +97,13 @@ fn as_names(hint: &str) -> String {
 
 /// A transfer function as its file has it, as a dictionary.
 fn transfer_function(given: &Bound<'_, PyAny>) -> Outcome<TransferFunction> {
-    let json: String = given.py().import("json")?.call_method1("dumps", (given,))?.extract()?;
+    let py = given.py();
+    let options = PyDict::new(py);
+    options.set_item("allow_nan", false)?;
+    // NumPy's numbers and arrays become Python's.
+    options.set_item("default", py.import("operator")?.call_method1("methodcaller", ("tolist",))?)?;
+    let json = py.import("json")?.call_method("dumps", (given,), Some(&options));
+    let json: String = json.map_err(|e| Fault::input(WHAT, "tf", e.value(py)))?.extract()?;
     TransferFunction::from_json(&json).map_err(|why| Fault::input(WHAT, "tf", why))
 }
 
@@ -93,6 +120,14 @@ fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     if let Some(number) = number(given) {
         return Ok(number);
     }
+    // Functions by their labels.
+    if let (true, Ok(functions)) = (key == "label-tf", given.cast::<PyDict>()) {
+        let texts = functions.iter().map(|(labels, tf)| {
+            let tf = text(&tf)?.ok_or_else(|| unusable(name, &tf))?;
+            Ok(Value::String(format!("{}={tf}", joined(&element(name, &labels)?))))
+        });
+        return Ok(Value::Array(texts.collect::<Outcome<_>>()?));
+    }
     let items: Vec<Bound<'_, PyAny>> = match given.try_iter() {
         Ok(items) => items.collect::<PyResult<_>>()?,
         Err(_) => return Err(unusable(name, given)),
@@ -106,8 +141,19 @@ fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     }
 }
 
+/// A value as part of a text.
+fn joined(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}
+
 /// One of several: a text, a number, or the numbers of a text such as those of a plane.
 fn element(name: &str, item: &Bound<'_, PyAny>) -> Outcome<Value> {
+    if item.cast::<PyBool>().is_ok() {
+        return Err(unusable(name, item));
+    }
     if let Some(text) = text(item)? {
         return Ok(Value::String(text));
     }
@@ -125,9 +171,12 @@ fn element(name: &str, item: &Bound<'_, PyAny>) -> Outcome<Value> {
 }
 
 /// A text, or a path as one.
-fn text(given: &Bound<'_, PyAny>) -> Outcome<Option<String>> {
+pub fn text(given: &Bound<'_, PyAny>) -> Outcome<Option<String>> {
     if let Ok(text) = given.cast::<PyString>() {
         return Ok(Some(text.extract()?));
+    }
+    if given.cast::<PyBytes>().is_ok() {
+        return Err(Fault::input(WHAT, "text", "expected a text, got bytes: os.fsdecode makes one of them"));
     }
     if given.hasattr("__fspath__")? {
         return Ok(Some(given.py().import("os")?.call_method1("fsdecode", (given,))?.extract()?));

@@ -2,7 +2,7 @@
 
 use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
@@ -29,6 +29,7 @@ pub fn attended<T: Send, N: Send>(
     mut hear: impl FnMut(Python<'_>, N) -> PyResult<()>,
     work: impl FnOnce(&Ending, &Sender<N>) -> umbravox::Result<T> + Send,
 ) -> Outcome<T> {
+    refuse_forked()?;
     let ending = Ending::default();
     let (say, mut said) = channel();
     let mut raised = None;
@@ -57,6 +58,21 @@ pub fn attended<T: Send, N: Send>(
         (Some(e), _) => Err(Fault::Raised(e)),
         (None, Ok(outcome)) => outcome.map_err(Fault::Ours),
         (None, Err(panic)) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// A process that was forked has none of the threads that work here, and would wait for them for ever.
+fn refuse_forked() -> Outcome<()> {
+    static FIRST: AtomicU32 = AtomicU32::new(0);
+    let here = std::process::id();
+    match FIRST.compare_exchange(0, here, Ordering::Relaxed, Ordering::Relaxed) {
+        Err(first) if first != here => {
+            let why = "the process was forked from one that has used umbravox, whose threads it lacks";
+            Err(umbravox::Error::runtime("cannot work here", "multiprocessing", why)
+                .hint("multiprocessing.get_context(\"spawn\") starts processes that have their own")
+                .into())
+        }
+        _ => Ok(()),
     }
 }
 

@@ -146,17 +146,17 @@ impl Table {
     /// What to measure on, apart from the scene that asks.
     pub fn asked(&self, loaded: &Loaded, asked: &Asked, scene: Scene, held: &Held) -> Result<Wanted> {
         let name = asked.settings.name.clone().unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf));
-        let (record, tf_text) = match (&self.output, &held.read_by) {
+        let (record, tf_text) = match (&self.output, held.is_of_files()) {
             (None, _) => {
                 let size = [scene.width, scene.height];
                 (SceneRecord { name, size, ..SceneRecord::default() }, None)
             }
-            (Some(_), None) => {
+            (Some(_), false) => {
                 let why = "the volume is an array, which a folder of results could not be made again from";
                 return Err(Error::input("cannot write table", "output", why)
                     .hint("save the volume to a file, and make the scene of that"));
             }
-            (Some(_), Some(_)) => {
+            (Some(_), true) => {
                 let own = asked.function.as_ref().map(TransferFunction::to_json);
                 let tf_text = own.map_or_else(|| function_text(loaded), |text| Ok(Some(text)))?;
                 let recorded = AskedScene::of(asked.settings.clone(), loaded, tf_text, &name, false)?;

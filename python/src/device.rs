@@ -8,6 +8,11 @@ use umbravox::render::Renderer;
 
 static OPEN: Mutex<Option<HashMap<Option<String>, Arc<Renderer>>>> = Mutex::new(None);
 
+/// One for a table alone: no picture of another thread's is counted among the work that is measured.
+pub fn own(name: Option<&str>) -> Result<Arc<Renderer>> {
+    Ok(Arc::new(Renderer::new(Gpu::open(name)?)))
+}
+
 /// What draws on the adapter of that name (`None`: the fastest); opened once, and again where its device was lost.
 pub fn renderer(name: Option<&str>) -> Result<Arc<Renderer>> {
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);

@@ -3,12 +3,13 @@
 use crate::arguments::Asked;
 use crate::attended::{attended, interruptible};
 use crate::comparing::{self, Table};
+use crate::device;
 use crate::fault::{Fault, Outcome};
 use crate::stage::Stage;
-use crate::volume::{Held, PyVolume, read_held, tell};
+use crate::volume::{Held, PyVolume, read_held, reading, refuse_masked, tell};
 use glam::DVec3;
 use ndarray::{Array3, s};
-use numpy::{IntoPyArray, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
 use rayon::prelude::*;
@@ -46,31 +47,37 @@ impl PyScene {
         let named =
             |v: &Bound<'_, PyAny>| Ok::<_, PyErr>(v.cast::<PyString>().is_ok() || v.hasattr("__fspath__")?);
         let held = match volume {
-            Some(volume) if volume.cast::<PyVolume>().is_ok() => {
-                let Ok(volume) = volume.cast::<PyVolume>() else { return Err(unnamed(affine, axes)) };
-                if affine.is_some() || axes.is_some() {
-                    return Err(unnamed(affine, axes));
-                }
-                Some(volume.get().held.clone())
+            Some(array) if !named(array)? && array.cast::<PyVolume>().is_err() => {
+                Some(of_array(py, array, affine, axes, &arguments)?)
             }
-            Some(array) if !named(array)? => Some(of_array(py, array, affine, axes, &arguments)?),
-            _ if affine.is_some() || axes.is_some() => return Err(unnamed(affine, axes)),
-            named => {
-                if let Some(path) = named {
-                    arguments.set_item("volume", path)?;
+            _ if affine.is_some() || axes.is_some() => return Err(unnamed(affine)),
+            Some(given) => match given.cast::<PyVolume>() {
+                Ok(volume) => Some(volume.get().held.clone()),
+                Err(_) => {
+                    arguments.set_item("volume", given)?;
+                    None
                 }
-                None
-            }
+            },
+            None => None,
         };
-        Self::begin(py, held, Asked::of(Some(&arguments))?)
+        // An array of labels is none of the flags'.
+        let labels = arguments.get_item("labels")?.filter(|labels| !labels.is_none());
+        let labels = match labels {
+            Some(labels) if !named(&labels)? || held.is_some() => {
+                arguments.del_item("labels")?;
+                Some(labels)
+            }
+            _ => None,
+        };
+        Self::begin(py, held, labels.as_ref(), Asked::of(Some(&arguments))?)
     }
 
     /// The scene of a file, with some of it given otherwise.
     #[staticmethod]
     #[pyo3(signature = (path, **arguments))]
     fn read(py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
-        let below = Asked { settings: SceneSettings::read(&path)?, function: None };
-        Self::begin(py, None, Asked::of(arguments)?.over(&below)?)
+        let below = Asked::of_file(SceneSettings::read(&path)?);
+        Self::begin(py, None, None, Asked::of(arguments)?.over(&below)?)
     }
 
     /// The volume.
@@ -93,7 +100,7 @@ impl PyScene {
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
         let asked = self.asked(arguments)?;
-        let picture = self.done(py, |_| self.stage.drawn(&asked))?;
+        let picture = self.done(py, |ending| self.stage.drawn(&asked, ending))?;
         Ok(picture.pixels.into_pyarray(py).into_any())
     }
 
@@ -102,11 +109,11 @@ impl PyScene {
     fn write(&self, py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<()> {
         let asked = self.asked(arguments)?;
         check_output(&path, PICTURE_EXTENSIONS)?;
-        self.done(py, |_| {
-            let picture = self.stage.drawn(&asked)?;
+        self.done(py, |ending| {
+            let picture = self.stage.drawn(&asked, ending)?;
             let settings = &asked.settings;
             let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
-            write_picture_with(&path, &picture.pixels, backdrop, &self.stage.texts(&asked)?)
+            write_picture_with(&path, &picture.pixels, backdrop, &self.stage.texts(&asked, ending)?)
         })
     }
 
@@ -125,7 +132,7 @@ impl PyScene {
             || (),
             |py, step| hear.hear(py, step),
             |ending, say| {
-                let (looks, scene) = self.stage.exact(&asked)?;
+                let (looks, scene) = self.stage.exact(&asked, ending)?;
                 let (field, height) = (looks.field(), scene.height);
                 let mut picture = Array3::zeros((height as usize, scene.width as usize, 4));
                 for row in (0..height).step_by(EXACT_ROWS as usize) {
@@ -156,25 +163,25 @@ impl PyScene {
     ) -> Outcome<Bound<'py, PyAny>> {
         let mut asked = self.asked(arguments)?;
         asked.settings.one_light("transmittance")?;
-        let points = points_of(points, "points")?;
+        let (points, shape) = points_of(points, "points")?;
         if method == Some("exact") {
             let found = self.done(py, |ending| {
-                let (looks, scene) = self.stage.exact(&asked)?;
+                let (looks, scene) = self.stage.exact(&asked, ending)?;
                 let (field, light) = (looks.field(), scene.light());
                 in_pieces(&points, ending, |p| field.transmittance_to_light(*p, &light))
             })?;
-            return Ok(found.into_pyarray(py).into_any());
+            return Ok(shaped(py, found, shape)?);
         }
         if let Some(method) = method {
             asked.settings.shadow = Some(method.to_owned());
         }
-        let found = self.done(py, |_| {
-            self.stage.prepared(&asked, AskedFor::AnyPoint, |made| {
+        let found = self.done(py, |ending| {
+            self.stage.prepared(&asked, ending, AskedFor::AnyPoint, |made| {
                 let [map] = made.maps[..] else { return Ok(vec![1.0; points.len()]) };
                 made.renderer.query(made.on_device, made.transfer()?, map, &points)
             })
         })?;
-        Ok(found.into_pyarray(py).into_any())
+        Ok(shaped(py, found, shape)?)
     }
 
     /// The exact optical depth of segments between points, each n x 3 in world mm.
@@ -187,18 +194,18 @@ impl PyScene {
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
         let asked = self.asked(arguments)?;
-        let (starts, ends) = (points_of(starts, "starts")?, points_of(ends, "ends")?);
+        let ((starts, shape), (ends, _)) = (points_of(starts, "starts")?, points_of(ends, "ends")?);
         if starts.len() != ends.len() {
             let why = format!("{} starts and {} ends", starts.len(), ends.len());
             return Err(Fault::input("bad argument", "ends", why));
         }
         let segments: Vec<(DVec3, DVec3)> = starts.into_iter().zip(ends).collect();
         let found = self.done(py, |ending| {
-            let (looks, _) = self.stage.exact(&asked)?;
+            let (looks, _) = self.stage.exact(&asked, ending)?;
             let field = looks.field();
             in_pieces(&segments, ending, |(a, b)| field.optical_depth(*a, *b))
         })?;
-        Ok(found.into_pyarray(py).into_any())
+        Ok(shaped(py, found, shape)?)
     }
 
     /// The rows of the error-against-time table, a dictionary each.
@@ -225,6 +232,12 @@ impl PyScene {
         let effort = comparing::effort([repeats, points, rays, depths], check)?;
         let methods = comparing::texts(methods, "methods", ";")?;
         let budgets = comparing::texts(budget, "budget", ",")?;
+        if overwrite && resume {
+            return Err(Fault::input("bad argument", "resume", "it goes on with what overwrite removes"));
+        }
+        if resume && output.is_none() {
+            return Err(Fault::input("bad argument", "resume", "output names the folder to go on with"));
+        }
         let table = Table { methods, budgets, effort, output, overwrite, resume };
         let hear = comparing::listener(py, progress)?;
         let rows = attended(
@@ -232,8 +245,8 @@ impl PyScene {
             || (),
             |py, step| hear.hear(py, step),
             |ending, say| {
-                let renderer = self.stage.renderer(&asked)?;
-                let wanted = self.stage.looked_at(&asked, |loaded, scene| {
+                let renderer = device::own(asked.settings.adapter.as_deref())?;
+                let wanted = self.stage.looked_at(&asked, ending, |loaded, scene| {
                     table.asked(loaded, &asked, scene, &self.stage.held)
                 })?;
                 table.measured(wanted, &renderer, ending, say)
@@ -253,7 +266,7 @@ impl PyScene {
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyDict>> {
         let asked = self.asked(arguments)?;
-        let scene = self.done(py, |_| self.stage.looked_at(&asked, |_, scene| Ok(scene)))?;
+        let scene = self.done(py, |ending| self.stage.looked_at(&asked, ending, |_, scene| Ok(scene)))?;
         let camera = scene.camera;
         let dict = PyDict::new(py);
         for (name, v) in [("eye", camera.eye), ("target", camera.target), ("up", camera.up)] {
@@ -269,12 +282,12 @@ impl PyScene {
     #[pyo3(signature = (**arguments))]
     fn to_toml(&self, py: Python<'_>, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<String> {
         let asked = self.asked(arguments)?;
-        if self.stage.held.read_by.is_none() || asked.function.is_some() {
+        if !self.stage.held.is_of_files() || asked.function.is_some() {
             let why =
                 "its volume or its transfer function is no file: save both, and make the scene of the files";
             return Err(Fault::input("cannot write scene", "to_toml", why));
         }
-        self.done(py, |_| self.stage.resolved(&asked)?.to_toml())
+        self.done(py, |ending| self.stage.resolved(&asked, ending)?.to_toml())
     }
 
     /// What the last picture took: milliseconds, bytes, and what was left out.
@@ -302,28 +315,34 @@ impl PyScene {
 }
 
 impl PyScene {
-    fn begin(py: Python<'_>, held: Option<Held>, asked: Asked) -> Outcome<Self> {
+    fn begin(
+        py: Python<'_>,
+        held: Option<Held>,
+        labels: Option<&Bound<'_, PyAny>>,
+        asked: Asked,
+    ) -> Outcome<Self> {
         let nothing = SceneSettings::default();
         let held = match held {
             Some(held) => held,
             None => {
                 // What is wrong with the rest is said before a large file is read.
-                asked.settings.functions(false)?;
+                asked.settings.functions(labels.is_some())?;
                 let reads = reading(&asked.settings);
                 let held = read_held(py, reads)?;
                 tell(py, &held.remarks)?;
                 held
             }
         };
+        let held = labels.map_or_else(|| Ok(held.clone()), |labels| held.clone().labelled(labels, "ijk"))?;
         let reads = held.read_by.clone().unwrap_or_else(|| nothing.clone());
         let base = match asked.settings.reads_as(&nothing) {
-            true => Asked { settings: asked.settings.over(&reads)?, ..asked },
+            true => asked.over(&Asked::of_file(reads))?,
             false if held.read_by.as_ref().is_some_and(|by| asked.settings.reads_as(by)) => asked,
             false => return Err(another_volume()),
         };
         let scene = Self { base, stage: Stage::new(held) };
         // What does not go together is said now, not with the first picture.
-        scene.done(py, |_| scene.stage.looked_at(&scene.base, |_, _| Ok(())))?;
+        scene.done(py, |ending| scene.stage.looked_at(&scene.base, ending, |_, _| Ok(())))?;
         scene.base.settings.method()?;
         Ok(scene)
     }
@@ -360,18 +379,6 @@ impl PyScene {
     }
 }
 
-/// What of settings says how a volume is read.
-fn reading(settings: &SceneSettings) -> SceneSettings {
-    let mut reads = SceneSettings {
-        volume: settings.volume.clone(),
-        read_flags: settings.read_flags,
-        sha256: settings.sha256.clone(),
-        ..SceneSettings::default()
-    };
-    reads.parts.labels = settings.parts.labels.clone();
-    reads
-}
-
 /// An array as a volume; `spacing` and `labels` are then its own.
 fn of_array(
     py: Python<'_>,
@@ -391,7 +398,10 @@ fn of_array(
     for name in ["spacing", "labels", "name"] {
         if let Some(given) = arguments.get_item(name)? {
             own.set_item(name, given)?;
-            arguments.del_item(name)?;
+            // A scene may be called like its volume.
+            if name != "name" {
+                arguments.del_item(name)?;
+            }
         }
     }
     let made = py.get_type::<PyVolume>().call((array,), Some(&own))?;
@@ -399,41 +409,47 @@ fn of_array(
     Ok(made.get().held.clone())
 }
 
-fn unnamed(affine: Option<&Bound<'_, PyAny>>, axes: Option<&str>) -> Fault {
-    let name = if affine.is_some() {
-        "affine"
-    } else if axes.is_some() {
-        "axes"
-    } else {
-        "volume"
-    };
+fn unnamed(affine: Option<&Bound<'_, PyAny>>) -> Fault {
+    let name = if affine.is_some() { "affine" } else { "axes" };
     Fault::input("bad argument", name, "it is of arrays: a file, or a volume, has its own")
 }
 
 fn another_volume() -> Fault {
-    Fault::input(
-        "bad argument",
-        "volume",
-        "the scene's volume is read already: make a scene for each, or give these to `read`",
-    )
+    let why = "what names a file and says how it is read is for `read`, or for a scene of that file: this volume is there already";
+    Fault::input("bad argument", "volume", why)
 }
 
-/// Points, n x 3, or one of three numbers.
-fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<Vec<DVec3>> {
-    let refuse = || Fault::input("bad argument", name, "expected points in world mm, n x 3");
+/// Points in an array whose last axis is x, y and z; and the shape of the rest.
+fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<(Vec<DVec3>, Vec<usize>)> {
+    let refuse =
+        || Fault::input("bad argument", name, "expected points in world mm, the last axis of length 3");
+    refuse_masked(given, name)?;
     let numpy = given.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (given, "f8")).map_err(|_| refuse())?;
-    let array = numpy.call_method1("atleast_2d", (array,))?;
-    let array: PyReadonlyArray2<'_, f64> = array.extract().map_err(|_| refuse())?;
-    let rows = array.as_array();
-    if rows.ncols() != 3 {
+    let array: PyReadonlyArrayDyn<'_, f64> = array.extract().map_err(|_| refuse())?;
+    let points = array.as_array();
+    if points.is_empty() && points.ndim() == 1 {
+        return Ok((Vec::new(), vec![0]));
+    }
+    if points.shape().last() != Some(&3) {
         return Err(refuse());
     }
-    let points: Vec<DVec3> = rows.rows().into_iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect();
+    // One point is an answer of one number in an array, as several are.
+    let shape = if points.ndim() == 1 { vec![1] } else { points.shape()[..points.ndim() - 1].to_vec() };
+    let points: Vec<DVec3> = points.rows().into_iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect();
     if points.iter().any(|p| !p.is_finite()) {
         return Err(Fault::input("bad argument", name, "a point is not finite"));
     }
-    Ok(points)
+    Ok((points, shape))
+}
+
+/// Answers in the shape of the questions.
+fn shaped<'py, T: numpy::Element>(
+    py: Python<'py>,
+    answers: Vec<T>,
+    shape: Vec<usize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    answers.into_pyarray(py).call_method1("reshape", (shape,))
 }
 
 /// Answers in pieces, so that they can be ended in between.

@@ -1,12 +1,16 @@
 //! What answers questions about a scene, and what it keeps on the device from one to the next. It knows no Python.
 
 use crate::arguments::Asked;
+use crate::attended::Ending;
 use crate::device;
 use crate::volume::Held;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Duration;
 use umbravox::error::{Error, Result};
 use umbravox::exact::ExactField;
 use umbravox::files::loading::Loading;
+use umbravox::open::presets::{PRESETS, Scale};
+use umbravox::open::units::Units;
 use umbravox::open::{DEFAULT_SHADOW, Loaded, Remark, SceneSettings};
 use umbravox::render::{AskedFor, DeviceTransfer, Kept, LoadedVolume, Picture, Renderer, Serving, Work};
 use umbravox::report::asked::picture_texts;
@@ -15,10 +19,38 @@ use umbravox::shadow::{BuildReport, ShadowMap};
 use umbravox::transfer::TransferFunction;
 use umbravox::volume::{DirectionMoments, Volume};
 
+/// Between two looks whether another question is answered.
+const WAITING: Duration = Duration::from_millis(2);
+/// A part of a picture between two looks whether to go on, ms; all of a small picture is one.
+const PART_MS: f64 = 200.0;
+
 /// A volume, and what is kept of the questions about it. No answer depends on the questions before it.
 pub struct Stage {
     pub held: Held,
     kit: Mutex<Kit>,
+    /// Apart from the rest, so that nobody waits for a picture to read them.
+    told: Mutex<Told>,
+}
+
+/// What can be told of the questions so far.
+#[derive(Default)]
+struct Told {
+    /// What the last picture took.
+    last: Option<Cost>,
+    /// What was assumed, and nobody has been told of.
+    untold: Vec<Remark>,
+    notes: Vec<String>,
+}
+
+impl Told {
+    /// Each line once.
+    fn note(&mut self, line: &str) -> bool {
+        let is_new = !self.notes.iter().any(|note| note == line);
+        if is_new {
+            self.notes.push(line.to_owned());
+        }
+        is_new
+    }
 }
 
 /// What is kept from one question to the next.
@@ -26,11 +58,6 @@ pub struct Stage {
 struct Kit {
     device: Option<(Arc<Renderer>, LoadedVolume)>,
     looked: Option<Looked>,
-    /// What the last picture took.
-    last: Option<Cost>,
-    /// What was assumed, and nobody has been told of.
-    untold: Vec<Remark>,
-    notes: Vec<String>,
 }
 
 /// A look at the volume.
@@ -92,6 +119,7 @@ pub struct Made<'a> {
     kept: &'a Kept,
     pub maps: Vec<&'a ShadowMap>,
     pub scene: &'a Scene,
+    work: Work,
 }
 
 impl Made<'_> {
@@ -122,41 +150,52 @@ impl Looks {
 impl Stage {
     /// Nothing kept yet.
     pub fn new(held: Held) -> Self {
-        let notes = held.remarks.iter().map(|(_, text)| text.clone()).collect();
-        Self { held, kit: Mutex::new(Kit { notes, ..Kit::default() }) }
+        let mut told = Told::default();
+        held.remarks.iter().for_each(|(_, text)| {
+            told.note(text);
+        });
+        Self { held, kit: Mutex::default(), told: Mutex::new(told) }
     }
 
     /// What was assumed, a line each.
     pub fn notes(&self) -> Vec<String> {
-        lock(&self.kit).notes.clone()
+        lock(&self.told).notes.clone()
     }
 
     /// More of that.
     pub fn note(&self, notes: &[String]) {
-        lock(&self.kit).notes.extend_from_slice(notes);
+        let mut told = lock(&self.told);
+        notes.iter().for_each(|line| {
+            told.note(line);
+        });
     }
 
     /// What was assumed since this was asked last.
     pub fn take_untold(&self) -> Vec<Remark> {
-        std::mem::take(&mut lock(&self.kit).untold)
+        std::mem::take(&mut lock(&self.told).untold)
     }
 
     /// What the last picture took.
     pub fn last(&self) -> Option<Cost> {
-        lock(&self.kit).last.clone()
+        lock(&self.told).last.clone()
     }
 
     /// Looks at the volume, unless that look is kept, and asks something of it.
-    pub fn looked_at<T>(&self, asked: &Asked, ask: impl FnOnce(&Loaded, Scene) -> Result<T>) -> Result<T> {
-        let mut kit = lock(&self.kit);
+    pub fn looked_at<T>(
+        &self,
+        asked: &Asked,
+        ending: &Ending,
+        ask: impl FnOnce(&Loaded, Scene) -> Result<T>,
+    ) -> Result<T> {
+        let mut kit = self.kit(ending)?;
         let looked = self.look(&mut kit, asked)?;
         let scene = looked.scene(&asked.settings)?;
         ask(&looked.loaded, scene)
     }
 
     /// What the exact reference is asked of.
-    pub fn exact(&self, asked: &Asked) -> Result<(Looks, Scene)> {
-        self.looked_at(asked, |loaded, scene| Ok((Looks::of(loaded, &scene)?, scene)))
+    pub fn exact(&self, asked: &Asked, ending: &Ending) -> Result<(Looks, Scene)> {
+        self.looked_at(asked, ending, |loaded, scene| Ok((Looks::of(loaded, &scene)?, scene)))
     }
 
     fn look<'s>(&self, kit: &'s mut Kit, asked: &Asked) -> Result<&'s mut Looked> {
@@ -170,12 +209,47 @@ impl Stage {
             }
             let field = (Arc::clone(&self.held.volume), self.held.strands.clone());
             let loaded = settings.look_at(field, functions, Vec::new(), &Loading::default())?;
-            kit.notes.extend(loaded.remarks.iter().map(|(_, text)| text.clone()));
-            kit.untold.extend(loaded.remarks.iter().cloned());
+            let mut told = lock(&self.told);
+            for (kind, text) in loaded.remarks.iter().cloned().chain(self.guess(asked, &loaded)) {
+                if told.note(&text) {
+                    told.untold.push((kind, text));
+                }
+            }
             let kept = Kept::new(settings.forced()).serving_by(Serving::Same);
             kit.looked = Some(Looked { asked: asked.clone(), loaded, kept, framed: None });
         }
         kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))
+    }
+
+    /// What to say where nobody has said what an array's values are, and a preset was laid over them.
+    fn guess(&self, asked: &Asked, loaded: &Loaded) -> Option<Remark> {
+        let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source && p.scale == Scale::Hounsfield);
+        let said = self.held.read_by.is_some() || asked.settings.units.is_some() || asked.function.is_some();
+        let is_chosen = asked.settings.tf.is_none();
+        let units = loaded.suiting.units.filter(|_| (is_preset || is_chosen) && !said)?;
+        let taken = match units {
+            Units::Hu => "Hounsfield units",
+            Units::Fraction => "fractions of their range",
+        };
+        let text = format!(
+            "the array's values are taken for {taken}: units=\"hu\" or \"fraction\" says what they are"
+        );
+        Some(("warning", text))
+    }
+
+    /// The kit, once nobody else uses it.
+    fn kit(&self, ending: &Ending) -> Result<MutexGuard<'_, Kit>> {
+        loop {
+            match self.kit.try_lock() {
+                Ok(kit) => return Ok(kit),
+                // What a question that failed half-way has left is as good as any.
+                Err(TryLockError::Poisoned(left)) => return Ok(left.into_inner()),
+                Err(TryLockError::WouldBlock) if ending.goes_on() => std::thread::sleep(WAITING),
+                Err(TryLockError::WouldBlock) => {
+                    return Err(Error::cancelled("waiting for another question"));
+                }
+            }
+        }
     }
 
     pub fn renderer(&self, asked: &Asked) -> Result<Arc<Renderer>> {
@@ -186,10 +260,11 @@ impl Stage {
     pub fn prepared<T>(
         &self,
         asked: &Asked,
+        ending: &Ending,
         asked_for: AskedFor,
         then: impl FnOnce(Made<'_>) -> Result<T>,
     ) -> Result<T> {
-        let mut kit = lock(&self.kit);
+        let mut kit = self.kit(ending)?;
         let renderer = self.renderer(asked)?;
         // A device that was lost has taken all that was on it.
         if kit.device.as_ref().is_some_and(|(kept, _)| !Arc::ptr_eq(kept, &renderer)) {
@@ -200,7 +275,7 @@ impl Stage {
             kit.device = Some((renderer, on_device.with_strands(self.held.strands.clone())));
         }
         self.look(&mut kit, asked)?;
-        let Kit { device: Some((renderer, on_device)), looked: Some(looked), last, .. } = &mut *kit else {
+        let Kit { device: Some((renderer, on_device)), looked: Some(looked) } = &mut *kit else {
             return Err(Error::runtime("cannot draw", "scene", "nothing is looked at"));
         };
         let scene = looked.scene(&asked.settings)?;
@@ -210,49 +285,50 @@ impl Stage {
         let spec = asked.settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW);
         looked.kept.prepare(renderer, on_device, (spec, method.as_ref()), (&scene, asked_for), &mut work)?;
         let maps = looked.kept.shadows(spec, &scene).unwrap_or_default();
-        let bytes = BuildReport::of_all(maps.iter().copied()).bytes;
-        *last = Some(Cost {
-            adapter: renderer.gpu().info.name.clone(),
-            clock: String::new(),
-            work,
-            frame_ms: 0.0,
-            bytes,
-            left_out: Vec::new(),
-        });
-        then(Made { renderer, on_device, kept: &looked.kept, maps, scene: &scene })
+        then(Made { renderer, on_device, kept: &looked.kept, maps, scene: &scene, work })
     }
 
-    pub fn drawn(&self, asked: &Asked) -> Result<Picture> {
-        let picture = self.prepared(asked, AskedFor::Picture, |made| {
-            made.renderer.render(made.on_device, made.transfer()?, made.maps.clone(), made.scene)
-        })?;
-        if let Some(cost) = &mut lock(&self.kit).last {
+    /// Draws a picture, in parts between which it can be ended.
+    pub fn drawn(&self, asked: &Asked, ending: &Ending) -> Result<Picture> {
+        self.prepared(asked, ending, AskedFor::Picture, |made| {
+            let Made { renderer, on_device, maps, scene, work, .. } = &made;
+            let go_on = |_| ending.goes_on();
+            let drawn =
+                renderer.render_in_bands(on_device, made.transfer()?, maps.clone(), scene, PART_MS, go_on)?;
+            let picture = drawn.ok_or_else(|| Error::cancelled("picture"))?;
             let (frame_ms, clock) = picture.span.best();
-            (cost.frame_ms, cost.clock) = (frame_ms, clock.to_string());
-            cost.left_out = picture.plan.left_out.iter().map(ToString::to_string).collect();
-        }
-        Ok(picture)
+            lock(&self.told).last = Some(Cost {
+                adapter: renderer.gpu().info.name.clone(),
+                clock: clock.to_string(),
+                work: *work,
+                frame_ms,
+                bytes: BuildReport::of_all(maps.iter().copied()).bytes,
+                left_out: picture.plan.left_out.iter().map(ToString::to_string).collect(),
+            });
+            Ok(picture)
+        })
     }
 
     /// The settings with nothing left to a default.
-    pub fn resolved(&self, asked: &Asked) -> Result<SceneSettings> {
+    pub fn resolved(&self, asked: &Asked, ending: &Ending) -> Result<SceneSettings> {
         let settings = &asked.settings;
-        let mut resolved = self
-            .looked_at(asked, |loaded, scene| settings.resolved(&scene, &loaded.tf_source, loaded.suiting))?;
+        let mut resolved = self.looked_at(asked, ending, |loaded, scene| {
+            settings.resolved(&scene, &loaded.tf_source, loaded.suiting)
+        })?;
         resolved.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
         Ok(resolved)
     }
 
     /// What a picture file keeps as text.
-    pub fn texts(&self, asked: &Asked) -> Result<Vec<(String, String)>> {
+    pub fn texts(&self, asked: &Asked, ending: &Ending) -> Result<Vec<(String, String)>> {
         let adapter = self.renderer(asked)?.gpu().info.name.clone();
-        let is_of_files = self.held.read_by.is_some() && asked.function.is_none();
-        let scene = if is_of_files { Some(self.resolved(asked)?) } else { None };
+        let is_of_files = self.held.is_of_files() && asked.function.is_none();
+        let scene = if is_of_files { Some(self.resolved(asked, ending)?) } else { None };
         picture_texts(&adapter, scene.as_ref())
     }
 }
 
-/// What a question that failed half-way has left is as good as any.
-fn lock(kit: &Mutex<Kit>) -> MutexGuard<'_, Kit> {
-    kit.lock().unwrap_or_else(PoisonError::into_inner)
+/// Held for moments alone.
+fn lock(told: &Mutex<Told>) -> MutexGuard<'_, Told> {
+    told.lock().unwrap_or_else(PoisonError::into_inner)
 }

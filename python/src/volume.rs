@@ -1,6 +1,6 @@
 //! Volumes from NumPy arrays and from files.
 
-use crate::arguments::Asked;
+use crate::arguments::{Asked, text};
 use crate::attended::interruptible;
 use crate::fault::{Fault, Outcome};
 use glam::{DAffine3, DMat3, DVec3};
@@ -10,8 +10,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
 use std::sync::Arc;
+use umbravox::error::Error;
 use umbravox::files::loading::Loading;
-use umbravox::open::{Read, Remark, SceneSettings};
+use umbravox::open::{Read, Remark, SceneSettings, VolumeSpec, load};
 use umbravox::strands::VoxelisedStrands;
 use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxels, write_volume};
 use umbravox::with_voxels;
@@ -28,6 +29,54 @@ pub struct Held {
     /// What it was read by; `None` for an array.
     pub read_by: Option<SceneSettings>,
     pub remarks: Vec<Remark>,
+    /// Whether its labels are an array's.
+    pub has_own_labels: bool,
+}
+
+impl Held {
+    /// Whether files alone say all of it.
+    pub fn is_of_files(&self) -> bool {
+        self.read_by.is_some() && !self.has_own_labels
+    }
+
+    /// The same with labels of a segmentation, an array or a file, at the voxels of the volume.
+    pub fn labelled(self, labels: &Bound<'_, PyAny>, axes: &str) -> Outcome<Self> {
+        let py = labels.py();
+        let (file, stored) = match text(labels)? {
+            Some(file) => (Some(file), None),
+            None => {
+                let (array, _) = of_image(labels)?;
+                (None, Some(self::stored(&array, axes, "labels")?))
+            }
+        };
+        let is_array = file.is_none();
+        let Self { volume, strands, read_by, remarks, .. } = self;
+        let volume = interruptible(
+            py,
+            || (),
+            move |_| {
+                let segmentation = match (file, stored) {
+                    (Some(file), _) => load(&VolumeSpec::new(file))?,
+                    (None, Some((voxels, kind, _))) => {
+                        let about = Provenance::new("labels", "array", kind);
+                        let segmentation =
+                            Volume::new(voxels, Scaling::IDENTITY, volume.world_from_index(), about)?;
+                        if segmentation.dims() != volume.dims() {
+                            let [theirs, ours] = [segmentation.dims(), volume.dims()];
+                            let why = format!("their shape is {theirs:?}, and the volume's {ours:?}");
+                            return Err(Error::input("cannot use labels", "labels", why));
+                        }
+                        segmentation
+                    }
+                    (None, None) => return Ok(volume),
+                };
+                let labels = Labels::sampled(&segmentation, &volume)?;
+                Arc::unwrap_or_clone(volume).labelled(Arc::new(labels)).map(Arc::new)
+            },
+        )?;
+        let has_own_labels = is_array || read_by.is_some();
+        Ok(Self { volume, strands, read_by, remarks, has_own_labels })
+    }
 }
 
 /// A scalar field on a regular grid, with an affine to world millimetres (RAS+).
@@ -39,16 +88,17 @@ pub struct PyVolume {
 #[pymethods]
 impl PyVolume {
     #[new]
-    #[pyo3(signature = (voxels, affine=None, *, spacing=None, labels=None, axes="ijk", name="array"))]
+    #[pyo3(signature = (voxels, affine=None, *, spacing=None, labels=None, axes=None, name=None))]
     fn new(
         voxels: &Bound<'_, PyAny>,
         affine: Option<&Bound<'_, PyAny>>,
-        spacing: Option<[f64; 3]>,
+        spacing: Option<&Bound<'_, PyAny>>,
         labels: Option<&Bound<'_, PyAny>>,
-        axes: &str,
-        name: &str,
+        axes: Option<&str>,
+        name: Option<&str>,
     ) -> Outcome<Self> {
-        let py = voxels.py();
+        let (py, axes, name) = (voxels.py(), axes.unwrap_or("ijk"), name.unwrap_or("array"));
+        let spacing = spacing.map(|given| spacing_of(given, name)).transpose()?;
         let (voxels, own) = of_image(voxels)?;
         let affine = affine.or(own.as_ref().filter(|_| spacing.is_none()));
         let world_from_index = match (affine, spacing) {
@@ -63,27 +113,10 @@ impl PyVolume {
         let mut provenance = Provenance::new(name, "array", stored_type);
         provenance.affine_source = source;
         provenance.warnings.extend(warning);
-        let labels = labels.map(of_image).transpose()?;
-        let segmentation = labels.map(|(labels, _)| self::stored(&labels, axes, "labels")).transpose()?;
         let volume = interruptible(
             py,
             || (),
-            |_| {
-                let volume = Volume::new(stored, Scaling::IDENTITY, world_from_index, provenance)?;
-                let Some((labels, kind, _)) = segmentation else { return Ok(volume) };
-                let about = Provenance::new("labels", "array", kind);
-                let segmentation = Volume::new(labels, Scaling::IDENTITY, world_from_index, about)?;
-                if segmentation.dims() != volume.dims() {
-                    let why = format!(
-                        "their shape is {:?}, and the volume's {:?}",
-                        segmentation.dims(),
-                        volume.dims()
-                    );
-                    return Err(umbravox::Error::input("cannot use labels", "labels", why));
-                }
-                let labels = Labels::sampled(&segmentation, &volume)?;
-                volume.labelled(Arc::new(labels))
-            },
+            |_| Volume::new(stored, Scaling::IDENTITY, world_from_index, provenance),
         )?;
         let warnings = volume.provenance.warnings.iter();
         let mut remarks: Vec<Remark> = warnings.map(|warning| ("warning", warning.clone())).collect();
@@ -91,7 +124,10 @@ impl PyVolume {
             remarks.push(("note", "no affine and no spacing given: voxels taken as 1 mm".into()));
         }
         tell(py, &remarks)?;
-        Ok(Self { held: Held { volume: Arc::new(volume), strands: None, read_by: None, remarks } })
+        let has_own_labels = false;
+        let held = Held { volume: Arc::new(volume), strands: None, read_by: None, remarks, has_own_labels };
+        let held = labels.map_or_else(|| Ok(held.clone()), |labels| held.clone().labelled(labels, axes))?;
+        Ok(Self { held })
     }
 
     /// Voxels along the axes i, j and k.
@@ -153,7 +189,26 @@ impl PyVolume {
         array.getattr("T")
     }
 
-    /// Writes it as `umbravox convert` does, by the ending of the name.
+    /// The values, for NumPy.
+    #[pyo3(signature = (dtype=None, copy=None))]
+    fn __array__<'py>(
+        &self,
+        py: Python<'py>,
+        dtype: Option<&Bound<'py, PyAny>>,
+        copy: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        if copy == Some(false) {
+            let why = "the voxels of a Volume are copied";
+            return Err(pyo3::exceptions::PyValueError::new_err(why));
+        }
+        let array = self.voxels(py)?;
+        match dtype {
+            Some(dtype) => array.call_method1("astype", (dtype,)),
+            None => Ok(array),
+        }
+    }
+
+    /// Writes it, without its labels, as `umbravox convert` does, by the ending of the name.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Outcome<()> {
         interruptible(py, || (), |_| write_volume(&self.held.volume, &path))
     }
@@ -182,31 +237,27 @@ pub fn read(
         all.update(arguments.as_mapping())?;
     }
     all.set_item("volume", path)?;
-    let Asked { settings, .. } = Asked::of(Some(&all))?;
-    let only_reads = SceneSettings {
+    let Asked { settings, function, .. } = Asked::of(Some(&all))?;
+    let reads = reading(&settings);
+    if settings != reads || function.is_some() {
+        let why = "it takes what says how a file is read, and labels; the rest is a scene's";
+        return Err(Fault::input("bad argument", "read", why));
+    }
+    let held = read_held(py, reads)?;
+    tell(py, &held.remarks)?;
+    Ok(PyVolume { held })
+}
+
+/// What of settings says how a volume is read.
+pub fn reading(settings: &SceneSettings) -> SceneSettings {
+    let mut reads = SceneSettings {
         volume: settings.volume.clone(),
         read_flags: settings.read_flags,
         sha256: settings.sha256.clone(),
         ..SceneSettings::default()
     };
-    let labels = settings.parts.labels.clone();
-    let rest = SceneSettings { parts: only_reads.parts.clone(), ..settings.clone() };
-    if rest != only_reads
-        || settings.parts.hide.is_some()
-        || settings.parts.label_tf.is_some()
-        || settings.parts.clip.is_some()
-    {
-        return Err(Fault::input(
-            "bad argument",
-            "read",
-            "it takes what says how a file is read, and labels; the rest is a scene's",
-        ));
-    }
-    let mut reads = only_reads;
-    reads.parts.labels = labels;
-    let held = read_held(py, reads)?;
-    tell(py, &held.remarks)?;
-    Ok(PyVolume { held })
+    reads.parts.labels = settings.parts.labels.clone();
+    reads
 }
 
 /// Reads what settings name.
@@ -215,7 +266,7 @@ pub fn read_held(py: Python<'_>, settings: SceneSettings) -> Outcome<Held> {
     let mut remarks = Vec::new();
     let Read { volume, strands } =
         interruptible(py, || loading.cancel(), |_| settings.read_volume(&mut remarks, &loading))?;
-    Ok(Held { volume: Arc::new(volume), strands, read_by: Some(settings), remarks })
+    Ok(Held { volume: Arc::new(volume), strands, read_by: Some(settings), remarks, has_own_labels: false })
 }
 
 /// Warnings as Python's own.
@@ -238,7 +289,10 @@ fn of_image<'py>(given: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Opti
 fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, String, Option<String>)> {
     let refuse = |why: String| Fault::input(WHAT, name, why);
     let py = given.py();
-    let array = py.import("numpy")?.call_method1("asarray", (given,))?;
+    let numpy = py.import("numpy")?;
+    refuse_masked(given, name)?;
+    let array = numpy.call_method1("asarray", (given,));
+    let array = array.map_err(|e| refuse(format!("it is no array: {}", e.value(py))))?;
     let untyped = array.cast::<PyUntypedArray>().map_err(PyErr::from)?;
     let dtype = untyped.dtype();
     let stored_type = dtype.str()?.to_string();
@@ -274,8 +328,29 @@ fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, 
         "f4" => voxels!(f32),
         _ => voxels!(f64),
     };
-    let inexact = matches!((&voxels, kind.as_str(), bytes), (Voxels::F64(a), "u" | "i", 8) if a.iter().any(|v| v.abs() > MOST_EXACT));
+    let inexact = matches!((&voxels, kind.as_str(), bytes), (Voxels::F64(a), "u" | "i", 8) if a.iter().any(|v| v.abs() >= MOST_EXACT));
     Ok((voxels, stored_type, inexact.then(|| "integers beyond 2^53 were rounded to 53 bits".into())))
+}
+
+/// Refuses an array of which some values count for nothing: what they should be taken for is not ours to say.
+pub fn refuse_masked(given: &Bound<'_, PyAny>, name: &str) -> Outcome<()> {
+    let masked = given.py().import("numpy")?.getattr("ma")?.getattr("MaskedArray")?;
+    match given.is_instance(&masked)? {
+        true => Err(Fault::input(WHAT, name, "it is masked: array.filled(value) says what is there")),
+        false => Ok(()),
+    }
+}
+
+/// Distances of voxel centres, as three numbers or a text of them.
+fn spacing_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<[f64; 3]> {
+    let refuse = || Fault::input(WHAT, name, "its spacing is no three lengths in mm");
+    match text(given)? {
+        Some(text) => {
+            let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+            numbers.ok().and_then(|n| n.try_into().ok()).ok_or_else(refuse)
+        }
+        None => given.extract().map_err(|_| refuse()),
+    }
 }
 
 /// A copy with the last axis fastest.
@@ -287,7 +362,9 @@ fn owned<T: numpy::Element + Clone>(array: PyReadonlyArray3<'_, T>) -> Array3<T>
 fn affine_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<DAffine3> {
     let refuse = |why: &str| Fault::input(WHAT, name, why);
     let numpy = given.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (given, "f8"))?;
+    let array = numpy
+        .call_method1("asarray", (given, "f8"))
+        .map_err(|_| refuse("its affine is no matrix of 4 x 4"))?;
     let matrix: PyReadonlyArray2<'_, f64> =
         array.extract().map_err(|_| refuse("its affine is no matrix of 4 x 4"))?;
     let m = matrix.as_array();

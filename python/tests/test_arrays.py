@@ -75,7 +75,17 @@ def test_what_is_not_a_number_becomes_the_smallest_value():
         uv.Volume(voxels, affine)
 
 
-def test_labels_are_hidden_and_seen_otherwise():
+def test_what_an_array_is_taken_for_is_said():
+    voxels, affine = small()
+    with pytest.warns(UserWarning, match="units="):
+        uv.Scene(voxels, affine, tf="bone")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        uv.Scene(voxels, affine, tf="bone", units="hu")
+        uv.Scene(voxels, affine, tf=FUNCTION)
+
+
+def test_labels_are_hidden_and_seen_otherwise(tmp_path):
     voxels, affine = small()
     labels = np.zeros(voxels.shape, np.uint8)
     labels[:5] = 3
@@ -87,6 +97,18 @@ def test_labels_are_hidden_and_seen_otherwise():
     np.testing.assert_array_equal(depths(voxels, affine, labels=labels, hide=[3]), part)
     with pytest.raises(uv.InputError, match="shape"):
         uv.Volume(voxels, affine, labels=labels[1:])
+    # Of a file, or for a volume that is there.
+    uv.Volume(labels, affine).save(tmp_path / "labels.nii.gz")
+    uv.Volume(voxels, affine).save(tmp_path / "voxels.nii.gz")
+    for volume, given in [
+        (uv.Volume(voxels, affine, labels=tmp_path / "labels.nii.gz"), {}),
+        (uv.Volume(voxels, affine), {"labels": labels}),
+        (tmp_path / "voxels.nii.gz", {"labels": labels}),
+        (tmp_path / "voxels.nii.gz", {"labels": tmp_path / "labels.nii.gz"}),
+    ]:
+        np.testing.assert_allclose(depths(volume, hide=3, **given), part, rtol=1e-6)
+    seen = depths(volume, label_tf={3: "engine"}, units="fraction", **given)
+    np.testing.assert_array_equal(seen, depths(volume, label_tf="3=engine", units="fraction", **given))
 
 
 @pytest.mark.parametrize(
@@ -102,6 +124,10 @@ def test_labels_are_hidden_and_seen_otherwise():
         (np.zeros((2, 2, 2)), {"affine": np.eye(3)}, "4 x 4"),
         (np.zeros((2, 2, 2)), {"affine": np.eye(4), "spacing": (1, 1, 1)}, "both"),
         (np.zeros((2, 2, 2)), {"axes": "xyz"}, "ijk or kji"),
+        (np.zeros((2, 2, 2)), {"affine": "eye"}, "4 x 4"),
+        (np.zeros((2, 2, 2)), {"spacing": 1}, "three lengths"),
+        (np.ma.masked_array(np.zeros((2, 2, 2)), True), {}, "masked"),
+        ([[[1, 2]], [[1]]], {}, "no array"),
     ],
 )
 def test_what_is_no_volume_is_refused(voxels, arguments, words):

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import typing
 from pathlib import Path
 
 import pytest
@@ -23,7 +22,7 @@ def test_the_types_know_every_argument():
     assert reading | names["SceneArguments"] | names["FileArguments"] == set(uv.arguments())
     assert names["FileArguments"] == {"volume"} and names["ReadArguments"] == reading
     # The classes that are written in Rust have their docs where `help` looks.
-    assert uv.Scene.render.__doc__ and uv.Volume.__doc__ and typing is not None
+    assert uv.Scene.render.__doc__ and uv.Volume.__doc__
 
 
 def test_the_types_are_those_of_the_module():

@@ -96,16 +96,94 @@ except KeyboardInterrupt:
 """
 
 
+def test_nobody_waits_for_a_picture_to_hear_of_the_last(adapter):
+    scene = uv.Scene("phantom:thorax:48", size=(300, 300), shadow="rays")
+    scene.render(size=(4, 4))
+    thread = threading.Thread(target=scene.render)
+    thread.start()
+    time.sleep(0.05)
+    waits = []
+    while thread.is_alive():
+        start = time.monotonic()
+        assert scene.last["frame_ms"] > 0 and isinstance(scene.notes, list)
+        waits.append(time.monotonic() - start)
+        time.sleep(0.01)
+    thread.join()
+    assert len(waits) > 3 and max(waits) < 0.5, (len(waits), max(waits))
+
+
+def test_tables_count_no_work_of_others(adapter):
+    table = uv.Scene("phantom:thorax:24", size=(16, 16))
+    effort = {"repeats": 1, "points": 20, "rays": 5, "depths": 5}
+    counted = ["work_samples", "work_cells", "work_lookups", "work_loads"]
+    alone = [[row[c] for c in counted] for row in table.compare("rays;dsm:map=32", **effort)]
+    other, ended = uv.Scene("phantom:thorax:24", size=(16, 16), shadow="dsm:map=32"), threading.Event()
+
+    def draw():
+        while not ended.is_set():
+            other.render()
+
+    thread = threading.Thread(target=draw)
+    thread.start()
+    try:
+        beside = [[row[c] for c in counted] for row in table.compare("rays;dsm:map=32", **effort)]
+    finally:
+        ended.set()
+        thread.join()
+    assert beside == alone
+
+
+FORKED = """
+import multiprocessing, numpy as np, umbravox as uv
+def depth(_):
+    try:
+        return float(uv.Scene(np.arange(64.0).reshape(4, 4, 4), tf="engine", units="fraction").optical_depth([3, 3, -9], [3, 3, 9])[0])
+    except uv.RunError as e:
+        return str(e)
+if __name__ == "__main__":
+    print(depth(0))
+    with multiprocessing.get_context({kind!r}).Pool(1) as pool:
+        print(pool.map(depth, [0])[0])
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="skipped: no fork there")
+def test_processes_have_their_own_or_say_so(tmp_path):
+    for kind, words in [("fork", "spawn"), ("spawn", "")]:
+        (tmp_path / "forked.py").write_text(FORKED.format(kind=kind))
+        told = subprocess.run([sys.executable, tmp_path / "forked.py"], capture_output=True, text=True, timeout=60)
+        first, second = told.stdout.split("\n", 1)
+        assert float(first) > 0, told.stderr
+        assert words in second if words else float(second) == float(first)
+
+
+def test_what_is_given_as_empty_is_taken_away(adapter):
+    voxels, affine = small()
+    plain = uv.Scene(voxels, affine, tf=FUNCTION, size=(20, 16)).render()
+    cut = uv.Scene(voxels, affine, tf=FUNCTION, size=(20, 16), clip=(0, 0, 1, 0), eye=(60, 0, 0), target=(0, 0, 0))
+    assert not np.array_equal(cut.render(view="A"), cut.render(view="A", clip=[]))
+    again = uv.Scene(voxels, affine, tf=FUNCTION, size=(20, 16), view="A").render()
+    assert np.array_equal(cut.render(view="A", clip=[]), again) and not np.array_equal(again, plain)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="skipped: no SIGINT there")
 @pytest.mark.parametrize(
-    "work", ["scene.compare('rays;dsm', points=1000, progress=begun)", "scene.exact_picture(progress=begun)"]
+    "work",
+    [
+        "scene.compare('rays;dsm', points=1000, progress=begun)",
+        "scene.exact_picture(progress=begun)",
+        "begun(0), scene.render(shadow='rays', size=(2000, 2000))",
+    ],
 )
 def test_ctrl_c_ends_work(work, adapter):
     child = subprocess.Popen([sys.executable, "-c", INTERRUPTED.format(work=work)], stdout=subprocess.PIPE, text=True)
     assert child.stdout.readline() == "begun\n"
     time.sleep(0.3)
     child.send_signal(signal.SIGINT)
+    start = time.monotonic()
     rest = child.communicate(timeout=120)[0]
+    # Within a step: a part of a picture, of a table, of exact rows.
+    assert time.monotonic() - start < 40
     assert rest.splitlines()[-1] == "interrupted" and child.returncode == 7
 
 
@@ -139,8 +217,8 @@ def test_progress_is_told(scene, adapter, capfd):
         ({"ambient": float("nan")}, "bad argument .ambient"),
         ({"ambient": object()}, "expected a text, a number"),
         ({"tf": {"points": []}}, "bad argument .tf"),
-        ({"volume": "phantom:thorax"}, "a scene for each"),
-        ({"crop": "0:1,,"}, "a scene for each"),
+        ({"volume": "phantom:thorax"}, "is there already"),
+        ({"crop": "0:1,,"}, "is there already"),
         ({"adapter": "another"}, "a scene for each"),
         ({"light": ["dir:0,0,1"] * 17}, "light"),
     ],
@@ -151,7 +229,7 @@ def test_arguments_that_mean_nothing_are_refused(scene, arguments, words):
 
 
 def test_questions_that_mean_nothing_are_refused(scene):
-    for points in [[[1, 2]], [[1, 2, np.nan]], "a", [[[1, 2, 3]]]]:
+    for points in [[[1, 2]], [[1, 2, np.nan]], "a", 3.0, np.ma.masked_array([[1.0, 2, 3]], True)]:
         with pytest.raises(uv.InputError, match="points"):
             scene.transmittance(points, "exact")
     with pytest.raises(uv.InputError, match="1 starts and 2 ends"):
@@ -165,7 +243,15 @@ def test_questions_that_mean_nothing_are_refused(scene):
         scene.compare("none", output="somewhere")
     with pytest.raises(uv.InputError, match="file"):
         scene.to_toml()
-    assert scene.transmittance(np.zeros((0, 3)), "exact").shape == (0,)
+    for none in [np.zeros((0, 3)), []]:
+        assert scene.transmittance(none, "exact").shape == (0,)
+    for arguments in [{"resume": True}, {"resume": True, "overwrite": True, "output": "somewhere"}]:
+        with pytest.raises(uv.InputError, match="resume"):
+            scene.compare("none", **arguments)
+    points = np.random.default_rng(1).uniform(-9, 9, (2, 4, 3))
+    answers = scene.transmittance(points, "exact")
+    assert answers.shape == (2, 4)
+    np.testing.assert_array_equal(answers.ravel(), scene.transmittance(points.reshape(-1, 3), "exact"))
 
 
 def test_errors_carry_their_words():

@@ -20,13 +20,17 @@ Lengths are world millimetres, extinction is 1/mm, optical depth its line integr
 
 from ._errors import Error, InputError, RunError
 from ._umbravox import Scene, Volume, __version__, methods, presets, read, write_picture
+from ._types import Camera, Cost, Step
 from ._umbravox import arguments_of_scenes as arguments
 
 __all__ = [
+    "Camera",
+    "Cost",
     "Error",
     "InputError",
     "RunError",
     "Scene",
+    "Step",
     "Volume",
     "__version__",
     "arguments",
@@ -41,14 +45,14 @@ __all__ = [
 ]
 
 
-def render(volume=None, affine=None, **arguments):
+def render(volume=None, affine=None, *, axes=None, **arguments):
     """A picture of a volume: ``Scene(volume, affine, **arguments).render()``."""
-    return Scene(volume, affine, **arguments).render()
+    return Scene(volume, affine, axes=axes, **arguments).render()
 
 
-def transmittance(points, method=None, volume=None, affine=None, **arguments):
-    """Transmittance from the light to points, as ``Scene(...).transmittance(points, method)``."""
-    return Scene(volume, affine, **arguments).transmittance(points, method)
+def transmittance(volume, points, method=None, affine=None, *, axes=None, **arguments):
+    """Transmittance from the light to points: ``Scene(volume, affine, ...).transmittance(points, method)``."""
+    return Scene(volume, affine, axes=axes, **arguments).transmittance(points, method)
 
 
 _MEASURING = ("output", "repeats", "points", "rays", "depths", "check", "budget", "overwrite", "resume", "progress")
@@ -64,6 +68,9 @@ def srgb8(picture):
     """A picture as 8-bit sRGB, height x width x 3, as a PNG file of it holds and ``matplotlib`` shows."""
     import numpy as np
 
-    linear = np.clip(np.asarray(picture, np.float64)[..., :3], 0.0, 1.0)
+    picture = np.asarray(picture, np.float64)
+    if picture.ndim != 3 or picture.shape[2] not in (3, 4):
+        raise InputError("cannot show picture", "picture", f"its shape is {picture.shape}; expected height x width x 4")
+    linear = np.clip(picture[..., :3], 0.0, 1.0)
     codes = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.round(255.0 * codes).astype(np.uint8)

@@ -1,49 +1,42 @@
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, TypedDict, final, type_check_only
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 from typing_extensions import Unpack
+
+from ._types import Camera as Camera
+from ._types import Cost as Cost
+from ._types import Step as Step
+
+__all__ = [
+    "Camera",
+    "Cost",
+    "Error",
+    "InputError",
+    "RunError",
+    "Scene",
+    "Step",
+    "Volume",
+    "__version__",
+    "arguments",
+    "compare",
+    "methods",
+    "presets",
+    "read",
+    "render",
+    "srgb8",
+    "transmittance",
+    "write_picture",
+]
 
 __version__: str
 
 _Path = str | PathLike[str]
 _Three = str | Sequence[float] | NDArray[Any]
 
-@type_check_only
-class Step(TypedDict):
-    """What ``progress`` hears of: a step that begins, and seconds that are left of all, where that is known."""
-
-    done: int
-    total: int
-    what: str
-    left_s: float | None
-
 _Progress = bool | Callable[[Step], object] | None
-
-@type_check_only
-class Camera(TypedDict):
-    """A camera, as arguments of a scene."""
-
-    eye: tuple[float, float, float]
-    target: tuple[float, float, float]
-    up: tuple[float, float, float]
-    fov: float
-    zoom: float
-
-@type_check_only
-class Cost(TypedDict):
-    """What a picture took; tables and maps that were kept are ``None``."""
-
-    adapter: str
-    clock: str
-    table_ms: float | None
-    classify_ms: float | None
-    build_ms: float | None
-    frame_ms: float
-    bytes: int
-    left_out: list[str]
 
 @type_check_only
 class ReadArguments(TypedDict, total=False):
@@ -67,24 +60,24 @@ class ReadArguments(TypedDict, total=False):
 class SceneArguments(TypedDict, total=False):
     """How a volume is looked at."""
 
-    clip: str | Sequence[str] | Sequence[float] | Sequence[Sequence[float]] | None
-    hide: str | int | Sequence[int] | None
-    label_tf: str | Sequence[str] | None
+    clip: str | Sequence[str] | ArrayLike | None
+    hide: str | int | Sequence[int] | NDArray[Any] | None
+    label_tf: str | Sequence[str] | Mapping[int, _Path] | Mapping[str, _Path] | None
     name: str | None
     tf: _Path | dict[str, Any] | None
-    opacity_scale: float | None
+    opacity_scale: float | str | None
     units: str | None
     shadow: str | None
-    size: str | tuple[int, int] | None
+    size: str | Sequence[int] | NDArray[Any] | None
     eye: _Three | None
     target: _Three | None
     up: _Three | None
     view: str | None
-    zoom: float | None
+    zoom: float | str | None
     fov: float | None
     light: str | Sequence[str] | None
-    mesh: _Path | Sequence[str] | None
-    strands: _Path | Sequence[str] | None
+    mesh: _Path | Sequence[_Path] | None
+    strands: _Path | Sequence[_Path] | None
     ambient: float | None
     shading: str | None
     background: str | None
@@ -133,7 +126,8 @@ class Volume:
 
     ``voxels`` has the axes i, j, k, as nibabel's arrays do and as the affine counts them; ``axes="kji"`` says that the first
     axis is the slowest, as in SimpleITK's arrays and in .npy files that this program reads. Integers of 32 and 64 bits become
-    float64; NaN and infinities the smallest finite value, with a warning.
+    float64; NaN and infinities the smallest finite value, with a warning. An image of nibabel brings its affine along.
+    ``labels`` is a segmentation of the same grid, or a file of one on any.
     """
 
     def __new__(
@@ -141,11 +135,12 @@ class Volume:
         voxels: ArrayLike,
         affine: ArrayLike | None = None,
         *,
-        spacing: Sequence[float] | None = None,
-        labels: ArrayLike | None = None,
-        axes: str = "ijk",
-        name: str = "array",
+        spacing: _Three | None = None,
+        labels: ArrayLike | _Path | None = None,
+        axes: str | None = None,
+        name: str | None = None,
     ) -> Volume: ...
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]: ...
     @property
     def shape(self) -> tuple[int, int, int]:
         """Voxels along the axes i, j and k."""
@@ -176,7 +171,8 @@ class Volume:
 class Scene:
     """A volume and how it is looked at; every argument is named as the flag of the command line.
 
-    Methods take the same arguments, which count for that call alone. What a call does not change is kept on the device: a new
+    Methods take the same arguments, which count for that call alone; ``None`` is as if it was not given, an empty list takes away
+    what the scene has (``clip=[]``). ``view`` replaces the scene's eye, target and up. What a call does not change is kept on the device: a new
     camera costs a picture (and a map, unless the method has ``fit=volume`` and a size of its own), a new light its map. No answer
     depends on the calls before it.
     """
@@ -212,14 +208,14 @@ class Scene:
     def transmittance(
         self, points: ArrayLike, method: str | None = None, **arguments: Unpack[SceneArguments]
     ) -> NDArray[np.floating[Any]]:
-        """Transmittance from the light to points, n x 3 in world mm: by the scene's method, by another, or ``"exact"``.
+        """Transmittance from the light to points in world mm: by the scene's method, by another, or ``"exact"``.
 
-        float32 by a method, float64 exactly.
+        The last axis of ``points`` is x, y and z, and the answer has the shape of the rest; float32 by a method, float64 exactly.
         """
     def optical_depth(
         self, starts: ArrayLike, ends: ArrayLike, **arguments: Unpack[SceneArguments]
     ) -> NDArray[np.float64]:
-        """The exact optical depth of segments between points, each n x 3 in world mm."""
+        """The exact optical depth of segments between points in world mm, as many starts as ends."""
     def compare(
         self,
         methods: str | Sequence[str] | None = None,
@@ -252,18 +248,22 @@ def read(path: _Path, **arguments: Unpack[ReadArguments]) -> Volume:
 def render(
     volume: Volume | ArrayLike | _Path | None = None,
     affine: ArrayLike | None = None,
+    *,
+    axes: str | None = None,
     **arguments: Unpack[SceneAndReadArguments],
 ) -> NDArray[np.float32]:
     """A picture of a volume: ``Scene(volume, affine, **arguments).render()``."""
 
 def transmittance(
+    volume: Volume | ArrayLike | _Path | None,
     points: ArrayLike,
     method: str | None = None,
-    volume: Volume | ArrayLike | _Path | None = None,
     affine: ArrayLike | None = None,
+    *,
+    axes: str | None = None,
     **arguments: Unpack[SceneAndReadArguments],
 ) -> NDArray[np.floating[Any]]:
-    """Transmittance from the light to points, as ``Scene(...).transmittance(points, method)``."""
+    """Transmittance from the light to points: ``Scene(volume, affine, ...).transmittance(points, method)``."""
 
 def compare(
     volume: Volume | ArrayLike | _Path | None = None,
@@ -285,5 +285,5 @@ def presets() -> dict[str, str]:
 def srgb8(picture: ArrayLike) -> NDArray[np.uint8]:
     """A picture as 8-bit sRGB, height x width x 3."""
 
-def write_picture(path: _Path, picture: NDArray[np.float32], *, transparent: bool = False) -> None:
+def write_picture(path: _Path, picture: ArrayLike, *, transparent: bool = False) -> None:
     """Writes a picture (height x width x 4) by the ending of the name: .png, .exr or .npy."""

@@ -11,6 +11,8 @@ class Line:
         self._width = 0
 
     def __call__(self, step):
+        if sys.stderr is None:
+            return
         done, total = step["done"], max(step["total"], 1)
         left = "" if step["left_s"] is None else f", about {step['left_s']:.0f} s left"
         text = f"{done}/{total}{left}: {step['what']}"
