@@ -10,6 +10,7 @@ mod opening;
 mod panels;
 mod parts;
 mod presets;
+mod resizes;
 
 use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
