@@ -27,6 +27,7 @@
 #endif
 #endif
 #ifdef SHADING
+#import umbravox::labels::seen_value_at
 #import umbravox::light::{light_point, light_ray}
 #endif
 #ifdef KAJIYA_KAY
@@ -108,6 +109,16 @@ fn mean_over(a: f32, b: f32) -> vec4<f32> {
 // ---- Shading and light ----
 
 #ifdef SHADING
+// The same of a part of the ray, with one more sample in its middle where shading counts. A straight line between two samples
+// puts a surface beside where light rays meet it, and what lies behind that by a hair is dark: shaded, it shows as rings.
+fn mean_of_part(ray: Line, begin: f32, to: f32, a: f32, b: f32) -> vec4<f32> {
+    if frame.shading_weight == 0.0 { return mean_over(a, b); }
+    let middle = seen_value_at(ray.o + 0.5 * (begin + to) * ray.d);
+    return 0.5 * (mean_over(a, middle) + mean_over(middle, b));
+}
+#endif
+
+#ifdef SHADING
 #ifdef KAJIYA_KAY
 // Shading factor of the strands at a grid-space point.
 fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
@@ -180,8 +191,14 @@ fn gather_part(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<fun
     // A part that float32 cannot tell from nothing takes the rest.
     let part_end = begin + (*run).part_mm;
     let to = select(part_end, b, begin + 1.5 * (*run).part_mm > b || part_end <= begin);
+#ifdef SHADING
+    var value_to = mix((*walk).from_value, (*walk).value, select((to - begin) / (b - begin), 1.0, to == b));
+    if to != b && frame.shading_weight > 0.0 { value_to = seen_value_at(ray.o + to * ray.d); }
+    let mean = mean_of_part(ray, begin, to, (*walk).from_value, value_to);
+#else
     let value_to = mix((*walk).from_value, (*walk).value, select((to - begin) / (b - begin), 1.0, to == b));
     let mean = mean_over((*walk).from_value, value_to);
+#endif
     let depth = mean.w * (to - begin);
     // Too thick to be lit as a whole: taken again in parts.
     let thick = depth * min(UNSEEN_PART * *left, 1.0) > THICKEST_PART && (*run).part_mm == FAR;
@@ -337,7 +354,11 @@ fn raycast(
         if walk.found {
             walk.found = false;
             let to = sample_depth(ray, walk.k);
+#ifdef SHADING
+            let mean = mean_of_part(ray, walk.from_t, to, walk.from_value, walk.value);
+#else
             let mean = mean_over(walk.from_value, walk.value);
+#endif
             let alpha = 1.0 - exp(-mean.w * (to - walk.from_t));
             var light = 1.0;
 #ifdef SHADING
