@@ -109,12 +109,11 @@ fn mean_over(a: f32, b: f32) -> vec4<f32> {
 // ---- Shading and light ----
 
 #ifdef SHADING
-// The same of a part of the ray, with one more sample in its middle where shading counts. A straight line between two samples
-// puts a surface beside where light rays meet it, and what lies behind that by a hair is dark: shaded, it shows as rings.
-fn mean_of_part(ray: Line, begin: f32, to: f32, a: f32, b: f32) -> vec4<f32> {
-    if frame.shading_weight == 0.0 { return mean_over(a, b); }
-    let middle = seen_value_at(ray.o + 0.5 * (begin + to) * ray.d);
-    return 0.5 * (mean_over(a, middle) + mean_over(middle, b));
+// The same where the value is known on the way, too: half of the way each.
+fn mean_by(a: f32, middle: f32, b: f32) -> vec4<f32> {
+    let integral = color_integral_at(middle);
+    let first = mean_color(a, middle, color_integral_at(a), integral);
+    return 0.5 * (first + mean_color(middle, b, integral, color_integral_at(b)));
 }
 #endif
 
@@ -192,9 +191,16 @@ fn gather_part(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<fun
     let part_end = begin + (*run).part_mm;
     let to = select(part_end, b, begin + 1.5 * (*run).part_mm > b || part_end <= begin);
 #ifdef SHADING
-    var value_to = mix((*walk).from_value, (*walk).value, select((to - begin) / (b - begin), 1.0, to == b));
-    if to != b && frame.shading_weight > 0.0 { value_to = seen_value_at(ray.o + to * ray.d); }
-    let mean = mean_of_part(ray, begin, to, (*walk).from_value, value_to);
+    // One more sample: where a part of a thick stretch ends, else in the middle. A straight line between two samples puts a
+    // surface beside where light rays meet it, and what lies behind that by a hair is dark: it would show as rings.
+    let refined = frame.shading_weight > 0.0;
+    let inner = to != b;
+    let taken = seen_value_at(ray.o + select(0.5 * (begin + to), to, inner) * ray.d);
+    let straight = mix((*walk).from_value, (*walk).value, select((to - begin) / (b - begin), 1.0, to == b));
+    let value_to = select(straight, taken, inner && refined);
+    let middle = select(0.5 * ((*walk).from_value + value_to), taken, !inner);
+    var mean = vec4<f32>(0.0);
+    if refined { mean = mean_by((*walk).from_value, middle, value_to); } else { mean = mean_over((*walk).from_value, value_to); }
 #else
     let value_to = mix((*walk).from_value, (*walk).value, select((to - begin) / (b - begin), 1.0, to == b));
     let mean = mean_over((*walk).from_value, value_to);
@@ -355,7 +361,9 @@ fn raycast(
             walk.found = false;
             let to = sample_depth(ray, walk.k);
 #ifdef SHADING
-            let mean = mean_of_part(ray, walk.from_t, to, walk.from_value, walk.value);
+            let middle = seen_value_at(ray.o + 0.5 * (walk.from_t + to) * ray.d);
+            var mean = mean_over(walk.from_value, walk.value);
+            if frame.shading_weight > 0.0 { mean = mean_by(walk.from_value, middle, walk.value); }
 #else
             let mean = mean_over(walk.from_value, walk.value);
 #endif
