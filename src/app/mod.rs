@@ -14,6 +14,7 @@
 pub mod camera;
 mod clip;
 mod contents;
+mod cube;
 pub mod curve;
 mod document;
 pub mod method_choice;

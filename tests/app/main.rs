@@ -1,7 +1,9 @@
 //! The window's widgets over the real renderer, without a window: what hands do is injected as events.
 #![cfg(feature = "gui")]
 
+mod asking;
 mod comparison;
+mod cube;
 mod difference;
 mod files;
 mod hands;
