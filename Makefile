@@ -65,6 +65,7 @@ shots:
 	@mkdir -p out/shots
 	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/shots.txt
 	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/drags.txt
+	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --shadow rays --clean --script scripts/resizes.txt
 	@echo && cat out/shots/drags.tsv
 
 measured: setup

@@ -7,7 +7,7 @@ use super::panels::slices::Slices;
 use super::panels::strands::StrandsForm;
 use super::panels::times::Times;
 use super::panels::windows::Windows;
-use super::panels::{editor, flicker, help, keys, probe, side, top_bar, view};
+use super::panels::{editor, escape, flicker, help, keys, probe, side, top_bar, view};
 use super::reading::Opened;
 use super::render_thread::messages::Event;
 use super::resume::Resume;
@@ -63,6 +63,7 @@ impl App {
         context.set_theme(if model.settings.dark { egui::Theme::Dark } else { egui::Theme::Light });
         take_dropped_files(model, &context);
         keys::shortcuts(&context, model, windows, difference);
+        escape::leave_topmost(&context, model, windows);
         top_bar::show(ui, model, windows);
         side::show(ui, model, difference, strands, times);
         editor::show(ui, model, presets, &mut windows.prompt, render_state);
@@ -71,6 +72,7 @@ impl App {
         windows.prompt.show(&context, model);
         probe::show(&context, model);
         help::show(&context, &mut windows.help);
+        windows.typing = context.text_edit_focused();
         model.ask();
         difference.follow(model);
         flicker::wake(model, &context);

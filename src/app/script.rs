@@ -2,6 +2,8 @@
 //!
 //! ```text
 //! window WIDTH HEIGHT                       points; the first step, where the size matters
+//! resize WIDTH HEIGHT                       points, while the picture does what it does
+//! silent                                   the script fails where something is said in red
 //! settle                                   until the picture is whole
 //! drag NAME X0 Y0 X1 Y1 SECONDS [shift|ctrl] [screen]   shares of the view (or of the whole window), there and back
 //! click X Y [screen]
@@ -33,6 +35,8 @@ const LONGEST_STEP: Duration = Duration::from_secs(120);
 #[derive(Debug, Clone, PartialEq)]
 enum Step {
     Window { size: [f32; 2] },
+    Resize { size: [f32; 2] },
+    Silent,
     Settle,
     Drag { name: String, from: [f32; 2], to: [f32; 2], seconds: f32, modifiers: Modifiers, screen: bool },
     Click { at: [f32; 2], screen: bool, double: bool },
@@ -172,6 +176,9 @@ impl Script {
                     events.push(Event::Key { key, physical_key: None, pressed, repeat: false, modifiers });
                 }
             }
+            Step::Resize { size } if frame == 0 => {
+                context.send_viewport_cmd(egui::ViewportCommand::InnerSize((*size).into()));
+            }
             Step::Shot { .. } if frame == 0 => {
                 let shot = Arc::clone(&self.shot);
                 context.request_screenshot(move |image| {
@@ -194,6 +201,15 @@ impl Script {
         }
         let done = match step {
             Step::Window { .. } => true,
+            // Where the system takes another size, it is the one to go on with.
+            Step::Resize { .. } => self.frame > 1,
+            Step::Silent => {
+                if let Some(message) = app.model.messages.iter().find(|m| m.is_error) {
+                    let said = Error::runtime(WHAT, "silent", &message.text);
+                    self.failed.get_or_insert(said);
+                }
+                true
+            }
             Step::Settle => app.model.is_settled() && app.model.frame.is_some() && self.frame > 2,
             Step::Drag { name, seconds, .. } => {
                 let empty = || Measured {
@@ -309,6 +325,8 @@ fn parse(words: &[&str]) -> Option<Step> {
     let screen = has("screen");
     Some(match words[0] {
         "window" => Step::Window { size: [number(1)?, number(2)?] },
+        "resize" => Step::Resize { size: [number(1)?, number(2)?] },
+        "silent" => Step::Silent,
         "settle" => Step::Settle,
         "drag" => Step::Drag {
             name: (*words.get(1)?).to_owned(),
@@ -356,7 +374,7 @@ mod tests {
         assert_eq!(script.steps.len(), 4);
         assert_eq!(script.steps[3], Step::Shot { path: "a b.png".into() });
         assert!(matches!(&script.steps[1], Step::Drag { modifiers, .. } if modifiers.shift));
-        for bad in ["drag x 1 2", "click 1", "key Nope", "jump 3", "shot"] {
+        for bad in ["drag x 1 2", "click 1", "key Nope", "jump 3", "shot", "resize 3"] {
             std::fs::write(&path, format!("settle\n{bad}\n")).unwrap();
             let error = Script::read(&path).unwrap_err();
             assert!(error.place.contains("line 2") && error.exit_status() == 2, "{bad}: {error}");

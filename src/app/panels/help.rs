@@ -3,6 +3,9 @@
 use super::keys::KEYS;
 use eframe::egui;
 
+/// Of the window.
+pub const TITLE: &str = "Keys and hands";
+
 const HANDS: [(&str, &str); 10] = [
     ("Drag", "turn the camera"),
     ("Shift + drag", "move the light"),
@@ -18,7 +21,7 @@ const HANDS: [(&str, &str); 10] = [
 
 /// Shows the list while it is `open`.
 pub fn show(context: &egui::Context, open: &mut bool) {
-    egui::Window::new("Keys and hands")
+    egui::Window::new(TITLE)
         .open(open)
         .collapsible(false)
         .resizable(false)

@@ -1,4 +1,4 @@
-//! What lies over the picture: anatomical letters, axes, the light, the probed point, and how the picture stands.
+//! What lies over the picture: anatomical letters, the light, the probed point, and how the picture stands.
 
 use super::clip;
 use super::difference::{Difference, legend};
@@ -6,7 +6,7 @@ use super::parts::{project, shadowed_text};
 use crate::app::camera;
 use crate::app::model::Model;
 use crate::scene::{Camera, Light};
-use eframe::egui::{self, Align2, Color32, Pos2, Rect, Stroke, Vec2, vec2};
+use eframe::egui::{self, Align2, Color32, Rect, Stroke, Vec2, vec2};
 use glam::DVec3;
 
 /// Anatomical letters, the light while it is dragged, the probed point, and how the picture stands.
@@ -26,7 +26,6 @@ pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) 
             let letters = camera::marks(direction);
             shadowed_text(painter, at, align, &letters, 15.0, Color32::from_gray(225));
         }
-        axes(painter, egui::pos2(rect.left() + 42.0, rect.bottom() - 44.0), &camera);
     }
     if let Some(p) = model.probe.as_ref().and_then(|probe| project(&camera, rect, probe.point)) {
         painter.circle_stroke(p, 7.0, Stroke::new(3.0, Color32::from_black_alpha(160)));
@@ -52,25 +51,6 @@ pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) 
     let shift = ui.input(|i| i.modifiers.shift);
     if shift && let Light::Directional { toward } = document.light().light {
         light_arrow(painter, rect, &camera, toward);
-    }
-}
-
-/// The patient's axes, seen as the volume is.
-fn axes(painter: &egui::Painter, center: Pos2, camera: &Camera) {
-    const LENGTH: f32 = 26.0;
-    let frame = camera.frame();
-    let on_screen = |v: DVec3| vec2(v.dot(frame.right) as f32, -v.dot(frame.up) as f32) * LENGTH;
-    let mut arms = [
-        (DVec3::X, "R", Color32::from_rgb(235, 95, 85)),
-        (DVec3::Y, "A", Color32::from_rgb(110, 200, 100)),
-        (DVec3::Z, "S", Color32::from_rgb(95, 150, 245)),
-    ];
-    // What points away is painted first.
-    arms.sort_by(|a, b| b.0.dot(frame.forward).total_cmp(&a.0.dot(frame.forward)));
-    for (axis, letter, color) in arms {
-        let end = on_screen(axis);
-        painter.line_segment([center, center + end], Stroke::new(2.0, color));
-        shadowed_text(painter, center + end * 1.3, Align2::CENTER_CENTER, letter, 12.0, color);
     }
 }
 

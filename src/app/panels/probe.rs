@@ -1,8 +1,12 @@
 //! The probe's answer: transmittance against depth along the light ray, by the methods and exactly.
 
 use crate::app::model::Model;
+use crate::app::render_thread::messages::MethodCurve;
 use eframe::egui::{self, Color32};
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
+
+/// Of the window.
+pub const TITLE: &str = "Probe";
 
 /// Colours of the methods' curves; the exact one is in the text's colour.
 const COLORS: [Color32; 2] = [Color32::from_rgb(240, 150, 50), Color32::from_rgb(80, 165, 245)];
@@ -13,7 +17,7 @@ pub fn show(context: &egui::Context, model: &mut Model) {
     let units = model.document.as_ref().map_or("", |d| d.tf.units.as_str());
     let mut open = true;
     let rect = model.view.unwrap_or(context.content_rect());
-    egui::Window::new("Probe")
+    egui::Window::new(TITLE)
         .open(&mut open)
         .default_pos(rect.left_top() + egui::vec2(12.0, 12.0))
         .default_size([430.0, 320.0])
@@ -38,6 +42,9 @@ pub fn show(context: &egui::Context, model: &mut Model) {
                     ui.end_row();
                 }
             });
+            for curve in &probe.methods {
+                ui.add(egui::Label::new(egui::RichText::new(promise_in_words(curve)).weak()).wrap());
+            }
             let exact = ui.visuals().strong_text_color();
             Plot::new("transmittance")
                 .legend(Legend::default())
@@ -60,5 +67,65 @@ pub fn show(context: &egui::Context, model: &mut Model) {
         });
     if !open {
         model.probe = None;
+    }
+}
+
+/// What a method promises, of what, and how it is kept close to the point: the error at the point itself may be larger.
+fn promise_in_words(curve: &MethodCurve) -> String {
+    let name = curve.spec.split(':').next().unwrap_or(&curve.spec);
+    let Some(promise) = curve.promise else {
+        return format!("{name} promises nothing with these settings: an error may be of any size.");
+    };
+    let bound = promise.bound;
+    let what = format!(
+        "{name} promises ± {:.4} within {:.3} mm of depth, on the light rays through the centres of its map's texels and \
+         not between them.",
+        bound.transmittance, bound.depth_mm
+    );
+    let Some(nearest) = promise.nearest else { return format!("{what} No texel lies here.") };
+    let away = nearest.texels_away;
+    if nearest.kept {
+        let largest = nearest.largest;
+        format!(
+            "{what} On the nearest such ray, {away:.2} texels from here, it is kept: off by {largest:.4} at most at one \
+             depth, the shift in depth not allowed for."
+        )
+    } else {
+        format!(
+            "{what} On the nearest such ray, {away:.2} texels from here, it is not kept: please report this."
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::render_thread::messages::{NearestRay, ProbedPromise};
+    use crate::shadow::Bound;
+
+    #[test]
+    fn a_promise_is_said_of_what_it_speaks() {
+        let curve =
+            |promise| MethodCurve { spec: "dsm:map=64".into(), points: vec![], at_point: 0.5, promise };
+        let words = |nearest| {
+            let bound = Bound { transmittance: 0.0235, depth_mm: 0.31, ..Bound::default() };
+            promise_in_words(&curve(Some(ProbedPromise { bound, nearest })))
+        };
+        let ray = NearestRay { texels_away: 0.4, largest: 0.2, kept: true };
+        let kept = words(Some(ray));
+        for part in [
+            "dsm promises ± 0.0235 within 0.310 mm",
+            "centres",
+            "not between",
+            "0.40 texels",
+            "kept",
+            "0.2000",
+        ] {
+            assert!(kept.contains(part), "{kept}");
+        }
+        assert!(words(Some(NearestRay { kept: false, ..ray })).contains("not kept"));
+        assert!(words(None).contains("No texel lies here"));
+        let nothing = promise_in_words(&curve(None));
+        assert!(nothing.contains("dsm promises nothing") && !nothing.contains('±'), "{nothing}");
     }
 }

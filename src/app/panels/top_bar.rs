@@ -127,7 +127,8 @@ fn view_menu(ui: &mut egui::Ui, model: &mut Model) {
     }
     ui.separator();
     ui.checkbox(&mut model.settings.slices, "Slices");
-    ui.checkbox(&mut model.settings.marks, "Anatomical marks");
+    ui.checkbox(&mut model.settings.marks, "Anatomical letters");
+    ui.checkbox(&mut model.settings.cube, "Orientation cube");
     let mut split = model.split.share.is_some();
     if ui.checkbox(&mut split, "Split view").changed() {
         model.split.set(split);

@@ -3,7 +3,7 @@
 use super::difference::Difference;
 use super::parts::file_name;
 use super::slices::Slices;
-use super::{flicker, hands, overlays};
+use super::{cube, flicker, hands, overlays};
 use crate::app::model::Model;
 use crate::app::paint::shown::{Place, shape as shown};
 use crate::app::panels::parts::tag;
@@ -62,6 +62,7 @@ fn view(
     flicker::paint(model, ui, rect);
     if model.document.is_some() {
         overlays::paint(ui, rect, model, difference);
+        cube::show(ui, rect, model);
     } else if model.reading.is_none() {
         let text = "Drop a volume here, or choose File › Open";
         let font = FontId::proportional(18.0);

@@ -22,6 +22,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use task::{Finished, News, REMARK, Request, Task};
 
+/// Of the window.
+pub const TITLE: &str = "Comparison";
+
 /// How often the window looks how far the table is. Each look is a frame of the interface, which takes time from methods
 /// that are being timed.
 const LOOK: Duration = Duration::from_millis(300);
@@ -143,7 +146,7 @@ impl Comparison {
         }
         let mut open = true;
         let view = model.view.unwrap_or(context.content_rect());
-        egui::Window::new("Comparison")
+        egui::Window::new(TITLE)
             .open(&mut open)
             .default_pos(view.left_top() + egui::vec2(16.0, 16.0))
             .default_size([760.0, 660.0])
