@@ -26,6 +26,7 @@ mod resume;
 mod script;
 mod settings;
 mod split;
+pub mod theme;
 mod window;
 
 pub use contents::App;

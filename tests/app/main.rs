@@ -5,6 +5,7 @@ mod comparison;
 mod difference;
 mod files;
 mod hands;
+mod layout;
 mod loss;
 mod opening;
 mod panels;
