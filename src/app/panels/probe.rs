@@ -7,7 +7,7 @@ use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
 
 /// Of the curves, points.
-const LEAST_HEIGHT: f32 = 170.0;
+const LEAST_HEIGHT: f32 = 140.0;
 
 /// Shows the answer while there is one.
 pub fn show(context: &egui::Context, model: &mut Model) {
@@ -48,9 +48,11 @@ pub fn show(context: &egui::Context, model: &mut Model) {
             let same = names.len() == 2 && names[0] == names[1];
             // All that is left below the figures, and enough to see a curve.
             let used = ui.cursor().top() - ui.min_rect().top();
-            let height = (ui.clip_rect().height() - used - 4.0).max(LEAST_HEIGHT);
+            let height = (ui.clip_rect().height() - used - 16.0).max(LEAST_HEIGHT);
             Plot::new("transmittance")
                 .height(height)
+                // The last figure below the axis reaches beyond it.
+                .width(ui.available_width() - 14.0)
                 .legend(Legend::default())
                 .include_y(0.0)
                 .include_y(1.0)

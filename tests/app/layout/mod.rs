@@ -297,6 +297,8 @@ fn faults_that_are_planted_are_found() {
             let color = egui::Color32::WHITE;
             ui.painter().text(egui::pos2(x, 200.0), egui::Align2::LEFT_TOP, text, font.clone(), color);
         }
+        ui.put(at(200.0, 240.0, 100.0), egui::Label::new("veiled"));
+        ui.painter().rect_filled(at(200.0, 240.0, 100.0), 0.0, egui::Color32::from_black_alpha(100));
     };
     let mut harness = Harness::builder().with_size(vec2(400.0, 400.0)).build_ui(plant);
     // Bars beside what scrolls, as in the window.
@@ -311,6 +313,7 @@ fn faults_that_are_planted_are_found() {
     assert_eq!(unreadable.len(), 1, "{unreadable:#?}");
     let texts = texts::faults(&harness);
     has(&texts, &["another text", "is painted over", "one text"]);
+    has(&texts, &["a plate", "is painted over", "`veiled`"]);
     let widgets = widgets::faults(&mut harness, None);
     has(&widgets, &["cut", "too long a line"]);
     has(&widgets, &["cut", "beyond the edge"]);

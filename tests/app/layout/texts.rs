@@ -140,7 +140,8 @@ impl Text<'_> {
 /// Lines that are cut or lie over each other.
 pub fn faults<S>(harness: &Harness<'_, S>) -> Vec<String> {
     let painted = Painted::of(harness);
-    [cut(harness, &painted), collisions(&painted)].concat()
+    let window = harness.ctx.content_rect();
+    [cut(harness, &painted), collisions(&painted), veiled(&painted, window)].concat()
 }
 
 /// Text that its clip rectangle cuts, unless it is that of a widget which is looked at as such: one that is cut itself, or
@@ -172,6 +173,26 @@ fn collisions(painted: &Painted) -> Vec<String> {
             let meets = shared.width() > SLACK && shared.height() > SLACK;
             if meets && !painted.hides(a.order + 1..b.order, shared.center(), 255) {
                 faults.push(format!("`{}` {} is painted over `{}` {}", b.words(), b.rect, a.words(), a.rect));
+            }
+        }
+    }
+    faults
+}
+
+/// Text under a plate that something else lies on. What is opaque is a window or a list over it; the veil of a question
+/// lies over all of the window.
+fn veiled(painted: &Painted, window: Rect) -> Vec<String> {
+    let mut faults = Vec::new();
+    for text in painted.texts() {
+        let at = text.rect.center();
+        for (clip, shape) in &painted.shapes[text.order + 1..] {
+            let Shape::Rect(r) = shape else { continue };
+            let over = clip.contains(at) && r.rect.contains(at) && r.blur_width == 0.0;
+            if over && r.fill.a() == 255 {
+                break;
+            }
+            if over && r.fill.a() > 0 && !r.rect.contains_rect(window) {
+                faults.push(format!("a plate {} is painted over `{}` {}", r.rect, text.words(), text.rect));
             }
         }
     }

@@ -52,7 +52,7 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
     }
     let font = FontId::proportional(12.0);
     let color = theme::OVER_PICTURE;
-    let bar = vec2((rect.width() - 140.0).clamp(60.0, 220.0), 10.0);
+    let bar = vec2((rect.width() - 240.0).clamp(60.0, 220.0), 10.0);
     let room = (rect.width() - if is_narrow { 80.0 } else { 2.0 * CORNERS }).max(100.0);
     let margin = if is_narrow { ABOVE_CORNERS } else { 34.0 };
     let lines: Vec<_> =

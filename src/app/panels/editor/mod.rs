@@ -110,9 +110,11 @@ fn opacity_scale(ui: &mut egui::Ui, model: &mut Model) {
     }
     let now = document.tf_source.1.reference_length_mm / document.tf.reference_length_mm;
     let mut factor = now;
-    ui.label("Opacity");
-    let drag =
-        egui::DragValue::new(&mut factor).speed(0.01 * now).range(1e-6..=1e6).max_decimals(4).prefix("x ");
+    let drag = egui::DragValue::new(&mut factor)
+        .speed(0.01 * now)
+        .range(1e-6..=1e6)
+        .max_decimals(4)
+        .prefix("Opacity x ");
     let drag = ui.add(drag).accessible_name("opacity scale");
     if drag
         .on_hover_text("Extinction at every value, as a multiple of the function's that was loaded")
