@@ -12,6 +12,7 @@ use super::reading::Opened;
 use super::render_thread::messages::Event;
 use super::resume::Resume;
 use super::settings::Settings;
+use super::theme;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::transfer::formats;
@@ -60,7 +61,7 @@ impl App {
         let context = ui.ctx().clone();
         self.windows.comparison.take_news(&mut self.model, &context);
         let Self { model, windows, difference, presets, slices, strands, times } = self;
-        context.set_theme(if model.settings.dark { egui::Theme::Dark } else { egui::Theme::Light });
+        theme::show(&context, model.settings.dark);
         take_dropped_files(model, &context);
         keys::shortcuts(&context, model, windows, difference);
         escape::leave_topmost(&context, model, windows);

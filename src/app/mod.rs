@@ -28,6 +28,7 @@ mod script;
 mod settings;
 mod split;
 mod surface;
+pub mod theme;
 mod window;
 
 pub use contents::App;

@@ -225,6 +225,9 @@ impl eframe::App for Window {
             let _ = state.device.poll(wgpu::PollType::wait_indefinitely());
         }
         self.app.show(ui, frame.wgpu_render_state());
+        if let Some(script) = &mut self.script {
+            script.look(ui.ctx());
+        }
         if self.kept.is_some_and(|when| when.elapsed() > KEEP_EVERY)
             || (self.kept.is_some() && ui.input(|i| i.viewport().close_requested()))
         {

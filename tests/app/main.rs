@@ -7,6 +7,7 @@ mod cube;
 mod difference;
 mod files;
 mod hands;
+mod layout;
 mod loss;
 mod opening;
 mod panels;

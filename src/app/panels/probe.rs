@@ -1,15 +1,17 @@
 //! The probe's answer: transmittance against depth along the light ray, by the methods and exactly.
 
+use super::parts::method_name;
 use crate::app::model::Model;
 use crate::app::render_thread::messages::MethodCurve;
-use eframe::egui::{self, Color32};
+use crate::app::theme;
+use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
 
 /// Of the window.
 pub const TITLE: &str = "Probe";
 
-/// Colours of the methods' curves; the exact one is in the text's colour.
-const COLORS: [Color32; 2] = [Color32::from_rgb(240, 150, 50), Color32::from_rgb(80, 165, 245)];
+/// Of the curves, points.
+const LEAST_HEIGHT: f32 = 140.0;
 
 /// Shows the answer while there is one.
 pub fn show(context: &egui::Context, model: &mut Model) {
@@ -20,8 +22,11 @@ pub fn show(context: &egui::Context, model: &mut Model) {
     egui::Window::new(TITLE)
         .open(&mut open)
         .default_pos(rect.left_top() + egui::vec2(12.0, 12.0))
-        .default_size([430.0, 320.0])
+        .default_size(egui::vec2(430.0, 320.0).min(rect.size() - egui::vec2(40.0, 70.0)))
+        .max_size(context.content_rect().size() - egui::vec2(40.0, 70.0))
+        .vscroll(true)
         .show(context, |ui| {
+            let colors = theme::colors(ui.visuals());
             let p = probe.point;
             ui.label(format!(
                 "{:.2}, {:.2}, {:.2} mm (RAS) · value {:.2} {units} · {:.2} mm into the light ray",
@@ -36,7 +41,7 @@ pub fn show(context: &egui::Context, model: &mut Model) {
                 ui.monospace(format!("{:.5}", probe.exact_at_point));
                 ui.end_row();
                 for (i, curve) in probe.methods.iter().enumerate() {
-                    ui.colored_label(COLORS[i % 2], &curve.spec);
+                    ui.colored_label(colors.methods[i % 2], &curve.spec);
                     ui.monospace(format!("{:.5}", curve.at_point));
                     ui.monospace(format!("{:+.5}", curve.at_point - probe.exact_at_point));
                     ui.end_row();
@@ -46,7 +51,15 @@ pub fn show(context: &egui::Context, model: &mut Model) {
                 ui.add(egui::Label::new(egui::RichText::new(promise_in_words(curve)).weak()).wrap());
             }
             let exact = ui.visuals().strong_text_color();
+            let names = probe.methods.iter().map(|curve| method_name(&curve.spec)).collect::<Vec<_>>();
+            let same = names.len() == 2 && names[0] == names[1];
+            // All that is left below the figures, and enough to see a curve.
+            let used = ui.cursor().top() - ui.min_rect().top();
+            let height = (ui.clip_rect().height() - used - 16.0).max(LEAST_HEIGHT);
             Plot::new("transmittance")
+                .height(height)
+                // The last figure below the axis reaches beyond it.
+                .width(ui.available_width() - 14.0)
                 .legend(Legend::default())
                 .include_y(0.0)
                 .include_y(1.0)
@@ -56,13 +69,13 @@ pub fn show(context: &egui::Context, model: &mut Model) {
                 .show(ui, |plot| {
                     for (i, curve) in probe.methods.iter().enumerate() {
                         let points = PlotPoints::from(curve.points.clone());
-                        plot.line(Line::new(curve.spec.clone(), points).color(COLORS[i % 2]).width(2.0));
+                        // Settings stand above: over the curves there is no room for them.
+                        let name = if same { curve.spec.as_str() } else { method_name(&curve.spec) };
+                        plot.line(Line::new(name.to_owned(), points).color(colors.methods[i % 2]).width(2.0));
                     }
                     let points = PlotPoints::from(probe.exact.clone());
                     plot.line(Line::new("exact", points).color(exact).width(1.2));
-                    plot.vline(
-                        VLine::new("the point", probe.depth_mm).color(Color32::from_rgb(255, 200, 60)),
-                    );
+                    plot.vline(VLine::new("the point", probe.depth_mm).color(colors.probe));
                 });
         });
     if !open {

@@ -128,7 +128,7 @@ impl Prompt {
                 ui.weak("A file, a folder of DICOM files, or phantom:NAME[:SIZE] for a built-in one");
             }
             if purpose == Purpose::ExportPicture {
-                ui.horizontal(|ui| {
+                ui.horizontal_wrapped(|ui| {
                     ui.label("Size");
                     for (side, name) in self.size.iter_mut().zip(["width", "height"]) {
                         ui.add(egui::DragValue::new(side).range(1..=16_384).suffix(" px"))
