@@ -408,9 +408,11 @@ fn parse(words: &[&str]) -> Option<Step> {
 
 fn write_png(path: &Path, image: &egui::ColorImage) -> Result<()> {
     use image::ImageEncoder;
+    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
     let rgb: Vec<u8> = image.pixels.iter().flat_map(|p| [p.r(), p.g(), p.b()]).collect();
     let mut bytes = Vec::new();
-    image::codecs::png::PngEncoder::new(&mut bytes)
+    // They are kept in docs/: time is spent for size.
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
         .write_image(&rgb, image.width() as u32, image.height() as u32, image::ExtendedColorType::Rgb8)
         .map_err(|e| Error::runtime("cannot encode picture", path.display(), e))?;
     write_whole(path, |file| file.write_all(&bytes))
