@@ -1,6 +1,6 @@
 //! The files and folders that a path which is being typed may go on to.
 
-use std::path::{MAIN_SEPARATOR, Path, PathBuf, is_separator};
+use std::path::{MAIN_SEPARATOR_STR, Path, PathBuf, is_separator};
 
 /// Of a folder no more are listed.
 const MOST_ENTRIES: usize = 4000;
@@ -80,7 +80,7 @@ impl Listing {
 
 /// The path of an entry, in a folder as it was typed.
 pub fn path_of(folder: &str, entry: &Entry) -> String {
-    let end = if entry.is_folder { MAIN_SEPARATOR.to_string() } else { String::new() };
+    let end = if entry.is_folder { MAIN_SEPARATOR_STR } else { "" };
     format!("{folder}{}{end}", entry.name)
 }
 
@@ -127,10 +127,10 @@ mod tests {
         assert_eq!(listing.completed(&typed("s")), Some(typed("scan")), "as far as they agree");
         assert_eq!(listing.completed(&typed("scan")), None, "no farther");
         assert_eq!(listing.completed(&typed("SCAN_A")), Some(typed("scan_a.nii.gz")));
-        assert_eq!(listing.completed(&typed("z")), Some(typed("zarr") + &MAIN_SEPARATOR.to_string()));
+        assert_eq!(listing.completed(&typed("z")), Some(typed("zarr") + MAIN_SEPARATOR_STR));
         assert_eq!(listing.completed(&typed("nothing")), None);
         // Another folder is listed anew, and one that is not there says why.
-        listing.follow(&(typed("scans") + &MAIN_SEPARATOR.to_string()), &endings);
+        listing.follow(&(typed("scans") + MAIN_SEPARATOR_STR), &endings);
         assert!(listing.matching("").is_empty() && listing.trouble.is_none());
         listing.follow(&typed("nowhere/at all"), &endings);
         assert!(listing.trouble.is_some());
