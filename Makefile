@@ -5,7 +5,9 @@
 # make lint    formatting and clippy, as CI runs them
 # make bench   the criterion benches, and what shadows cost at which error (in turn with UMBRAVOX_BEFORE, another binary, and
 #              UMBRAVOX_PEER, a command that runs VTK's ray caster)
-# make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another)
+# make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another);
+#              those of docs/window.md are made anew
+# make sizes   screenshots of the window in out/sizes, from 640 x 480 to 1920 x 1080 points at the scales 1 and 2
 # make measured   every table of docs/measured.md on the adapter that is here, into docs/measured/ADAPTER.md (MEASURED_FLAGS="--only cost")
 # make pictures   every picture of README and docs but the window's, and the README's table (out/strip/compare.md), anew; on a quiet
 #              machine, for its times (PICTURES_EFFORT="--repeats 1 --points 1000 --rays 100" is a trial)
@@ -24,8 +26,10 @@ GRID_METHODS := none;rays;dsm:map=256,epsilon=0.02;osm:map=256,layers=32;fourier
 PICTURES_EFFORT ?= --repeats 7
 PICTURES_DIR ?= docs
 XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
+XVFB_LARGE := xvfb-run -a -s "-screen 0 3840x2160x24"
+SIZES ?= 640x480@1 900x560@1 900x560@2 1280x720@1 1280x720@2 1920x1080@1 1920x1080@2
 
-.PHONY: demo test python adapters lint bench shots measured pictures setup check-tools
+.PHONY: demo test python adapters lint bench shots sizes measured pictures setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -64,8 +68,23 @@ shots:
 	$(CARGO) build --release --locked
 	@mkdir -p out/shots
 	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/shots.txt
+	@rm -rf out/shots/comparison
+	$(XVFB) $(UMBRAVOX) view phantom:thorax:64 --tf bone --clean --script scripts/parts.txt
+	@cp out/shots/window-*.png docs/
 	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/drags.txt
+	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --shadow rays --clean --script scripts/resizes.txt
 	@echo && cat out/shots/drags.tsv
+
+sizes:
+	@scripts/setup.sh --window
+	$(CARGO) build --release --locked
+	@mkdir -p out/sizes
+	@for size in $(SIZES); do \
+		points=$${size%@*} scale=$${size#*@}; \
+		sed "s/WIDTH/$${points%x*}/g; s/HEIGHT/$${points#*x}/g; s/SCALE/$$scale/g" scripts/sizes.txt >out/sizes/script.txt; \
+		WINIT_X11_SCALE_FACTOR=$$scale $(XVFB_LARGE) $(UMBRAVOX) view phantom:thorax:64 --tf bone --clean \
+			--script out/sizes/script.txt || exit 1; \
+	done
 
 measured: setup
 	$(CARGO) build --release --locked

@@ -15,14 +15,12 @@ fn main() -> ExitCode {
 fn view(args: ViewArgs) -> Result<()> {
     use umbravox::app::{Script, Start, run};
     use umbravox::open::SceneArgs;
-    use umbravox::scene::Shading;
 
     let script = args.script.as_deref().map(Script::read).transpose()?;
     let asked = args.scene != SceneArgs::default();
-    let mut settings = args.scene.into_settings()?;
+    let settings = args.scene.into_settings()?;
     // Said before a window opens, as any other command would.
     settings.method()?;
-    settings.shading.get_or_insert(Shading::Lambert);
     let adapter = settings.adapter.clone();
     let scene = (asked || args.clean).then_some(settings);
     run(Start { scene, adapter, clean: args.clean, script })

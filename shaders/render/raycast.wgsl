@@ -27,6 +27,7 @@
 #endif
 #endif
 #ifdef SHADING
+#import umbravox::labels::seen_value_at
 #import umbravox::light::{light_point, light_ray}
 #endif
 #ifdef KAJIYA_KAY
@@ -108,6 +109,15 @@ fn mean_over(a: f32, b: f32) -> vec4<f32> {
 // ---- Shading and light ----
 
 #ifdef SHADING
+// The same where the value is known on the way, too: half of the way each.
+fn mean_by(a: f32, middle: f32, b: f32) -> vec4<f32> {
+    let integral = color_integral_at(middle);
+    let first = mean_color(a, middle, color_integral_at(a), integral);
+    return 0.5 * (first + mean_color(middle, b, integral, color_integral_at(b)));
+}
+#endif
+
+#ifdef SHADING
 #ifdef KAJIYA_KAY
 // Shading factor of the strands at a grid-space point.
 fn shading_factor(g: vec3<f32>, eye_direction: vec3<f32>) -> f32 {
@@ -180,8 +190,21 @@ fn gather_part(run: ptr<function, Run>, walk: ptr<function, Walk>, left: ptr<fun
     // A part that float32 cannot tell from nothing takes the rest.
     let part_end = begin + (*run).part_mm;
     let to = select(part_end, b, begin + 1.5 * (*run).part_mm > b || part_end <= begin);
+#ifdef SHADING
+    // One more sample: where a part of a thick stretch ends, else in the middle. A straight line between two samples puts a
+    // surface beside where light rays meet it, and what lies behind that by a hair is dark: it would show as rings.
+    let refined = frame.shading_weight > 0.0;
+    let inner = to != b;
+    let taken = seen_value_at(ray.o + select(0.5 * (begin + to), to, inner) * ray.d);
+    let straight = mix((*walk).from_value, (*walk).value, select((to - begin) / (b - begin), 1.0, to == b));
+    let value_to = select(straight, taken, inner && refined);
+    let middle = select(0.5 * ((*walk).from_value + value_to), taken, !inner);
+    var mean = vec4<f32>(0.0);
+    if refined { mean = mean_by((*walk).from_value, middle, value_to); } else { mean = mean_over((*walk).from_value, value_to); }
+#else
     let value_to = mix((*walk).from_value, (*walk).value, select((to - begin) / (b - begin), 1.0, to == b));
     let mean = mean_over((*walk).from_value, value_to);
+#endif
     let depth = mean.w * (to - begin);
     // Too thick to be lit as a whole: taken again in parts.
     let thick = depth * min(UNSEEN_PART * *left, 1.0) > THICKEST_PART && (*run).part_mm == FAR;
@@ -337,7 +360,13 @@ fn raycast(
         if walk.found {
             walk.found = false;
             let to = sample_depth(ray, walk.k);
+#ifdef SHADING
+            let middle = seen_value_at(ray.o + 0.5 * (walk.from_t + to) * ray.d);
+            var mean = mean_over(walk.from_value, walk.value);
+            if frame.shading_weight > 0.0 { mean = mean_by(walk.from_value, middle, walk.value); }
+#else
             let mean = mean_over(walk.from_value, walk.value);
+#endif
             let alpha = 1.0 - exp(-mean.w * (to - walk.from_t));
             var light = 1.0;
 #ifdef SHADING

@@ -62,9 +62,14 @@ pub fn zoom(camera: &mut Camera, factor: f64, cursor: [f64; 2], radius_mm: f64) 
 
 /// Looks at the target from one of the six directions, from as far as now.
 pub fn look_from(camera: &mut Camera, view: &AxisView) {
+    look_along(camera, view.away, view.up);
+}
+
+/// Looks at the target from the unit direction `away` of it, from as far as now.
+pub fn look_along(camera: &mut Camera, away: DVec3, up: DVec3) {
     let distance = camera.eye.distance(camera.target);
-    camera.eye = camera.target + distance * view.away;
-    camera.up = view.up;
+    camera.eye = camera.target + distance * away;
+    camera.up = up;
 }
 
 /// Turns the light about the volume's middle as seen from the camera; a point light moves along the picture.

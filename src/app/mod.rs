@@ -14,6 +14,7 @@
 pub mod camera;
 mod clip;
 mod contents;
+mod cube;
 pub mod curve;
 mod document;
 pub mod method_choice;
@@ -26,6 +27,8 @@ mod resume;
 mod script;
 mod settings;
 mod split;
+mod surface;
+pub mod theme;
 mod window;
 
 pub use contents::App;

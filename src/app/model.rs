@@ -18,7 +18,7 @@ use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::gpu::{DeviceLoss, Gpu};
 use crate::open::{SceneSettings, VolumeSpec, presets};
 use crate::scene::AXIS_VIEWS;
-use crate::scene::{Light, Scene, Shading};
+use crate::scene::{Light, Scene};
 use eframe::egui::Rect;
 use std::path::Path;
 use std::sync::Arc;
@@ -28,9 +28,6 @@ use std::time::{Duration, Instant};
 const NOTE_TIME: Duration = Duration::from_secs(8);
 /// Lines that are shown at once.
 const MOST_MESSAGES: usize = 5;
-
-/// The shading of the window, where nothing is said: surfaces read better while they turn.
-pub const SHADING: Shading = Shading::Lambert;
 
 /// A line at the bottom of the view.
 #[derive(Debug, Clone)]
@@ -253,10 +250,7 @@ impl Model {
     fn open_as_is(&mut self, spec: VolumeSpec) {
         let with = match &self.document {
             Some(document) => With::Scene(Box::new(document.scene.clone())),
-            None => With::Settings(Box::new(SceneSettings {
-                shading: Some(SHADING),
-                ..SceneSettings::of_volume(&spec)
-            })),
+            None => With::Settings(Box::new(SceneSettings::of_volume(&spec))),
         };
         self.open(spec, with);
     }

@@ -2,11 +2,16 @@
 //!
 //! ```text
 //! window WIDTH HEIGHT                       points; the first step, where the size matters
+//! resize WIDTH HEIGHT                       points, while the picture does what it does
+//! silent                                   the script fails where something is said in red
 //! settle                                   until the picture is whole
+//! compared                                 until the comparison has ended
 //! drag NAME X0 Y0 X1 Y1 SECONDS [shift|ctrl] [screen]   shares of the view (or of the whole window), there and back
 //! click X Y [screen]
 //! double X Y [screen]
 //! move X Y [screen]                         the pointer alone
+//! press NAME                               clicks the widget of that name, as screen readers call it, wherever it is
+//! type TEXT                                into the field that has the cursor
 //! key NAME [shift|ctrl]
 //! pause SECONDS
 //! open PATH
@@ -20,7 +25,8 @@ use super::contents::App;
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
 use crate::files::output::write_whole;
-use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, pos2};
+use eframe::egui::accesskit::{Action, ActionRequest, TreeId};
+use eframe::egui::{self, Event, Id, Key, Modifiers, PointerButton, Pos2, Rect, pos2};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -33,10 +39,15 @@ const LONGEST_STEP: Duration = Duration::from_secs(120);
 #[derive(Debug, Clone, PartialEq)]
 enum Step {
     Window { size: [f32; 2] },
+    Resize { size: [f32; 2] },
+    Silent,
     Settle,
+    Compared,
     Drag { name: String, from: [f32; 2], to: [f32; 2], seconds: f32, modifiers: Modifiers, screen: bool },
     Click { at: [f32; 2], screen: bool, double: bool },
     Move { at: [f32; 2], screen: bool },
+    Press { name: String },
+    Type { text: String },
     Key { key: Key, modifiers: Modifiers },
     Pause { seconds: f32 },
     Open { source: String },
@@ -74,6 +85,8 @@ pub struct Script {
     failed: Option<Error>,
     shot: Shot,
     loses_device: bool,
+    /// Where the widget is that is to be pressed, and since which frame it is in sight.
+    target: Option<(Id, Rect, Option<u32>)>,
 }
 
 impl Script {
@@ -102,6 +115,7 @@ impl Script {
             failed: None,
             shot: Shot::default(),
             loses_device: false,
+            target: None,
         })
     }
 
@@ -172,6 +186,29 @@ impl Script {
                     events.push(Event::Key { key, physical_key: None, pressed, repeat: false, modifiers });
                 }
             }
+            Step::Resize { size } if frame == 0 => {
+                context.send_viewport_cmd(egui::ViewportCommand::InnerSize((*size).into()));
+            }
+            Step::Press { .. } => {
+                // Names are those that screen readers are told.
+                context.enable_accesskit();
+                match self.target {
+                    Some((_, rect, Some(seen))) if seen == frame => {
+                        let at = rect.center();
+                        events.push(Event::PointerMoved(at));
+                        events.push(button(at, true, Modifiers::NONE));
+                        events.push(button(at, false, Modifiers::NONE));
+                    }
+                    Some((id, _, None)) => events.push(Event::AccessKitActionRequest(ActionRequest {
+                        action: Action::ScrollIntoView,
+                        target_tree: TreeId::ROOT,
+                        target_node: id.accesskit_id(),
+                        data: None,
+                    })),
+                    _ => {}
+                }
+            }
+            Step::Type { text } if frame == 0 => events.push(Event::Text(text.clone())),
             Step::Shot { .. } if frame == 0 => {
                 let shot = Arc::clone(&self.shot);
                 context.request_screenshot(move |image| {
@@ -180,6 +217,24 @@ impl Script {
             }
             _ => {}
         }
+    }
+
+    /// Looks for what is to be pressed, once all widgets have been laid out.
+    pub fn look(&mut self, context: &egui::Context) {
+        let Some(Step::Press { name }) = self.steps.front() else { return };
+        if matches!(self.target, Some((.., Some(_)))) {
+            return;
+        }
+        self.target = context.viewport(|viewport| {
+            let pass = &viewport.this_pass;
+            let nodes = &pass.accesskit_state.as_ref()?.nodes;
+            let mut named =
+                nodes.iter().filter(|(_, n)| [n.label(), n.value()].contains(&Some(name.as_str())));
+            let widget = named.find_map(|(id, _)| pass.widgets.get(*id))?;
+            let seen = widget.interact_rect.is_positive()
+                && widget.interact_rect.height() > 0.6 * widget.rect.height();
+            Some((widget.id, widget.interact_rect, seen.then_some(self.frame + 1)))
+        });
     }
 
     /// Looks whether the step is done; how the script ended, once it has.
@@ -194,6 +249,16 @@ impl Script {
         }
         let done = match step {
             Step::Window { .. } => true,
+            // Where the system takes another size, it is the one to go on with.
+            Step::Resize { .. } => self.frame > 1,
+            Step::Silent => {
+                if let Some(message) = app.model.messages.iter().find(|m| m.is_error) {
+                    let said = Error::runtime(WHAT, "silent", &message.text);
+                    self.failed.get_or_insert(said);
+                }
+                true
+            }
+            Step::Compared => app.windows.comparison.outcome().is_some(),
             Step::Settle => app.model.is_settled() && app.model.frame.is_some() && self.frame > 2,
             Step::Drag { name, seconds, .. } => {
                 let empty = || Measured {
@@ -247,7 +312,10 @@ impl Script {
                 }
                 true
             }
-            Step::Click { .. } | Step::Move { .. } | Step::Key { .. } => self.frame > 1,
+            Step::Press { .. } => {
+                matches!(self.target, Some((.., Some(seen))) if self.frame > seen + 1)
+            }
+            Step::Click { .. } | Step::Move { .. } | Step::Key { .. } | Step::Type { .. } => self.frame > 1,
             Step::Lose => {
                 self.loses_device = true;
                 true
@@ -256,6 +324,7 @@ impl Script {
         self.frame += 1;
         if done {
             self.steps.pop_front();
+            self.target = None;
             self.frame = 0;
             self.since = None;
         }
@@ -309,7 +378,10 @@ fn parse(words: &[&str]) -> Option<Step> {
     let screen = has("screen");
     Some(match words[0] {
         "window" => Step::Window { size: [number(1)?, number(2)?] },
+        "resize" => Step::Resize { size: [number(1)?, number(2)?] },
+        "silent" => Step::Silent,
         "settle" => Step::Settle,
+        "compared" => Step::Compared,
         "drag" => Step::Drag {
             name: (*words.get(1)?).to_owned(),
             from: [number(2)?, number(3)?],
@@ -323,6 +395,8 @@ fn parse(words: &[&str]) -> Option<Step> {
         }
         "move" => Step::Move { at: [number(1)?, number(2)?], screen },
         "key" => Step::Key { key: Key::from_name(words.get(1)?)?, modifiers },
+        "press" => Step::Press { name: rest()? },
+        "type" => Step::Type { text: rest()? },
         "pause" => Step::Pause { seconds: number(1)? },
         "open" => Step::Open { source: rest()? },
         "shot" => Step::Shot { path: rest()?.into() },
@@ -334,9 +408,11 @@ fn parse(words: &[&str]) -> Option<Step> {
 
 fn write_png(path: &Path, image: &egui::ColorImage) -> Result<()> {
     use image::ImageEncoder;
+    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
     let rgb: Vec<u8> = image.pixels.iter().flat_map(|p| [p.r(), p.g(), p.b()]).collect();
     let mut bytes = Vec::new();
-    image::codecs::png::PngEncoder::new(&mut bytes)
+    // They are kept in docs/: time is spent for size.
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
         .write_image(&rgb, image.width() as u32, image.height() as u32, image::ExtendedColorType::Rgb8)
         .map_err(|e| Error::runtime("cannot encode picture", path.display(), e))?;
     write_whole(path, |file| file.write_all(&bytes))
@@ -356,7 +432,7 @@ mod tests {
         assert_eq!(script.steps.len(), 4);
         assert_eq!(script.steps[3], Step::Shot { path: "a b.png".into() });
         assert!(matches!(&script.steps[1], Step::Drag { modifiers, .. } if modifiers.shift));
-        for bad in ["drag x 1 2", "click 1", "key Nope", "jump 3", "shot"] {
+        for bad in ["drag x 1 2", "click 1", "key Nope", "jump 3", "shot", "resize 3", "press"] {
             std::fs::write(&path, format!("settle\n{bad}\n")).unwrap();
             let error = Script::read(&path).unwrap_err();
             assert!(error.place.contains("line 2") && error.exit_status() == 2, "{bad}: {error}");

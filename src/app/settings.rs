@@ -29,12 +29,16 @@ pub struct Settings {
     pub gradient_histogram: bool,
     /// Slices beside the view.
     pub slices: bool,
-    /// Anatomical letters and axes.
+    /// Anatomical letters.
     pub marks: bool,
+    /// The orientation cube.
+    pub cube: bool,
     /// Changes a second of the flicker.
     pub flicker_hz: f64,
     /// Sources of volumes, the latest first.
     pub recent: Vec<String>,
+    /// The folder of the file that was named last, with its separator at the end.
+    pub folder: String,
     /// The scene that was open, as the text of a scene file.
     pub last_scene: String,
 }
@@ -50,8 +54,10 @@ impl Default for Settings {
             gradient_histogram: false,
             slices: false,
             marks: true,
+            cube: true,
             flicker_hz: split::DEFAULT_RATE_HZ,
             recent: Vec::new(),
+            folder: String::new(),
             last_scene: String::new(),
         }
     }

@@ -1,12 +1,12 @@
 //! The window itself: eframe's, on the device that pictures are drawn with.
 
 use super::contents::App;
-use super::model::SHADING;
 use super::paint::widgets::Widgets;
 use super::reading::With;
 use super::resume::Resume;
 use super::script::Script;
 use super::settings::Settings;
+use super::surface::Surface;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::open::SceneSettings;
@@ -60,8 +60,8 @@ const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 pub fn run(start: Start) -> Result<()> {
     let settings = if start.clean { Settings::default() } else { Settings::read() };
     let scene = start.scene.or_else(|| last_scene(&settings.last_scene));
-    let scene = scene.unwrap_or_else(|| SceneSettings { shading: Some(SHADING), ..Default::default() });
-    let mut begin = Begin { settings, scene: Some(scene), script: start.script, resume: None };
+    let mut begin =
+        Begin { settings, scene: Some(scene.unwrap_or_default()), script: start.script, resume: None };
     let mut losses: Vec<Instant> = Vec::new();
     loop {
         let since = Instant::now();
@@ -122,6 +122,7 @@ fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
             context.egui_ctx.add_plugin(widgets);
         }
         let gpu = Gpu::from_parts(&state.adapter, state.device.clone(), state.queue.clone());
+        let surface = Surface::of(&gpu);
         let mut app = App::new(gpu, &context.egui_ctx, settings)?;
         if let Some(resume) = lock(&to_resume).take() {
             app.resume(resume);
@@ -130,7 +131,7 @@ fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
             app.model.open(scene.spec(), With::Settings(Box::new(scene)));
         }
         let kept = (!clean).then(Instant::now);
-        Ok(Box::new(Window { app, kept, script, outcome: theirs, ended: false }))
+        Ok(Box::new(Window { app, surface, kept, script, outcome: theirs, ended: false }))
     });
     let ran = eframe::run_native("umbravox", options, create);
     if let (Err(_), Some(resume)) = (&ran, lock(&resume).take()) {
@@ -162,6 +163,7 @@ fn select_by_name(name: &str) -> egui_wgpu::NativeAdapterSelectorMethod {
 /// The application as eframe sees it.
 struct Window {
     app: App,
+    surface: Surface,
     /// When settings were kept last; `None`: never, as `--clean` says.
     kept: Option<Instant>,
     script: Option<Script>,
@@ -205,6 +207,9 @@ impl eframe::App for Window {
         if self.ended {
             return;
         }
+        if let Some(e) = self.surface.before_frame(ui.ctx(), frame) {
+            self.app.model.fail(&e);
+        }
         if let Some(script) = &mut self.script
             && let Some(outcome) = script.after_frame(&mut self.app)
         {
@@ -220,6 +225,9 @@ impl eframe::App for Window {
             let _ = state.device.poll(wgpu::PollType::wait_indefinitely());
         }
         self.app.show(ui, frame.wgpu_render_state());
+        if let Some(script) = &mut self.script {
+            script.look(ui.ctx());
+        }
         if self.kept.is_some_and(|when| when.elapsed() > KEEP_EVERY)
             || (self.kept.is_some() && ui.input(|i| i.viewport().close_requested()))
         {

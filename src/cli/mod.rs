@@ -42,7 +42,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Info(info::InfoArgs),
-    Render(Box<render::RenderArgs>),
+    Render(render::RenderArgs),
     Probe(probe::ProbeArgs),
     Compare(Box<compare::CompareArgs>),
     Convert(convert::ConvertArgs),
@@ -91,7 +91,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCod
 fn run(command: Command, window: Window) -> Result<()> {
     match command {
         Command::Info(args) => info::run(&args),
-        Command::Render(args) => render::run(*args),
+        Command::Render(args) => render::run(args),
         Command::Probe(args) => probe::run(args),
         Command::Compare(args) => compare::run(*args),
         Command::Convert(args) => convert::run(&args),

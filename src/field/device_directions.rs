@@ -49,10 +49,10 @@ impl DeviceDirections {
             more_moments.write_layer(gpu, layer, &second);
             // Bounds what the queue keeps of the copies.
             if layer % 64 == 63 {
-                gpu.queue.submit([]);
+                gpu.submit([]);
             }
         }
-        gpu.wait_for(gpu.queue.submit([]))?;
+        gpu.wait_for(gpu.submit([]))?;
         let bytes = Self::bytes_of(dims);
         if pollster::block_on(scope.pop()).is_some() {
             let why = format!("the device has no {bytes} bytes left for them");

@@ -118,7 +118,7 @@ fn write_tiles(
             written += 1;
             // Bounds what the queue keeps of the copies.
             if written % 64 == 0 {
-                gpu.queue.submit([]);
+                gpu.submit([]);
             }
         }
     }
@@ -193,7 +193,7 @@ impl DeviceVolume {
         let texture = grid_texture(gpu, "volume", kept, &fold);
         write_voxels(gpu, volume, &texture, &Packing { format, center, per_stored }, &fold);
         let labels = volume.labels().map(|labels| label_texture(gpu, labels, &fold, dims));
-        let last = gpu.queue.submit([]);
+        let last = gpu.submit([]);
         gpu.wait_for(last)?;
         let texel_bytes = format.bytes() + u64::from(labels.is_some());
         let bytes = fold.sides().iter().product::<usize>() as u64 * texel_bytes;

@@ -106,7 +106,7 @@ impl TileParts<'_> {
         let part = self.advance(last)?;
         if self.pace.target_ms.is_finite() {
             // What others have submitted meanwhile is no part of its time; a lost device shows in the part itself.
-            let _ = gpu.wait_for(gpu.queue.submit([]));
+            let _ = gpu.wait_for(gpu.submit([]));
         }
         Some(part)
     }

@@ -74,7 +74,15 @@ enum Encoder {
     /// Pictures are written as they come.
     Png(Box<png::Writer<BufWriter<File>>>),
     /// Pictures wait until the colours of all are known.
-    Gif { file: BufWriter<File>, waiting: SpooledTempFile, seen: Colors },
+    Gif(Box<Waiting>),
+}
+
+/// A GIF file to come.
+struct Waiting {
+    file: BufWriter<File>,
+    /// RGB.
+    pixels: SpooledTempFile,
+    seen: Colors,
 }
 
 impl Animation {
@@ -93,7 +101,7 @@ impl Animation {
             _ => {
                 let pixels = u64::from(of.size[0]) * u64::from(of.size[1]) * u64::from(of.frames);
                 let seen = Colors::of_every(pixels.div_ceil(TRAINING_PIXELS) as usize);
-                Encoder::Gif { file, waiting: spool_beside(path, SPOOL_BYTES), seen }
+                Encoder::Gif(Box::new(Waiting { file, pixels: spool_beside(path, SPOOL_BYTES), seen }))
             }
         };
         Ok(Self { path: path.into(), whole, of, added: 0, encoder })
@@ -112,9 +120,9 @@ impl Animation {
         let pixels = codes(picture, self.of.backdrop);
         match &mut self.encoder {
             Encoder::Png(writer) => writer.write_image_data(&pixels).map_err(|e| fail(&e))?,
-            Encoder::Gif { waiting, seen, .. } => {
-                seen.add(&pixels);
-                waiting.write_all(&pixels).map_err(|e| fail(&e))?;
+            Encoder::Gif(waiting) => {
+                waiting.seen.add(&pixels);
+                waiting.pixels.write_all(&pixels).map_err(|e| fail(&e))?;
             }
         }
         self.added += 1;
@@ -132,9 +140,7 @@ impl Animation {
         }
         match encoder {
             Encoder::Png(writer) => writer.finish().map_err(|e| failed(&path, e))?,
-            Encoder::Gif { file, waiting, seen } => {
-                write_gif(file, waiting, seen, &of).map_err(|e| failed(&path, e))?;
-            }
+            Encoder::Gif(waiting) => write_gif(*waiting, &of).map_err(|e| failed(&path, e))?,
         }
         whole.finish()
     }
@@ -229,12 +235,8 @@ impl Palette {
 }
 
 /// No dithering: it would crawl from picture to picture, and triple the file.
-fn write_gif(
-    file: BufWriter<File>,
-    mut waiting: SpooledTempFile,
-    seen: Colors,
-    of: &Animated,
-) -> Result<(), gif::EncodingError> {
+fn write_gif(waiting: Waiting, of: &Animated) -> Result<(), gif::EncodingError> {
+    let Waiting { file, pixels: mut kept, seen } = waiting;
     let mut palette = seen.palette();
     // No picture is wider than 16,384 pixels, which is less than a GIF file can say.
     let [width, height] = of.size.map(|side| side as u16);
@@ -245,10 +247,10 @@ fn write_gif(
         let comment = AnyExtension::from(Extension::Comment);
         encoder.write_raw_extension(comment, &[lines.join("\n").as_bytes()])?;
     }
-    waiting.seek(SeekFrom::Start(0))?;
+    kept.seek(SeekFrom::Start(0))?;
     let mut pixels = vec![0; 3 * of.size[0] as usize * of.size[1] as usize];
     for frame in 0..of.frames {
-        waiting.read_exact(&mut pixels)?;
+        kept.read_exact(&mut pixels)?;
         let (colors, _) = pixels.as_chunks::<3>();
         let mut last = ([0; 3], palette.place([0; 3]));
         let mut place = |color: [u8; 3]| {

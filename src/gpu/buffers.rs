@@ -81,7 +81,7 @@ pub fn copy_rows(gpu: &Gpu, from: &wgpu::TextureView, to: &wgpu::TextureView, ro
     let size = wgpu::Extent3d { height: rows, ..from.texture().size() };
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_texture_to_texture(from.texture().as_image_copy(), to.texture().as_image_copy(), size);
-    gpu.wait_for(gpu.queue.submit([encoder.finish()]))
+    gpu.wait_for(gpu.submit([encoder.finish()]))
 }
 
 /// A sampler that goes on at the edges.
@@ -145,7 +145,7 @@ pub fn read_back<T: Pod>(gpu: &Gpu, buffer: &wgpu::Buffer, count: usize) -> Resu
     let staging = staging_buffer(gpu, bytes);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-    read_staging(gpu, &staging, gpu.queue.submit([encoder.finish()]), bytes)
+    read_staging(gpu, &staging, gpu.submit([encoder.finish()]), bytes)
 }
 
 /// What a submission copies into so that the host can read it.

@@ -1,5 +1,6 @@
 //! Choosing an adapter and opening a device with all the limits that it has.
 
+use super::sharing::{Sharing, Uncaptured};
 use super::watch::Watch;
 use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -19,8 +20,8 @@ pub struct Gpu {
     pub timestamp_period_ns: Option<f32>,
     /// Counts loops of shaders that reach their bound.
     pub watch: Watch,
-    /// The first error that no call returned (validation, out of memory, device lost).
-    uncaptured: Arc<Mutex<Option<String>>>,
+    /// Errors that no call returned (validation, out of memory), and who submits when.
+    pub sharing: Sharing,
     lost: DeviceLoss,
 }
 
@@ -70,13 +71,11 @@ impl Gpu {
     pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = adapter.get_info();
         let features = device.features();
-        let uncaptured = Arc::new(Mutex::new(None));
-        let sink = Arc::clone(&uncaptured);
+        let sharing = Sharing::default();
+        let sink = sharing.clone();
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
             tracing::debug!("uncaptured device error: {e}");
-            if let Ok(mut slot) = sink.lock() {
-                slot.get_or_insert_with(|| e.to_string());
-            }
+            sink.note(&e);
         }));
         let lost = DeviceLoss::default();
         let sink = lost.clone();
@@ -98,7 +97,7 @@ impl Gpu {
             info,
             filters_float32: features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             timestamp_period_ns,
-            uncaptured,
+            sharing,
             lost,
         }
     }
@@ -108,15 +107,21 @@ impl Gpu {
         self.lost.clone()
     }
 
-    /// The first error that no call returned, if there was one since the last time.
+    /// The first error of this thread's calls that none of them returned, if there was one since the last time.
     pub fn take_error(&self) -> Result<()> {
-        let error = self.uncaptured.lock().ok().and_then(|mut e| e.take());
-        error.map_or(Ok(()), |why| Err(Error::runtime("the graphics device failed", &self.info.name, why)))
+        let failed =
+            |e: Uncaptured| Err(Error::runtime("the graphics device failed", &self.info.name, e.why));
+        self.sharing.take_error().map_or(Ok(()), failed)
+    }
+
+    /// Submits, once nobody holds submissions back.
+    pub fn submit<I: IntoIterator<Item = wgpu::CommandBuffer>>(&self, commands: I) -> wgpu::SubmissionIndex {
+        self.sharing.unheld(|| self.queue.submit(commands))
     }
 
     /// Submits and waits until the device has done it all.
     pub fn submit_and_wait(&self, encoder: wgpu::CommandEncoder) -> Result<()> {
-        let submission = self.queue.submit([encoder.finish()]);
+        let submission = self.submit([encoder.finish()]);
         self.wait_for(submission)
     }
 

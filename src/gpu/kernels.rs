@@ -172,7 +172,7 @@ impl Kernels {
         let pipeline = self.pipeline(variant, groups)?;
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         record(&mut encoder.begin_compute_pass(&Default::default()), &pipeline, groups, workgroups);
-        Ok(self.gpu.queue.submit([encoder.finish()]))
+        Ok(self.gpu.submit([encoder.finish()]))
     }
 }
 

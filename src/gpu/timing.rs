@@ -111,7 +111,7 @@ impl PassTimer {
         }
         gpu.watch.copy_to(&mut encoder, &staging, TICKS_BYTES);
         let start = std::time::Instant::now();
-        let submission = gpu.queue.submit([encoder.finish()]);
+        let submission = gpu.submit([encoder.finish()]);
         let report = read_staging::<u32>(gpu, &staging, submission, REPORT_BYTES)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
         gpu.watch.check(&gpu.queue, &gpu.info.name, label, report[4])?;

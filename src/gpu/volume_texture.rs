@@ -75,7 +75,7 @@ impl VolumeTexture {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let from = wgpu::TexelCopyBufferInfo { buffer: from, layout };
         encoder.copy_buffer_to_texture(from, to, size);
-        gpu.queue.submit([encoder.finish()]);
+        gpu.submit([encoder.finish()]);
     }
 
     /// Writes a layer: a texel an entry, x fastest.

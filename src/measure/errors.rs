@@ -192,6 +192,21 @@ impl RayTest<'_> {
         light: Light,
         session: &Session,
         shadow: &ShadowMap,
+        visit: impl FnMut(BandReport, &[f64], &[f32]),
+    ) -> Result<()> {
+        self.visit_asking(field, light, shadow, |points| session.query(shadow, points), visit)
+    }
+
+    /// As [`Self::visit`], of a method that answers points (world mm) through `query`.
+    ///
+    /// # Errors
+    /// Those of `query`.
+    pub fn visit_asking(
+        &self,
+        field: &ExactField,
+        light: Light,
+        shadow: &ShadowMap,
+        query: impl Fn(&[DVec3]) -> Result<Vec<f32>>,
         mut visit: impl FnMut(BandReport, &[f64], &[f32]),
     ) -> Result<()> {
         let band = shadow.bound;
@@ -235,7 +250,7 @@ impl RayTest<'_> {
                     depths.iter().map(move |&z| ray.at(z))
                 })
                 .collect();
-            let values = session.query(shadow, &points_mm)?;
+            let values = query(&points_mm)?;
             let mut rest = &values[..];
             for (i, (exact, depths)) in rays.iter().enumerate() {
                 let (own, others) = rest.split_at(depths.len());

@@ -98,8 +98,8 @@ impl<'a> Reference<'a> {
         let pixels = field.picture(&small);
         let error = field.picture_change(&small, &pixels, EXACT_PIXELS_CHECKED);
         notes.push(format!(
-            "image errors are of {} x {} pixels, against the exact picture, which changes by at most {error:.1e} \
-            in a channel when it is made finer",
+            "errors of the picture (RMSE, PSNR, SSIM) are those of {} x {} pixels, shaded as the scene is, against the \
+            exact picture, which changes by at most {error:.1e} in a channel when it is integrated more finely",
             small.width, small.height
         ));
         if small.width.min(small.height) < SSIM_WINDOW as u32 {

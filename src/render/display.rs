@@ -87,7 +87,7 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
             return None;
         }
         // What others have submitted meanwhile is no part of a band's time; a lost device shows in the band itself.
-        let _ = self.gpu.wait_for(self.gpu.queue.submit([]));
+        let _ = self.gpu.wait_for(self.gpu.submit([]));
         Some(self.pace.pixels())
     }
 

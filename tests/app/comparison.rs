@@ -8,11 +8,12 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use umbravox::measure::journal::JOURNAL;
 use umbravox::measure::table::Row;
+use umbravox::report::number::significant;
 use umbravox::shadow::METHODS;
 
 impl Bench {
     /// Opens the comparison, and asks for little: small pictures, few points and rays, of the families named.
-    fn ask_for_little(&mut self, folder: &Path, families: &[(&str, &str)], repeats: &str) {
+    pub fn ask_for_little(&mut self, folder: &Path, families: &[(&str, &str)], repeats: &str) {
         self.harness.key_press(egui::Key::T);
         self.harness.step();
         self.harness.step();
@@ -44,6 +45,11 @@ impl Bench {
     fn shows(&self, label: &str) -> bool {
         self.harness.query_all_by_label_contains(label).next().is_some()
     }
+}
+
+/// Two families of few rows.
+pub fn little() -> [(&'static str, &'static str); 2] {
+    [("none", "none"), ("dsm", "dsm:map=64,epsilon=0.1,0.05,prefilter=5,precompress=table")]
 }
 
 /// The rows of `compare.csv`.
@@ -93,6 +99,36 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
     let eye = scene.camera.eye;
     assert!(text.contains(&format!("{:.4}, {:.4}, {:.4}", eye.x, eye.y, eye.z)), "the camera of the start");
     assert!(bench.shows(report.to_str().unwrap()));
+
+    // Figures stand under their headings, to the right edge.
+    for (heading, value) in [("error rms", rows[2].point_err_rms), ("frame ms", rows[2].frame_ms)] {
+        let above = bench.harness.get_by_label(&format!("sort by {heading}")).rect();
+        let text = significant(value.unwrap(), 3);
+        let figures = bench.harness.query_all_by_label(&text).map(|n| n.rect()).collect::<Vec<_>>();
+        let under =
+            |r: &egui::Rect| r.top() > above.bottom() - 1.0 && (r.right() - above.right()).abs() < 1.5;
+        assert!(figures.iter().any(under), "{heading} {above}: {text} {figures:?}");
+    }
+    // The report is opened by the system; where it does not, the path is said.
+    bench.app().windows.comparison.report.opener = |_| Err(std::io::Error::other("no browser is here"));
+    bench.click("Open report");
+    let said = format!("cannot open the report ({}): no browser is here", report.display());
+    let start = Instant::now();
+    while !bench.shows(&said) {
+        bench.harness.step();
+        assert!(start.elapsed() < Duration::from_secs(20));
+    }
+    bench.app().windows.comparison.report.opener = |path| match path.is_file() {
+        true => std::fs::rename(path, path.with_extension("opened")),
+        false => Err(std::io::Error::other("that is no file")),
+    };
+    bench.click("Open report");
+    while !report.with_extension("opened").is_file() {
+        bench.harness.step();
+        assert!(start.elapsed() < Duration::from_secs(20));
+    }
+    bench.harness.run_steps(3);
+    assert!(!bench.shows("cannot open the report"));
 
     // A row goes into the shadows panel; with Shift it is the second method.
     bench.settle();

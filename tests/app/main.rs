@@ -1,15 +1,19 @@
 //! The window's widgets over the real renderer, without a window: what hands do is injected as events.
 #![cfg(feature = "gui")]
 
+mod asking;
 mod comparison;
+mod cube;
 mod difference;
 mod files;
 mod hands;
+mod layout;
 mod loss;
 mod opening;
 mod panels;
 mod parts;
 mod presets;
+mod resizes;
 
 use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;

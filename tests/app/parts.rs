@@ -4,6 +4,7 @@ use super::Bench;
 use eframe::egui::{Modifiers, vec2};
 use glam::DVec3;
 use ndarray::Array3;
+use std::path::Path;
 use umbravox::files::loading::Loading;
 use umbravox::open::{SceneSettings, VolumeSpec, load};
 use umbravox::transfer::Class;
@@ -63,17 +64,22 @@ fn a_plane_is_cut_from_a_side_dragged_by_its_handle_and_taken_back() {
     assert!(bench.app().model.document.as_ref().unwrap().tf.clip.is_empty());
 }
 
-#[test]
-fn labels_are_ticked_off_and_on() {
-    let dir = tempfile::tempdir().unwrap();
-    let file = dir.path().join("parts.nii");
+/// Labels 0, 1 and 3 on the grid of the chest of 32 voxels.
+pub fn write_labels(file: &Path) {
     let scan = load(&VolumeSpec::new("phantom:thorax:32")).unwrap();
     let [nx, ny, nz] = scan.dims();
     let labels =
         Array3::from_shape_fn((nz, ny, nx), |(k, _, i)| if k < nz / 2 { 3u8 } else { u8::from(i > nx / 2) });
     let provenance = Provenance::new("parts", "phantom", "uint8");
     let labels = Volume::new(labels.into(), Scaling::IDENTITY, scan.world_from_index(), provenance).unwrap();
-    write_volume(&labels, &file).unwrap();
+    write_volume(&labels, file).unwrap();
+}
+
+#[test]
+fn labels_are_ticked_off_and_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("parts.nii");
+    write_labels(&file);
     let named = format!("--labels={}", file.display());
     let Some(mut bench) = Bench::open(&[SMALL, &[&named, "--hide=3", "--label-tf=1=skin"]].concat()) else {
         return;

@@ -25,7 +25,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let mut begins = false;
     let mut removed = None;
     for (i, plane) in planes.iter_mut().enumerate() {
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             let [low, high] = clip::offsets_mm(&corners, plane.normal);
             let speed = (high - low).max(1e-6) * 2e-3;
             let offset =
@@ -60,7 +60,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     }
     begins |= removed.is_some();
     ui.add_enabled_ui(planes.len() < MOST_CLIP_PLANES, |ui| {
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             ui.label("Cut from").on_hover_text("A plane through the middle that takes that side away");
             for view in &AXIS_VIEWS {

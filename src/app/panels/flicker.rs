@@ -25,15 +25,15 @@ pub fn wake(model: &Model, context: &egui::Context) {
     }
 }
 
-/// The method that fills the view now.
-pub fn paint(model: &Model, ui: &egui::Ui, rect: Rect) {
-    let Some(side) = side(model, ui.ctx()) else { return };
-    let Some(side) = model.frame.as_ref().and_then(|frame| frame.sides().nth(side)) else { return };
-    let at = rect.center_top() + vec2(0.0, 34.0);
-    tag(&ui.painter_at(rect), at, Align2::CENTER_TOP, &side.spec);
+/// The method that fills the view now, at the top; returns how far down its name reaches, where there is flicker.
+pub fn paint(model: &Model, ui: &egui::Ui, rect: Rect) -> Option<f32> {
+    let side = model.frame.as_ref()?.sides().nth(side(model, ui.ctx())?)?;
+    let at = rect.center_top() + vec2(0.0, 8.0);
+    let shown = tag(ui, rect, at, Align2::CENTER_TOP, &side.spec, rect.width() - 16.0);
     let place = Rect::from_center_size(at, vec2(2.0, 2.0));
     let label = ui.interact(place, ui.scope_id().with("flicker"), Sense::empty());
     label.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, format!("shown: {}", side.spec)));
+    Some(shown.bottom())
 }
 
 /// The switch and the rate, below the second method.

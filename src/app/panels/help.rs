@@ -3,6 +3,9 @@
 use super::keys::KEYS;
 use eframe::egui;
 
+/// Of the window.
+pub const TITLE: &str = "Keys and hands";
+
 const HANDS: [(&str, &str); 10] = [
     ("Drag", "turn the camera"),
     ("Shift + drag", "move the light"),
@@ -16,13 +19,20 @@ const HANDS: [(&str, &str); 10] = [
     ("Drop a file", "open a volume, strands or a scene; load a transfer function"),
 ];
 
+/// All of the list, points.
+const SIZE: egui::Vec2 = egui::vec2(720.0, 760.0);
+
 /// Shows the list while it is `open`.
 pub fn show(context: &egui::Context, open: &mut bool) {
-    egui::Window::new("Keys and hands")
+    let most = context.content_rect().size() - egui::vec2(40.0, 70.0);
+    egui::Window::new(TITLE)
         .open(open)
         .collapsible(false)
         .resizable(false)
         .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
+        .scroll(true)
+        .default_size(SIZE.min(most))
+        .max_size(most)
         .show(context, |ui| {
             for (title, rows) in [("Hands", &HANDS[..]), ("Keys", &KEYS[..])] {
                 ui.strong(title);

@@ -7,7 +7,7 @@ use crate::app::model::Model;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 
 /// Each key with what it does.
-pub const KEYS: [(&str, &str); 17] = [
+pub const KEYS: [(&str, &str); 18] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
     ("Ctrl+E", "export a picture"),
@@ -21,9 +21,10 @@ pub const KEYS: [(&str, &str); 17] = [
     ("D", "error against exact: of the light, of the picture, off"),
     ("T", "compare methods: errors and times as a table"),
     ("V", "slices on or off"),
-    ("M", "anatomical marks on or off"),
+    ("M", "anatomical letters on or off"),
+    ("O", "orientation cube on or off"),
     ("Delete", "remove the selected point"),
-    ("Esc", "close the probe"),
+    ("Esc", "close what lies on top: a question, this list, the comparison, the probe"),
     ("F1", "this list"),
 ];
 
@@ -43,7 +44,7 @@ pub fn shortcuts(
     if hit(Modifiers::COMMAND, Key::O) {
         windows.prompt.ask(model, Purpose::OpenVolume);
     }
-    // Letters and digits belong to whatever is being typed, Escape to a question that is open.
+    // Letters and digits belong to whatever is being typed, and nothing goes past a question that is open.
     if context.text_edit_focused() || windows.prompt.is_open() || model.document.is_none() {
         return;
     }
@@ -96,8 +97,7 @@ pub fn shortcuts(
     if hit(Modifiers::NONE, Key::M) {
         model.settings.marks = !model.settings.marks;
     }
-    // Without a probe it belongs to whatever list is open.
-    if model.probe.is_some() && hit(Modifiers::NONE, Key::Escape) {
-        model.probe = None;
+    if hit(Modifiers::NONE, Key::O) {
+        model.settings.cube = !model.settings.cube;
     }
 }

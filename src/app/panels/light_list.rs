@@ -13,7 +13,7 @@ pub fn show(ui: &mut egui::Ui, document: &mut Document) {
         for (place, source) in document.scene.lights.iter().enumerate() {
             let text = egui::RichText::new(format!("{}", place + 1));
             // One that gives no light is not drawn.
-            let text = if source.shines() { text } else { text.weak() };
+            let text = if source.shines() { text } else { text.strikethrough() };
             let kind = match source.light {
                 Light::Directional { .. } => "at infinity",
                 Light::Point { .. } => "at a point",

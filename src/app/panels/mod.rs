@@ -2,8 +2,10 @@
 
 mod clip;
 pub mod comparison;
+mod cube;
 pub mod difference;
 pub mod editor;
+pub mod escape;
 pub mod flicker;
 mod hands;
 pub mod help;

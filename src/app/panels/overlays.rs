@@ -1,32 +1,41 @@
-//! What lies over the picture: anatomical letters, axes, the light, the probed point, and how the picture stands.
+//! What lies over the picture: anatomical letters, the light, the probed point, and how the picture stands.
 
 use super::clip;
 use super::difference::{Difference, legend};
 use super::parts::{project, shadowed_text};
 use crate::app::camera;
 use crate::app::model::Model;
+use crate::app::theme;
 use crate::scene::{Camera, Light};
-use eframe::egui::{self, Align2, Color32, Pos2, Rect, Stroke, Vec2, vec2};
+use eframe::egui::{self, Align2, Color32, Rect, Stroke, Vec2, vec2};
 use glam::DVec3;
 
-/// Anatomical letters, the light while it is dragged, the probed point, and how the picture stands.
-pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) {
+/// Letters are no nearer to the line of a split, points.
+const BESIDE_LINE: f32 = 22.0;
+
+/// Anatomical letters, the light while it is dragged, the probed point, and how the picture stands. What names the
+/// methods reaches down to `below_tags`.
+pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, difference: &Difference) {
     let painter = &ui.painter_at(rect);
     let Some(document) = &model.document else { return };
     let camera = document.scene.camera;
     let frame = camera.frame();
     if model.settings.marks {
         let c = rect.center();
+        let top = below_tags + if below_tags > rect.top() { 4.0 } else { 10.0 };
+        // Letters in the middle stand clear of the split's line.
+        let line =
+            model.split.share.filter(|_| !model.split.flickers()).map(|s| rect.left() + s * rect.width());
+        let middle = line.filter(|x| (x - c.x).abs() < BESIDE_LINE).map_or(c.x, |x| x - BESIDE_LINE);
         for (at, align, direction) in [
             (egui::pos2(rect.left() + 10.0, c.y), Align2::LEFT_CENTER, -frame.right),
             (egui::pos2(rect.right() - 10.0, c.y), Align2::RIGHT_CENTER, frame.right),
-            (egui::pos2(c.x, rect.top() + 10.0), Align2::CENTER_TOP, frame.up),
-            (egui::pos2(c.x, rect.bottom() - 10.0), Align2::CENTER_BOTTOM, -frame.up),
+            (egui::pos2(middle, top), Align2::CENTER_TOP, frame.up),
+            (egui::pos2(middle, rect.bottom() - 10.0), Align2::CENTER_BOTTOM, -frame.up),
         ] {
             let letters = camera::marks(direction);
-            shadowed_text(painter, at, align, &letters, 15.0, Color32::from_gray(225));
+            shadowed_text(painter, at, align, &letters, 15.0, theme::OVER_PICTURE);
         }
-        axes(painter, egui::pos2(rect.left() + 42.0, rect.bottom() - 44.0), &camera);
     }
     if let Some(p) = model.probe.as_ref().and_then(|probe| project(&camera, rect, probe.point)) {
         painter.circle_stroke(p, 7.0, Stroke::new(3.0, Color32::from_black_alpha(160)));
@@ -46,31 +55,13 @@ pub fn paint(ui: &egui::Ui, rect: Rect, model: &Model, difference: &Difference) 
     legend::paint(difference, model, ui, rect);
     let Some(picture) = &model.frame else { return };
     let (w, h) = (picture.main.texture.width, picture.main.texture.height);
-    let quality = if picture.whole { format!("{w} x {h}") } else { format!("{w} x {h}, refining …") };
+    let more = if rect.width() < 260.0 { " …" } else { ", refining …" };
+    let quality = format!("{w} x {h}{}", if picture.whole { "" } else { more });
     let at = rect.right_bottom() - vec2(10.0, 10.0);
-    shadowed_text(painter, at, Align2::RIGHT_BOTTOM, &quality, 11.5, Color32::from_gray(170));
+    shadowed_text(painter, at, Align2::RIGHT_BOTTOM, &quality, 11.5, theme::DIM_OVER_PICTURE);
     let shift = ui.input(|i| i.modifiers.shift);
     if shift && let Light::Directional { toward } = document.light().light {
         light_arrow(painter, rect, &camera, toward);
-    }
-}
-
-/// The patient's axes, seen as the volume is.
-fn axes(painter: &egui::Painter, center: Pos2, camera: &Camera) {
-    const LENGTH: f32 = 26.0;
-    let frame = camera.frame();
-    let on_screen = |v: DVec3| vec2(v.dot(frame.right) as f32, -v.dot(frame.up) as f32) * LENGTH;
-    let mut arms = [
-        (DVec3::X, "R", Color32::from_rgb(235, 95, 85)),
-        (DVec3::Y, "A", Color32::from_rgb(110, 200, 100)),
-        (DVec3::Z, "S", Color32::from_rgb(95, 150, 245)),
-    ];
-    // What points away is painted first.
-    arms.sort_by(|a, b| b.0.dot(frame.forward).total_cmp(&a.0.dot(frame.forward)));
-    for (axis, letter, color) in arms {
-        let end = on_screen(axis);
-        painter.line_segment([center, center + end], Stroke::new(2.0, color));
-        shadowed_text(painter, center + end * 1.3, Align2::CENTER_CENTER, letter, 12.0, color);
     }
 }
 

@@ -38,7 +38,7 @@ impl Presets {
         let list = egui::ComboBox::from_id_salt("preset")
             .selected_text(format!("{}{edited}", file_name(name)))
             .width(150.0)
-            .height(460.0)
+            .height(460.0_f32.min(ui.ctx().content_rect().height() - 100.0))
             .show_ui(ui, |ui| {
                 for (index, preset) in PRESETS.iter().enumerate() {
                     let texture = self.thumbnail(index, model).map(|t| &t.texture);

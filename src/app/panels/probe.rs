@@ -1,11 +1,17 @@
 //! The probe's answer: transmittance against depth along the light ray, by the methods and exactly.
 
+use super::parts::method_name;
 use crate::app::model::Model;
-use eframe::egui::{self, Color32};
+use crate::app::render_thread::messages::MethodCurve;
+use crate::app::theme;
+use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
 
-/// Colours of the methods' curves; the exact one is in the text's colour.
-const COLORS: [Color32; 2] = [Color32::from_rgb(240, 150, 50), Color32::from_rgb(80, 165, 245)];
+/// Of the window.
+pub const TITLE: &str = "Probe";
+
+/// Of the curves, points.
+const LEAST_HEIGHT: f32 = 140.0;
 
 /// Shows the answer while there is one.
 pub fn show(context: &egui::Context, model: &mut Model) {
@@ -13,11 +19,14 @@ pub fn show(context: &egui::Context, model: &mut Model) {
     let units = model.document.as_ref().map_or("", |d| d.tf.units.as_str());
     let mut open = true;
     let rect = model.view.unwrap_or(context.content_rect());
-    egui::Window::new("Probe")
+    egui::Window::new(TITLE)
         .open(&mut open)
         .default_pos(rect.left_top() + egui::vec2(12.0, 12.0))
-        .default_size([430.0, 320.0])
+        .default_size(egui::vec2(430.0, 320.0).min(rect.size() - egui::vec2(40.0, 70.0)))
+        .max_size(context.content_rect().size() - egui::vec2(40.0, 70.0))
+        .vscroll(true)
         .show(context, |ui| {
+            let colors = theme::colors(ui.visuals());
             let p = probe.point;
             ui.label(format!(
                 "{:.2}, {:.2}, {:.2} mm (RAS) · value {:.2} {units} · {:.2} mm into the light ray",
@@ -32,14 +41,25 @@ pub fn show(context: &egui::Context, model: &mut Model) {
                 ui.monospace(format!("{:.5}", probe.exact_at_point));
                 ui.end_row();
                 for (i, curve) in probe.methods.iter().enumerate() {
-                    ui.colored_label(COLORS[i % 2], &curve.spec);
+                    ui.colored_label(colors.methods[i % 2], &curve.spec);
                     ui.monospace(format!("{:.5}", curve.at_point));
                     ui.monospace(format!("{:+.5}", curve.at_point - probe.exact_at_point));
                     ui.end_row();
                 }
             });
+            for curve in &probe.methods {
+                ui.add(egui::Label::new(egui::RichText::new(promise_in_words(curve)).weak()).wrap());
+            }
             let exact = ui.visuals().strong_text_color();
+            let names = probe.methods.iter().map(|curve| method_name(&curve.spec)).collect::<Vec<_>>();
+            let same = names.len() == 2 && names[0] == names[1];
+            // All that is left below the figures, and enough to see a curve.
+            let used = ui.cursor().top() - ui.min_rect().top();
+            let height = (ui.clip_rect().height() - used - 16.0).max(LEAST_HEIGHT);
             Plot::new("transmittance")
+                .height(height)
+                // The last figure below the axis reaches beyond it.
+                .width(ui.available_width() - 14.0)
                 .legend(Legend::default())
                 .include_y(0.0)
                 .include_y(1.0)
@@ -49,16 +69,76 @@ pub fn show(context: &egui::Context, model: &mut Model) {
                 .show(ui, |plot| {
                     for (i, curve) in probe.methods.iter().enumerate() {
                         let points = PlotPoints::from(curve.points.clone());
-                        plot.line(Line::new(curve.spec.clone(), points).color(COLORS[i % 2]).width(2.0));
+                        // Settings stand above: over the curves there is no room for them.
+                        let name = if same { curve.spec.as_str() } else { method_name(&curve.spec) };
+                        plot.line(Line::new(name.to_owned(), points).color(colors.methods[i % 2]).width(2.0));
                     }
                     let points = PlotPoints::from(probe.exact.clone());
                     plot.line(Line::new("exact", points).color(exact).width(1.2));
-                    plot.vline(
-                        VLine::new("the point", probe.depth_mm).color(Color32::from_rgb(255, 200, 60)),
-                    );
+                    plot.vline(VLine::new("the point", probe.depth_mm).color(colors.probe));
                 });
         });
     if !open {
         model.probe = None;
+    }
+}
+
+/// What a method promises, of what, and how it is kept close to the point: the error at the point itself may be larger.
+fn promise_in_words(curve: &MethodCurve) -> String {
+    let name = curve.spec.split(':').next().unwrap_or(&curve.spec);
+    let Some(promise) = curve.promise else {
+        return format!("{name} promises nothing with these settings: an error may be of any size.");
+    };
+    let bound = promise.bound;
+    let what = format!(
+        "{name} promises ± {:.4} within {:.3} mm of depth, on the light rays through the centres of its map's texels and \
+         not between them.",
+        bound.transmittance, bound.depth_mm
+    );
+    let Some(nearest) = promise.nearest else { return format!("{what} No texel lies here.") };
+    let away = nearest.texels_away;
+    if nearest.kept {
+        let largest = nearest.largest;
+        format!(
+            "{what} On the nearest such ray, {away:.2} texels from here, it is kept: off by {largest:.4} at most at one \
+             depth, the shift in depth not allowed for."
+        )
+    } else {
+        format!(
+            "{what} On the nearest such ray, {away:.2} texels from here, it is not kept: please report this."
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::render_thread::messages::{NearestRay, ProbedPromise};
+    use crate::shadow::Bound;
+
+    #[test]
+    fn a_promise_is_said_of_what_it_speaks() {
+        let curve =
+            |promise| MethodCurve { spec: "dsm:map=64".into(), points: vec![], at_point: 0.5, promise };
+        let words = |nearest| {
+            let bound = Bound { transmittance: 0.0235, depth_mm: 0.31, ..Bound::default() };
+            promise_in_words(&curve(Some(ProbedPromise { bound, nearest })))
+        };
+        let ray = NearestRay { texels_away: 0.4, largest: 0.2, kept: true };
+        let kept = words(Some(ray));
+        for part in [
+            "dsm promises ± 0.0235 within 0.310 mm",
+            "centres",
+            "not between",
+            "0.40 texels",
+            "kept",
+            "0.2000",
+        ] {
+            assert!(kept.contains(part), "{kept}");
+        }
+        assert!(words(Some(NearestRay { kept: false, ..ray })).contains("not kept"));
+        assert!(words(None).contains("No texel lies here"));
+        let nothing = promise_in_words(&curve(None));
+        assert!(nothing.contains("dsm promises nothing") && !nothing.contains('±'), "{nothing}");
     }
 }

@@ -1,15 +1,19 @@
-//! Asking for a path: typed, or chosen in the system's dialog.
+//! Asking for a path: typed, chosen from a list of what is there, or in the system's dialog.
+
+mod dialog;
+mod list;
+mod listing;
 
 use crate::app::model::Model;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::open::FORMATS;
 use crate::transfer::formats::endings;
+use dialog::{Answer, Dialog};
 use eframe::egui;
-use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::time::{Duration, Instant};
+use list::PathField;
+use std::path::{Path, absolute};
 
-const NO_DIALOG_TEXT: &str = "The system shows no file dialog: type the path above";
+const NO_DIALOG_TEXT: &str = "The system shows no file dialog: choose from the list, or type";
 
 /// What a path is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,7 +73,7 @@ impl Purpose {
 #[derive(Default)]
 pub struct Prompt {
     open: Option<Purpose>,
-    path: String,
+    field: PathField,
     size: [u32; 2],
     backdrop: Backdrop,
     /// The system's dialog, while it is open.
@@ -78,43 +82,15 @@ pub struct Prompt {
     no_dialog: bool,
 }
 
-/// A dialog that was asked for.
-struct Dialog {
-    since: Instant,
-    chosen: Receiver<Option<PathBuf>>,
-}
-
-/// Nobody closes a dialog that soon: there was none.
-const NO_DIALOG: Duration = Duration::from_millis(400);
-
 impl Prompt {
-    /// Takes what the dialog has to say.
-    fn take_choice(&mut self) {
-        let Some(dialog) = &self.dialog else { return };
-        let chosen = match dialog.chosen.try_recv() {
-            Err(TryRecvError::Empty) => return,
-            Ok(chosen) => chosen,
-            // Its thread ended without a word.
-            Err(TryRecvError::Disconnected) => {
-                self.no_dialog = true;
-                None
-            }
-        };
-        self.no_dialog |= chosen.is_none() && dialog.since.elapsed() < NO_DIALOG;
-        if let Some(path) = chosen {
-            self.path = path.display().to_string();
-            self.no_dialog = false;
-        }
-        self.dialog = None;
-    }
-
     /// Asks for a path.
     pub fn ask(&mut self, model: &Model, purpose: Purpose) {
+        let folder = &model.settings.folder;
         let size = model.document.as_ref().map_or([512, 512], |d| [d.scene.width, d.scene.height]);
         let transparent = model.document.as_ref().is_some_and(|d| d.transparent);
         *self = Self {
             open: Some(purpose),
-            path: purpose.suggestion().into(),
+            field: PathField::new(format!("{folder}{}", purpose.suggestion()), purpose.filter().1),
             size,
             backdrop: if transparent { Backdrop::LeftOut } else { Backdrop::Drawn },
             ..Default::default()
@@ -129,33 +105,30 @@ impl Prompt {
     /// Shows the question while it is open, and does what it was asked for.
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(purpose) = self.open else { return };
-        self.take_choice();
-        let (mut done, mut cancelled) = (false, false);
+        // Chosen in the system's dialog is confirmed, unless there is more to say here.
+        let (mut done, mut cancelled) = (self.take_answer() && !purpose.saves(), false);
         let response = egui::Modal::new(egui::Id::unique("path")).show(context, |ui| {
             ui.set_width(520.0);
             ui.heading(purpose.title());
             ui.add_space(6.0);
             ui.horizontal(|ui| {
-                let edit = egui::TextEdit::singleline(&mut self.path).desired_width(410.0).hint_text("path");
-                let edit = ui.add(edit).accessible_name("path");
-                // Before the field takes the cursor back, which Enter has taken from it.
-                done |= edit.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
-                if !edit.has_focus() && ui.memory(|m| m.focused().is_none()) {
-                    edit.request_focus();
-                }
+                done |= self.field.show(ui, 410.0);
                 if ui.add_enabled(self.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
-                    self.dialog = browse(purpose, &self.path, ui.ctx());
+                    let (name, endings) = purpose.filter();
+                    let question = (purpose.title(), name, endings.as_slice());
+                    self.dialog = Dialog::open(question, purpose.saves(), &self.field.text, ui.ctx());
                     self.no_dialog = self.dialog.is_none();
                 }
             });
+            done |= self.field.list(ui);
             if self.no_dialog {
                 ui.colored_label(ui.visuals().warn_fg_color, NO_DIALOG_TEXT);
             }
             if purpose == Purpose::OpenVolume {
-                ui.weak("A file, or phantom:NAME[:SIZE] for a built-in one");
+                ui.weak("A file, a folder of DICOM files, or phantom:NAME[:SIZE] for a built-in one");
             }
             if purpose == Purpose::ExportPicture {
-                ui.horizontal(|ui| {
+                ui.horizontal_wrapped(|ui| {
                     ui.label("Size");
                     for (side, name) in self.size.iter_mut().zip(["width", "height"]) {
                         ui.add(egui::DragValue::new(side).range(1..=16_384).suffix(" px"))
@@ -180,12 +153,12 @@ impl Prompt {
                 } else {
                     "Open"
                 };
-                done |= ui.add_enabled(!self.path.trim().is_empty(), egui::Button::new(verb)).clicked();
+                done |= ui.add_enabled(!self.field.text.trim().is_empty(), egui::Button::new(verb)).clicked();
                 cancelled = ui.button("Cancel").clicked();
             });
         });
         cancelled |= response.should_close();
-        if done && !self.path.trim().is_empty() {
+        if done && !self.field.text.trim().is_empty() {
             self.open = None;
             self.go(purpose, model);
         } else if cancelled {
@@ -193,8 +166,23 @@ impl Prompt {
         }
     }
 
+    /// Takes what the system's dialog has to say: whether a path was chosen.
+    fn take_answer(&mut self) -> bool {
+        let Some(answer) = self.dialog.as_ref().and_then(Dialog::answer) else { return false };
+        self.dialog = None;
+        self.no_dialog = matches!(answer, Answer::NoDialog);
+        let Answer::Chosen(path) = answer else { return false };
+        self.field.choose(path.display().to_string());
+        true
+    }
+
     fn go(&self, purpose: Purpose, model: &mut Model) {
-        let path = self.path.trim().to_owned();
+        let path = self.field.path();
+        if let Some(folder) = self.field.folder() {
+            let folder = absolute(&folder).map_or(folder, |whole| whole.display().to_string());
+            // With its separator, so that a name can be put behind it.
+            model.settings.folder = Path::new(&folder).join("").display().to_string();
+        }
         let (size, backdrop) = (self.size, self.backdrop);
         match purpose {
             Purpose::OpenVolume => model.open_source(&path),
@@ -203,67 +191,5 @@ impl Prompt {
             Purpose::SaveScene => model.save_scene(Path::new(&path)),
             Purpose::ExportPicture => model.export(Path::new(&path), size, backdrop),
         }
-    }
-}
-
-/// Opens the system's dialog away from the window, which goes on meanwhile.
-fn browse(purpose: Purpose, path: &str, context: &egui::Context) -> Option<Dialog> {
-    let (send, chosen) = channel();
-    let (name, endings) = purpose.filter();
-    let mut dialog = rfd::FileDialog::new().set_title(purpose.title()).add_filter(name, &endings);
-    let path = Path::new(path);
-    if let Some(folder) = path.parent().filter(|p| p.is_dir()) {
-        dialog = dialog.set_directory(folder);
-    }
-    if purpose.saves()
-        && let Some(file) = path.file_name()
-    {
-        dialog = dialog.set_file_name(file.to_string_lossy());
-    }
-    let context = context.clone();
-    let ask = move || {
-        let chosen = if purpose.saves() { dialog.save_file() } else { dialog.pick_file() };
-        let _ = send.send(chosen);
-        context.request_repaint();
-    };
-    let thread = std::thread::Builder::new().name("file dialog".into()).spawn(ask);
-    thread.ok().map(|_| Dialog { since: Instant::now(), chosen })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn asked(since: Instant) -> (std::sync::mpsc::Sender<Option<PathBuf>>, Prompt) {
-        let (send, chosen) = channel();
-        let dialog = Some(Dialog { since, chosen });
-        (send, Prompt { path: "typed".into(), dialog, ..Default::default() })
-    }
-
-    #[test]
-    fn without_a_dialog_the_typed_path_stays_and_it_is_said() {
-        let (send, mut prompt) = asked(Instant::now());
-        prompt.take_choice();
-        assert!(prompt.dialog.is_some() && !prompt.no_dialog, "it is still open");
-        send.send(None).unwrap();
-        prompt.take_choice();
-        assert!(prompt.dialog.is_none() && prompt.no_dialog && prompt.path == "typed");
-        let (send, mut prompt) = asked(Instant::now());
-        drop(send);
-        prompt.take_choice();
-        assert!(prompt.dialog.is_none() && prompt.no_dialog && prompt.path == "typed");
-    }
-
-    #[test]
-    fn a_dialog_that_a_person_answers_is_no_missing_one() {
-        let Some(earlier) = Instant::now().checked_sub(2 * NO_DIALOG) else { return };
-        let (send, mut prompt) = asked(earlier);
-        send.send(None).unwrap();
-        prompt.take_choice();
-        assert!(prompt.dialog.is_none() && !prompt.no_dialog && prompt.path == "typed");
-        let (send, mut prompt) = asked(Instant::now());
-        send.send(Some("chosen.nii".into())).unwrap();
-        prompt.take_choice();
-        assert!(prompt.dialog.is_none() && !prompt.no_dialog && prompt.path == "chosen.nii");
     }
 }

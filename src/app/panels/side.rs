@@ -25,8 +25,8 @@ pub fn show(
     if model.document.is_none() {
         return;
     }
-    egui::Panel::right("side").frame(unfilled(ui)).exact_size(WIDTH).show(ui, |ui| {
-        let width = ui.available_width();
+    egui::Panel::right("side").frame(unfilled(ui)).resizable(false).exact_size(WIDTH).show(ui, |ui| {
+        let width = ui.available_width() - ui.spacing().scroll.allocated_width();
         // Scrolled sideways, too, so that whatever is too wide does not push the panel into the view.
         egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
             ui.set_max_width(width);

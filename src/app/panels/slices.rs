@@ -3,9 +3,11 @@
 use crate::app::camera::marks;
 use crate::app::document::Document;
 use crate::app::model::Model;
+use crate::app::panels::parts::shadowed_text;
 use crate::app::render_thread::messages::Aim;
+use crate::app::theme;
 use crate::volume::Volume;
-use eframe::egui::{self, Align2, Color32, FontId, Rect, Sense, Stroke, pos2, vec2};
+use eframe::egui::{self, Align2, Color32, Rect, Sense, Stroke, pos2, vec2};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -139,16 +141,15 @@ impl Slices {
         painter.vline(cross.x, place.y_range(), line);
         let sign = |flip: bool| if flip { -1.0 } else { 1.0 };
         let letters = [
-            (place.left_center() + vec2(3.0, 0.0), Align2::LEFT_CENTER, -sign(flip[0]) * world[0]),
+            (place.left_center() + vec2(4.0, 0.0), Align2::LEFT_CENTER, -sign(flip[0]) * world[0]),
             (place.center_top() + vec2(0.0, 2.0), Align2::CENTER_TOP, -sign(flip[1]) * world[1]),
         ];
         for (at, align, direction) in letters {
-            let font = FontId::proportional(12.0);
-            painter.text(at, align, marks(direction), font, Color32::from_gray(220));
+            shadowed_text(&painter, at, align, &marks(direction), 12.0, theme::OVER_PICTURE);
         }
         let note = format!("{} / {}", depth + 1, dims[through]);
-        let font = FontId::proportional(10.5);
-        painter.text(cell.right_bottom(), Align2::RIGHT_BOTTOM, note, font, Color32::GRAY);
+        let corner = cell.right_bottom() - vec2(3.0, 1.0);
+        shadowed_text(&painter, corner, Align2::RIGHT_BOTTOM, &note, 10.5, theme::DIM_OVER_PICTURE);
     }
 
     /// Follows the hand in one slice; whether the place of the crosshair is to be probed.

@@ -7,6 +7,8 @@ use std::collections::VecDeque;
 
 /// Pictures that the running plots show.
 const MOST: usize = 120;
+/// Of the column of values, points.
+const VALUE_WIDTH: f32 = 78.0;
 
 /// A running series of one cost.
 #[derive(Default)]
@@ -50,9 +52,13 @@ impl Series {
     fn show(&self, ui: &mut egui::Ui, name: &str, tooltip: &str, text: Text) {
         let last = self.0.back().map_or("–".to_owned(), |value| text(*value));
         ui.label(name).on_hover_text(tooltip);
-        ui.label(egui::RichText::new(last).monospace());
-        let (rect, response) =
-            ui.allocate_exact_size(egui::vec2(ui.available_width().max(60.0), 18.0), egui::Sense::hover());
+        // As wide as any value gets, so that the panel does not change its width with the values.
+        ui.scope(|ui| {
+            ui.set_min_width(VALUE_WIDTH);
+            ui.label(egui::RichText::new(last).monospace());
+        });
+        let width = (ui.available_width() - 6.0).max(30.0);
+        let (rect, response) = ui.allocate_exact_size(egui::vec2(width, 18.0), egui::Sense::hover());
         let largest = self.0.iter().copied().fold(0.0, f64::max);
         let (pictures, most) = (self.0.len(), text(largest));
         response.on_hover_text(format!("{tooltip}; the last {pictures} pictures, at most {most}"));

@@ -9,6 +9,9 @@ use crate::strands::StrandSet;
 use crate::volume::Phantom;
 use eframe::egui;
 
+/// Longer names of recent volumes are elided, points.
+const RECENT_WIDTH: f32 = 380.0;
+
 /// The bar at the top of the window.
 pub fn show(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     egui::Panel::top("menu").frame(unfilled(ui)).show(ui, |ui| {
@@ -19,33 +22,41 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
                 windows.help = !windows.help;
             }
             ui.separator();
-            if let Some(document) = &model.document {
-                let source = &document.volume.provenance.source;
-                ui.add(egui::Label::new(egui::RichText::new(file_name(source)).strong()).truncate())
-                    .on_hover_text(source);
-            }
+            // From the right, so that the name of what is open takes what is left, and not the place of the others.
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let icon = if model.settings.dark { "Light" } else { "Dark" };
-                if ui.button(icon).on_hover_text("Light or dark appearance").clicked() {
-                    model.settings.dark = !model.settings.dark;
-                }
-                if let Some(exporting) = &model.exporting {
-                    if ui.button("Cancel").clicked() {
-                        model.cancel_export();
-                    }
-                    let bar = egui::ProgressBar::new(exporting.share).desired_width(160.0).show_percentage();
-                    ui.add(bar).on_hover_text(&exporting.path);
-                    ui.label("Exporting");
-                }
-                if let Some(share) = windows.comparison.share() {
-                    let text = format!("Comparing {:.0} %", 100.0 * share);
-                    if ui.button(text).on_hover_text("Shows the comparison (T)").clicked() {
-                        windows.comparison.open = !windows.comparison.open;
-                    }
-                }
+                status(ui, model, windows);
+                ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                    let Some(document) = &model.document else { return };
+                    let source = &document.volume.provenance.source;
+                    ui.add(egui::Label::new(egui::RichText::new(file_name(source)).strong()).truncate())
+                        .on_hover_text(source);
+                });
             });
         });
     });
+}
+
+/// The theme, and what runs beside the picture; from the right.
+fn status(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
+    let (now, other) = if model.settings.dark { ("dark", "light") } else { ("light", "dark") };
+    let theme = ui.button(format!("Theme: {now}"));
+    if theme.on_hover_text(format!("Change to the {other} theme")).clicked() {
+        model.settings.dark = !model.settings.dark;
+    }
+    if let Some(exporting) = &model.exporting {
+        if ui.button("Cancel").on_hover_text("End the export").clicked() {
+            model.cancel_export();
+        }
+        let bar = egui::ProgressBar::new(exporting.share).desired_width(120.0).show_percentage();
+        ui.add(bar).on_hover_text(&exporting.path);
+        ui.label("Exporting");
+    }
+    if let Some(share) = windows.comparison.share() {
+        let text = format!("Comparing {:.0} %", 100.0 * share);
+        if ui.button(text).on_hover_text("Shows the comparison (T)").clicked() {
+            windows.comparison.open = !windows.comparison.open;
+        }
+    }
 }
 
 fn file_menu(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
@@ -70,8 +81,9 @@ fn file_menu(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     });
     ui.add_enabled_ui(!model.settings.recent.is_empty(), |ui| {
         ui.menu_button("Recent", |ui| {
+            ui.set_max_width(RECENT_WIDTH);
             for source in &model.settings.recent {
-                if ui.button(source).clicked() {
+                if ui.add(egui::Button::new(source).truncate()).on_hover_text(source).clicked() {
                     chosen = Some(source.clone());
                 }
             }
@@ -127,7 +139,8 @@ fn view_menu(ui: &mut egui::Ui, model: &mut Model) {
     }
     ui.separator();
     ui.checkbox(&mut model.settings.slices, "Slices");
-    ui.checkbox(&mut model.settings.marks, "Anatomical marks");
+    ui.checkbox(&mut model.settings.marks, "Anatomical letters");
+    ui.checkbox(&mut model.settings.cube, "Orientation cube");
     let mut split = model.split.share.is_some();
     if ui.checkbox(&mut split, "Split view").changed() {
         model.split.set(split);

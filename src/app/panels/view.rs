@@ -3,12 +3,13 @@
 use super::difference::Difference;
 use super::parts::file_name;
 use super::slices::Slices;
-use super::{flicker, hands, overlays};
+use super::{cube, flicker, hands, overlays};
 use crate::app::model::Model;
 use crate::app::paint::shown::{Place, shape as shown};
 use crate::app::panels::parts::tag;
 use crate::app::render_thread::messages::Side;
-use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Pos2, Rect, Sense, Stroke, pos2, vec2};
+use crate::app::theme;
+use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Rect, Sense, Stroke, pos2, vec2};
 use eframe::egui_wgpu::RenderState;
 
 /// No picture on screen is larger, whatever the display.
@@ -49,7 +50,7 @@ fn view(
     let painter = ui.painter_at(rect);
     // Where a picture will cover it all, a software adapter is spared the pixels below.
     if model.frame.is_none() || render_state.is_none() {
-        painter.rect_filled(rect, CornerRadius::ZERO, Color32::from_gray(12));
+        painter.rect_filled(rect, CornerRadius::ZERO, theme::NO_PICTURE);
     }
     if let Some(document) = &mut model.document {
         let pixels = rect.size() * ui.ctx().pixels_per_point();
@@ -59,13 +60,14 @@ fn view(
         hands::follow(ui, rect, model, &response);
     }
     pictures(ui, rect, model, difference, render_state);
-    flicker::paint(model, ui, rect);
+    let below_tags = tags(ui, rect, model);
     if model.document.is_some() {
-        overlays::paint(ui, rect, model, difference);
+        overlays::paint(ui, rect, below_tags, model, difference);
+        cube::show(ui, rect, model);
     } else if model.reading.is_none() {
         let text = "Drop a volume here, or choose File › Open";
         let font = FontId::proportional(18.0);
-        painter.text(rect.center(), Align2::CENTER_CENTER, text, font, Color32::GRAY);
+        painter.text(rect.center(), Align2::CENTER_CENTER, text, font, theme::DIM_OVER_PICTURE);
     }
     reading(ui, rect, model);
     messages(ui, rect, model);
@@ -104,9 +106,19 @@ fn pictures(
     right.add(shape(1, other));
     painter.vline(x, rect.y_range(), Stroke::new(1.5, Color32::from_white_alpha(200)));
     painter.circle_filled(egui::pos2(x, rect.center().y), 5.0, Color32::from_white_alpha(220));
-    let label = |at: Pos2, align, side: &Side| tag(&painter, at, align, &side.spec);
-    label(egui::pos2(x - 8.0, rect.top() + 8.0), Align2::RIGHT_TOP, &frame.main);
-    label(egui::pos2(x + 8.0, rect.top() + 8.0), Align2::LEFT_TOP, other);
+}
+
+/// The names of the methods that are shown, where there are two; returns how far down they reach.
+fn tags(ui: &egui::Ui, rect: Rect, model: &Model) -> f32 {
+    if let Some(below) = flicker::paint(model, ui, rect) {
+        return below;
+    }
+    let sides = model.frame.as_ref().and_then(|frame| Some((&frame.main, frame.other.as_ref()?)));
+    let (Some((main, other)), Some(share)) = (sides, model.split.share) else { return rect.top() };
+    let (x, y) = (rect.left() + share * rect.width(), rect.top() + 8.0);
+    let left = tag(ui, rect, pos2(x - 8.0, y), Align2::RIGHT_TOP, &main.spec, x - rect.left() - 20.0);
+    let right = tag(ui, rect, pos2(x + 8.0, y), Align2::LEFT_TOP, &other.spec, rect.right() - x - 20.0);
+    left.bottom().max(right.bottom())
 }
 
 /// What is being read, how far that is, and its end.
@@ -116,13 +128,14 @@ fn reading(ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
     let source = reading.source.as_str();
     let name = file_name(source);
     let seconds = reading.since.elapsed().as_secs_f64();
+    let width = READING_WIDTH.min(rect.width() - 24.0).max(160.0);
     let mut cancelled = false;
     egui::Area::new(ui.scope_id().with("opening"))
-        .fixed_pos(rect.center_top() + vec2(-0.5 * READING_WIDTH, 24.0))
+        .fixed_pos(rect.center_top() + vec2(-0.5 * width, 24.0))
         .order(egui::Order::Foreground)
         .show(ui.ctx(), |ui| {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
-                ui.set_width(READING_WIDTH);
+                ui.set_width(width);
                 ui.add(egui::Label::new(format!("{name}: {}", progress.stage.name())).truncate())
                     .on_hover_text(source);
                 ui.horizontal(|ui| {

@@ -10,4 +10,6 @@ pub struct Windows {
     pub comparison: Comparison,
     /// The list of keys and hands.
     pub help: bool,
+    /// A field was being typed into when the last frame ended: egui takes the cursor away before it shows Escape.
+    pub typing: bool,
 }

@@ -5,6 +5,7 @@ use super::mailbox::Speaker;
 use super::messages::{
     Aim, Event, Export, MethodCurve, ProbeRequest, ProbeResult, Thumbnail, ThumbnailRequest,
 };
+use super::promise;
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::picture::write_picture_as;
@@ -56,7 +57,8 @@ pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -
         let found = made.renderer.query(made.loaded, made.transfer, shadow, &points)?;
         let at_point = found.last().copied().map_or(1.0, f64::from);
         let curve = depths.iter().zip(&found).map(|(&z, &t)| [z, f64::from(t)]).collect();
-        methods.push(MethodCurve { spec: made.spec, points: curve, at_point });
+        let promise = promise::tried(&made, choice.method()?.taps(), &field, request.light, point)?;
+        methods.push(MethodCurve { spec: made.spec, points: curve, at_point, promise });
     }
     let index = volume.index_from_world().transform_point3(point);
     speaker.say(Event::Probed(Box::new(ProbeResult {

@@ -126,6 +126,27 @@ pub struct MethodCurve {
     pub points: Vec<[f64; 2]>,
     /// Transmittance at the point itself.
     pub at_point: f64,
+    /// What it promises, where it does.
+    pub promise: Option<ProbedPromise>,
+}
+
+/// A promise, and how it is kept close to a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProbedPromise {
+    pub bound: Bound,
+    /// On the light ray through the nearest texel's centre; `None` where the map has no texel.
+    pub nearest: Option<NearestRay>,
+}
+
+/// The light ray through the centre of the texel that is nearest to a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NearestRay {
+    /// From the point to it, in widths of a texel.
+    pub texels_away: f64,
+    /// The largest difference of transmittance from the exact one at a depth of this ray.
+    pub largest: f64,
+    /// Whether the promise is kept at every depth that was tested.
+    pub kept: bool,
 }
 
 /// Transmittance against depth along the light ray through a point.

@@ -7,6 +7,7 @@ mod heat_map;
 mod jobs;
 pub mod mailbox;
 pub mod messages;
+mod promise;
 mod quality;
 
 use crate::error::{Error, Result};

@@ -10,6 +10,9 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
+/// Of the column of names, with the space beside it, points.
+const NAMES_WIDTH: f32 = 140.0;
+
 /// A family of the registry with its settings as text.
 pub struct Family {
     entry: &'static Entry,
@@ -103,13 +106,15 @@ impl Form {
     /// The fields; `view_size` is that of the view, in pixels.
     pub fn show(&mut self, ui: &mut egui::Ui, view_size: Option<[u32; 2]>) {
         self.take_dialog();
+        // What the names beside them leave.
+        let field = (ui.available_width() - NAMES_WIDTH).clamp(120.0, 430.0);
         egui::Grid::new("families").num_columns(2).show(ui, |ui| {
             for family in &mut self.families {
                 let name = family.entry.name;
                 ui.checkbox(&mut family.wanted, name)
                     .on_hover_text(family.entry.summary)
                     .accessible_name(format!("compare {name}"));
-                let edit = egui::TextEdit::singleline(&mut family.spec).desired_width(430.0);
+                let edit = egui::TextEdit::singleline(&mut family.spec).desired_width(field);
                 ui.add_enabled(family.wanted, edit)
                     .on_hover_text(settings_text(family.entry))
                     .accessible_name(format!("settings of {name}"));
@@ -155,7 +160,7 @@ impl Form {
             ui.end_row();
             ui.label("Folder").on_hover_text("For tables, plots, pictures and the report");
             ui.horizontal(|ui| {
-                let edit = egui::TextEdit::singleline(&mut self.folder).desired_width(360.0);
+                let edit = egui::TextEdit::singleline(&mut self.folder).desired_width((field - 70.0).min(360.0));
                 if ui.add(edit).accessible_name("table folder").changed() {
                     self.folder_error = None;
                 }

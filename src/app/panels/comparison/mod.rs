@@ -4,6 +4,7 @@
 //! what is done to them afterwards does not reach it.
 
 mod form;
+pub mod report;
 mod results;
 mod task;
 
@@ -17,10 +18,14 @@ use crate::open::SceneSettings;
 use crate::scene::Scene;
 use eframe::egui;
 use form::Form;
+use report::Report;
 use results::{Picked, Results};
 use std::sync::Arc;
 use std::time::Duration;
 use task::{Finished, News, REMARK, Request, Task};
+
+/// Of the window.
+pub const TITLE: &str = "Comparison";
 
 /// How often the window looks how far the table is. Each look is a frame of the interface, which takes time from methods
 /// that are being timed.
@@ -46,6 +51,7 @@ pub struct Comparison {
     /// How the last one ended.
     outcome: Option<Result<Box<Finished>>>,
     results: Results,
+    pub report: Report,
 }
 
 impl Comparison {
@@ -91,6 +97,7 @@ impl Comparison {
             resume: self.form.resume,
         };
         self.results.clear();
+        self.report.clear();
         self.outcome = None;
         match Task::start(wanted, Arc::clone(&model.wake)) {
             Ok(task) => {
@@ -143,11 +150,13 @@ impl Comparison {
         }
         let mut open = true;
         let view = model.view.unwrap_or(context.content_rect());
-        egui::Window::new("Comparison")
+        let most = context.content_rect().size() - egui::vec2(40.0, 70.0);
+        egui::Window::new(TITLE)
             .open(&mut open)
             .default_pos(view.left_top() + egui::vec2(16.0, 16.0))
-            .default_size([760.0, 660.0])
-            .max_height(context.content_rect().height() - 60.0)
+            // All columns, where the view has room for them.
+            .default_size(egui::vec2((view.width() - 40.0).clamp(760.0, 1040.0), 660.0).min(most))
+            .max_size(most)
             .vscroll(true)
             .show(context, |ui| self.contents(ui, model));
         self.open = open;
@@ -162,7 +171,7 @@ impl Comparison {
             ui.add_enabled_ui(!running, |ui| self.form.show(ui, view_size));
         });
         ui.add_space(4.0);
-        ui.horizontal(|ui| self.buttons(ui, model));
+        ui.horizontal_wrapped(|ui| self.buttons(ui, model));
         ui.weak(
             "The window draws with the same processor: left alone, it disturbs the times least. Every row says in its \
              note that it was open.",
@@ -218,18 +227,11 @@ impl Comparison {
         }
     }
 
-    fn show_outcome(&self, ui: &mut egui::Ui) {
+    fn show_outcome(&mut self, ui: &mut egui::Ui) {
         match &self.outcome {
             None => {}
             Some(Ok(finished)) => {
-                ui.horizontal(|ui| {
-                    let report = finished.files.report.display().to_string();
-                    ui.label("Report");
-                    ui.monospace(&report);
-                    if ui.small_button("Copy path").on_hover_text("To open it in a browser").clicked() {
-                        ui.ctx().copy_text(report);
-                    }
-                });
+                self.report.show(ui, &finished.files.report);
                 let others = finished.notes.iter().filter(|note| *note != REMARK);
                 others.for_each(|note| _ = ui.weak(note));
             }

@@ -10,6 +10,8 @@ use std::cmp::Ordering;
 
 /// A longer table is scrolled within, points.
 const TABLE_HEIGHT: f32 = 380.0;
+/// Of the sign of a sorted column, with the space before it, points.
+const ARROW_WIDTH: f32 = 12.0;
 
 /// A column's cells, which sort as what they are.
 enum Cells {
@@ -51,7 +53,12 @@ const COLUMNS: &[Column] = &[
     column("build ms", "To make the shadow structure, median", Cells::Number(|r| r.build_ms)),
     column("frame ms", "One picture with it made, median", Cells::Number(|r| r.frame_ms)),
     column("fps moving", "Pictures a second while the light moves", Cells::Number(|r| r.fps_moving)),
-    column("PSNR dB", "Of the picture, against the exact one", Cells::Number(|r| r.image_psnr)),
+    column(
+        "PSNR dB",
+        "Of the whole picture, shading included, against the exact one: peak signal over noise; 20 dB more are a tenth \
+         of the error",
+        Cells::Number(|r| r.image_psnr),
+    ),
     column(
         "bound held",
         "Whether the promised bound held at every depth tested",
@@ -61,12 +68,22 @@ const COLUMNS: &[Column] = &[
 ];
 
 impl Column {
-    /// Numbers stand at the right of a column that is as wide as its heading or five digits.
-    fn width(&self) -> Width {
+    /// Numbers stand at the right of a column that is as wide as its heading, with an arrow, or as seven digits.
+    fn width(&self, ui: &egui::Ui) -> Width {
         match self.cells {
-            Cells::Number(_) => Width::exact((7.0 * self.heading.len() as f32 + 24.0).max(58.0)),
-            _ => Width::auto().at_least(36.0),
+            Cells::Number(_) => {
+                let font = egui::TextStyle::Body.resolve(ui.style());
+                let wide = |text: &str| {
+                    ui.painter().layout_no_wrap(text.to_owned(), font.clone(), egui::Color32::WHITE).size().x
+                };
+                Width::exact((wide(self.heading) + wide("0") + ARROW_WIDTH).max(wide("0000000")).ceil())
+            }
+            _ => Width::auto().at_least(44.0),
         }
+    }
+
+    fn is_number(&self) -> bool {
+        matches!(self.cells, Cells::Number(_))
     }
 }
 
@@ -137,18 +154,26 @@ impl Results {
         }
         egui::ScrollArea::horizontal().id_salt("comparison table").show(ui, |ui| {
             let height = ui.text_style_height(&egui::TextStyle::Body) + 4.0;
+            let widths: Vec<Width> = COLUMNS.iter().map(|column| column.width(ui)).collect();
             let table = TableBuilder::new(ui)
                 .striped(true)
                 .sense(egui::Sense::click())
                 .min_scrolled_height(TABLE_HEIGHT)
                 .max_scroll_height(TABLE_HEIGHT)
                 .cell_layout(egui::Layout::left_to_right(egui::Align::Center));
-            let table = COLUMNS.iter().fold(table, |table, column| table.column(column.width()));
+            let table = widths.into_iter().fold(table, TableBuilder::column);
             let order = self.order();
             table
                 .header(height + 2.0, |mut header| {
                     for (i, column) in COLUMNS.iter().enumerate() {
-                        header.col(|ui| self.heading(ui, i, column));
+                        header.col(|ui| match column.is_number() {
+                            // Over its figures.
+                            true => {
+                                let right = egui::Layout::right_to_left(egui::Align::Center);
+                                ui.with_layout(right, |ui| self.heading(ui, i, column));
+                            }
+                            false => self.heading(ui, i, column),
+                        });
                     }
                 })
                 .body(|body| {
@@ -166,8 +191,6 @@ impl Results {
                         response.on_hover_text(line.tooltip());
                     });
                 });
-            // The scroll bar floats: without this it lies over the last row.
-            ui.add_space(12.0);
         });
         picked
     }
@@ -180,8 +203,13 @@ impl Results {
             _ => "",
         };
         // Only the monospaced font has arrows.
-        let text = (egui::RichText::new(column.heading).strong(), egui::RichText::new(arrow).monospace());
-        let button = ui.add(egui::Button::new(text).frame(false)).on_hover_text(column.tooltip);
+        let (text, arrow) =
+            (egui::RichText::new(column.heading).strong(), egui::RichText::new(arrow).monospace());
+        let button = match column.is_number() {
+            true => egui::Button::new((arrow, text)),
+            false => egui::Button::new((text, arrow)),
+        };
+        let button = ui.add(button.frame(false).gap(2.0)).on_hover_text(column.tooltip);
         if button.accessible_name(format!("sort by {}", column.heading)).clicked() {
             self.sort = match self.sort {
                 Some((sorted, false)) if sorted == i => Some((i, true)),

@@ -3,18 +3,30 @@
 use super::Difference;
 use crate::app::model::Model;
 use crate::app::panels::flicker;
-use crate::app::panels::parts::tag;
+use crate::app::panels::parts::{NARROW_VIEW, method_name, tag};
 use crate::app::render_thread::messages::Differences;
+use crate::app::theme;
 use crate::measure::error_map::Quantity;
 use crate::report::heat::inferno;
 use eframe::egui::{self, Align2, Color32, FontId, Rect, pos2, vec2};
 use std::sync::Arc;
 
+/// Between lines, points.
+const LINE_GAP: f32 = 2.0;
+/// What lies in the corners of the view takes that much of each side, points.
+const CORNERS: f32 = 104.0;
+/// And that much of its height.
+const ABOVE_CORNERS: f32 = 86.0;
+
 /// The scale, the figures of each method, and the error under the pointer.
 pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) {
     let painter = ui.painter_at(rect);
     let Some(quantity) = difference.shows else { return };
+    // In a narrow view it stands above what is in the corners, and says less.
+    let is_narrow = rect.width() < NARROW_VIEW;
     let what = match quantity {
+        Quantity::Light if is_narrow => "error of the light",
+        Quantity::Picture if is_narrow => "error of the picture",
         Quantity::Light => "error of the light on what is seen (transmittance)",
         Quantity::Picture => "error of the picture (linear RGB)",
     };
@@ -22,6 +34,9 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
     if let Some(found) = &difference.found {
         for side in &found.sides {
             lines.push(match &side.map.stats {
+                Some(s) if is_narrow => {
+                    format!("{}: rms {:.4}, max {:.4}", method_name(&side.spec), s.rms, s.max_abs)
+                }
                 Some(s) => format!(
                     "{}: rms {:.4}, mean {:+.4}, 99 % {:.4}, max {:.4}",
                     side.spec, s.rms, s.mean, s.p99_abs, s.max_abs
@@ -36,22 +51,26 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
         lines.push(format!("{what} · computing the exact answer …"));
     }
     let font = FontId::proportional(12.0);
-    let color = Color32::from_gray(230);
-    let bar = vec2(220.0, 10.0);
+    let color = theme::OVER_PICTURE;
+    let bar = vec2((rect.width() - 240.0).clamp(60.0, 220.0), 10.0);
+    let room = (rect.width() - if is_narrow { 80.0 } else { 2.0 * CORNERS }).max(100.0);
+    let margin = if is_narrow { ABOVE_CORNERS } else { 34.0 };
     let lines: Vec<_> =
-        lines.into_iter().map(|line| painter.layout_no_wrap(line, font.clone(), color)).collect();
+        lines.into_iter().map(|line| painter.layout(line, font.clone(), color, room)).collect();
     let widest = lines.iter().map(|l| l.size().x).fold(bar.x + 120.0, f32::max);
-    let height = 17.0 * lines.len() as f32 + bar.y + 14.0;
-    let (left, top) = (rect.center().x - 0.5 * bar.x, rect.bottom() - height - 34.0);
+    let text_height: f32 = lines.iter().map(|l| l.size().y + LINE_GAP).sum();
+    let height = text_height + bar.y + 14.0;
+    let (left, top) = (rect.center().x - 0.5 * bar.x, rect.bottom() - height - margin);
     let back = pos2(rect.center().x - 0.5 * widest - 10.0, top - 6.0);
     let back = Rect::from_min_size(back, vec2(widest + 20.0, height));
-    painter.rect_filled(back, 4.0, Color32::from_black_alpha(190));
-    for (i, line) in lines.iter().enumerate() {
-        let at = pos2(rect.center().x - 0.5 * line.size().x, top + 17.0 * i as f32);
-        painter.galley(at, Arc::clone(line), color);
+    painter.rect_filled(back, 4.0, theme::PLATE);
+    let mut y = top;
+    for line in &lines {
+        painter.galley(pos2(rect.center().x - 0.5 * line.size().x, y), Arc::clone(line), color);
+        y += line.size().y + LINE_GAP;
     }
     let Some(found) = &difference.found else { return };
-    let y = top + 17.0 * lines.len() as f32 + 2.0;
+    let y = y + 2.0;
     let mut scale = egui::Mesh::default();
     const STEPS: usize = 44;
     for i in 0..STEPS {
@@ -75,7 +94,12 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
     painter.text(end, Align2::LEFT_CENTER, format!("≥ {}", found.largest), font, color);
     if let Some((at, error)) = under_pointer(found, model, ui, rect) {
         let text = if error.is_finite() { format!("{error:+.4}") } else { "no number".to_owned() };
-        tag(&painter, at + vec2(14.0, 12.0), Align2::LEFT_TOP, &text);
+        // Beside the pointer, on the side where there is room.
+        let (dx, right) = if at.x > rect.right() - 90.0 { (-12.0, 1) } else { (14.0, 0) };
+        let (dy, low) = if at.y > rect.bottom() - 40.0 { (-10.0, 1) } else { (12.0, 0) };
+        let align =
+            [[Align2::LEFT_TOP, Align2::RIGHT_TOP], [Align2::LEFT_BOTTOM, Align2::RIGHT_BOTTOM]][low][right];
+        tag(ui, rect, at + vec2(dx, dy), align, &text, rect.width());
     }
 }
 

@@ -13,7 +13,15 @@ use crate::files::color;
 use crate::transfer::Quantity;
 use eframe::egui;
 use eframe::egui_wgpu::RenderState;
+use paint::short;
 use std::sync::Arc;
+
+/// What is known of a point needs two lines where there is less room, points.
+const POINT_ROW_WIDTH: f32 = 500.0;
+
+/// Least height of the panel, and of what it leaves to the view, points.
+const LEAST_HEIGHT: f32 = 170.0;
+const LEAST_VIEW_HEIGHT: f32 = 120.0;
 
 /// The panel, while a volume is open.
 pub fn show(
@@ -26,11 +34,14 @@ pub fn show(
     if model.document.is_none() {
         return;
     }
+    // The view keeps a good part of a low window.
+    let most = (0.5 * ui.available_height()).max(LEAST_HEIGHT);
     egui::Panel::bottom("editor")
         .frame(unfilled(ui))
         .resizable(true)
-        .default_size(250.0)
-        .min_size(170.0)
+        .default_size(250.0_f32.min(most))
+        .min_size(LEAST_HEIGHT)
+        .max_size(ui.available_height() - LEAST_VIEW_HEIGHT)
         .show(ui, |ui| {
             ui.add_space(4.0);
             tools(ui, model, presets, prompt, render_state);
@@ -99,9 +110,11 @@ fn opacity_scale(ui: &mut egui::Ui, model: &mut Model) {
     }
     let now = document.tf_source.1.reference_length_mm / document.tf.reference_length_mm;
     let mut factor = now;
-    ui.label("Opacity");
-    let drag =
-        egui::DragValue::new(&mut factor).speed(0.01 * now).range(1e-6..=1e6).max_decimals(4).prefix("x ");
+    let drag = egui::DragValue::new(&mut factor)
+        .speed(0.01 * now)
+        .range(1e-6..=1e6)
+        .max_decimals(4)
+        .prefix("Opacity x ");
     let drag = ui.add(drag).accessible_name("opacity scale");
     if drag
         .on_hover_text("Extinction at every value, as a multiple of the function's that was loaded")
@@ -119,11 +132,17 @@ fn point_row(ui: &mut egui::Ui, model: &mut Model) {
     let [lo, hi] = document.volume.value_range();
     let mut edits = Vec::new();
     let mut selected = document.selected.filter(|i| *i < tf.points.len());
-    ui.horizontal(|ui| {
+    // As high with a point as without: the curve must not move under the hand that takes hold of one.
+    let rows = if ui.available_width() < POINT_ROW_WIDTH { 2.0 } else { 1.0 };
+    let height = rows * ui.spacing().interact_size.y + (rows - 1.0) * ui.spacing().item_spacing.y;
+    let row = egui::vec2(ui.available_width(), height);
+    let layout = egui::Layout::left_to_right(egui::Align::Center).with_main_wrap(true);
+    ui.allocate_ui_with_layout(row, layout, |ui| {
+        ui.set_min_size(row);
         let Some(index) = selected else {
             let hint = "Drag a point; double-click to add one; drag beside them to shift (left, right) and spread (up, down) all. \
                 Right-click a point for more.";
-            ui.weak(hint);
+            ui.add(egui::Label::new(egui::RichText::new(hint).weak()).truncate());
             return;
         };
         let point = tf.points[index];
@@ -164,10 +183,10 @@ fn point_row(ui: &mut egui::Ui, model: &mut Model) {
             edits.push(Edit::Remove { index });
             selected = None;
         }
-        ui.separator();
-        ui.weak(format!("{:.5} /mm", tf.extinction_of_amount(point.amount)))
-            .on_hover_text("Extinction at this point");
-        ui.weak(format!("{} mm", tf.reference_length_mm)).on_hover_text("Reference length of an opacity");
+        let extinction = tf.extinction_of_amount(point.amount);
+        let of_length = format!("{extinction:.5} /mm · {} mm", short(tf.reference_length_mm));
+        let label = egui::Label::new(egui::RichText::new(&of_length).weak()).truncate();
+        ui.add(label).on_hover_text(format!("{of_length}: extinction at this point, reference length of an opacity"));
     });
     document.selected = selected;
     edits.into_iter().for_each(|edit| model.edit(edit));

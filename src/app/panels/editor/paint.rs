@@ -97,16 +97,24 @@ pub(super) fn paint_axes(
         AmountAxis::Linear => &[0.0, 0.25, 0.5, 0.75, 1.0],
         AmountAxis::Logarithmic => &[0.0, 1e-4, 1e-3, 1e-2, 1e-1, 1.0],
     };
+    let mut free_below = f32::INFINITY;
     for share in heights {
         let y = map.y(share * map.top);
         painter.hline(map.rect.x_range(), y, Stroke::new(0.5, color.gamma_multiply(0.35)));
         let at = pos2(map.rect.left() - 4.0, y.clamp(map.rect.top() + 6.0, map.rect.bottom() - 5.0));
-        painter.text(at, egui::Align2::RIGHT_CENTER, short(share * map.top), font.clone(), color);
+        // A low panel has no room for every figure.
+        if at.y > free_below {
+            continue;
+        }
+        let text = short(share * map.top);
+        free_below = painter.text(at, egui::Align2::RIGHT_CENTER, text, font.clone(), color).top() - 5.0;
     }
     let width = map.range[1] - map.range[0];
     let rough = width / f64::from((map.rect.width() / 90.0).max(1.0));
     let power = 10_f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|s| *s >= rough).unwrap_or(rough);
+    let corner = pos2(map.rect.right(), below + 2.0);
+    let unit = painter.text(corner, egui::Align2::RIGHT_TOP, &tf.units, font.clone(), color);
     let mut value = (map.range[0] / step).ceil() * step;
     for _ in 0..64 {
         if value > map.range[1] {
@@ -114,10 +122,13 @@ pub(super) fn paint_axes(
         }
         let x = map.x(value);
         painter.vline(x, map.rect.y_range(), Stroke::new(0.5, color.gamma_multiply(0.25)));
-        painter.text(pos2(x, below + 2.0), egui::Align2::CENTER_TOP, short(value), font.clone(), color);
+        let figure = painter.layout_no_wrap(short(value), font.clone(), color);
+        // The unit stands where the last figure might.
+        if x + 0.5 * figure.size().x < unit.left() - 4.0 {
+            painter.galley(pos2(x - 0.5 * figure.size().x, below + 2.0), figure, color);
+        }
         value += step;
     }
-    painter.text(pos2(map.rect.right(), below + 2.0), egui::Align2::RIGHT_TOP, &tf.units, font, color);
 }
 
 /// The curve between its points as it is interpolated: linear in the amount, whatever the axis.

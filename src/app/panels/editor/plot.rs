@@ -5,9 +5,10 @@ use super::paint::{Map, add_bar, add_histogram, paint_axes, paint_curve, short};
 use crate::app::curve::{Edit, top_of};
 use crate::app::document::Document;
 use crate::app::model::Model;
+use crate::app::theme;
 use crate::files::color;
 use crate::transfer::{Quantity, TransferFunction};
-use eframe::egui::{self, Color32, FontId, Rect, Sense, Stroke, pos2, vec2};
+use eframe::egui::{self, Align2, Color32, FontId, Rect, Sense, Stroke, pos2, vec2};
 use std::sync::Arc;
 
 const BAR_HEIGHT: f32 = 16.0;
@@ -17,15 +18,16 @@ const GRIP: f32 = 6.0;
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &model.document else { return };
     let tf = Arc::clone(&document.tf);
-    // All that is left, to the last point: a panel takes the height that its contents take.
-    let whole = ui.available_rect_before_wrap();
+    // All that is left, to the last point: a panel takes the height that its contents take. Not what is outside of the
+    // panel, whatever stands above.
+    let whole = ui.available_rect_before_wrap().intersect(ui.clip_rect());
     ui.allocate_rect(whole, Sense::hover());
     let whole = whole.shrink(2.0);
     if whole.width() < 40.0 || whole.height() < 50.0 {
         return;
     }
     let rect = Rect::from_min_max(
-        pos2(whole.left() + 46.0, whole.top() + 2.0),
+        pos2(whole.left() + 56.0, whole.top() + 2.0),
         pos2(whole.right() - 4.0, whole.bottom() - BAR_HEIGHT - 18.0),
     );
     let range = document.value_window.unwrap_or_else(|| padded(document.histogram.range));
@@ -59,19 +61,21 @@ fn paint(ui: &egui::Ui, whole: Rect, map: &Map, model: &Model) {
     let (painter, visuals) = (ui.painter_at(whole), ui.visuals());
     let mut back = egui::Mesh::default();
     back.add_colored_rect(rect, visuals.extreme_bg_color);
-    let columns = visuals.weak_text_color().gamma_multiply(0.45);
-    add_histogram(&mut back, map, &document.histogram, &model.settings, columns);
+    let colors = theme::colors(visuals);
+    add_histogram(&mut back, map, &document.histogram, &model.settings, colors.histogram);
     add_bar(&mut back, bar, map, tf);
     painter.add(back);
     let inside = ui.painter_at(rect);
     paint_axes(&painter, map, tf, bar.bottom(), visuals.weak_text_color());
     paint_curve(&inside, map, tf, visuals.strong_text_color());
     if let Some(value) = model.probe.as_ref().map(|probe| probe.value) {
-        let (x, color) = (map.x(value), Color32::from_rgb(255, 200, 60));
+        let (x, color) = (map.x(value), colors.probe);
         inside.vline(x, rect.y_range(), Stroke::new(1.0, color));
-        let at = pos2(x + 4.0, rect.top() + 2.0);
+        // On the side where there is room.
+        let (dx, align) =
+            if x > rect.right() - 90.0 { (-4.0, Align2::RIGHT_TOP) } else { (4.0, Align2::LEFT_TOP) };
         let font = FontId::proportional(11.0);
-        inside.text(at, egui::Align2::LEFT_TOP, format!("probe {}", short(value)), font, color);
+        inside.text(pos2(x + dx, rect.top() + 2.0), align, format!("probe {}", short(value)), font, color);
     }
 }
 

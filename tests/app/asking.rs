@@ -1,0 +1,208 @@
+//! Questions and what lies over the view: Enter confirms, Escape leaves the topmost, the probe says what is promised.
+
+use super::Bench;
+use eframe::egui::{Key, vec2};
+use egui_kittest::kittest::Queryable;
+use umbravox::app::{App, Purpose};
+use umbravox::open::SceneSettings;
+use umbravox::scene::Shading;
+use umbravox::transfer::TransferFunction;
+use umbravox::volume::{Phantom, write_nifti};
+
+const SMALL: &[&str] = &["phantom:sphere:24", "--tf=uniform", "--shadow=dsm:map=64"];
+
+impl Bench {
+    fn ask(&mut self, purpose: Purpose) {
+        let App { model, windows, .. } = self.app();
+        windows.prompt.ask(model, purpose);
+        self.harness.run_steps(2);
+    }
+
+    fn press(&mut self, key: Key) {
+        self.harness.key_press(key);
+        self.harness.run_steps(2);
+    }
+
+    fn errors(&mut self) -> Vec<String> {
+        let messages = self.app().model.messages.iter();
+        messages.filter(|m| m.is_error).map(|m| m.text.clone()).collect()
+    }
+}
+
+#[test]
+fn enter_confirms_every_question() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    for (purpose, name) in [
+        (Purpose::SaveTransfer, "mine.json"),
+        (Purpose::SaveScene, "mine.toml"),
+        (Purpose::ExportPicture, "mine.png"),
+    ] {
+        bench.ask(purpose);
+        // Nothing is clicked: the cursor is in the field from the first.
+        bench.harness.key_press_modifiers(eframe::egui::Modifiers::COMMAND, Key::A);
+        bench.harness.step();
+        bench.harness.event(eframe::egui::Event::Text(path(name).display().to_string()));
+        bench.harness.step();
+        bench.press(Key::Enter);
+        assert!(!bench.app().windows.prompt.is_open(), "{purpose:?}");
+        bench.settle();
+        assert!(path(name).is_file(), "{purpose:?}: {:?}", bench.errors());
+    }
+    assert!(TransferFunction::read(&path("mine.json")).is_ok());
+    assert!(SceneSettings::read(&path("mine.toml")).is_ok());
+
+    let other = r#"{"name": "other", "units": "", "points": [{"value": 0, "opacity": 0}, {"value": 9, "opacity": 0.5}]}"#;
+    std::fs::write(path("other.json"), other).unwrap();
+    bench.ask(Purpose::LoadTransfer);
+    bench.type_into("path", path("other.json").to_str().unwrap());
+    bench.press(Key::Enter);
+    assert_eq!(bench.app().model.document.as_ref().unwrap().tf.name, "other");
+
+    bench.ask(Purpose::OpenVolume);
+    bench.type_into("path", "phantom:step:12");
+    bench.press(Key::Enter);
+    assert!(!bench.app().windows.prompt.is_open());
+    bench.wait_for("the volume", |app| app.model.document.as_ref().unwrap().spec.source == "phantom:step:12");
+
+    // Where nothing is typed nothing is confirmed.
+    bench.ask(Purpose::OpenVolume);
+    bench.type_into("path", " ");
+    bench.press(Key::Enter);
+    assert!(bench.app().windows.prompt.is_open());
+    assert_eq!(bench.errors(), Vec::<String>::new());
+}
+
+#[test]
+fn a_path_is_chosen_from_what_is_there_and_its_folder_remembered() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("scans");
+    std::fs::create_dir(&folder).unwrap();
+    for (name, size) in [("first.nii.gz", 8), ("second.nii.gz", 10)] {
+        write_nifti(&Phantom::Step.build(size).unwrap(), &folder.join(name)).unwrap();
+    }
+    std::fs::write(folder.join("notes.txt"), "none of these").unwrap();
+    let shown = |bench: &Bench, name: &str| bench.harness.query_by_label(name).is_some();
+    let opened = |bench: &mut Bench, name: &str| {
+        assert!(!bench.app().windows.prompt.is_open());
+        let source = folder.join(name).display().to_string();
+        bench.wait_for(name, |app| app.model.document.as_ref().unwrap().spec.source == source);
+        bench.settle();
+    };
+    // Tab types the folder's name on, and it is listed.
+    bench.ask(Purpose::OpenVolume);
+    bench.type_into("path", dir.path().join("sc").to_str().unwrap());
+    bench.press(Key::Tab);
+    assert!(shown(&bench, "first.nii.gz") && shown(&bench, "second.nii.gz") && !shown(&bench, "notes.txt"));
+    // Down twice and Enter.
+    for key in [Key::ArrowDown, Key::ArrowDown, Key::Enter] {
+        bench.press(key);
+    }
+    opened(&mut bench, "second.nii.gz");
+    // The next question begins where this one ended; a click chooses, and Enter confirms it.
+    bench.ask(Purpose::OpenVolume);
+    bench.click("first.nii.gz");
+    bench.harness.run_steps(2);
+    bench.press(Key::Enter);
+    opened(&mut bench, "first.nii.gz");
+    // What is typed narrows the list.
+    bench.ask(Purpose::OpenVolume);
+    bench.harness.event(eframe::egui::Event::Text("s".to_owned()));
+    bench.harness.run_steps(2);
+    assert!(shown(&bench, "second.nii.gz") && !shown(&bench, "first.nii.gz"));
+    bench.press(Key::Escape);
+    // A picture is suggested there, too, and a folder of the list is gone into.
+    std::fs::create_dir(folder.join("pictures")).unwrap();
+    bench.ask(Purpose::ExportPicture);
+    for key in [Key::ArrowDown, Key::Enter] {
+        bench.press(key);
+    }
+    assert!(bench.app().windows.prompt.is_open(), "a folder is no file");
+    bench.harness.event(eframe::egui::Event::Text("a.png".to_owned()));
+    bench.harness.run_steps(2);
+    bench.press(Key::Enter);
+    bench.settle();
+    assert!(folder.join("pictures/a.png").is_file(), "{:?}", bench.errors());
+}
+
+#[test]
+fn escape_leaves_the_topmost_alone() {
+    let Some(mut bench) = Bench::open(SMALL) else { return };
+    let center = bench.app().model.view.unwrap().center();
+    bench.click_at(center);
+    bench.wait_for("an answer", |app| app.model.probe.is_some());
+    bench.press(Key::T);
+    bench.press(Key::F1);
+    bench.ask(Purpose::ExportPicture);
+    let open = |bench: &mut Bench| {
+        let app = bench.app();
+        let windows = &app.windows;
+        [windows.prompt.is_open(), windows.help, windows.comparison.open, app.model.probe.is_some()]
+    };
+    for left in 0..4 {
+        let expected: [bool; 4] = std::array::from_fn(|i| i >= left);
+        assert_eq!(open(&mut bench), expected);
+        bench.press(Key::Escape);
+    }
+    assert_eq!(open(&mut bench), [false; 4]);
+
+    // Of two windows the one that was touched last is on top.
+    bench.click_at(center);
+    bench.wait_for("an answer", |app| app.model.probe.is_some());
+    bench.press(Key::F1);
+    // In a corner that the list does not cover.
+    let probe = bench.harness.get_by_label("Probe").rect().left_top() + vec2(60.0, 12.0);
+    bench.click_at(probe);
+    bench.harness.run_steps(2);
+    bench.press(Key::Escape);
+    assert_eq!(open(&mut bench), [false, true, false, false]);
+    // A field that is typed into is left before anything else, and so is a list.
+    bench.harness.get_by_label("method epsilon").focus();
+    bench.harness.run_steps(2);
+    bench.press(Key::Escape);
+    assert_eq!(open(&mut bench), [false, true, false, false]);
+    bench.click("method");
+    bench.press(Key::Escape);
+    assert_eq!(open(&mut bench), [false, true, false, false]);
+    bench.press(Key::Escape);
+    assert_eq!(open(&mut bench), [false; 4]);
+}
+
+#[test]
+fn the_probe_says_what_a_promise_speaks_of() {
+    for (spec, promises) in [("dsm:map=64", true), ("rays", true), ("bom:map=64", false), ("none", false)] {
+        let shadow = format!("--shadow={spec}");
+        let Some(mut bench) = Bench::open(&["phantom:thorax:32", &shadow]) else { return };
+        let center = bench.app().model.view.unwrap().center();
+        bench.click_at(center);
+        bench.wait_for("an answer", |app| app.model.probe.is_some());
+        bench.settle();
+        let method = bench.app().model.probe.clone().unwrap().methods.remove(0);
+        let name = spec.split(':').next().unwrap();
+        let said = |bench: &Bench, text: &str| bench.harness.query_by_label_contains(text).is_some();
+        let Some(promise) = method.promise else {
+            assert!(!promises && said(&bench, &format!("{name} promises nothing")), "{spec}");
+            continue;
+        };
+        assert!(promises, "{spec}: {promise:?}");
+        let frame = bench.app().model.frame.clone().unwrap();
+        assert!(promise.bound.transmittance > 0.0 && frame.main.bound.is_some());
+        let nearest = promise.nearest.expect("a texel lies there");
+        assert!(nearest.kept && nearest.texels_away <= 0.5_f64.sqrt() + 1e-9, "{spec}: {nearest:?}");
+        assert!(said(&bench, &format!("{name} promises ±")) && said(&bench, "it is kept"), "{spec}");
+    }
+}
+
+#[test]
+fn what_is_opened_without_a_word_has_no_shading() {
+    let Some(mut bench) = Bench::empty() else { return };
+    bench.app().model.open_source("phantom:sphere:16");
+    bench.settle();
+    let document = bench.app().model.document.clone().unwrap();
+    assert_eq!(document.scene.shading, Shading::None);
+    // As the command line, which reads the same scene.
+    let read = SceneSettings::from_toml(&document.scene_text("ct").unwrap()).unwrap();
+    assert!(matches!(read.shading, None | Some(Shading::None)));
+}

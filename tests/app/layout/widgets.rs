@@ -1,0 +1,199 @@
+//! Widgets that are cut at the edges of what holds them and cannot be scrolled into sight, and such as lie over others.
+
+use eframe::egui::accesskit::{Action, ActionRequest, NodeId, TreeId};
+use eframe::egui::{
+    Event, Id, LayerId, Modifiers, MouseWheelSource, MouseWheelUnit, Order, Rect, Role, Sense, TouchPhase,
+    Vec2,
+};
+use egui_kittest::Harness;
+use egui_kittest::kittest::NodeT;
+use std::collections::HashMap;
+
+/// Rounding to pixels, points.
+const SLACK: f32 = 1.0;
+/// How far the edges of a window reach into it, points.
+const BORDER: f32 = 10.0;
+/// Pictures and canvases, which other things lie on.
+const GROUNDS: [&str; 5] = ["3-D view", "slice 1", "slice 2", "slice 3", "opacity curve"];
+
+#[derive(Debug, Clone)]
+struct Widget {
+    id: Id,
+    layer: LayerId,
+    rect: Rect,
+    /// What its panel lets through.
+    seen: Rect,
+    sense: Sense,
+    name: String,
+    role: Role,
+}
+
+impl Widget {
+    /// Whether all of it is seen.
+    fn is_whole(&self) -> bool {
+        self.seen.is_positive() && self.seen.expand(SLACK).contains_rect(self.rect)
+    }
+}
+
+/// What each widget says of itself to screen readers; spaces, panels and grounds of areas say nothing.
+pub fn meanings<S>(harness: &Harness<'_, S>) -> HashMap<NodeId, (Role, String)> {
+    let means = harness.root().children_recursive().filter_map(|node| {
+        let node = node.accesskit_node();
+        let empty = matches!(
+            node.role(),
+            Role::GenericContainer
+                | Role::Window
+                | Role::Pane
+                | Role::Dialog
+                | Role::Menu
+                | Role::Tooltip
+                | Role::Unknown
+        );
+        let name = node.label().or_else(|| node.value()).unwrap_or_default();
+        (!empty).then(|| (node.locate().0, (node.role(), name)))
+    });
+    means.collect()
+}
+
+/// Every widget that has a meaning, as it was laid out last.
+fn widgets<S>(harness: &Harness<'_, S>) -> Vec<Widget> {
+    let meanings = meanings(harness);
+    harness.ctx.viewport(|v| {
+        let all = &v.prev_pass.widgets;
+        let of_layer = |layer: LayerId| all.get_layer(layer).collect::<Vec<_>>();
+        let found = all.layer_ids().flat_map(of_layer).filter_map(|w| {
+            let (role, name) = meanings.get(&w.id.accesskit_id())?.clone();
+            (w.visible && w.rect.is_positive()).then_some(Widget {
+                id: w.id,
+                layer: w.layer_id,
+                rect: w.rect,
+                seen: w.interact_rect,
+                sense: w.sense,
+                name,
+                role,
+            })
+        });
+        found.collect()
+    })
+}
+
+/// How many are shown.
+pub fn count<S>(harness: &Harness<'_, S>) -> usize {
+    widgets(harness).len()
+}
+
+/// What is cut, covered or beyond the window; `view` is where windows are that belong over it alone.
+pub fn faults<S>(harness: &mut Harness<'_, S>, view: Option<Rect>) -> Vec<String> {
+    let mut faults = overlaps(harness);
+    faults.extend(out_of_the_window(harness));
+    faults.extend(view.into_iter().flat_map(|view| out_of_the_view(harness, view)));
+    faults.extend(cut(harness));
+    faults
+}
+
+/// Widgets that are not whole, even when they are asked to scroll into sight.
+fn cut<S>(harness: &mut Harness<'_, S>) -> Vec<String> {
+    fn find<S>(harness: &Harness<'_, S>) -> HashMap<Id, Widget> {
+        widgets(harness).into_iter().filter(|w| !w.is_whole()).map(|w| (w.id, w)).collect()
+    }
+    let (mut waiting, mut faults) = (find(harness), Vec::new());
+    while let Some(widget) = first(&waiting) {
+        waiting.remove(&widget.id);
+        harness.event(Event::AccessKitActionRequest(ActionRequest {
+            action: Action::ScrollIntoView,
+            target_tree: TreeId::ROOT,
+            target_node: widget.id.accesskit_id(),
+            data: None,
+        }));
+        harness.run_steps(3);
+        // The innermost area alone hears of it; where that one is cut itself, a hand turns the wheel beside it.
+        for _ in 0..12 {
+            let Some(still) = find(harness).remove(&widget.id) else { break };
+            turn_the_wheel(harness, &still);
+        }
+        let now = find(harness);
+        if let Some(still) = now.get(&widget.id) {
+            faults.push(format!("cut: {:?} `{}` {} seen {}", still.role, still.name, still.rect, still.seen));
+        }
+        // What came into sight with it needs no scrolling of its own.
+        waiting.retain(|id, _| now.contains_key(id));
+    }
+    faults
+}
+
+/// Turns the wheel towards a widget, over the innermost of what holds it that is to be seen.
+fn turn_the_wheel<S>(harness: &mut Harness<'_, S>, widget: &Widget) {
+    let holder = harness.ctx.viewport(|v| {
+        let all = &v.prev_pass.widgets;
+        let mut holder = all.get(widget.id)?;
+        while !holder.interact_rect.shrink(8.0).is_positive() {
+            holder = all.get(holder.parent_id).filter(|parent| parent.id != holder.id)?;
+        }
+        Some(holder.interact_rect)
+    });
+    let Some(holder) = holder else { return };
+    let away = (holder.center() - widget.rect.center()).clamp(Vec2::splat(-60.0), Vec2::splat(60.0));
+    harness.event(Event::PointerMoved(holder.center()));
+    harness.event(Event::MouseWheel {
+        unit: MouseWheelUnit::Point,
+        delta: away,
+        phase: TouchPhase::Move,
+        source: MouseWheelSource::Unknown,
+        modifiers: Modifiers::NONE,
+    });
+    harness.run_steps(3);
+}
+
+/// From top to bottom, so that most of what follows comes into sight, too.
+fn first(waiting: &HashMap<Id, Widget>) -> Option<Widget> {
+    let key = |w: &Widget| (w.rect.top(), w.rect.left());
+    waiting.values().min_by(|a, b| key(a).partial_cmp(&key(b)).unwrap()).cloned()
+}
+
+/// Two things in one layer that take the hand at the same place.
+fn overlaps<S>(harness: &Harness<'_, S>) -> Vec<String> {
+    let takes = |w: &&Widget| w.sense.interactive() && w.seen.is_positive();
+    let all = widgets(harness);
+    let ground = |w: &Widget| GROUNDS.contains(&w.name.as_str());
+    // Points of the curve may be anywhere, and the nearest takes the hand: tests/app/panels.rs.
+    let point = |w: &Widget| w.name.starts_with("point ");
+    let takers: Vec<&Widget> = all.iter().filter(takes).filter(|w| !ground(w)).collect();
+    let mut faults = Vec::new();
+    for (i, a) in takers.iter().enumerate() {
+        for b in &takers[i + 1..] {
+            let shared = a.seen.intersect(b.seen);
+            let border = is_border(a) || is_border(b);
+            let most = if border { BORDER } else { SLACK };
+            let over = shared.width() > most && shared.height() > most;
+            if over && a.layer == b.layer && a.id != b.id && !(point(a) && point(b)) {
+                faults.push(format!("`{}` {} lies over `{}` {}", b.name, b.seen, a.name, a.seen));
+            }
+        }
+    }
+    faults
+}
+
+/// Areas that reach beyond the window, which cuts them without a word.
+fn out_of_the_window<S>(harness: &Harness<'_, S>) -> Vec<String> {
+    let window = harness.ctx.content_rect().expand(SLACK);
+    let areas = harness.ctx.memory(|m| {
+        let shown = m.areas().visible_layer_ids().into_iter();
+        shown.filter_map(|layer| Some((layer, m.area_rect(layer.id)?))).collect::<Vec<_>>()
+    });
+    let beyond = areas
+        .into_iter()
+        .filter(|(layer, rect)| layer.order != Order::Background && !window.contains_rect(*rect));
+    beyond.map(|(layer, rect)| format!("{layer:?} {rect} is beyond the window")).collect()
+}
+
+/// What belongs over the view covers no panel.
+fn out_of_the_view<S>(harness: &Harness<'_, S>, view: Rect) -> Vec<String> {
+    let over = widgets(harness).into_iter().filter(|w| w.layer.order == Order::Middle && !is_border(w));
+    let outside = over.filter(|w| w.seen.is_positive() && !view.expand(SLACK).contains_rect(w.seen));
+    outside.map(|w| format!("`{}` {} lies over a panel", w.name, w.seen)).collect()
+}
+
+/// The edges of a window, by which it is resized, reach a little into it.
+fn is_border(widget: &Widget) -> bool {
+    widget.name.starts_with("Resize window")
+}

@@ -1,0 +1,73 @@
+//! The real window, resized again and again while its picture refines.
+
+use std::fmt::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use umbravox::gpu::Gpu;
+
+/// Slow enough to be refining when the next size comes.
+const SCENE: [&str; 4] = ["phantom:thorax:128", "--shadow=rays", "--tf=bone", "--clean"];
+const LAST: [u32; 2] = [1100, 740];
+const RESIZES: u32 = 50;
+/// Of the window, as far as the view reaches in any case: side panel, menus and editor show times.
+const VIEW: [u32; 4] = [0, 40, 700, 440];
+
+/// Runs `view` with a script under an X server of its own; `None`, said aloud, where there is none.
+fn replay(script: &str, folder: &Path) -> Option<()> {
+    let file = folder.join("script.txt");
+    std::fs::write(&file, script).unwrap();
+    let run = Command::new("xvfb-run")
+        .args(["-a", "-s", "-screen 0 1400x1000x24", env!("CARGO_BIN_EXE_umbravox"), "view"])
+        .args(SCENE)
+        .arg("--script")
+        .arg(&file)
+        .env_remove("WAYLAND_DISPLAY")
+        .stdin(Stdio::null())
+        .output();
+    let Ok(run) = run else {
+        println!("skipped: there is no xvfb-run");
+        return None;
+    };
+    let said = String::from_utf8_lossy(&run.stderr);
+    // Xvfb is a package of its own, and so are the libraries that a window opens.
+    if said.contains("Xvfb command not found") || said.contains("cannot open the window") {
+        println!("skipped: {said}");
+        return None;
+    }
+    assert!(run.status.success(), "{said}");
+    Some(())
+}
+
+fn view(path: &Path) -> image::RgbImage {
+    let [x, y, width, height] = VIEW;
+    let shot = image::open(path).unwrap().to_rgb8();
+    assert_eq!([shot.width(), shot.height()], LAST);
+    image::imageops::crop_imm(&shot, x, y, width, height).to_image()
+}
+
+#[test]
+fn fifty_resizes_while_a_picture_refines_alarm_nobody_and_end_in_the_right_picture() {
+    if let Err(e) = Gpu::open(None) {
+        return println!("skipped: {e}");
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let (resized, fresh) = (dir.path().join("resized.png"), dir.path().join("fresh.png"));
+    let [width, height] = LAST;
+    let mut script = String::from("window 900 640\npause 1\n");
+    for i in 1..RESIZES {
+        writeln!(script, "resize {} {}\npause 0.1", 800 + i * 37 % 500, 600 + i * 53 % 300).unwrap();
+    }
+    writeln!(script, "resize {width} {height}\npause 0.3\nsilent\nsettle\nsilent").unwrap();
+    writeln!(script, "shot {}", resized.display()).unwrap();
+    let Some(()) = replay(&script, dir.path()) else { return };
+    let Some(()) =
+        replay(&format!("window {width} {height}\nsettle\nshot {}\n", fresh.display()), dir.path())
+    else {
+        return;
+    };
+    let [resized, fresh] = [view(&resized), view(&fresh)];
+    let bright = fresh.pixels().filter(|p| p.0.iter().any(|c| *c > 60)).count();
+    assert!(bright > 5000, "there is something to see: {bright}");
+    let differ = resized.pixels().zip(fresh.pixels()).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "pixels differ from those of a window that was never resized");
+}
