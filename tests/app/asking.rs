@@ -18,11 +18,6 @@ impl Bench {
         self.harness.run_steps(2);
     }
 
-    fn press(&mut self, key: Key) {
-        self.harness.key_press(key);
-        self.harness.run_steps(2);
-    }
-
     fn errors(&mut self) -> Vec<String> {
         let messages = self.app().model.messages.iter();
         messages.filter(|m| m.is_error).map(|m| m.text.clone()).collect()

@@ -74,6 +74,12 @@ impl Bench {
         self.harness.run_steps(2);
     }
 
+    /// Presses a key, and steps until what it does is shown.
+    pub fn press(&mut self, key: egui::Key) {
+        self.harness.key_press(key);
+        self.harness.run_steps(3);
+    }
+
     /// Steps until the picture is whole and of what is wanted.
     pub fn settle(&mut self) {
         let start = Instant::now();

@@ -91,11 +91,6 @@ impl Bench {
         self.settle();
     }
 
-    fn press(&mut self, key: Key) {
-        self.harness.key_press(key);
-        self.harness.run_steps(3);
-    }
-
     fn choose(&mut self, main: &str, other: Option<&str>) {
         let model = &mut self.app().model;
         let document = model.document.as_mut().unwrap();
