@@ -16,9 +16,11 @@ command -v "$python" >/dev/null || skip "there is no $python"
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || skip "$("$python" --version) is older than 3.10"
 "$python" -c 'import venv, ensurepip' 2>/dev/null || skip "$python has no venv (Debian: apt-get install python3-venv)"
 
-export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}"
-mkdir -p "$CARGO_TARGET_DIR/python"
-folder=$(cd "$CARGO_TARGET_DIR/python" && pwd)
+folder=${CARGO_TARGET_DIR:-target}/python
+mkdir -p "$folder"
+folder=$(cd "$folder" && pwd)
+# The tests look for the program there, from another folder.
+export CARGO_TARGET_DIR="${folder%/python}"
 rm -rf "$folder/wheels" "$folder/venv"
 
 # What builds it is kept from one run to the next.

@@ -62,6 +62,11 @@ impl Surface {
             self.sharing.release();
             return None;
         }
+        // What goes on failing is not mended by holding the render thread back.
+        if self.failures.0 > MOST_FAILURES {
+            self.sharing.release();
+            return None;
+        }
         tracing::info!("the window's surface is made anew");
         self.sharing.hold();
         if let Some(config) = frame.wgpu_surface_config() {

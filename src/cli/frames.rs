@@ -210,6 +210,10 @@ impl Drawer<'_> {
             bar.inc(1);
         }
         bar.finish_and_clear();
+        if matches!(sink, Sink::Animated(_)) && interrupt.has_come() {
+            let why = format!("all {count} pictures are drawn; {kept}");
+            return Err(Error::runtime("interrupted", output.display(), why));
+        }
         match sink {
             Sink::Animated(animation) => animation.finish()?,
             Sink::Numbered => self.warn_of_others(),

@@ -4,6 +4,7 @@ use super::sharing::{Sharing, Uncaptured};
 use super::watch::Watch;
 use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 /// An open device. Limits are the adapter's own; features beyond the core are optional.
 #[derive(Debug)]
@@ -117,6 +118,14 @@ impl Gpu {
     /// Submits, once nobody holds submissions back.
     pub fn submit<I: IntoIterator<Item = wgpu::CommandBuffer>>(&self, commands: I) -> wgpu::SubmissionIndex {
         self.sharing.unheld(|| self.queue.submit(commands))
+    }
+
+    /// The same, with when that was.
+    pub fn submit_timed<I: IntoIterator<Item = wgpu::CommandBuffer>>(
+        &self,
+        commands: I,
+    ) -> (Instant, wgpu::SubmissionIndex) {
+        self.sharing.unheld(|| (Instant::now(), self.queue.submit(commands)))
     }
 
     /// Submits and waits until the device has done it all.

@@ -110,8 +110,7 @@ impl PassTimer {
             encoder.copy_buffer_to_buffer(&q.1, 0, &staging, 0, TICKS_BYTES);
         }
         gpu.watch.copy_to(&mut encoder, &staging, TICKS_BYTES);
-        let start = std::time::Instant::now();
-        let submission = gpu.submit([encoder.finish()]);
+        let (start, submission) = gpu.submit_timed([encoder.finish()]);
         let report = read_staging::<u32>(gpu, &staging, submission, REPORT_BYTES)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
         gpu.watch.check(&gpu.queue, &gpu.info.name, label, report[4])?;

@@ -1,5 +1,6 @@
 //! What a user names, on the command line, in a scene file or in the window, becomes what the program works on.
 
+pub mod asked;
 mod file;
 mod fit;
 pub mod formats;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::bound::along_light_rays;
-use umbravox::scene::Skip;
+use umbravox::scene::{Shading, Skip};
 
 /// What `rays` and `dsm` promise of light rays holds under every light; `what` says of what.
 pub fn promises_hold(setup: &Setup, what: &str) {
@@ -49,4 +49,14 @@ pub fn pictures_are_exact_and_skipping_changes_nothing(setup: &Setup, what: &str
         let off = largest_difference(&picture, &plain);
         assert!(off <= tolerance::SKIPPING, "{what}, {method}: {off}");
     }
+    // Shaded pictures take samples of their own on the way.
+    let scene = Scene { shading: Shading::Lambert, ..scene };
+    let map = setup.shadow("rays", scene.light());
+    let picture = setup.picture_of(&map, &scene);
+    let rms = rms_difference(&picture, &setup.exact().picture(&scene));
+    println!("{what}, shaded: rms {rms:.5}");
+    assert!(rms <= tolerance::SHADED_PICTURE_RMS, "{what}, shaded: rms {rms}");
+    let plain = setup.picture_of(&map, &Scene { skip: Skip::None, ..scene });
+    let off = largest_difference(&picture, &plain);
+    assert!(off <= tolerance::SKIPPING, "{what}, shaded: {off}");
 }

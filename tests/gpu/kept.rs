@@ -282,11 +282,11 @@ fn no_picture_depends_on_those_before() {
     session.kept.set_transfer(session.renderer, &session.loaded, &state.tf, &mut work).unwrap();
     for (method, share, builds) in [
         ("dsm:map=64", 1.0, true),
-        // What it sees the map would cover, but its own is finer.
-        ("dsm:map=64", 0.4, true),
+        // From within it sees a part: the map would cover that, but its own is finer.
+        ("dsm:map=64", 0.1, true),
         ("dsm:map=64", 1.0, false),
         ("dsm:fit=volume,map=64", 1.0, true),
-        ("dsm:fit=volume,map=64", 0.4, false),
+        ("dsm:fit=volume,map=64", 0.1, false),
     ] {
         let scene = Scene { camera: nearer(share), ..state.scene.clone() };
         let parsed = shadow::parse(method).unwrap();

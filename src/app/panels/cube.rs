@@ -19,6 +19,8 @@ const PLACE: Vec2 = vec2(-44.0, 66.0);
 const LEAST_VIEW: Vec2 = vec2(240.0, 190.0);
 /// Radians that a drag across the cube turns.
 const TURN: f64 = std::f64::consts::PI;
+/// What the pointer is on: white letters can be read on it (contrast 6).
+const CHOSEN: Color32 = Color32::from_rgb(40, 100, 170);
 /// A letter on a face that is turned away farther (the cosine) cannot be read.
 const LEGIBLE: f64 = 0.3;
 
@@ -62,9 +64,9 @@ fn paint(painter: &egui::Painter, center: Pos2, frame: &CameraFrame, hovered: Op
         let chosen = hovered == Some(cell.away);
         let facing = cell.face.as_dvec3().dot(-frame.forward) as f32;
         let plain = Color32::from_gray((56.0 + 50.0 * facing) as u8);
-        let fill = if chosen { Color32::from_rgb(64, 128, 208) } else { plain };
+        let fill = if chosen { CHOSEN } else { plain };
         let corners = cell.corners.map(on_screen).to_vec();
-        painter.add(Shape::convex_polygon(corners, fill.gamma_multiply(0.92), Stroke::NONE));
+        painter.add(Shape::convex_polygon(corners, fill, Stroke::NONE));
     }
     for (face, facing) in cube::faces(frame) {
         let corners: Vec<Pos2> =

@@ -16,7 +16,7 @@ pub fn leave_topmost(context: &egui::Context, model: &mut Model, windows: &mut W
         (comparison::TITLE, windows.comparison.open),
         (help::TITLE, windows.help),
     ];
-    // Windows have their titles for names; one that is not painted yet comes on top.
+    // Windows are called by their titles ([`egui::Window::id`]); one that is not painted yet comes on top.
     let place = |title: &str| {
         let layer = egui::LayerId::new(egui::Order::Middle, egui::Id::unique(title));
         context.memory(|m| m.layer_ids().position(|other| other == layer)).unwrap_or(usize::MAX)

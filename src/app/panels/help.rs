@@ -26,6 +26,7 @@ const SIZE: egui::Vec2 = egui::vec2(720.0, 760.0);
 pub fn show(context: &egui::Context, open: &mut bool) {
     let most = context.content_rect().size() - egui::vec2(40.0, 70.0);
     egui::Window::new(TITLE)
+        .id(egui::Id::unique(TITLE))
         .open(open)
         .collapsible(false)
         .resizable(false)

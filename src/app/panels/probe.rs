@@ -20,6 +20,7 @@ pub fn show(context: &egui::Context, model: &mut Model) {
     let mut open = true;
     let rect = model.view.unwrap_or(context.content_rect());
     egui::Window::new(TITLE)
+        .id(egui::Id::unique(TITLE))
         .open(&mut open)
         .default_pos(rect.left_top() + egui::vec2(12.0, 12.0))
         .default_size(egui::vec2(430.0, 320.0).min(rect.size() - egui::vec2(40.0, 70.0)))

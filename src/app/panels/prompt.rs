@@ -90,7 +90,11 @@ impl Prompt {
         let transparent = model.document.as_ref().is_some_and(|d| d.transparent);
         *self = Self {
             open: Some(purpose),
-            field: PathField::new(format!("{folder}{}", purpose.suggestion()), purpose.filter().1),
+            field: PathField::new(
+                format!("{folder}{}", purpose.suggestion()),
+                purpose.filter().1,
+                purpose.saves(),
+            ),
             size,
             backdrop: if transparent { Backdrop::LeftOut } else { Backdrop::Drawn },
             ..Default::default()
@@ -116,7 +120,7 @@ impl Prompt {
                 if ui.add_enabled(self.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
                     let (name, endings) = purpose.filter();
                     let question = (purpose.title(), name, endings.as_slice());
-                    self.dialog = Dialog::open(question, purpose.saves(), &self.field.text, ui.ctx());
+                    self.dialog = Dialog::open(question, purpose.saves(), &self.field.path(), ui.ctx());
                     self.no_dialog = self.dialog.is_none();
                 }
             });
@@ -146,7 +150,9 @@ impl Prompt {
             }
             ui.add_space(8.0);
             ui.horizontal(|ui| {
-                let verb = if purpose == Purpose::ExportPicture {
+                let verb = if purpose.saves() && Path::new(&self.field.path()).is_file() {
+                    "Replace"
+                } else if purpose == Purpose::ExportPicture {
                     "Export"
                 } else if purpose.saves() {
                     "Save"

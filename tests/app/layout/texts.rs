@@ -87,6 +87,9 @@ impl Painted {
                         lay(r.fill, &mut backs);
                     }
                 }
+                Shape::Path(path) if path.closed && is_inside_polygon(&path.points, at) => {
+                    lay(path.fill, &mut backs);
+                }
                 Shape::Circle(c) if c.center.distance(at) <= c.radius => lay(c.fill, &mut backs),
                 Shape::Mesh(mesh) => {
                     for corners in mesh.indices.chunks_exact(3) {
@@ -112,6 +115,12 @@ fn is_inside([a, b, c]: [Pos2; 3], p: Pos2) -> bool {
     let side = |u: Pos2, v: Pos2| (v.x - u.x) * (p.y - u.y) - (v.y - u.y) * (p.x - u.x);
     let sides = [side(a, b), side(b, c), side(c, a)];
     sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)
+}
+
+/// Of a convex polygon.
+fn is_inside_polygon(corners: &[Pos2], p: Pos2) -> bool {
+    let fans = corners.windows(2).skip(1);
+    corners.first().is_some_and(|first| fans.into_iter().any(|edge| is_inside([*first, edge[0], edge[1]], p)))
 }
 
 impl Text<'_> {

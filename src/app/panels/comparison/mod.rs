@@ -152,6 +152,7 @@ impl Comparison {
         let view = model.view.unwrap_or(context.content_rect());
         let most = context.content_rect().size() - egui::vec2(40.0, 70.0);
         egui::Window::new(TITLE)
+            .id(egui::Id::unique(TITLE))
             .open(&mut open)
             .default_pos(view.left_top() + egui::vec2(16.0, 16.0))
             // All columns, where the view has room for them.

@@ -20,7 +20,7 @@ pub struct Report {
 
 impl Default for Report {
     fn default() -> Self {
-        Self { opener: |path| open::that(path), opening: None, failed: None }
+        Self { opener: |path| open::that_detached(path), opening: None, failed: None }
     }
 }
 

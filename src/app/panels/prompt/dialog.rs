@@ -1,5 +1,6 @@
 //! The system's own file dialog, on a thread of its own: the window goes on meanwhile.
 
+use super::listing::split;
 use eframe::egui;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -34,12 +35,12 @@ impl Dialog {
     ) -> Option<Self> {
         let (send, chosen) = channel();
         let mut dialog = rfd::FileDialog::new().set_title(title).add_filter(kind, endings);
-        let path = Path::new(typed);
-        if let Some(folder) = path.parent().filter(|p| p.is_dir()) {
+        let (folder, file) = split(typed);
+        if Path::new(folder).is_dir() {
             dialog = dialog.set_directory(folder);
         }
-        if saves && let Some(file) = path.file_name() {
-            dialog = dialog.set_file_name(file.to_string_lossy());
+        if saves && !file.is_empty() {
+            dialog = dialog.set_file_name(file);
         }
         let context = context.clone();
         let ask = move || {

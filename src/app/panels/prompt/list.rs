@@ -15,6 +15,8 @@ pub struct PathField {
     /// What is typed.
     pub text: String,
     endings: Vec<&'static str>,
+    /// A file of the list would be written over: it is put into the field, and no more.
+    saves: bool,
     listing: Listing,
     /// The path that the list is for: what was typed, and not what was clicked since.
     begun: String,
@@ -29,11 +31,11 @@ pub struct PathField {
 }
 
 impl PathField {
-    /// With a text to begin with, for files with these endings.
-    pub fn new(text: String, endings: Vec<&'static str>) -> Self {
+    /// With a text to begin with, for files with these endings, which are to be saved or else opened.
+    pub fn new(text: String, endings: Vec<&'static str>, saves: bool) -> Self {
         // A name that is suggested is not to hide what is there.
         let begun = split(&text).0.to_owned();
-        Self { text, endings, begun, select: true, ..Self::default() }
+        Self { text, endings, saves, begun, select: true, ..Self::default() }
     }
 
     /// The path that is typed, with the home folder in place of `~`.
@@ -103,8 +105,10 @@ impl PathField {
     fn follow_keys(&mut self, ui: &egui::Ui) -> bool {
         let hit = |key: Key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
         let count = self.listing.matching(&self.begun).len();
-        if hit(Key::Tab) {
-            if let Some(path) = self.listing.completed(&self.text) {
+        if ui.input_mut(|i| i.consume_key(Modifiers::SHIFT, Key::Tab)) {
+            ui.memory_mut(|m| m.move_focus(egui::FocusDirection::Previous));
+        } else if hit(Key::Tab) {
+            if let Some(path) = self.listing.completed(&self.text).filter(|path| *path != self.text) {
                 self.put(path);
                 self.go_to_end(ui);
             } else {
@@ -123,7 +127,7 @@ impl PathField {
             (self.chosen, self.scroll) = (moved, true);
         }
         let Some(chosen) = self.chosen.filter(|chosen| *chosen < count) else { return false };
-        hit(Key::Enter) && self.take(ui, chosen)
+        hit(Key::Enter) && self.take(ui, chosen) && !self.saves
     }
 
     /// Takes an entry of the list: whether it is a file.
@@ -152,7 +156,9 @@ impl PathField {
             self.entries(ui, [row, step])
         });
         let Some((at, twice)) = taken.inner else { return false };
-        self.take(ui, at) && twice
+        // A folder that is entered puts another entry below the pointer before the second click.
+        let same = self.chosen == Some(at);
+        self.take(ui, at) && twice && same && !self.saves
     }
 
     /// The entries, whose rows are so high, without and with what lies between them: the one that was clicked, and whether

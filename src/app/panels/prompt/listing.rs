@@ -86,9 +86,15 @@ pub fn path_of(folder: &str, entry: &Entry) -> String {
 
 fn read(folder: &Path, endings: &[&str]) -> std::io::Result<Vec<Entry>> {
     let mut entries = Vec::new();
-    for entry in std::fs::read_dir(folder)?.flatten().take(MOST_ENTRIES) {
-        // What a link leads to.
-        let is_folder = entry.path().is_dir();
+    for entry in std::fs::read_dir(folder)?.flatten() {
+        if entries.len() == MOST_ENTRIES {
+            break;
+        }
+        // What a link leads to has to be asked of the disk.
+        let is_folder = match entry.file_type() {
+            Ok(kind) if !kind.is_symlink() => kind.is_dir(),
+            _ => entry.path().is_dir(),
+        };
         let Ok(name) = entry.file_name().into_string() else { continue };
         let lower = name.to_lowercase();
         let ends = |ending: &&str| lower.strip_suffix(*ending).is_some_and(|stem| stem.ends_with('.'));

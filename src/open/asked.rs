@@ -1,12 +1,12 @@
 //! A scene that a table is asked of, as the table's folder records it.
 
-use super::names;
-use super::run::SceneRecord;
+use super::presets::{self, PRESETS};
+use super::{Loaded, SceneSettings};
 use crate::error::Result;
 use crate::files::hash::sha256;
 use crate::measure::facts::REVISION;
-use crate::open::presets::{self, PRESETS};
-use crate::open::{Loaded, SceneSettings};
+use crate::measure::job::file_name_part;
+use crate::report::run::SceneRecord;
 use std::path::Path;
 
 /// A scene with what its folder keeps of it.
@@ -24,7 +24,7 @@ impl Asked {
     /// whether the folder holds other scenes.
     ///
     /// # Errors
-    /// The volume's file cannot be read for its SHA-256.
+    /// The volume's file cannot be read for its SHA-256, or the settings cannot be said as a scene file of this look.
     pub fn of(
         settings: SceneSettings,
         loaded: &Loaded,
@@ -33,7 +33,7 @@ impl Asked {
         several: bool,
     ) -> Result<Self> {
         let volume_sha256 = settings.spec().sha256()?;
-        let prefix = names::prefix(name, several);
+        let prefix = if several { format!("{}_", file_name_part(name)) } else { String::new() };
         let tf_file = tf_text.as_ref().map_or(String::new(), |_| format!("{prefix}transfer_function.json"));
         let tf = if tf_file.is_empty() { loaded.tf_source.clone() } else { tf_file.clone() };
         let scene = loaded.scene_of(&settings)?;
