@@ -15,7 +15,7 @@ fn drawn_by_the_command_line(scene: &std::path::Path) -> Picture {
     let settings = SceneSettings::read(scene).unwrap();
     let method = settings.method().unwrap();
     let loaded = settings.load(&Loading::default()).unwrap();
-    let session = Session::open(None, loaded.volume.into(), &loaded.tf, Forced::NOTHING).unwrap();
+    let session = Session::open(None, loaded.volume, &loaded.tf, Forced::NOTHING).unwrap();
     let shadow = session.shadow(method.as_ref(), loaded.scene.light()).unwrap();
     session.render(&shadow, &loaded.scene).unwrap()
 }
