@@ -14,7 +14,7 @@ use umbravox::error::Error;
 use umbravox::files::loading::Loading;
 use umbravox::open::{Read, Remark, SceneSettings, VolumeSpec, load};
 use umbravox::strands::VoxelisedStrands;
-use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxels, write_volume};
+use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxel, Voxels, write_volume};
 use umbravox::with_voxels;
 
 const WHAT: &str = "cannot use volume";
@@ -184,7 +184,7 @@ impl PyVolume {
         let scaling = volume.scaling();
         let array = with_voxels!(volume.voxels(), a => match scaling == Scaling::IDENTITY {
             true => a.clone().into_pyarray(py).into_any(),
-            false => a.mapv(|v| scaling.apply(f64::from(v))).into_pyarray(py).into_any(),
+            false => a.mapv(|v| scaling.apply(v.to_f64())).into_pyarray(py).into_any(),
         });
         array.getattr("T")
     }
