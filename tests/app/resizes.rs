@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use umbravox::gpu::Gpu;
 
 /// Slow enough to be refining when the next size comes.
-const SCENE: [&str; 4] = ["phantom:thorax:128", "--shadow=rays", "--tf=bone", "--clean"];
+const SCENE: [&str; 4] = ["phantom:thorax:64", "--shadow=rays", "--tf=bone", "--clean"];
 const LAST: [u32; 2] = [1100, 740];
 const RESIZES: u32 = 50;
 /// Of the window, as far as the view reaches in any case: side panel, menus and editor show times.
