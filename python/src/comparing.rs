@@ -27,7 +27,7 @@ use umbravox::report::make::{Order, Subject, make, scene_name};
 use umbravox::report::run::{Run, SceneRecord};
 use umbravox::report::tables::Layout;
 use umbravox::scene::Scene;
-use umbravox::shadow::{COMPARED, Method, parse_list};
+use umbravox::shadow::{COMPARED, parse_distinct};
 use umbravox::transfer::TransferFunction;
 
 /// A step that begins.
@@ -182,7 +182,7 @@ impl Table {
         say: &Sender<Step>,
     ) -> Result<Rows> {
         let list = self.methods.as_deref().unwrap_or(&COMPARED);
-        let methods = distinct(parse_list(list).map_err(|e| e.at("methods"))?);
+        let methods = parse_distinct(list).map_err(|e| e.at("methods"))?;
         let budgets = self.budgets.as_deref().map(Budget::parse_list).transpose();
         let budgets = budgets.map_err(|e| e.at("budget"))?.unwrap_or_default();
         let Wanted { subject, record, tf_text } = wanted;
@@ -220,13 +220,6 @@ impl Table {
         }
         Ok(Rows { rows, notes, failures })
     }
-}
-
-/// Methods, each once.
-fn distinct(mut methods: Vec<Box<dyn Method>>) -> Vec<Box<dyn Method>> {
-    let mut seen = std::collections::HashSet::new();
-    methods.retain(|method| seen.insert(format!("{method:?}")));
-    methods
 }
 
 /// Passes on what begins.

@@ -39,8 +39,8 @@ _Three = str | Sequence[float] | NDArray[Any]
 _Progress = bool | Callable[[Step], object] | None
 
 @type_check_only
-class ReadArguments(TypedDict, total=False):
-    """What says how a file is read."""
+class FormatArguments(TypedDict, total=False):
+    """What a file does not say itself."""
 
     raw: str | None
     spacing: _Three | None
@@ -54,6 +54,11 @@ class ReadArguments(TypedDict, total=False):
     resolution: int | str | None
     kernel: str | None
     sha256: str | None
+
+@type_check_only
+class ReadArguments(FormatArguments, total=False):
+    """What says how a file is read."""
+
     labels: _Path | None
 
 @type_check_only
@@ -87,21 +92,9 @@ class SceneArguments(TypedDict, total=False):
     adapter: str | None
 
 @type_check_only
-class SceneAndReadArguments(SceneArguments, total=False):
+class SceneAndReadArguments(SceneArguments, FormatArguments, total=False):
     """Those of a scene that reads its volume."""
 
-    raw: str | None
-    spacing: _Three | None
-    offset: int | None
-    series: int | None
-    frame: int | None
-    level: int | None
-    crop: str | None
-    fit: bool | str | None
-    thickness: float | str | None
-    resolution: int | str | None
-    kernel: str | None
-    sha256: str | None
     labels: ArrayLike | _Path | None
 
 @type_check_only

@@ -20,10 +20,9 @@ use crate::report::make::{Files, Made, Order, Subject, make, scene_name};
 use crate::report::run::{Run, Shard};
 use crate::report::tables::{Layout, summary};
 use crate::report::writers::table_json;
-use crate::shadow::{COMPARED, Method, parse_list};
+use crate::shadow::{COMPARED, parse_distinct};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -127,7 +126,7 @@ fn tex_width_pt(text: &str) -> Result<f64, String> {
 /// # Errors
 /// Bad input, a failure of the device or disk, an interruption, or (after everything is written) a row that failed.
 pub fn run(args: CompareArgs) -> Result<()> {
-    let methods = distinct(parse_list(&args.methods).map_err(|e| e.at("--methods"))?);
+    let methods = parse_distinct(&args.methods).map_err(|e| e.at("--methods"))?;
     let layout = args.layout.layout()?;
     let budgets = distinct_budgets(&args.budget)?;
     check_output_dir(&args.output)?;
@@ -186,7 +185,7 @@ fn measured(
 ) -> Result<Made> {
     let mut methods = Vec::new();
     for here in run.methods_here() {
-        let all = distinct(parse_list(&run.methods)?);
+        let all = parse_distinct(&run.methods)?;
         methods.push(all.into_iter().zip(here).filter(|(_, here)| *here).map(|(m, _)| m).collect());
     }
     let order = Order { methods: &methods, budgets, remark: "" };
@@ -233,13 +232,6 @@ fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
     let mut error = Error::runtime("interrupted", folder.display(), why);
     error.hint = Some("the same command line with --resume goes on from there".into());
     error
-}
-
-/// Methods, each once: the same given twice is one row.
-fn distinct(mut methods: Vec<Box<dyn Method>>) -> Vec<Box<dyn Method>> {
-    let mut seen = HashSet::new();
-    methods.retain(|method| seen.insert(format!("{method:?}")));
-    methods
 }
 
 /// Budgets, each once, in the order in which they are given.
@@ -388,7 +380,7 @@ mod tests {
 
     #[test]
     fn the_same_method_given_twice_is_one_row() {
-        let of = |text: &str| distinct(parse_list(text).unwrap()).len();
+        let of = |text: &str| parse_distinct(text).unwrap().len();
         assert_eq!(of("dsm:epsilon=0.1,0.1"), 1);
         assert_eq!(of("none;dsm:epsilon=0.1,0.10,0.02;none;dsm:epsilon=0.02"), 3);
     }

@@ -53,7 +53,7 @@ pub use moments::{Basis, MomentMap};
 pub use none::NoShadows;
 pub use osm::{OpacityShadowMap, Slicing};
 pub use rays::ShadowRays;
-pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_list};
+pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_distinct, parse_list};
 pub use search_space::{Axis, SearchSpace};
 pub use settings::{Filter, Key, Kind, Lookups, Value, When};
 pub use style::{Marker, Style};

@@ -4,6 +4,7 @@ use super::method::{Entry, Method};
 use super::spec;
 use super::{avsm, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
 use crate::error::{Error, Result};
+use std::collections::HashSet;
 use std::sync::LazyLock;
 
 /// Every method, in the order of tables and menus.
@@ -50,6 +51,17 @@ pub fn parse(text: &str) -> Result<Box<dyn Method>> {
         (Some(only), true) => Ok(only),
         _ => Err(Error::input("bad shadow method", text, "one method with one value a key is meant here")),
     }
+}
+
+/// Parses a list of methods as [`parse_list`] does, each once: the same given twice is one row.
+///
+/// # Errors
+/// As there.
+pub fn parse_distinct(text: &str) -> Result<Vec<Box<dyn Method>>> {
+    let mut seen = HashSet::new();
+    let mut methods = parse_list(text)?;
+    methods.retain(|method| seen.insert(format!("{method:?}")));
+    Ok(methods)
 }
 
 /// Parses a list of methods, with `;` between them; every combination of values is a row.
