@@ -123,12 +123,12 @@ fn pictures_of_a_turntable_are_those_from_their_eyes() {
             let explicit = [&flag("eye", drawn_from), place[1], place[2], shadow, "-o", "alone.png"];
             render(folder, &explicit);
             assert_eq!(bytes(folder, &name), bytes(folder, "alone.png"), "{shadow}: picture {k}");
-            std::fs::write(folder.join("scene.toml"), scene_text(&bytes(folder, &name))).unwrap();
-            let run = umbravox(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
-            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-            assert_eq!(bytes(folder, &name), bytes(folder, "again.png"), "{shadow}: from its own text");
             pictures.push(bytes(folder, &name));
         }
+        std::fs::write(folder.join("scene.toml"), scene_text(&pictures[3])).unwrap();
+        let run = umbravox(folder, &["render", "--scene=scene.toml", "-o", "again.png"]);
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        assert_eq!(pictures[3], bytes(folder, "again.png"), "{shadow}: from its own text");
         pictures.dedup();
         assert_eq!(pictures.len(), 5, "they differ");
         // A map of the whole volume is one for all; `fit=view` may be another for each.
@@ -257,11 +257,15 @@ fn one_animated_file_holds_the_numbered_pictures() {
     assert!(names(folder).iter().all(|name| !name.ends_with(".tmp")), "{:?}", names(folder));
 }
 
-/// Starts a long turn, waits until `begun`, interrupts it, and gives what it said.
+/// Starts a long turn, waits until `begun`, interrupts it so many `times`, and gives its exit status and what it said.
 #[cfg(unix)]
-fn interrupted(folder: &Path, output: &str, begun: impl Fn() -> bool) -> String {
-    let args =
-        ["render", "phantom:thorax:24", "--size=400x400", "--shadow=rays", "--turntable=5000", "-o", output];
+fn interrupted(
+    folder: &Path,
+    [size, output]: [&str; 2],
+    times: usize,
+    begun: impl Fn() -> bool,
+) -> (i32, String) {
+    let args = ["render", "phantom:thorax:24", size, "--shadow=rays", "--turntable=5000", "-o", output];
     let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
         .args(args)
         .current_dir(folder)
@@ -274,13 +278,14 @@ fn interrupted(folder: &Path, output: &str, begun: impl Fn() -> bool) -> String 
         assert!(start.elapsed() < Duration::from_secs(120), "it does not begin");
         std::thread::sleep(Duration::from_millis(20));
     }
-    let signalled = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(signalled.success());
+    for _ in 0..times {
+        let signalled = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(signalled.success());
+        // Two that come at once are one.
+        std::thread::sleep(Duration::from_millis(50));
+    }
     let ended = child.wait_with_output().unwrap();
-    let said = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(1), "{said}");
-    assert!(said.contains("error: interrupted"), "{said}");
-    said
+    (ended.status.code().unwrap(), String::from_utf8(ended.stderr).unwrap())
 }
 
 #[cfg(unix)]
@@ -291,21 +296,26 @@ fn an_interruption_leaves_whole_files_alone() {
     }
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path();
-    let said = interrupted(folder, "f.png", || folder.join("f_0001.png").exists());
+    let small = "--size=400x400";
+    let (status, said) = interrupted(folder, [small, "f.png"], 1, || folder.join("f_0001.png").exists());
+    assert!(status == 1 && said.contains("error: interrupted"), "{said}");
     let left = names(folder);
     assert!(said.contains(&format!("{} of 5000 pictures are drawn", left.len())), "{said}\n{left:?}");
     for (k, name) in left.iter().enumerate() {
         assert_eq!(*name, format!("f_{k:04}.png"));
         assert_eq!(image::open(folder.join(name)).unwrap().width(), 400);
     }
-    let dir = tempfile::tempdir().unwrap();
-    let folder = dir.path();
-    // The file that stays, and not the one by which the folder was tried.
-    let before = std::cell::RefCell::new(Vec::new());
-    let said = interrupted(folder, "f.gif", || {
-        let now = names(folder);
-        !now.is_empty() && before.replace(now.clone()) == now
-    });
-    assert!(said.contains("nothing is written"), "{said}");
-    assert_eq!(names(folder), [""; 0]);
+    // Twice, while a picture is drawn, it ends at once; where that is soon done, after it.
+    for (size, times, ends) in [(small, 1, vec![1]), ("--size=3000x3000", 2, vec![130, 1])] {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path();
+        // The file that stays, and not the one by which the folder was tried.
+        let before = std::cell::RefCell::new(Vec::new());
+        let (status, said) = interrupted(folder, [size, "f.gif"], times, || {
+            let now = names(folder);
+            !now.is_empty() && before.replace(now.clone()) == now
+        });
+        assert!(ends.contains(&status) && said.contains("nothing is written"), "{status}: {said}");
+        assert_eq!(names(folder), [""; 0]);
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::told::say;
 use crate::error::{Error, Result};
+use crate::files::output::abandon_and_exit;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -12,7 +13,7 @@ static LISTENS: OnceLock<Result<(), String>> = OnceLock::new();
 const ENDED: i32 = 130;
 
 /// Hears interrupts (SIGINT, SIGTERM, SIGHUP) from when it is made: the first is to end the work between two steps, the
-/// second ends the program at once.
+/// second ends the program at once, and leaves no half-written file either.
 pub struct Interrupt(());
 
 impl Interrupt {
@@ -24,7 +25,7 @@ impl Interrupt {
         let listens = LISTENS.get_or_init(|| {
             let heard = move || match COME.fetch_add(1, Ordering::SeqCst) {
                 0 => say("note", &format_args!("ending after this step; {outcome} (once more ends at once)")),
-                _ => std::process::exit(ENDED),
+                _ => abandon_and_exit(ENDED),
             };
             ctrlc::set_handler(heard).map_err(|e| e.to_string())
         });

@@ -1,12 +1,28 @@
 //! Files that appear whole or not at all.
 
 use crate::error::{Error, Result};
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use tempfile::{Builder, NamedTempFile, SpooledTempFile};
 
 const WHAT: &str = "cannot write file";
+
+/// Temporary files of what is being written.
+static BEGUN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// Removes what is being written, and ends the program with `status`: nothing is half-written then, and no file begins or
+/// takes its name in between.
+pub fn abandon_and_exit(status: i32) -> ! {
+    let begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
+    for file in begun.iter() {
+        // One that is not there any more is what is wanted.
+        let _ = std::fs::remove_file(file);
+    }
+    std::process::exit(status)
+}
 
 /// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.
 ///
@@ -24,6 +40,7 @@ pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result
 /// A file that is written over a while: it is there once it is finished; dropped before, it leaves nothing.
 pub struct WholeFile {
     temporary: NamedTempFile,
+    listed: Listed,
     path: PathBuf,
 }
 
@@ -34,9 +51,12 @@ impl WholeFile {
     /// The folder cannot be written to.
     pub fn begin(path: &Path) -> Result<(Self, File)> {
         let fail = |e: io::Error| Error::runtime(WHAT, path.display(), e);
+        let mut begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
         let temporary = temporary_in(&folder_of(path)).map_err(fail)?;
         let file = temporary.as_file().try_clone().map_err(fail)?;
-        Ok((Self { temporary, path: path.into() }, file))
+        begun.insert(temporary.path().into());
+        let listed = Listed(temporary.path().into());
+        Ok((Self { temporary, listed, path: path.into() }, file))
     }
 
     /// Gives it its name.
@@ -47,7 +67,17 @@ impl WholeFile {
         let fail = |e: io::Error| Error::runtime(WHAT, self.path.display(), e);
         self.temporary.as_file().sync_all().map_err(fail)?;
         self.temporary.persist(&self.path).map_err(|e| fail(e.error))?;
+        drop(self.listed);
         Ok(())
+    }
+}
+
+/// The name of a temporary file among [`BEGUN`], until it is dropped.
+struct Listed(PathBuf);
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        BEGUN.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.0);
     }
 }
 

@@ -113,6 +113,11 @@ impl Drawing {
         Self { width, height, ground: WHITE, shapes: String::new(), pictures: Vec::new() }
     }
 
+    /// Width and height of the page, points.
+    pub fn size(&self) -> [f64; 2] {
+        [self.width, self.height]
+    }
+
     /// The same on another ground.
     #[must_use]
     pub fn on(self, ground: Rgb) -> Self {

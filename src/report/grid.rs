@@ -19,6 +19,8 @@ const LEAST_CELL: f64 = 64.0;
 const MOST_CELL: f64 = 220.0;
 /// As far as pictures are made narrower than their columns for the height's sake.
 const MOST_NARROWED: f64 = 0.85;
+/// Pictures are no higher: of a very high one, a narrower copy stands in its column.
+const MOST_HIGH: f64 = 0.4 * MOST_HEIGHT;
 const MOST_ACROSS: usize = 7;
 const GAP: f64 = 6.0;
 /// Between a picture and its difference.
@@ -31,6 +33,8 @@ const BAR: f64 = 7.0;
 const GREY: super::canvas::Rgb = [130, 130, 130];
 /// Pixels a point of the PNG file: enough for 300 dpi, and for the pictures as they are where that is less.
 const PIXELS_PER_POINT: [f64; 2] = [2.0, 4.0];
+/// Of the whole PNG file, where very many pictures would make more.
+const MOST_PIXELS: f64 = 1e8;
 
 /// A picture with what is said above and below it.
 #[derive(Debug, Clone)]
@@ -89,10 +93,12 @@ impl<'a> Shown<'a> {
 /// # Errors
 /// The drawing backend's own.
 pub fn files(shown: &[Shown], width: f64, max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
-    let (drawing, cell) = figure(shown, width, max, label);
+    let (drawing, wide) = figure(shown, width, max, label);
     let widest = shown.iter().map(|s| s.picture.dim().1).max().unwrap_or(1) as f64;
     let [least, most] = PIXELS_PER_POINT;
-    let png = super::canvas::encode_png(&drawing.bitmap_of((widest / cell).clamp(least, most))?)?;
+    let [across, down] = drawing.size();
+    let bound = (MOST_PIXELS / (across * down)).sqrt();
+    let png = super::canvas::encode_png(&drawing.bitmap_of((widest / wide).clamp(least, most).min(bound))?)?;
     Ok([png, drawing.pdf()?])
 }
 
@@ -153,7 +159,13 @@ impl Layout {
     /// Of a row of pictures with all that belongs to it, and the gap to the next.
     fn row_height(&self, shown: &[Shown], row: usize) -> f64 {
         let figures = shown.iter().map(|s| s.figures.len()).max().unwrap_or(0) as f64;
-        self.above(row) + 2.0 * self.cell * shape(shown) + SEAM + 2.0 + LINE * figures + GAP
+        self.above(row) + 2.0 * self.picture(shown)[1] + SEAM + 2.0 + LINE * figures + GAP
+    }
+
+    /// Width and height of a picture, points.
+    fn picture(&self, shown: &[Shown]) -> [f64; 2] {
+        let high = (self.cell * shape(shown)).min(MOST_HIGH);
+        [self.cell.min(high / shape(shown)), high]
     }
 
     fn height(&self, shown: &[Shown]) -> f64 {
@@ -200,7 +212,7 @@ fn said(shown: &[Shown], width: f64) -> Vec<String> {
 /// The figure, and the width of its pictures in points.
 fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) {
     let layout = Layout::of(shown, width);
-    let (cell, high) = (layout.cell, layout.cell * shape(shown));
+    let (cell, picture) = (layout.cell, layout.picture(shown));
     let mut drawing = Drawing::new(width, layout.height(shown).ceil());
     let used = layout.across as f64 * (cell + GAP) - GAP;
     let mut top = 0.0;
@@ -208,7 +220,7 @@ fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) 
         let above = layout.above(row);
         for (i, s) in cells.iter().enumerate() {
             let left = 0.5 * (width - used) + i as f64 * (cell + GAP);
-            put(&mut drawing, s, Point(left, top), [cell, high, above], max);
+            put(&mut drawing, s, Point(left, top), [cell, above], picture, max);
         }
         top += layout.row_height(shown, row);
     }
@@ -220,14 +232,22 @@ fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) 
         let place = Point(0.5 * width, top + bar_height(BAR, TEXT) + (i as f64 + 0.7) * LINE);
         drawing.text(place, Anchor::Middle, TEXT, INK, line.trim_end());
     }
-    (drawing, cell)
+    (drawing, picture[0])
 }
 
-/// Draws one picture with all that belongs to it; `wide`, `high` of the picture, and what stands `above` it.
-fn put(drawing: &mut Drawing, s: &Shown, Point(left, top): Point, [wide, high, above]: [f64; 3], max: f32) {
-    let name = shorten(s.name.clone(), NAME, wide);
+/// Draws one picture, `wide` and `high`, with all that belongs to it: the column's width is `cell`, and what stands `above` it
+/// so high.
+fn put(
+    drawing: &mut Drawing,
+    s: &Shown,
+    Point(left, top): Point,
+    [cell, above]: [f64; 2],
+    [wide, high]: [f64; 2],
+    max: f32,
+) {
+    let name = shorten(s.name.clone(), NAME, cell);
     drawing.text(Point(left, top + 0.5 * NAME), Anchor::Start, NAME, BLACK, &name);
-    for (i, line) in s.lines(wide).iter().enumerate() {
+    for (i, line) in s.lines(cell).iter().enumerate() {
         let place = Point(left, top + NAME + 1.0 + (i as f64 + 0.5) * LINE);
         drawing.text(place, Anchor::Start, TEXT, INK, line);
     }
@@ -243,7 +263,7 @@ fn put(drawing: &mut Drawing, s: &Shown, Point(left, top): Point, [wide, high, a
     }
     for (i, figure) in s.figures.iter().enumerate() {
         let place = Point(left, lower.bottom + 2.0 + (i as f64 + 0.5) * LINE);
-        drawing.text(place, Anchor::Start, TEXT, INK, &shorten(figure.clone(), TEXT, wide));
+        drawing.text(place, Anchor::Start, TEXT, INK, &shorten(figure.clone(), TEXT, cell));
     }
 }
 
@@ -374,5 +394,26 @@ mod tests {
         assert_eq!((count("/Subtype /Image"), count("/Width 301"), count("/Height 300")), (3, 3, 3));
         assert!(count("/FontFile") >= 1 && count("/ToUnicode") >= 1, "letters are of a font");
         assert!(files(&[], WIDTH, 1.0, "").is_ok());
+    }
+
+    #[test]
+    fn pictures_of_any_shape_are_shown_on_a_page() {
+        for (height, width) in [(4096, 1), (1, 4096), (600, 20)] {
+            let picture = Array3::zeros((height, width, 4));
+            let difference = Array2::zeros((height, width));
+            let all = vec![Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) }; 3];
+            let layout = Layout::of(&all, WIDTH);
+            assert!(
+                layout.across == 3 && layout.height(&all) <= MOST_HEIGHT,
+                "{height} x {width}: {layout:?}"
+            );
+            let [png, _] = files(&all, WIDTH, 0.02, "difference").unwrap();
+            assert!(image::load_from_memory(&png).unwrap().height() < 4 * MOST_HEIGHT as u32);
+        }
+        // Very many: the page is high, and the file no larger than it may be.
+        let picture = Array3::zeros((40, 40, 4));
+        let all = vec![shown(&picture, &["epsilon=0.06"]); 600];
+        let png = image::load_from_memory(&files(&all, WIDTH, 0.02, "difference").unwrap()[0]).unwrap();
+        assert!(f64::from(png.width()) * f64::from(png.height()) < 1.01 * MOST_PIXELS);
     }
 }

@@ -1,6 +1,6 @@
 //! Asking for a path: typed, chosen from a list of what is there, or in the system's dialog.
 
-mod dialog;
+pub mod dialog;
 mod list;
 mod listing;
 
@@ -120,7 +120,7 @@ impl Prompt {
                 if ui.add_enabled(self.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
                     let (name, endings) = purpose.filter();
                     let question = (purpose.title(), name, endings.as_slice());
-                    self.dialog = Dialog::open(question, purpose.saves(), &self.field.path(), ui.ctx());
+                    self.dialog = Dialog::of_file(question, purpose.saves(), &self.field.path(), ui.ctx());
                     self.no_dialog = self.dialog.is_none();
                 }
             });

@@ -1,6 +1,7 @@
 //! What to compare: methods, how much to measure, the picture's size and the folder.
 
 use crate::app::panels::parts::complaint;
+use crate::app::panels::prompt::dialog::{Answer, Dialog};
 use crate::error::{Error, Result};
 use crate::files::output::check_output_dir;
 use crate::measure::job::Effort;
@@ -8,7 +9,6 @@ use crate::shadow::{COMPARED, Entry, METHODS, Method, parse_list};
 use eframe::egui;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 /// Of the column of names, with the space beside it, points.
 const NAMES_WIDTH: f32 = 140.0;
@@ -58,7 +58,7 @@ pub struct Form {
     /// What is wrong with the folder, as of the last start.
     pub folder_error: Option<Error>,
     /// The system's dialog, while it is open.
-    dialog: Option<Receiver<Option<PathBuf>>>,
+    dialog: Option<Dialog>,
 }
 
 impl Default for Form {
@@ -165,7 +165,8 @@ impl Form {
                     self.folder_error = None;
                 }
                 if ui.add_enabled(self.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
-                    self.dialog = browse(Path::new(self.folder.trim()), ui.ctx());
+                    let title = "Folder for the comparison";
+                    self.dialog = Dialog::of_folder(title, Path::new(self.folder.trim()), ui.ctx());
                 }
             });
             ui.end_row();
@@ -185,17 +186,18 @@ impl Form {
     }
 
     fn take_dialog(&mut self) {
-        let Some(dialog) = &self.dialog else { return };
-        match dialog.try_recv() {
-            Ok(chosen) => {
-                self.dialog = None;
-                if let Some(path) = chosen {
-                    self.folder = path.display().to_string();
-                    self.folder_error = None;
-                }
+        let Some(answer) = self.dialog.as_ref().and_then(Dialog::answer) else { return };
+        self.dialog = None;
+        match answer {
+            Answer::Chosen(path) => {
+                self.folder = path.display().to_string();
+                self.folder_error = None;
             }
-            Err(TryRecvError::Disconnected) => self.dialog = None,
-            Err(TryRecvError::Empty) => {}
+            Answer::Cancelled => {}
+            Answer::NoDialog => {
+                let why = "the system shows none; type the folder's name";
+                self.folder_error = Some(Error::runtime("cannot choose a folder", "file dialog", why));
+            }
         }
     }
 }
@@ -212,21 +214,6 @@ fn settings_text(entry: &Entry) -> String {
         entry.keys.iter().map(|k| format!("{}={} [default: {}] {}", k.name, k.values(), k.default, k.help));
     let keys = keys.collect::<Vec<_>>().join("\n");
     if keys.is_empty() { format!("{}: {}", entry.name, entry.summary) } else { keys }
-}
-
-/// Opens the system's dialog away from the window, which goes on meanwhile.
-fn browse(folder: &Path, context: &egui::Context) -> Option<Receiver<Option<PathBuf>>> {
-    let (send, receive) = channel();
-    let mut dialog = rfd::FileDialog::new().set_title("Folder for the comparison");
-    if let Some(folder) = folder.ancestors().find(|p| p.is_dir()) {
-        dialog = dialog.set_directory(folder);
-    }
-    let context = context.clone();
-    let ask = move || {
-        let _ = send.send(dialog.pick_folder());
-        context.request_repaint();
-    };
-    std::thread::Builder::new().name("folder dialog".into()).spawn(ask).ok().map(|_| receive)
 }
 
 #[cfg(test)]

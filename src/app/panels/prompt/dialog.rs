@@ -27,13 +27,12 @@ pub enum Answer {
 impl Dialog {
     /// Opens one, for a title, the kind of files meant and their endings, in the folder of a typed path; `None` where the
     /// system has no thread left.
-    pub fn open(
+    pub fn of_file(
         (title, kind, endings): (&str, &str, &[&str]),
         saves: bool,
         typed: &str,
         context: &egui::Context,
     ) -> Option<Self> {
-        let (send, chosen) = channel();
         let mut dialog = rfd::FileDialog::new().set_title(title).add_filter(kind, endings);
         let (folder, file) = split(typed);
         if Path::new(folder).is_dir() {
@@ -42,10 +41,23 @@ impl Dialog {
         if saves && !file.is_empty() {
             dialog = dialog.set_file_name(file);
         }
+        Self::open(context, move || if saves { dialog.save_file() } else { dialog.pick_file() })
+    }
+
+    /// Opens one for a folder, in `folder` or the nearest above it that there is; `None` as there.
+    pub fn of_folder(title: &str, folder: &Path, context: &egui::Context) -> Option<Self> {
+        let mut dialog = rfd::FileDialog::new().set_title(title);
+        if let Some(folder) = folder.ancestors().find(|p| p.is_dir()) {
+            dialog = dialog.set_directory(folder);
+        }
+        Self::open(context, move || dialog.pick_folder())
+    }
+
+    fn open(context: &egui::Context, ask: impl FnOnce() -> Option<PathBuf> + Send + 'static) -> Option<Self> {
+        let (send, chosen) = channel();
         let context = context.clone();
         let ask = move || {
-            let chosen = if saves { dialog.save_file() } else { dialog.pick_file() };
-            let _ = send.send(chosen);
+            let _ = send.send(ask());
             context.request_repaint();
         };
         let thread = std::thread::Builder::new().name("file dialog".into()).spawn(ask);
