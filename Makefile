@@ -42,7 +42,7 @@ demo: setup
 
 # What passing tests print is shown too: the lines that say what was skipped. Last, what adding a method takes.
 test: setup
-	$(CARGO) test --locked -- --show-output
+	$(CARGO) test --locked $(TEST_FLAGS) -- --show-output
 	$(CARGO) test --locked --features half --test half
 	scripts/python.sh
 
