@@ -398,7 +398,7 @@ mod tests {
 
     #[test]
     fn pictures_of_any_shape_are_shown_on_a_page() {
-        for (height, width) in [(4096, 1), (1, 4096), (600, 20)] {
+        for (height, width, across) in [(4096, 1, 3), (1, 4096, 1), (600, 20, 3)] {
             let picture = Array3::zeros((height, width, 4));
             let difference = Array2::zeros((height, width));
             let all = vec![Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) }; 3];
