@@ -403,10 +403,8 @@ mod tests {
             let difference = Array2::zeros((height, width));
             let all = vec![Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) }; 3];
             let layout = Layout::of(&all, WIDTH);
-            assert!(
-                layout.across == 3 && layout.height(&all) <= MOST_HEIGHT,
-                "{height} x {width}: {layout:?}"
-            );
+            assert_eq!(layout.across, across, "{height} x {width}");
+            assert!(layout.height(&all) <= MOST_HEIGHT, "{height} x {width}: {layout:?}");
             let [png, _] = files(&all, WIDTH, 0.02, "difference").unwrap();
             assert!(image::load_from_memory(&png).unwrap().height() < 4 * MOST_HEIGHT as u32);
         }
