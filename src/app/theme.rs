@@ -1,8 +1,9 @@
 //! Colours of the window: every text has a contrast of at least [`LEAST_CONTRAST`] against what it lies on, also where it
 //! is dim or disabled, in both themes and over any picture.
 
-use eframe::egui::style::ScrollStyle;
+use eframe::egui::style::{NumberFormatter, ScrollStyle};
 use eframe::egui::{self, Color32, Theme, Visuals};
+use std::ops::RangeInclusive;
 
 /// What WCAG 2.1 (AA) asks of text.
 pub const LEAST_CONTRAST: f64 = 4.5;
@@ -50,11 +51,23 @@ pub fn show(context: &egui::Context, dark: bool) {
         for theme in [Theme::Dark, Theme::Light] {
             context.set_visuals_of(theme, visuals(theme));
             // Bars beside what scrolls, not over it.
-            context.style_mut_of(theme, |style| style.spacing.scroll = scroll_bars());
+            context.style_mut_of(theme, |style| {
+                style.spacing.scroll = scroll_bars();
+                style.number_formatter = NumberFormatter::new(number);
+            });
         }
         context.data_mut(|d| d.insert_temp(told, true));
     }
     context.set_theme(if dark { Theme::Dark } else { Theme::Light });
+}
+
+/// As egui writes it, but that nothing is no negative number, which turned axes are full of.
+fn number(x: f64, decimals: RangeInclusive<usize>) -> String {
+    let text = egui::emath::format_with_decimals_in_range(x, decimals);
+    match text.strip_prefix('-') {
+        Some(rest) if !rest.contains(|digit| ('1'..='9').contains(&digit)) => rest.to_owned(),
+        _ => text,
+    }
 }
 
 fn scroll_bars() -> ScrollStyle {
@@ -108,6 +121,12 @@ pub fn contrast(text: Color32, back: Color32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nothing_is_no_negative_number() {
+        let shown = [-0.0, -1e-9, -0.004, -0.006, 1.5, -12.0].map(|x| number(x, 0..=2));
+        assert_eq!(shown, ["0", "0.00", "0.00", "-0.01", "1.5", "-12"]);
+    }
 
     #[test]
     fn contrast_is_that_of_wcag() {

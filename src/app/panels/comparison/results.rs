@@ -276,7 +276,11 @@ impl Cells {
     fn text(&self, line: &Line) -> String {
         match self {
             Self::Text(text) => text(&line.row),
-            Self::Number(number) => number(&line.row).map_or(String::new(), |x| significant(x, 3)),
+            Self::Number(number) => number(&line.row).map_or(String::new(), |x| match x {
+                // Texels: a whole number has no digits behind a point.
+                x if x.fract() == 0.0 && (10.0..1e5).contains(&x) => format!("{x:.0}"),
+                x => significant(x, 3),
+            }),
             Self::Flag(flag) => flag(&line.row).map_or("", |yes| if yes { "yes" } else { "no" }).to_owned(),
         }
     }
