@@ -4,6 +4,8 @@ mod cli;
 
 use cli::{refused, umbravox};
 use std::fs;
+use std::process::Command;
+use std::time::Duration;
 
 #[test]
 fn bad_transfer_functions_are_refused_by_name() {
@@ -154,4 +156,29 @@ fn phantoms_written_and_read_again_say_the_same() {
         assert_eq!(file[key], built_in[key], "{key}");
     }
     assert_eq!(file["affine_source"], "sform");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_write_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let names = || {
+        let entries = fs::read_dir(dir.path()).unwrap();
+        entries.map(|e| e.unwrap().file_name()).collect::<Vec<_>>()
+    };
+    let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
+        .args(["phantom", "thorax:400", "-o", "a.nii.gz"])
+        .current_dir(dir.path())
+        .spawn()
+        .unwrap();
+    // The file that is written, and not the one by which the folder was tried.
+    let mut before = names();
+    while before.is_empty() || before != names() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it could be interrupted");
+        before = names();
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(names(), [""; 0]);
 }

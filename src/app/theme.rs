@@ -65,7 +65,7 @@ pub fn show(context: &egui::Context, dark: bool) {
 fn number(x: f64, decimals: RangeInclusive<usize>) -> String {
     let text = egui::emath::format_with_decimals_in_range(x, decimals);
     match text.strip_prefix('-') {
-        Some(rest) if !rest.contains(|digit| ('1'..='9').contains(&digit)) => rest.to_owned(),
+        Some(rest) if rest.chars().all(|c| matches!(c, '0' | '.')) => rest.to_owned(),
         _ => text,
     }
 }
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn nothing_is_no_negative_number() {
         let shown = [-0.0, -1e-9, -0.004, -0.006, 1.5, -12.0].map(|x| number(x, 0..=2));
-        assert_eq!(shown, ["0", "0.00", "0.00", "-0.01", "1.5", "-12"]);
+        assert_eq!(shown, ["0", "0", "0.00", "-0.01", "1.5", "-12"]);
     }
 
     #[test]

@@ -167,6 +167,12 @@ impl Drawer<'_> {
         of_first: impl FnOnce(&DrawnPicture, &[&ShadowMap]) -> T,
     ) -> Result<(T, Vec<Frame>)> {
         let Turn { turning, count, fps, output } = self.turn;
+        let kept = match is_animation(output) {
+            false => "pictures that are written are kept",
+            true => "nothing is written",
+        };
+        // Before a file is begun, so that none is left.
+        let interrupt = Interrupt::listen(kept)?;
         let mut sink = match is_animation(output) {
             false => Sink::Numbered,
             true => {
@@ -176,14 +182,9 @@ impl Drawer<'_> {
                 Sink::Animated(Box::new(Animation::begin(output, of)?))
             }
         };
-        let kept = match sink {
-            Sink::Numbered => "pictures that are written are kept",
-            Sink::Animated(_) => "nothing is written",
-        };
         if !turning.changes(scene) {
             say("note", &"every light is on the axis that it is turned around: all pictures are the same");
         }
-        let interrupt = Interrupt::listen(kept)?;
         let bar = progress_bar(*count)?;
         let (mut of_first, mut first, mut frames) = (Some(of_first), None, Vec::new());
         for Turned { angle_deg, scene } in turning.scenes(scene, *count) {

@@ -8,6 +8,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 static COME: AtomicU32 = AtomicU32::new(0);
 static LISTENS: OnceLock<Result<(), String>> = OnceLock::new();
+/// What becomes of the work, where it is ended between two steps.
+static OUTCOME: OnceLock<&str> = OnceLock::new();
 
 /// Exit status of what a signal ended, as shells have it: 128 and the number of SIGINT.
 const ENDED: i32 = 130;
@@ -22,14 +24,9 @@ impl Interrupt {
     /// # Errors
     /// The system does not let it.
     pub fn listen(outcome: &'static str) -> Result<Self> {
-        let listens = LISTENS.get_or_init(|| {
-            let heard = move || match COME.fetch_add(1, Ordering::SeqCst) {
-                0 => say("note", &format_args!("ending after this step; {outcome} (once more ends at once)")),
-                _ => abandon_and_exit(ENDED),
-            };
-            ctrlc::set_handler(heard).map_err(|e| e.to_string())
-        });
-        listens.clone().map_err(|why| Error::runtime("cannot listen for interrupts", "signals", why))?;
+        // The first outcome holds: a command has one.
+        let _ = OUTCOME.set(outcome);
+        leave_nothing()?;
         Ok(Self(()))
     }
 
@@ -37,4 +34,21 @@ impl Interrupt {
     pub fn has_come(&self) -> bool {
         COME.load(Ordering::SeqCst) > 0
     }
+}
+
+/// From now on an interrupt that nothing else hears ends the program at once and leaves no half-written file.
+///
+/// # Errors
+/// The system does not let it.
+pub fn leave_nothing() -> Result<()> {
+    let listens = LISTENS.get_or_init(|| {
+        let heard = || match (COME.fetch_add(1, Ordering::SeqCst), OUTCOME.get()) {
+            (0, Some(outcome)) => {
+                say("note", &format_args!("ending after this step; {outcome} (once more ends at once)"));
+            }
+            _ => abandon_and_exit(ENDED),
+        };
+        ctrlc::set_handler(heard).map_err(|e| e.to_string())
+    });
+    listens.clone().map_err(|why| Error::runtime("cannot listen for interrupts", "signals", why))
 }

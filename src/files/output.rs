@@ -66,9 +66,12 @@ impl WholeFile {
     pub fn finish(self) -> Result<()> {
         let fail = |e: io::Error| Error::runtime(WHAT, self.path.display(), e);
         self.temporary.as_file().sync_all().map_err(fail)?;
-        self.temporary.persist(&self.path).map_err(|e| fail(e.error))?;
+        // Not while the program is ended.
+        let begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
+        let named = self.temporary.persist(&self.path).map_err(|e| fail(e.error));
+        drop(begun);
         drop(self.listed);
-        Ok(())
+        named.map(|_| ())
     }
 }
 

@@ -19,7 +19,9 @@ const LEAST_CELL: f64 = 64.0;
 const MOST_CELL: f64 = 220.0;
 /// As far as pictures are made narrower than their columns for the height's sake.
 const MOST_NARROWED: f64 = 0.85;
-/// Pictures are no higher: of a very high one, a narrower copy stands in its column.
+/// Height by width beyond which pictures may be narrower than their columns, so that all stand on a page.
+const UPRIGHT: f64 = 1.2;
+/// Such pictures are no higher.
 const MOST_HIGH: f64 = 0.4 * MOST_HEIGHT;
 const MOST_ACROSS: usize = 7;
 const GAP: f64 = 6.0;
@@ -95,11 +97,15 @@ impl<'a> Shown<'a> {
 pub fn files(shown: &[Shown], width: f64, max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
     let (drawing, wide) = figure(shown, width, max, label);
     let widest = shown.iter().map(|s| s.picture.dim().1).max().unwrap_or(1) as f64;
-    let [least, most] = PIXELS_PER_POINT;
-    let [across, down] = drawing.size();
-    let bound = (MOST_PIXELS / (across * down)).sqrt();
-    let png = super::canvas::encode_png(&drawing.bitmap_of((widest / wide).clamp(least, most).min(bound))?)?;
+    let png =
+        super::canvas::encode_png(&drawing.bitmap_of(pixels_per_point(widest / wide, drawing.size()))?)?;
     Ok([png, drawing.pdf()?])
+}
+
+/// Of the PNG file, where the pictures themselves have `own`.
+fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
+    let [least, most] = PIXELS_PER_POINT;
+    own.clamp(least, most).min((MOST_PIXELS / (width * height)).sqrt())
 }
 
 /// How a figure is laid out.
@@ -108,8 +114,10 @@ struct Layout {
     /// Of the page, points.
     width: f64,
     across: usize,
-    /// Width of a picture, points.
+    /// Width of a column, points.
     cell: f64,
+    /// Width and height of a picture, points.
+    picture: [f64; 2],
     /// Lines of settings in each row of pictures.
     lines: Vec<usize>,
 }
@@ -121,32 +129,43 @@ impl Layout {
         let all = 1..=shown.len().clamp(1, MOST_ACROSS);
         let all = all.filter_map(|across| Self::across(shown, width, across));
         let worth = |layout: &Self| {
-            layout.cell * shown.len() as f64 / (layout.across * layout.lines.len().max(1)) as f64
+            layout.picture[0] * shown.len() as f64 / (layout.across * layout.lines.len().max(1)) as f64
         };
         let best = all.reduce(|a, b| if worth(&b) > worth(&a) { b } else { a });
         best.unwrap_or_else(|| {
             let most = ((width + GAP) / (LEAST_CELL + GAP)).floor().clamp(1.0, MOST_ACROSS as f64) as usize;
             let across = shown.len().clamp(1, most);
-            let cell = column(width, across);
-            Self { width, across, cell, lines: lines(shown, across, cell) }
+            let (cell, shape) = (column(width, across), shape(shown));
+            let high = if shape > UPRIGHT { (cell * shape).min(2.0 * LEAST_CELL) } else { cell * shape };
+            let picture = [cell.min(high / shape), high];
+            Self { width, across, cell, picture, lines: lines(shown, across, cell) }
         })
     }
 
     /// With so many pictures a row; `None` where these would be too narrow.
     fn across(shown: &[Shown], width: f64, across: usize) -> Option<Self> {
-        let column = column(width, across);
-        let mut cell = column;
-        // Narrower pictures may have more lines above them.
+        let (column, shape) = (column(width, across), shape(shown));
+        let upright = shape > UPRIGHT;
+        let (mut cell, mut high) =
+            (column, if upright { (column * shape).min(MOST_HIGH) } else { column * shape });
+        // Narrower columns may have more lines above them.
         for _ in 0..8 {
-            if cell < LEAST_CELL.max(MOST_NARROWED * column) {
+            if cell < LEAST_CELL.max(MOST_NARROWED * column) || upright && high < LEAST_CELL {
                 break;
             }
-            let layout = Self { width, across, cell, lines: lines(shown, across, cell) };
+            let picture = [cell.min(high / shape), high];
+            let layout = Self { width, across, cell, picture, lines: lines(shown, across, cell) };
             let (height, rows) = (layout.height(shown), layout.lines.len() as f64);
             if height <= MOST_HEIGHT {
                 return Some(layout);
             }
-            cell -= (height - MOST_HEIGHT) / (2.0 * rows * shape(shown)).max(1e-3) + 0.01;
+            let over = (height - MOST_HEIGHT) / (2.0 * rows);
+            if upright {
+                high -= over + 0.01;
+            } else {
+                cell -= over / shape.max(1e-3) + 0.01;
+                high = cell * shape;
+            }
         }
         None
     }
@@ -159,13 +178,7 @@ impl Layout {
     /// Of a row of pictures with all that belongs to it, and the gap to the next.
     fn row_height(&self, shown: &[Shown], row: usize) -> f64 {
         let figures = shown.iter().map(|s| s.figures.len()).max().unwrap_or(0) as f64;
-        self.above(row) + 2.0 * self.picture(shown)[1] + SEAM + 2.0 + LINE * figures + GAP
-    }
-
-    /// Width and height of a picture, points.
-    fn picture(&self, shown: &[Shown]) -> [f64; 2] {
-        let high = (self.cell * shape(shown)).min(MOST_HIGH);
-        [self.cell.min(high / shape(shown)), high]
+        self.above(row) + 2.0 * self.picture[1] + SEAM + 2.0 + LINE * figures + GAP
     }
 
     fn height(&self, shown: &[Shown]) -> f64 {
@@ -212,7 +225,7 @@ fn said(shown: &[Shown], width: f64) -> Vec<String> {
 /// The figure, and the width of its pictures in points.
 fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) {
     let layout = Layout::of(shown, width);
-    let (cell, picture) = (layout.cell, layout.picture(shown));
+    let (cell, picture) = (layout.cell, layout.picture);
     let mut drawing = Drawing::new(width, layout.height(shown).ceil());
     let used = layout.across as f64 * (cell + GAP) - GAP;
     let mut top = 0.0;
@@ -256,9 +269,12 @@ fn put(
     drawing.picture(upper, encoded(s.picture));
     match s.difference {
         Some(difference) => drawing.picture(lower, false_colour(difference, max)),
+        None if high < LINE => {}
         None => {
-            let middle = Point(left + 0.5 * wide, 0.5 * (lower.top + lower.bottom));
-            drawing.text(middle, Anchor::Middle, TEXT, GREY, "reference");
+            let word = "reference";
+            let half = 0.5 * wide.max(text_width(word, TEXT));
+            let middle = Point(left + half, 0.5 * (lower.top + lower.bottom));
+            drawing.text(middle, Anchor::Middle, TEXT, GREY, word);
         }
     }
     for (i, figure) in s.figures.iter().enumerate() {
@@ -398,20 +414,46 @@ mod tests {
 
     #[test]
     fn pictures_of_any_shape_are_shown_on_a_page() {
-        for (height, width, across) in [(4096, 1, 3), (1, 4096, 1), (600, 20, 3)] {
+        for (height, width) in [(4096, 1), (1, 4096), (600, 20), (60, 20), (150, 100), (120, 100)] {
             let picture = Array3::zeros((height, width, 4));
             let difference = Array2::zeros((height, width));
-            let all = vec![Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) }; 3];
-            let layout = Layout::of(&all, WIDTH);
-            assert_eq!(layout.across, across, "{height} x {width}");
-            assert!(layout.height(&all) <= MOST_HEIGHT, "{height} x {width}: {layout:?}");
-            let [png, _] = files(&all, WIDTH, 0.02, "difference").unwrap();
-            assert!(image::load_from_memory(&png).unwrap().height() < 4 * MOST_HEIGHT as u32);
+            for count in [1, 3, 8] {
+                let one = Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) };
+                let all: Vec<_> = std::iter::once(Shown::reference(&picture))
+                    .chain(std::iter::repeat_n(one, count))
+                    .collect();
+                let layout = Layout::of(&all, WIDTH);
+                let [wide, high] = layout.picture;
+                assert!(layout.height(&all) <= MOST_HEIGHT, "{count} of {height} x {width}: {layout:?}");
+                assert!(
+                    wide <= layout.cell + 1e-9
+                        && (high / wide * width as f64 / height as f64 - 1.0).abs() < 1e-9
+                );
+                let [png, _] = files(&all, WIDTH, 0.02, "difference").unwrap();
+                assert!(image::load_from_memory(&png).unwrap().height() <= 4 * MOST_HEIGHT as u32);
+            }
         }
-        // Very many: the page is high, and the file no larger than it may be.
-        let picture = Array3::zeros((40, 40, 4));
-        let all = vec![shown(&picture, &["epsilon=0.06"]); 600];
-        let png = image::load_from_memory(&files(&all, WIDTH, 0.02, "difference").unwrap()[0]).unwrap();
-        assert!(f64::from(png.width()) * f64::from(png.height()) < 1.01 * MOST_PIXELS);
+    }
+
+    #[test]
+    fn a_reference_is_named_where_there_is_room() {
+        let svg = |height, width| {
+            let picture = Array3::zeros((height, width, 4));
+            let all = [Shown::reference(&picture), shown(&picture, &[])];
+            figure(&all, WIDTH, 0.1, "").0.svg(None).into_string()
+        };
+        assert!(svg(40, 40).contains("reference") && !svg(2, 600).contains("reference"));
+        // Beside a narrow one it begins where that begins, and is whole.
+        let page = svg(600, 8);
+        let tag = &page[..page.find("reference").unwrap()];
+        let x: f64 = tag[tag.rfind(" x=\"").unwrap() + 4..].split('"').next().unwrap().parse().unwrap();
+        assert!(x - 0.5 * text_width("reference", TEXT) >= -1e-9, "{x}");
+    }
+
+    #[test]
+    fn a_page_of_very_many_has_fewer_pixels_a_point() {
+        assert_eq!([0.1, 3.0, 9.0].map(|own| pixels_per_point(own, [455.0, 650.0])), [2.0, 3.0, 4.0]);
+        let bound = pixels_per_point(9.0, [455.0, 50_000.0]);
+        assert!((bound * bound * 455.0 * 50_000.0 / MOST_PIXELS - 1.0).abs() < 1e-9 && bound < 4.0);
     }
 }

@@ -55,6 +55,8 @@ impl Bench {
 
     /// Scrolls a widget into sight, and clicks it.
     fn reach(&mut self, label: &str) {
+        // What is known of a picture once it is whole moves what stands below.
+        self.settle();
         self.harness.get_by_label(label).scroll_to_me();
         self.harness.run_steps(3);
         self.click(label);

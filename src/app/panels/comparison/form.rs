@@ -55,7 +55,7 @@ pub struct Form {
     pub folder: String,
     /// Go on with what the folder holds.
     pub resume: bool,
-    /// What is wrong with the folder, as of the last start.
+    /// What is wrong with the folder, as of the last start or choice.
     pub folder_error: Option<Error>,
     /// The system's dialog, while it is open.
     dialog: Option<Dialog>,
@@ -167,6 +167,7 @@ impl Form {
                 if ui.add_enabled(self.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
                     let title = "Folder for the comparison";
                     self.dialog = Dialog::of_folder(title, Path::new(self.folder.trim()), ui.ctx());
+                    self.folder_error = self.dialog.is_none().then(no_dialog);
                 }
             });
             ui.end_row();
@@ -194,12 +195,13 @@ impl Form {
                 self.folder_error = None;
             }
             Answer::Cancelled => {}
-            Answer::NoDialog => {
-                let why = "the system shows none; type the folder's name";
-                self.folder_error = Some(Error::runtime("cannot choose a folder", "file dialog", why));
-            }
+            Answer::NoDialog => self.folder_error = Some(no_dialog()),
         }
     }
+}
+
+fn no_dialog() -> Error {
+    Error::runtime("cannot choose a folder", "file dialog", "the system shows none; type the folder's name")
 }
 
 fn count(ui: &mut egui::Ui, value: &mut usize, range: RangeInclusive<i64>, name: &str, tooltip: &str) {

@@ -79,6 +79,7 @@ impl Comparison {
             // Said beside its field.
             (Err(_), _) => return,
         };
+        self.form.folder_error = None;
         let [width, height] = self.form.size;
         let scene = Scene { width, height, ..document.scene.clone() };
         let wanted = Request {
