@@ -44,11 +44,10 @@ demo: setup
 test: setup
 	$(CARGO) test --locked $(TEST_FLAGS) -- --show-output
 	$(CARGO) test --locked --features half --test half
-	scripts/python.sh
+	CARGO="$(CARGO)" scripts/python.sh
 
 python: setup
-	$(CARGO) build --locked
-	scripts/python.sh
+	CARGO="$(CARGO)" scripts/python.sh
 
 adapters:
 	@scripts/setup.sh --second

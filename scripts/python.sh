@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the Python module's wheel, installs it into a fresh virtual environment, and runs its tests there: against the
-# command line (cargo build), against figures of an independent program, and the notebook of examples/.
+# command line, which it builds too, against figures of an independent program, and the notebook of examples/.
 # Where there is no Python that could, it says `skipped:` and why.
 # usage: python.sh [PYTEST ARGUMENTS]
 set -euo pipefail
@@ -37,6 +37,9 @@ wheel=$(ls "$folder"/wheels/*.whl)
 "$python" -m venv "$folder/venv"
 "$folder/venv/bin/pip" install --quiet --disable-pip-version-check "${wheel}[test]" ||
     skip "pip cannot fetch what its tests need"
+# The program of the same features as the wheel: what lies there may be of others (its tables then have other columns).
+# Together with a test, so that nothing is compiled twice for the features of what only tests need.
+"${CARGO:-cargo}" test --locked --no-run --test cli_readme
 # Beside no source that could be imported in its place.
 cd python/tests
 "$folder/venv/bin/python" -m pytest -q -rs -p no:cacheprovider "$@"
