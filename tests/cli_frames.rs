@@ -257,7 +257,7 @@ fn one_animated_file_holds_the_numbered_pictures() {
     assert!(names(folder).iter().all(|name| !name.ends_with(".tmp")), "{:?}", names(folder));
 }
 
-/// Starts a long turn, waits until `begun`, interrupts it so many `times`, and gives its exit status and what it said.
+/// Starts a long turn, waits until `begun`, interrupts it so many `times`, and gives its exit status as shells do and what it said.
 #[cfg(unix)]
 fn interrupted(
     folder: &Path,
@@ -265,6 +265,7 @@ fn interrupted(
     times: usize,
     begun: impl Fn() -> bool,
 ) -> (i32, String) {
+    use std::os::unix::process::ExitStatusExt;
     let args = ["render", "phantom:thorax:24", size, "--shadow=rays", "--turntable=5000", "-o", output];
     let mut child = Command::new(env!("CARGO_BIN_EXE_umbravox"))
         .args(args)
@@ -279,13 +280,15 @@ fn interrupted(
         std::thread::sleep(Duration::from_millis(20));
     }
     for _ in 0..times {
-        let signalled = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-        assert!(signalled.success());
+        cli::signal(&child, "TERM");
         // Two that come at once are one.
         std::thread::sleep(Duration::from_millis(50));
     }
     let ended = child.wait_with_output().unwrap();
-    (ended.status.code().unwrap(), String::from_utf8(ended.stderr).unwrap())
+    (
+        ended.status.code().unwrap_or_else(|| 128 + ended.status.signal().unwrap()),
+        String::from_utf8(ended.stderr).unwrap(),
+    )
 }
 
 #[cfg(unix)]
@@ -318,4 +321,35 @@ fn an_interruption_leaves_whole_files_alone() {
         assert!(ends.contains(&status) && said.contains("nothing is written"), "{status}: {said}");
         assert_eq!(names(folder), [""; 0]);
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn what_nohup_has_it_ignore_is_ignored() {
+    if no_adapter("render --turntable under nohup") {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    let turn =
+        ["render", "phantom:thorax:24", "--size=400x400", "--shadow=rays", "--turntable=4", "-o", "f.png"];
+    let mut child = Command::new("nohup")
+        .arg(env!("CARGO_BIN_EXE_umbravox"))
+        .args(turn)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    while !folder.join("f_0000.png").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before its first picture");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    for _ in 0..2 {
+        cli::signal(&child, "HUP");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert_eq!(names(folder).len(), 4);
 }

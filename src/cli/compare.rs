@@ -197,7 +197,7 @@ fn measured(
         Ok(Subject { volume, tf, strands, scene, forced: asked[i].settings.forced() })
     };
     let bar = progress_bar()?;
-    let interrupt = Interrupt::listen("what is measured is kept")?;
+    let interrupt = Interrupt::between_steps("what is measured is kept");
     let mut progress = Progress::watched(Bar { bar: &bar, interrupt: &interrupt });
     let made = make(&order, run, &mut read, renderer, journal, &mut progress);
     drop(progress);

@@ -1,6 +1,5 @@
 //! `umbravox convert`: a volume from any format that is read to any that is written.
 
-use super::interrupt::leave_nothing;
 use super::told::say;
 use crate::error::Result;
 use crate::files::output::check_output;
@@ -28,7 +27,6 @@ pub struct ConvertArgs {
 /// The volume cannot be read, or the file cannot be written.
 pub fn run(args: &ConvertArgs) -> Result<()> {
     check_output(&args.output, VOLUME_EXTENSIONS)?;
-    leave_nothing()?;
     let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
     volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
     write_volume(&volume, &args.output)

@@ -172,7 +172,7 @@ impl Drawer<'_> {
             true => "nothing is written",
         };
         // Before a file is begun, so that none is left.
-        let interrupt = Interrupt::listen(kept)?;
+        let interrupt = Interrupt::between_steps(kept);
         let mut sink = match is_animation(output) {
             false => Sink::Numbered,
             true => {

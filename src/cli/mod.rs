@@ -89,6 +89,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCod
 }
 
 fn run(command: Command, window: Window) -> Result<()> {
+    interrupt::listen()?;
     match command {
         Command::Info(args) => info::run(&args),
         Command::Render(args) => render::run(args),

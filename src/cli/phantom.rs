@@ -1,6 +1,5 @@
 //! `umbravox phantom`: a built-in volume or strand set as a file.
 
-use super::interrupt::leave_nothing;
 use crate::error::Result;
 use crate::files::output::check_output;
 use crate::strands::{HAIR_EXTENSIONS, StrandSet, write_hair};
@@ -38,7 +37,6 @@ fn names_help() -> String {
 /// # Errors
 /// No such phantom or strand set, or the file cannot be written.
 pub fn run(name: &str, output: &Path) -> Result<()> {
-    leave_nothing()?;
     if name.starts_with("hair-") {
         let (set, segments) = StrandSet::parse(name)?;
         check_output(output, HAIR_EXTENSIONS).map_err(|e| {

@@ -1,6 +1,5 @@
 //! `umbravox voxelise`: strands as an extinction volume, and what that costs in truth.
 
-use super::interrupt::leave_nothing;
 use super::told::{print_json, print_result, say};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
@@ -66,7 +65,6 @@ pub struct Report {
 pub fn run(args: &VoxeliseArgs) -> Result<()> {
     if let Some(output) = &args.output {
         check_output(output, NIFTI_EXTENSIONS)?;
-        leave_nothing()?;
     }
     let source = if args.strands.starts_with("hair-") && !is_strand_source(&args.strands) {
         format!("phantom:{}", args.strands)

@@ -13,15 +13,15 @@ const WHAT: &str = "cannot write file";
 /// Temporary files of what is being written.
 static BEGUN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Removes what is being written, and ends the program with `status`: nothing is half-written then, and no file begins or
-/// takes its name in between.
-pub fn abandon_and_exit(status: i32) -> ! {
+/// Removes what is being written, and has `end` end the program: nothing is half-written then, and no file begins or takes
+/// its name in between.
+pub fn abandon_and(end: fn() -> !) -> ! {
     let begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
     for file in begun.iter() {
         // One that is not there any more is what is wanted.
         let _ = std::fs::remove_file(file);
     }
-    std::process::exit(status)
+    end()
 }
 
 /// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.

@@ -12,6 +12,14 @@ pub fn umbravox(folder: &Path, args: &[&str]) -> Output {
         .expect("the program starts")
 }
 
+/// Sends a process a signal by its name. `TERM` stands for an interrupt, which a test in the background may have to ignore.
+#[cfg(unix)]
+#[allow(dead_code, reason = "not every test program ends one")]
+pub fn signal(child: &std::process::Child, name: &str) {
+    let sent = Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+}
+
 /// Runs a command line that must be refused, in a folder that must stay as it is; gives the `error:` line.
 pub fn refused(folder: &Path, args: &[&str]) -> String {
     let before = names(folder);

@@ -197,8 +197,7 @@ fn an_interrupt_says_what_is_kept_and_how_to_go_on() {
         assert!(start.elapsed() < Duration::from_secs(120), "no row came");
         std::thread::sleep(Duration::from_millis(5));
     }
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(killed.success());
+    crate::cli::signal(&child, "TERM");
     let output = child.wait_with_output().unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{stderr}");
