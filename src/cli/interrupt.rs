@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 static COME: AtomicU32 = AtomicU32::new(0);
+static LISTENS: OnceLock<Result<(), String>> = OnceLock::new();
 /// What becomes of the work, where it is ended between two steps.
 static OUTCOME: OnceLock<&str> = OnceLock::new();
 
@@ -28,7 +29,7 @@ impl Interrupt {
 }
 
 /// Hears interrupts (SIGINT, SIGTERM, SIGHUP) from now on: one that no [`Interrupt`] is made for ends the program at once,
-/// and leaves no half-written file either. Called once.
+/// and leaves no half-written file either.
 ///
 /// # Errors
 /// The system does not let it.
@@ -39,7 +40,8 @@ pub fn listen() -> Result<()> {
         }
         _ => abandon_and(system::end),
     };
-    system::set_handler(heard).map_err(|why| Error::runtime("cannot listen for interrupts", "signals", why))
+    let listens = LISTENS.get_or_init(|| system::set_handler(heard).map_err(|e| e.to_string()));
+    listens.clone().map_err(|why| Error::runtime("cannot listen for interrupts", "signals", why))
 }
 
 #[cfg(unix)]
