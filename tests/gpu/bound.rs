@@ -79,6 +79,35 @@ fn thorax() {
     }
 }
 
+/// Opacity 0 takes nothing, whatever a driver's compiler makes of its logarithm.
+#[test]
+fn what_has_no_extinction_takes_no_light() {
+    let volume = phantom("thorax:32");
+    let Some(setup) = Setup::open(&volume, &opacity(&[(200.0, 0.0), (900.0, 0.9)])) else { return };
+    let light = Light::Directional { toward: DVec3::new(0.4, -0.5, 0.75) };
+    let field = setup.exact();
+    let [low, high] = [DVec3::min, DVec3::max].map(|f| volume.corners_mm().into_iter().reduce(f).unwrap());
+    let share = |i: usize, base: f64| (i as f64 * base).fract();
+    let points: Vec<_> = (1..4000)
+        .map(|i| {
+            DVec3::new(share(i, 0.754_877), share(i, 0.569_840), share(i, 0.380_319)) * (high - low) + low
+        })
+        .filter(|x| field.transmittance_to_light(*x, &light) == 1.0)
+        .collect();
+    assert!(points.len() > 1000, "{}", points.len());
+    let least = setup.query(&setup.shadow("rays", light), &points).into_iter().fold(1.0, f32::min);
+    assert!(least > 1.0 - 1e-6, "{least}");
+    let map = setup.shadow("dsm:fit=volume,map=64", light);
+    let side = map.light_space.map_size;
+    let meets = |i: u32| {
+        let texel = DVec2::new(f64::from(i % side), f64::from(i / side));
+        meets_extinction(&field, light, &map.light_space, texel)
+    };
+    let met = (0..side * side).filter(|i| meets(*i)).count() as u64;
+    let hit = map.report.texels_hit.unwrap();
+    assert!(hit.abs_diff(met) <= met / 100, "{hit} texels have nodes, {met} rays meet extinction");
+}
+
 /// Anisotropic, oblique, flipped and sheared: lengths along light rays stay world millimetres.
 #[test]
 fn affines() {
