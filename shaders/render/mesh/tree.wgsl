@@ -53,6 +53,16 @@ fn along_ray(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.xyz, v.zxy, axis == 1u), v.yzx, axis == 0u);
 }
 
+// Twice the area of the triangle of the origin, p and q, by sign: edge(q, p) is -edge(p, q) to the bit, since both come to
+// one order. A compiler may fuse one product of the difference, and so round p before q otherwise than q before p.
+fn edge(p: vec2<f32>, q: vec2<f32>) -> f32 {
+    let turned = p.x > q.x || (p.x == q.x && p.y > q.y);
+    let a = select(p, q, turned);
+    let b = select(q, p, turned);
+    let area = a.x * b.y - a.y * b.x;
+    return select(area, -area, turned);
+}
+
 // The nearest triangle on o + z d between two depths; `any`: whichever comes first in the list.
 fn mesh_hit(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32, any_will_do: bool) -> MeshHit {
     let size = abs(d);
@@ -84,7 +94,7 @@ fn mesh_hit(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32, any_will_do: boo
             let a = p.xy - shear.xy * p.z;
             let b = q.xy - shear.xy * q.z;
             let c = r.xy - shear.xy * r.z;
-            let edges = vec3<f32>(c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x);
+            let edges = vec3<f32>(edge(c, b), edge(a, c), edge(b, a));
             let sum = edges.x + edges.y + edges.z;
             let one_side = all(edges >= vec3<f32>(0.0)) || all(edges <= vec3<f32>(0.0));
             let z = dot(edges, vec3<f32>(p.z, q.z, r.z)) * shear.z / select(sum, 1.0, sum == 0.0);
