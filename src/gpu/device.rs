@@ -3,7 +3,7 @@
 use super::sharing::{Sharing, Uncaptured};
 use super::watch::Watch;
 use crate::error::{Error, Result};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::Instant;
 
 /// An open device. Limits are the adapter's own; features beyond the core are optional.
@@ -46,8 +46,7 @@ impl Gpu {
     /// # Errors
     /// No adapter, none of that name, or one without compute, with a hint on how to get a software one.
     pub fn open(name: Option<&str>) -> Result<Self> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let adapter = choose(&instance, name)?;
+        let adapter = choose(name)?;
         let info = adapter.get_info();
         let (device, queue) = pollster::block_on(adapter.request_device(&Self::device_descriptor(&adapter)))
             .map_err(|e| Error::runtime("cannot open the graphics device", &info.name, e))?;
@@ -172,11 +171,15 @@ impl Gpu {
 
 /// Texels along an axis of the largest 3-D texture of the adapter that the system prefers; `None` where there is none.
 pub fn texture_side() -> Option<usize> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    choose(&instance, None).ok().map(|adapter| adapter.limits().max_texture_dimension_3d as usize)
+    choose(None).ok().map(|adapter| adapter.limits().max_texture_dimension_3d as usize)
 }
 
-fn choose(instance: &wgpu::Instance, name: Option<&str>) -> Result<wgpu::Adapter> {
+/// One for the process: NVIDIA's driver (580.159) finds no adapter for the 31st, though all before it are dropped.
+static INSTANCE: LazyLock<wgpu::Instance> =
+    LazyLock::new(|| wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle()));
+
+fn choose(name: Option<&str>) -> Result<wgpu::Adapter> {
+    let instance = &*INSTANCE;
     let Some(name) = name else {
         return pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
