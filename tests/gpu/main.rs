@@ -74,6 +74,12 @@ impl Setup {
         Some(Self { session: Session::on(renderer, Arc::clone(volume), tf, forced).unwrap(), tf: tf.clone() })
     }
 
+    /// Whether the adapter's filter weighs neighbours in float32, as software adapters do: graphics cards keep 8 bits of a
+    /// weight.
+    fn weighs_finely(&self) -> bool {
+        RENDERER.as_ref().is_some_and(|r| r.gpu().info.device_type == wgpu::DeviceType::Cpu)
+    }
+
     fn volume(&self) -> &Volume {
         &self.session.loaded.volume
     }
