@@ -86,14 +86,8 @@ fn what_has_no_extinction_takes_no_light() {
     let Some(setup) = Setup::open(&volume, &opacity(&[(200.0, 0.0), (900.0, 0.9)])) else { return };
     let light = Light::Directional { toward: DVec3::new(0.4, -0.5, 0.75) };
     let field = setup.exact();
-    let [low, high] = [DVec3::min, DVec3::max].map(|f| volume.corners_mm().into_iter().reduce(f).unwrap());
-    let share = |i: usize, base: f64| (i as f64 * base).fract();
-    let points: Vec<_> = (1..4000)
-        .map(|i| {
-            DVec3::new(share(i, 0.754_877), share(i, 0.569_840), share(i, 0.380_319)) * (high - low) + low
-        })
-        .filter(|x| field.transmittance_to_light(*x, &light) == 1.0)
-        .collect();
+    let mut points = samples::points(&volume);
+    points.retain(|x| field.transmittance_to_light(*x, &light) == 1.0);
     assert!(points.len() > 1000, "{}", points.len());
     let least = setup.query(&setup.shadow("rays", light), &points).into_iter().fold(1.0, f32::min);
     assert!(least > 1.0 - 1e-6, "{least}");

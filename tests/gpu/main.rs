@@ -53,6 +53,18 @@ static RENDERER: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| match Gpu::o
     Err(e) => panic!("{e}"),
 });
 
+/// NVIDIA's driver finds no adapter for the 31st instance of a process.
+#[test]
+fn devices_are_opened_and_dropped_as_often_as_asked() {
+    if RENDERER.is_none() {
+        println!("skipped: no graphics adapter");
+        return;
+    }
+    for n in 0..40 {
+        Gpu::open(None).unwrap_or_else(|e| panic!("device {n}: {e}"));
+    }
+}
+
 /// A volume and a transfer function on the shared device.
 struct Setup {
     session: Session,
