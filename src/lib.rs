@@ -47,15 +47,19 @@ pub mod app;
 #[expect(missing_docs, reason = "a front door, whose comments are the help of its flags")]
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of that help")]
 pub mod cli;
+pub mod engine;
 pub mod error;
 pub mod exact;
 pub mod field;
 pub mod files;
+pub mod formats;
 pub mod gpu;
 pub mod measure;
 pub mod mesh;
 pub mod open;
+pub mod phantom;
 pub mod render;
+pub mod replication;
 pub mod report;
 pub mod scene;
 pub mod shadow;

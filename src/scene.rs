@@ -337,7 +337,7 @@ mod tests {
 
     #[test]
     fn dark_lights_are_left_out_and_one_is_always_left() {
-        let volume = crate::volume::Phantom::Slab.build(8).unwrap();
+        let volume = crate::phantom::Phantom::Slab.build(8).unwrap();
         let [a, dark, black] = [(1.0, 0.25), (1.0, 0.0), (0.0, 3.0)].map(|(grey, intensity)| LightSource {
             color: [grey; 3],
             intensity,

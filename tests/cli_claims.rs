@@ -6,7 +6,7 @@ use cli::{refused, umbravox};
 use std::collections::HashMap;
 use std::fs;
 use umbravox::gpu::Gpu;
-use umbravox::measure::claims::{Paper, all};
+use umbravox::replication::claims::{Paper, all};
 
 const SCENE: &str =
     "volume = \"phantom:sphere:16\"\ntf = \"engine\"\nsize = \"32x32\"\nstep = 1\nlight = \"dir:1,-0.6,0\"\n";

@@ -80,7 +80,7 @@ fn help_of_the_drawing_commands_shows_every_flag_and_its_default() {
 #[test]
 fn help_of_phantom_names_them_with_their_sizes() {
     let help = stdout(&["phantom", "--help"]);
-    for phantom in umbravox::volume::Phantom::ALL {
+    for phantom in umbravox::phantom::Phantom::ALL {
         assert!(help.contains(&format!("  {} ", phantom.name())) && help.contains(phantom.description()));
         assert!(help.contains(&format!("[default size: {}]", phantom.default_size())));
     }

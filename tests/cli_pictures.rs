@@ -9,9 +9,10 @@ use ndarray_npy::ReadNpyExt;
 use std::path::Path;
 use umbravox::files::color::{parse_hex, srgb8_from_linear};
 use umbravox::files::picture::read_exr;
+use umbravox::formats::write_volume;
 use umbravox::gpu::Gpu;
 use umbravox::open::{VolumeSpec, load};
-use umbravox::volume::{Provenance, Scaling, Volume, write_volume};
+use umbravox::volume::{Provenance, Scaling, Volume};
 
 const BACKGROUND: &str = "#4080c0";
 

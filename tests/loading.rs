@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use umbravox::files::loading::{Loading, ReadingProgress, ReadingStage};
+use umbravox::formats::write_nifti;
 use umbravox::open::{VolumeSpec, load, load_with};
 use umbravox::strands::{StrandSet, write_hair};
-use umbravox::volume::{Histogram, write_nifti};
+use umbravox::volume::Histogram;
 
 /// Values that a compressor makes little of.
 fn noise(bytes: usize) -> Vec<u8> {

@@ -8,8 +8,9 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use umbravox::formats::write_volume;
 use umbravox::open::{ReadFlags, VolumeSpec, load};
-use umbravox::volume::{Provenance, Scaling, Volume, Voxels, write_volume};
+use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
 /// The system's allocator, and how much of its memory is taken and was at most.
 struct Counting;

@@ -2,8 +2,10 @@
 
 use std::fs;
 use umbravox::cli::{info::Info, phantom};
+use umbravox::formats::write_nifti;
 use umbravox::open::{ReadFlags, VolumeSpec, load};
-use umbravox::volume::{AffineSource, Phantom, Volume, write_nifti};
+use umbravox::phantom::Phantom;
+use umbravox::volume::{AffineSource, Volume};
 
 fn build(spec: &str) -> Volume {
     load(&VolumeSpec::new(spec)).unwrap()

@@ -14,11 +14,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
 use rayon::prelude::*;
 use std::path::PathBuf;
+use umbravox::engine::MapCoverage;
 use umbravox::error::{Error, Result};
 use umbravox::files::output::check_output;
 use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use umbravox::open::SceneSettings;
-use umbravox::render::AskedFor;
 
 /// Rows of an exact picture between two looks whether to go on.
 const EXACT_ROWS: u32 = 4;
@@ -176,7 +176,7 @@ impl PyScene {
             asked.settings.shadow = Some(method.to_owned());
         }
         let found = self.done(py, |ending| {
-            self.stage.prepared(&asked, ending, AskedFor::AnyPoint, |made| {
+            self.stage.prepared(&asked, ending, MapCoverage::AnyPoint, |made| {
                 let [map] = made.maps[..] else { return Ok(vec![1.0; points.len()]) };
                 made.renderer.query(made.on_device, made.transfer()?, map, &points)
             })

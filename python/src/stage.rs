@@ -6,6 +6,7 @@ use crate::device;
 use crate::volume::Held;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
+use umbravox::engine::{MapCoverage, ReusePolicy, ShadowCache, Work};
 use umbravox::error::{Error, Result};
 use umbravox::exact::ExactField;
 use umbravox::files::loading::Loading;
@@ -13,7 +14,7 @@ use umbravox::open::asked::picture_texts;
 use umbravox::open::presets::{PRESETS, Scale};
 use umbravox::open::units::Units;
 use umbravox::open::{DEFAULT_SHADOW, Loaded, Remark, SceneSettings};
-use umbravox::render::{AskedFor, DeviceTransfer, Kept, LoadedVolume, Picture, Renderer, Serving, Work};
+use umbravox::render::{DeviceTransfer, LoadedVolume, Picture, Renderer};
 use umbravox::scene::{Camera, Scene};
 use umbravox::shadow::{BuildReport, ShadowMap};
 use umbravox::transfer::TransferFunction;
@@ -64,7 +65,7 @@ struct Kit {
 struct Looked {
     asked: Asked,
     loaded: Loaded,
-    kept: Kept,
+    kept: ShadowCache,
     /// Settings, and the camera that they framed: looking for that takes longer than a small picture.
     framed: Option<(SceneSettings, Camera)>,
 }
@@ -116,7 +117,7 @@ pub struct Cost {
 pub struct Made<'a> {
     pub renderer: &'a Renderer,
     pub on_device: &'a LoadedVolume,
-    kept: &'a Kept,
+    kept: &'a ShadowCache,
     pub maps: Vec<&'a ShadowMap>,
     pub scene: &'a Scene,
     work: Work,
@@ -215,7 +216,7 @@ impl Stage {
                     told.untold.push((kind, text));
                 }
             }
-            let kept = Kept::new(settings.forced()).serving_by(Serving::Same);
+            let kept = ShadowCache::new(settings.forced()).serving_by(ReusePolicy::Same);
             kit.looked = Some(Looked { asked: asked.clone(), loaded, kept, framed: None });
         }
         kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))
@@ -261,7 +262,7 @@ impl Stage {
         &self,
         asked: &Asked,
         ending: &Ending,
-        asked_for: AskedFor,
+        asked_for: MapCoverage,
         then: impl FnOnce(Made<'_>) -> Result<T>,
     ) -> Result<T> {
         let mut kit = self.kit(ending)?;
@@ -290,7 +291,7 @@ impl Stage {
 
     /// Draws a picture, in parts between which it can be ended.
     pub fn drawn(&self, asked: &Asked, ending: &Ending) -> Result<Picture> {
-        self.prepared(asked, ending, AskedFor::Picture, |made| {
+        self.prepared(asked, ending, MapCoverage::Picture, |made| {
             let Made { renderer, on_device, maps, scene, work, .. } = &made;
             let go_on = |_| ending.goes_on();
             let drawn =

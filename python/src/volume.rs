@@ -12,9 +12,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use umbravox::error::Error;
 use umbravox::files::loading::Loading;
+use umbravox::formats::write_volume;
 use umbravox::open::{Read, Remark, SceneSettings, VolumeSpec, load};
 use umbravox::strands::VoxelisedStrands;
-use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxel, Voxels, write_volume};
+use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxel, Voxels};
 use umbravox::with_voxels;
 
 const WHAT: &str = "cannot use volume";

@@ -1,12 +1,12 @@
 //! What a person works on: one volume with its transfer function, method and scene; what a scene file says of it.
 
 use super::curve::{Edit, History, apply};
-use super::method_choice::MethodChoice;
-use super::reading::{Beginning, Opened};
+use crate::engine::method_choice::MethodChoice;
+use crate::engine::reading::{Beginning, Opened};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::presets::{self, Suiting};
-use crate::open::{self, PartFlags, SceneSettings, VolumeSpec};
+use crate::open::{PartFlags, SceneSettings, VolumeSpec};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::formats::alike;
@@ -175,7 +175,7 @@ impl Document {
     /// Frames what the transfer function shows, from the side that the camera looks from.
     pub fn frame_seen(&mut self) {
         let Scene { camera, width, height, .. } = self.scene;
-        let seen = open::Seen::of(&self.volume, &self.tf, self.scene.mesh.as_ref());
+        let seen = crate::render::VisibleBounds::of(&self.volume, &self.tf, self.scene.mesh.as_ref());
         let aspect = f64::from(width) / f64::from(height);
         self.scene.camera = seen.framed(camera.eye - camera.target, camera.up, camera.fov_deg, aspect);
     }

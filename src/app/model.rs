@@ -3,14 +3,14 @@
 use super::camera;
 use super::curve::Edit;
 use super::document::Document;
-use super::reading::{Beginning, Opened, Reading, With};
-use super::render_thread::RenderThread;
-use super::render_thread::mailbox::Wake;
-use super::render_thread::messages::{
-    Aim, Event, Export, Exported, Frame, Job, ProbeRequest, ProbeResult, Subject, Wanted,
-};
 use super::settings::Settings;
 use super::split::Split;
+use crate::engine::RenderThread;
+use crate::engine::mailbox::Wake;
+use crate::engine::messages::{
+    Aim, Event, Export, Exported, Frame, Job, ProbeRequest, ProbeResult, Subject, Wanted,
+};
+use crate::engine::reading::{Beginning, Opened, Reading, With};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::check_output;

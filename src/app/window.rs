@@ -2,11 +2,11 @@
 
 use super::contents::App;
 use super::paint::widgets::Widgets;
-use super::reading::With;
 use super::resume::Resume;
 use super::script::Script;
 use super::settings::Settings;
 use super::surface::Surface;
+use crate::engine::reading::With;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::open::SceneSettings;

@@ -3,8 +3,8 @@
 use super::told::say;
 use crate::error::Result;
 use crate::files::output::check_output;
+use crate::formats::{VOLUME_EXTENSIONS, write_volume};
 use crate::open::{ReadFlags, VolumeSpec, load};
-use crate::volume::{VOLUME_EXTENSIONS, write_volume};
 use clap::Args;
 use std::path::PathBuf;
 

@@ -2,11 +2,11 @@
 
 use super::interrupt::Interrupt;
 use super::told::say;
+use crate::engine::{DrawnPicture, Sequence, Turned, Turning};
 use crate::error::{Error, Result};
 use crate::files::animation::{Animated, Animation, PICTURES_PER_SECOND, check_backdrop, is_animation};
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, write_picture_with};
-use crate::render::{DrawnPicture, Sequence, Turned, Turning};
 use crate::scene::Scene;
 use crate::shadow::ShadowMap;
 use clap::Args;

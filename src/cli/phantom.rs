@@ -2,8 +2,9 @@
 
 use crate::error::Result;
 use crate::files::output::check_output;
+use crate::formats::{NIFTI_EXTENSIONS, write_nifti};
+use crate::phantom::Phantom;
 use crate::strands::{HAIR_EXTENSIONS, StrandSet, write_hair};
-use crate::volume::{NIFTI_EXTENSIONS, Phantom, write_nifti};
 use clap::Args;
 use std::path::{Path, PathBuf};
 

@@ -2,6 +2,7 @@
 
 use super::frames::{Drawer, Frame, FrameFlags, Texts};
 use super::told::{load, print_json, say};
+use crate::engine::{DrawnPicture, Sequence};
 use crate::error::Result;
 use crate::files::animation::is_animation;
 use crate::files::output::check_output;
@@ -9,7 +10,7 @@ use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use crate::gpu::Clock;
 use crate::open::asked::picture_texts;
 use crate::open::{DEFAULT_SHADOW, Loaded, SceneArgs};
-use crate::render::{DrawnPicture, Omission, Sequence, Session};
+use crate::render::{Omission, Session};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{Bound, BuildReport, Method, NoShadows, ShadowMap};
 use clap::Args;

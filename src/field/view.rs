@@ -84,7 +84,7 @@ impl ViewSides {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::Phantom;
+    use crate::phantom::Phantom;
 
     #[test]
     fn boxes_beyond_a_side_do_not_show() {

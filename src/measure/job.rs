@@ -82,7 +82,7 @@ impl Job<'_> {
     }
 
     /// One timed run of a method.
-    pub(super) fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
+    pub fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
         // Where no light can be kept from a sample, that of `none` is built.
         let needed = self.session.needs_shadows(self.scene).is_ok();
         let start = Instant::now();

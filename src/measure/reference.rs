@@ -357,7 +357,7 @@ fn small_scene(scene: &Scene) -> Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::Phantom;
+    use crate::phantom::Phantom;
 
     #[test]
     fn the_exact_picture_has_the_shape_of_the_picture() {

@@ -3,9 +3,10 @@
 use super::parts::LabelList;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
 use super::remark::Remark;
-use super::{Read, SceneSettings, Seen, lights, read_with};
+use super::{Read, SceneSettings, lights, read_with};
 use crate::error::Result;
 use crate::files::loading::Loading;
+use crate::render::VisibleBounds;
 use crate::scene::Scene;
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
@@ -27,7 +28,7 @@ pub struct Loaded {
     /// Camera, lights and picture.
     pub scene: Scene,
     /// What a camera frames.
-    pub seen: Seen,
+    pub seen: VisibleBounds,
     /// What was asked for or found out of units and opacity.
     pub suiting: Suiting,
     /// What was assumed.
@@ -128,7 +129,7 @@ impl SceneSettings {
         remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
         remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));
         let mesh = self.opaque.read(&mut remarks, loading)?;
-        let seen = Seen::of(&volume, &tf, mesh.as_ref());
+        let seen = VisibleBounds::of(&volume, &tf, mesh.as_ref());
         let scene = Scene { mesh, ..self.scene(&seen)? };
         Ok(Loaded { volume, strands, tf, tf_source, scene, seen, suiting, remarks })
     }

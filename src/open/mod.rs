@@ -12,7 +12,6 @@ mod parts;
 pub mod presets;
 mod refusal;
 mod remark;
-mod seen;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
 mod strands;
@@ -26,7 +25,6 @@ pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
 pub use parts::{LabelFunction, LabelList, PartFlags};
 pub use refusal::{Refusal, refusal};
 pub use remark::Remark;
-pub use seen::Seen;
 pub use settings::{DEFAULT_SHADOW, DEFAULT_VOLUME, SceneArgs, SceneSettings};
 pub use strands::{
     StrandFlags, is_strand_source, lacks_thickness, load_strands, parse_resolution, parse_thickness_mm,

@@ -5,13 +5,13 @@ use super::lights::{self, one_or_list};
 use super::meshes::OpaqueFlags;
 use super::parts::PartFlags;
 use super::presets::Suiting;
-use super::seen::Seen;
 use super::units::Units;
 use super::values::{self, Background, Size};
 use super::view;
 use super::{ReadFlags, VolumeSpec};
 use crate::error::{Error, Result};
 use crate::render::Forced;
+use crate::render::VisibleBounds;
 use crate::scene::{AxisView, Camera, LightSource, Scene, Shading, Skip};
 use crate::shadow::{self, Method};
 use clap::Args;
@@ -223,7 +223,7 @@ impl SceneSettings {
     ///
     /// # Errors
     /// A camera that looks nowhere: eye at the target, or up along the view.
-    pub fn scene(&self, seen: &Seen) -> Result<Scene> {
+    pub fn scene(&self, seen: &VisibleBounds) -> Result<Scene> {
         let default = Scene::framing(seen.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
         let Self { eye, target, up, view, zoom, fov, .. } = *self;
@@ -292,7 +292,7 @@ mod tests {
 
     fn scene(line: &[&str]) -> Result<Scene> {
         let settings = Line::try_parse_from([&["test"], line].concat()).unwrap().settings;
-        settings.scene(&Seen::whole(&Arc::new(load(&VolumeSpec::new("phantom:slab:8"))?)))
+        settings.scene(&VisibleBounds::whole(&Arc::new(load(&VolumeSpec::new("phantom:slab:8"))?)))
     }
 
     #[test]
@@ -323,7 +323,7 @@ mod tests {
             let spec = VolumeSpec::new("phantom:slab:8");
             let settings = SceneSettings::of_scene(&spec, &scene, transparent);
             assert_eq!(settings.spec(), spec);
-            assert_eq!(settings.scene(&Seen::whole(&volume)).unwrap(), scene);
+            assert_eq!(settings.scene(&VisibleBounds::whole(&volume)).unwrap(), scene);
             assert_eq!(settings.is_transparent(), transparent);
         }
     }

@@ -108,7 +108,7 @@ impl Meaning {
         if low < PLAUSIBLE_HU[0] || high > PLAUSIBLE_HU[1] {
             return guess(ValueKind::Other, format!("values from {low_text} to {high_text} go beyond HU"));
         }
-        let seen = Seen::of(volume);
+        let seen = ValueSummary::of(volume);
         if seen.air >= AIR_SHARE
             && seen.air * (high - low) >= AIR_DENSITY * 2.0 * AIR_WIDTH * seen.near(low, high)
         {
@@ -152,12 +152,12 @@ impl Meaning {
 }
 
 /// Shares of the voxels looked at.
-struct Seen {
+struct ValueSummary {
     air: f64,
     soft: f64,
 }
 
-impl Seen {
+impl ValueSummary {
     /// Looks at voxels evenly spread over the volume.
     fn of(volume: &Volume) -> Self {
         let scaling = volume.scaling();

@@ -2,9 +2,9 @@
 
 use crate::error::Error;
 use crate::files::color;
+use crate::formats::RawLayout;
 use crate::render::Forced;
 use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
-use crate::volume::RawLayout;
 use glam::DVec3;
 use serde::{Serialize, Serializer};
 

@@ -1,8 +1,8 @@
 //! Where the camera of a scene is: what was asked for, and what there is to see framed for the rest.
 
-use super::seen::Seen;
 use super::values::Size;
 use crate::error::{Error, Result};
+use crate::render::VisibleBounds;
 use crate::scene::{AxisView, Camera};
 use glam::DVec3;
 
@@ -28,7 +28,7 @@ pub(super) struct Asked {
 ///
 /// # Errors
 /// A camera that looks nowhere, or from two places.
-pub(super) fn camera(asked: &Asked, seen: &Seen, size: Size) -> Result<Camera> {
+pub(super) fn camera(asked: &Asked, seen: &VisibleBounds, size: Size) -> Result<Camera> {
     let side = asked.view;
     if side.is_some() && asked.eye.is_some() {
         let why = "--eye says where the camera is, and --view asks for a side";
@@ -67,15 +67,15 @@ pub(super) fn camera(asked: &Asked, seen: &Seen, size: Size) -> Result<Camera> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::phantom::Phantom;
     use crate::scene::AXIS_VIEWS;
-    use crate::volume::Phantom;
     use std::sync::Arc;
 
     #[test]
     fn sides_are_looked_from_and_zoom_enlarges() {
         let volume = Arc::new(Phantom::Thorax.build(16).unwrap());
         let size = Size { width: 100, height: 100 };
-        let seen = Seen::whole(&volume);
+        let seen = VisibleBounds::whole(&volume);
         let of = |asked: &Asked| camera(asked, &seen, size).unwrap();
         for side in AXIS_VIEWS {
             let seen = of(&Asked { view: Some(side), ..Asked::default() });

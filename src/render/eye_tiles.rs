@@ -210,9 +210,10 @@ impl EyeTiles {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::phantom::Phantom;
     use crate::scene::Camera;
     use crate::transfer::{Quantity, TransferFunction};
-    use crate::volume::{Bricks, Phantom};
+    use crate::volume::Bricks;
 
     /// Every ray of a picture that passes through an active brick does so in its tile, between its depths.
     fn nothing_is_missed(volume: &Volume, active: &ActiveBricks, scene: &Scene) -> EyeTiles {

@@ -85,7 +85,7 @@ impl LightPass {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::Phantom;
+    use crate::phantom::Phantom;
 
     #[test]
     fn passes_are_no_more_than_a_picture_needs() {

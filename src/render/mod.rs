@@ -3,7 +3,7 @@
 
 mod display;
 mod eye_tiles;
-mod kept;
+mod framing;
 mod lights;
 mod mesh;
 mod pace;
@@ -11,18 +11,16 @@ mod picture;
 mod plan;
 mod query;
 mod renderer;
-mod sequence;
 mod session;
 mod shader;
 
 pub use display::{DisplayTexture, Drawn, Screen};
-pub use kept::{AskedFor, Change, INVALIDATES, Kept, Serving, Stage, Work};
+pub use framing::VisibleBounds;
 pub use lights::LightMaps;
 pub use pace::Pace;
 pub use picture::Picture;
 pub use plan::{Omission, Plan, needs_shadows};
 pub use renderer::Renderer;
-pub use sequence::{DrawnPicture, Sequence, Turned, Turning};
 pub use session::Session;
 
 pub use crate::field::{DeviceTransfer, Forced, LoadedVolume, Omittable, View};

@@ -102,7 +102,7 @@ pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
 
 /// An answer's rank as `budgets.csv` has it.
 #[derive(Debug, Default, Serialize)]
-pub(super) struct Ranked<'a> {
+pub struct Ranked<'a> {
     scene: &'a str,
     adapter: &'a str,
     budget: String,

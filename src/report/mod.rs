@@ -10,7 +10,6 @@
 pub mod ablation;
 pub mod budgets;
 pub mod canvas;
-pub mod claims;
 mod folder;
 pub mod grid;
 pub mod heat;
@@ -23,8 +22,7 @@ pub mod nodes;
 pub mod number;
 pub mod plot;
 pub mod run;
-mod side_tables;
-pub mod stability;
+pub mod side_tables;
 pub mod tables;
 pub mod writers;
 

@@ -129,32 +129,3 @@ const CLAIMS: &[[&str; 3]] = &[
     ["scene", "", "On what."],
     ["note", "", "By which rule it holds or not, and remarks."],
 ];
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::measure::ablate::Ablation;
-    use crate::measure::budget::Trial;
-    use crate::measure::stability;
-    use crate::report::budgets::Ranked;
-    use crate::report::claims::Record;
-    use crate::report::writers::csv;
-
-    #[test]
-    fn columns_are_those_that_are_written() {
-        let header = |csv: Vec<u8>| String::from_utf8(csv).unwrap().lines().next().unwrap().to_owned();
-        let case = stability::Row::new("case", "dsm", String::new(), stability::Status::Failed);
-        let written = [
-            ("ablation.csv", csv(&[Ablation::default()])),
-            ("budgets.csv", csv(&[Ranked::default()])),
-            ("trials.csv", csv(&[Trial::default()])),
-            ("stability.csv", csv(&[case])),
-            ("claims.csv", csv(&[Record::default()])),
-        ];
-        assert_eq!(written.len(), SIDE_TABLES.len());
-        for ((file, csv), table) in written.into_iter().zip(SIDE_TABLES) {
-            let names: Vec<_> = table.columns.iter().map(|[name, ..]| *name).collect();
-            assert_eq!((file, header(csv.unwrap())), (table.file, names.join(",")));
-        }
-    }
-}

@@ -93,7 +93,7 @@ impl Volume {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::Phantom;
+    use crate::phantom::Phantom;
 
     #[test]
     fn texts() {

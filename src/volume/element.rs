@@ -168,7 +168,7 @@ macro_rules! with_element {
         }
     }};
 }
-pub(in crate::volume) use with_element;
+pub(crate) use with_element;
 
 /// Bytes converted at a time; a multiple of every element size.
 const CHUNK_BYTES: usize = 1 << 20;
@@ -191,7 +191,7 @@ pub fn read_voxels(
 ///
 /// # Errors
 /// As there.
-pub(super) fn read_reduced(
+pub(crate) fn read_reduced(
     input: &mut impl Read,
     dims: [usize; 3],
     element: Element,
@@ -293,7 +293,7 @@ fn read_means<T: Voxel, const N: usize>(
 }
 
 /// Fills `buffer` as far as the input goes; returns the number of bytes read.
-pub(super) fn read_full(input: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
+pub(crate) fn read_full(input: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {
         match input.read(&mut buffer[filled..]) {

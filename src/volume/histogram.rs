@@ -99,7 +99,8 @@ fn bins_of(volume: &Volume, most: usize) -> ([f64; 2], usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::{Phantom, raw};
+    use crate::formats::raw;
+    use crate::phantom::Phantom;
 
     #[test]
     fn every_voxel_is_counted_once_and_edges_weigh_at_their_values() {
@@ -118,7 +119,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("all.raw");
         std::fs::write(&path, (0..=255).collect::<Vec<u8>>()).unwrap();
-        let layout: crate::volume::RawLayout = "16x16x1:u8".parse().unwrap();
+        let layout: crate::formats::RawLayout = "16x16x1:u8".parse().unwrap();
         let volume = raw::read(&path, &layout.into()).unwrap();
         for most in [512, 256, 255, 100, 7, 1] {
             let histogram = Histogram::of(&volume, most);

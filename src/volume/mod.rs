@@ -6,27 +6,19 @@
 mod bricks;
 mod crop;
 mod directions;
-mod element;
+pub(crate) mod element;
 mod fit;
-pub mod formats;
 mod histogram;
 mod labels;
-mod phantom;
 mod segmentation;
-mod thorax;
 
 pub use bricks::{BRICK_CELLS, BrickLabels, Bricks, RankSet};
 pub use crop::Crop;
 pub use directions::DirectionMoments;
 pub use element::{ByteOrder, Element};
 pub use fit::Fit;
-pub use formats::nifti_write::{NIFTI_EXTENSIONS, write_nifti};
-pub use formats::raw_layout::RawLayout;
-pub use formats::write::{VOLUME_EXTENSIONS, write_volume};
-pub use formats::{nifti, raw};
 pub use histogram::Histogram;
 pub use labels::{Labels, MOST_LABELS};
-pub use phantom::Phantom;
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};

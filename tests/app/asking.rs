@@ -4,10 +4,11 @@ use super::Bench;
 use eframe::egui::{Key, vec2};
 use egui_kittest::kittest::Queryable;
 use umbravox::app::{App, Purpose};
+use umbravox::formats::write_nifti;
 use umbravox::open::SceneSettings;
+use umbravox::phantom::Phantom;
 use umbravox::scene::Shading;
 use umbravox::transfer::TransferFunction;
-use umbravox::volume::{Phantom, write_nifti};
 
 const SMALL: &[&str] = &["phantom:sphere:24", "--tf=uniform", "--shadow=dsm:map=64"];
 

@@ -4,7 +4,7 @@ use super::{Bench, brightness};
 use eframe::egui::{self, Modifiers, vec2};
 use egui_kittest::kittest::Queryable;
 use umbravox::app::curve::Edit;
-use umbravox::open::Seen;
+use umbravox::render::VisibleBounds;
 use umbravox::transfer::TransferChange;
 use umbravox::transfer::TransferFunction;
 
@@ -204,7 +204,7 @@ fn a_second_light_is_added_edited_moved_and_removed() {
     // A scene file holds both, to the last bit.
     let document = bench.app().model.document.clone().unwrap();
     let read = umbravox::open::SceneSettings::from_toml(&document.scene_text("ct").unwrap()).unwrap();
-    assert_eq!(read.scene(&Seen::whole(&document.volume)).unwrap().lights, back);
+    assert_eq!(read.scene(&VisibleBounds::whole(&document.volume)).unwrap().lights, back);
 
     // The picture is that of the command line.
     bench.click("light 2");

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use umbravox::app::App;
-use umbravox::volume::{Phantom, write_nifti};
+use umbravox::formats::write_nifti;
+use umbravox::phantom::Phantom;
 
 #[derive(Debug)]
 struct Dropped(PathBuf);

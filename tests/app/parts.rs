@@ -6,9 +6,10 @@ use glam::DVec3;
 use ndarray::Array3;
 use std::path::Path;
 use umbravox::files::loading::Loading;
+use umbravox::formats::write_volume;
 use umbravox::open::{SceneSettings, VolumeSpec, load};
 use umbravox::transfer::Class;
-use umbravox::volume::{Provenance, Scaling, Volume, write_volume};
+use umbravox::volume::{Provenance, Scaling, Volume};
 
 const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use umbravox::exact::ExactField;
-use umbravox::volume::Phantom;
+use umbravox::phantom::Phantom;
 
 /// Half a voxel aside of a voxel's centre, so that values below are those of no one line of voxels.
 const ASIDE: f64 = 0.5;

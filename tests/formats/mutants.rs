@@ -230,7 +230,8 @@ pub fn copy(from: &Path, to: &Path) {
 
 /// A folder with every seed in it.
 fn seeds_in(home: &Path) {
-    use umbravox::volume::{Phantom, write_volume};
+    use umbravox::formats::write_volume;
+    use umbravox::phantom::Phantom;
     let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
     for folder in ["formats/files", "formats/transfer", "data/strands"] {
         copy(&tests.join(folder), home);

@@ -3,8 +3,9 @@
 use glam::{DAffine3, DMat3, DVec3, EulerRot};
 use ndarray::Array3;
 use proptest::prelude::*;
+use umbravox::formats::{VOLUME_EXTENSIONS, write_volume};
 use umbravox::open::{VolumeSpec, load};
-use umbravox::volume::{Provenance, Scaling, VOLUME_EXTENSIONS, Volume, Voxels, write_volume};
+use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
 fn volumes() -> impl Strategy<Value = Volume> {
     let sizes = (1usize..6, 1usize..6, 1usize..6);

@@ -1,7 +1,8 @@
 //! What an edit makes stale, row by row, and that what is kept is still right.
 
 use super::*;
-use umbravox::render::{AskedFor, Change, INVALIDATES, Kept, LoadedVolume, Serving, Stage, Work};
+use umbravox::engine::{Change, INVALIDATES, MapCoverage, ReusePolicy, ShadowCache, Stage, Work};
+use umbravox::render::LoadedVolume;
 use umbravox::scene::{Camera, LightSource};
 
 /// A scene that is edited.
@@ -25,7 +26,7 @@ impl State {
 struct Session {
     renderer: &'static Renderer,
     loaded: LoadedVolume,
-    kept: Kept,
+    kept: ShadowCache,
     shown: Option<State>,
 }
 
@@ -37,7 +38,7 @@ impl Session {
             return None;
         };
         let loaded = renderer.load(Arc::clone(volume)).unwrap();
-        Some(Self { renderer, loaded, kept: Kept::new(Forced::NOTHING), shown: None })
+        Some(Self { renderer, loaded, kept: ShadowCache::new(Forced::NOTHING), shown: None })
     }
 
     /// What changed, what was made, and the picture if it is another one.
@@ -59,7 +60,7 @@ impl Session {
         let method = shadow::parse(state.method).unwrap();
         let named = (state.method, method.as_ref());
         changes.extend(self.kept.change_of_view(&self.loaded, state.method, &state.scene));
-        let asked = (&state.scene, AskedFor::Picture);
+        let asked = (&state.scene, MapCoverage::Picture);
         self.kept.prepare(self.renderer, &self.loaded, named, asked, &mut work).unwrap();
         made.extend(work.build_ms.map(|_| Stage::Shadows));
         let stale = self.shown.is_none() || changes.iter().any(|c| c.invalidates(Stage::Frame));
@@ -212,10 +213,10 @@ fn a_map_serves_the_views_that_it_covers() {
     state.scene.camera = zoomed;
     session.show(&state);
     for (spec, asked, built) in [
-        ("dsm:map=64,epsilon=0.1", AskedFor::AnyPoint, true),
-        ("dsm:map=64,epsilon=0.1", AskedFor::Picture, true),
-        ("dsm:map=64,epsilon=0.1,fit=volume", AskedFor::Picture, true),
-        ("dsm:map=64,epsilon=0.1,fit=volume", AskedFor::AnyPoint, false),
+        ("dsm:map=64,epsilon=0.1", MapCoverage::AnyPoint, true),
+        ("dsm:map=64,epsilon=0.1", MapCoverage::Picture, true),
+        ("dsm:map=64,epsilon=0.1,fit=volume", MapCoverage::Picture, true),
+        ("dsm:map=64,epsilon=0.1,fit=volume", MapCoverage::AnyPoint, false),
     ] {
         let method = shadow::parse(spec).unwrap();
         let mut work = Work::default();
@@ -274,7 +275,7 @@ fn what_fails_leaves_the_old_in_place() {
 fn no_picture_depends_on_those_before() {
     let state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
-    session.kept = Kept::new(Forced::NOTHING).serving_by(Serving::Same);
+    session.kept = ShadowCache::new(Forced::NOTHING).serving_by(ReusePolicy::Same);
     let plain = Setup::open(&state.volume, &state.tf).unwrap();
     let Camera { eye, target, .. } = state.scene.camera;
     let nearer = |share: f64| Camera { eye: target + share * (eye - target), ..state.scene.camera };
@@ -290,7 +291,7 @@ fn no_picture_depends_on_those_before() {
     ] {
         let scene = Scene { camera: nearer(share), ..state.scene.clone() };
         let parsed = shadow::parse(method).unwrap();
-        let (named, asked) = ((method, parsed.as_ref()), (&scene, AskedFor::Picture));
+        let (named, asked) = ((method, parsed.as_ref()), (&scene, MapCoverage::Picture));
         let mut work = Work::default();
         session.kept.prepare(session.renderer, &session.loaded, named, asked, &mut work).unwrap();
         assert_eq!(work.build_ms.is_some(), builds, "{method} {share}");

@@ -1,7 +1,8 @@
 //! Pictures of several lights: sums of the pictures of each, and the exact picture of all.
 
 use super::*;
-use umbravox::render::{Change, Picture};
+use umbravox::engine::Change;
+use umbravox::render::Picture;
 use umbravox::scene::{LightSource, Shading};
 
 /// Float32 sums in another order, and each light's own share of it.

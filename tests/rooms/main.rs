@@ -9,10 +9,12 @@ use std::path::Path;
 
 /// Every room, the topmost first: its name, what it is for, and where it is narrower than "whatever is below" the rooms
 /// that it may import.
-const ROOMS: [(&str, &str, Option<&[&str]>); 17] = [
+const ROOMS: [(&str, &str, Option<&[&str]>); 21] = [
     ("app", "The window: a front door.", None),
     ("cli", "The commands: a front door.", None),
+    ("engine", "Interactive session without a window toolkit: shadow cache, requests, render thread.", None),
     ("open", "From what a user names to what the program works on.", None),
+    ("replication", "Claims of the papers, and the stability suite.", None),
     ("report", "From rows to what a reader gets.", None),
     ("measure", "Rows: errors, times and facts of every method.", None),
     ("render", "Eye rays: plan, ray caster, display, queries.", None),
@@ -20,11 +22,13 @@ const ROOMS: [(&str, &str, Option<&[&str]>); 17] = [
     ("field", "The scalar field on a device, and what marches through it.", None),
     ("gpu", "Device and limits, buffers, pipelines, timestamps.", Some(&["error"])),
     ("exact", "The float64 reference.", Some(&["scene", "mesh", "transfer", "volume", "error"])),
+    ("formats", "Readers and writers of volumes.", None),
+    ("phantom", "Built-in volumes.", None),
     ("strands", "Polylines with a thickness, and the volume that stands for them.", None),
     ("scene", "Camera, light and picture settings.", None),
     ("mesh", "Opaque triangles, rays that meet them, and the files that hold them.", None),
     ("transfer", "Extinction and colour as functions of the value.", None),
-    ("volume", "Values on a grid with an affine, and the files that hold them.", None),
+    ("volume", "Values on a grid with an affine.", None),
     ("files", "Text in, whole files and pictures out, progress of reading.", None),
     ("error", "The one error type.", None),
 ];

@@ -3,8 +3,8 @@
 use super::clip;
 use crate::app::camera;
 use crate::app::model::Model;
-use crate::app::render_thread::messages::Aim;
 use crate::app::split::Split;
+use crate::engine::messages::Aim;
 use crate::scene::Light;
 use eframe::egui::{self, Rect, vec2};
 

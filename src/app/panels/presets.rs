@@ -3,7 +3,7 @@
 use super::parts::file_name;
 use crate::app::model::Model;
 use crate::app::paint::shown::{Place, shape};
-use crate::app::render_thread::messages::{Job, Thumbnail, ThumbnailRequest};
+use crate::engine::messages::{Job, Thumbnail, ThumbnailRequest};
 use crate::open::presets::{self, PRESETS, Preset};
 use crate::render::DisplayTexture;
 use crate::scene::{Scene, Shading, Skip};

@@ -2,8 +2,8 @@
 
 use super::parts::method_name;
 use crate::app::model::Model;
-use crate::app::render_thread::messages::MethodCurve;
 use crate::app::theme;
+use crate::engine::messages::MethodCurve;
 use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
 
@@ -114,7 +114,7 @@ fn promise_in_words(curve: &MethodCurve) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::render_thread::messages::{NearestRay, ProbedPromise};
+    use crate::engine::messages::{NearestRay, ProbedPromise};
     use crate::shadow::Bound;
 
     #[test]

@@ -3,9 +3,9 @@
 use super::difference::Difference;
 use super::flicker;
 use super::parts::complaint;
-use crate::app::method_choice::MethodChoice;
 use crate::app::model::Model;
-use crate::app::render_thread::messages::Side;
+use crate::engine::messages::Side;
+use crate::engine::method_choice::MethodChoice;
 use crate::shadow::{Key, Kind, METHODS};
 use eframe::egui;
 

@@ -2,7 +2,7 @@
 
 use crate::app::document::Document;
 use crate::app::model::Model;
-use crate::app::reading::With;
+use crate::engine::reading::With;
 use crate::open::{StrandFlags, parse_resolution, parse_thickness_mm};
 use crate::strands::{DEFAULT_RESOLUTION, Kernel, RESOLUTIONS, STRANDS_FORMAT};
 use clap::ValueEnum;

@@ -1,7 +1,7 @@
 //! What pictures have cost lately.
 
 use crate::app::model::Model;
-use crate::app::render_thread::messages::Frame;
+use crate::engine::messages::Frame;
 use eframe::egui;
 use std::collections::VecDeque;
 

@@ -4,9 +4,9 @@ use super::parts::{file_name, unfilled};
 use super::prompt::Purpose;
 use super::windows::Windows;
 use crate::app::model::Model;
+use crate::phantom::Phantom;
 use crate::scene::AXIS_VIEWS;
 use crate::strands::StrandSet;
-use crate::volume::Phantom;
 use eframe::egui;
 
 /// Longer names of recent volumes are elided, points.

@@ -7,8 +7,8 @@ use super::{cube, flicker, hands, overlays};
 use crate::app::model::Model;
 use crate::app::paint::shown::{Place, shape as shown};
 use crate::app::panels::parts::tag;
-use crate::app::render_thread::messages::Side;
 use crate::app::theme;
+use crate::engine::messages::Side;
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Rect, Sense, Stroke, pos2, vec2};
 use eframe::egui_wgpu::RenderState;
 

@@ -235,9 +235,10 @@ mod tests {
     use super::*;
     use crate::field::light_space::MapShape;
     use crate::field::{ActiveBricks, March};
+    use crate::phantom::Phantom;
     use crate::scene::Light;
     use crate::transfer::{Quantity, TransferFunction};
-    use crate::volume::{Bricks, Phantom};
+    use crate::volume::Bricks;
 
     fn spaces() -> Vec<LightSpace> {
         let volume = Phantom::Slab.build(24).unwrap();

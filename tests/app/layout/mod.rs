@@ -12,8 +12,8 @@ use crate::comparison::little;
 use eframe::egui::{self, Event, Key, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use umbravox::app::method_choice::MethodChoice;
 use umbravox::app::{Model, With};
+use umbravox::engine::method_choice::MethodChoice;
 use umbravox::measure::error_map::Quantity;
 use umbravox::scene::Light;
 

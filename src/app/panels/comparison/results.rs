@@ -1,6 +1,6 @@
 //! The table's rows in the window.
 
-use crate::app::method_choice::MethodChoice;
+use crate::engine::method_choice::MethodChoice;
 use crate::measure::table::Row;
 use crate::measure::timing::clock_name;
 use crate::report::number::significant;

@@ -1,6 +1,6 @@
 //! A comparison on a thread and a device of its own, beside the window.
 
-use crate::app::render_thread::mailbox::Wake;
+use crate::engine::mailbox::Wake;
 use crate::error::{Error, Result};
 use crate::files::hash::sha256;
 use crate::files::output::prepare_output_dir;

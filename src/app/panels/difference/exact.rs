@@ -1,6 +1,6 @@
 //! The exact answer on a thread of its own, coarse first.
 
-use crate::app::render_thread::mailbox::Wake;
+use crate::engine::mailbox::Wake;
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::measure::error_map::{ExactView, Quantity};

@@ -5,7 +5,7 @@ mod exact;
 pub mod legend;
 
 use crate::app::model::Model;
-use crate::app::render_thread::messages::{DifferenceRequest, Differences, Job, Subject};
+use crate::engine::messages::{DifferenceRequest, Differences, Job, Subject};
 use crate::measure::error_map::{ExactView, Quantity};
 use eframe::egui;
 use exact::{Computing, Question};

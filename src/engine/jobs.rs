@@ -1,0 +1,123 @@
+//! What the render thread does besides pictures on the screen: probes, presets' small pictures, exports.
+
+use super::device::OnDevice;
+use super::mailbox::Speaker;
+use super::messages::{
+    Aim, Event, Export, MethodCurve, ProbeRequest, ProbeResult, Thumbnail, ThumbnailRequest,
+};
+use super::probe_bound;
+use crate::engine::{MapCoverage, Work};
+use crate::error::{Error, Result};
+use crate::exact::ExactField;
+use crate::files::picture::write_picture_as;
+use crate::render::{DisplayTexture, Forced, Pace, Screen};
+use crate::scene::Scene;
+use crate::shadow::NoShadows;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Depths along the light ray at which a method is asked.
+const PROBE_DEPTHS: usize = 320;
+/// A pixel that stops less of the light than this shows nothing to probe.
+const LEAST_OPACITY: f64 = 0.004;
+/// While an export or a small picture is drawn, a submission keeps the queue no longer than about this.
+const BAND_MS: f64 = 25.0;
+
+/// Answers a probe; says nothing where the ray meets nothing.
+pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -> Result<()> {
+    let Some(loaded) = &device.loaded else { return Ok(()) };
+    let volume = Arc::clone(&loaded.volume);
+    let field = ExactField::new(&volume, &request.tf);
+    let point = match request.aim {
+        Aim::Point(point) => point,
+        Aim::Ray { origin, direction } => {
+            let seen = field.seen_along(origin, direction, 0.5).filter(|s| s.weight >= LEAST_OPACITY);
+            let Some(seen) = seen else { return Ok(()) };
+            seen.position
+        }
+    };
+    let (toward, distance_mm) = request.light.from_point(point);
+    let corners = volume.corners_mm();
+    let reach = |along: DVec3| corners.iter().map(|c| (*c - point).dot(along)).fold(0.0, f64::max);
+    let (before_mm, behind_mm) = (reach(toward).min(distance_mm), reach(-toward));
+    let start = point + toward * before_mm;
+    let length_mm = before_mm + behind_mm;
+    let curve = field.curve_along(start, -toward, length_mm);
+    let depths: Vec<f64> =
+        (0..PROBE_DEPTHS).map(|i| length_mm * i as f64 / (PROBE_DEPTHS - 1) as f64).collect();
+    let exact = depths.iter().map(|&z| [z, curve.transmittance_at(z)]).collect();
+    let mut points: Vec<DVec3> = depths.iter().map(|&z| start - toward * z).collect();
+    points.push(point);
+    let mut work = Work::default();
+    device.set_transfer(&request.tf, &mut work)?;
+    let scene = Scene { ambient: request.ambient, ..Scene::framing(&volume).under(request.light.into()) };
+    let mut methods = Vec::new();
+    for choice in &request.methods {
+        let made = device.prepare(choice, (&scene, MapCoverage::AnyPoint), &mut work)?;
+        let Some(shadow) = made.shadows.first() else { continue };
+        let found = made.renderer.query(made.loaded, made.transfer, shadow, &points)?;
+        let at_point = found.last().copied().map_or(1.0, f64::from);
+        let curve = depths.iter().zip(&found).map(|(&z, &t)| [z, f64::from(t)]).collect();
+        let promise = probe_bound::tried(&made, choice.method()?.taps(), &field, request.light, point)?;
+        methods.push(MethodCurve { spec: made.spec, points: curve, at_point, promise });
+    }
+    let index = volume.index_from_world().transform_point3(point);
+    speaker.say(Event::Probed(Box::new(ProbeResult {
+        point,
+        value: volume.value_at(index),
+        depth_mm: before_mm,
+        exact,
+        exact_at_point: curve.transmittance_at(before_mm),
+        methods,
+    })));
+    Ok(())
+}
+
+/// Draws a preset's picture, with tables of its own: those of the view stay.
+pub fn thumbnail(device: &OnDevice, request: ThumbnailRequest, speaker: &Speaker) -> Result<()> {
+    let ThumbnailRequest { index, tf, scene, volume } = request;
+    let Some(loaded) = device.loaded.as_ref().filter(|l| Arc::ptr_eq(&l.volume, &volume)) else {
+        return Ok(());
+    };
+    let renderer = &device.renderer;
+    let transfer = renderer.transfer(loaded, &tf, Forced::NOTHING)?;
+    let shadows = renderer.shadows_in(loaded, &transfer, &NoShadows, &scene, None)?;
+    let texture = Arc::new(DisplayTexture::new(renderer.gpu(), scene.width, scene.height)?);
+    let mut pace = Pace::new(BAND_MS);
+    let screen = Screen { target: &texture, pace: &mut pace };
+    let drawn = renderer.draw_to(screen, (loaded, &transfer), &shadows, &scene, || true)?;
+    if drawn.is_some() {
+        speaker.say(Event::Thumbnail(Box::new(Thumbnail { index, scene, volume, texture })));
+    }
+    Ok(())
+}
+
+/// Draws and writes a picture; `false` where `go_on` ended it, and then no file.
+pub fn export(
+    device: &mut OnDevice,
+    export: &Export,
+    speaker: &Speaker,
+    go_on: impl Fn() -> bool,
+) -> Result<bool> {
+    if device.loaded.is_none() {
+        return Err(Error::runtime("cannot export", export.path.display(), "no volume is open"));
+    }
+    let mut work = Work::default();
+    device.set_transfer(&export.tf, &mut work)?;
+    let made = device.prepare(&export.method, (&export.scene, MapCoverage::Picture), &mut work)?;
+    let mut last = -1.0_f32;
+    let go_on = |share: f32| {
+        if share - last >= 0.01 {
+            last = share;
+            speaker.say(Event::ExportProgress(share));
+        }
+        go_on()
+    };
+    let (renderer, scene) = (made.renderer, &export.scene);
+    let picture =
+        renderer.render_in_bands(made.loaded, made.transfer, made.shadows, scene, BAND_MS, go_on)?;
+    match picture {
+        Some(picture) => write_picture_as(&export.path, &picture.pixels, export.backdrop).map(|()| true),
+        None => Ok(false),
+    }
+}

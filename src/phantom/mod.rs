@@ -1,0 +1,203 @@
+//! Built-in volumes: analytic ones whose answers are known in closed form, and a chest (see [`thorax`]).
+//!
+//! The analytic ones fill the cube `[-32, 32]^3` mm with `n^3` voxels (`n` is the SIZE), spacing `h = 64 / n` mm,
+//! centred: voxel `i` sits at `x = (i - (n - 1) / 2) h`. Affines are rounded to `f32`, so that a NIfTI file holds
+//! them without loss. With extinction `c s` (an extinction ramp through 0) for a value `s`:
+//!
+//! | name | value at a voxel centre | known |
+//! |---|---|---|
+//! | `slab` | 1000 on planes `k0 <= k < k1` across z, `k0 = n / 4` (rounded down), `k1 = n - k0`; else 0 | depth along z is `1000 c (k1 - k0) h`; values reach 500 at the planes `k0 - 1/2` and `k1 - 1/2` |
+//! | `step` | 1000 from plane `i = n / 2` (rounded down) across x on; else 0 | values reach 500 at `i - 1/2`, which is `x = 0` for even `n` |
+//! | `comb` | 1000 on every fourth plane across z, `k % 4 = 2`; else 0 | with `m` such planes, depth along z is `1000 c m h`; above 500 every layer is `h` thick |
+//! | `sphere` | `1000 (1 - r^2 / 32^2)`, `r` the distance from the centre in mm | the surface `s = v` is the sphere of radius `32 sqrt(1 - v / 1000)`; interpolation adds at most `3 h^2 / 4` to `r^2` and within each cell the field is exactly linear |
+//! | `shell` | `1000 max(0, 1 - |r - 20| / 8)` | above 500 it is the hollow ball `16 < r < 24` |
+//!
+//! `sphere` and `shell` are `f32`, the others `i16`; the chest is `i16` in HU.
+
+mod thorax;
+
+use crate::error::{Error, Result};
+use crate::files::loading::{Loading, ReadingStage};
+use crate::volume::{Provenance, Scaling, ValuesSaid, Volume, Voxels};
+use glam::{DAffine3, DMat3, DVec3};
+use ndarray::Array3;
+use rayon::prelude::*;
+use std::fmt;
+
+/// A built-in volume.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Phantom {
+    /// A CT-like chest in HU.
+    #[default]
+    Thorax,
+    /// A slab of one value across z.
+    Slab,
+    /// A value that falls with the radius squared.
+    Sphere,
+    /// A hollow ball.
+    Shell,
+    /// A half space across x.
+    Step,
+    /// Thin layers across z.
+    Comb,
+}
+
+/// Edge of the cube that the analytic phantoms fill, mm.
+const CUBE_MM: f64 = 64.0;
+/// Value inside the analytic phantoms.
+const INSIDE: f64 = 1000.0;
+
+impl Phantom {
+    /// Every built-in volume, the default first.
+    pub const ALL: [Self; 6] = [Self::Thorax, Self::Slab, Self::Sphere, Self::Shell, Self::Step, Self::Comb];
+
+    /// Voxels along the longest side at the most.
+    pub const MAX_SIZE: usize = 1024;
+
+    /// The name in `phantom:NAME`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Thorax => "thorax",
+            Self::Slab => "slab",
+            Self::Sphere => "sphere",
+            Self::Shell => "shell",
+            Self::Step => "step",
+            Self::Comb => "comb",
+        }
+    }
+
+    /// What it is, in a few words.
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::Thorax => "a CT-like chest in HU",
+            Self::Slab => "a slab of constant value across z",
+            Self::Sphere => "a value that falls with the radius squared: spheres as isosurfaces",
+            Self::Shell => "a hollow ball",
+            Self::Step => "a half space across x",
+            Self::Comb => "thin alternating layers across z",
+        }
+    }
+
+    /// Voxels along the longest side where no SIZE is given.
+    pub fn default_size(self) -> usize {
+        match self {
+            Self::Thorax => thorax::DEFAULT_SIZE,
+            _ => 64,
+        }
+    }
+
+    /// From `NAME[:SIZE]`; `others` are the names of built-in things that are no volumes, for the hint.
+    ///
+    /// # Errors
+    /// The name is unknown, or the size is not in `1..=1024`.
+    pub fn parse(text: &str, others: &[&str]) -> Result<(Self, usize)> {
+        let (name, size) = text.split_once(':').map_or((text, None), |(name, size)| (name, Some(size)));
+        let phantom = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
+            let names = [&Self::ALL.map(Self::name), others].concat();
+            Error::input(
+                "cannot build phantom",
+                format!("phantom:{text}"),
+                format!("no phantom is named `{name}`"),
+            )
+            .hint(format!("there are {}", names.join(", ")))
+        })?;
+        let size = match size {
+            None => phantom.default_size(),
+            Some(size) => {
+                size.parse().ok().filter(|n| (1..=Self::MAX_SIZE).contains(n)).ok_or_else(|| {
+                    Error::input(
+                        "cannot build phantom",
+                        format!("phantom:{text}"),
+                        format!("size `{size}` is not a whole number in 1..={}", Self::MAX_SIZE),
+                    )
+                })?
+            }
+        };
+        Ok((phantom, size))
+    }
+
+    /// Builds it with `size` voxels along the longest side.
+    ///
+    /// # Errors
+    /// `size` is not in `1..=1024`.
+    pub fn build(self, size: usize) -> Result<Volume> {
+        self.build_with(size, &Loading::default())
+    }
+
+    /// As [`Self::build`], watched and ended early through `loading`.
+    ///
+    /// # Errors
+    /// As there, or it was cancelled.
+    pub fn build_with(self, size: usize, loading: &Loading) -> Result<Volume> {
+        let source = format!("phantom:{}:{size}", self.name());
+        if !(1..=Self::MAX_SIZE).contains(&size) {
+            let why = format!("size {size} is not in 1..={}", Self::MAX_SIZE);
+            return Err(Error::input("cannot build phantom", source, why));
+        }
+        let mut spacing_mm = [CUBE_MM / size as f64; 3];
+        let voxels = match self {
+            Self::Thorax => {
+                let (voxels, spacing) = thorax::build(size, loading);
+                spacing_mm = spacing;
+                Voxels::I16(voxels)
+            }
+            Self::Slab => solid(size, loading, |[_, _, k]| (size / 4..size - size / 4).contains(&k)),
+            Self::Step => solid(size, loading, |[i, _, _]| i >= size / 2),
+            Self::Comb => solid(size, loading, |[_, _, k]| k % 4 == 2),
+            Self::Sphere => radial(size, loading, |r| 1.0 - (r / (CUBE_MM / 2.0)).powi(2)),
+            Self::Shell => radial(size, loading, |r| (1.0 - (r - 20.0).abs() / 8.0).max(0.0)),
+        };
+        let stored_type = if matches!(voxels, Voxels::I16(_)) { "int16" } else { "float32" };
+        let mut provenance = Provenance::new(source, "phantom", stored_type);
+        provenance.values = ValuesSaid::Hounsfield("built in".into());
+        let dims = crate::with_voxels!(&voxels, a => { let (nz, ny, nx) = a.dim(); [nx, ny, nz] });
+        Volume::new_with(voxels, Scaling::IDENTITY, centred_affine(dims, spacing_mm), provenance, loading)
+    }
+}
+
+impl fmt::Display for Phantom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// The grid centred on the world's origin, its axes the world's; rounded to `f32`.
+fn centred_affine(dims: [usize; 3], spacing_mm: [f64; 3]) -> DAffine3 {
+    let exact_in_f32 = |v: DVec3| v.as_vec3().as_dvec3();
+    let spacing = exact_in_f32(DVec3::from_array(spacing_mm));
+    let centre = DVec3::from_array(dims.map(|n| (n as f64 - 1.0) / 2.0));
+    DAffine3::from_mat3_translation(DMat3::from_diagonal(spacing), exact_in_f32(-(spacing * centre)))
+}
+
+/// The cube, [`INSIDE`] where `inside` says so and 0 elsewhere.
+fn solid(size: usize, loading: &Loading, inside: impl Fn([usize; 3]) -> bool + Sync) -> Voxels {
+    Voxels::I16(cube(size, loading, |at| if inside(at) { INSIDE as i16 } else { 0 }))
+}
+
+/// The cube of [`INSIDE`] times a function of the distance from its centre, mm.
+fn radial(size: usize, loading: &Loading, share: impl Fn(f64) -> f64 + Sync) -> Voxels {
+    let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
+    let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)).length())) as f32;
+    Voxels::F32(cube(size, loading, value))
+}
+
+/// A cube of voxels from a function of `[i, j, k]`; unfinished once `loading` was cancelled.
+fn cube<T: Copy + Default + Send + Sync>(
+    size: usize,
+    loading: &Loading,
+    value: impl Fn([usize; 3]) -> T + Sync,
+) -> Array3<T> {
+    let mut voxels = Array3::default((size, size, size));
+    let planes = voxels.as_slice_mut().unwrap_or_default().par_chunks_mut(size * size);
+    let pieces = loading.pieces(ReadingStage::Building, size);
+    planes.enumerate().for_each(|(k, plane)| {
+        if pieces.is_cancelled() {
+            return;
+        }
+        for (at, v) in plane.iter_mut().enumerate() {
+            *v = value([at % size, at / size, k]);
+        }
+        pieces.done();
+    });
+    voxels
+}

@@ -1,0 +1,146 @@
+//! Claims of papers as tables.
+
+use super::rules::Holds;
+use super::{Figure, Row};
+use crate::report::number::significant;
+use serde::Serialize;
+
+/// A row as it is written: the columns of `claims.csv`.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Record {
+    /// As cited.
+    pub paper: String,
+    /// Section, table or figure.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// What the paper states.
+    pub claim: String,
+    /// Its figure or comparison.
+    pub claimed: String,
+    /// What was measured, the telling figure first.
+    pub measured: String,
+    /// `yes`, `partly`, `no`, or empty where it was not tried.
+    pub holds: String,
+    /// On what.
+    pub scene: String,
+    /// By which rule, and remarks.
+    pub note: String,
+}
+
+impl From<&Row> for Record {
+    fn from(row: &Row) -> Self {
+        let figure = |(name, value): &Figure| format!("{name}: {}", significant(*value, 3));
+        Self {
+            paper: row.paper.into(),
+            place: row.place.into(),
+            claim: row.claim.clone(),
+            claimed: row.claimed.clone(),
+            measured: row.measured.iter().map(figure).collect::<Vec<_>>().join("; "),
+            holds: row.holds.map_or("", Holds::word).into(),
+            scene: row.scene.clone(),
+            note: row.note.clone(),
+        }
+    }
+}
+
+/// A scene that claims were tried on, for who wants to run it again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TriedOn {
+    /// The column `scene`.
+    pub name: String,
+    /// What it stands in for, or the file it is from.
+    pub about: String,
+    /// The scene file.
+    pub toml: String,
+}
+
+/// How many rows of each paper hold, hold in part, do not hold and were not tried.
+pub fn counts(rows: &[Row]) -> String {
+    let mut out =
+        String::from("| paper | yes | partly | no | not tried |\n| --- | ---: | ---: | ---: | ---: |\n");
+    let verdicts = [Some(Holds::Yes), Some(Holds::Partly), Some(Holds::No), None];
+    for paper in papers(rows) {
+        let count = |holds| rows.iter().filter(|r| r.paper == paper && r.holds == holds).count();
+        out += &line([paper.to_owned()].into_iter().chain(verdicts.map(|v| count(v).to_string())));
+    }
+    out
+}
+
+/// The papers of the rows, each once, in their order.
+fn papers(rows: &[Row]) -> Vec<&'static str> {
+    let mut papers: Vec<&str> = rows.iter().map(|r| r.paper).collect();
+    papers.dedup();
+    papers
+}
+
+/// `claims.md`: how many hold, a table a paper, and the scenes. `made_by` says on what adapter, by what revision.
+pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
+    let mut out = format!("# Claims of the papers, tried\n{made_by}\n\n{}", counts(rows));
+    for paper in papers(rows) {
+        out += &format!(
+            "\n## {paper}\n| where | claim | claimed | measured | holds | scene | note |\n\
+            | --- | --- | --- | --- | --- | --- | --- |\n"
+        );
+        for row in rows.iter().filter(|r| r.paper == paper) {
+            let Record { place, claim, claimed, measured, holds, scene, note, .. } = row.into();
+            out += &line([place, claim, claimed, measured, holds, scene, note].into_iter());
+        }
+    }
+    if !scenes.is_empty() {
+        out += "\n## Scenes\n";
+    }
+    for TriedOn { name, about, toml } in scenes {
+        out += &format!("**{name}**: {about}\n\n```toml\n{}\n```\n\n", toml.trim_end());
+    }
+    out.trim_end().to_owned() + "\n"
+}
+
+/// A line of a Markdown table.
+fn line(cells: impl Iterator<Item = String>) -> String {
+    format!("| {} |\n", cells.map(|c| c.replace('|', "\\|")).collect::<Vec<_>>().join(" | "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::writers::csv;
+
+    fn rows() -> Vec<Row> {
+        let row = |paper, holds| Row {
+            paper,
+            place: "Table 1",
+            claim: "a | b, \"c\"".into(),
+            claimed: "1 to 3".into(),
+            measured: vec![("ratio".into(), 2.0 / 3.0), ("bytes".into(), 1.5e6)],
+            holds,
+            scene: "fur".into(),
+            note: "Yes from 2 on.".into(),
+        };
+        let untried = Row { measured: Vec::new(), scene: String::new(), ..row("Voicu 2011", None) };
+        vec![row("Kim and Neumann 2001", Some(Holds::Partly)), row("Voicu 2011", Some(Holds::No)), untried]
+    }
+
+    #[test]
+    fn csv_has_the_columns_of_the_contract() {
+        let records: Vec<Record> = rows().iter().map(Record::from).collect();
+        let text = String::from_utf8(csv(&records).unwrap()).unwrap();
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let columns = "paper,where,claim,claimed,measured,holds,scene,note";
+        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>().join(","), columns);
+        let read: Vec<Vec<String>> = reader.deserialize().map(|r| r.unwrap()).collect();
+        assert_eq!(read[0][2..6], ["a | b, \"c\"", "1 to 3", "ratio: 0.667; bytes: 1.50e6", "partly"]);
+        assert_eq!((read[1][5].as_str(), read[2][5].as_str(), read[2][4].as_str()), ("no", "", ""));
+    }
+
+    #[test]
+    fn the_page_counts_and_has_a_table_a_paper() {
+        let scene = TriedOn { name: "fur".into(), about: "grass".into(), toml: "tf = \"hair\"\n".into() };
+        let text = markdown(&rows(), &[scene], "llvmpipe, revision 1");
+        assert!(text.contains("| Voicu 2011 | 0 | 0 | 1 | 1 |"), "{text}");
+        assert!(text.contains("| Kim and Neumann 2001 | 0 | 1 | 0 | 0 |"));
+        assert_eq!(text.matches("\n## ").count(), 3);
+        let cells = |l: &str| l.replace("\\|", "").matches('|').count();
+        assert!(text.lines().filter(|l| l.starts_with("| Table 1")).all(|l| cells(l) == 8), "{text}");
+        assert!(text.contains("```toml\ntf = \"hair\"\n```\n") && text.ends_with("```\n"));
+    }
+}
