@@ -12,7 +12,7 @@ use crate::open::SceneSettings;
 use crate::render::Renderer;
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
 use crate::replication::claims::table::{Record, TriedOn, counts, markdown};
-use crate::replication::claims::{Claim, Paper, all, run as run_claims, scene_names};
+use crate::replication::claims::{Claim, all, find_paper, run as run_claims, scene_names};
 use crate::report::writers::{csv, json};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -54,9 +54,9 @@ pub struct ClaimsArgs {
 /// # Errors
 /// Bad input, or a failure of the device or disk. What verdicts there are is no error.
 pub fn run(args: &ClaimsArgs) -> Result<()> {
-    let papers = args.papers.iter().map(|name| Paper::find(name)).collect::<Result<Vec<_>>>()?;
-    let asked = |c: &Claim| papers.is_empty() || papers.contains(&c.paper);
-    let claims: Vec<Claim> = all().into_iter().filter(asked).collect();
+    let mut claims = all()?;
+    let papers = args.papers.iter().map(|name| find_paper(name, &claims)).collect::<Result<Vec<_>>>()?;
+    claims.retain(|c: &Claim| papers.is_empty() || papers.contains(&c.paper));
     check_output_dir(&args.output)?;
     if !args.overwrite {
         check_no_table(&args.output, "claims.csv")?;

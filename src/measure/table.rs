@@ -280,6 +280,12 @@ impl Row {
         format!("{}{colon}{}", self.method, settings.join(","))
     }
 
+    /// Value of a column by its name; empty for a name that is no column's.
+    pub fn cell(&self, column: &str) -> Cell {
+        let place = COLUMNS.iter().position(|c| c.name == column);
+        place.map_or(Cell::Empty, |i| self.cells().swap_remove(i))
+    }
+
     /// The value of one of the method's settings.
     pub fn setting(&self, key: &str) -> Cell {
         self.settings.iter().find(|(k, _)| *k == key).map_or(Cell::Empty, |(_, value)| value.clone())

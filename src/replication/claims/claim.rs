@@ -1,219 +1,312 @@
-//! Claims, and what comes of trying them.
+//! Claims as files: one TOML file a paper, with a formula for each verdict.
+//!
+//! A formula speaks of the columns of `compare.csv` (a value for each method that the claim needs) and of the
+//! quantities of [`Figures::number`]. Texts that start with `$` stand for an entry of the file's `texts`.
 
 use super::figures::{Depth, Figures};
+use super::formula::{Formula, verdict};
 use super::rules::Holds;
-use super::scenes::{StandIn, Variant};
+use super::scenes::{STAND_INS, StandIn, Variant};
 use crate::error::{Error, Result};
+use crate::scene::Skip;
+use serde::Deserialize;
+use std::collections::BTreeMap;
 
-/// A paper whose method is here.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Paper {
-    /// `dsm`.
-    Hadwiger,
-    /// `osm`.
-    KimNeumann,
-    /// `dom`.
-    YukselKeyser,
-    /// `bom`.
-    Voicu,
-    /// `clusters`.
-    Mertens,
-    /// `fourier`.
-    JansenBavoil,
-    /// `avsm`.
-    Salvi,
-    /// `moments`.
-    Muenstermann,
+/// Files of all papers: the citation stands in each.
+const FILES: [&str; 8] = [
+    include_str!("kim_neumann.toml"),
+    include_str!("hadwiger.toml"),
+    include_str!("yuksel_keyser.toml"),
+    include_str!("voicu.toml"),
+    include_str!("mertens.toml"),
+    include_str!("jansen_bavoil.toml"),
+    include_str!("salvi.toml"),
+    include_str!("muenstermann.toml"),
+];
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PaperFile {
+    paper: String,
+    #[serde(default)]
+    texts: BTreeMap<String, String>,
+    claim: Vec<ClaimEntry>,
 }
 
-impl Paper {
-    /// Every paper, by year.
-    pub const ALL: [Self; 8] = [
-        Self::KimNeumann,
-        Self::Mertens,
-        Self::Hadwiger,
-        Self::YukselKeyser,
-        Self::JansenBavoil,
-        Self::Salvi,
-        Self::Voicu,
-        Self::Muenstermann,
-    ];
-
-    /// As cited.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Hadwiger => "Hadwiger et al. 2006",
-            Self::KimNeumann => "Kim and Neumann 2001",
-            Self::YukselKeyser => "Yuksel and Keyser 2008",
-            Self::Voicu => "Voicu 2011",
-            Self::Mertens => "Mertens et al. 2004",
-            Self::JansenBavoil => "Jansen and Bavoil 2010",
-            Self::Salvi => "Salvi et al. 2010",
-            Self::Muenstermann => "Münstermann et al. 2018",
-        }
-    }
-
-    /// By a name in its citation, letter case aside: `hadwiger`, `Neumann`, `2008`.
-    ///
-    /// # Errors
-    /// None or several are so named.
-    pub fn find(name: &str) -> Result<Self> {
-        // Keyboards have no umlauts.
-        let plain = |name: &str| name.to_lowercase().replace('ü', "ue");
-        let wanted = plain(name.trim());
-        let named = |p: &Self| {
-            let cited = plain(p.name());
-            cited == wanted || cited.split_whitespace().any(|word| word == wanted)
-        };
-        let mut found = Self::ALL.into_iter().filter(named);
-        match (found.next(), found.next()) {
-            (Some(paper), None) => Ok(paper),
-            _ => {
-                let known = Self::ALL.map(Self::name).join(", ");
-                Err(Error::input("unknown paper", format!("--paper: `{name}`"), format!("there is: {known}"))
-                    .hint("one author's name will do: hadwiger, kim, yuksel, voicu, mertens, jansen, salvi, muenstermann"))
-            }
-        }
-    }
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ClaimEntry {
+    #[serde(rename = "where")]
+    place: String,
+    claim: String,
+    claimed: String,
+    #[serde(default)]
+    scenes: Vec<String>,
+    #[serde(default)]
+    needs: Vec<NeedEntry>,
+    #[serde(default)]
+    depth: Depth,
+    #[serde(default, rename = "let")]
+    variables: Vec<(String, String)>,
+    #[serde(default)]
+    figures: Vec<(String, String)>,
+    #[serde(default)]
+    verdict: String,
+    #[serde(default)]
+    rule: String,
+    #[serde(default)]
+    notes: Vec<NoteEntry>,
+    untried: Option<String>,
 }
 
-/// A figure of a verdict: what it is, and its value.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NeedEntry {
+    methods: String,
+    #[serde(default = "one")]
+    extinction: f64,
+    light: Option<[f64; 3]>,
+    #[serde(default)]
+    skip_none: bool,
+    pixels: Option<u32>,
+    scene: Option<String>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum NoteEntry {
+    Always(String),
+    When { when: String, text: String },
+}
+
+/// A figure of a verdict: its name and its value.
 pub type Figure = (String, f64);
 
-/// What came of trying a claim on a scene.
+/// Result of trying a claim on a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
     /// The verdict.
     pub holds: Holds,
-    /// What it follows from, the telling figure first.
+    /// The figures it follows from, the decisive one first.
     pub figures: Vec<Figure>,
-    /// What else a reader should know; may be empty.
+    /// Further remarks for the reader; may be empty.
     pub note: String,
 }
 
-impl Finding {
-    pub(super) fn new(holds: Holds, figures: impl IntoIterator<Item = (impl Into<String>, f64)>) -> Self {
-        let figures = figures.into_iter().map(|(name, value)| (name.into(), value)).collect();
-        Self { holds, figures, note: String::new() }
-    }
-
-    pub(super) fn note(self, note: impl Into<String>) -> Self {
-        Self { note: note.into(), ..self }
-    }
-}
-
-/// The figures of what a claim needs: a list for each of its needs, in the order in which the text of the need expands.
+/// Figures of the methods of each need, in the order in which the text of the need expands.
 pub type Measured<'a> = [Vec<&'a Figures>];
 
-/// The rule of a claim.
-pub type Judge = Box<dyn Fn(&Measured) -> Result<Finding> + Send + Sync>;
-
-/// Settings that a claim needs on a variant of its scene.
-#[derive(Debug, Clone, Copy)]
+/// Methods that a claim needs on a variant of its scene.
+#[derive(Debug, Clone)]
 pub struct Need {
-    /// Of the scene.
+    /// Variant of the scene.
     pub variant: Variant,
-    /// As `--methods` takes them.
-    pub methods: &'static str,
-    /// How much is asked of them.
+    /// Method list, in the syntax of `--methods`.
+    pub methods: String,
+    /// How much is measured.
     pub depth: Depth,
 }
 
 /// How a claim is tried.
+#[derive(Debug)]
 pub enum Trial {
-    /// Not at all: why.
-    Untried(&'static str),
+    /// Not at all, and why.
+    Untried(String),
     /// By a rule on figures.
-    Judged {
-        /// The rule in words.
-        rule: &'static str,
-        /// The rule.
-        judge: Judge,
-    },
+    Judged(Judge),
 }
 
-/// Something that a paper states with a figure or a comparison.
+/// Rule of a claim.
+#[derive(Debug)]
+pub struct Judge {
+    /// The rule in words.
+    pub rule: String,
+    variables: Vec<(String, Formula)>,
+    figures: Vec<(String, Formula)>,
+    verdict: Formula,
+    notes: Vec<(Formula, String)>,
+}
+
+/// Statement of a paper with a figure or a comparison in it.
+#[derive(Debug)]
 pub struct Claim {
-    /// Who states it.
-    pub paper: Paper,
-    /// Where: section, table or figure.
-    pub place: &'static str,
-    /// What.
+    /// Citation.
+    pub paper: String,
+    /// Section, table or figure.
+    pub place: String,
+    /// The statement.
     pub claim: String,
     /// Its figure or comparison.
     pub claimed: String,
-    /// What it is tried on where nobody gives a scene.
-    pub scenes: &'static [StandIn],
-    /// What must be measured.
+    /// Stand-ins that it is tried on where no scene is given.
+    pub scenes: Vec<StandIn>,
+    /// Methods to measure.
     pub needs: Vec<Need>,
     /// How it is tried.
     pub trial: Trial,
 }
 
-impl Claim {
-    pub(super) fn new(
-        paper: Paper,
-        place: &'static str,
-        claim: impl Into<String>,
-        claimed: impl Into<String>,
-    ) -> Self {
-        let (claim, claimed) = (claim.into(), claimed.into());
-        let trial = Trial::Untried("nothing judges it");
-        Self { paper, place, claim, claimed, scenes: &[], needs: Vec::new(), trial }
+/// Reads every claim, paper by paper.
+///
+/// # Errors
+/// A file of this program that is malformed; a test reads them all.
+pub fn all() -> Result<Vec<Claim>> {
+    let mut claims = Vec::new();
+    for text in FILES {
+        let bad = |why: &dyn std::fmt::Display| Error::runtime("cannot read claims", "built-in file", why);
+        let PaperFile { paper, texts, claim } = toml::from_str(text).map_err(|e| bad(&e))?;
+        for entry in claim {
+            let what = entry.claim.clone();
+            let read = entry.read(&paper, &texts);
+            claims.push(read.map_err(|why| bad(&format!("{paper}, `{what}`: {why}")))?);
+        }
     }
+    Ok(claims)
+}
 
-    pub(super) fn on(self, scenes: &'static [StandIn]) -> Self {
-        Self { scenes, ..self }
+impl ClaimEntry {
+    fn read(self, paper: &str, texts: &BTreeMap<String, String>) -> Result<Claim, String> {
+        let text = |text: String| match text.strip_prefix('$') {
+            Some(name) => texts.get(name).cloned().ok_or_else(|| format!("no text `{name}`")),
+            None => Ok(text),
+        };
+        let named = |(name, formula): (String, String)| Ok((name, Formula::parse(&formula)?));
+        let stand_in = |name: String| {
+            STAND_INS.iter().find(|s| s.name == name).copied().ok_or_else(|| format!("no stand-in `{name}`"))
+        };
+        let need = |need: NeedEntry| {
+            let variant = Variant {
+                extinction: need.extinction,
+                toward: need.light,
+                skip: need.skip_none.then_some(Skip::None),
+                side_px: need.pixels,
+                instead: need.scene.map(stand_in).transpose()?.map(|s| s.name),
+            };
+            Ok::<_, String>(Need { variant, methods: text(need.methods)?, depth: self.depth })
+        };
+        let note = |note: NoteEntry| match note {
+            NoteEntry::Always(note) => Ok((Formula::Number(1.0), text(note)?)),
+            NoteEntry::When { when, text: note } => Ok::<_, String>((Formula::parse(&when)?, text(note)?)),
+        };
+        let trial = match self.untried {
+            Some(why) => Trial::Untried(why),
+            None => Trial::Judged(Judge {
+                rule: text(self.rule)?,
+                variables: self.variables.into_iter().map(named).collect::<Result<_, String>>()?,
+                figures: self.figures.into_iter().map(named).collect::<Result<_, String>>()?,
+                verdict: Formula::parse(&self.verdict)?,
+                notes: self.notes.into_iter().map(note).collect::<Result<_, _>>()?,
+            }),
+        };
+        Ok(Claim {
+            paper: paper.to_owned(),
+            place: self.place,
+            claim: self.claim,
+            claimed: self.claimed,
+            scenes: self.scenes.into_iter().map(stand_in).collect::<Result<_, _>>()?,
+            needs: self.needs.into_iter().map(need).collect::<Result<_, _>>()?,
+            trial,
+        })
     }
+}
 
-    pub(super) fn needs(mut self, variant: Variant, methods: &'static str) -> Self {
-        self.needs.push(Need { variant, methods, depth: Depth::Whole });
-        self
+impl Judge {
+    /// Evaluates the rule on what was measured.
+    ///
+    /// # Errors
+    /// A figure that was not measured.
+    pub fn judge(&self, measured: &Measured) -> Result<Finding, String> {
+        let mut values: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+        let lookup =
+            |values: &BTreeMap<&str, Vec<f64>>, name: &str, need: usize, entries: Option<(usize, usize)>| {
+                let none = || format!("{name}@{need} has no such entry");
+                if let Some(list) = values.get(name) {
+                    return list
+                        .get(entries.map_or(0..list.len(), |(i, j)| i..j))
+                        .map(<[f64]>::to_vec)
+                        .ok_or_else(none);
+                }
+                let methods = measured.get(need).ok_or_else(none)?;
+                let range = entries.map_or(0..methods.len(), |(i, j)| i..j);
+                methods
+                    .get(range.clone())
+                    .ok_or_else(none)?
+                    .iter()
+                    .zip(range)
+                    .map(|(f, i)| f.number(name, methods.get(i + 1).copied()))
+                    .collect()
+            };
+        for (name, formula) in &self.variables {
+            let list = formula.list(&|n, need, entries| lookup(&values, n, need, entries))?;
+            values.insert(name, list);
+        }
+        let lookup =
+            |name: &str, need: usize, entries: Option<(usize, usize)>| lookup(&values, name, need, entries);
+        let figures = self.figures.iter().map(|(name, f)| Ok((name.clone(), f.number(&lookup)?)));
+        let figures = figures.collect::<Result<Vec<_>, String>>()?;
+        let mut notes = Vec::new();
+        for (when, text) in &self.notes {
+            if when.number(&lookup)? != 0.0 {
+                let filled = values.iter().filter(|(_, list)| list.len() == 1);
+                notes.push(filled.fold(text.clone(), |text, (name, list)| {
+                    text.replace(&format!("{{{name}}}"), &list[0].to_string())
+                }));
+            }
+        }
+        Ok(Finding { holds: verdict(self.verdict.number(&lookup)?)?, figures, note: notes.join(" ") })
     }
+}
 
-    /// As [`Self::needs`], of structures alone.
-    pub(super) fn needs_structure(mut self, variant: Variant, methods: &'static str) -> Self {
-        self.needs.push(Need { variant, methods, depth: Depth::Structure });
-        self
-    }
-
-    /// As [`Self::needs`], of times alone, which are taken in turn with those of the claim's other needs.
-    pub(super) fn needs_times(mut self, variant: Variant, methods: &'static str) -> Self {
-        self.needs.push(Need { variant, methods, depth: Depth::Times });
-        self
-    }
-
-    pub(super) fn judged(
-        self,
-        rule: &'static str,
-        judge: impl Fn(&Measured) -> Result<Finding> + Send + Sync + 'static,
-    ) -> Self {
-        Self { trial: Trial::Judged { rule, judge: Box::new(judge) }, ..self }
-    }
-
-    pub(super) fn untried(self, why: &'static str) -> Self {
-        Self { trial: Trial::Untried(why), ..self }
+/// Finds the citation of a paper by a word of it, letter case aside: `hadwiger`, `Neumann`, `2008`.
+///
+/// # Errors
+/// No paper, or several, have that word.
+pub fn find_paper(name: &str, claims: &[Claim]) -> Result<String> {
+    // Keyboards have no umlauts.
+    let plain = |name: &str| name.to_lowercase().replace('ü', "ue");
+    let wanted = plain(name.trim());
+    let mut papers: Vec<&str> = claims.iter().map(|c| c.paper.as_str()).collect();
+    papers.dedup();
+    let named = |paper: &&&str| {
+        let cited = plain(paper);
+        cited == wanted || cited.split_whitespace().any(|word| word == wanted)
+    };
+    let mut found = papers.iter().filter(named);
+    match (found.next(), found.next()) {
+        (Some(paper), None) => Ok((*paper).to_owned()),
+        _ => Err(Error::input(
+            "unknown paper",
+            format!("--paper: `{name}`"),
+            format!("known papers: {}", papers.join(", ")),
+        )
+        .hint(
+            "one author's name is enough: hadwiger, kim, yuksel, voicu, mertens, jansen, salvi, muenstermann",
+        )),
     }
 }
 
 /// A claim as it was tried on a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// Who states it.
-    pub paper: &'static str,
+    /// Citation.
+    pub paper: String,
     /// Section, table or figure.
-    pub place: &'static str,
-    /// What.
+    pub place: String,
+    /// The statement.
     pub claim: String,
     /// Its figure or comparison.
     pub claimed: String,
-    /// The telling figure first.
+    /// Figures of the verdict, the decisive one first.
     pub measured: Vec<Figure>,
-    /// The verdict; `None` where it was not tried.
+    /// The verdict; `None` where the claim was not tried.
     pub holds: Option<Holds>,
-    /// What it was tried on, and how that was changed; empty where it was not.
+    /// Scene and its variants; empty where the claim was not tried.
     pub scene: String,
-    /// The rule, and what else a reader should know; why it was not tried, where it was not.
+    /// The rule and remarks, or why the claim was not tried.
     pub note: String,
 }
 
@@ -223,19 +316,37 @@ mod tests {
 
     #[test]
     fn papers_are_found_by_an_author() {
+        let claims = all().unwrap();
         for (name, paper) in [
-            ("hadwiger", Paper::Hadwiger),
-            ("Neumann", Paper::KimNeumann),
-            ("kim", Paper::KimNeumann),
-            ("Yuksel and Keyser 2008", Paper::YukselKeyser),
-            ("2011", Paper::Voicu),
-            ("Muenstermann", Paper::Muenstermann),
-            ("münstermann", Paper::Muenstermann),
+            ("hadwiger", "Hadwiger et al. 2006"),
+            ("Neumann", "Kim and Neumann 2001"),
+            ("kim", "Kim and Neumann 2001"),
+            ("Yuksel and Keyser 2008", "Yuksel and Keyser 2008"),
+            ("2011", "Voicu 2011"),
+            ("Muenstermann", "Münstermann et al. 2018"),
+            ("münstermann", "Münstermann et al. 2018"),
         ] {
-            assert_eq!(Paper::find(name).unwrap(), paper);
+            assert_eq!(find_paper(name, &claims).unwrap(), paper);
         }
         for name in ["", "and", "lokovic"] {
-            assert!(Paper::find(name).is_err_and(|e| e.exit_status() == 2), "{name}");
+            assert!(find_paper(name, &claims).is_err_and(|e| e.exit_status() == 2), "{name}");
+        }
+    }
+
+    /// Every name of a formula is a variable or a quantity of the methods of an existing need.
+    #[test]
+    fn formulas_speak_of_what_there_is() {
+        for claim in all().unwrap() {
+            let Trial::Judged(judge) = &claim.trial else { continue };
+            let variables: Vec<&str> = judge.variables.iter().map(|(name, _)| name.as_str()).collect();
+            let notes = judge.notes.iter().map(|(when, _)| when);
+            let formulas = judge.variables.iter().chain(&judge.figures).map(|(_, f)| f);
+            for formula in formulas.chain(notes).chain([&judge.verdict]) {
+                formula.names(&mut |name, need| {
+                    let known = variables.contains(&name) || need < claim.needs.len() && Figures::has(name);
+                    assert!(known, "{}: {name}@{need}", claim.claim);
+                });
+            }
         }
     }
 }

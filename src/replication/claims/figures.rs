@@ -1,7 +1,7 @@
 //! What is measured of a method on a scene, once for all claims that ask for it.
 
 use super::scenes::{Subject, Variant};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::exact::{ExactField, SeenPoint};
 use crate::measure::compare::compare;
 use crate::measure::job::{Effort, Job, name_of};
@@ -9,12 +9,13 @@ use crate::measure::journal::Journal;
 use crate::measure::progress::Progress;
 use crate::measure::similarity::ssim;
 use crate::measure::stats::ErrorStats;
-use crate::measure::table::Row;
+use crate::measure::table::{COLUMNS, Cell, Row};
 use crate::render::{Forced, Renderer, Session};
 use crate::scene::Light;
 use crate::shadow::{Method, NodeMap, ShadowMap, SplitChoice};
 use ndarray::Array3;
 use rayon::prelude::*;
+use serde::Deserialize;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -49,88 +50,88 @@ pub struct Figures {
     pub nodes: Option<NodeMap>,
 }
 
+/// Quantities of formulas besides the columns of the table.
+const QUANTITIES: [&str; 9] = [
+    "moving_ms",
+    "split_ratio",
+    "split_correlation",
+    "darkest",
+    "rms_lit",
+    "rms_bright",
+    "rms_dark",
+    "small_tiles",
+    "ssim_to_next",
+];
+/// Exact transmittance of a point that light reaches almost unattenuated.
+const LIT: f64 = 0.95;
+
 impl Figures {
-    /// A figure, or that it was not measured and why.
-    fn need(&self, what: &str, value: Option<f64>) -> Result<f64> {
+    /// Returns whether formulas may use a name.
+    pub fn has(name: &str) -> bool {
+        QUANTITIES.contains(&name) || COLUMNS.iter().any(|c| c.name == name)
+    }
+
+    /// Value of a column of `compare.csv` (flags are 0 or 1), or of a quantity of the claims:
+    ///
+    /// | name | value |
+    /// |---|---|
+    /// | `moving_ms` | `build_ms + frame_ms` |
+    /// | `split_ratio`, `split_correlation` | chosen split of layers, and the correlation of neighbouring layers there |
+    /// | `darkest` | least transmittance at any visible point |
+    /// | `rms_lit`, `rms_bright`, `rms_dark` | rms error at visible points of exact transmittance >= 0.95, > 0.5, <= 0.5 |
+    /// | `small_tiles` | share of tiles whose fullest texel has at most a quarter of the nodes of the fullest tile |
+    /// | `ssim_to_next` | structural similarity with the picture of the claim's next method |
+    ///
+    /// # Errors
+    /// A value that was not measured, and why.
+    pub fn number(&self, name: &str, next: Option<&Self>) -> Result<f64, String> {
+        let value = match name {
+            "moving_ms" => self.row.moving_ms(),
+            "split_ratio" => self.split.map(|s| s.ratio),
+            "split_correlation" => self.split.map(|s| s.correlation),
+            "darkest" => self.points.iter().map(|p| p.method).reduce(f64::min),
+            "rms_lit" => self.rms_where(|exact| exact >= LIT),
+            "rms_bright" => self.rms_where(|exact| exact > 0.5),
+            "rms_dark" => self.rms_where(|exact| exact <= 0.5),
+            "small_tiles" => self.nodes.as_ref().map(|nodes| share_of_small_tiles(nodes.most_by_tile())),
+            "ssim_to_next" => {
+                let pictures = self.picture.as_ref().zip(next.and_then(|n| n.picture.as_ref()));
+                pictures.and_then(|(a, b)| ssim(a.view(), b.view()).ok().flatten())
+            }
+            column => match self.row.cell(column) {
+                Cell::Integer(n) => Some(n as f64),
+                Cell::Real(x) => Some(x),
+                Cell::Flag(yes) => Some(f64::from(u8::from(yes))),
+                Cell::Empty | Cell::Text(_) => None,
+            },
+        };
         let why = || if self.row.note.is_empty() { "it has none" } else { &self.row.note };
-        let found = value.filter(|v| !v.is_nan());
-        found.ok_or_else(|| Error::runtime(format!("no {what}"), &self.name, why()))
+        value.filter(|v| !v.is_nan()).ok_or_else(|| format!("no {name} ({}): {}", self.name, why()))
     }
 
-    /// `point_err_rms`.
-    pub fn point_rms(&self) -> Result<f64> {
-        self.need("point error", self.row.point_err_rms)
-    }
-
-    /// `ray_err_max`.
-    pub fn ray_max(&self) -> Result<f64> {
-        self.need("error on light rays", self.row.ray_err_max)
-    }
-
-    /// `image_rmse`.
-    pub fn image_rmse(&self) -> Result<f64> {
-        self.need("picture error", self.row.image_rmse)
-    }
-
-    /// `build_ms`.
-    pub fn build_ms(&self) -> Result<f64> {
-        self.need("build time", self.row.build_ms)
-    }
-
-    /// `frame_ms`.
-    pub fn frame_ms(&self) -> Result<f64> {
-        self.need("frame time", self.row.frame_ms)
-    }
-
-    /// `build_ms` and `frame_ms` together: what a picture costs while the light moves.
-    pub fn moving_ms(&self) -> Result<f64> {
-        self.need("time", self.row.moving_ms())
-    }
-
-    /// `bytes`.
-    pub fn bytes(&self) -> Result<f64> {
-        self.need("bytes", self.row.bytes.map(|b| b as f64))
-    }
-
-    /// `nodes_total`.
-    pub fn nodes_total(&self) -> Result<f64> {
-        self.need("nodes", self.row.nodes_total.map(|n| n as f64))
-    }
-
-    /// The chosen split of layers.
-    pub fn chosen(&self) -> Result<SplitChoice> {
-        let none = || Error::runtime("no ratio was chosen", &self.name, "the method chooses none");
-        self.split.ok_or_else(none)
-    }
-
-    /// Errors at those points whose exact transmittance `keep` names.
-    pub fn errors_where(&self, keep: impl Fn(f64) -> bool) -> Result<ErrorStats> {
+    /// Weighted rms error at the visible points whose exact transmittance satisfies `keep`.
+    fn rms_where(&self, keep: impl Fn(f64) -> bool) -> Option<f64> {
         let kept = self.points.iter().filter(|p| keep(p.exact));
-        let stats = ErrorStats::of(kept.map(|p| (p.method - p.exact, p.weight)))?;
-        stats.ok_or_else(|| Error::runtime("no point error", &self.name, "the camera sees no such point"))
-    }
-
-    /// The least transmittance that the method gives at any point.
-    pub fn darkest(&self) -> Result<f64> {
-        self.need("points", self.points.iter().map(|p| p.method).reduce(f64::min))
-    }
-
-    /// How alike its picture and another's are, as `image_ssim`.
-    pub fn similarity(&self, other: &Self) -> Result<f64> {
-        let pictures = self.picture.as_ref().zip(other.picture.as_ref());
-        let alike = pictures.map(|(a, b)| ssim(a.view(), b.view())).transpose()?.flatten();
-        self.need("similarity of pictures", alike)
+        ErrorStats::of(kept.map(|p| (p.method - p.exact, p.weight))).ok()?.map(|stats| stats.rms)
     }
 }
 
-/// How much is asked of a method.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+fn share_of_small_tiles(most_by_tile: impl IntoIterator<Item = u32>) -> f64 {
+    let most: Vec<u32> = most_by_tile.into_iter().collect();
+    let fullest = most.iter().copied().max().unwrap_or(0);
+    most.iter().filter(|n| 4 * **n <= fullest).count() as f64 / most.len().max(1) as f64
+}
+
+/// How much is measured of a method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Depth {
     /// Its times alone, in turn with those of the claim's other needs.
     Times,
     /// Its structure: bytes, nodes, how layers are split.
     Structure,
     /// Errors, times and pictures as well.
+    #[default]
     Whole,
 }
 
@@ -151,9 +152,10 @@ impl Wanted {
     }
 }
 
-/// How figures of a method are found again.
+/// Name of a method with the values of all its keys: equal for equal settings.
 pub fn key(method: &dyn Method) -> String {
-    format!("{method:?}")
+    let values: Vec<String> = method.values().iter().map(ToString::to_string).collect();
+    format!("{} {}", method.name(), values.join(" "))
 }
 
 /// Measures methods on a variant of a scene; a method that fails has a row that says why.
@@ -242,36 +244,43 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_are_of_the_points_that_are_named() {
+    fn errors_are_of_the_named_points() {
         let point = |exact, method, weight| AtPoint { exact, method, weight };
         let points = vec![point(1.0, 0.9, 1.0), point(0.99, 0.89, 3.0), point(0.1, 0.5, 2.0)];
         let figures = Figures { points, ..Figures::default() };
-        let lit = figures.errors_where(|t| t >= 0.95).unwrap();
-        assert!((lit.rms - 0.1).abs() < 1e-12 && (lit.mean + 0.1).abs() < 1e-12, "{lit:?}");
-        assert!((figures.errors_where(|t| t < 0.5).unwrap().mean - 0.4).abs() < 1e-12);
-        assert!(figures.errors_where(|t| t > 1.0).is_err());
-        assert_eq!(figures.darkest().unwrap(), 0.5);
+        for (name, expected) in [("rms_lit", 0.1), ("rms_bright", 0.1), ("rms_dark", 0.4), ("darkest", 0.5)] {
+            assert!((figures.number(name, None).unwrap() - expected).abs() < 1e-12, "{name}");
+        }
     }
 
     #[test]
-    fn what_was_not_measured_says_why() {
+    fn a_missing_value_says_why() {
         let mut figures = Figures { name: "osm layers=8".into(), ..Figures::default() };
-        let e = figures.point_rms().unwrap_err();
-        assert!(e.place == "osm layers=8" && e.what == "no point error", "{e}");
+        let e = figures.number("point_err_rms", None).unwrap_err();
+        assert_eq!(e, "no point_err_rms (osm layers=8): it has none");
         figures.row.set_failed(&"device lost");
-        assert_eq!(figures.moving_ms().unwrap_err().why, "device lost");
+        assert!(figures.number("moving_ms", None).unwrap_err().ends_with("device lost"));
         figures.row.image_rmse = Some(f64::NAN);
-        assert!(figures.image_rmse().is_err() && figures.similarity(&figures).is_err());
-        assert!(figures.chosen().is_err() && figures.darkest().is_err());
+        for name in ["image_rmse", "ssim_to_next", "split_ratio", "darkest", "rms_lit", "small_tiles"] {
+            assert!(figures.number(name, Some(&figures)).is_err(), "{name}");
+        }
+        figures.row.bound_held = Some(true);
+        assert_eq!(figures.number("bound_held", None), Ok(1.0));
     }
 
     #[test]
-    fn a_picture_is_like_itself() {
+    fn a_picture_is_similar_to_itself() {
         let mut picture = Array3::from_elem((16, 16, 4), 0.5);
         let same = Figures { picture: Some(picture.clone()), ..Figures::default() };
-        assert_eq!(same.similarity(&same).unwrap(), 1.0);
+        assert_eq!(same.number("ssim_to_next", Some(&same)), Ok(1.0));
         picture.slice_mut(ndarray::s![..8, .., ..]).fill(0.0);
         let other = Figures { picture: Some(picture), ..Figures::default() };
-        assert!(same.similarity(&other).unwrap() < 0.9);
+        assert!(same.number("ssim_to_next", Some(&other)).unwrap() < 0.9);
+    }
+
+    #[test]
+    fn tiles_with_a_quarter_of_the_nodes_are_small() {
+        assert_eq!(share_of_small_tiles([0, 4, 16, 5]), 0.5);
+        assert_eq!(share_of_small_tiles([]), 0.0);
     }
 }

@@ -31,8 +31,8 @@ impl From<&Row> for Record {
     fn from(row: &Row) -> Self {
         let figure = |(name, value): &Figure| format!("{name}: {}", significant(*value, 3));
         Self {
-            paper: row.paper.into(),
-            place: row.place.into(),
+            paper: row.paper.clone(),
+            place: row.place.clone(),
             claim: row.claim.clone(),
             claimed: row.claimed.clone(),
             measured: row.measured.iter().map(figure).collect::<Vec<_>>().join("; "),
@@ -67,8 +67,8 @@ pub fn counts(rows: &[Row]) -> String {
 }
 
 /// The papers of the rows, each once, in their order.
-fn papers(rows: &[Row]) -> Vec<&'static str> {
-    let mut papers: Vec<&str> = rows.iter().map(|r| r.paper).collect();
+fn papers(rows: &[Row]) -> Vec<&str> {
+    let mut papers: Vec<&str> = rows.iter().map(|r| r.paper.as_str()).collect();
     papers.dedup();
     papers
 }
@@ -106,9 +106,9 @@ mod tests {
     use crate::report::writers::csv;
 
     fn rows() -> Vec<Row> {
-        let row = |paper, holds| Row {
-            paper,
-            place: "Table 1",
+        let row = |paper: &str, holds| Row {
+            paper: paper.into(),
+            place: "Table 1".into(),
             claim: "a | b, \"c\"".into(),
             claimed: "1 to 3".into(),
             measured: vec![("ratio".into(), 2.0 / 3.0), ("bytes".into(), 1.5e6)],

@@ -28,7 +28,7 @@ pub fn time_in_turn(
     for need in needs {
         let changed = need.variant.of(subject);
         let session = Session::on(renderer, Arc::clone(&changed.volume), &changed.tf, Forced::default())?;
-        stages.push((session, changed, parse_list(need.methods)?));
+        stages.push((session, changed, parse_list(&need.methods)?));
     }
     let mut jobs = Vec::new();
     for (session, changed, _) in &stages {
