@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 use umbravox::open::presets;
 use umbravox::open::{VolumeSpec, load};
-use umbravox::render::{Forced, Session};
+use umbravox::render::{DisabledOptimizations, Session};
 use umbravox::scene::Scene;
 use umbravox::shadow;
 use umbravox::transfer::{PairTable, TransferTables};
@@ -22,7 +22,7 @@ fn stages(criterion: &mut Criterion) {
         let tf = presets::resolve("vessels", &volume).expect("a preset").tf;
         let mut group = criterion.benchmark_group(format!("gpu/{name}"));
         group.sample_size(10);
-        let session = match Session::open(None, Arc::clone(&volume), &tf, Forced::NOTHING) {
+        let session = match Session::open(None, Arc::clone(&volume), &tf, DisabledOptimizations::NONE) {
             Ok(session) => session,
             Err(e) if e.what == "no graphics adapter" => {
                 println!("skipped: no graphics adapter");

@@ -147,12 +147,13 @@ fn print_growth(binary: &Path) -> Result<(), String> {
 fn print_busy(scene: &[String], name: &str, march: &str) -> Result<(), String> {
     use std::sync::Arc;
     use umbravox::open::{VolumeSpec, load, presets};
-    use umbravox::render::{Forced, Session};
+    use umbravox::render::{DisabledOptimizations, Session};
     use umbravox::{scene::Light, shadow};
     let words = |e: umbravox::Error| e.to_string();
     let volume = Arc::new(load(&VolumeSpec::new(scene[0].clone())).map_err(words)?);
     let tf = presets::resolve(&scene[2], &volume).map_err(words)?.tf;
-    let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default()).map_err(words)?;
+    let session =
+        Session::open(None, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).map_err(words)?;
     let method = shadow::parse(&format!("dsm:map=512,march={march}")).map_err(words)?;
     let light = Light::Directional { toward: glam::DVec3::new(0.5, -0.5, std::f64::consts::FRAC_1_SQRT_2) };
     // Pipelines and pools are made in the first two.

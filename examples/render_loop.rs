@@ -6,7 +6,7 @@
 use std::time::Instant;
 use umbravox::files::loading::Loading;
 use umbravox::open::{Loaded, SceneSettings};
-use umbravox::render::{Forced, Session};
+use umbravox::render::{DisabledOptimizations, Session};
 use umbravox::scene::{Camera, Scene};
 use umbravox::{Error, shadow};
 
@@ -20,7 +20,7 @@ fn main() -> umbravox::Result<()> {
     let settings = SceneSettings { volume: Some(volume.clone()), ..SceneSettings::default() };
     let Loaded { volume, tf, scene, .. } = settings.load(&Loading::default())?;
     let scene = Scene { width: size, height: size, ..scene };
-    let session = Session::open(None, volume, &tf, Forced::default())?;
+    let session = Session::open(None, volume, &tf, DisabledOptimizations::NONE)?;
     let map = session.shadow(shadow::parse(method)?.as_ref(), scene.light())?;
     session.render(&map, &scene)?;
     let start = Instant::now();

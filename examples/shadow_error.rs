@@ -11,7 +11,7 @@ use std::sync::Arc;
 use umbravox::exact::ExactField;
 use umbravox::files::picture::write_picture;
 use umbravox::open::{self, VolumeSpec, presets};
-use umbravox::render::{Forced, Session};
+use umbravox::render::{DisabledOptimizations, Session};
 use umbravox::scene::Scene;
 use umbravox::shadow;
 
@@ -27,7 +27,7 @@ fn main() -> umbravox::Result<()> {
     let scene = Scene::framing(&volume);
 
     // The volume goes to the device once; each light and method makes a shadow structure of its own.
-    let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
+    let session = Session::open(None, Arc::clone(&volume), &tf, DisabledOptimizations::NONE)?;
     let shadow = session.shadow(method.as_ref(), scene.light())?;
     write_picture(&path, &session.render(&shadow, &scene)?.pixels)?;
     println!("{} {}: {} bytes, {}", method.name(), method.params(), shadow.report.bytes, path.display());

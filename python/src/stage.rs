@@ -215,7 +215,7 @@ impl Stage {
                     told.untold.push((kind, text));
                 }
             }
-            let kept = Kept::new(settings.forced()).serving_by(Serving::Same);
+            let kept = Kept::new(settings.disabled_optimizations()).serving_by(Serving::Same);
             kit.looked = Some(Looked { asked: asked.clone(), loaded, kept, framed: None });
         }
         kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))

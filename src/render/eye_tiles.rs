@@ -212,7 +212,7 @@ mod tests {
     use super::*;
     use crate::scene::Camera;
     use crate::transfer::{Quantity, TransferFunction};
-    use crate::volume::{Bricks, Phantom};
+    use crate::volume::Phantom;
 
     /// Every ray of a picture that passes through an active brick does so in its tile, between its depths.
     fn nothing_is_missed(volume: &Volume, active: &ActiveBricks, scene: &Scene) -> EyeTiles {
@@ -246,9 +246,8 @@ mod tests {
     #[test]
     fn no_active_brick_is_missed_from_anywhere() {
         let volume = Phantom::Shell.build(48).unwrap();
-        let bricks = Bricks::build(&volume);
         let tf = TransferFunction::new(Quantity::Opacity, &[(400.0, 0.0), (600.0, 0.5)]);
-        let active = ActiveBricks::of(&bricks, &tf);
+        let active = ActiveBricks::of(volume.bricks(), &tf);
         let framing = Scene::framing(&volume);
         let away = framing.camera.eye - framing.camera.target;
         let at = |eye: DVec3, target: DVec3, fov_deg: f64| Camera { eye, target, fov_deg, ..framing.camera };

@@ -25,7 +25,7 @@ pub use renderer::Renderer;
 pub use sequence::{DrawnPicture, Sequence, Turned, Turning};
 pub use session::Session;
 
-pub use crate::field::{DeviceTransfer, Forced, LoadedVolume, Omittable, View};
+pub use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, Optimization, View};
 
 use crate::gpu::ShaderVariant;
 use crate::shadow::Lookup;

@@ -3,7 +3,7 @@
 use super::eye_tiles::EyeTiles;
 use super::mesh::with_mesh;
 use super::shader::CONSTANTS;
-use crate::field::{DeviceDirections, DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
+use crate::field::{DeviceDirections, DeviceTransfer, LoadedVolume, Optimization, View, field_shader};
 use crate::gpu::ShaderVariant;
 use crate::scene::{LightSource, Scene, Shading, Skip};
 use crate::shadow::{Lookup, ShadowMap};
@@ -21,8 +21,8 @@ pub struct Omission {
     pub why: String,
     /// Bytes or work saved, where known.
     pub saved: Option<String>,
-    /// Its name for `--force`, where it can be forced.
-    pub optional: Option<Omittable>,
+    /// Its name for `--no-skip`, where it can be forced.
+    pub optional: Option<Optimization>,
 }
 
 impl Omission {
@@ -33,7 +33,7 @@ impl Omission {
     }
 }
 
-/// The text, and in brackets the name for `--force` where there is one.
+/// The text, and in brackets the name for `--no-skip` where there is one.
 impl fmt::Display for Omission {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "left out: {}", self.text())?;
@@ -59,7 +59,7 @@ pub struct Plan {
 /// Whether any light can be kept from a sample that is seen: the one decision that is made before a shadow map is built.
 /// The error is the reason why not.
 pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) -> Result<(), &'static str> {
-    if transfer.forced.has(Omittable::Shadows) {
+    if transfer.disabled.has(Optimization::Shadows) {
         return Ok(());
     }
     // A mesh is lit wherever it is, and hides from the light what is behind it.
@@ -97,36 +97,36 @@ impl Plan {
         transfer: &DeviceTransfer,
         maps: &[&ShadowMap],
     ) -> (Self, EyeTiles) {
-        let forced = transfer.forced;
+        let forced = transfer.disabled;
         let mut left_out = Vec::new();
         let mut omit = omitting(&mut left_out);
         if transfer.one_color {
             let saved = Some(megabytes(12 * (TABLE_BINS as u64 + 1)));
-            omit("colour in the tables".into(), "all has one colour", saved, Some(Omittable::Colors));
+            omit("colour in the tables".into(), "all has one colour", saved, Some(Optimization::Colors));
         }
         match transfer.march_table() {
             None => {
                 let saved = Some(megabytes(8 * (PAIR_BINS as u64).pow(2)));
                 let why = "no light ray is marched cell by cell";
-                omit("pre-compressed table".into(), why, saved, Some(Omittable::MarchTable));
+                omit("pre-compressed table".into(), why, saved, Some(Optimization::MarchTable));
             }
-            Some(table) if !table.many_breakpoints && !forced.has(Omittable::BreakpointSearch) => {
+            Some(table) if !table.many_breakpoints && !forced.has(Optimization::BreakpointSearch) => {
                 let why = "the pre-compressed table holds all";
-                omit("search for breakpoints".into(), why, None, Some(Omittable::BreakpointSearch));
+                omit("search for breakpoints".into(), why, None, Some(Optimization::BreakpointSearch));
             }
             Some(_) => {}
         }
-        let bricks = loaded.bricks.len();
+        let bricks = loaded.volume.bricks().len();
         let inactive = bricks - transfer.active.active;
-        let skip_bricks = scene.skip == Skip::Bricks && !forced.has(Omittable::Bricks);
+        let skip_bricks = scene.skip == Skip::Bricks && !forced.has(Optimization::Bricks);
         if skip_bricks && inactive > 0 {
             let share = 100.0 * inactive as f64 / bricks as f64;
             let what = format!("{inactive} of {bricks} bricks");
             let saved = Some(format!("{share:.1} % of the volume"));
-            omit(what, "no extinction in them", saved, Some(Omittable::Bricks));
+            omit(what, "no extinction in them", saved, Some(Optimization::Bricks));
         }
         let plane_mm = plane_distance_mm(scene, &loaded.volume);
-        let tiles = match scene.skip == Skip::Bricks && !forced.has(Omittable::EyeTiles) {
+        let tiles = match scene.skip == Skip::Bricks && !forced.has(Optimization::EyeTiles) {
             true => EyeTiles::of(scene, &loaded.volume, &transfer.active, plane_mm),
             false => EyeTiles::all(scene),
         };
@@ -142,17 +142,17 @@ impl Plan {
                 Some(_) => "neither an active brick nor a mesh may show in them",
                 None => "no active brick may show in them",
             };
-            omit(what, why, saved, Some(Omittable::EyeTiles));
+            omit(what, why, saved, Some(Optimization::EyeTiles));
         }
         let needed = needs_shadows(scene, &loaded.volume, transfer);
         let shadows = needed.is_ok() && maps.iter().any(|map| map.lookup.is_some());
         match needed {
-            Err(why) => omit("shadow pass".into(), why, None, Some(Omittable::Shadows)),
+            Err(why) => omit("shadow pass".into(), why, None, Some(Optimization::Shadows)),
             Ok(()) if !shadows => omit("shadow pass".into(), "method none", None, None),
             Ok(()) => omit_of_maps(maps, &mut omit),
         }
         let shading = match scene.shading {
-            Shading::None if forced.has(Omittable::Gradients) => Shading::Lambert,
+            Shading::None if forced.has(Optimization::Gradients) => Shading::Lambert,
             shading => shading,
         };
         omit_of_shading(shading, loaded, &mut omit);
@@ -198,13 +198,16 @@ impl Plan {
     }
 }
 
-/// What adds to a list: what is left out, why, what that saves, and its name for `--force`.
-fn omitting(list: &mut Vec<Omission>) -> impl FnMut(String, &str, Option<String>, Option<Omittable>) + '_ {
+/// What adds to a list: what is left out, why, what that saves, and its name for `--no-skip`.
+fn omitting(list: &mut Vec<Omission>) -> impl FnMut(String, &str, Option<String>, Option<Optimization>) + '_ {
     |what, why, saved, optional| list.push(Omission { what, why: why.into(), saved, optional })
 }
 
 /// What was left out of shadow structures, of those of several lights together; what their passes leave out is said once.
-fn omit_of_maps(maps: &[&ShadowMap], omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>)) {
+fn omit_of_maps(
+    maps: &[&ShadowMap],
+    omit: &mut impl FnMut(String, &str, Option<String>, Option<Optimization>),
+) {
     let sum = |of: &dyn Fn(&ShadowMap) -> u64| maps.iter().map(|map| of(map)).sum::<u64>();
     let left_out = sum(&|map| map.report.tiles_left_out.into());
     if left_out > 0 {
@@ -213,7 +216,7 @@ fn omit_of_maps(maps: &[&ShadowMap], omit: &mut impl FnMut(String, &str, Option<
             true => "no active brick under them, or out of view",
             false => "no active brick under them",
         };
-        omit(what, why, Some(megabytes(sum(&|map| map.report.bytes_left_out))), Some(Omittable::Tiles));
+        omit(what, why, Some(megabytes(sum(&|map| map.report.bytes_left_out))), Some(Optimization::Tiles));
     }
     let mut said = Vec::new();
     for pass in maps.iter().flat_map(|map| map.report.passes_left_out) {
@@ -225,7 +228,7 @@ fn omit_of_maps(maps: &[&ShadowMap], omit: &mut impl FnMut(String, &str, Option<
 }
 
 /// Lights that give none: no structure is built for them, and no pass is made.
-fn omit_of_lights(scene: &Scene, omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>)) {
+fn omit_of_lights(scene: &Scene, omit: &mut impl FnMut(String, &str, Option<String>, Option<Optimization>)) {
     for (i, light) in scene.lights.iter().enumerate().filter(|(_, light)| !light.shines()) {
         let why = if light.intensity == 0.0 { "its intensity is 0" } else { "it is black" };
         omit(format!("light {} of {}", i + 1, scene.lights.len()), why, None, None);
@@ -236,11 +239,11 @@ fn omit_of_lights(scene: &Scene, omit: &mut impl FnMut(String, &str, Option<Stri
 fn omit_of_shading(
     shading: Shading,
     loaded: &LoadedVolume,
-    omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>),
+    omit: &mut impl FnMut(String, &str, Option<String>, Option<Optimization>),
 ) {
     let samples = Some("6 samples a lit sample".into());
     match shading {
-        Shading::None => omit("gradients".into(), "shading none", samples, Some(Omittable::Gradients)),
+        Shading::None => omit("gradients".into(), "shading none", samples, Some(Optimization::Gradients)),
         Shading::KajiyaKay => omit("gradients".into(), "shading kajiya-kay", samples, None),
         Shading::Lambert | Shading::BlinnPhong => {}
     }

@@ -2,7 +2,7 @@
 
 use super::mesh::KeptMesh;
 use crate::error::Result;
-use crate::field::{DeviceTransfer, Forced, LoadedVolume, TilePace, View};
+use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, TilePace, View};
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::{Light, LightSource, Scene};
 use crate::shadow::{BuildContext, Method, ShadowMap};
@@ -64,7 +64,7 @@ impl Renderer {
         &self,
         loaded: &LoadedVolume,
         tf: &TransferFunction,
-        forced: Forced,
+        forced: DisabledOptimizations,
     ) -> Result<DeviceTransfer> {
         DeviceTransfer::new(self.gpu(), loaded, tf, forced)
     }
