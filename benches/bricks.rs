@@ -1,4 +1,4 @@
-//! Building and classifying min/max bricks, on the default phantom (256x192x128 `i16`) and on CT_AVM where it is at hand.
+//! Construction and classification of min/max bricks, on the default phantom (256x192x128 `i16`) and on CT_AVM if available.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

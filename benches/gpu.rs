@@ -1,4 +1,4 @@
-//! The device's hot stages: tables, deep shadow map, frames. On the built-in chest, and on CT_AVM where it is at hand
+//! Hot stages of the device: tables, deep shadow map, frames. On the built-in chest, and on CT_AVM if available
 //! (`../shared/data` or `UMBRAVOX_DATA`).
 
 #[path = "../tests/common/mod.rs"]

@@ -1,5 +1,5 @@
-//! Pictures of one scene from one camera after another, and milliseconds a picture: what a loop costs through the library.
-//! `scripts/python_loop.py` holds the same loop in Python against it.
+//! Loop of pictures of one scene from a moving camera, and milliseconds per picture through the library.
+//! `scripts/python_loop.py` compares it with the same loop in Python.
 //!
 //! usage: render_loop VOLUME METHOD SIZE COUNT
 
