@@ -24,6 +24,7 @@ pub use pipeline_cache::PipelineStore;
 pub use shaders::{Constant, ShaderVariant, compose, shader_paths};
 pub use sharing::{Sharing, Uncaptured};
 pub use textures::{
-    VolumeTexture, clamp_sampler, copy_rows, solid_texture, store_texture, table_texture, write_texels,
+    VolumeTexture, clamp_sampler, copy_rows, solid_texture, store_texture, table_texture, texture,
+    write_texels,
 };
 pub use timing::{Clock, PassTimer, Span};

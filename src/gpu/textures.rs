@@ -8,7 +8,7 @@ use wgpu::{TextureDimension, TextureFormat, TextureUsages};
 
 /// Creates a texture without mip levels that shaders read and the host writes. `usage` is added to that; the sides are not
 /// checked.
-fn texture(
+pub fn texture(
     gpu: &Gpu,
     label: &str,
     format: TextureFormat,
