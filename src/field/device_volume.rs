@@ -7,27 +7,7 @@ use crate::transfer::TexelMapping;
 use crate::volume::{Labels, Volume, Voxel, Voxels};
 use crate::with_voxels;
 use half::f16;
-
-/// Format of texel values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TexelFormat {
-    /// 16-bit float, 2 bytes: exact for whole numbers from -2048 to 2048. Integer volumes whose stored values span at most
-    /// 4096 (12-bit CT) are stored as differences from their middle.
-    Half,
-    /// 32-bit float, 4 bytes: exact for whole numbers up to 2^24, and so for other 16-bit volumes. Values of 32-bit volumes
-    /// are scaled by a power of 2 to `[-1, 1]`. Values of 64-bit volumes are scaled to `[0, 1]` and rounded to 24 bits.
-    Single,
-}
-
-impl TexelFormat {
-    /// Size of a texel in bytes.
-    pub fn bytes(self) -> u64 {
-        match self {
-            Self::Half => 2,
-            Self::Single => 4,
-        }
-    }
-}
+use wgpu::TextureFormat;
 
 const DOWNSAMPLE_HINT: &str = "--downsample=BYTES or --downsample=2x2x1 reduces it by whole factors";
 
@@ -36,8 +16,6 @@ pub struct DeviceVolume {
     pub(crate) view: wgpu::TextureView,
     /// Ranks of the voxels' labels, where the volume has labels.
     pub(crate) labels: Option<wgpu::TextureView>,
-    /// Format of texels.
-    pub format: TexelFormat,
     /// Mapping between texel values and the volume's values.
     pub mapping: TexelMapping,
     /// Smallest and largest texel value.
@@ -52,31 +30,35 @@ pub struct DeviceVolume {
 
 /// Conversion of stored values: `texel = (stored - center) * per_stored`.
 struct Packing {
-    format: TexelFormat,
+    format: TextureFormat,
     center: f64,
     per_stored: f64,
 }
 
+/// Packing of a volume's values into 16-bit or 32-bit floats.
+///
+/// A 16-bit float is exact for whole numbers from -2048 to 2048: integer volumes whose stored values span at most 4096
+/// (12-bit CT) are stored as differences from their middle. A 32-bit float is exact for whole numbers up to 2^24, and so for
+/// other 16-bit volumes. Values of 32-bit volumes are scaled by a power of 2 to `[-1, 1]`, without rounding. Values of 64-bit
+/// volumes are scaled to `[0, 1]` and rounded to 24 bits.
 fn packing(volume: &Volume) -> Packing {
     let [lo, hi] = volume.stored_range();
     // A negative slope is negated, so that texels always rise with values.
     let sign = volume.scaling().slope.signum();
+    let single = Packing { format: TextureFormat::R32Float, center: 0.0, per_stored: sign };
     match volume.voxels() {
         Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) if hi - lo <= 4096.0 => {
-            Packing { format: TexelFormat::Half, center: (0.5 * (lo + hi)).floor(), per_stored: sign }
+            Packing { format: TextureFormat::R16Float, center: (0.5 * (lo + hi)).floor(), ..single }
         }
-        Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => {
-            Packing { format: TexelFormat::Single, center: 0.0, per_stored: sign }
-        }
-        // A power of 2 scales float32 values without rounding.
+        Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => single,
         Voxels::F32(_) => {
             let largest = lo.abs().max(hi.abs());
             let exponent = if largest > 0.0 { largest.log2().ceil() } else { 0.0 };
-            Packing { format: TexelFormat::Single, center: 0.0, per_stored: sign * (-exponent).exp2() }
+            Packing { per_stored: sign * (-exponent).exp2(), ..single }
         }
         Voxels::F64(_) => {
             let span = if hi > lo { hi - lo } else { 1.0 };
-            Packing { format: TexelFormat::Single, center: lo, per_stored: sign / span }
+            Packing { center: lo, per_stored: sign / span, ..single }
         }
     }
 }
@@ -116,13 +98,12 @@ fn write_voxels(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &P
         let voxels = a.as_slice().unwrap_or_default();
         write_tiles(gpu, texture, (fold, dims), |first, span, slice| {
             let stored = along_row(&voxels[first..][..dims[0]], span);
+            let texels = stored.map(|v| texel(v.to_f64()));
             match format {
-                TexelFormat::Half => stored.for_each(|v| {
-                    slice.extend_from_slice(&f16::from_f32(texel(v.to_f64())).to_le_bytes());
-                }),
-                TexelFormat::Single => stored.for_each(|v| {
-                    slice.extend_from_slice(&texel(v.to_f64()).to_le_bytes());
-                }),
+                TextureFormat::R16Float => {
+                    texels.for_each(|t| slice.extend_from_slice(&f16::from_f32(t).to_le_bytes()));
+                }
+                _ => texels.for_each(|t| slice.extend_from_slice(&t.to_le_bytes())),
             }
         });
     });
@@ -130,7 +111,7 @@ fn write_voxels(gpu: &Gpu, volume: &Volume, texture: &wgpu::Texture, packing: &P
 
 /// Texture of the ranks of voxels' labels, folded as the voxels are.
 fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> wgpu::TextureView {
-    let texture = grid_texture(gpu, "labels", wgpu::TextureFormat::R8Uint, fold);
+    let texture = grid_texture(gpu, "labels", TextureFormat::R8Uint, fold);
     write_tiles(gpu, &texture, (fold, dims), |first, span, slice| {
         slice.extend(along_row(&labels.ranks()[first..][..dims[0]], span));
     });
@@ -138,7 +119,7 @@ fn label_texture(gpu: &Gpu, labels: &Labels, fold: &Fold, dims: [usize; 3]) -> w
 }
 
 /// 3-D texture for a folded grid.
-fn grid_texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, fold: &Fold) -> wgpu::Texture {
+fn grid_texture(gpu: &Gpu, label: &str, format: TextureFormat, fold: &Fold) -> wgpu::Texture {
     solid_texture(gpu, label, format, fold.sides().map(|side| side as u32))
 }
 
@@ -165,19 +146,17 @@ impl DeviceVolume {
             );
             Error::input("cannot render volume", &volume.provenance.source, why).hint(DOWNSAMPLE_HINT)
         })?;
-        let Packing { format, center, per_stored } = packing(volume);
+        let packing = packing(volume);
+        let Packing { format, center, per_stored } = packing;
         let scaling = volume.scaling();
         let mapping = TexelMapping { scale: scaling.slope / per_stored, offset: scaling.apply(center) };
         let scope = gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let texel_format = match format {
-            TexelFormat::Half => wgpu::TextureFormat::R16Float,
-            TexelFormat::Single => wgpu::TextureFormat::R32Float,
-        };
-        let texture = grid_texture(gpu, "volume", texel_format, &fold);
-        write_voxels(gpu, volume, &texture, &Packing { format, center, per_stored }, &fold);
+        let texture = grid_texture(gpu, "volume", format, &fold);
+        write_voxels(gpu, volume, &texture, &packing, &fold);
         let labels = volume.labels().map(|labels| label_texture(gpu, labels, &fold, dims));
         gpu.wait_for(gpu.submit([]))?;
-        let texel_bytes = format.bytes() + u64::from(labels.is_some());
+        let value_bytes = if format == TextureFormat::R16Float { 2 } else { 4 };
+        let texel_bytes = value_bytes + u64::from(labels.is_some());
         let bytes = fold.sides().iter().product::<usize>() as u64 * texel_bytes;
         if pollster::block_on(scope.pop()).is_some() {
             let why = format!("the device has no {bytes} bytes left for it");
@@ -188,17 +167,11 @@ impl DeviceVolume {
         Ok(Self {
             view: texture.create_view(&Default::default()),
             labels,
-            format,
             mapping,
             texel_range: [a.min(b), a.max(b)],
             dims,
             fold,
             bytes,
         })
-    }
-
-    /// Whether the hardware filters this texture; otherwise shaders interpolate.
-    pub fn filterable(&self, gpu: &Gpu) -> bool {
-        self.format == TexelFormat::Half || gpu.filters_float32
     }
 }

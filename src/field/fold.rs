@@ -21,22 +21,16 @@ pub struct Fold {
     placed: [usize; 3],
 }
 
-/// `Fold` of `shaders/field/field.wgsl`.
+/// `Fold` of `shaders/field/field.wgsl`; the fourth number of each is padding.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(super) struct FoldUniform {
-    pub period: [i32; 3],
-    pub padding_a: u32,
-    pub tiles: [i32; 3],
-    pub padding_b: u32,
-    pub placed: [i32; 3],
-    pub padding_c: u32,
-    pub stride: [i32; 3],
-    pub padding_d: u32,
-    pub margin: [i32; 3],
-    pub padding_e: u32,
-    pub inv_sides: [f32; 3],
-    pub padding_f: u32,
+    pub period: [i32; 4],
+    pub tiles: [i32; 4],
+    pub placed: [i32; 4],
+    pub stride: [i32; 4],
+    pub margin: [i32; 4],
+    pub inv_sides: [f32; 4],
 }
 
 /// Span of a tile along an axis.
@@ -150,15 +144,15 @@ impl Fold {
     }
 
     pub(super) fn uniform(&self) -> FoldUniform {
-        let whole = |n: [usize; 3]| n.map(|n| n as i32);
+        let whole = |[x, y, z]: [usize; 3]| [x as i32, y as i32, z as i32, 0];
+        let [x, y, z] = self.sides().map(|n| 1.0 / n as f32);
         FoldUniform {
             period: whole(self.period),
             tiles: whole(self.tiles),
             placed: whole(self.placed),
             stride: whole(self.stride()),
             margin: whole(self.margin()),
-            inv_sides: self.sides().map(|n| 1.0 / n as f32),
-            ..FoldUniform::default()
+            inv_sides: [x, y, z, 0.0],
         }
     }
 }

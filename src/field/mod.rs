@@ -23,7 +23,7 @@ pub use constants::{FAR, LINE_THREADS, NO_TILE, TILE, TILE_TEXELS};
 pub use context::BuildContext;
 pub use device_directions::DeviceDirections;
 pub use device_transfer::{DeviceTransfer, MarchTable};
-pub use device_volume::{DeviceVolume, TexelFormat};
+pub use device_volume::DeviceVolume;
 pub use fold::Fold;
 pub use light_space::{LightSpace, MapShape, Projection, Rounding};
 pub use loaded::{LoadedVolume, PoolSizes, grid_from_world};
