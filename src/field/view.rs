@@ -40,8 +40,8 @@ impl View {
         Self { margin, ..self }
     }
 
-    /// Sides of the view in coordinates that `world_from` maps to world mm.
-    pub fn sides(&self, world_from: &DAffine3) -> ViewSides {
+    /// Frustum of the view in coordinates that `world_from` maps to world mm.
+    pub fn frustum(&self, world_from: &DAffine3) -> Frustum {
         let frame = self.camera.frame();
         // Rounding on the device moves rays slightly.
         let up = 1.001 * (0.5 * self.camera.fov_deg.to_radians()).tan();
@@ -55,7 +55,7 @@ impl View {
         ];
         let m = world_from.matrix3.transpose();
         let from_eye = world_from.translation - self.camera.eye;
-        ViewSides(outwards.map(|n| (m * n, n.dot(from_eye))))
+        Frustum(outwards.map(|n| (m * n, n.dot(from_eye))))
     }
 
     /// Unit direction of the view.
@@ -70,13 +70,13 @@ impl View {
     }
 }
 
-/// Half-spaces outside the view: outward normal, and distance of the origin along it.
+/// View frustum as planes: outward normal, and distance of the origin along it.
 #[derive(Debug, Clone, Copy)]
-pub struct ViewSides([(DVec3, f64); 5]);
+pub struct Frustum([(DVec3, f64); 5]);
 
-impl ViewSides {
-    /// Whether a box may be visible: it does not lie beyond one side as a whole.
-    pub fn may_show(&self, center: DVec3, half: DVec3) -> bool {
+impl Frustum {
+    /// Tests a box conservatively: `false` if it lies beyond one plane as a whole.
+    pub fn may_intersect(&self, center: DVec3, half: DVec3) -> bool {
         !self.0.iter().any(|(normal, origin)| normal.dot(center) + origin > normal.abs().dot(half))
     }
 }
@@ -92,15 +92,15 @@ mod tests {
         let camera = Camera { eye: DVec3::ZERO, target: DVec3::Y, up: DVec3::Z, fov_deg: 90.0 };
         let scene = Scene { camera, width: 200, height: 100, ..Scene::framing(&volume) };
         let view = View::of(&scene);
-        let sides = view.sides(&DAffine3::IDENTITY);
-        let shows = |x: f64, y: f64, z: f64| sides.may_show(DVec3::new(x, y, z), DVec3::splat(0.5));
+        let frustum = view.frustum(&DAffine3::IDENTITY);
+        let shows = |x: f64, y: f64, z: f64| frustum.may_intersect(DVec3::new(x, y, z), DVec3::splat(0.5));
         assert!(shows(0.0, 10.0, 0.0) && shows(19.0, 10.0, 9.0) && shows(0.0, 0.0, 0.0));
         assert!(!shows(0.0, -10.0, 0.0) && !shows(23.0, 10.0, 0.0) && !shows(0.0, 10.0, -12.0));
         // 100 rows span twice the distance.
         assert!((view.pixel_mm(DVec3::new(5.0, 50.0, 5.0)) - 1.0).abs() < 1e-12);
         // The same boxes are visible in other coordinates.
-        let moved = view.sides(&DAffine3::from_translation(DVec3::new(0.0, -20.0, 0.0)));
-        assert!(moved.may_show(DVec3::new(0.0, 30.0, 0.0), DVec3::ONE));
-        assert!(!moved.may_show(DVec3::new(0.0, 10.0, 0.0), DVec3::ONE));
+        let moved = view.frustum(&DAffine3::from_translation(DVec3::new(0.0, -20.0, 0.0)));
+        assert!(moved.may_intersect(DVec3::new(0.0, 30.0, 0.0), DVec3::ONE));
+        assert!(!moved.may_intersect(DVec3::new(0.0, 10.0, 0.0), DVec3::ONE));
     }
 }

@@ -81,8 +81,8 @@ pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) 
 
 /// Whether a box of index coordinates may be visible in the picture.
 fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
-    let sides = View::of(scene).sides(&volume.world_from_index());
-    sides.may_show(0.5 * (lo + hi), 0.5 * (hi - lo))
+    let frustum = View::of(scene).frustum(&volume.world_from_index());
+    frustum.may_intersect(0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
 /// Distance of the frame's plane from the eye, mm: it passes through the volume's centre, so that distant eyes lose no

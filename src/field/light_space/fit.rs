@@ -319,8 +319,8 @@ impl LightSpace {
 
     /// Active bricks that a view may show, in rows.
     fn visible_rows(&self, volume: &Volume, active: &ActiveBricks, view: &View) -> Vec<GridBox> {
-        let sides = view.sides(&self.grid_from_world.inverse());
-        active_rows(active, volume.dims(), |b| sides.may_show(b.center, b.half))
+        let frustum = view.frustum(&self.grid_from_world.inverse());
+        active_rows(active, volume.dims(), |b| frustum.may_intersect(b.center, b.half))
     }
 
     /// Region of the plane that boxes cover, or that all active bricks cover where there are no boxes.
