@@ -36,10 +36,9 @@ pub fn write_texels<T: Pod>(
     [width, height, depth_or_array_layers]: [u32; 3],
     texels: &[T],
 ) {
-    let row_bytes = size_of_val(texels) as u32 / (height * depth_or_array_layers).max(1);
     let layout = wgpu::TexelCopyBufferLayout {
         offset: 0,
-        bytes_per_row: Some(row_bytes),
+        bytes_per_row: texture.format().block_copy_size(None).map(|bytes| bytes * width),
         rows_per_image: Some(height),
     };
     let to = wgpu::TexelCopyTextureInfo { origin: wgpu::Origin3d { x, y, z }, ..texture.as_image_copy() };
