@@ -1,11 +1,11 @@
-//! Says in the program which revision it was built from: `UMBRAVOX_REVISION` is the commit, with `+changes` and a number
-//! that stands for them where what is built differs from it, or `unknown` outside a git checkout.
+//! Sets the revision of the program: `UMBRAVOX_REVISION` is the commit, with `+changes` and a hash of them where the sources
+//! differ from it, or `unknown` outside a git checkout.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::process::Command;
 
-/// What the program is made of; a change elsewhere makes no other program.
+/// Sources of the program.
 const SOURCES: [&str; 6] = ["build.rs", "Cargo.toml", "Cargo.lock", "shaders", "src", "transfer_functions"];
 
 fn main() {
@@ -13,8 +13,7 @@ fn main() {
     for path in SOURCES {
         println!("cargo:rerun-if-changed={path}");
     }
-    // A path that is missing would make cargo run this every time; the index is left out since `git add` makes no
-    // other program.
+    // A missing path would make cargo run this every time. The index is not watched, since `git add` changes no source.
     let watched =
         ["HEAD", "packed-refs"].map(String::from).into_iter().chain(git(&["symbolic-ref", "-q", "HEAD"]));
     for name in watched {
@@ -24,7 +23,7 @@ fn main() {
     }
 }
 
-/// `None` outside a checkout of this very crate: a source archive may lie inside somebody else's.
+/// Revision of the sources; `None` outside a checkout of this crate: a source archive may lie inside another repository.
 fn revision() -> Option<String> {
     git(&["ls-files", "--error-unmatch", "Cargo.toml"])?;
     let commit = git(&["rev-parse", "--short=12", "HEAD"])?;
@@ -37,7 +36,7 @@ fn revision() -> Option<String> {
     Some(format!("{commit}+changes.{:08x}", hasher.finish() as u32))
 }
 
-/// What git prints, where it is installed and content.
+/// Output of a git command, if it succeeds.
 fn git(args: &[&str]) -> Option<String> {
     // Without the optional lock a status does not touch the index.
     let output = Command::new("git").args(args).env("GIT_OPTIONAL_LOCKS", "0").output().ok()?;

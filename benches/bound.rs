@@ -1,4 +1,4 @@
-//! The search that tries to break the promise of `dsm`, at length: 100,000 scenes (`ATTACK_TRIES` sets another number).
+//! Long search for violations of the error bound of `dsm`: 100,000 scenes (`ATTACK_TRIES` sets another number).
 
 #[path = "../tests/common/attack.rs"]
 mod attack;

@@ -1,6 +1,6 @@
-//! The float64 reference: rays across a volume, curves and their inverse, seen points.
+//! Float64 reference: rays across a volume, curves and their inverse, visible points.
 //!
-//! On CT_AVM where it is to be had (`../shared/data` or `UMBRAVOX_DATA`), else on the built-in chest.
+//! On CT_AVM if available (`../shared/data` or `UMBRAVOX_DATA`), else on the built-in chest.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -23,13 +23,13 @@ fn volume() -> Volume {
     load(&spec).expect("the volume loads")
 }
 
-/// Transfer functions over shares of the volume's value range.
+/// Transfer function over shares of the volume's value range.
 fn transfer(quantity: Quantity, volume: &Volume, points: &[(f64, f64)]) -> TransferFunction {
     let [min, max] = volume.value_range();
     TransferFunction::new(quantity, points).scale_values(|share| min + share * (max - min))
 }
 
-/// Segments right across the volume, in all directions, each through a point inside.
+/// Random segments across the whole volume, each through a point inside.
 fn segments(volume: &Volume) -> Vec<(DVec3, DVec3)> {
     let corners = volume.corners_mm();
     let diagonal_mm = corners[0].distance(corners[7]);

@@ -1,4 +1,4 @@
-//! The device's hot stages: tables, deep shadow map, frames. On the built-in chest, and on CT_AVM where it is at hand
+//! Hot stages of the device: tables, deep shadow map, frames. On the built-in chest, and on CT_AVM if available
 //! (`../shared/data` or `UMBRAVOX_DATA`).
 
 #[path = "../tests/common/mod.rs"]
@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 use umbravox::open::presets;
 use umbravox::open::{VolumeSpec, load};
-use umbravox::render::{Forced, Session};
+use umbravox::render::{DisabledOptimizations, Session};
 use umbravox::scene::Scene;
 use umbravox::shadow;
 use umbravox::transfer::{PairTable, TransferTables};
@@ -22,7 +22,7 @@ fn stages(criterion: &mut Criterion) {
         let tf = presets::resolve("vessels", &volume).expect("a preset").tf;
         let mut group = criterion.benchmark_group(format!("gpu/{name}"));
         group.sample_size(10);
-        let session = match Session::open(None, Arc::clone(&volume), &tf, Forced::NOTHING) {
+        let session = match Session::open(None, Arc::clone(&volume), &tf, DisabledOptimizations::NONE) {
             Ok(session) => session,
             Err(e) if e.what == "no graphics adapter" => {
                 println!("skipped: no graphics adapter");

@@ -1,9 +1,9 @@
-//! What shadows cost beside the picture without them, at what error: a table of three scenes, of this build alone or in turn
-//! with another one's binary (`UMBRAVOX_BEFORE`), whose rows come first, and with VTK's ray caster (`UMBRAVOX_PEER`: a
-//! command that takes VOLUME TF --eye --target --fov --light --size --step and prints `MODE median min max` in ms).
-//! `UMBRAVOX_SCENES` names some of the scenes, `UMBRAVOX_ROUNDS` runs of each. Figures are medians over all runs.
+//! Time and error of shadows on three scenes, as a table. `UMBRAVOX_BEFORE` names the binary of another build, which runs in
+//! turn with this one and whose rows come first. `UMBRAVOX_PEER` is a command for VTK's ray caster: it takes VOLUME TF --eye
+//! --target --fov --light --size --step and prints `MODE median min max` in ms. `UMBRAVOX_SCENES` selects scenes, and
+//! `UMBRAVOX_ROUNDS` is the number of runs. Figures are medians over all runs.
 //!
-//! Besides: how building and drawing grow with the volume, and how much of two cores a build takes.
+//! A second table has the number of busy cores during a build.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -13,16 +13,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// Runs of each.
+/// Number of runs.
 const ROUNDS: usize = 1;
-/// Where errors of 0.02 and 0.04 lie, and the ends of the range.
+/// Map sizes around errors of 0.02 and 0.04, and the ends of the range.
 const MAPS: &str = "192,224,256,288,352,448,512";
-/// Sides of the phantom between which growth is told, at this map.
-const GROWTH: [u32; 2] = [128, 512];
 const LIGHT: &str = "0.5,-0.5,0.7071";
 const ERRORS: [f64; 3] = [0.02, 0.03, 0.04];
 
-/// Builds and frames (ms) of a row in all runs, and what does not change from run to run.
+/// Build and frame times (ms) of a row in all runs, and its columns that do not change between runs.
 #[derive(Default)]
 struct Figures {
     build_ms: Vec<f64>,
@@ -67,7 +65,7 @@ impl Figures {
     }
 }
 
-/// Adds a run of a binary over a scene to its rows, which are told apart by method, settings and map.
+/// Adds a run of a binary on a scene to its rows; the key of a row is its method, settings and map.
 fn measure(
     binary: &Path,
     scene: &[String],
@@ -75,7 +73,7 @@ fn measure(
     rows: &mut BTreeMap<String, Figures>,
 ) -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-    let told = Command::new(binary)
+    let output = Command::new(binary)
         .arg("compare")
         .args(scene)
         .args(["--methods", methods, "--light", &format!("dir:{LIGHT}"), "--size", "512x512", "--step", "1"])
@@ -84,7 +82,7 @@ fn measure(
         .output()
         .map_err(|e| e.to_string())?;
     let text = std::fs::read_to_string(folder.path().join("compare.json"))
-        .map_err(|_| String::from_utf8_lossy(&told.stderr).into_owned())?;
+        .map_err(|_| String::from_utf8_lossy(&output.stderr).into_owned())?;
     let table: Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
     let table = table.as_array().or_else(|| table["rows"].as_array()).cloned().unwrap_or_default();
     for row in table {
@@ -97,18 +95,18 @@ fn measure(
     Ok(())
 }
 
-/// Medians (ms) of the peer's modes on a scene of a file, a transfer function and a camera.
+/// Medians (ms) of the peer's modes on a scene with a file, a transfer function and a camera.
 fn peer(command: &str, scene: &[String]) -> Result<BTreeMap<String, f64>, String> {
     let mut words = command.split_whitespace();
     let program = words.next().ok_or("UMBRAVOX_PEER is empty")?;
-    let told = Command::new(program)
+    let output = Command::new(program)
         .args(words)
         .args([&scene[0], &scene[2]])
         .args(&scene[3..])
         .args(["--light", LIGHT, "--size", "512", "--step", "1", "--modes", "unshaded,shadows"])
         .output()
         .map_err(|e| e.to_string())?;
-    let text = String::from_utf8_lossy(&told.stdout);
+    let text = String::from_utf8_lossy(&output.stdout);
     let line = |line: &str| {
         let mut words = line.split_whitespace();
         Some((words.next()?.to_owned(), words.next()?.parse().ok()?))
@@ -116,46 +114,25 @@ fn peer(command: &str, scene: &[String]) -> Result<BTreeMap<String, f64>, String
     let modes: BTreeMap<_, _> = text.lines().filter_map(line).collect();
     match modes.contains_key("shadows") {
         true => Ok(modes),
-        false => Err(String::from_utf8_lossy(&told.stderr).into_owned()),
+        false => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
     }
 }
 
-/// Frame and build of a fixed map on phantoms of two sizes.
-fn print_growth(binary: &Path) -> Result<(), String> {
-    let mut times = Vec::new();
-    for side in GROWTH {
-        let scene = [format!("phantom:thorax:{side}"), "--tf".into(), "ct".into()];
-        let mut rows = BTreeMap::new();
-        measure(binary, &scene, "none;dsm:map=512,march=cells,samples", &mut rows)?;
-        times.push(rows);
-    }
-    println!(
-        "\n| growth from thorax:{} to thorax:{}, picture and map fixed | build | frame |",
-        GROWTH[0], GROWTH[1]
-    );
-    println!("|---|---|---|");
-    for (key, small) in &times[0] {
-        let Some(large) = times[1].get(key) else { continue };
-        let ratio = |ms: fn(&Figures) -> &[f64]| median(ms(large)) / median(ms(small));
-        println!("| {key} | {:.2} | {:.2} |", ratio(|f| &f.build_ms), ratio(|f| &f.frame_ms));
-    }
-    Ok(())
-}
-
-/// How many cores builds keep busy: processor time by wall time of a process's many builds less few.
+/// Prints the number of busy cores during builds: processor time by wall time.
 #[cfg(target_os = "linux")]
 fn print_busy(scene: &[String], name: &str, march: &str) -> Result<(), String> {
     use std::sync::Arc;
     use umbravox::open::{VolumeSpec, load, presets};
-    use umbravox::render::{Forced, Session};
+    use umbravox::render::{DisabledOptimizations, Session};
     use umbravox::{scene::Light, shadow};
     let words = |e: umbravox::Error| e.to_string();
     let volume = Arc::new(load(&VolumeSpec::new(scene[0].clone())).map_err(words)?);
     let tf = presets::resolve(&scene[2], &volume).map_err(words)?.tf;
-    let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default()).map_err(words)?;
+    let session =
+        Session::open(None, Arc::clone(&volume), &tf, DisabledOptimizations::NONE).map_err(words)?;
     let method = shadow::parse(&format!("dsm:map=512,march={march}")).map_err(words)?;
     let light = Light::Directional { toward: glam::DVec3::new(0.5, -0.5, std::f64::consts::FRAC_1_SQRT_2) };
-    // Pipelines and pools are made in the first two.
+    // The first two builds make pipelines and pools.
     for _ in 0..2 {
         session.shadow(method.as_ref(), light).map_err(words)?;
     }
@@ -220,7 +197,7 @@ fn main() -> ExitCode {
                     return ExitCode::FAILURE;
                 }
             }
-            // The phantom is no file.
+            // The peer cannot read the phantom.
             if let Some(command) = peer_command.as_ref().filter(|_| !scene[0].starts_with("phantom")) {
                 match peer(command, scene) {
                     Ok(modes) => modes.into_iter().for_each(|(m, ms)| peer_ms.entry(m).or_default().push(ms)),
@@ -249,19 +226,17 @@ fn main() -> ExitCode {
             }
         }
     }
-    let mut rest = print_growth(&now);
     #[cfg(target_os = "linux")]
     {
         println!("\n| cores busy during builds of map 512 | processor time / wall time |\n|---|---|");
         for (name, scene) in &scenes {
             for march in ["cells", "samples"] {
-                rest = rest.and_then(|()| print_busy(scene, name, march));
+                if let Err(why) = print_busy(scene, name, march) {
+                    println!("{why}");
+                    return ExitCode::FAILURE;
+                }
             }
         }
-    }
-    if let Err(why) = rest {
-        println!("{why}");
-        return ExitCode::FAILURE;
     }
     ExitCode::SUCCESS
 }

@@ -1,4 +1,4 @@
-//! Strands into a grid of 256 voxels along the longest side: a million segments of curls, both kernels.
+//! Voxelisation of a million segments of curls into 256 voxels along the longest side, with both kernels.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -1,12 +1,12 @@
-//! Pictures of one scene from one camera after another, and milliseconds a picture: what a loop costs through the library.
-//! `scripts/python_loop.py` holds the same loop in Python against it.
+//! Loop of pictures of one scene from a moving camera, and milliseconds per picture through the library.
+//! `scripts/python_loop.py` compares it with the same loop in Python.
 //!
 //! usage: render_loop VOLUME METHOD SIZE COUNT
 
 use std::time::Instant;
 use umbravox::files::loading::Loading;
 use umbravox::open::{Loaded, SceneSettings};
-use umbravox::render::{Forced, Session};
+use umbravox::render::{DisabledOptimizations, Session};
 use umbravox::scene::{Camera, Scene};
 use umbravox::{Error, shadow};
 
@@ -20,7 +20,7 @@ fn main() -> umbravox::Result<()> {
     let settings = SceneSettings { volume: Some(volume.clone()), ..SceneSettings::default() };
     let Loaded { volume, tf, scene, .. } = settings.load(&Loading::default())?;
     let scene = Scene { width: size, height: size, ..scene };
-    let session = Session::open(None, volume, &tf, Forced::default())?;
+    let session = Session::open(None, volume, &tf, DisabledOptimizations::NONE)?;
     let map = session.shadow(shadow::parse(method)?.as_ref(), scene.light())?;
     session.render(&map, &scene)?;
     let start = Instant::now();

@@ -1,5 +1,5 @@
-//! Makes docs/strip.png: a scene without shadows, with shadow rays and with a deep shadow map, where that map is wrong
-//! against the exact answer, and the error-against-time plot of a table of `compare`.
+//! Makes docs/strip.png: a scene without shadows, with shadow rays and with a deep shadow map, the error of that map, and
+//! the error-against-time plot of a table of `compare`.
 //!
 //! `make pictures` runs it: `strip SCENE.toml COMPARE.csv STRIP.png`.
 
@@ -15,24 +15,24 @@ use umbravox::files::output::write_whole;
 use umbravox::files::picture::picture_png;
 use umbravox::measure::error_map::{ExactView, Quantity};
 use umbravox::open::{Loaded, SceneSettings};
-use umbravox::render::{Forced, Session};
+use umbravox::render::{DisabledOptimizations, Session};
 use umbravox::report::canvas::{Anchor, Drawing, Point, Rect, Rgb};
 use umbravox::report::heat::false_colour;
 use umbravox::shadow;
 
 const DSM: &str = "dsm:epsilon=0.02,map=256";
-/// The error that is drawn brightest.
+/// Error of the brightest colour.
 const BRIGHTEST: f32 = 0.1;
-/// Pixels of a panel's sides: fewer than are drawn, so that edges are smooth and the file is small.
+/// Side of a panel in pixels, less than that of the rendered pictures: edges are smooth and the file is small.
 const SIDE: u32 = 264;
-/// Pixels between panels, and the width of the plot in heights of a panel.
+/// Gap between panels in pixels, and width of the plot in heights of a panel.
 const GAP: u32 = 6;
 const PLOT: f64 = 1.25;
 const BLACK: Rgb = [0; 3];
 const WHITE: Rgb = [255; 3];
 const GREY: Rgb = [187; 3];
 const GRID: Rgb = [68; 3];
-/// Methods with their colours, which are to be told apart on black.
+/// Methods with their colours, distinct on black.
 const METHODS: [(&str, Rgb); 11] = [
     ("none", WHITE),
     ("rays", [228, 140, 191]),
@@ -46,7 +46,7 @@ const METHODS: [(&str, Rgb); 11] = [
     ("moments", [154, 140, 240]),
     ("lightvolume", [111, 207, 128]),
 ];
-/// What the plot shows: errors from this one on (`rays` is farther off than all others are apart, and is said in words).
+/// Smallest error in the plot; the error of `rays` is far smaller and is printed as text.
 const LEAST_ERROR: f64 = 1e-3;
 
 fn main() -> umbravox::Result<()> {
@@ -55,7 +55,7 @@ fn main() -> umbravox::Result<()> {
         return Err(Error::input("bad command line", "strip", "expected SCENE.toml COMPARE.csv STRIP.png"));
     };
     let panels = panels(Path::new(scene))?;
-    // A point is a pixel.
+    // One point is one pixel.
     let side = f64::from(SIDE);
     let apart = side + f64::from(GAP);
     let left = panels.len() as f64 * apart;
@@ -75,10 +75,10 @@ fn main() -> umbravox::Result<()> {
     write_whole(Path::new(output), |file| file.write_all(bytes.get_ref()))
 }
 
-/// The four pictures with their labels.
+/// Panels with their labels.
 fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbImage)>> {
     let Loaded { volume, tf, scene, .. } = SceneSettings::read(path)?.load(&Loading::default())?;
-    let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
+    let session = Session::open(None, Arc::clone(&volume), &tf, DisabledOptimizations::NONE)?;
     let mut panels = Vec::new();
     for (label, method) in [("no shadows", "none"), ("shadow rays", "rays"), ("deep shadow map", DSM)] {
         let shadow = session.shadow_of(shadow::parse(method)?.as_ref(), &scene, scene.light())?;
@@ -92,14 +92,14 @@ fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbImage)>> {
     let exact = ExactView::new(&field, &scene, Quantity::Light, go_on);
     let map = exact.map(|e| e.errors(&session.renderer, &session.loaded, &session.transfer, &shadow, go_on));
     if let Some(map) = map.transpose()?.flatten() {
-        // What sees nothing has no error to show.
+        // Pixels without extinction have no error.
         let errors = map.errors.mapv(|e| if e.is_nan() { 0.0 } else { e.abs() });
         panels.push(("its error to 0.1", false_colour(&errors, BRIGHTEST)));
     }
     Ok(panels)
 }
 
-/// Time and error of every row of a table, a list a method.
+/// Time and error of every row of a table, by method.
 fn points(table: &Path) -> umbravox::Result<BTreeMap<String, Vec<[f64; 2]>>> {
     let mut reader = csv::Reader::from_path(table).map_err(|e| failed(table.display(), &e))?;
     let mut points: BTreeMap<String, Vec<[f64; 2]>> = BTreeMap::new();
@@ -116,7 +116,7 @@ fn points(table: &Path) -> umbravox::Result<BTreeMap<String, Vec<[f64; 2]>>> {
     Ok(points)
 }
 
-/// Error against time of a table's rows, a line a method, on logarithmic axes; names stand in a column beside it.
+/// Draws error against time with one line per method, on logarithmic axes, and the names in a column beside it.
 fn plot(strip: &mut Drawing, table: &Path, left: f64, height: f64, size: f64) -> umbravox::Result<()> {
     let points = points(table)?;
     let shown = |p: &&[f64; 2]| p[1] >= LEAST_ERROR;
@@ -130,7 +130,7 @@ fn plot(strip: &mut Drawing, table: &Path, left: f64, height: f64, size: f64) ->
         ([left + 2.6 * size, 3.2 * size], [left + PLOT * height - 7.0 * size, height - 2.6 * size]);
     let x = |v: f64| from[0] + (v.log10() - xs[0]) / (xs[1] - xs[0]) * (to[0] - from[0]);
     let y = |v: f64| to[1] - (v.log10() - ys[0]) / (ys[1] - ys[0]) * (to[1] - from[1]);
-    text(strip, [left + 0.5 * size, 0.85 * size], size, WHITE, "rms error of what is seen, against time");
+    text(strip, [left + 0.5 * size, 0.85 * size], size, WHITE, "rms error at visible points, against time");
     let small = 0.72 * size;
     for error in [0.003, 0.01, 0.03, 0.1, 0.3, 1.0] {
         let at = y(error);
@@ -163,13 +163,13 @@ fn plot(strip: &mut Drawing, table: &Path, left: f64, height: f64, size: f64) ->
         }
         names.push((last.1, last, method, color));
     }
-    // Names in the order of their points, a line's height apart.
+    // Names in the order of their last points, one line height apart.
     names.sort_by(|a, b| a.0.total_cmp(&b.0));
     let apart = 1.05 * size;
     for i in 0..names.len() {
-        let room_below = to[1] - (names.len() - 1 - i) as f64 * apart;
+        let lowest = to[1] - (names.len() - 1 - i) as f64 * apart;
         let above = if i == 0 { from[1] - size } else { names[i - 1].0 + apart };
-        names[i].0 = names[i].0.min(room_below).max(above);
+        names[i].0 = names[i].0.min(lowest).max(above);
     }
     for (at, Point(last_x, last_y), method, color) in names {
         strip.line(&[Point(last_x + 0.35 * size, last_y), Point(to[0] + 0.4 * size, at)], 0.7, color);
@@ -178,13 +178,13 @@ fn plot(strip: &mut Drawing, table: &Path, left: f64, height: f64, size: f64) ->
     Ok(())
 }
 
-/// As good as round.
+/// Polygon of a disc.
 fn disc(Point(x, y): Point, radius: f64) -> Vec<Point> {
     let corner = |i: i32| f64::from(i) * std::f64::consts::TAU / 24.0;
     (0..24).map(|i| Point(x + radius * corner(i).cos(), y + radius * corner(i).sin())).collect()
 }
 
-/// From the left, at the middle of its digits.
+/// Draws text from the left, centred vertically.
 fn text(strip: &mut Drawing, [x, y]: [f64; 2], size: f64, color: Rgb, text: &str) {
     strip.text(Point(x, y), Anchor::Start, size, color, text);
 }

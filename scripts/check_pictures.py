@@ -5,7 +5,7 @@ usage: check_pictures.py [ORACLE.py] [--program target/release/umbravox] [--data
 ORACLE.py (or the environment variable UMBRAVOX_ORACLE) is a script with the arguments
     VOLUME TF.json -o OUT.npy --eye --target --up --fov --light --ambient --background --size --steps --shadow-steps
 that writes height x width x 4 float32, linear RGB and opacity. Needs numpy, scipy and nibabel. Minutes.
-Exit status 1 where a picture is farther off than allowed.
+Exit status 1 if the error of a picture exceeds its limit.
 """
 import argparse, json, os, subprocess, sys, tempfile
 from pathlib import Path
@@ -49,8 +49,8 @@ def main():
     ap.add_argument("oracle", nargs="?", default=os.environ.get("UMBRAVOX_ORACLE"))
     ap.add_argument("--program", default=root / "target/release/umbravox", type=Path)
     ap.add_argument("--data", default=os.environ.get("UMBRAVOX_DATA", root / "../shared/data"), type=Path)
-    ap.add_argument("--keep", type=Path, help="keep the pictures (and oracle answers, which are then used again)")
-    ap.add_argument("--only", help="this scan alone")
+    ap.add_argument("--keep", type=Path, help="keep the pictures (and the oracle's answers, which are used again)")
+    ap.add_argument("--only", help="only this scan")
     ap.add_argument("--steps", default=1000, type=int)
     ap.add_argument("--shadow-steps", default=500, type=int)
     a = ap.parse_args()
@@ -71,7 +71,7 @@ def main():
         tf.write_text(json.dumps({"name": name, "units": "HU", "reference_length_mm": 1.0, "points": tf_points}))
         centre, radius = sphere(volume)
         away = np.array(away) / np.linalg.norm(away)
-        # Lit from the side, so that shadows fall across what the camera sees.
+        # Light from the side, so that shadows cross the visible surface.
         side = np.cross(away, (0, 0, 1.0))
         lights = {"dir": "dir:" + vector(away + 1.2 * side + (0, 0, 0.8)), "point": "point:" + vector(centre + radius * (0.5 * away + 0.7 * side))}
         for kind, light in lights.items():

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Runs the tables of docs/measured.md on the adapter that is here and writes docs/measured/ADAPTER.md.
+"""Measures the tables of docs/measured.md on this machine's adapter and writes docs/measured/ADAPTER.md.
 
 usage: measured.py UMBRAVOX [--adapter NAME] [--only SECTION,...] [--quick]
-Sections: errors, methods, promise, stability, tuned, cost, growth. All of them take hours on two cores with a software
-adapter, and minutes on a graphics card. The file is written after each section; --only leaves its other sections as they
-are. --quick takes fewer repeats and rays, to see that all runs, and prints to the screen alone.
-A section that fails says so in its place, and the others go on: a card on which something fails is worth a report.
-Scans are found where UMBRAVOX_DATA names them (../shared/data); without them the built-in chest stands for all.
+Sections: errors, methods, bound, stability, tuned, cost, growth. All of them take hours on two cores with a software
+adapter, and minutes on a graphics card. The file is written after each section; --only keeps its other sections.
+--quick uses few repeats and rays, as a test of the script, and only prints to the screen.
+The report of a section that fails is its error, and the other sections follow.
+UMBRAVOX_DATA is the folder of the scans (../shared/data); without scans only the built-in chest is measured.
 """
 import argparse, atexit, json, os, pathlib, re, shutil, subprocess, sys, tempfile, time
 
@@ -23,14 +23,14 @@ EFFORT = ["--repeats", "1", "--points", "500", "--rays", "100", "--depths", "20"
 
 
 def ramp(name, points):
-    """A transfer function of a file: value and opacity over a millimetre."""
+    """Writes a transfer function of value and opacity per millimetre; returns its path."""
     path = work / f"{name}.json"
     path.write_text(json.dumps({"name": name, "points": [{"value": v, "opacity": o} for v, o in points]}))
     return str(path)
 
 
 def scenes():
-    """Name, and the words that name volume, transfer function and camera."""
+    """Names of the scenes, and the arguments for volume, transfer function and camera."""
     yield "thorax:128", ["phantom:thorax:128", "--tf", "ct"]
     for name, points, camera in [
         ("CT_AVM", [(190, 0), (310, 0.3)], "--eye 150,-260,160 --target 18.4,17,12 --fov 40"),
@@ -42,22 +42,22 @@ def scenes():
 
 
 class Failed(Exception):
-    """A command that made nothing that could be shown."""
+    """A command without a result."""
 
 
-def run(*words, well=(0,)):
-    """The program's own output; status 1 is that of a table with a row that is not well."""
+def run(*words, accepted=(0,)):
+    """Output of the program; it exits with status 1 if a row of a table failed."""
     adapter = ["--adapter", a.adapter] if a.adapter else []
-    told = subprocess.run([a.umbravox, *map(str, words), *adapter], capture_output=True, text=True)
-    if told.returncode not in well:
-        raise Failed(f"{' '.join(map(str, words))}: status {told.returncode}\n{told.stderr}")
-    return told.stdout
+    result = subprocess.run([a.umbravox, *map(str, words), *adapter], capture_output=True, text=True)
+    if result.returncode not in accepted:
+        raise Failed(f"{' '.join(map(str, words))}: status {result.returncode}\n{result.stderr}")
+    return result.stdout
 
 
 def compare(*words, effort=EFFORT):
-    """Rows of a comparison; those that failed have no figures but say why in `note`."""
+    """Rows of a comparison; the `note` of a failed row is the reason."""
     folder = tempfile.mkdtemp(dir=work)
-    run("compare", *words, *effort, "-o", folder, "--overwrite", well=(0, 1))
+    run("compare", *words, *effort, "-o", folder, "--overwrite", accepted=(0, 1))
     path = pathlib.Path(folder) / "compare.json"
     if not path.is_file():
         raise Failed(f"compare {' '.join(map(str, words))}: no table")
@@ -75,7 +75,7 @@ def cell(value):
 
 
 def table(rows, columns):
-    """Markdown: columns of the comparison, by their names; and why, where a row failed."""
+    """Markdown table of columns of the comparison, with status and note if a row failed."""
     columns = [*columns, *(["status", "note"] if any(row.get("status") != "ok" for row in rows) else [])]
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     return "\n".join(lines + ["| " + " | ".join(cell(row.get(c)) for c in columns) + " |" for row in rows])
@@ -102,7 +102,7 @@ def methods():
     return table(rows, TIMES[1:] + ERRORS)
 
 
-def promise():
+def bound():
     """Every texel and node: a ramp of opacity, a step and an isosurface, three epsilons, map 192."""
     rows = []
     effort = ["--repeats", "1", "--points", "100", "--depths", "40", *(["--rays", "500"] if a.quick else ["--check", "all"])]
@@ -124,10 +124,10 @@ def promise():
 def stability():
     """Stiff and extreme cases, every method."""
     folder = tempfile.mkdtemp(dir=work)
-    told = run("stability", "-o", folder, "--overwrite", well=(0, 1))
-    # How many rows are well; notes on single ones follow.
-    found = re.search(r"^\d+ rows: .*", told, re.M)
-    return "```\n" + (found.group() if found else told.strip()) + "\n```"
+    text = run("stability", "-o", folder, "--overwrite", accepted=(0, 1))
+    # The summary; notes on single rows follow it.
+    found = re.search(r"^\d+ rows: .*", text, re.M)
+    return "```\n" + (found.group() if found else text.strip()) + "\n```"
 
 
 def tuned():
@@ -161,7 +161,7 @@ def growth():
     return table(rows, TIMES)
 
 
-sections = {f.__name__: f for f in (errors, methods, promise, stability, tuned, cost, growth)}
+sections = {f.__name__: f for f in (errors, methods, bound, stability, tuned, cost, growth)}
 chosen = a.only.split(",") if a.only else list(sections)
 unknown = [name for name in chosen if name not in sections]
 if unknown:
@@ -176,7 +176,7 @@ path = root / "docs" / "measured" / (re.sub(r"[^A-Za-z0-9.]+", "-", adapter).str
 build = f"umbravox {first['version']}, revision {first['revision']} ({first['profile']}), driver {first['driver']}, {first['threads']} threads of the host, clock `{first['clock']}`"
 parts = {}
 if path.is_file() and not a.quick:
-    # Sections that are not measured now stay, with what they were measured with.
+    # Sections that are not measured now keep their text.
     for text in path.read_text().split("\n## ")[1:]:
         parts[text.split("\n")[0].lower()] = "## " + text.rstrip()
 for name in chosen:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A loop of pictures through the Python module beside the same loop through the library, in turn (A B A B).
+"""Compares a loop of pictures through the Python module with the same loop through the library, in turn (A B A B).
 
 usage: python_loop.py target/release/examples/render_loop [VOLUME METHOD SIZE COUNT ROUNDS]
 Build that by `cargo build --release --example render_loop`; the module must be installed (`pip install .`).

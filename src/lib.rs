@@ -17,7 +17,7 @@
 //! use umbravox::exact::ExactField;
 //! use umbravox::files::picture::write_picture;
 //! use umbravox::open::{self, VolumeSpec, presets};
-//! use umbravox::render::{Forced, Session};
+//! use umbravox::render::{DisabledOptimizations, Session};
 //! use umbravox::scene::Scene;
 //! use umbravox::shadow;
 //!
@@ -25,7 +25,7 @@
 //! let volume = Arc::new(open::load(&VolumeSpec::new("phantom:thorax:96"))?);
 //! let tf = presets::resolve("ct", &volume)?.tf;
 //! let scene = Scene::framing(&volume);
-//! let session = Session::open(None, Arc::clone(&volume), &tf, Forced::default())?;
+//! let session = Session::open(None, Arc::clone(&volume), &tf, DisabledOptimizations::NONE)?;
 //!
 //! let method = shadow::parse("dsm:epsilon=0.01,map=256")?;
 //! let map = session.shadow(method.as_ref(), scene.light())?;

@@ -10,7 +10,7 @@ use glam::DVec3;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use umbravox::gpu::Gpu;
-use umbravox::render::{Forced, Renderer, Session};
+use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::Light;
 use umbravox::shadow;
 
@@ -61,7 +61,7 @@ fn fault(renderer: &Arc<Renderer>, attack: &Attack, method: &str, rng: &mut Rng)
     let points: Vec<_> =
         (0..200).map(|_| low + (high - low) * DVec3::new(rng.f64(), rng.f64(), rng.f64())).collect();
     let asked = || {
-        let session = Session::on(renderer, volume, &tf, Forced::NOTHING)?;
+        let session = Session::on(renderer, volume, &tf, DisabledOptimizations::NONE)?;
         let map = session.shadow(shadow::parse(method)?.as_ref(), attack.light)?;
         session.query(&map, &points)
     };

@@ -6,12 +6,12 @@ use umbravox::field::{ActiveBricks, LightSpace, MapShape, March, Projection, TIL
 use umbravox::open::presets;
 use umbravox::open::{VolumeSpec, load};
 use umbravox::scene::{Camera, Light, Scene};
-use umbravox::volume::{BRICK_CELLS, Bricks, Volume};
+use umbravox::volume::{BRICK_CELLS, Volume};
 
 fn chest() -> (Volume, ActiveBricks) {
     let volume = load(&VolumeSpec::new("phantom:thorax:70")).unwrap();
     let tf = presets::resolve("bone", &volume).unwrap().tf;
-    let active = ActiveBricks::of(&Bricks::build(&volume), &tf);
+    let active = ActiveBricks::of(volume.bricks(), &tf);
     (volume, active)
 }
 

@@ -32,7 +32,7 @@ fn every_brick_holds_exactly_the_range_of_its_cells() {
     for _ in 0..60 {
         let volume = random_volume(&mut random);
         let n = volume.dims();
-        let bricks = Bricks::build(&volume);
+        let bricks = volume.bricks();
         assert_eq!(bricks.counts, n.map(|n| (n + 1).div_ceil(BRICK_CELLS)));
         assert_eq!(bricks.len(), bricks.counts.iter().product::<usize>());
         let mut min = vec![f64::INFINITY; bricks.len()];
@@ -209,21 +209,28 @@ fn distances_stop_at_255() {
     }
 }
 
+/// Framing and the device share the bricks of one volume: they are computed at the first use and never again.
+#[test]
+fn bricks_are_computed_once_per_volume() {
+    let volume = random_volume(&mut Rng::with_seed(3));
+    assert!(std::ptr::eq(volume.bricks(), volume.bricks()));
+}
+
 #[test]
 fn the_index_box_holds_everything_with_extinction() {
     let mut voxels = Array3::<u8>::zeros((40, 40, 40));
     voxels[[20, 8, 39]] = 9;
     let volume = volume(Voxels::U8(voxels), Scaling::IDENTITY);
-    let bricks = Bricks::build(&volume);
-    let active = ActiveBricks::of(&bricks, &transfer_function(&[(0.0, 0.0), (9.0, 0.5)]));
+    let bricks = volume.bricks();
+    let active = ActiveBricks::of(bricks, &transfer_function(&[(0.0, 0.0), (9.0, 0.5)]));
     // The voxel's support is x [38, 39.5], y [7, 9], z [19, 21].
     let [low, high] = active.index_box(volume.dims()).unwrap();
     assert_eq!(low.to_array(), [35.0, 7.0, 19.0]);
     assert_eq!(high.to_array(), [39.5, 11.0, 23.0]);
-    let empty = ActiveBricks::of(&bricks, &transfer_function(&[(100.0, 0.0), (200.0, 1.0)]));
+    let empty = ActiveBricks::of(bricks, &transfer_function(&[(100.0, 0.0), (200.0, 1.0)]));
     assert_eq!((empty.active, empty.bounds, empty.index_box(volume.dims())), (0, None, None));
     assert!(empty.distance.iter().all(|&d| d == 255));
-    let all = ActiveBricks::of(&bricks, &transfer_function(&[(0.0, 0.5)]));
+    let all = ActiveBricks::of(bricks, &transfer_function(&[(0.0, 0.5)]));
     assert_eq!(all.active, bricks.len());
     let [low, high] = all.index_box(volume.dims()).unwrap();
     assert_eq!((low.to_array(), high.to_array()), ([-0.5; 3], [39.5; 3]));

@@ -168,7 +168,7 @@ impl Table {
             tf: loaded.tf.clone(),
             strands: loaded.strands.clone(),
             scene,
-            forced: asked.settings.forced(),
+            forced: asked.settings.disabled_optimizations(),
         };
         Ok(Wanted { subject, record, tf_text })
     }

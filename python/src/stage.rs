@@ -216,7 +216,7 @@ impl Stage {
                     told.untold.push((kind, text));
                 }
             }
-            let kept = ShadowCache::new(settings.forced()).serving_by(ReusePolicy::Same);
+            let kept = ShadowCache::new(settings.disabled_optimizations()).serving_by(ReusePolicy::Same);
             kit.looked = Some(Looked { asked: asked.clone(), loaded, kept, framed: None });
         }
         kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))

@@ -88,7 +88,7 @@ class SceneArguments(TypedDict, total=False):
     background: str | None
     step: float | None
     skip: str | None
-    force: str | None
+    no_skip: str | None
     adapter: str | None
 
 @type_check_only

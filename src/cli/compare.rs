@@ -194,7 +194,7 @@ fn measured(
         let first = first.take().filter(|_| i == 0);
         let loaded = first.map_or_else(|| asked[i].settings.load(&Loading::default()), Ok)?;
         let Loaded { volume, strands, tf, scene, .. } = loaded;
-        Ok(Subject { volume, tf, strands, scene, forced: asked[i].settings.forced() })
+        Ok(Subject { volume, tf, strands, scene, forced: asked[i].settings.disabled_optimizations() })
     };
     let bar = progress_bar()?;
     let interrupt = Interrupt::between_steps("what is measured is kept");

@@ -88,7 +88,8 @@ pub fn run(args: ProbeArgs) -> Result<()> {
             points.par_iter().map(to_light).collect::<Vec<_>>()
         };
         let session =
-            Session::open(settings.adapter.as_deref(), volume, &tf, settings.forced())?.with_strands(strands);
+            Session::open(settings.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
+                .with_strands(strands);
         let shadow = session.shadow(method.as_ref(), scene.light())?;
         let found = session.query(&shadow, &points)?;
         let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));

@@ -56,8 +56,13 @@ pub fn run(
     let Loaded { volume, strands, tf, scene, .. } = load(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
-    let session = Session::open(settings.adapter.as_deref(), Arc::clone(&volume), &tf, settings.forced())?
-        .with_strands(strands);
+    let session = Session::open(
+        settings.adapter.as_deref(),
+        Arc::clone(&volume),
+        &tf,
+        settings.disabled_optimizations(),
+    )?
+    .with_strands(strands);
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());
     for method in &methods {

@@ -48,8 +48,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     turn.iter().try_for_each(|turn| turn.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load(&settings)?;
-    let session =
-        Session::open(settings.adapter.as_deref(), volume, &tf, settings.forced())?.with_strands(strands);
+    let session = Session::open(settings.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
+        .with_strands(strands);
     let adapter = session.renderer.gpu().info.name.clone();
     let texts = |scene: &Scene| -> Result<Texts> {
         let mut whole = settings.resolved(scene, &tf_source, suiting)?;

@@ -10,7 +10,7 @@ use crate::engine::{MapCoverage, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::picture::write_picture_as;
-use crate::render::{DisplayTexture, Forced, Pace, Screen};
+use crate::render::{DisabledOptimizations, DisplayTexture, Pace, Screen};
 use crate::scene::Scene;
 use crate::shadow::NoShadows;
 use glam::DVec3;
@@ -80,7 +80,7 @@ pub fn thumbnail(device: &OnDevice, request: ThumbnailRequest, speaker: &Speaker
         return Ok(());
     };
     let renderer = &device.renderer;
-    let transfer = renderer.transfer(loaded, &tf, Forced::NOTHING)?;
+    let transfer = renderer.transfer(loaded, &tf, DisabledOptimizations::NONE)?;
     let shadows = renderer.shadows_in(loaded, &transfer, &NoShadows, &scene, None)?;
     let texture = Arc::new(DisplayTexture::new(renderer.gpu(), scene.width, scene.height)?);
     let mut pace = Pace::new(BAND_MS);

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::field::View;
-use crate::render::{DeviceTransfer, Forced, LoadedVolume, Renderer, needs_shadows};
+use crate::render::{DeviceTransfer, DisabledOptimizations, LoadedVolume, Renderer, needs_shadows};
 use crate::scene::{Light, Scene};
 use crate::shadow::{Method, NoShadows, ShadowMap};
 use crate::transfer::{TransferChange, TransferFunction};
@@ -173,7 +173,7 @@ const MOST_MAPS: usize = 4;
 #[derive(Default)]
 pub struct ShadowCache {
     transfer: Option<(TransferFunction, DeviceTransfer)>,
-    forced: Forced,
+    forced: DisabledOptimizations,
     serving: ReusePolicy,
     /// Maps of the tables' extinction; the most lately used is last.
     maps: Vec<CachedMap>,
@@ -181,7 +181,7 @@ pub struct ShadowCache {
 
 impl ShadowCache {
     /// Nothing yet; `forced` is what is done although no picture needs it.
-    pub fn new(forced: Forced) -> Self {
+    pub fn new(forced: DisabledOptimizations) -> Self {
         Self { forced, ..Self::default() }
     }
 
@@ -364,7 +364,7 @@ fn change_of_transfer(
 ) -> Change {
     // Integrals are linear inside a table's bin: a value is touched by an edit a bin away.
     let bin = tables.value_bin();
-    let occurs = |[low, high]: [f64; 2]| loaded.bricks.have_values(low - bin, high + bin);
+    let occurs = |[low, high]: [f64; 2]| loaded.volume.bricks().have_values(low - bin, high + bin);
     match TransferChange::between(before, after, occurs) {
         TransferChange::Nothing => Change::UnusedValues,
         TransferChange::Color => Change::Color,

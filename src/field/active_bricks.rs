@@ -1,29 +1,29 @@
-//! Which bricks have extinction under a transfer function, and how far every brick is from the next of them: what
-//! rays leap over without loss.
+//! Bricks with extinction under a transfer function, and the distance of every brick to the nearest of them: rays skip the
+//! others without loss.
 
 use crate::transfer::{Class, TransferFunction};
 use crate::volume::{BRICK_CELLS, Bricks, RankSet};
-use glam::{DAffine3, DVec3, IVec3};
+use glam::{DAffine3, DVec3, IVec3, USizeVec3};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Which bricks a transfer function gives any extinction, and how far the next of them is.
+/// Active bricks: those with extinction under a transfer function, and distances to them.
 #[derive(Debug, Clone)]
 pub struct ActiveBricks {
     /// Bricks along each axis.
     pub counts: [usize; 3],
-    /// Chebyshev distance in bricks to the nearest active brick, x fastest: 0 is active; 255 also stands for more.
+    /// Chebyshev distance in bricks to the nearest active brick, x fastest: 0 is active, 255 is 255 or more.
     pub distance: Vec<u8>,
     /// Number of active bricks.
     pub active: usize,
-    /// First and last brick (inclusive) of the smallest box around the active ones.
+    /// First and last brick (inclusive) of the bounding box of active bricks.
     pub bounds: Option<[[usize; 3]; 2]>,
     /// See [`Self::outer`].
     outer: OnceLock<Vec<IVec3>>,
 }
 
-/// The values with extinction above 0, as disjoint closed intervals of `f64` in rising order; outer ends may be
-/// infinite. The value of a point with extinction belongs to them even where a jump leaves it.
+/// Values with extinction, as disjoint closed intervals in rising order; the outer ends may be infinite. They include the
+/// value of every point with extinction, also at a jump.
 pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
     let points = &tf.points;
     let mut intervals: Vec<[f64; 2]> = Vec::new();
@@ -40,7 +40,7 @@ pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
             add(a.value, a.value);
         }
         if let Some(b) = points.get(i + 1).filter(|b| a.amount > 0.0 || b.amount > 0.0) {
-            // Open: where an end has extinction itself, its own point adds it.
+            // Open: an end with extinction is added by its own point.
             add(a.value.next_up(), b.value.next_down());
         }
     }
@@ -50,10 +50,10 @@ pub fn extinction_intervals(tf: &TransferFunction) -> Vec<[f64; 2]> {
     intervals
 }
 
-/// How far outside of a plane a brick must lie, in bricks, before it counts as clipped: more than float32 makes of planes.
-const CLIP_ROOM: f64 = 0.01;
+/// Distance beyond a clip plane, in bricks, at which a brick counts as clipped: more than the float32 error of planes.
+const CLIP_MARGIN: f64 = 0.01;
 
-/// The function's clip planes as normals and offsets in brick coordinates, in which a brick is a unit cube.
+/// Clip planes as normals and offsets in brick coordinates, in which a brick is a unit cube.
 fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64)> {
     // Cell c begins at index c - 1.
     let world_from_bricks = bricks.world_from_index
@@ -62,18 +62,18 @@ fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64
     tf.clip.iter().map(|plane| plane.seen_from(world_from_bricks)).collect()
 }
 
-/// Whether some plane keeps nothing of a brick.
+/// Whether a plane clips all of a brick.
 fn is_clipped(brick: usize, [nx, ny, _]: [usize; 3], planes: &[(DVec3, f64)]) -> bool {
     let low = DVec3::new((brick % nx) as f64, (brick / nx % ny) as f64, (brick / (nx * ny)) as f64);
     planes.iter().any(|&(normal, offset)| {
-        // The corner that lies farthest along the normal.
+        // Corner farthest along the normal.
         let farthest = low + DVec3::select(normal.cmpgt(DVec3::ZERO), DVec3::ONE, DVec3::ZERO);
-        normal.dot(farthest) + CLIP_ROOM * normal.abs().element_sum() < offset
+        normal.dot(farthest) + CLIP_MARGIN * normal.abs().element_sum() < offset
     })
 }
 
-/// For each function of `tf` the labels that are seen through it, and the values at which it has extinction; gaps between
-/// those are `blur` smaller on both sides.
+/// For each function of `tf`, the labels that use it and its values with extinction. Gaps between these values shrink by
+/// `blur` on both sides.
 fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec<(RankSet, Vec<[f64; 2]>)> {
     let is_one_of_several = bricks.labels.is_some() && !tf.rules.is_empty();
     let blurred = |tf: &TransferFunction| {
@@ -82,7 +82,7 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
             intervals[gap - 1][1] += blur;
             intervals[gap][0] -= blur;
         }
-        // Side by side in one table the ends of a function are gaps, too.
+        // In a table of several functions, the ends of a function are gaps too.
         if is_one_of_several {
             intervals.first_mut().into_iter().for_each(|first| first[0] -= blur);
             intervals.last_mut().into_iter().for_each(|last| last[1] += blur);
@@ -90,25 +90,25 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
         intervals
     };
     let ids = bricks.labels.as_ref().map_or(&[][..], |labels| &labels.ids);
-    let seen_through = |function: usize| {
+    let labels_of = |function: usize| {
         let mut ranks = RankSet::default();
-        let of_it = ids.iter().enumerate().filter(|(_, id)| tf.class_of(**id) == Class::Function(function));
-        of_it.for_each(|(rank, _)| ranks.insert(rank));
+        let labels = ids.iter().enumerate().filter(|(_, id)| tf.class_of(**id) == Class::Function(function));
+        labels.for_each(|(rank, _)| ranks.insert(rank));
         ranks
     };
-    // Without labels all voxels are seen through the function itself.
+    // Without labels, all voxels use the function itself.
     let used = if bricks.labels.is_some() { tf.functions() } else { vec![tf] };
-    used.into_iter().enumerate().map(|(i, tf)| (seen_through(i), blurred(tf))).collect()
+    used.into_iter().enumerate().map(|(i, tf)| (labels_of(i), blurred(tf))).collect()
 }
 
 impl ActiveBricks {
-    /// Finds the bricks with extinction anywhere in their range.
+    /// Finds the bricks whose range of values has extinction.
     pub fn of(bricks: &Bricks, tf: &TransferFunction) -> Self {
         Self::blurred(bricks, tf, 0.0)
     }
 
-    /// As [`Self::of`], for a renderer whose tables blur the function by `blur` value units: gaps between values
-    /// with extinction shrink by it on both sides. Outside of the first and the last such value nothing is blurred.
+    /// Finds the active bricks for tables that blur the function by `blur` value units: gaps between values with extinction
+    /// shrink by `blur` on both sides. The tables do not blur beyond the first and the last such value.
     pub fn blurred(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Self {
         let classes = intervals_of_labels(bricks, tf, blur);
         let planes = planes_over_bricks(bricks, tf);
@@ -119,7 +119,7 @@ impl ActiveBricks {
             let (min, max) = (bricks.min[brick], bricks.max[brick]);
             classes.iter().any(|(ranks, intervals)| {
                 let occurs = bricks.labels.as_ref().is_none_or(|labels| labels.sets[brick].meets(ranks));
-                // The first interval that does not lie wholly below the brick decides.
+                // Only the first interval that does not lie below the brick can overlap it.
                 let next = intervals.partition_point(|[_, hi]| *hi < min);
                 occurs && intervals.get(next).is_some_and(|[lo, _]| *lo <= max)
             })
@@ -129,25 +129,24 @@ impl ActiveBricks {
         Self::from_seeds(bricks.counts, distance)
     }
 
-    /// From 0 for every active and 255 for every other brick.
+    /// Computes distances from 0 for active and 255 for other bricks.
     fn from_seeds(counts: [usize; 3], mut distance: Vec<u8>) -> Self {
         let (active, bounds) = count_and_bounds(counts, &distance);
-        // With none or all active the distances already stand.
+        // With no or only active bricks, these are the distances.
         if active > 0 && active < distance.len() {
             chebyshev(counts, &mut distance);
         }
         Self { counts, distance, active, bounds, outer: OnceLock::new() }
     }
 
-    /// [`Self::distance`] of a brick, where there is one.
+    /// Distance of a brick; `None` outside the grid of bricks.
     pub fn distance_at(&self, brick: IVec3) -> Option<u8> {
         let counts = IVec3::from_array(self.counts.map(|n| n as i32));
         let there = brick.cmpge(IVec3::ZERO).all() && brick.cmplt(counts).all();
         there.then(|| self.distance[((brick.z * counts.y + brick.y) * counts.x + brick.x) as usize])
     }
 
-    /// The active bricks that have an inactive one, or nothing, beside one of their faces: what is seen of all active ones
-    /// from outside of them.
+    /// Active bricks with an inactive brick or the grid's border at a face: the surface of all active bricks.
     pub fn outer(&self) -> &[IVec3] {
         self.outer.get_or_init(|| {
             let [nx, ny, nz] = self.counts;
@@ -168,51 +167,50 @@ impl ActiveBricks {
         })
     }
 
-    /// The active bricks' box in index coordinates of a grid of `dims` voxels, cut to its domain `[-0.5, n - 0.5]`.
+    /// Bounding box of the active bricks in index coordinates of a grid of `dims` voxels, cut to the domain
+    /// `[-0.5, n - 0.5]`.
     pub fn index_box(&self, dims: [usize; 3]) -> Option<[DVec3; 2]> {
         let [first, last] = self.bounds?;
-        let corner = |b: [usize; 3], ends: usize| {
-            // Cell c spans [c - 1, c].
-            DVec3::from_array(std::array::from_fn(|axis| {
-                let p = (BRICK_CELLS * (b[axis] + ends)) as f64 - 1.0;
-                p.clamp(-0.5, dims[axis] as f64 - 0.5)
-            }))
-        };
-        Some([corner(first, 0), corner(last, 1)])
+        // Grid space is index space plus one.
+        Some(brick_box(first, last, dims).map(|p| p - 1.0))
     }
 }
 
-fn count_and_bounds(counts: [usize; 3], distance: &[u8]) -> (usize, Option<[[usize; 3]; 2]>) {
-    let mut active = 0;
-    let (mut first, mut last) = ([usize::MAX; 3], [0; 3]);
-    for (row, line) in distance.chunks_exact(counts[0]).enumerate() {
-        let in_row = line.iter().filter(|d| **d == 0).count();
-        let ends = line.iter().position(|d| *d == 0).zip(line.iter().rposition(|d| *d == 0));
+/// Box of the bricks from `first` to `last` in grid space, cut to the domain `[0.5, n + 0.5]`.
+pub(super) fn brick_box(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> [DVec3; 2] {
+    let low = first.map(|b| ((BRICK_CELLS * b) as f64).max(0.5));
+    let high = std::array::from_fn(|a| ((BRICK_CELLS * (last[a] + 1)) as f64).min(dims[a] as f64 + 0.5));
+    [low, high].map(DVec3::from_array)
+}
+
+fn count_and_bounds([nx, ny, _]: [usize; 3], distance: &[u8]) -> (usize, Option<[[usize; 3]; 2]>) {
+    let (mut active, mut first, mut last) = (0, USizeVec3::MAX, USizeVec3::ZERO);
+    let is_active = |d: &u8| *d == 0;
+    for (row, line) in distance.chunks_exact(nx).enumerate() {
+        let ends = line.iter().position(is_active).zip(line.iter().rposition(is_active));
         if let Some((x0, x1)) = ends {
-            active += in_row;
-            let (y, z) = (row % counts[1], row / counts[1]);
-            for (axis, (a, b)) in [(x0, x1), (y, y), (z, z)].into_iter().enumerate() {
-                first[axis] = first[axis].min(a);
-                last[axis] = last[axis].max(b);
-            }
+            active += line[x0..=x1].iter().filter(|d| is_active(d)).count();
+            let (y, z) = (row % ny, row / ny);
+            first = first.min(USizeVec3::new(x0, y, z));
+            last = last.max(USizeVec3::new(x1, y, z));
         }
     }
-    (active, (active > 0).then_some([first, last]))
+    (active, (active > 0).then(|| [first, last].map(|at| at.to_array())))
 }
 
 /// Chebyshev distance transform in place, from 0 for seeds and 255 elsewhere; exact up to 255.
 ///
-/// Two sweeps over rows, one from each end (Rosenfeld and Pfaltz 1966): a brick is one further than the nearest of its 26
-/// neighbours, of which each sweep knows the half that lies before it.
+/// Two sweeps over rows, one from each end (Rosenfeld and Pfaltz 1966): the distance of a brick is one more than the least
+/// of its 26 neighbours, and each sweep visits half of them before the brick.
 fn chebyshev([nx, ny, nz]: [usize; 3], distance: &mut [u8]) {
     let rows = ny * nz;
-    // The nearest of neighbouring rows, with a brick more at both ends.
+    // Least distance of neighbouring rows, with one more brick at both ends.
     let mut nearest = vec![u8::MAX; nx + 2];
     for forward in [true, false] {
-        for turn in 0..rows {
-            let row = if forward { turn } else { rows - 1 - turn };
+        for i in 0..rows {
+            let row = if forward { i } else { rows - 1 - i };
             let (y, z) = (row % ny, row / ny);
-            // Rows before this one, counted from the end that the sweep starts at.
+            // Position counted from the end at which the sweep starts.
             let (y, z) = if forward { (y, z) } else { (ny - 1 - y, nz - 1 - z) };
             let known = [
                 (y > 0).then_some(1),

@@ -1,4 +1,4 @@
-//! What building a shadow structure needs: a volume under a light on a device.
+//! Inputs of a shadow structure's build: a volume under a light on a device.
 
 use super::{DeviceTransfer, LightSpace, MapShape, March, PoolSizes, TilePace, View};
 use crate::error::{Error, Result};
@@ -7,7 +7,7 @@ use crate::scene::Light;
 use crate::strands::{Strands, VoxelisedStrands};
 use crate::volume::Volume;
 
-/// Regular samples of a light ray: software adapters end the loops of a thread after 65,536 turns in all, of which a sample
+/// Most regular samples of a light ray: software adapters end a thread's loops after 65,536 iterations in all, and a sample
 /// takes up to 8.
 const MOST_LIGHT_SAMPLES: f64 = 8192.0;
 
@@ -16,19 +16,19 @@ const MOST_LIGHT_SAMPLES: f64 = 8192.0;
 pub struct BuildContext<'a> {
     /// The device's pipelines.
     pub kernels: &'a Kernels,
-    /// How much of a map is built in one submission.
+    /// Size of the submissions that build a map.
     pub pace: &'a TilePace,
-    /// What earlier builds on the volume have needed.
+    /// Pool sizes that earlier builds on the volume needed.
     pub pool_sizes: &'a PoolSizes,
     /// The volume that casts shadows.
     pub volume: &'a Volume,
     /// Its transfer function on the device.
     pub transfer: &'a DeviceTransfer,
-    /// What the volume was made from, where that is strands.
+    /// Strands that the volume was made from.
     pub strands: Option<&'a VoxelisedStrands>,
-    /// The light that it stands in.
+    /// The light.
     pub light: Light,
-    /// What the picture shows, where the shadows are for a picture.
+    /// The picture's view, where the shadows are for a picture.
     pub view: Option<&'a View>,
 }
 
@@ -38,7 +38,7 @@ impl BuildContext<'_> {
         self.kernels.gpu()
     }
 
-    /// A map fitted to the active bricks, or to what of them is seen.
+    /// Projection of a map, fitted to the active bricks or to the visible ones.
     pub fn light_space(&self, shape: MapShape) -> LightSpace {
         let active = &self.transfer.active;
         let mut space = LightSpace::fit(self.volume, active, self.light, shape, self.view);
@@ -49,10 +49,10 @@ impl BuildContext<'_> {
         space
     }
 
-    /// The strands that a map may be drawn from.
+    /// Strands that can be drawn into a map.
     ///
     /// # Errors
-    /// The volume was not made from strands, a strand is wider than a voxel, or the transfer function shows them otherwise.
+    /// The volume was not made from strands, a strand is wider than a voxel, or the transfer function changes their extinction.
     pub fn drawn_strands(&self) -> Result<&Strands> {
         let refused = |why: &str| Error::input("cannot draw strands into the map", "from=lines", why);
         let source = &self.volume.provenance.source;
@@ -75,7 +75,7 @@ impl BuildContext<'_> {
         }
     }
 
-    /// Binding 0 of group 1.
+    /// Uniform of a light space, binding 0 of group 1.
     pub fn light_uniform(&self, light_space: &LightSpace) -> wgpu::Buffer {
         uniform_buffer(self.gpu(), "light space", &light_space.uniform())
     }
@@ -83,7 +83,7 @@ impl BuildContext<'_> {
     /// Runs a pass that reads the field; `shadow` and `stage` are its groups 1 and 2.
     ///
     /// # Errors
-    /// A device out of memory, or a lost one.
+    /// The device is out of memory or lost.
     pub fn run(
         &self,
         label: &str,
@@ -95,11 +95,11 @@ impl BuildContext<'_> {
         self.kernels.run(label, &variant, &[self.transfer.group(), shadow, stage], workgroups)
     }
 
-    /// Runs a pass with a workgroup an entry of a list of words, in submissions as long as the pace has it: the part of the
-    /// list is binding 0 of group 2, beside the slots of `stage`.
+    /// Runs a pass with one workgroup per entry of a list of words, in batches: binding 0 of group 2 is the batch's part of
+    /// the list, the other bindings are `stage`.
     ///
     /// # Errors
-    /// As [`Self::run`].
+    /// The device is out of memory or lost.
     pub fn run_over(
         &self,
         (list, count): (&wgpu::Buffer, u32),
@@ -108,24 +108,19 @@ impl BuildContext<'_> {
         shadow: &Group,
         stage: &[(u32, Slot<'_>)],
     ) -> Result<Span> {
-        let mut span: Option<Span> = None;
-        let mut last = None;
-        let mut parts = self.pace.parts(self.gpu(), label, count);
-        while let Some(part) = parts.next(self.gpu(), last) {
-            let list = (0, Slot::read(part.binding(list)));
+        let granule = TilePace::granule(&self.gpu().device.limits());
+        self.pace.run_batches(label, count, granule, |batch| {
+            self.wait_until_idle();
+            let list = (0, Slot::read(batch.binding(list)));
             let stage = self.kernels.group(label, &[&[list][..], stage].concat());
-            let took = self.run(label, variant, [shadow, &stage], part.workgroups())?;
-            span = Some(span.map_or(took, |s| s.plus(took)));
-            last = Some(took);
-        }
-        Ok(span.unwrap_or_default())
+            self.run(label, variant, [shadow, &stage], batch.workgroups())
+        })
     }
 
-    /// Runs a pass once a step, each with a group 2 and a size of its own, in submissions as long as the pace has it: each
-    /// step sees what those before it have stored.
+    /// Runs a pass once per step, each with its own group 2 and size, in batches: a step sees what earlier steps stored.
     ///
     /// # Errors
-    /// As [`Self::run`].
+    /// The device is out of memory or lost.
     pub fn run_steps(
         &self,
         label: &'static str,
@@ -135,14 +130,17 @@ impl BuildContext<'_> {
     ) -> Result<Span> {
         let variant = self.transfer.prepared(self.gpu(), variant.clone())?;
         let groups = [self.transfer.group(), shadow];
-        let mut span: Option<Span> = None;
-        let mut last = None;
-        let mut parts = self.pace.single_parts(label, steps.len() as u32);
-        while let Some(part) = parts.next(self.gpu(), last) {
-            let took = self.kernels.run_steps(label, &variant, &groups, &steps[part.range()])?;
-            span = Some(span.map_or(took, |s| s.plus(took)));
-            last = Some(took);
+        self.pace.run_batches(label, steps.len() as u32, 1, |batch| {
+            self.wait_until_idle();
+            self.kernels.run_steps(label, &variant, &groups, &steps[batch.range()])
+        })
+    }
+
+    /// Waits for the queue where submissions are timed: the work of other threads must not count as this build's.
+    fn wait_until_idle(&self) {
+        if self.pace.is_limited() {
+            // A lost device is reported by the pass itself.
+            let _ = self.gpu().wait_for(self.gpu().submit([]));
         }
-        Ok(span.unwrap_or_default())
     }
 }

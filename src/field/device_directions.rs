@@ -1,18 +1,18 @@
-//! Directions of strands on the device: their second moments as half floats, which every adapter filters.
+//! Directions of strands on the device: second moments as half floats, which every adapter filters.
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Slot, VolumeTexture, clamp_sampler};
 use crate::volume::DirectionMoments;
 use half::f16;
 
-/// Bytes of a voxel: `xx, yy, zz, xy` in one texture, `xz, yz` in another.
+/// Size of a voxel in bytes: `xx, yy, zz, xy` in one texture, `xz, yz` in another.
 const VOXEL_BYTES: usize = 12;
 
-/// The largest trace of a voxel lies from `2^13` to `2^14`: all that a half float holds without loss of digits, down to
-/// `2^-14`, is below, and sums of filtered texels stay in its range.
+/// Exponent of the largest trace after scaling, which lies in `2^13` to `2^14`. Smaller moments keep all digits down to
+/// `2^-14`, and sums of filtered texels stay in the range of a half float.
 const LARGEST_EXPONENT: f64 = 13.0;
 
-/// Second moments of directions on the device, with all voxels times one power of 2: only their ratios mean anything.
+/// Second moments of directions on the device, scaled by a power of 2: only their ratios matter.
 pub struct DeviceDirections {
     moments: VolumeTexture,
     more_moments: VolumeTexture,
@@ -22,15 +22,15 @@ pub struct DeviceDirections {
 }
 
 impl DeviceDirections {
-    /// Bytes that the directions in a volume of so many voxels would take.
+    /// Bytes of the directions in a volume of `dims` voxels.
     pub fn bytes_of(dims: [usize; 3]) -> u64 {
         dims.iter().product::<usize>() as u64 * VOXEL_BYTES as u64
     }
 
-    /// Uploads directions; `source` is the volume's, for messages.
+    /// Uploads directions; `source` names the volume in messages.
     ///
     /// # Errors
-    /// A grid larger than the adapter's 3-D textures, or a device out of memory.
+    /// The grid is larger than the adapter's 3-D textures, or the device is out of memory.
     pub fn upload(gpu: &Gpu, directions: &DirectionMoments, source: &str) -> Result<Self> {
         let dims = directions.dims();
         let sides = dims.map(|n| n as u32);
@@ -47,7 +47,7 @@ impl DeviceDirections {
             let second: Vec<_> = values.iter().map(|[.., xz, yz]| [*xz, *yz].map(half)).collect();
             moments.write_layer(gpu, layer, &first);
             more_moments.write_layer(gpu, layer, &second);
-            // Bounds what the queue keeps of the copies.
+            // Limits the memory of pending copies.
             if layer % 64 == 63 {
                 gpu.submit([]);
             }
@@ -61,13 +61,13 @@ impl DeviceDirections {
         Ok(Self { moments, more_moments, sampler: clamp_sampler(gpu, wgpu::FilterMode::Linear), bytes })
     }
 
-    /// What `shaders/render/strand.wgsl` binds, in its order.
+    /// Slots of `shaders/render/strand.wgsl`, in the order of their bindings.
     pub fn slots(&self) -> [Slot<'_>; 3] {
         [self.moments.slot(true), self.more_moments.slot(true), Slot::sampler(&self.sampler, true)]
     }
 }
 
-/// The power of 2 that brings the largest trace to where half floats are best.
+/// Power of 2 that brings the largest trace to [`LARGEST_EXPONENT`].
 fn scale(largest_trace: f64) -> f64 {
     match largest_trace > 0.0 {
         true => (LARGEST_EXPONENT - largest_trace.log2().floor()).exp2(),

@@ -1,15 +1,20 @@
-//! A transfer function on the device, for one volume: tables, active bricks and their distances.
+//! Transfer function of a volume on the device: tables, active bricks and their distances.
 
 use super::fold::FoldUniform;
-use super::seen_function::SeenFunction;
-use super::{ActiveBricks, Forced, LoadedVolume, Omittable, grid_from_world, marches_cells};
+use super::merged_function::MergedFunction;
+use super::{
+    ActiveBricks, DisabledOptimizations, LoadedVolume, Optimization, grid_from_world, marches_cells,
+};
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, Group, ShaderVariant, Slot, clamp_sampler, table_texture, uniform_buffer};
+use crate::gpu::{
+    Gpu, Group, ShaderVariant, Slot, clamp_sampler, solid_texture, table_texture, uniform_buffer,
+    write_texels,
+};
 use crate::transfer::{
     ClipPlane, MAX_INTERVALS, MOST_CLIP_PLANES, PAIR_BINS, PairTable, TexelMapping, TransferFunction,
     TransferTables, VALUE_BINS,
 };
-use crate::volume::{BRICK_CELLS, Volume};
+use crate::volume::Volume;
 use bytemuck::{Pod, Zeroable};
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -57,51 +62,49 @@ fn interval_table(tables: &TransferTables) -> Result<Box<IntervalTable>> {
     }
     let mut table = Box::new(IntervalTable::zeroed());
     table.intervals[..n].copy_from_slice(&tables.intervals);
-    for (bins, four) in table.of_bin.iter_mut().zip(tables.interval_of_bin.chunks_exact(4)) {
-        bins.copy_from_slice(four);
-    }
+    bytemuck::cast_slice_mut(&mut table.of_bin).copy_from_slice(&tables.interval_of_bin);
     Ok(table)
 }
 
-/// What a transfer function edit makes anew; the volume stays where it is.
+/// Data on the device that depends on the transfer function: an edit replaces it, and the volume stays.
 pub struct DeviceTransfer {
-    /// Which bricks have extinction.
+    /// Bricks with extinction.
     pub active: ActiveBricks,
     /// Milliseconds on the host to make the tables.
     pub table_ms: f64,
     /// Milliseconds on the host to classify the bricks.
     pub classify_ms: f64,
-    /// Bytes of tables (without the pre-compressed one, see [`MarchTable`]) and of the bricks' distances.
+    /// Bytes of the tables (without the pre-compressed one, see [`MarchTable`]) and of the bricks' distances.
     pub bytes: u64,
-    /// No value of the volume has extinction.
+    /// Whether no value of the volume has extinction.
     pub empty: bool,
-    /// Everything with extinction has one colour, and the integrals hold none.
+    /// Whether all extinction has one colour, so that the integrals hold none.
     pub one_color: bool,
-    /// The function has clip planes.
+    /// Whether the function has clip planes.
     pub clips: bool,
-    /// The volume has labels, and some of them are seen otherwise than others.
+    /// Whether labels of the volume use different functions.
     labelled: bool,
-    /// What is forced back on in everything that is made from this.
-    pub forced: Forced,
+    /// Optimizations that are disabled in all shaders and tables of this function.
+    pub disabled: DisabledOptimizations,
     uniform: FieldUniform,
-    /// The volume's texture is folded.
+    /// Whether the volume's texture is folded.
     folded: bool,
     bindings: Bindings,
-    /// Group 0 without a pre-compressed table.
+    /// Group 0 without the pre-compressed table.
     plain_group: Group,
     march: OnceLock<MarchTable>,
-    /// What the intervals are of, and the pre-compressed table is made of when it is first needed.
+    /// Function of the tables.
     tf: TransferFunction,
     mapping: TexelMapping,
     largest_texel: f64,
 }
 
-/// The pre-compressed table on the device.
+/// Pre-compressed table on the device.
 pub struct MarchTable {
     /// Group 0 with the table.
     group: Group,
     view: wgpu::TextureView,
-    /// The light march must search for breakpoints besides those that the table holds.
+    /// Whether the light march has to search for breakpoints that the table does not hold.
     pub many_breakpoints: bool,
     /// Milliseconds on the host to make it.
     pub table_ms: f64,
@@ -109,7 +112,7 @@ pub struct MarchTable {
     pub bytes: u64,
 }
 
-/// What group 0 binds besides the pre-compressed table.
+/// Resources of group 0 besides the pre-compressed table.
 #[derive(Clone)]
 struct Bindings {
     field: wgpu::Buffer,
@@ -119,14 +122,14 @@ struct Bindings {
     intervals: wgpu::Buffer,
     integrals: wgpu::TextureView,
     extinction: wgpu::TextureView,
-    /// The labels of voxels, and the shifts of values by label.
+    /// Labels of voxels, and shifts of values by label.
     labels: Option<(wgpu::TextureView, wgpu::Buffer)>,
 }
 
 impl Bindings {
     fn group(&self, gpu: &Gpu, pair_nodes: &wgpu::TextureView) -> Group {
         let solid = wgpu::TextureViewDimension::D3;
-        // Pipelines do not depend on the volume: all of its formats are bound as the least capable one can be.
+        // Pipelines do not depend on the volume: all formats are bound as the least capable one.
         let filterable = gpu.filters_float32;
         let values = wgpu::TextureSampleType::Float { filterable };
         let mut slots = vec![
@@ -137,7 +140,7 @@ impl Bindings {
             Slot::uniform(&self.intervals),
             Slot::floats(&self.integrals),
             Slot::words(pair_nodes),
-            Slot::read_write(gpu.watch.binding()),
+            Slot::read_write(gpu.counters.binding()),
             Slot::floats(&self.extinction),
         ];
         if let Some((ranks, shifts)) = &self.labels {
@@ -147,91 +150,99 @@ impl Bindings {
     }
 }
 
-/// Share of the largest texel value: 2^-19, some 16 roundings of the cubic's terms, the root that a breakpoint is found
-/// to, and the breakpoint's own.
+/// Rounding of values as a share of the largest texel value: 2^-19, about 16 roundings of the cubic's terms, the tolerance
+/// of a breakpoint's root, and the rounding of the breakpoint.
 const VALUE_ROUNDING: f64 = 1.0 / 524_288.0;
 
 impl DeviceTransfer {
-    /// Tables and brick classes of `tf` on `volume`.
+    /// Makes the tables and classifies the bricks.
     ///
     /// # Errors
-    /// A function of too many pieces, or a device out of memory.
-    pub fn new(gpu: &Gpu, loaded: &LoadedVolume, tf: &TransferFunction, forced: Forced) -> Result<Self> {
-        let LoadedVolume { bricks, on_device, .. } = loaded;
+    /// The function has too many pieces, or the device is out of memory.
+    pub fn new(
+        gpu: &Gpu,
+        loaded: &LoadedVolume,
+        tf: &TransferFunction,
+        disabled: DisabledOptimizations,
+    ) -> Result<Self> {
+        let on_device = &loaded.on_device;
         let start = Instant::now();
-        let seen = SeenFunction::of(loaded, tf)?;
-        let tables = seen.tables(on_device.mapping);
+        let merged = MergedFunction::of(loaded, tf)?;
+        let tables = &merged.tables;
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        // Integrals are linear inside a table's bin, and so a bin at the edge of a peak has some extinction all over.
+        // Integrals are linear within a bin of the table, and so a bin at the edge of a peak has extinction everywhere.
         let bin = on_device.mapping.scale / f64::from(tables.table_per_value);
-        let active = ActiveBricks::blurred(bricks, tf, bin);
+        let active = ActiveBricks::blurred(loaded.volume.bricks(), tf, bin);
         let classify_ms = start.elapsed().as_secs_f64() * 1e3;
         let filter = if gpu.filters_float32 { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
-        let uniform = field_uniform(loaded, &tables, &seen, &active, forced);
+        let one_color = one_color(&merged.function, disabled);
+        let uniform = field_uniform(loaded, &merged, one_color, &active, disabled);
         let bindings = Bindings {
             field: uniform_buffer(gpu, "field", &uniform),
             volume: on_device.view.clone(),
             sampler: clamp_sampler(gpu, filter),
-            distances: distance_texture(gpu, &active, forced),
-            intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(&tables)?),
-            integrals: integral_texture(gpu, &tables, one_color(&seen.function, forced).is_some())?,
-            labels: seen.labels(gpu, loaded),
-            extinction: extinction_texture(gpu, &tables)?,
+            distances: distance_texture(gpu, &active, disabled),
+            intervals: uniform_buffer(gpu, "transfer intervals", &*interval_table(tables)?),
+            integrals: color_integrals(gpu, tables, one_color)?,
+            labels: merged.labels(gpu, loaded),
+            extinction: row_texture(gpu, "extinction integrals", &tables.extinction_bins)?,
         };
-        Self {
+        let made = Self {
             empty: active.active == 0,
-            bytes: 0,
+            bytes: tables.bytes(one_color.is_some()) + active.distance.len() as u64,
             active,
             table_ms,
             classify_ms,
-            one_color: false,
+            one_color: one_color.is_some(),
             clips: !tf.clip.is_empty(),
-            forced,
+            disabled,
             folded: on_device.fold.is_folded(),
             plain_group: bindings.group(gpu, &no_pairs(gpu)?),
             uniform,
             bindings,
             march: OnceLock::new(),
             mapping: on_device.mapping,
-            largest_texel: seen.texel_range.iter().fold(0.0, |most, t| t.abs().max(most)),
-            labelled: !seen.shifts.is_empty(),
-            tf: seen.function.clone(),
+            largest_texel: merged.largest_texel,
+            labelled: !merged.shifts.is_empty(),
+            tf: merged.function,
+        };
+        if disabled.has(Optimization::MarchTable) {
+            made.make_march_table(gpu)?;
         }
-        .with_colors(&tables, &seen.function)
-        .forced_tables(gpu)
+        Ok(made)
     }
 
-    /// The function that the tables are of: of a volume with labels, all of its functions side by side.
+    /// Function of the tables: of a volume with labels, all of its functions side by side.
     pub fn function(&self) -> &TransferFunction {
         &self.tf
     }
 
-    /// The same with other colours, for a function whose extinction is the same at all values that occur: integrals are
-    /// made anew; intervals, bricks and the pre-compressed table stay.
+    /// Replaces the colours, for a function with the same extinction at all values that occur: only the integrals are made
+    /// again.
     ///
     /// # Errors
-    /// A device out of memory.
+    /// The device is out of memory.
     pub fn recolored(&self, gpu: &Gpu, loaded: &LoadedVolume, tf: &TransferFunction) -> Result<Self> {
         let start = Instant::now();
-        let seen = SeenFunction::of(loaded, tf)?;
-        let tables = seen.tables(self.mapping);
+        let MergedFunction { function, tables, .. } = MergedFunction::of(loaded, tf)?;
         let table_ms = start.elapsed().as_secs_f64() * 1e3;
-        let one = one_color(&seen.function, self.forced);
-        let [color_r, color_g, color_b] = one.unwrap_or_default().map(|c| c as f32);
+        let one_color = one_color(&function, self.disabled);
+        let [color_r, color_g, color_b] = one_color.unwrap_or_default();
         let uniform = FieldUniform { color_r, color_g, color_b, ..self.uniform };
         let bindings = Bindings {
             field: uniform_buffer(gpu, "field", &uniform),
-            integrals: integral_texture(gpu, &tables, one.is_some())?,
+            integrals: color_integrals(gpu, &tables, one_color)?,
             ..self.bindings.clone()
         };
-        let march = OnceLock::new();
-        if let Some(table) = self.march.get() {
+        let march = self.march.get().map_or_else(OnceLock::new, |table| {
             let group = bindings.group(gpu, &table.view);
-            let _ = march.set(MarchTable { group, view: table.view.clone(), table_ms: 0.0, ..*table });
-        }
-        let recolored = Self {
+            MarchTable { group, view: table.view.clone(), table_ms: 0.0, ..*table }.into()
+        });
+        Ok(Self {
             active: self.active.clone(),
+            bytes: tables.bytes(one_color.is_some()) + self.active.distance.len() as u64,
+            one_color: one_color.is_some(),
             table_ms,
             classify_ms: 0.0,
             plain_group: bindings.group(gpu, &no_pairs(gpu)?),
@@ -240,21 +251,7 @@ impl DeviceTransfer {
             march,
             tf: self.tf.clone(),
             ..*self
-        };
-        Ok(recolored.with_colors(&tables, &seen.function))
-    }
-
-    fn with_colors(self, tables: &TransferTables, tf: &TransferFunction) -> Self {
-        let one_color = one_color(tf, self.forced).is_some();
-        let bytes = tables.bytes(one_color) + self.active.distance.len() as u64;
-        Self { one_color, bytes, ..self }
-    }
-
-    fn forced_tables(self, gpu: &Gpu) -> Result<Self> {
-        if self.forced.has(Omittable::MarchTable) {
-            self.make_march_table(gpu)?;
-        }
-        Ok(self)
+        })
     }
 
     /// Width of a bin of the integrals in the volume's values.
@@ -262,21 +259,21 @@ impl DeviceTransfer {
         self.mapping.scale / f64::from(self.uniform.table_per_value)
     }
 
-    /// How far float32 may put a value along a ray from what it is, in the volume's values: a cubic of eight texel values
-    /// and the breakpoints that it is compared with; see `docs/bound.md`, "Values".
+    /// Largest float32 error of a value along a ray, in the volume's values: of a cubic of eight texel values and of the
+    /// breakpoints that it is compared with; see `docs/bound.md`, "Values".
     pub fn value_rounding(&self) -> f64 {
         VALUE_ROUNDING * self.largest_texel * self.mapping.scale
     }
 
-    /// The pre-compressed table, where something has needed it.
+    /// Pre-compressed table, if a pass has needed it.
     pub fn march_table(&self) -> Option<&MarchTable> {
         self.march.get()
     }
 
-    /// The pre-compressed table, made when it is first asked for.
+    /// Pre-compressed table, made at the first call.
     ///
     /// # Errors
-    /// A device out of memory.
+    /// The device is out of memory.
     pub fn make_march_table(&self, gpu: &Gpu) -> Result<&MarchTable> {
         if let Some(made) = self.march.get() {
             return Ok(made);
@@ -301,12 +298,11 @@ impl DeviceTransfer {
         self.march.get().map_or(&self.plain_group, |table| &table.group)
     }
 
-    /// A variant as this function and its volume need it: lines end at clip planes where there are some, values are shifted by
-    /// label, texels found in a folded texture; where it marches cell by cell, the pre-compressed table is made now if it has
-    /// not been, and breakpoints that it cannot hold are searched for.
+    /// Adds the definitions that this function and its volume need: clip planes, labels, a folded texture, and the search for
+    /// breakpoints. A variant that marches cell by cell gets the pre-compressed table.
     ///
     /// # Errors
-    /// A device out of memory.
+    /// The device is out of memory.
     pub fn prepared(&self, gpu: &Gpu, variant: ShaderVariant) -> Result<ShaderVariant> {
         let needs = [(self.clips, "CLIP"), (self.labelled, "LABELS"), (self.folded, "FOLDED")];
         let variant = variant.defs(needs.into_iter().filter_map(|(needed, name)| needed.then_some(name)));
@@ -314,45 +310,45 @@ impl DeviceTransfer {
             return Ok(variant);
         }
         let many = self.make_march_table(gpu)?.many_breakpoints;
-        let search = many || self.forced.has(Omittable::BreakpointSearch);
+        let search = many || self.disabled.has(Optimization::BreakpointSearch);
         Ok(variant.defs(search.then_some("MANY_BREAKPOINTS")))
     }
 }
 
-/// The linear RGB colour of everything with extinction, where there is just one.
-fn one_color(tf: &TransferFunction, forced: Forced) -> Option<[f64; 3]> {
-    tf.one_color().filter(|_| !forced.has(Omittable::Colors))
+/// Linear RGB colour of all extinction, where there is only one.
+fn one_color(tf: &TransferFunction, disabled: DisabledOptimizations) -> Option<[f32; 3]> {
+    tf.one_color().filter(|_| !disabled.has(Optimization::Colors)).map(|color| color.map(|c| c as f32))
 }
 
-/// Stands for the pre-compressed table in pipelines that do not read it.
+/// Stand-in for the pre-compressed table in pipelines that do not read it.
 fn no_pairs(gpu: &Gpu) -> Result<wgpu::TextureView> {
     table_texture(gpu, "no pre-compressed table", wgpu::TextureFormat::Rg32Uint, [1, 1], &[[0u32; 2]])
 }
 
 fn field_uniform(
     loaded: &LoadedVolume,
-    tables: &TransferTables,
-    seen: &SeenFunction,
+    MergedFunction { function, tables, hidden_texel, .. }: &MergedFunction,
+    one_color: Option<[f32; 3]>,
     active: &ActiveBricks,
-    forced: Forced,
+    disabled: DisabledOptimizations,
 ) -> FieldUniform {
     let dims = loaded.on_device.dims;
-    let (active_lo, active_hi) = if forced.has(Omittable::Bricks) {
-        ([0.5; 3], dims.map(|n| n as f32 + 0.5))
-    } else {
-        grid_box(active, dims)
+    // Grid space is index space plus one.
+    let grid_box = active.index_box(dims).map(|ends| ends.map(|p| (p + 1.0).as_vec3().to_array()));
+    let [active_lo, active_hi] = match disabled.has(Optimization::Bricks) {
+        true => [[0.5; 3], dims.map(|n| n as f32 + 0.5)],
+        false => grid_box.unwrap_or_default(),
     };
-    let [color_r, color_g, color_b] = one_color(&seen.function, forced).unwrap_or_default().map(|c| c as f32);
-    let [first_value, last_value] = seen.extinct.unwrap_or([tables.first_value, tables.last_value]);
+    let [color_r, color_g, color_b] = one_color.unwrap_or_default();
     FieldUniform {
         size: dims.map(|n| n as u32),
         min_spacing_mm: loaded.volume.min_spacing_mm() as f32,
         inv_size: dims.map(|n| 1.0 / n as f32),
         intervals: tables.intervals.len() as u32,
         active_lo,
-        first_value,
+        first_value: tables.first_value,
         active_hi,
-        last_value,
+        last_value: tables.last_value,
         bin_origin: tables.bin_origin,
         bins_per_value: tables.bins_per_value,
         table_origin: tables.table_origin,
@@ -361,73 +357,45 @@ fn field_uniform(
         color_r,
         color_g,
         color_b,
-        hidden_value: seen.hidden_texel,
+        hidden_value: *hidden_texel,
         padding: [0.0; 3],
-        clip: clip_planes(&loaded.volume, &seen.function.clip),
+        clip: clip_planes(&loaded.volume, &function.clip),
         fold: loaded.on_device.fold.uniform(),
     }
 }
 
-/// Clip planes in a volume's grid space, and behind them such that keep everything.
+/// Clip planes in a volume's grid space, filled up with planes that clip nothing.
 fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLANES] {
     let mut planes = [[0.0, 0.0, 0.0, -1.0]; MOST_CLIP_PLANES];
     let world_from_grid = grid_from_world(volume).inverse();
     for (plane, given) in planes.iter_mut().zip(clip) {
         let (normal, offset) = given.seen_from(world_from_grid);
-        // Of length 1 here too, so that float32 rounds it alike in voxels of all sizes.
+        // Unit length in grid space, so that float32 rounds it alike for all voxel sizes.
         *plane = (normal.extend(offset) / normal.length()).as_vec4().to_array();
     }
     planes
 }
 
-/// The integrals of extinction over the value.
-fn extinction_texture(gpu: &Gpu, tables: &TransferTables) -> Result<wgpu::TextureView> {
-    let size = [tables.extinction_bins.len() as u32, 1];
-    table_texture(
-        gpu,
-        "extinction integrals",
-        wgpu::TextureFormat::Rgba32Float,
-        size,
-        &tables.extinction_bins,
-    )
+/// Integrals of extinction and its colour over the value; a single texel where there is one colour.
+fn color_integrals(
+    gpu: &Gpu,
+    tables: &TransferTables,
+    one_color: Option<[f32; 3]>,
+) -> Result<wgpu::TextureView> {
+    let texels = if one_color.is_some() { &[[0.0; 4]][..] } else { &tables.integrals };
+    row_texture(gpu, "transfer integrals", texels)
 }
 
-/// The integrals of extinction and its colour over the value; nothing where there is one colour.
-fn integral_texture(gpu: &Gpu, tables: &TransferTables, one_color: bool) -> Result<wgpu::TextureView> {
-    let edges = if one_color { &[[0.0; 4]][..] } else { &tables.integrals };
-    let format = wgpu::TextureFormat::Rgba32Float;
-    table_texture(gpu, "transfer integrals", format, [edges.len() as u32, 1], edges)
+fn row_texture(gpu: &Gpu, label: &str, texels: &[[f32; 4]]) -> Result<wgpu::TextureView> {
+    table_texture(gpu, label, wgpu::TextureFormat::Rgba32Float, [texels.len() as u32, 1], texels)
 }
 
-/// Grid-space box (index + 1) of the active bricks, clipped to the domain; empty at the origin where there is none.
-fn grid_box(active: &ActiveBricks, dims: [usize; 3]) -> ([f32; 3], [f32; 3]) {
-    let Some([lo, hi]) = active.bounds else { return ([0.0; 3], [0.0; 3]) };
-    let low = std::array::from_fn(|a| ((lo[a] * BRICK_CELLS) as f32).max(0.5));
-    let high = std::array::from_fn(|a| (((hi[a] + 1) * BRICK_CELLS) as f32).min(dims[a] as f32 + 0.5));
-    (low, high)
-}
-
-fn distance_texture(gpu: &Gpu, active: &ActiveBricks, forced: Forced) -> wgpu::TextureView {
-    use wgpu::util::DeviceExt;
-    let none_empty = forced.has(Omittable::Bricks).then(|| vec![0; active.distance.len()]);
-    let [width, height, depth_or_array_layers] = active.counts.map(|n| n as u32);
-    gpu.device
-        .create_texture_with_data(
-            &gpu.queue,
-            &wgpu::TextureDescriptor {
-                label: Some("brick distances"),
-                size: wgpu::Extent3d { width, height, depth_or_array_layers },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D3,
-                format: wgpu::TextureFormat::R8Uint,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-                view_formats: &[],
-            },
-            wgpu::util::TextureDataOrder::LayerMajor,
-            none_empty.as_ref().unwrap_or(&active.distance),
-        )
-        .create_view(&Default::default())
+fn distance_texture(gpu: &Gpu, active: &ActiveBricks, disabled: DisabledOptimizations) -> wgpu::TextureView {
+    let none_empty = disabled.has(Optimization::Bricks).then(|| vec![0; active.distance.len()]);
+    let counts = active.counts.map(|n| n as u32);
+    let texture = solid_texture(gpu, "brick distances", wgpu::TextureFormat::R8Uint, counts);
+    write_texels(gpu, &texture, [0; 3], counts, none_empty.as_ref().unwrap_or(&active.distance));
+    texture.create_view(&Default::default())
 }
 
 #[cfg(test)]

@@ -1,18 +1,17 @@
-//! How a grid with more voxels along an axis than a 3-D texture has texels lies in one: cut into tiles across that axis,
-//! and the tiles laid side by side along the others.
+//! Folding of a grid that is longer than a 3-D texture: the grid is cut into tiles across the long axis, and the tiles lie
+//! side by side along the other axes of the texture.
 //!
-//! Neighbouring tiles share the voxel layer at their seam, so that every cell lies in one of them whole; where tiles lie
-//! next to each other in the texture, each has its outermost voxels once more around it, so that filters see nothing of
-//! its neighbour.
+//! Neighbouring tiles share the voxel layer at their seam, so that every cell lies in one tile. Where tiles touch in the
+//! texture, each one repeats its outermost voxels around it, so that filters do not read the neighbour.
 
 use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
-/// Where the tiles of a grid lie in its texture. One tile of the grid's own size is a texture that is not folded.
+/// Places of a grid's tiles in its texture. A texture that is not folded has one tile of the grid's size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fold {
-    /// Voxels of the grid.
+    /// Voxels of the grid along each axis.
     dims: [usize; 3],
     /// Voxels from a tile to the next along each axis of the grid; one fewer than a tile has, where it is cut.
     period: [usize; 3],
@@ -22,53 +21,47 @@ pub struct Fold {
     placed: [usize; 3],
 }
 
-/// `Fold` of `shaders/field/field.wgsl`.
+/// `Fold` of `shaders/field/field.wgsl`; the fourth number of each is padding.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(super) struct FoldUniform {
-    pub period: [i32; 3],
-    pub padding_a: u32,
-    pub tiles: [i32; 3],
-    pub padding_b: u32,
-    pub placed: [i32; 3],
-    pub padding_c: u32,
-    pub stride: [i32; 3],
-    pub padding_d: u32,
-    pub margin: [i32; 3],
-    pub padding_e: u32,
-    pub inv_sides: [f32; 3],
-    pub padding_f: u32,
+    pub period: [i32; 4],
+    pub tiles: [i32; 4],
+    pub placed: [i32; 4],
+    pub stride: [i32; 4],
+    pub margin: [i32; 4],
+    pub inv_sides: [f32; 4],
 }
 
-/// What a tile has of an axis.
+/// Span of a tile along an axis.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Part {
-    /// Its voxels.
+pub(super) struct FoldSpan {
+    /// Voxels of the tile.
     pub voxels: Range<usize>,
-    /// How often its first and its last one are repeated before and behind them.
+    /// Repetitions of the first voxel before the span, and of the last one behind it.
     pub margin: usize,
-    /// The texel that the first repetition, or else the first voxel, is in.
+    /// Texel of the first repetition, or of the first voxel without repetitions.
     pub first_texel: usize,
 }
 
-impl Part {
-    /// The voxels that its texels hold, in their order.
-    pub(super) fn of_texels(&self) -> impl Iterator<Item = usize> + Clone {
+impl FoldSpan {
+    /// Voxels in the order of the texels that hold them.
+    pub(super) fn voxels_by_texel(&self) -> impl Iterator<Item = usize> + Clone {
         let Range { start, end } = self.voxels;
         let (before, behind) =
             (std::iter::repeat_n(start, self.margin), std::iter::repeat_n(end - 1, self.margin));
         before.chain(start..end).chain(behind)
     }
 
-    /// How many texels that is.
+    /// Number of texels.
     pub(super) fn texels(&self) -> usize {
         self.voxels.len() + 2 * self.margin
     }
 }
 
 impl Fold {
-    /// For a grid of `dims` voxels in a texture of at most `limit` texels along each axis: the fewest texels of all ways to
-    /// lay the tiles. `None` where there is none.
+    /// Finds the fold with the fewest texels for a grid of `dims` voxels and a texture of at most `limit` texels along each
+    /// axis; `None` where none fits.
     pub fn of(dims: [usize; 3], limit: usize) -> Option<Self> {
         let limit = limit.max(2);
         let tiles = dims.map(|n| if n <= limit { 1 } else { (n - 1).div_ceil(limit - 1) });
@@ -76,7 +69,7 @@ impl Fold {
             std::array::from_fn(|a| if tiles[a] == 1 { dims[a] } else { (dims[a] - 1).div_ceil(tiles[a]) });
         let whole = Self { dims, period, tiles, placed: [1; 3] };
         let count = tiles.iter().try_fold(1usize, |product, n| product.checked_mul(*n))?;
-        // A cut axis has the length of a tile in the texture.
+        // Along a cut axis, the texture is one tile long.
         let most = |a: usize| if tiles[a] == 1 { (limit / (dims[a] + 2)).clamp(1, count) } else { 1 };
         let mut best: Option<(usize, Self)> = None;
         for x in 1..=most(0) {
@@ -95,13 +88,13 @@ impl Fold {
         best.map(|(_, fold)| fold)
     }
 
-    /// As [`Self::of`], where the bricks' distances fit as well, whose texture is not folded.
+    /// Finds the fold of [`Self::of`], if the texture of the bricks' distances fits too, which is not folded.
     pub fn with_bricks(dims: [usize; 3], limit: usize) -> Option<Self> {
         let fit = dims.iter().all(|n| n / BRICK_CELLS < limit);
         fit.then(|| Self::of(dims, limit)).flatten()
     }
 
-    /// How many tiles there are.
+    /// Number of tiles.
     pub fn tiles(&self) -> usize {
         self.tiles.iter().product()
     }
@@ -111,12 +104,12 @@ impl Fold {
         self.tiles != [1; 3]
     }
 
-    /// Voxels of a tile along each axis, at the most.
+    /// Largest number of voxels of a tile along each axis.
     fn tile(&self) -> [usize; 3] {
         std::array::from_fn(|a| if self.tiles[a] == 1 { self.dims[a] } else { self.period[a] + 1 })
     }
 
-    /// How many times a tile's outermost voxels are repeated along each axis of the texture.
+    /// Repetitions of a tile's outermost voxels along each axis of the texture.
     fn margin(&self) -> [usize; 3] {
         self.placed.map(|n| usize::from(n > 1))
     }
@@ -133,8 +126,8 @@ impl Fold {
         std::array::from_fn(|a| self.placed[a] * stride[a])
     }
 
-    /// What each tile has of the three axes.
-    pub(super) fn parts(&self) -> impl Iterator<Item = [Part; 3]> {
+    /// Spans of each tile along the three axes.
+    pub(super) fn spans(&self) -> impl Iterator<Item = [FoldSpan; 3]> {
         let Self { dims, period, tiles, placed } = *self;
         let (stride, margin) = (self.stride(), self.margin());
         let at = |number: usize, counts: [usize; 3]| {
@@ -145,21 +138,21 @@ impl Fold {
             std::array::from_fn(|a| {
                 let first = tile[a] * period[a];
                 let end = if tiles[a] == 1 { dims[a] } else { (first + period[a] + 1).min(dims[a]) };
-                Part { voxels: first..end, margin: margin[a], first_texel: place[a] * stride[a] }
+                FoldSpan { voxels: first..end, margin: margin[a], first_texel: place[a] * stride[a] }
             })
         })
     }
 
     pub(super) fn uniform(&self) -> FoldUniform {
-        let whole = |n: [usize; 3]| n.map(|n| n as i32);
+        let whole = |[x, y, z]: [usize; 3]| [x as i32, y as i32, z as i32, 0];
+        let [x, y, z] = self.sides().map(|n| 1.0 / n as f32);
         FoldUniform {
             period: whole(self.period),
             tiles: whole(self.tiles),
             placed: whole(self.placed),
             stride: whole(self.stride()),
             margin: whole(self.margin()),
-            inv_sides: self.sides().map(|n| 1.0 / n as f32),
-            ..FoldUniform::default()
+            inv_sides: [x, y, z, 0.0],
         }
     }
 }
@@ -178,21 +171,21 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_is_one_tile_of_its_own_size() {
+    fn a_grid_that_fits_is_one_tile() {
         for dims in [[5, 9, 16], [16, 16, 16], [1, 1, 1]] {
             let fold = Fold::of(dims, 16).unwrap();
             assert!(!fold.is_folded() && fold.sides() == dims);
-            let parts: Vec<_> = fold.parts().collect();
-            assert_eq!(parts.len(), 1);
-            for (part, n) in parts[0].iter().zip(dims) {
-                assert_eq!(*part, Part { voxels: 0..n, margin: 0, first_texel: 0 });
+            let spans: Vec<_> = fold.spans().collect();
+            assert_eq!(spans.len(), 1);
+            for (span, n) in spans[0].iter().zip(dims) {
+                assert_eq!(*span, FoldSpan { voxels: 0..n, margin: 0, first_texel: 0 });
             }
         }
     }
 
-    /// Every voxel of every cell is where the shader looks for it, and so are the voxels beside it that a filter may touch.
+    /// Checks the place of every voxel of every cell, and of the neighbours that a filter may read.
     #[test]
-    fn cells_lie_whole_in_one_tile() {
+    fn every_cell_lies_in_one_tile() {
         for (dims, limit) in [
             ([5, 7, 40], 24),
             ([40, 5, 7], 24),
@@ -204,12 +197,12 @@ mod tests {
             let fold = Fold::of(dims, limit).unwrap();
             let sides = fold.sides();
             assert!(fold.is_folded() && sides.iter().all(|n| *n <= limit), "{dims:?} {sides:?}");
-            let mut held = vec![None; sides.iter().product()];
-            for [x, y, z] in fold.parts() {
-                for (k, w) in z.of_texels().zip(z.first_texel..) {
-                    for (j, v) in y.of_texels().zip(y.first_texel..) {
-                        for (i, u) in x.of_texels().zip(x.first_texel..) {
-                            let texel = &mut held[(w * sides[1] + v) * sides[0] + u];
+            let mut stored = vec![None; sides.iter().product()];
+            for [x, y, z] in fold.spans() {
+                for (k, w) in z.voxels_by_texel().zip(z.first_texel..) {
+                    for (j, v) in y.voxels_by_texel().zip(y.first_texel..) {
+                        for (i, u) in x.voxels_by_texel().zip(x.first_texel..) {
+                            let texel = &mut stored[(w * sides[1] + v) * sides[0] + u];
                             assert!(texel.is_none(), "{dims:?}: two tiles overlap");
                             *texel = Some([i, j, k]);
                         }
@@ -234,7 +227,7 @@ mod tests {
                     let voxel: [i32; 3] = std::array::from_fn(|a| cell[a] + step[a]);
                     let [u, v, w] = texel(&fold, cell, voxel);
                     let expected: [usize; 3] = std::array::from_fn(|a| voxel[a].clamp(0, last[a]) as usize);
-                    let found = held[(w * sides[1] + v) * sides[0] + u];
+                    let found = stored[(w * sides[1] + v) * sides[0] + u];
                     assert_eq!(found, Some(expected), "{dims:?}: cell {cell:?} voxel {voxel:?}");
                 }
             }
@@ -242,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fewest_texels_are_taken_and_what_cannot_fit_is_refused() {
+    fn folds_have_the_fewest_texels_or_are_refused() {
         // Two tiles of 1191 slices, side by side.
         assert_eq!(Fold::of([512, 512, 2380], 2048).unwrap().sides(), [512, 1028, 1191]);
         for dims in [[40, 40, 40], [16, 16, 17], [usize::MAX, usize::MAX, usize::MAX], [usize::MAX, 1, 1]] {

@@ -1,5 +1,5 @@
-//! The scalar field on a device: volume, transfer function, bricks, light space, the march along light rays and the
-//! tiles that it fills. Group 0 of every pipeline is made here, and binding 0 of group 1, the light space.
+//! Scalar field on a device: volume, transfer function, bricks, light space, the march along light rays and its tiles.
+//! This module makes group 0 of every pipeline, and binding 0 of group 1, the light space.
 
 mod active_bricks;
 mod constants;
@@ -10,9 +10,8 @@ mod device_volume;
 mod fold;
 mod light_space;
 mod loaded;
-mod omittable;
-mod pool_sizes;
-mod seen_function;
+mod merged_function;
+mod optimizations;
 mod shader;
 mod strand_lines;
 mod tile_march;
@@ -24,12 +23,11 @@ pub use constants::{FAR, LINE_THREADS, NO_TILE, TILE, TILE_TEXELS};
 pub use context::BuildContext;
 pub use device_directions::DeviceDirections;
 pub use device_transfer::{DeviceTransfer, MarchTable};
-pub use device_volume::{DeviceVolume, TexelFormat};
+pub use device_volume::DeviceVolume;
 pub use fold::Fold;
 pub use light_space::{LightSpace, MapShape, Projection, Rounding};
-pub use loaded::{LoadedVolume, grid_from_world};
-pub use omittable::{Forced, Omittable};
-pub use pool_sizes::PoolSizes;
+pub use loaded::{LoadedVolume, PoolSizes, grid_from_world};
+pub use optimizations::{DisabledOptimizations, Optimization};
 pub use shader::{
     DEPTH_SINK, GAUSS, MOST_ROUNDINGS, March, SHORT_PIECE, UNEVEN_DEPTH, field_shader, line_of_workgroups,
     marches_cells, shape_of,

@@ -1,17 +1,16 @@
-//! Strands drawn straight into a map: every segment as pieces of the light rays that it crosses, without a voxel between.
+//! Strands drawn directly into a map: each segment becomes pieces of the light rays that it crosses, without voxels.
 //!
-//! A strand hides the share `d l / A` of a texel: `d` its diameter, `l` how long what lies in the texel is as seen from the
-//! light, `A` the texel's area there. With opacity `a` it lets `1 - a d l / A` of the texel's light through, as deep shadow
-//! maps do where a surface covers a part of a pixel (Lokovic and Veach 2000); several strands count as if they lay
-//! independently of each other, so that their factors are multiplied. Parts of one strand that follow each other in a texel
-//! lie beside each other: their shares are added up, to no more than `a`. A strand that is wider than half a texel is drawn
-//! as lines side by side, eight a texel where it covers whole ones.
+//! A strand covers the share `d l / A` of a texel: `d` is its diameter, `l` its length in the texel across the light, and `A`
+//! the area of the texel. With opacity `a` it transmits `1 - a d l / A` of the texel's light, as deep shadow maps do where a
+//! surface covers a part of a pixel (Lokovic and Veach 2000). Several strands count as independent: their factors are
+//! multiplied. Consecutive parts of one strand in a texel do not overlap: their shares are added up, to at most `a`. A strand
+//! wider than half a texel is drawn as parallel lines, eight per texel where it covers whole texels.
 //!
-//! Kim and Neumann 2001, Yuksel and Keyser 2008 and Voicu 2014 draw lines by the hardware, whose fragments count as a
-//! medium does, `exp(-sum of opacities)`, each at a single depth. Here fragments are as deep as the strand is in the texel,
-//! and cut half way to their neighbours where two overlap, since a march hands on pieces one after another.
+//! Kim and Neumann 2001, Yuksel and Keyser 2008 and Voicu 2014 rasterise lines in hardware: their fragments attenuate as a
+//! medium does, `exp(-sum of opacities)`, each at a single depth. Here fragments are as deep as the strand in the texel, and
+//! overlapping neighbours are cut half way, since a march produces disjoint pieces in order.
 //!
-//! Segments are cut and sorted on the host, in float64, so that the order of pieces is the same on every device.
+//! The host cuts and sorts segments in float64, so that the order of pieces is the same on every device.
 
 use super::LightSpace;
 use super::constants::{NO_TILE, TILE, TILE_TEXELS};
@@ -21,35 +20,34 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Lines beside each other a texel that a strand is drawn as: one narrower than a texel, and a wider one.
+/// Parallel lines per texel of a strand: for one narrower than a texel, and for a wider one.
 const FEW_LINES: f64 = 2.0;
 const MANY_LINES: f64 = 8.0;
-/// What a covered texel lets through at least: what is over is over, and a logarithm of it finite.
+/// Smallest transmittance of a covered texel, so that its logarithm is finite.
 const LEAST_LEFT: f64 = 1e-7;
-/// Depths that are no further apart than this share of the map's range are one.
+/// Largest difference between equal depths, as a share of the map's range.
 const SAME_DEPTH: f64 = 1e-6;
-/// A segment is halved, so often at the most, until a texel is this many times as wide at one end as at the other at most.
+/// Largest ratio of a texel's widths at both ends of a segment, beyond which it is halved, and most halvings.
 const MOST_CHANGE: f64 = 1.25;
 const MOST_HALVINGS: u32 = 12;
-/// Lines beside each other for a part of a segment, at the most, for each texel along a side of the map: a strand that is
-/// wider holds the light.
+/// Most parallel lines of a segment, per texel along a side of the map: a wider strand contains the light.
 const MOST_LINES: f64 = 4.0;
-/// Parts of all lines, at the most: tens of seconds.
+/// Most parts of all lines, which take tens of seconds.
 const MOST_PARTS: usize = 1 << 28;
 /// Words of a piece.
 const PIECE_WORDS: u32 = 3;
-/// Strands that a thread takes at a time.
+/// Strands per task of a thread.
 const STRANDS_AT_ONCE: usize = 64;
 
-/// What a strand does in a texel.
+/// Contribution of a strand to a texel.
 #[derive(Debug, Clone, Copy)]
 struct Fragment {
-    /// The texel's record.
+    /// Record of the texel.
     record: u32,
     /// Depths, mm.
     middle: f64,
     half: f64,
-    /// Share of the light that it takes, and what it takes where it covers all.
+    /// Share of the light that the strand absorbs, and its share where it covers the whole texel.
     taken: f64,
     opacity: f64,
 }
@@ -68,12 +66,12 @@ impl Fragment {
         self.middle + self.half
     }
 
-    /// Of the same strand in the same texel, and right behind it.
+    /// Whether a fragment of the same strand follows in the same texel without a gap.
     fn goes_on_in(&self, next: &Self) -> bool {
         self.record == next.record && next.start() <= self.end()
     }
 
-    /// Both as one.
+    /// Joins two fragments.
     fn joined(&self, next: &Self) -> Self {
         let (from, to) = (self.start().min(next.start()), self.end().max(next.end()));
         let (taken, opacity) = (self.taken + next.taken, self.opacity.max(next.opacity));
@@ -81,11 +79,11 @@ impl Fragment {
     }
 }
 
-/// Fragments of one strand, sorted, each as what it takes of the light that those before it have left: where they follow
-/// each other in a texel, the factors of all give the sum of their shares, or the opacity where that is less. Neighbours
-/// within `most_extent_mm` become one.
+/// Converts the sorted fragments of one strand to shares of the light that earlier fragments transmit. The product of
+/// consecutive fragments in a texel gives the sum of their shares, or the opacity if that is less. Neighbours within
+/// `most_extent_mm` are joined.
 fn shares_of_the_rest(fragments: &[Fragment], most_extent_mm: f64, out: &mut Vec<Fragment>) {
-    // The chain that goes on: what it has taken before its last fragment, and its end.
+    // Current chain: its absorbed share before the last fragment, and this fragment.
     let (mut before, mut last): (f64, Option<Fragment>) = (0.0, None);
     let mut close = |before: f64, fragment: Fragment| {
         let all = (before + fragment.taken).min(fragment.opacity);
@@ -119,13 +117,13 @@ fn shares_of_the_rest(fragments: &[Fragment], most_extent_mm: f64, out: &mut Vec
     }
 }
 
-/// The words of `shaders/field/march_lines.wgsl`: of each record the place of its first piece, and behind the last one the
-/// place behind all; then the pieces, each two depths (mm) and an optical depth, in the order of records and depths.
+/// Words of `shaders/field/march_lines.wgsl`: offset of the first piece of each record and the end of the last one, then the
+/// pieces in the order of records and depths. A piece is two depths (mm) and an optical depth.
 ///
-/// `first_records` is the tile table of a map with so many records.
+/// `first_records` is the tile table of a map with `records` records.
 ///
 /// # Errors
-/// Why the map would hold too much, in a few words: more than `most_bytes`.
+/// The words take more than `most_bytes`; the text is the reason.
 pub(super) fn line_words(
     strands: &Strands,
     space: &LightSpace,
@@ -134,13 +132,13 @@ pub(super) fn line_words(
     most_bytes: u64,
 ) -> Result<Vec<u32>, String> {
     let (most_extent_mm, parts) = (space.texel_mm(), AtomicUsize::new(0));
-    let drawing = Drawing { strands, space, first_records, most_extent_mm, parts: &parts };
+    let rasterizer = StrandRasterizer { strands, space, first_records, most_extent_mm, parts: &parts };
     let ranges = strands.segment_ranges();
     let drawn = ranges.par_chunks(STRANDS_AT_ONCE).map(|ranges| {
         let (mut of_one, mut all) = (Vec::new(), Vec::new());
         for range in ranges {
             of_one.clear();
-            drawing.draw(range.clone(), &mut of_one);
+            rasterizer.draw(range.clone(), &mut of_one);
             of_one.sort_unstable_by(Fragment::place);
             shares_of_the_rest(&of_one, most_extent_mm, &mut all);
         }
@@ -149,7 +147,7 @@ pub(super) fn line_words(
     let drawn = drawn.collect::<Vec<_>>();
     let count: usize = drawn.iter().map(Vec::len).sum();
     let bytes = 4 * (u64::from(records) + 1 + u64::from(PIECE_WORDS) * count as u64);
-    if drawing.is_too_much() || bytes > most_bytes {
+    if rasterizer.is_too_much() || bytes > most_bytes {
         let lists = format!("they cross its texels {count} times or more, {bytes} bytes");
         return Err(format!("{lists}, and the adapter's lists hold {most_bytes}: it is too fine for them"));
     }
@@ -168,21 +166,21 @@ pub(super) fn line_words(
     Ok(words)
 }
 
-struct Drawing<'a> {
+struct StrandRasterizer<'a> {
     strands: &'a Strands,
     space: &'a LightSpace,
     first_records: &'a [u32],
     most_extent_mm: f64,
-    /// Parts that have been drawn by all threads.
+    /// Parts that all threads have drawn.
     parts: &'a AtomicUsize,
 }
 
-impl Drawing<'_> {
+impl StrandRasterizer<'_> {
     fn is_too_much(&self) -> bool {
         self.parts.load(Ordering::Relaxed) > MOST_PARTS
     }
 
-    /// Fragments of a strand's segments.
+    /// Draws the segments of a strand.
     fn draw(&self, segments: Range<usize>, out: &mut Vec<Fragment>) {
         for index in segments {
             let segment = self.strands.segment(index);
@@ -193,10 +191,10 @@ impl Drawing<'_> {
         }
     }
 
-    /// Draws a straight strand between two points; halves where texels are much wider at one end than at the other.
+    /// Draws a segment; halves it where the widths of texels differ much between its ends.
     fn draw_part(&self, [a, b]: [DVec3; 2], strand: (f64, f64), halvings: u32, out: &mut Vec<Fragment>) {
         let middle = 0.5 * (a + b);
-        let (way, texel_mm) = self.space.ray_and_texel_mm(middle);
+        let (direction, texel_mm) = self.space.ray_and_texel_mm(middle);
         let widths = [a, b].map(|p| self.space.ray_and_texel_mm(p).1);
         let [least, most] = [widths[0].min(widths[1]).min(texel_mm), widths[0].max(widths[1]).max(texel_mm)];
         if self.is_too_much() {
@@ -212,7 +210,7 @@ impl Drawing<'_> {
         let texels = diameter / least.max(f64::MIN_POSITIVE);
         let lines = (texels * if texels < 1.0 { FEW_LINES } else { MANY_LINES }).ceil();
         let lines = lines.clamp(1.0, MOST_LINES * f64::from(self.space.map_size));
-        let side = (b - a).cross(way).normalize_or_zero() * diameter;
+        let side = (b - a).cross(direction).normalize_or_zero() * diameter;
         let before = out.len();
         for line in 0..lines as u32 {
             let beside = side * ((f64::from(line) + 0.5) / lines - 0.5);
@@ -230,7 +228,7 @@ impl Drawing<'_> {
         self.parts.fetch_add(out.len() - before + lines as usize, Ordering::Relaxed);
     }
 
-    /// The record of a texel, as `record_of` of `shaders/field/tile_table.wgsl` has it.
+    /// Record of a texel, as `record_of` of `shaders/field/tile_table.wgsl`.
     fn record(&self, [column, row]: [u32; 2]) -> Option<u32> {
         let tile = row / TILE * self.space.tiles_across() + column / TILE;
         let first = self.first_records.get(tile as usize).copied().filter(|first| *first != NO_TILE)?;
@@ -240,7 +238,7 @@ impl Drawing<'_> {
     }
 }
 
-/// Fragments of all strands in the order of records and depths.
+/// Sorts the fragments of all strands by record and depth.
 fn in_order(drawn: &[Vec<Fragment>], records: u32) -> Vec<Fragment> {
     let mut places = vec![0; records as usize + 1];
     drawn.iter().flatten().for_each(|f| places[f.record as usize + 1] += 1);
@@ -261,7 +259,7 @@ fn in_order(drawn: &[Vec<Fragment>], records: u32) -> Vec<Fragment> {
     fragments
 }
 
-/// Fragments in their order, as pieces that do not overlap, with their records.
+/// Converts sorted fragments to disjoint pieces, with their records.
 fn pieces(fragments: &[Fragment], [start, end]: [f64; 2]) -> Vec<(u32, [f32; 3])> {
     let same = SAME_DEPTH * (end - start).max(start.abs()).max(end.abs());
     let mut apart: Vec<(Fragment, f64)> = Vec::with_capacity(fragments.len());
@@ -306,7 +304,7 @@ mod tests {
         assert_eq!(found, expected);
     }
 
-    /// What a strand takes in all.
+    /// Number of fragments, and share of the light that a strand absorbs.
     fn taken(fragments: &[Fragment], most_extent_mm: f64) -> (usize, f64) {
         let mut out = Vec::new();
         shares_of_the_rest(fragments, most_extent_mm, &mut out);
@@ -314,27 +312,31 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_a_strand_add_up_to_no_more_than_its_opacity() {
+    fn shares_of_a_strand_add_up_to_its_opacity_at_most() {
         let chain = |count: u32, taken: f64| -> Vec<Fragment> {
             let part = |i: u32| Fragment { opacity: 0.6, ..fragment(0, f64::from(i), 0.5, taken) };
             (0..count).map(part).collect()
         };
-        // However many of them are joined.
+        // For any number of joined fragments.
         for (most_extent, pieces) in [(0.5, 5), (2.0, 3), (100.0, 1)] {
             let (count, all) = taken(&chain(5, 0.1), most_extent);
             assert_eq!(count, pieces);
             assert!((all - 0.5).abs() < 1e-12, "{all}");
             assert!((taken(&chain(50, 0.1), most_extent).1 - 0.6).abs() < 1e-12);
         }
-        // Apart from each other they are as other strands.
+        // Separate parts count as other strands.
         let apart = [fragment(0, 0.0, 0.1, 0.5), fragment(0, 5.0, 0.1, 0.5), fragment(1, 5.05, 0.1, 0.5)];
         let (count, all) = taken(&apart, 1.0);
         assert!(count == 3 && (all - 0.875).abs() < 1e-12, "{count} {all}");
-        assert_eq!(taken(&[fragment(0, 0.0, 0.1, 0.0)], 1.0).0, 0, "what takes nothing is left out");
+        assert_eq!(
+            taken(&[fragment(0, 0.0, 0.1, 0.0)], 1.0).0,
+            0,
+            "fragments without absorption are skipped"
+        );
     }
 
     #[test]
-    fn what_lies_at_one_depth_is_one_piece_and_what_is_covered_ends_a_ray() {
+    fn fragments_at_one_depth_are_one_piece_and_a_covered_texel_ends_a_ray() {
         let found = pieces(&[fragment(0, 5.0, 1.0, 0.5), fragment(0, 5.0, 2.0, 0.5)], [0.0, 10.0]);
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].1, [3.0, 7.0, -(0.25_f64.ln()) as f32]);

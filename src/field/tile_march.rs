@@ -1,17 +1,17 @@
-//! A tiled map in the making: which tiles are built, where their records lie, and passes over them.
+//! Build of a tiled map: the tiles that are built, the places of their records, and passes over them.
 
 use super::constants::{NO_TILE, TILE_TEXELS};
 use super::shader::LINES_BINDING;
 use super::strand_lines::line_words;
-use super::{BuildContext, LightSpace, MapShape, March, Omittable};
+use super::{BuildContext, LightSpace, MapShape, March, Optimization};
 use crate::error::{Error, Result};
 use crate::gpu::{Group, ShaderVariant, Slot, Span, StorageBuffer, table_texture};
 
 /// Passes over the tiles of a map under which active bricks lie (Hadwiger et al. 2006, 3.4).
 ///
-/// A shader of such a pass imports `umbravox::tiles` (and has `tile_texel` find its texel) and `umbravox::tile_table`
-/// (whose `record_of` says which record is the texel's). Group 1: 0 the light space, 2 the tile table, the method's own
-/// at 1 and from 3 on. Group 2: 0 the list of tiles, the pass's own from 1 on.
+/// The shader of a pass imports `umbravox::tiles` (`tile_texel` finds its texel) and `umbravox::tile_table` (`record_of`
+/// finds the texel's record). Group 1 binds the light space at 0, the tile table at 2, and the method's own resources at 1
+/// and from 3 on. Group 2 binds the list of tiles at 0 and the pass's own resources from 1 on.
 pub struct TileMarch<'a> {
     context: BuildContext<'a>,
     /// The projection of the map.
@@ -21,24 +21,24 @@ pub struct TileMarch<'a> {
     /// Numbers of the tiles that are built, in the order of their records.
     built_tiles: Vec<u32>,
     list: wgpu::Buffer,
-    /// What strands do to the texels' rays, where these are marched from segment to segment.
+    /// Strand segments as pieces of the texels' rays, with [`March::Lines`].
     lines: Option<wgpu::Buffer>,
-    /// Tiles of the map, and those that are built.
+    /// Number of tiles of the map.
     pub tiles: u32,
-    /// Tiles that are built: all with active bricks, or all where that is forced.
+    /// Number of tiles that are built: those with active bricks, or all where [`Optimization::Tiles`] is disabled.
     pub built: u32,
 }
 
 impl<'a> TileMarch<'a> {
-    /// Of a map of this shape.
+    /// Fits a map of this shape and lists its tiles.
     ///
     /// # Errors
-    /// A map that the adapter cannot hold, or strands to be drawn where there are none.
+    /// The adapter cannot hold the map, or there are no strands for [`March::Lines`].
     pub fn fit(context: &BuildContext<'a>, shape: MapShape) -> Result<Self> {
         let gpu = context.gpu();
         let light_space = context.light_space(shape);
         let mut occupied = light_space.occupied_tiles(context.volume, &context.transfer.active);
-        if context.transfer.forced.has(Omittable::Tiles) {
+        if context.transfer.disabled.has(Optimization::Tiles) {
             occupied.fill(true);
         }
         let (entries, list) = layout(&occupied);
@@ -68,33 +68,32 @@ impl<'a> TileMarch<'a> {
         })
     }
 
-    /// Records of all built tiles.
+    /// Number of records of all built tiles.
     pub fn records(&self) -> u32 {
         self.built * TILE_TEXELS
     }
 
-    /// Bytes of the tile table.
+    /// Size of the tile table in bytes.
     pub fn table_bytes(&self) -> u64 {
         u64::from(self.tiles) * 4
     }
 
-    /// Group 1 with the method's own slots, for passes and for lookups.
+    /// Group 1 with the method's own slots, for passes and lookups.
     pub fn group(&self, label: &str, own: &[(u32, Slot<'_>)]) -> Group {
         let kernels = self.context.kernels;
         let shared = [(0, kernels.uniform(&self.light)), (2, Slot::words(&self.table))];
         kernels.group(label, &[&shared, own].concat())
     }
 
-    /// Slots of group 2 that a march of this map reads besides the pass's own.
+    /// Slots of group 2 that the march of this map reads besides the pass's own.
     pub fn march_slots(&self) -> Vec<(u32, Slot<'_>)> {
         self.lines.iter().map(|lines| (LINES_BINDING, Slot::read(lines.as_entire_binding()))).collect()
     }
 
-    /// Runs a pass over all built tiles, in submissions as long as the pace has it; `own` and `stage` are the method's
-    /// slots of groups 1 and 2.
+    /// Runs a pass over all built tiles in batches; `own` and `stage` are the method's slots of groups 1 and 2.
     ///
     /// # Errors
-    /// A device out of memory, or a lost one.
+    /// The device is out of memory or lost.
     pub fn run(
         &self,
         label: &'static str,
@@ -102,15 +101,14 @@ impl<'a> TileMarch<'a> {
         own: &[(u32, Slot<'_>)],
         stage: &[(u32, Slot<'_>)],
     ) -> Result<Span> {
-        let list = (&self.list, self.built);
         let stage = [stage, &self.march_slots()].concat();
-        self.context.run_over(list, label, variant, &self.group(label, own), &stage)
+        self.context.run_over((&self.list, self.built), label, variant, &self.group(label, own), &stage)
     }
 
-    /// The same over some of the built tiles, which `places` names by the order of their records.
+    /// Runs a pass over some of the built tiles; `places` are their indices in the order of records.
     ///
     /// # Errors
-    /// As there.
+    /// The device is out of memory or lost.
     pub fn run_again(
         &self,
         places: &[usize],
@@ -119,15 +117,14 @@ impl<'a> TileMarch<'a> {
         own: &[(u32, Slot<'_>)],
         stage: &[(u32, Slot<'_>)],
     ) -> Result<Span> {
-        let some: Vec<u32> = places.iter().map(|place| self.built_tiles[*place]).collect();
-        let list = StorageBuffer::from_slice(self.context.gpu(), "some tiles", &some)?;
-        let list = (&list, some.len() as u32);
+        let tiles: Vec<u32> = places.iter().map(|place| self.built_tiles[*place]).collect();
+        let list = StorageBuffer::from_slice(self.context.gpu(), "some tiles", &tiles)?;
         let stage = [stage, &self.march_slots()].concat();
-        self.context.run_over(list, label, variant, &self.group(label, own), &stage)
+        self.context.run_over((&list, tiles.len() as u32), label, variant, &self.group(label, own), &stage)
     }
 }
 
-/// The tile table (first record of each tile, or none), and the tiles that have records.
+/// Tile table (first record of each tile, or [`NO_TILE`]) and the list of tiles that have records.
 fn layout(occupied: &[bool]) -> (Vec<u32>, Vec<u32>) {
     let mut list = Vec::new();
     let entry = |(tile, occupied): (usize, &bool)| {
@@ -146,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tiles_that_are_left_out_have_no_records() {
+    fn skipped_tiles_have_no_records() {
         assert_eq!(layout(&[true, false, true]), (vec![0, NO_TILE, 256], vec![0, 2]));
         assert_eq!(layout(&[false]), (vec![NO_TILE], Vec::new()));
     }

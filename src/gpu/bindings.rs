@@ -1,8 +1,8 @@
-//! Bind groups and their layouts, made from one list, so that neither can forget what the other has.
+//! Bind groups and their layouts, both made from one list of slots.
 
 use super::Gpu;
 
-/// What stands behind one `@binding`: the kind that the layout wants and the resource itself.
+/// Resource of one `@binding`, and its type in the layout.
 #[derive(Debug, Clone)]
 pub struct Slot<'a> {
     ty: wgpu::BindingType,
@@ -14,23 +14,23 @@ fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
 }
 
 impl<'a> Slot<'a> {
-    /// `var<uniform>`.
+    /// Slot of a `var<uniform>`.
     pub fn uniform(uniform: &'a wgpu::Buffer) -> Self {
         let resource = uniform.as_entire_binding();
         Self { ty: buffer(wgpu::BufferBindingType::Uniform), resource }
     }
 
-    /// `var<storage, read>`: a whole buffer or a part of one.
+    /// Slot of a `var<storage, read>`: a whole buffer or a part of one.
     pub fn read(resource: wgpu::BindingResource<'a>) -> Self {
         Self { ty: buffer(wgpu::BufferBindingType::Storage { read_only: true }), resource }
     }
 
-    /// `var<storage, read_write>`: a whole buffer or a part of one.
+    /// Slot of a `var<storage, read_write>`: a whole buffer or a part of one.
     pub fn read_write(resource: wgpu::BindingResource<'a>) -> Self {
         Self { ty: buffer(wgpu::BufferBindingType::Storage { read_only: false }), resource }
     }
 
-    /// `texture_2d` or `texture_3d` of `f32` (filterable or not) or `u32`.
+    /// Slot of a `texture_2d` or `texture_3d` of `f32` (filterable or not) or `u32`.
     pub fn texture(
         view: &'a wgpu::TextureView,
         sample_type: wgpu::TextureSampleType,
@@ -40,23 +40,23 @@ impl<'a> Slot<'a> {
         Self { ty, resource: wgpu::BindingResource::TextureView(view) }
     }
 
-    /// `texture_2d<u32>`.
+    /// Slot of a `texture_2d<u32>`.
     pub fn words(view: &'a wgpu::TextureView) -> Self {
         Self::texture(view, wgpu::TextureSampleType::Uint, wgpu::TextureViewDimension::D2)
     }
 
-    /// `texture_2d<f32>`, loaded from and never filtered.
+    /// Slot of a `texture_2d<f32>` without filtering.
     pub fn floats(view: &'a wgpu::TextureView) -> Self {
         let sample_type = wgpu::TextureSampleType::Float { filterable: false };
         Self::texture(view, sample_type, wgpu::TextureViewDimension::D2)
     }
 
-    /// `texture_storage_2d<format, write>`.
+    /// Slot of a `texture_storage_2d<format, write>`.
     pub fn store(view: &'a wgpu::TextureView, format: wgpu::TextureFormat) -> Self {
         Self::store_in(view, format, wgpu::TextureViewDimension::D2)
     }
 
-    /// `texture_storage_2d<format, write>` or `texture_storage_3d<format, write>`.
+    /// Slot of a `texture_storage_2d<format, write>` or `texture_storage_3d<format, write>`.
     pub(super) fn store_in(
         view: &'a wgpu::TextureView,
         format: wgpu::TextureFormat,
@@ -67,17 +67,17 @@ impl<'a> Slot<'a> {
         Self { ty, resource: wgpu::BindingResource::TextureView(view) }
     }
 
-    /// `sampler`; `filtering`: whether it is linear.
+    /// Slot of a `sampler`; `filtering`: whether it is linear.
     pub fn sampler(sampler: &'a wgpu::Sampler, filtering: bool) -> Self {
-        let ty = wgpu::BindingType::Sampler(match filtering {
+        let kind = match filtering {
             true => wgpu::SamplerBindingType::Filtering,
             false => wgpu::SamplerBindingType::NonFiltering,
-        });
-        Self { ty, resource: wgpu::BindingResource::Sampler(sampler) }
+        };
+        Self { ty: wgpu::BindingType::Sampler(kind), resource: wgpu::BindingResource::Sampler(sampler) }
     }
 }
 
-/// A bind group with the layout that pipelines need to take it.
+/// Bind group and its layout.
 #[derive(Debug, Clone)]
 pub struct Group {
     pub(super) layout: wgpu::BindGroupLayout,
@@ -86,33 +86,22 @@ pub struct Group {
 }
 
 impl Group {
-    /// Of slots by their `@binding`. wgpu keeps equal layouts once, so that pipelines fit every group of one shape.
+    /// Creates a group of slots, each with its `@binding`. Equal layouts are one object in wgpu, and so a pipeline fits every
+    /// group with its layout.
     pub fn new(gpu: &Gpu, label: &str, slots: &[(u32, Slot<'_>)]) -> Self {
-        let kinds: Vec<_> = slots
+        let visibility = wgpu::ShaderStages::COMPUTE;
+        let (kinds, entries): (Vec<_>, Vec<_>) = slots
             .iter()
-            .map(|(binding, slot)| wgpu::BindGroupLayoutEntry {
-                binding: *binding,
-                visibility: wgpu::ShaderStages::COMPUTE,
-                ty: slot.ty,
-                count: None,
+            .map(|&(binding, Slot { ty, ref resource })| {
+                let kind = wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+                (kind, wgpu::BindGroupEntry { binding, resource: resource.clone() })
             })
-            .collect();
-        let entries: Vec<_> = slots
-            .iter()
-            .map(|(binding, slot)| wgpu::BindGroupEntry {
-                binding: *binding,
-                resource: slot.resource.clone(),
-            })
-            .collect();
-        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some(label),
-            entries: &kinds,
-        });
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(label),
-            layout: &layout,
-            entries: &entries,
-        });
+            .unzip();
+        let label = Some(label);
+        let descriptor = wgpu::BindGroupLayoutDescriptor { label, entries: &kinds };
+        let layout = gpu.device.create_bind_group_layout(&descriptor);
+        let descriptor = wgpu::BindGroupDescriptor { label, layout: &layout, entries: &entries };
+        let group = gpu.device.create_bind_group(&descriptor);
         Self { layout, group, kinds }
     }
 }

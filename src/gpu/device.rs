@@ -1,37 +1,37 @@
-//! Choosing an adapter and opening a device with all the limits that it has.
+//! Choice of an adapter, and the open device with all limits of the adapter.
 
+use super::counters::DeviceCounters;
 use super::sharing::{Sharing, Uncaptured};
-use super::watch::Watch;
 use crate::error::{Error, Result};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::Instant;
 
-/// An open device. Limits are the adapter's own; features beyond the core are optional.
+/// Open device with the adapter's limits; features beyond the core are optional.
 #[derive(Debug)]
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
-    /// What the adapter says of itself.
+    /// Name, backend and driver of the adapter.
     pub info: wgpu::AdapterInfo,
-    /// Whether 32-bit float textures can be filtered by the hardware.
+    /// Whether the hardware filters 32-bit float textures.
     pub filters_float32: bool,
-    /// Nanoseconds a timestamp tick, where the adapter has timestamps and is no software one.
+    /// Nanoseconds per timestamp tick, where the adapter has timestamps and is not a software adapter.
     pub timestamp_period_ns: Option<f32>,
-    /// Counts loops of shaders that reach their bound.
-    pub watch: Watch,
-    /// Errors that no call returned (validation, out of memory), and who submits when.
+    /// Counters of shader loops that reach their iteration limit.
+    pub counters: DeviceCounters,
+    /// Errors that no call returned (validation, out of memory), and the lock on submissions.
     pub sharing: Sharing,
     lost: DeviceLoss,
 }
 
-/// Whether a device has been lost, and why; clones know what the first one knows.
+/// Reason of a device's loss; clones share it.
 #[derive(Debug, Clone, Default)]
 pub struct DeviceLoss(Arc<Mutex<Option<String>>>);
 
 impl DeviceLoss {
-    /// The driver's reason, once the device is lost: nothing that is on it can be used any more.
+    /// Returns the driver's reason once the device is lost; none of its resources can be used from then on.
     pub fn reason(&self) -> Option<String> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -41,10 +41,10 @@ const NO_ADAPTER_HINT: &str = "install a Vulkan driver; without a GPU a software
     (Debian/Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1)";
 
 impl Gpu {
-    /// Opens the adapter whose name contains `name` (any case), or the one the system prefers.
+    /// Opens the adapter whose name contains `name` (any case), or the system's preferred adapter.
     ///
     /// # Errors
-    /// No adapter, none of that name, or one without compute, with a hint on how to get a software one.
+    /// No adapter, none of that name, or one without compute; a hint says how to get a software adapter.
     pub fn open(name: Option<&str>) -> Result<Self> {
         let adapter = choose(name)?;
         let info = adapter.get_info();
@@ -53,7 +53,7 @@ impl Gpu {
         Ok(Self::from_parts(&adapter, device, queue))
     }
 
-    /// What a device is asked for: all the adapter's limits, and the optional features that are used where they exist.
+    /// Descriptor of the device: all the adapter's limits, and the optional features that it has.
     pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
         let wanted = wgpu::Features::TIMESTAMP_QUERY
             | wgpu::Features::FLOAT32_FILTERABLE
@@ -66,8 +66,7 @@ impl Gpu {
         }
     }
 
-    /// Works on a device that someone else opened with [`Self::device_descriptor`], such as a window that shows
-    /// pictures from the very same device.
+    /// Wraps a device that was opened with [`Self::device_descriptor`], such as a window's.
     pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = adapter.get_info();
         let features = device.features();
@@ -86,12 +85,12 @@ impl Gpu {
         let timestamp_period_ns = features
             .contains(wgpu::Features::TIMESTAMP_QUERY)
             .then(|| queue.get_timestamp_period())
-            // A software adapter's timestamps need not enclose the work (lavapipe has said 0.04 ms of a 75 ms pass), and
-            // its work is the host's own: there the wall clock is the true one.
+            // A software adapter's timestamps need not enclose the work (lavapipe reported 0.04 ms for a pass of 75 ms). Its
+            // work runs on the host, and so the wall clock is right.
             .filter(|p| *p > 0.0 && info.device_type != wgpu::DeviceType::Cpu);
         tracing::info!("adapter: {} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info);
         Self {
-            watch: Watch::new(&device),
+            counters: DeviceCounters::new(&device),
             device,
             queue,
             info,
@@ -102,24 +101,24 @@ impl Gpu {
         }
     }
 
-    /// Knows when the device is lost.
+    /// Handle that reports the loss of the device.
     pub fn loss(&self) -> DeviceLoss {
         self.lost.clone()
     }
 
-    /// The first error of this thread's calls that none of them returned, if there was one since the last time.
+    /// Returns the first error since the last call that no call of this thread returned.
     pub fn take_error(&self) -> Result<()> {
         let failed =
             |e: Uncaptured| Err(Error::runtime("the graphics device failed", &self.info.name, e.why));
         self.sharing.take_error().map_or(Ok(()), failed)
     }
 
-    /// Submits, once nobody holds submissions back.
+    /// Submits commands, once no thread holds submissions back.
     pub fn submit<I: IntoIterator<Item = wgpu::CommandBuffer>>(&self, commands: I) -> wgpu::SubmissionIndex {
         self.sharing.unheld(|| self.queue.submit(commands))
     }
 
-    /// The same, with when that was.
+    /// Submits commands and returns the time of the submission.
     pub fn submit_timed<I: IntoIterator<Item = wgpu::CommandBuffer>>(
         &self,
         commands: I,
@@ -127,13 +126,7 @@ impl Gpu {
         self.sharing.unheld(|| (Instant::now(), self.queue.submit(commands)))
     }
 
-    /// Submits and waits until the device has done it all.
-    pub fn submit_and_wait(&self, encoder: wgpu::CommandEncoder) -> Result<()> {
-        let submission = self.submit([encoder.finish()]);
-        self.wait_for(submission)
-    }
-
-    /// Waits until the device has done a submission, whatever others have submitted since.
+    /// Waits for the end of a submission, not for later ones of other threads.
     pub fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
         self.device
             .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
@@ -142,39 +135,37 @@ impl Gpu {
     }
 
     /// Refuses a 2-D texture that the adapter cannot hold.
-    pub fn check_texture(&self, what: &str, sides: [u32; 2]) -> Result<()> {
+    pub fn check_texture(&self, label: &str, [width, height]: [u32; 2]) -> Result<()> {
         let limit = self.device.limits().max_texture_dimension_2d;
-        if sides.iter().any(|s| *s > limit) {
-            return Err(Error::runtime(
-                format!("cannot allocate {what}"),
-                &self.info.name,
-                format!("{} x {} texels, the adapter's textures end at {limit}", sides[0], sides[1]),
-            ));
+        if width.max(height) > limit {
+            let why = format!("{width} x {height} texels, the adapter's textures end at {limit}");
+            return Err(self.cannot_allocate(label, why));
         }
         Ok(())
     }
 
     /// Refuses a buffer that the adapter cannot bind.
-    pub fn check_storage(&self, what: &str, bytes: u64) -> Result<()> {
+    pub(super) fn check_storage(&self, label: &str, bytes: u64) -> Result<()> {
         let limits = self.device.limits();
         let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         if bytes > limit {
-            return Err(Error::runtime(
-                format!("cannot allocate {what}"),
-                &self.info.name,
-                format!("{bytes} bytes are more than the {limit} that the adapter can bind"),
-            ));
+            let why = format!("{bytes} bytes are more than the {limit} that the adapter can bind");
+            return Err(self.cannot_allocate(label, why));
         }
         Ok(())
     }
+
+    pub(super) fn cannot_allocate(&self, label: &str, why: String) -> Error {
+        Error::runtime(format!("cannot allocate {label}"), &self.info.name, why)
+    }
 }
 
-/// Texels along an axis of the largest 3-D texture of the adapter that the system prefers; `None` where there is none.
+/// Largest side of 3-D textures on the system's preferred adapter; `None` without an adapter.
 pub fn texture_side() -> Option<usize> {
     choose(None).ok().map(|adapter| adapter.limits().max_texture_dimension_3d as usize)
 }
 
-/// One for the process: NVIDIA's driver (580.159) finds no adapter for the 31st, though all before it are dropped.
+/// One instance for the process: NVIDIA's driver (580.159) finds no adapter for the 31st, even if all others are dropped.
 static INSTANCE: LazyLock<wgpu::Instance> =
     LazyLock::new(|| wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle()));
 

@@ -1,4 +1,4 @@
-//! Compute pipelines of one device, compiled when first needed, and running them timed.
+//! Compute pipelines of one device: compiled at first use, run and timed.
 
 use super::{Gpu, Group, PassTimer, PipelineStore, ShaderVariant, Slot, Span, Work, compose, read_back};
 use crate::error::{Error, Result};
@@ -6,50 +6,50 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// What a pipeline was compiled for: its shader and the kinds of what groups 0, 1 and 2 bind.
-type Key = (ShaderVariant, Vec<Vec<wgpu::BindGroupLayoutEntry>>);
+/// Key of a compiled pipeline: its shader and the layouts of groups 0, 1 and 2.
+type PipelineKey = (ShaderVariant, Vec<Vec<wgpu::BindGroupLayoutEntry>>);
 
-/// A device with its compiled pipelines; immutable apart from that cache.
+/// Device with its compiled pipelines; immutable apart from that cache.
 pub struct Kernels {
     gpu: Gpu,
     timer: PassTimer,
     store: Option<PipelineStore>,
-    /// Uniforms of groups 1 and 2 are read as storage, see [`Self::new`].
+    /// Whether uniforms of groups 1 and 2 are read as storage, see [`Self::new`].
     live: bool,
-    /// Pipelines count their work, see [`Self::counting_work`].
+    /// Whether pipelines count their work, see [`Self::counting_work`].
     counting: AtomicBool,
-    pipelines: Mutex<HashMap<Key, Arc<wgpu::ComputePipeline>>>,
+    pipelines: Mutex<HashMap<PipelineKey, Arc<wgpu::ComputePipeline>>>,
 }
 
 impl Kernels {
-    /// `live`: uniforms of groups 1 and 2 are bound as read-only storage instead. A software adapter (lavapipe) puts the
-    /// values of uniforms into the code that it compiles, which makes a picture faster, and the first one under every
-    /// other light slower by hundreds of milliseconds.
+    /// Wraps a device. With `live`, uniforms of groups 1 and 2 are bound as read-only storage. A software adapter (lavapipe)
+    /// compiles the values of uniforms into its code: a picture is faster, but the first picture under another light is
+    /// hundreds of milliseconds slower.
     pub fn new(gpu: Gpu, live: bool) -> Self {
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
         Self { gpu, timer, store, live, counting: AtomicBool::new(false), pipelines: Mutex::default() }
     }
 
-    /// The device itself.
+    /// Device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// The slot of a `var<uniform>` of group 1 or 2.
+    /// Slot of a `var<uniform>` of group 1 or 2.
     pub fn uniform<'a>(&self, uniform: &'a wgpu::Buffer) -> Slot<'a> {
         if self.live { Slot::read(uniform.as_entire_binding()) } else { Slot::uniform(uniform) }
     }
 
-    /// A bind group of slots by their `@binding`.
+    /// Bind group of slots, each with its `@binding`.
     pub fn group(&self, label: &str, slots: &[(u32, Slot<'_>)]) -> Group {
         Group::new(&self.gpu, label, slots)
     }
 
-    /// The pipeline of a variant over groups of these shapes.
+    /// Pipeline of a variant with these groups, compiled at the first call.
     ///
     /// # Errors
-    /// A shader that does not compile, which is a fault of this program or of the driver.
+    /// The shader does not compile: a fault of this program or of the driver.
     pub fn pipeline(&self, variant: &ShaderVariant, groups: &[&Group]) -> Result<Arc<wgpu::ComputePipeline>> {
         let mut variant = variant.clone();
         if !self.gpu.filters_float32 {
@@ -89,10 +89,10 @@ impl Kernels {
         Ok(pipeline)
     }
 
-    /// What passes do, counted by variants of their shaders that are slower for it: nothing of `passes` is to be timed.
+    /// Runs passes with shaders that count their work, and returns the counts. These shaders are slower: do not time them.
     ///
     /// # Errors
-    /// Those of `passes`, or a lost device.
+    /// Errors of `passes`, or a lost device.
     pub fn counting_work<T>(&self, passes: impl FnOnce() -> Result<T>) -> Result<(T, Work)> {
         self.take_work()?;
         self.counting.store(true, Ordering::Relaxed);
@@ -102,15 +102,15 @@ impl Kernels {
     }
 
     fn take_work(&self) -> Result<Work> {
-        let counters = self.gpu.watch.counters();
+        let counters = self.gpu.counters.buffer();
         let words = read_back::<u32>(&self.gpu, counters, (counters.size() / 4) as usize)?;
-        Ok(self.gpu.watch.take_work(&self.gpu.queue, &words))
+        Ok(self.gpu.counters.take_work(&self.gpu.queue, &words))
     }
 
-    /// Runs so many workgroups of a pipeline and waits for them; nothing runs where there are none.
+    /// Runs a pipeline with `size` workgroups and waits for it; a size of 0 runs nothing.
     ///
     /// # Errors
-    /// As [`Self::pipeline`], or a lost device.
+    /// The shader does not compile, or the device is lost.
     pub fn run(
         &self,
         label: &str,
@@ -121,10 +121,10 @@ impl Kernels {
         self.run_all(label, &[(variant, size)], groups)
     }
 
-    /// Runs pipelines one after another over the same groups, as [`Self::run`] does one.
+    /// Runs pipelines one after another with the same groups in one submission, and waits for it.
     ///
     /// # Errors
-    /// As there.
+    /// The shader does not compile, or the device is lost.
     pub fn run_all(
         &self,
         label: &str,
@@ -139,11 +139,11 @@ impl Kernels {
         })
     }
 
-    /// Runs a pipeline once a step, each with a last group and a size of its own, and waits for all: each step sees what
-    /// those before it have stored.
+    /// Runs a pipeline once per step, each with its own last group and size, and waits for all of them. A step sees what
+    /// earlier steps stored.
     ///
     /// # Errors
-    /// As [`Self::run`].
+    /// The shader does not compile, or the device is lost.
     pub fn run_steps(
         &self,
         label: &str,
@@ -159,10 +159,10 @@ impl Kernels {
         })
     }
 
-    /// Runs as [`Self::run`] does, without waiting: the submission can be waited for.
+    /// Submits a pipeline without waiting for it.
     ///
     /// # Errors
-    /// As [`Self::pipeline`].
+    /// The shader does not compile.
     pub fn submit(
         &self,
         variant: &ShaderVariant,

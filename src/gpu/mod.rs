@@ -1,30 +1,30 @@
-//! The device and what every stage needs of it: limits, buffers, bind groups, pipelines, timestamps.
+//! The graphics device: limits, buffers, textures, bind groups, pipelines, timestamps.
 
 mod bindings;
 mod buffers;
+mod counters;
 mod device;
 mod kernels;
 #[cfg(test)]
-mod layout;
+mod layout_tests;
 mod pipeline_cache;
 mod shaders;
 mod sharing;
+mod textures;
 mod timing;
-mod volume_texture;
-mod watch;
 
 pub use bindings::{Group, Slot};
-pub use buffers::{
-    StorageBuffer, clamp_sampler, copy_rows, read_back, steady_side, store_texture, table_texture,
-    uniform_buffer,
-};
+pub use buffers::{StorageBuffer, read_back, uniform_buffer};
+pub use counters::{DeviceCounters, WORK_KINDS, WORK_WORDS, Work};
 pub use device::{DeviceLoss, Gpu, texture_side};
 pub use kernels::Kernels;
 #[cfg(test)]
-pub(crate) use layout::{assert_layout, wgsl_layout};
+pub(crate) use layout_tests::{assert_layout, wgsl_layout};
 pub use pipeline_cache::PipelineStore;
 pub use shaders::{Constant, ShaderVariant, compose, shader_paths};
 pub use sharing::{Sharing, Uncaptured};
+pub use textures::{
+    VolumeTexture, clamp_sampler, copy_rows, solid_texture, store_texture, table_texture, texture,
+    write_texels,
+};
 pub use timing::{Clock, PassTimer, Span};
-pub use volume_texture::{VolumeTexture, solid_texture};
-pub use watch::{WORK_KINDS, WORK_WORDS, Watch, Work};

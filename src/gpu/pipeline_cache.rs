@@ -1,21 +1,21 @@
-//! Compiled pipelines kept between runs of the program, where the adapter can hand them out.
+//! Cache of compiled pipelines on disk, where the adapter supports it.
 
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// A cache that has grown beyond this is started anew: what older versions compiled never leaves it.
+/// Largest cache that is read: the pipelines of older versions never leave it, and so it is started anew beyond this size.
 const MOST_BYTES: u64 = 64 << 20;
 
-/// The adapter's cache and the file that keeps it: `umbravox/wgpu_pipeline_cache_...` in the user's cache folder.
+/// Adapter's pipeline cache and its file: `umbravox/wgpu_pipeline_cache_...` in the user's cache folder.
 ///
-/// Nothing depends on it: a file that cannot be read or written, or is of another driver, means compiling.
+/// A file that cannot be read or written, or that is from another driver, means that pipelines are compiled.
 #[derive(Debug)]
 pub struct PipelineStore {
-    /// wgpu's cache, which pipelines are made with.
+    /// Cache that pipelines are created with.
     pub cache: wgpu::PipelineCache,
     file: PathBuf,
-    /// What the file held when it was read.
+    /// Content of the file when it was read.
     stored: Option<Vec<u8>>,
 }
 
@@ -33,8 +33,8 @@ impl PipelineStore {
         let file = folder.join(wgpu::util::pipeline_cache_key(info)?);
         let small = fs::metadata(&file).is_ok_and(|m| m.len() <= MOST_BYTES);
         let stored = if small { fs::read(&file).ok() } else { None };
-        // SAFETY: only this type writes the file, whole or not at all, with what the same call of wgpu handed out; wgpu and
-        // the driver check its headers against adapter and driver version.
+        // SAFETY: only this type writes the file, whole or not at all, with data from wgpu. wgpu and the driver check its
+        // headers against the versions of adapter and driver.
         let cache = unsafe {
             device.create_pipeline_cache(&wgpu::PipelineCacheDescriptor {
                 label: Some("pipelines"),
@@ -45,7 +45,7 @@ impl PipelineStore {
         Some(Self { cache, file, stored })
     }
 
-    /// Writes what there is now, unless the file holds that already.
+    /// Writes the cache, unless the file already has this content.
     fn save(&self) -> std::io::Result<()> {
         let Some(data) = self.cache.get_data().filter(|d| self.stored.as_ref() != Some(d)) else {
             return Ok(());
@@ -62,7 +62,7 @@ impl PipelineStore {
 impl Drop for PipelineStore {
     fn drop(&mut self) {
         if let Err(e) = self.save() {
-            tracing::debug!("cannot keep compiled pipelines ({}): {e}", self.file.display());
+            tracing::debug!("cannot save compiled pipelines ({}): {e}", self.file.display());
         }
     }
 }
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_kept_is_read_again_and_rubbish_is_not_believed() {
+    fn a_saved_cache_is_read_again_and_a_damaged_one_is_replaced() {
         let Ok(gpu) = Gpu::open(None) else {
             println!("skipped: there is no graphics adapter");
             return;
@@ -88,14 +88,14 @@ mod tests {
         assert_eq!(first.stored, None);
         let file = first.file.clone();
         drop(first);
-        let kept = fs::read(&file).unwrap();
+        let saved = fs::read(&file).unwrap();
         let second = open().unwrap();
-        assert_eq!(second.stored.as_ref(), Some(&kept));
+        assert_eq!(second.stored.as_ref(), Some(&saved));
         drop(second);
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "nothing is left behind");
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "no temporary file is left");
         fs::write(&file, b"rubbish").unwrap();
         drop(open().unwrap());
         gpu.take_error().unwrap();
-        assert_eq!(fs::read(&file).unwrap(), kept, "it is replaced");
+        assert_eq!(fs::read(&file).unwrap(), saved, "the damaged file is replaced");
     }
 }

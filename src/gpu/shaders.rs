@@ -1,4 +1,4 @@
-//! WGSL modules, put together by naga_oil: which files make a pipeline is decided here by name.
+//! Shader variants: the WGSL modules of a pipeline, composed by naga_oil.
 
 use crate::error::{Error, Result};
 use include_dir::{Dir, include_dir};
@@ -9,7 +9,7 @@ use wgpu::naga;
 
 static SHADERS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/shaders");
 
-/// A number that a shader writes as `#{NAME}` and the host knows by a constant of its own: one place for both.
+/// Number that host and shaders share: shaders write it as `#{NAME}`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Constant {
     name: &'static str,
@@ -20,22 +20,22 @@ pub struct Constant {
 enum Literal {
     Unsigned(u32),
     Signed(i32),
-    /// Bits of a float32.
+    /// Bits of an `f32`.
     Float(u32),
 }
 
 impl Constant {
-    /// A `u32`.
+    /// Constant of type `u32`.
     pub const fn unsigned(name: &'static str, value: u32) -> Self {
         Self { name, value: Literal::Unsigned(value) }
     }
 
-    /// An `i32`.
+    /// Constant of type `i32`.
     pub const fn signed(name: &'static str, value: i32) -> Self {
         Self { name, value: Literal::Signed(value) }
     }
 
-    /// An `f32`.
+    /// Constant of type `f32`.
     pub const fn float(name: &'static str, value: f32) -> Self {
         Self { name, value: Literal::Float(value.to_bits()) }
     }
@@ -50,13 +50,13 @@ impl Constant {
     }
 }
 
-/// Which files, definitions and constants make one pipeline.
+/// Files, definitions and constants of one pipeline.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct ShaderVariant {
     /// File with the entry point, e.g. `render/raycast.wgsl`.
     pub entry: &'static str,
-    /// Modules added in order; two files may offer one import path (`umbravox::sink`, `umbravox::method`): the variant
-    /// names the one it means.
+    /// Modules in the order of composition. Several files define the import paths `umbravox::sink` and `umbravox::method`:
+    /// a variant lists one of them.
     pub modules: Vec<&'static str>,
     /// Names defined for `#ifdef`.
     pub defs: Vec<&'static str>,
@@ -65,33 +65,33 @@ pub struct ShaderVariant {
 }
 
 impl ShaderVariant {
-    /// A file that stands alone.
+    /// Variant of one file without modules.
     pub fn of(entry: &'static str) -> Self {
         Self { entry, modules: Vec::new(), defs: Vec::new(), constants: Vec::new() }
     }
 
-    /// With more modules, behind those that there are.
+    /// Appends modules.
     #[must_use]
     pub fn modules(mut self, modules: &[&'static str]) -> Self {
         self.modules.extend(modules);
         self
     }
 
-    /// With more definitions.
+    /// Appends definitions.
     #[must_use]
     pub fn defs(mut self, defs: impl IntoIterator<Item = &'static str>) -> Self {
         self.defs.extend(defs);
         self
     }
 
-    /// With more constants.
+    /// Appends constants.
     #[must_use]
     pub fn constants(mut self, constants: &[Constant]) -> Self {
         self.constants.extend(constants);
         self
     }
 
-    /// The text of a file with its constants put in.
+    /// Source of a file with the values of its constants.
     fn source(&self, path: &str) -> Result<String> {
         let fail = |why: String| Error::runtime("cannot compose shader", path, why);
         let file = SHADERS.get_file(path).and_then(|f| f.contents_utf8());
@@ -107,7 +107,7 @@ impl ShaderVariant {
     }
 }
 
-/// Paths under `shaders/` of the files that pipelines of this crate are made of (the window's own are not among them).
+/// Paths of all files under `shaders/` but those of the window.
 pub fn shader_paths() -> Vec<&'static str> {
     let mut folders = vec![&SHADERS];
     let mut paths = Vec::new();
@@ -120,15 +120,15 @@ pub fn shader_paths() -> Vec<&'static str> {
     paths
 }
 
-/// Composes a variant to a naga module; with `live`, what it declares as uniforms of groups 1 and 2 is read as storage
+/// Composes a variant to a naga module; with `live`, its uniforms of groups 1 and 2 are read as storage
 /// (see [`Kernels::new`](super::Kernels::new)).
 ///
 /// # Errors
-/// A shader that does not compose is a fault of this program: runtime error with naga's message.
+/// The shader does not compose, which is a fault of this program; the error has naga's message.
 pub fn compose(variant: &ShaderVariant, live: bool) -> Result<naga::Module> {
     let fail = |file: &str, why: String| Error::runtime("cannot compose shader", file, why);
     let defs = || variant.defs.iter().map(|d| (d.to_string(), ShaderDefValue::Bool(true))).collect();
-    // Half floats packed in words: a part of WebGPU, which only OpenGL's older adapters lack.
+    // Half floats packed in words are a part of WebGPU; only old OpenGL adapters lack them.
     let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
     let mut composer = Composer::default().with_capabilities(capabilities);
     for path in &variant.modules {

@@ -1,59 +1,59 @@
-//! A device that several threads use: whose errors are whose, and who submits when.
+//! Sharing of a device between threads: errors by thread, and a lock on submissions.
 //!
-//! A window on the device makes its surface anew when it is resized. wgpu waits for the device to be idle for that, and
-//! gives up where another thread submits meanwhile; what the window then paints has a size that its surface has not. So
-//! whoever shows a window can hold the others' submissions back for a moment, and errors belong to the thread whose call
-//! failed, so that a picture is not given up for what the window did.
+//! A window recreates its surface when it is resized. wgpu waits until the device is idle for that, and fails if another
+//! thread submits meanwhile; the window then paints in a size that its surface does not have. The window therefore holds
+//! back the submissions of other threads for a moment. Errors belong to the thread whose call failed, so that an error of
+//! the window does not discard a picture of another thread.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::{Duration, Instant};
 
-/// Submissions are held back no longer than this, whatever became of the one who holds them.
+/// Longest time that submissions are held back, even without a release.
 const LONGEST_HOLD: Duration = Duration::from_secs(1);
 
-/// What the users of one device share; clones know what the first one knows.
+/// State that the users of one device share; clones refer to the same state.
 #[derive(Debug, Clone, Default)]
 pub struct Sharing(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Until when nobody submits.
+    /// End of the time in which no thread submits.
     held: Mutex<Option<Instant>>,
     released: Condvar,
-    /// The first error that no call returned, of each thread.
+    /// First error of each thread that no call returned.
     errors: Mutex<Vec<(ThreadId, Uncaptured)>>,
 }
 
-/// An error that no call returned.
+/// Error that no call returned.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Uncaptured {
-    /// What wgpu says of it.
+    /// Message of wgpu.
     pub why: String,
-    /// The device has no memory left: trying again mends nothing.
+    /// Whether the device is out of memory: a repetition would fail as well.
     pub out_of_memory: bool,
 }
 
 fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
-    // A panic elsewhere leaves plain data that is as good as before.
+    // The data is plain: a panic of another thread leaves it valid.
     slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Sharing {
-    /// Holds back what goes through [`Gpu::submit`](super::Gpu::submit), from when this returns until [`Self::release`], or
-    /// for a second.
+    /// Holds back [`Gpu::submit`](super::Gpu::submit) from the return of this call until [`Self::release`], for a second at
+    /// most.
     pub fn hold(&self) {
         *lock(&self.0.held) = Some(Instant::now() + LONGEST_HOLD);
     }
 
-    /// Lets submissions go on.
+    /// Ends the hold.
     pub fn release(&self) {
         if lock(&self.0.held).take().is_some() {
             self.0.released.notify_all();
         }
     }
 
-    /// Does what nobody may do while submissions are held, and during which nobody can hold them.
+    /// Waits until submissions are not held, and runs `act` while no thread can hold them.
     pub(super) fn unheld<T>(&self, act: impl FnOnce() -> T) -> T {
         let mut held = lock(&self.0.held);
         while let Some(left) = held.and_then(|until| until.checked_duration_since(Instant::now())) {
@@ -63,7 +63,7 @@ impl Sharing {
         act()
     }
 
-    /// Notes an error of a call of this thread, unless there is one that nobody has taken.
+    /// Stores an error of a call of this thread, unless an earlier one has not been taken.
     pub(super) fn note(&self, error: &wgpu::Error) {
         let mut errors = lock(&self.0.errors);
         let here = thread::current().id();
@@ -73,7 +73,7 @@ impl Sharing {
         }
     }
 
-    /// The first error of this thread's calls since the last time.
+    /// Returns the first error of this thread's calls since the last call.
     pub fn take_error(&self) -> Option<Uncaptured> {
         let mut errors = lock(&self.0.errors);
         let here = thread::current().id();
@@ -88,7 +88,7 @@ mod tests {
     use crate::gpu::Gpu;
 
     #[test]
-    fn what_is_held_waits_for_its_release_and_no_longer_than_a_second() {
+    fn submissions_wait_for_the_release_for_a_second_at_most() {
         let sharing = Sharing::default();
         let theirs = sharing.clone();
         assert_eq!(sharing.unheld(|| 1), 1);
@@ -100,15 +100,15 @@ mod tests {
         let released = Instant::now();
         sharing.release();
         assert!(waits.join().unwrap() >= released);
-        // Forgotten by whoever held it.
+        // Without a release.
         sharing.hold();
         sharing.unheld(|| ());
         assert!(start.elapsed() >= LONGEST_HOLD);
-        assert_eq!(sharing.unheld(|| 2), 2, "and it is not held any more");
+        assert_eq!(sharing.unheld(|| 2), 2, "the hold has ended");
     }
 
     #[test]
-    fn an_error_is_of_the_thread_whose_call_failed() {
+    fn errors_belong_to_the_thread_whose_call_failed() {
         let gpu = match Gpu::open(None) {
             Ok(gpu) => gpu,
             Err(e) => return println!("skipped: {e}"),

@@ -1,12 +1,12 @@
 //! Milliseconds of a compute pass: by the adapter's timestamps where it has them, by the wall clock otherwise.
 
 use super::Gpu;
-use super::buffers::{read_staging, staging_buffer};
-use super::watch::WATCH_BYTES;
+use super::buffers::{buffer, read_staging, staging_buffer};
+use super::counters::LOOP_COUNTER_BYTES;
 use crate::error::Result;
 use std::sync::{Mutex, PoisonError};
 
-/// Which clock a duration is from.
+/// Clock of a duration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
@@ -25,42 +25,42 @@ impl std::fmt::Display for Clock {
     }
 }
 
-/// A measured duration on both clocks.
+/// Duration on both clocks.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Span {
-    /// By timestamps, where the adapter has them.
+    /// Milliseconds by timestamps, where the adapter has them.
     pub gpu_ms: Option<f64>,
-    /// By the host's clock, from before the submission until the device is idle.
+    /// Milliseconds by the host's clock, from before the submission until the device is idle.
     pub wall_ms: f64,
 }
 
 impl Span {
-    /// Both spans, one after the other.
+    /// Sum of two spans.
     #[must_use]
     pub fn plus(self, next: Self) -> Self {
         let gpu_ms = self.gpu_ms.zip(next.gpu_ms).map(|(a, b)| a + b);
         Self { gpu_ms, wall_ms: self.wall_ms + next.wall_ms }
     }
 
-    /// The better clock's milliseconds and its name.
+    /// Milliseconds of the better clock, and its name.
     pub fn best(&self) -> (f64, Clock) {
         self.gpu_ms.map_or((self.wall_ms, Clock::Wall), |ms| (ms, Clock::GpuTimestamps))
     }
 }
 
-/// Times compute work, one submission at a time.
+/// Timer of compute passes, one submission at a time.
 pub struct PassTimer {
-    /// Two timestamps and where they are resolved to: one pass at a time has them.
+    /// Two timestamps and the buffer that they are resolved to, used by one pass at a time.
     queries: Option<Mutex<(wgpu::QuerySet, wgpu::Buffer)>>,
 }
 
 /// Bytes of two timestamps.
 const TICKS_BYTES: u64 = 16;
-/// Bytes that a pass hands to the host: its timestamps (0 where there are none) and the loops that reached their bound.
-const REPORT_BYTES: u64 = TICKS_BYTES + WATCH_BYTES;
+/// Bytes that the host reads after a pass: its timestamps (0 without any) and the count of loops at their limit.
+const REPORT_BYTES: u64 = TICKS_BYTES + LOOP_COUNTER_BYTES;
 
 impl PassTimer {
-    /// With timestamps where the adapter has them.
+    /// Creates the timestamps where the adapter has them.
     pub fn new(gpu: &Gpu) -> Self {
         let queries = gpu.timestamp_period_ns.map(|_| {
             let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -68,23 +68,19 @@ impl PassTimer {
                 ty: wgpu::QueryType::Timestamp,
                 count: 2,
             });
-            let resolved = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("resolved timestamps"),
-                size: TICKS_BYTES,
-                usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
-                mapped_at_creation: false,
-            });
+            let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
+            let resolved = buffer(&gpu.device, "resolved timestamps", TICKS_BYTES, usage);
             Mutex::new((set, resolved))
         });
         Self { queries }
     }
 
-    /// Runs `record` inside one compute pass, submits it, waits, and says how long it took.
+    /// Records one compute pass, submits it, waits for it and returns its duration.
     ///
-    /// Timestamps are copied by the same submission that they measure: reading them costs no second wait.
+    /// The submission that timestamps measure copies them too: reading them needs no second wait.
     ///
     /// # Errors
-    /// A lost device, or a loop that reached its bound (see [`Watch`](super::Watch)).
+    /// The device is lost, or a loop reached its iteration limit (see [`DeviceCounters`](super::DeviceCounters)).
     pub fn compute(
         &self,
         gpu: &Gpu,
@@ -109,11 +105,11 @@ impl PassTimer {
             encoder.resolve_query_set(&q.0, 0..2, &q.1, 0);
             encoder.copy_buffer_to_buffer(&q.1, 0, &staging, 0, TICKS_BYTES);
         }
-        gpu.watch.copy_to(&mut encoder, &staging, TICKS_BYTES);
+        gpu.counters.copy_to(&mut encoder, &staging, TICKS_BYTES);
         let (start, submission) = gpu.submit_timed([encoder.finish()]);
         let report = read_staging::<u32>(gpu, &staging, submission, REPORT_BYTES)?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
-        gpu.watch.check(&gpu.queue, &gpu.info.name, label, report[4])?;
+        gpu.counters.check(&gpu.queue, &gpu.info.name, label, report[4])?;
         let tick = |i: usize| u64::from(report[2 * i]) | u64::from(report[2 * i + 1]) << 32;
         let gpu_ms = gpu.timestamp_period_ns.and_then(|period| {
             let ms = tick(1).wrapping_sub(tick(0)) as f64 * f64::from(period) * 1e-6;

@@ -5,7 +5,7 @@ use super::progress::{Progress, Step, StepKind};
 use super::stats::{Spread, image_difference};
 use super::timing::{StageTimes, Timing, Turns, clock_name, interleave};
 use crate::error::{Error, Result};
-use crate::render::{Forced, Omission, Omittable, Picture, View};
+use crate::render::{DisabledOptimizations, Omission, Optimization, Picture, View};
 use crate::shadow::{BuildReport, Method, NoShadows};
 use serde::Serialize;
 use std::cell::RefCell;
@@ -24,8 +24,8 @@ pub struct Ablation {
     pub method: String,
     /// As in the main table.
     pub params: String,
-    /// Name for `--force`.
-    pub omission: &'static str,
+    /// Name for `--no-skip`.
+    pub omission: String,
     /// What the plan left out.
     pub what: String,
     /// Why it could.
@@ -62,7 +62,7 @@ struct Run {
 
 /// A variant of a method, forced or not, over all rounds.
 struct Variant {
-    forced: Forced,
+    forced: DisabledOptimizations,
     tables_ms: RefCell<Vec<f64>>,
 }
 
@@ -104,13 +104,13 @@ impl Ablation {
 }
 
 fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
-    let base = job.session.transfer.forced;
+    let base = job.session.transfer.disabled;
     let lean = run(job, method, base)?;
-    let omissions: Vec<(Omittable, Omission)> =
+    let omissions: Vec<(Optimization, Omission)> =
         lean.picture.plan.left_out.iter().filter_map(|o| Some((o.optional?, o.clone()))).collect();
     let variants: Vec<Variant> = [base]
         .into_iter()
-        .chain(omissions.iter().map(|(optional, _)| base.and(Forced::only(*optional))))
+        .chain(omissions.iter().map(|(optional, _)| base.and(DisabledOptimizations::only(*optional))))
         .map(|forced| Variant { forced, tables_ms: RefCell::default() })
         .collect();
     // The first run of each, which warms its pipelines up, is also the one whose picture and bytes count.
@@ -140,7 +140,7 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
     let rows = omissions.iter().zip(first).zip(medians).map(|(((optional, omission), first), forced)| {
         let mut row = Ablation {
             clock: Some(clock_name(own.clock)),
-            omission: optional.name(),
+            omission: optional.to_string(),
             what: omission.what.clone(),
             why: omission.why.clone(),
             tables_ms: own_tables_ms,
@@ -169,7 +169,7 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
 }
 
 /// Everything anew from the volume on the device: tables, bricks, structure and picture.
-fn run(job: &Job, method: &dyn Method, forced: Forced) -> Result<Run> {
+fn run(job: &Job, method: &dyn Method, forced: DisabledOptimizations) -> Result<Run> {
     let (renderer, loaded) = (&job.session.renderer, &job.session.loaded);
     let transfer = renderer.transfer(loaded, job.tf, forced)?;
     let needed = crate::render::needs_shadows(job.scene, job.volume, &transfer).is_ok();

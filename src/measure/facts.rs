@@ -74,7 +74,7 @@ pub(super) fn job_key(job: &Job, facts: &Facts) -> u64 {
     hash_volume(job.volume, &mut hasher);
     let effort = Effort { repeats: 0, ..job.effort };
     // `Debug` writes reals in digits that read back as the same number.
-    let forced = job.session.transfer.forced;
+    let forced = job.session.transfer.disabled;
     // The voxels say which strands they are of.
     let strands = job.strands.is_some();
     format!("{:?} {:?} {} {effort:?} {forced:?} {strands}", job.tf, job.scene, job.scene_name)

@@ -142,7 +142,9 @@ impl SceneSettings {
 
     /// Whether both look at a volume in the same way: only cameras, lights and pictures differ.
     pub fn looks_as(&self, other: &Self) -> bool {
-        let look = |s: &Self| (s.tf.clone(), s.suiting(), s.parts.clone(), s.opaque.clone(), s.forced());
+        let look = |s: &Self| {
+            (s.tf.clone(), s.suiting(), s.parts.clone(), s.opaque.clone(), s.disabled_optimizations())
+        };
         self.reads_as(other) && look(self) == look(other)
     }
 

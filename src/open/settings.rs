@@ -10,7 +10,7 @@ use super::values::{self, Background, Size};
 use super::view;
 use super::{ReadFlags, VolumeSpec};
 use crate::error::{Error, Result};
-use crate::render::Forced;
+use crate::render::DisabledOptimizations;
 use crate::render::VisibleBounds;
 use crate::scene::{AxisView, Camera, LightSource, Scene, Shading, Skip};
 use crate::shadow::{self, Method};
@@ -108,9 +108,10 @@ pub struct SceneSettings {
     /// How empty space is passed over [default: bricks]
     #[arg(long, value_enum, value_name = "HOW", help_heading = "Scene")]
     pub skip: Option<Skip>,
-    /// Do work that the scene does not need: names separated by commas, which --explain shows in square brackets, or all
-    #[arg(long, value_name = "NAMES", value_parser = values::forced, help_heading = "Scene")]
-    pub force: Option<Forced>,
+    /// Disable optimizations: names separated by commas, as --explain shows them in square brackets, or all
+    #[arg(id = "no-skip", long, value_name = "NAMES", value_parser = values::disabled_optimizations, help_heading = "Scene")]
+    #[serde(rename = "no-skip")]
+    pub no_skip: Option<DisabledOptimizations>,
 
     /// Say what runs, what is left out and why
     #[arg(long)]
@@ -189,9 +190,9 @@ impl SceneSettings {
         Suiting { units: self.units, opacity_scale: self.opacity_scale }
     }
 
-    /// The work to do although the scene does not need it.
-    pub fn forced(&self) -> Forced {
-        self.force.unwrap_or_default()
+    /// Optimizations that the user disables.
+    pub fn disabled_optimizations(&self) -> DisabledOptimizations {
+        self.no_skip.unwrap_or_default()
     }
 
     /// Whether picture files are to be transparent where there is nothing.

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::files::color;
 use crate::formats::RawLayout;
-use crate::render::Forced;
+use crate::render::DisabledOptimizations;
 use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
 use glam::DVec3;
 use serde::{Serialize, Serializer};
@@ -70,8 +70,8 @@ pub fn sha256(text: &str) -> Result<String, String> {
     }
 }
 
-/// Names of [`Forced`] work.
-pub fn forced(text: &str) -> Result<Forced, String> {
+/// Names of optimizations, or `all`.
+pub fn disabled_optimizations(text: &str) -> Result<DisabledOptimizations, String> {
     text.parse().map_err(|e: Error| format!("{} {}: {}", e.what, e.place, e.why))
 }
 

@@ -1,4 +1,4 @@
-//! Pictures on the screen: encoded to sRGB into a texture of the same device, band by band, with no copy to the host.
+//! Pictures on the screen: encoded to sRGB into a texture of the device band by band, without a copy to the host.
 
 use super::lights::LightMaps;
 use super::pace::{Pace, Pacing};
@@ -6,7 +6,7 @@ use super::shader::{CONSTANTS, picture_workgroups};
 use super::{Plan, Renderer};
 use crate::error::{Error, Result};
 use crate::field::{DeviceTransfer, LoadedVolume};
-use crate::gpu::{Gpu, ShaderVariant, Slot, Span, uniform_buffer};
+use crate::gpu::{Gpu, ShaderVariant, Slot, Span, texture, uniform_buffer, write_texels};
 use crate::scene::Scene;
 use bytemuck::{Pod, Zeroable};
 
@@ -19,60 +19,50 @@ struct BandUniform {
     pub padding: u32,
 }
 
-/// A texture that a window shows: sRGB-encoded, 8 bits a channel.
+/// Texture of a window's picture: sRGB-encoded, 8 bits per channel.
 #[derive(Debug)]
 pub struct DisplayTexture {
-    /// The texture.
+    /// Texture.
     pub texture: wgpu::Texture,
-    /// All of it.
+    /// View of the whole texture.
     pub view: wgpu::TextureView,
-    /// Pixels across.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: u32,
 }
 
 impl DisplayTexture {
+    /// Creates a black texture.
+    ///
     /// # Errors
-    /// A side that the adapter cannot hold.
+    /// The adapter cannot hold a side.
     pub fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Self> {
         gpu.check_texture("the picture on screen", [width, height])?;
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("picture on screen"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba8Unorm,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING
-                | wgpu::TextureUsages::STORAGE_BINDING
-                | wgpu::TextureUsages::COPY_SRC
-                | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
+        let (format, dimension) = (wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureDimension::D2);
+        let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let texture = texture(gpu, "picture on screen", format, dimension, [width, height, 1], usage);
         gpu.take_error()?;
         let view = texture.create_view(&Default::default());
         Ok(Self { texture, view, width, height })
     }
 
-    /// With these pixels: four bytes each, row by row.
+    /// Creates a texture of pixels, four bytes each, row by row.
     ///
     /// # Errors
-    /// A side that the adapter cannot hold, or bytes that are too few or too many.
+    /// The adapter cannot hold a side, or the number of bytes is wrong.
     pub fn from_srgb8(gpu: &Gpu, width: u32, height: u32, pixels: &[u8]) -> Result<Self> {
         if pixels.len() as u64 != u64::from(width) * u64::from(height) * 4 {
             let why = format!("{} bytes for {width} x {height} pixels", pixels.len());
             return Err(Error::runtime("cannot show a picture", "window", why));
         }
         let made = Self::new(gpu, width, height)?;
-        let layout =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * 4), rows_per_image: None };
-        gpu.queue.write_texture(made.texture.as_image_copy(), pixels, layout, made.texture.size());
+        write_texels(gpu, &made.texture, [0; 3], [width, height, 1], pixels);
         Ok(made)
     }
 }
 
-/// Paces a picture on the screen, whose queue others draw through, too.
+/// Pacing of a picture on the screen, whose queue other threads use as well.
 struct OnScreen<'a, G: FnMut() -> bool> {
     gpu: &'a Gpu,
     pace: &'a mut Pace,
@@ -86,7 +76,7 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
         if std::mem::replace(&mut self.begun, true) && !(self.go_on)() {
             return None;
         }
-        // What others have submitted meanwhile is no part of a band's time; a lost device shows in the band itself.
+        // The work of other threads must not count as a band's time. A lost device is reported by the band itself.
         let _ = self.gpu.wait_for(self.gpu.submit([]));
         Some(self.pace.pixels())
     }
@@ -97,14 +87,14 @@ impl<G: FnMut() -> bool> Pacing for OnScreen<'_, G> {
     }
 }
 
-/// What drawing to the screen took.
+/// Result of drawing to the screen.
 #[derive(Debug, Clone)]
 pub struct Drawn {
-    /// What was left out.
+    /// Plan of the picture.
     pub plan: Plan,
-    /// Time of the ray casting, and of finding on the host where rays are to be cast.
+    /// Time of the ray casting and of the search for its tiles on the host.
     pub span: Span,
-    /// The longest that a single band kept the queue, ms.
+    /// Longest time of a band in the queue, ms.
     pub longest_band_ms: f64,
 }
 
@@ -112,21 +102,20 @@ pub(super) fn shader() -> ShaderVariant {
     ShaderVariant::of("render/display.wgsl").constants(CONSTANTS)
 }
 
-/// A texture to draw into, and how fast.
+/// Target of a picture, and its pace.
 pub struct Screen<'a> {
-    /// What is drawn into.
+    /// Texture that is drawn to.
     pub target: &'a DisplayTexture,
-    /// How long a band may keep the queue.
+    /// Pace of the bands.
     pub pace: &'a mut Pace,
 }
 
 impl Renderer {
-    /// Draws a picture of the texture's size into it, `shadows` being of its lights, in bands of about `pace.target_ms`; `None`
-    /// where `go_on` said no
-    /// after a band (the texture is then part old, part new).
+    /// Draws a picture of the target's size in bands of about `pace.target_ms`; `shadows` belong to its lights. Returns `None`
+    /// if `go_on` returned `false` after a band: the target then is partly drawn.
     ///
     /// # Errors
-    /// A picture that the adapter cannot hold, or a lost device.
+    /// The adapter cannot hold the picture, or the device is lost.
     pub fn draw_to<'a>(
         &self,
         Screen { target, pace }: Screen<'_>,
@@ -153,7 +142,7 @@ impl Renderer {
                 (2, Slot::store(&target.view, wgpu::TextureFormat::Rgba8Unorm)),
             ];
             let groups = [transfer.group(), &map.group, &self.kernels.group("display", &stage)];
-            // The next band need not wait for this one to be encoded.
+            // The next band does not wait for the encoding of this one.
             encoded = Some(self.kernels.submit(&shader, &groups, picture_workgroups(size[0], size[1]))?);
             Ok(true)
         })?;

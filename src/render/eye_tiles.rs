@@ -1,8 +1,8 @@
-//! Which tiles of a picture eye rays are cast in, and between which depths: the active bricks, projected.
+//! Tiles of a picture in which eye rays are cast, and their depth ranges, from the projection of active bricks.
 //!
-//! Hadwiger et al. (2006, section 3) rasterise the faces of bricks to find where each ray begins and ends. Here the bricks on
-//! the outside of what is active are projected as spheres on the host, and a whole tile shares its bounds: a picture of
-//! mostly background is mostly not cast, and what is seen through much empty space begins where that ends.
+//! Hadwiger et al. (2006, section 3) rasterise the faces of bricks to find the start and end of each ray. Here the host
+//! projects the outer active bricks as spheres, and all rays of a tile share their bounds. Tiles of background are not cast,
+//! and rays start behind empty space.
 
 use super::mesh::box_corners;
 use super::shader::PICTURE_SIDE;
@@ -24,33 +24,33 @@ pub(super) struct TileUniform {
     pub farthest_mm: f32,
 }
 
-/// Spheres are this much larger than bricks, for what float32 makes of rays.
+/// Factor of the radius of spheres, for the float32 errors of rays.
 const ROUNDING: f64 = 1.01;
-/// Bricks that a thread takes at once.
+/// Bricks per task of a thread.
 const LEAST_SHARE: usize = 1 << 13;
-/// Pixels around a sphere's place in the picture that it may still show in.
+/// Margin around a projected sphere, in pixels.
 const PIXELS_AROUND: f64 = 1.0;
 
-/// The tiles of a picture, row by row, each with the depths between which active bricks may show in it.
+/// Tiles of a picture, row by row, each with the depth range of its active bricks.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct EyeTiles {
     across: u32,
-    /// Least and largest distance along the view from the frame's plane, mm; the least is larger where nothing may show.
+    /// Smallest and largest distance along the view from the frame's plane, mm; the smallest is larger for an empty tile.
     depths: Vec<[f32; 2]>,
-    /// The same of what may show in all of them, until it is theirs.
+    /// Depth range of bricks that cover all tiles, before it is merged into the tiles.
     everywhere: [f32; 2],
 }
 
-/// The least and the largest of both.
+/// Union of two ranges.
 fn widened(own: [f32; 2], other: [f32; 2]) -> [f32; 2] {
     [own[0].min(other[0]), own[1].max(other[1])]
 }
 
 const NOTHING: [f32; 2] = [FAR, -FAR];
-/// Levels of a mesh's tree whose boxes are projected: 64 boxes.
+/// Levels of a mesh's hierarchy whose boxes are projected: 64 boxes.
 const MESH_LEVELS: usize = 6;
 
-/// Tiles along a side of the picture that some pixels lie in.
+/// Tiles along a side of the picture that a range of pixels touches.
 fn tiles_of([lo, hi]: [f64; 2], size: f64) -> Range<usize> {
     let [lo, hi] = [lo - PIXELS_AROUND, hi + PIXELS_AROUND];
     if hi < 0.0 || lo >= size {
@@ -61,7 +61,7 @@ fn tiles_of([lo, hi]: [f64; 2], size: f64) -> Range<usize> {
 }
 
 impl EyeTiles {
-    /// All tiles, without bounds.
+    /// All tiles, with unlimited depths.
     pub fn all(scene: &Scene) -> Self {
         Self::filled(scene, [-FAR, FAR])
     }
@@ -71,12 +71,12 @@ impl EyeTiles {
         Self { across, depths: vec![depths; across as usize * down as usize], everywhere: NOTHING }
     }
 
-    /// Those in which active bricks may show; depths are from a plane across the view at `plane_mm` from the eye.
+    /// Tiles with active bricks; depths count from a plane across the view at `plane_mm` from the eye.
     pub fn of(scene: &Scene, volume: &Volume, active: &ActiveBricks, plane_mm: f64) -> Self {
         let frame = scene.camera.frame();
         let grid_from_world = grid_from_world(volume);
         let world_from_grid = grid_from_world.inverse();
-        // World mm along the camera's axes.
+        // World vectors in the camera's axes, mm.
         let axes = DMat3::from_cols(frame.right, frame.up, frame.forward).transpose();
         let brick = axes * world_from_grid.matrix3 * BRICK_CELLS as f64;
         let first = axes
@@ -85,7 +85,7 @@ impl EyeTiles {
         let radius =
             diagonals.map(|[y, z]| (brick * DVec3::new(1.0, y, z)).length()).into_iter().fold(0.0, f64::max);
         let radius = 0.5 * ROUNDING * radius;
-        // An eye among active bricks sees the inner ones, too.
+        // An eye among active bricks sees the inner ones as well.
         let eye = grid_from_world.transform_point3(scene.camera.eye) / BRICK_CELLS as f64;
         let inside = active.distance_at(eye.floor().as_ivec3()).is_some_and(|d| d <= 1);
         let up = (0.5 * scene.camera.fov_deg.to_radians()).tan();
@@ -99,7 +99,7 @@ impl EyeTiles {
             }
             let from_eye = inside || near <= 0.0;
             let depths = [if from_eye { -FAR } else { (near - plane_mm) as f32 }, (far - plane_mm) as f32];
-            // Tangents between which the sphere shows; one that reaches behind the eye has an end on its far side alone.
+            // Tangents of the sphere; one that reaches behind the eye is bounded only on its far side.
             let range = |side: f64, scale: f64, size: f64| {
                 let [lo, hi] = [side - radius, side + radius];
                 let near = near.max(1e-9);
@@ -123,7 +123,7 @@ impl EyeTiles {
         tiles
     }
 
-    /// What either has.
+    /// Union of two sets of tiles.
     fn with(mut self, other: Self) -> Self {
         for (own, other) in self.depths.iter_mut().zip(other.depths) {
             *own = widened(*own, other);
@@ -136,7 +136,7 @@ impl EyeTiles {
     fn mark(&mut self, columns: [f64; 2], rows: [f64; 2], size: [f64; 2], depths: [f32; 2]) {
         let (columns, rows) = (tiles_of(columns, size[0]), tiles_of(rows, size[1]));
         if columns.len() * rows.len() == self.depths.len() {
-            // Of bricks around the eye there may be thousands.
+            // Thousands of bricks around the eye may cover all tiles.
             self.everywhere = widened(self.everywhere, depths);
             return;
         }
@@ -148,7 +148,7 @@ impl EyeTiles {
         }
     }
 
-    /// With the tiles in which a mesh may show: there rays are cast, too.
+    /// Adds the tiles in which a mesh may be visible.
     #[must_use]
     pub fn with_mesh(mut self, scene: &Scene, mesh: &Mesh) -> Self {
         let frame = scene.camera.frame();
@@ -161,7 +161,7 @@ impl EyeTiles {
             if corners.iter().all(|p| p.z <= 0.0) {
                 continue;
             }
-            // A box that reaches behind the eye may show anywhere.
+            // A box that reaches behind the eye may be anywhere in the picture.
             let behind = corners.iter().any(|p| p.z <= 1e-6 * p.abs().max_element());
             let pixels = corners
                 .map(|p| DVec2::new(0.5 * width + scale * p.x / p.z, 0.5 * height - scale * p.y / p.z));
@@ -172,7 +172,7 @@ impl EyeTiles {
             let (columns, rows) = (tiles_of([lo.x, hi.x], width), tiles_of([lo.y, hi.y], height));
             for row in rows {
                 let row = &mut self.depths[row * self.across as usize..][..self.across as usize];
-                // What the volume has of a tile stays as it is.
+                // The depth range of the volume stays.
                 row[columns.clone()]
                     .iter_mut()
                     .filter(|[near, far]| near > far)
@@ -182,21 +182,21 @@ impl EyeTiles {
         self
     }
 
-    /// Tiles of the picture, and those of them in which nothing may show.
+    /// Number of tiles, and of empty ones.
     pub fn counts(&self) -> [usize; 2] {
         [self.depths.len(), self.depths.iter().filter(|[near, far]| near > far).count()]
     }
 
-    /// The tiles of a part of the picture, those in which rays are cast first, and how many these are; its corner and size
-    /// are in pixels, the corner that of a tile.
+    /// Tiles of a part of the picture with those to be cast first, and the number of these. The part's corner and size are in
+    /// pixels, and the corner is that of a tile.
     pub fn part(&self, [column, row]: [u32; 2], [columns, rows]: [u32; 2]) -> (Vec<TileUniform>, u32) {
         let place = |(x, y): (u32, u32)| {
             let [nearest_mm, farthest_mm] = self.depths[(y * self.across + x) as usize];
             TileUniform { at: [x * PICTURE_SIDE, y * PICTURE_SIDE], nearest_mm, farthest_mm }
         };
         let range = |first: u32, count: u32| first / PICTURE_SIDE..(first + count).div_ceil(PICTURE_SIDE);
-        // Software adapters deal workgroups to their threads in contiguous shares, and neighbours cost alike: rows are in the
-        // order of `shaders/field/dispatch.wgsl`, in which each share of up to 16 is spread over the picture.
+        // Software adapters give each thread a contiguous range of workgroups, and neighbours cost about the same. Rows
+        // therefore are in the order of `shaders/field/dispatch.wgsl`, which spreads each of up to 16 ranges over the picture.
         let mut lines: Vec<u32> = range(row, rows).collect();
         lines.sort_by_key(|y| (*y as u8 & 15).reverse_bits());
         let all = lines.into_iter().flat_map(|y| range(column, columns).map(move |x| (x, y))).map(place);
@@ -247,9 +247,8 @@ mod tests {
     #[test]
     fn no_active_brick_is_missed_from_anywhere() {
         let volume = Phantom::Shell.build(48).unwrap();
-        let bricks = Bricks::build(&volume);
         let tf = TransferFunction::new(Quantity::Opacity, &[(400.0, 0.0), (600.0, 0.5)]);
-        let active = ActiveBricks::of(&bricks, &tf);
+        let active = ActiveBricks::of(volume.bricks(), &tf);
         let framing = Scene::framing(&volume);
         let away = framing.camera.eye - framing.camera.target;
         let at = |eye: DVec3, target: DVec3, fov_deg: f64| Camera { eye, target, fov_deg, ..framing.camera };

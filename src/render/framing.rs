@@ -4,7 +4,7 @@ use crate::field::{ActiveBricks, extinction_intervals};
 use crate::mesh::Mesh;
 use crate::scene::Camera;
 use crate::transfer::{Class, TransferFunction};
-use crate::volume::{BRICK_CELLS, Bricks, Volume};
+use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DVec3, IVec3};
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ pub struct VisibleBounds {
 impl VisibleBounds {
     /// Of a volume by a transfer function, with opaque things in it.
     pub fn of(volume: &Arc<Volume>, tf: &TransferFunction, mesh: Option<&Arc<Mesh>>) -> Self {
-        let active = ActiveBricks::of(&Bricks::build(volume), tf);
+        let active = ActiveBricks::of(volume.bricks(), tf);
         let to_world = |index: DVec3| volume.world_from_index().transform_point3(index);
         let of_field = active.index_box(volume.dims()).map(|[lo, hi]| {
             let corner = |c: usize| {

@@ -1,20 +1,20 @@
-//! The lights of a picture: a map for each, and passes over the picture that add up.
+//! Lights of a picture: their shadow maps, and one pass over the picture per light.
 
 use crate::error::{Error, Result};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::ShadowMap;
 
-/// Shadow structures of a scene's lights: one for each that shines, in their order ([`Scene::shining`]).
+/// Shadow structures of a scene's lights with intensity, in their order ([`Scene::shining`]).
 #[derive(Clone)]
 pub struct LightMaps<'a>(Vec<&'a ShadowMap>);
 
 impl<'a> LightMaps<'a> {
-    /// The maps.
+    /// Maps in the order of the lights.
     pub fn maps(&self) -> &[&'a ShadowMap] {
         &self.0
     }
 
-    /// Refuses any other number of maps than that of the lights that shine.
+    /// Refuses a number of maps that differs from the number of lights with intensity.
     pub(super) fn checked(self, scene: &Scene) -> Result<Self> {
         let (maps, lights) = (self.0.len(), scene.shining().len());
         match maps == lights && maps > 0 {
@@ -51,29 +51,28 @@ impl<'a> From<&'a Vec<ShadowMap>> for LightMaps<'a> {
     }
 }
 
-/// One pass over a picture: the share of one light, or of several that nothing tells apart.
+/// Pass over a picture: the contribution of one light, or of several with equal factors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LightPass {
-    /// Place of its map.
+    /// Index of its map.
     pub map: usize,
-    /// Linear light that a lit point gets; `None` for a white light of intensity 1 that is the only one, whose picture
-    /// needs neither a factor nor a sum.
+    /// Linear light at a lit point; `None` for a single white light of intensity 1, whose picture needs no factor and no sum.
     pub radiance: Option<[f64; 3]>,
 }
 
 impl LightPass {
-    /// The only pass, or one of several; a factor of 1 is no factor.
+    /// Single pass of a picture.
     fn only(radiance: [f64; 3]) -> Self {
         Self { map: 0, radiance: (radiance != LightSource::WHITE).then_some(radiance) }
     }
 
-    /// The passes of a picture, one at least; `told_apart` says whether it is another under another light.
-    pub fn all(scene: &Scene, told_apart: bool) -> Vec<Self> {
+    /// Passes of a picture, at least one; `depends_on_light` says whether lights have different factors.
+    pub fn all(scene: &Scene, depends_on_light: bool) -> Vec<Self> {
         let lights = scene.shining();
         if scene.ambient >= 1.0 {
             return vec![Self::only(LightSource::WHITE)];
         }
-        if lights.len() == 1 || !told_apart {
+        if lights.len() == 1 || !depends_on_light {
             let sum = |c: usize| lights.iter().map(|light| light.radiance()[c]).sum();
             return vec![Self::only(std::array::from_fn(sum))];
         }
@@ -88,13 +87,13 @@ mod tests {
     use crate::phantom::Phantom;
 
     #[test]
-    fn passes_are_no_more_than_a_picture_needs() {
+    fn a_picture_has_the_fewest_passes() {
         let volume = Phantom::Slab.build(8).unwrap();
         let light = |color: [f64; 3], intensity| LightSource { color, intensity, ..LightSource::default() };
         let [half, white, red] = [light([1.0; 3], 0.5), light([1.0; 3], 1.0), light([1.0, 0.0, 0.0], 2.0)];
-        let passes = |lights: &[LightSource], ambient, told_apart| {
+        let passes = |lights: &[LightSource], ambient, depends_on_light| {
             let scene = Scene { lights: lights.to_vec(), ambient, ..Scene::framing(&volume) };
-            let passes = LightPass::all(&scene, told_apart);
+            let passes = LightPass::all(&scene, depends_on_light);
             assert!(passes.iter().enumerate().all(|(i, pass)| pass.map == i));
             passes.iter().map(|pass| pass.radiance).collect::<Vec<_>>()
         };

@@ -1,4 +1,4 @@
-//! A mesh on the device: its triangles and the tree over them, in grid space.
+//! Mesh on the device: its triangles and their bounding volume hierarchy, in grid space.
 
 use crate::error::Result;
 use crate::field::grid_from_world;
@@ -9,9 +9,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Stands in the tree where a node is a box.
+/// Triangle of a node that is a box.
 const NO_TRIANGLE: u32 = u32::MAX;
-/// Boxes are larger on each side by this share of the largest coordinate, for what float32 makes of rays: 2^-19.
+/// Margin of boxes for the float32 errors of rays, as a share of the largest coordinate: 2^-19.
 const ROUNDING: f64 = 1.0 / 524_288.0;
 
 /// `Node` of `shaders/render/mesh/tree.wgsl`.
@@ -34,81 +34,69 @@ struct Triangle {
     color: [f32; 4],
 }
 
-/// The mesh that was last drawn, in the grid that it was drawn in.
+/// Cache of the last mesh, with the grid in which it was drawn.
 #[derive(Default)]
-pub(super) struct KeptMesh(Mutex<Option<(Arc<Mesh>, DAffine3, Group)>>);
+pub(super) struct MeshCache(Mutex<Option<(Arc<Mesh>, DAffine3, Group)>>);
 
-impl KeptMesh {
-    /// Group 3 of what meets a mesh in the grid of a volume, made where it is another than before.
+impl MeshCache {
+    /// Group 3 of a mesh in the grid of a volume.
     ///
     /// # Errors
-    /// More triangles than the adapter can bind.
+    /// The adapter cannot bind so many triangles.
     pub fn group(&self, gpu: &Gpu, mesh: &Arc<Mesh>, volume: &Volume) -> Result<Group> {
         let grid_from_world = grid_from_world(volume);
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*kept {
+        let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*cached {
             Some((known, grid, group)) if known == mesh && *grid == grid_from_world => Ok(group.clone()),
             _ => {
-                let made = DeviceMesh::new(gpu, mesh, &grid_from_world)?.group(gpu);
-                *kept = Some((Arc::clone(mesh), grid_from_world, made.clone()));
+                let made = mesh_group(gpu, mesh, &grid_from_world)?;
+                *cached = Some((Arc::clone(mesh), grid_from_world, made.clone()));
                 Ok(made)
             }
         }
     }
 }
 
-/// A mesh's buffers.
-struct DeviceMesh {
-    nodes: wgpu::Buffer,
-    triangles: wgpu::Buffer,
-}
-
-impl DeviceMesh {
-    fn group(&self, gpu: &Gpu) -> Group {
-        let slots = [&self.nodes, &self.triangles].map(|buffer| Slot::read(buffer.as_entire_binding()));
-        Group::new(gpu, "mesh", &(0..).zip(slots).collect::<Vec<_>>())
-    }
-
-    fn new(gpu: &Gpu, mesh: &Mesh, grid_from_world: &DAffine3) -> Result<Self> {
-        let corner = |p: DVec3, normal: f64| {
-            grid_from_world.transform_point3(p).as_vec3().extend(normal as f32).to_array()
-        };
-        let triangle = |(number, corners): (usize, &[DVec3; 3])| {
-            let [a, b, c] = *corners;
-            let normal = mesh.normal(number);
-            let [red, green, blue] = mesh.color(number).map(|c| c as f32);
-            Triangle {
-                a: corner(a, normal.x),
-                b: corner(b, normal.y),
-                c: corner(c, normal.z),
-                color: [red, green, blue, 1.0],
-            }
-        };
-        let triangles: Vec<_> = mesh.triangles().iter().enumerate().map(triangle).collect();
-        let bounds_of = |corners: [DVec3; 8]| {
-            let largest = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-            let slack = DVec3::splat(ROUNDING * largest.max(1.0));
-            let [lo, hi] = corners
-                .iter()
-                .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(*p), hi.max(*p)]);
-            [lo - slack, hi + slack]
-        };
-        let node = |node: crate::mesh::FlatNode| {
-            let corners = box_corners(node.bounds);
-            let [lo, hi] = bounds_of(corners.map(|p| grid_from_world.transform_point3(p)));
-            Node {
-                lo: lo.as_vec3().to_array(),
-                triangle: node.triangle.unwrap_or(NO_TRIANGLE),
-                hi: hi.as_vec3().to_array(),
-                next: node.next,
-            }
-        };
-        let nodes: Vec<_> = mesh.flat_tree().into_iter().map(node).collect();
-        Ok(Self {
-            nodes: StorageBuffer::from_slice(gpu, "mesh tree", &nodes)?,
-            triangles: StorageBuffer::from_slice(gpu, "mesh triangles", &triangles)?,
-        })
-    }
+/// Uploads a mesh and binds it as group 3.
+fn mesh_group(gpu: &Gpu, mesh: &Mesh, grid_from_world: &DAffine3) -> Result<Group> {
+    let corner = |p: DVec3, normal: f64| {
+        grid_from_world.transform_point3(p).as_vec3().extend(normal as f32).to_array()
+    };
+    let triangle = |(number, corners): (usize, &[DVec3; 3])| {
+        let [a, b, c] = *corners;
+        let normal = mesh.normal(number);
+        let [red, green, blue] = mesh.color(number).map(|c| c as f32);
+        Triangle {
+            a: corner(a, normal.x),
+            b: corner(b, normal.y),
+            c: corner(c, normal.z),
+            color: [red, green, blue, 1.0],
+        }
+    };
+    let triangles: Vec<_> = mesh.triangles().iter().enumerate().map(triangle).collect();
+    let bounds_of = |corners: [DVec3; 8]| {
+        let largest = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        let slack = DVec3::splat(ROUNDING * largest.max(1.0));
+        let [lo, hi] = corners
+            .iter()
+            .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(*p), hi.max(*p)]);
+        [lo - slack, hi + slack]
+    };
+    let node = |node: crate::mesh::FlatNode| {
+        let corners = box_corners(node.bounds);
+        let [lo, hi] = bounds_of(corners.map(|p| grid_from_world.transform_point3(p)));
+        Node {
+            lo: lo.as_vec3().to_array(),
+            triangle: node.triangle.unwrap_or(NO_TRIANGLE),
+            hi: hi.as_vec3().to_array(),
+            next: node.next,
+        }
+    };
+    let nodes: Vec<_> = mesh.flat_tree().into_iter().map(node).collect();
+    let nodes = StorageBuffer::from_slice(gpu, "mesh tree", &nodes)?;
+    let triangles = StorageBuffer::from_slice(gpu, "mesh triangles", &triangles)?;
+    let slots = [(0, &nodes), (1, &triangles)];
+    Ok(Group::new(gpu, "mesh", &slots.map(|(at, buffer)| (at, Slot::read(buffer.as_entire_binding())))))
 }
 
 pub(super) fn box_corners([lo, hi]: [DVec3; 2]) -> [DVec3; 8] {
@@ -118,7 +106,7 @@ pub(super) fn box_corners([lo, hi]: [DVec3; 2]) -> [DVec3; 8] {
     })
 }
 
-/// A ray caster that meets a mesh, where there is one.
+/// Adds the intersection with a mesh to a ray caster.
 pub(super) fn with_mesh(shader: ShaderVariant, shadows: bool) -> ShaderVariant {
     let constants =
         [Constant::unsigned("NO_TRIANGLE", NO_TRIANGLE), Constant::float("SURFACE_GAP", SURFACE_GAP as f32)];

@@ -23,7 +23,7 @@ pub use plan::{Omission, Plan, needs_shadows};
 pub use renderer::Renderer;
 pub use session::Session;
 
-pub use crate::field::{DeviceTransfer, Forced, LoadedVolume, Omittable, View};
+pub use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, Optimization, View};
 
 use crate::gpu::ShaderVariant;
 use crate::shadow::Lookup;

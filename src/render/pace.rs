@@ -1,16 +1,16 @@
-//! How much of a picture is drawn in one submission.
+//! Size of the submissions that draw a picture.
 
 use crate::gpu::Span;
 
-/// How much of a picture is drawn in one submission.
+/// Size of the submissions that draw a picture.
 pub(crate) trait Pacing {
     /// Pixels of the next submission; `None` ends the picture.
     fn pixels_next(&mut self) -> Option<u32>;
-    /// What a submission took.
+    /// Records the duration of a submission.
     fn took(&mut self, pixels: u32, span: Span);
 }
 
-/// All in one submission, where the adapter can bind it.
+/// Pacing in one submission, where the adapter can bind the picture.
 pub(crate) struct AtOnce;
 
 impl Pacing for AtOnce {
@@ -32,27 +32,27 @@ impl Pacing for Pace {
     }
 }
 
-/// How long one submission may keep the queue, and what has been learnt of how much fits into that.
+/// Longest duration of a submission, and the measured speed of earlier ones.
 #[derive(Debug, Clone, Copy)]
 pub struct Pace {
-    /// How long a submission may take, ms.
+    /// Longest duration of a submission, ms.
     pub target_ms: f64,
-    /// Of whole pictures, empty parts included.
+    /// Pixels per millisecond over whole pictures, empty regions included.
     pixels_per_ms: f64,
-    /// Of the slowest band of the picture before, and of this one so far.
+    /// Pixels per millisecond of the slowest band, in the previous picture and in this one.
     slowest_before: f64,
     slowest_now: f64,
     pixels: f64,
     ms: f64,
 }
 
-/// By so much a part may be larger than what the slowest one before allows.
+/// Largest factor by which the rate of the slowest band rises.
 const RECOVERY: f64 = 1.25;
-/// A shorter band says more of what a submission costs than of its pixels.
-const TELLING_MS: f64 = 4.0;
+/// Shortest band that counts: the time of a shorter one mainly is the cost of a submission.
+const SHORTEST_BAND_MS: f64 = 4.0;
 
 impl Pace {
-    /// Starts with small bands until it is known how fast the adapter is.
+    /// Starts with small bands, until the speed of the adapter is measured.
     pub fn new(target_ms: f64) -> Self {
         let rate = 500.0;
         Self {
@@ -65,16 +65,16 @@ impl Pace {
         }
     }
 
-    /// Pixels that the last pictures have drawn in a millisecond.
+    /// Pixels per millisecond of the last pictures.
     pub fn pixels_per_ms(&self) -> f64 {
         self.pixels_per_ms
     }
 
-    /// Begins a picture with what the last one has taught.
+    /// Begins a picture with the rates of the last one.
     pub(super) fn begin(&mut self) {
         if self.ms > 0.0 {
             self.pixels_per_ms = 0.5 * (self.pixels_per_ms + self.pixels / self.ms);
-            // A band that is fast since it is empty says nothing of the next: the slowest one counts.
+            // A fast empty band says nothing about the next band: the slowest one counts.
             let faster = 2.0 * self.slowest_before;
             self.slowest_before = self.slowest_now.min(faster);
         }
@@ -86,20 +86,20 @@ impl Pace {
         let ms = span.wall_ms.max(0.05);
         self.pixels += f64::from(pixels);
         self.ms += ms;
-        if ms >= TELLING_MS {
-            // One hitch counts little by little less.
+        if ms >= SHORTEST_BAND_MS {
+            // The effect of a single slow band fades.
             let recovered = RECOVERY * self.slowest_now;
             self.slowest_now = recovered.min(f64::from(pixels) / ms);
         }
     }
 
-    /// For a picture without one before: what is measured counts as soon as it is telling, and parts grow until then.
+    /// Drops the rate of the previous picture, for a picture without one: bands grow until one is long enough to count.
     pub(super) fn forget_before(&mut self) {
-        let telling = self.slowest_now.is_finite();
-        self.slowest_before = if telling { f64::INFINITY } else { 2.0 * self.slowest_before };
+        let measured = self.slowest_now.is_finite();
+        self.slowest_before = if measured { f64::INFINITY } else { 2.0 * self.slowest_before };
     }
 
-    /// Pixels that are likely to fit into the target.
+    /// Number of pixels that probably fit into the target.
     pub(super) fn pixels(&self) -> u32 {
         let rate = self.slowest_before.min(self.slowest_now);
         (self.target_ms * rate).clamp(1.0, f64::from(u32::MAX)) as u32
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_empty_band_makes_the_next_no_longer_than_a_full_one_may_be() {
+    fn an_empty_band_does_not_make_the_next_too_long() {
         let ms = |wall_ms| Span { gpu_ms: None, wall_ms };
         let mut pace = Pace::new(20.0);
         for _ in 0..20 {

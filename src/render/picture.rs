@@ -1,4 +1,4 @@
-//! Pictures: rays cast band by band, into host memory here and into a window's textures in [`super::display`].
+//! Ray casting of pictures band by band, into host memory here and into a window's textures in [`super::display`].
 
 use super::eye_tiles::EyeTiles;
 use super::lights::{LightMaps, LightPass};
@@ -43,17 +43,17 @@ struct FrameUniform {
     pub adds: u32,
 }
 
-/// A finished picture.
+/// Finished picture.
 pub struct Picture {
     /// `height x width x 4`: linear RGB over the background, and opacity `1 - T_eye`.
     pub pixels: Array3<f32>,
-    /// Time of the ray casting, and of finding on the host where rays are to be cast.
+    /// Time of the ray casting and of the search for its tiles on the host.
     pub span: Span,
-    /// What was left out.
+    /// Plan of the picture.
     pub plan: Plan,
 }
 
-/// Rows of a picture that are finished, in the order of the picture.
+/// Finished rows of a picture.
 pub(crate) struct Band<'a> {
     /// `rows x width x 4` floats: linear RGB and opacity.
     pub buffer: &'a wgpu::Buffer,
@@ -61,14 +61,14 @@ pub(crate) struct Band<'a> {
     pub rows: u32,
 }
 
-/// A pixel that no dispatch has worked on.
+/// Progress of a pixel before its first dispatch.
 const NOT_STARTED: f32 = -FAR;
 
 impl Renderer {
-    /// Renders one picture; `shadows` are of its lights, in their order.
+    /// Renders a picture; `shadows` belong to its lights, in their order.
     ///
     /// # Errors
-    /// A picture that the adapter cannot hold, shadows of another number of lights, or a lost device.
+    /// The adapter cannot hold the picture, the numbers of lights and shadows differ, or the device is lost.
     pub fn render<'a>(
         &self,
         loaded: &LoadedVolume,
@@ -81,11 +81,11 @@ impl Renderer {
         drawn.ok_or_else(broken)
     }
 
-    /// As [`Self::render`], in submissions of about `submission_ms`, so that others can draw in between; `go_on` hears the
-    /// share that is done after every few rows, and ends the work (`None`) by saying no.
+    /// Renders a picture in submissions of about `submission_ms`, so that other threads can draw in between. `go_on` receives
+    /// the finished share after each band; the result is `None` if it returns `false`.
     ///
     /// # Errors
-    /// As there.
+    /// The adapter cannot hold the picture, the numbers of lights and shadows differ, or the device is lost.
     pub fn render_in_bands<'a>(
         &self,
         loaded: &LoadedVolume,
@@ -119,8 +119,8 @@ impl Renderer {
         Ok(Some(Picture { pixels, span, plan }))
     }
 
-    /// Casts the rays of a picture, in bands of rows of which each may be drawn in several parts, as `pacing` says;
-    /// `None` where `pacing`, or `finished` after a band, ended it.
+    /// Casts the rays of a picture in bands of rows; `pacing` may split a band into parts. Returns `None` if `pacing` or
+    /// `finished` ended the work.
     pub(crate) fn draw(
         &self,
         loaded: &LoadedVolume,
@@ -133,14 +133,14 @@ impl Renderer {
         let shadows = shadows.checked(scene)?;
         let maps = shadows.maps();
         for lookup in maps.iter().filter_map(|map| map.lookup.as_ref()) {
-            // What the plan says of the pre-compressed table is of one that is made.
+            // The plan needs to know the pre-compressed table.
             transfer.prepared(self.gpu(), lookup.within(""))?;
         }
         let start = Instant::now();
         let (plan, tiles) = Plan::of(scene, loaded, transfer, maps);
         let tiles_ms = start.elapsed().as_secs_f64() * 1e3;
         let mut passes = Vec::new();
-        for LightPass { map, radiance } in LightPass::all(scene, plan.tells_lights_apart()) {
+        for LightPass { map, radiance } in LightPass::all(scene, plan.depends_on_light()) {
             let shadow = maps[map];
             let shader = plan.raycast_shader(transfer, shadow, radiance.is_some());
             let shader = transfer.prepared(self.gpu(), shader)?;
@@ -151,13 +151,13 @@ impl Renderer {
         let directions = plan.shading.is_of_strands().then(|| loaded.directions(self.gpu())).transpose()?;
         let caster = Caster { loaded, transfer, scene, tiles, passes, mesh, directions };
         let (width, height) = (scene.width, scene.height);
-        // Large pictures are drawn in bands that the adapter can bind.
+        // The adapter has to bind the buffer of a band.
         let row_bytes = u64::from(width) * 16;
         let limits = self.gpu().device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let highest = u32::try_from(most / row_bytes).unwrap_or(u32::MAX);
         let highest = (highest / PICTURE_SIDE).max(1) * PICTURE_SIDE;
-        // A picture's time has what the host takes to find where its rays are to be cast.
+        // The time of a picture includes the search for its tiles on the host.
         let mut span = Span { gpu_ms: self.gpu().timestamp_period_ns.map(|_| tiles_ms), wall_ms: tiles_ms };
         let mut made: Option<(wgpu::Buffer, u32)> = None;
         let mut first_row = 0;
@@ -183,7 +183,7 @@ impl Renderer {
         Ok(Some((plan, span)))
     }
 
-    /// Casts the rays of one band, part by part: `pixels` in the first one; `false` where `pacing` ended it.
+    /// Casts the rays of one band in parts, the first one of `pixels`; returns `false` if `pacing` ended the work.
     fn cast_band(
         &self,
         caster: &Caster<'_>,
@@ -193,7 +193,7 @@ impl Renderer {
         span: &mut Span,
     ) -> Result<bool> {
         let width = caster.scene.width;
-        // A count of unfinished pixels, then where each goes on.
+        // Number of unfinished pixels, then the progress of each.
         let resumable = caster.passes.iter().any(|pass| pass.resumable);
         let pixels_here = if resumable { rows as usize * width as usize } else { 3 };
         let mut start = vec![f32::from_bits(0)];
@@ -224,7 +224,7 @@ impl Renderer {
                 let stage: Vec<_> =
                     stage.into_iter().chain((4..).zip(strands.into_iter().flatten())).collect();
                 let stage = self.kernels.group("frame", &stage);
-                // The background is there after the first pass.
+                // The first pass draws the background.
                 let left_out = if i == 0 { left_out } else { 0 };
                 let took = self.cast_part(caster, pass, &stage, [left_out, cast], &progress)?;
                 part = Some(part.map_or(took, |so_far| so_far.plus(took)));
@@ -238,7 +238,7 @@ impl Renderer {
         Ok(true)
     }
 
-    /// One pass over a part of a band, in as many dispatches as it takes; the tiles are those left out and those cast.
+    /// Runs one pass over a part of a band, in as many dispatches as needed; `tiles` counts the skipped and the cast ones.
     fn cast_part(
         &self,
         caster: &Caster<'_>,
@@ -265,21 +265,21 @@ impl Renderer {
     }
 }
 
-/// What every part of a picture is drawn with.
+/// Inputs of all parts of a picture.
 struct Caster<'a> {
     loaded: &'a LoadedVolume,
     transfer: &'a DeviceTransfer,
     scene: &'a Scene,
     tiles: EyeTiles,
     passes: Vec<Pass<'a>>,
-    /// Group 3, where there is a mesh.
+    /// Group 3, if the scene has a mesh.
     mesh: Option<Group>,
-    /// Of strands, where the shading reads them.
+    /// Directions of strands, if the shading reads them.
     directions: Option<&'a DeviceDirections>,
 }
 
 impl Caster<'_> {
-    /// What is one for all parts of a pass. Ambient light and the background are of the first pass; others add to it.
+    /// Uniform of all parts of a pass. The first pass has the ambient light and the background, and later ones add to it.
     fn frame_uniform(&self, pass: usize) -> FrameUniform {
         let frame = frame_uniform(&self.loaded.volume, self.scene);
         let lit = 1.0 - self.scene.ambient;
@@ -292,7 +292,7 @@ impl Caster<'_> {
     }
 }
 
-/// One pass over the picture.
+/// Pass over the picture.
 struct Pass<'a> {
     shadow: &'a ShadowMap,
     radiance: Option<[f64; 3]>,
@@ -300,20 +300,20 @@ struct Pass<'a> {
     resumable: bool,
 }
 
-/// Parts are no narrower: shorter submissions cost more by themselves than they leave to others.
+/// Smallest width of a part: the overhead of shorter submissions is larger than their gain for other threads.
 const LEAST_COLUMNS: u32 = 64;
 
-/// As many whole workgroups of rows as hold so many pixels; one at least.
+/// Rows of whole workgroups for a number of pixels, at least one workgroup.
 fn pixels_to_rows(pixels: u32, width: u32) -> u32 {
     (pixels / width.max(1) / PICTURE_SIDE).max(1) * PICTURE_SIDE
 }
 
-/// As many whole workgroups of columns.
+/// Columns of whole workgroups for a number of pixels.
 fn pixels_to_columns(pixels: u32, rows: u32) -> u32 {
     (pixels / rows.max(1) / PICTURE_SIDE * PICTURE_SIDE).max(LEAST_COLUMNS)
 }
 
-/// Workgroups for so many tiles.
+/// Dispatch size for a number of tiles.
 fn workgroups(tiles: u32) -> [u32; 3] {
     match tiles {
         0 => [0; 3],
@@ -325,7 +325,7 @@ pub(super) fn background_shader() -> ShaderVariant {
     ShaderVariant::of("render/background.wgsl").modules(&["render/frame.wgsl"]).constants(CONSTANTS)
 }
 
-/// What is one for all parts of a picture.
+/// Uniform of all parts of a picture.
 fn frame_uniform(volume: &Volume, scene: &Scene) -> FrameUniform {
     let grid_from_world = grid_from_world(volume);
     let world_from_grid = grid_from_world.inverse().matrix3;
@@ -371,10 +371,10 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_whole_workgroups_and_no_sliver() {
+    fn parts_are_whole_workgroups_of_a_minimum_width() {
         assert_eq!(pixels_to_rows(u32::MAX, 512) % PICTURE_SIDE, 0);
         assert_eq!((pixels_to_rows(20_000, 1000), pixels_to_columns(20_000, 16)), (16, 1248));
-        // Eight rows hold more than that: some of their columns then.
+        // Eight rows have more pixels than that: a part of their columns then.
         assert_eq!((pixels_to_rows(1000, 1000), pixels_to_columns(1000, 8)), (8, 120));
         assert_eq!((pixels_to_rows(1, 1000), pixels_to_columns(1, 8)), (8, LEAST_COLUMNS));
     }

@@ -1,9 +1,9 @@
-//! What a scene needs, and what is left out: every decision is a line of `--explain`.
+//! Plan of a picture: the work that the scene needs, and the work that is skipped. Every decision is a line of `--explain`.
 
 use super::eye_tiles::EyeTiles;
 use super::mesh::with_mesh;
 use super::shader::CONSTANTS;
-use crate::field::{DeviceDirections, DeviceTransfer, LoadedVolume, Omittable, View, field_shader};
+use crate::field::{DeviceDirections, DeviceTransfer, LoadedVolume, Optimization, View, field_shader};
 use crate::gpu::ShaderVariant;
 use crate::scene::{LightSource, Scene, Shading, Skip};
 use crate::shadow::{Lookup, ShadowMap};
@@ -12,121 +12,123 @@ use crate::volume::Volume;
 use glam::DVec3;
 use std::fmt;
 
-/// Something that a scene did not need.
+/// Skipped work that a scene does not need.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Omission {
-    /// What is left out.
+    /// Name of the skipped work.
     pub what: String,
-    /// Why the scene does not need it.
+    /// Reason why the scene does not need it.
     pub why: String,
     /// Bytes or work saved, where known.
     pub saved: Option<String>,
-    /// Its name for `--force`, where it can be forced.
-    pub optional: Option<Omittable>,
+    /// Optimization that skips it, if `--no-skip` can disable it.
+    pub optional: Option<Optimization>,
 }
 
 impl Omission {
-    /// What was left out, why, and what that saved.
+    /// Text with the skipped work, the reason and the saving.
     pub fn text(&self) -> String {
         let saved = self.saved.as_ref().map_or(String::new(), |s| format!(", {s}"));
         format!("{} ({}){saved}", self.what, self.why)
     }
 }
 
-/// The text, and in brackets the name for `--force` where there is one.
+/// Writes the text, and in brackets the name for `--no-skip`.
 impl fmt::Display for Omission {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "left out: {}", self.text())?;
+        write!(f, "skipped: {}", self.text())?;
         self.optional.map_or(Ok(()), |name| write!(f, " [{name}]"))
     }
 }
 
-/// The decisions for one picture.
+/// Decisions for one picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Whether light is looked up.
+    /// Whether shadows are looked up.
     pub shadows: bool,
-    /// Whether empty bricks are leapt over.
+    /// Whether rays skip empty bricks.
     pub skip_bricks: bool,
-    /// The shading that is computed: the scene's, or a forced one that does not count.
+    /// Shading that is computed: the scene's, or one with weight 0 where [`Optimization::Gradients`] is disabled.
     pub shading: Shading,
-    /// Whether there is a mesh that rays end at.
+    /// Whether the scene has a mesh.
     pub mesh: bool,
-    /// Everything that is left out.
+    /// Skipped work.
     pub left_out: Vec<Omission>,
 }
 
-/// Whether any light can be kept from a sample that is seen: the one decision that is made before a shadow map is built.
-/// The error is the reason why not.
+/// Whether a visible point may be in shadow, which is decided before a shadow map is built.
+///
+/// # Errors
+/// The reason why no visible point is in shadow.
 pub fn needs_shadows(scene: &Scene, volume: &Volume, transfer: &DeviceTransfer) -> Result<(), &'static str> {
-    if transfer.forced.has(Omittable::Shadows) {
+    if transfer.disabled.has(Optimization::Shadows) {
         return Ok(());
     }
-    // A mesh is lit wherever it is, and hides from the light what is behind it.
-    let seen = transfer.active.index_box(volume.dims());
-    if seen.is_none() && scene.mesh.is_none() {
+    // A mesh outside the active bricks is lit and casts shadows too.
+    let active = transfer.active.index_box(volume.dims());
+    if active.is_none() && scene.mesh.is_none() {
         Err("no value has extinction")
     } else if scene.ambient >= 1.0 {
         Err("ambient 1")
     } else if !scene.lights.iter().any(LightSource::shines) {
         Err("no light shines")
-    } else if scene.mesh.is_none() && !seen.is_some_and(|seen| in_view(scene, volume, seen)) {
+    } else if scene.mesh.is_none() && !active.is_some_and(|bounds| in_view(scene, volume, bounds)) {
         Err("nothing is in view")
     } else {
         Ok(())
     }
 }
 
-/// Whether a box of index coordinates may show in the picture.
+/// Whether a box of index coordinates may be visible in the picture.
 fn in_view(scene: &Scene, volume: &Volume, [lo, hi]: [DVec3; 2]) -> bool {
-    let sides = View::of(scene).sides(&volume.world_from_index());
-    sides.may_show(0.5 * (lo + hi), 0.5 * (hi - lo))
+    let frustum = View::of(scene).frustum(&volume.world_from_index());
+    frustum.may_intersect(0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
-/// Distance of a frame's plane from the eye, mm: through the volume's centre, so that far eyes cost no precision.
+/// Distance of the frame's plane from the eye, mm: it passes through the volume's centre, so that distant eyes lose no
+/// precision.
 pub(super) fn plane_distance_mm(scene: &Scene, volume: &Volume) -> f64 {
     let center = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
     (center - scene.camera.eye).dot(scene.camera.frame().forward).max(volume.min_spacing_mm())
 }
 
 impl Plan {
-    /// Decides for one picture, and in which tiles of it rays are cast; the shadow structures of its lights are made.
+    /// Plans a picture with existing shadow structures, and finds the tiles in which rays are cast.
     pub(super) fn of(
         scene: &Scene,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
         maps: &[&ShadowMap],
     ) -> (Self, EyeTiles) {
-        let forced = transfer.forced;
-        let mut left_out = Vec::new();
-        let mut omit = omitting(&mut left_out);
+        let disabled = transfer.disabled;
+        let mut left_out = Omissions(Vec::new());
         if transfer.one_color {
             let saved = Some(megabytes(12 * (TABLE_BINS as u64 + 1)));
-            omit("colour in the tables".into(), "all has one colour", saved, Some(Omittable::Colors));
+            left_out.add("colour in the tables", "all has one colour", saved, Some(Optimization::Colors));
         }
         match transfer.march_table() {
             None => {
                 let saved = Some(megabytes(8 * (PAIR_BINS as u64).pow(2)));
                 let why = "no light ray is marched cell by cell";
-                omit("pre-compressed table".into(), why, saved, Some(Omittable::MarchTable));
+                left_out.add("pre-compressed table", why, saved, Some(Optimization::MarchTable));
             }
-            Some(table) if !table.many_breakpoints && !forced.has(Omittable::BreakpointSearch) => {
+            Some(table) if !table.many_breakpoints && !disabled.has(Optimization::BreakpointSearch) => {
                 let why = "the pre-compressed table holds all";
-                omit("search for breakpoints".into(), why, None, Some(Omittable::BreakpointSearch));
+                left_out.add("search for breakpoints", why, None, Some(Optimization::BreakpointSearch));
             }
             Some(_) => {}
         }
-        let bricks = loaded.bricks.len();
+        let bricks = loaded.volume.bricks().len();
         let inactive = bricks - transfer.active.active;
-        let skip_bricks = scene.skip == Skip::Bricks && !forced.has(Omittable::Bricks);
+        let skip_bricks = scene.skip == Skip::Bricks && !disabled.has(Optimization::Bricks);
         if skip_bricks && inactive > 0 {
             let share = 100.0 * inactive as f64 / bricks as f64;
             let what = format!("{inactive} of {bricks} bricks");
             let saved = Some(format!("{share:.1} % of the volume"));
-            omit(what, "no extinction in them", saved, Some(Omittable::Bricks));
+            left_out.add(what, "no extinction in them", saved, Some(Optimization::Bricks));
         }
         let plane_mm = plane_distance_mm(scene, &loaded.volume);
-        let tiles = match scene.skip == Skip::Bricks && !forced.has(Omittable::EyeTiles) {
+        let tiles = match scene.skip == Skip::Bricks && !disabled.has(Optimization::EyeTiles) {
             true => EyeTiles::of(scene, &loaded.volume, &transfer.active, plane_mm),
             false => EyeTiles::all(scene),
         };
@@ -142,47 +144,43 @@ impl Plan {
                 Some(_) => "neither an active brick nor a mesh may show in them",
                 None => "no active brick may show in them",
             };
-            omit(what, why, saved, Some(Omittable::EyeTiles));
+            left_out.add(what, why, saved, Some(Optimization::EyeTiles));
         }
         let needed = needs_shadows(scene, &loaded.volume, transfer);
         let shadows = needed.is_ok() && maps.iter().any(|map| map.lookup.is_some());
         match needed {
-            Err(why) => omit("shadow pass".into(), why, None, Some(Omittable::Shadows)),
-            Ok(()) if !shadows => omit("shadow pass".into(), "method none", None, None),
-            Ok(()) => omit_of_maps(maps, &mut omit),
+            Err(why) => left_out.add("shadow pass", why, None, Some(Optimization::Shadows)),
+            Ok(()) if !shadows => left_out.add("shadow pass", "method none", None, None),
+            Ok(()) => left_out.add_maps(maps),
         }
         let shading = match scene.shading {
-            Shading::None if forced.has(Omittable::Gradients) => Shading::Lambert,
+            Shading::None if disabled.has(Optimization::Gradients) => Shading::Lambert,
             shading => shading,
         };
-        omit_of_shading(shading, loaded, &mut omit);
-        omit_of_lights(scene, &mut omit);
-        drop(omit);
-        let plan = Self { shadows, skip_bricks, shading, mesh: scene.mesh.is_some(), left_out };
-        (plan.with_passes_left_out(scene), tiles)
-    }
-
-    /// Says how many passes over the picture are spared, where nothing tells its lights apart.
-    fn with_passes_left_out(mut self, scene: &Scene) -> Self {
+        left_out.add_shading(shading, loaded);
+        left_out.add_lights(scene);
+        let mut plan =
+            Self { shadows, skip_bricks, shading, mesh: scene.mesh.is_some(), left_out: Vec::new() };
         let lights = scene.shining().len();
-        if lights > 1 && !self.tells_lights_apart() {
+        if lights > 1 && !plan.depends_on_light() {
             let what = format!("{} of {lights} passes over the picture", lights - 1);
-            omitting(&mut self.left_out)(what, "without shadows and shading lights add up", None, None);
+            left_out.add(what, "without shadows and shading lights add up", None, None);
         }
-        self
+        plan.left_out = left_out.0;
+        (plan, tiles)
     }
 
-    /// Whether the picture is another under another light.
-    pub(super) fn tells_lights_apart(&self) -> bool {
+    /// Whether the picture depends on the direction of its lights.
+    pub(super) fn depends_on_light(&self) -> bool {
         self.shadows || self.mesh || self.shading != Shading::None
     }
 
-    /// Whether the picture is made in several dispatches.
+    /// Whether a pass of the picture may take several dispatches.
     pub(super) fn resumable(&self, shadow: &ShadowMap) -> bool {
         self.shadows && shadow.lookup.as_ref().is_some_and(|lookup| self.mesh || lookup.marches())
     }
 
-    /// The ray caster that does just this.
+    /// Ray caster of the plan.
     pub(super) fn raycast_shader(
         &self,
         transfer: &DeviceTransfer,
@@ -198,55 +196,61 @@ impl Plan {
     }
 }
 
-/// What adds to a list: what is left out, why, what that saves, and its name for `--force`.
-fn omitting(list: &mut Vec<Omission>) -> impl FnMut(String, &str, Option<String>, Option<Omittable>) + '_ {
-    |what, why, saved, optional| list.push(Omission { what, why: why.into(), saved, optional })
-}
+/// List of skipped work.
+struct Omissions(Vec<Omission>);
 
-/// What was left out of shadow structures, of those of several lights together; what their passes leave out is said once.
-fn omit_of_maps(maps: &[&ShadowMap], omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>)) {
-    let sum = |of: &dyn Fn(&ShadowMap) -> u64| maps.iter().map(|map| of(map)).sum::<u64>();
-    let left_out = sum(&|map| map.report.tiles_left_out.into());
-    if left_out > 0 {
-        let what = format!("{left_out} of {} shadow tiles", sum(&|map| map.report.tiles.into()));
-        let why = match maps.iter().any(|map| map.light_space.is_of_view()) {
-            true => "no active brick under them, or out of view",
-            false => "no active brick under them",
-        };
-        omit(what, why, Some(megabytes(sum(&|map| map.report.bytes_left_out))), Some(Omittable::Tiles));
+impl Omissions {
+    fn add(
+        &mut self,
+        what: impl Into<String>,
+        why: &str,
+        saved: Option<String>,
+        optional: Option<Optimization>,
+    ) {
+        self.0.push(Omission { what: what.into(), why: why.into(), saved, optional });
     }
-    let mut said = Vec::new();
-    for pass in maps.iter().flat_map(|map| map.report.passes_left_out) {
-        if !said.contains(&pass.what) {
-            said.push(pass.what);
-            omit(pass.what.into(), pass.why, None, pass.optional);
+
+    /// Adds the skipped parts of shadow structures, as sums over all lights; a skipped pass is listed once.
+    fn add_maps(&mut self, maps: &[&ShadowMap]) {
+        let sum = |of: &dyn Fn(&ShadowMap) -> u64| maps.iter().map(|map| of(map)).sum::<u64>();
+        let left_out = sum(&|map| map.report.tiles_left_out.into());
+        if left_out > 0 {
+            let what = format!("{left_out} of {} shadow tiles", sum(&|map| map.report.tiles.into()));
+            let why = match maps.iter().any(|map| map.light_space.is_of_view()) {
+                true => "no active brick under them, or out of view",
+                false => "no active brick under them",
+            };
+            let saved = megabytes(sum(&|map| map.report.bytes_left_out));
+            self.add(what, why, Some(saved), Some(Optimization::Tiles));
+        }
+        let first = self.0.len();
+        for pass in maps.iter().flat_map(|map| map.report.passes_left_out) {
+            if self.0[first..].iter().all(|omission| omission.what != pass.what) {
+                self.add(pass.what, pass.why, None, pass.optional);
+            }
         }
     }
-}
 
-/// Lights that give none: no structure is built for them, and no pass is made.
-fn omit_of_lights(scene: &Scene, omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>)) {
-    for (i, light) in scene.lights.iter().enumerate().filter(|(_, light)| !light.shines()) {
-        let why = if light.intensity == 0.0 { "its intensity is 0" } else { "it is black" };
-        omit(format!("light {} of {}", i + 1, scene.lights.len()), why, None, None);
+    /// Adds lights without intensity: they have no shadow structure and no pass.
+    fn add_lights(&mut self, scene: &Scene) {
+        for (i, light) in scene.lights.iter().enumerate().filter(|(_, light)| !light.shines()) {
+            let why = if light.intensity == 0.0 { "its intensity is 0" } else { "it is black" };
+            self.add(format!("light {} of {}", i + 1, scene.lights.len()), why, None, None);
+        }
     }
-}
 
-/// What the shading does not read: gradients, or the directions of strands.
-fn omit_of_shading(
-    shading: Shading,
-    loaded: &LoadedVolume,
-    omit: &mut impl FnMut(String, &str, Option<String>, Option<Omittable>),
-) {
-    let samples = Some("6 samples a lit sample".into());
-    match shading {
-        Shading::None => omit("gradients".into(), "shading none", samples, Some(Omittable::Gradients)),
-        Shading::KajiyaKay => omit("gradients".into(), "shading kajiya-kay", samples, None),
-        Shading::Lambert | Shading::BlinnPhong => {}
-    }
-    if loaded.strands.is_some() && !shading.is_of_strands() {
-        let saved = megabytes(DeviceDirections::bytes_of(loaded.on_device.dims));
-        omit("directions of strands".into(), "no shading by them", Some(saved), None);
+    /// Adds the data that the shading does not read: gradients, or the directions of strands.
+    fn add_shading(&mut self, shading: Shading, loaded: &LoadedVolume) {
+        let samples = Some("6 samples a lit sample".into());
+        match shading {
+            Shading::None => self.add("gradients", "shading none", samples, Some(Optimization::Gradients)),
+            Shading::KajiyaKay => self.add("gradients", "shading kajiya-kay", samples, None),
+            Shading::Lambert | Shading::BlinnPhong => {}
+        }
+        if loaded.strands.is_some() && !shading.is_of_strands() {
+            let saved = megabytes(DeviceDirections::bytes_of(loaded.on_device.dims));
+            self.add("directions of strands", "no shading by them", Some(saved), None);
+        }
     }
 }
 
@@ -272,19 +276,19 @@ fn raycast_shader(
         .defs(light_factor.then_some("LIGHT_FACTOR"))
 }
 
-/// Every ray caster that a plan can ask for, but for combinations of parts that do not meet.
+/// All ray casters of plans, without combinations of independent parts.
 pub(super) fn raycast_shaders(lookup: Option<&Lookup>) -> Vec<ShaderVariant> {
     let mut list = Vec::new();
-    // A shading's own factor does not meet the lookup: that there is one does, and this one has most to it.
+    // Lookups do not depend on the kind of shading, only on its presence: the most complex one stands for all.
     let shadings: &[Shading] =
         if lookup.is_some() { &[Shading::None, Shading::BlinnPhong] } else { &Shading::ALL };
     for &shading in shadings {
         for (skip_bricks, one_color) in [(false, false), (false, true), (true, false), (true, true)] {
             list.push(raycast_shader(lookup, shading, skip_bricks, one_color, false));
         }
-        // What a factor on the light touches knows neither of bricks nor of colours in tables.
+        // A factor on the light depends neither on bricks nor on colours in tables.
         list.push(raycast_shader(lookup, shading, true, false, true));
-        // Nor does a surface.
+        // A surface does not depend on them either.
         for light_factor in [false, true] {
             let shader = raycast_shader(lookup, shading, true, false, light_factor);
             list.push(with_mesh(shader, lookup.is_some()).defs(lookup.map(|_| "RESUMABLE")));

@@ -1,4 +1,4 @@
-//! Transmittance at points, by the lookup that pictures use.
+//! Transmittance at points, from the lookup of pictures.
 
 use super::Renderer;
 use super::shader::CONSTANTS;
@@ -13,10 +13,10 @@ pub(super) fn shader(lookup: &Lookup) -> ShaderVariant {
 }
 
 impl Renderer {
-    /// Transmittance from the light to world points, by the lookup that pictures use.
+    /// Transmittance from the light to world points, from the lookup of pictures.
     ///
     /// # Errors
-    /// A lost device.
+    /// The device is lost.
     pub fn query(
         &self,
         loaded: &LoadedVolume,
@@ -31,7 +31,7 @@ impl Renderer {
         let shader = transfer.prepared(gpu, shader(lookup))?;
         let grid_from_world = grid_from_world(&loaded.volume);
         let mut results = Vec::with_capacity(points_mm.len());
-        // A million points at a time bounds the buffers.
+        // A million points at a time limit the size of the buffers.
         for chunk in points_mm.chunks(1 << 20) {
             let grid = chunk
                 .iter()
@@ -39,12 +39,13 @@ impl Renderer {
                 .collect::<Vec<_>>();
             let points = StorageBuffer::from_slice(gpu, "query points", &grid)?;
             let values = StorageBuffer::zeroed(gpu, "query results", chunk.len() as u64 * 4)?;
-            let asked_for = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            let results_of_chunk = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
                 buffer: &values,
                 offset: 0,
                 size: std::num::NonZeroU64::new(chunk.len() as u64 * 4),
             });
-            let stage = [(0, Slot::read(points.as_entire_binding())), (1, Slot::read_write(asked_for))];
+            let stage =
+                [(0, Slot::read(points.as_entire_binding())), (1, Slot::read_write(results_of_chunk))];
             let groups = [transfer.group(), &shadow.group, &self.kernels.group("query", &stage)];
             self.kernels.run("query", &shader, &groups, line_of_workgroups(chunk.len()))?;
             results.extend(read_back::<f32>(gpu, &values, chunk.len())?);

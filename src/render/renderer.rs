@@ -1,8 +1,8 @@
-//! What draws on one device.
+//! Renderer of one device.
 
-use super::mesh::KeptMesh;
+use super::mesh::MeshCache;
 use crate::error::Result;
-use crate::field::{DeviceTransfer, Forced, LoadedVolume, TilePace, View};
+use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, TilePace, View};
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::{Light, LightSource, Scene};
 use crate::shadow::{BuildContext, Method, ShadowMap};
@@ -11,68 +11,64 @@ use crate::volume::Volume;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Everything that draws on one device: its pipelines, and how long one submission may keep its queue.
+/// Renderer of one device: its pipelines, and the pace of its submissions.
 pub struct Renderer {
     pub(super) kernels: Kernels,
     tile_pace: TilePace,
-    pub(super) mesh: KeptMesh,
+    pub(super) mesh: MeshCache,
 }
 
 impl Renderer {
-    /// For pictures that take as long as they take.
+    /// Renderer without a limit on the duration of submissions.
     pub fn new(gpu: Gpu) -> Self {
-        Self {
-            kernels: Kernels::new(gpu, false),
-            tile_pace: TilePace::new(f64::INFINITY),
-            mesh: KeptMesh::default(),
-        }
+        Self::over(Kernels::new(gpu, false), f64::INFINITY)
     }
 
-    /// For a window whose light moves and whose own drawing goes through the same queue: shadow maps are built in
-    /// submissions of about `submission_ms`, and what moves is read as storage (see [`Kernels::new`]).
+    /// Renderer for a window that uses the same queue and moves its light: shadow maps are built in submissions of about
+    /// `submission_ms`, and uniforms are read as storage (see [`Kernels::new`]).
     pub fn live(gpu: Gpu, submission_ms: f64) -> Self {
-        Self {
-            kernels: Kernels::new(gpu, true),
-            tile_pace: TilePace::new(submission_ms),
-            mesh: KeptMesh::default(),
-        }
+        Self::over(Kernels::new(gpu, true), submission_ms)
     }
 
-    /// The device.
+    fn over(kernels: Kernels, submission_ms: f64) -> Self {
+        Self { kernels, tile_pace: TilePace::new(submission_ms), mesh: MeshCache::default() }
+    }
+
+    /// Device.
     pub fn gpu(&self) -> &Gpu {
         self.kernels.gpu()
     }
 
-    /// The device's pipelines.
+    /// Pipelines of the device.
     pub fn kernels(&self) -> &Kernels {
         &self.kernels
     }
 
-    /// Uploads a volume and makes its bricks.
+    /// Uploads a volume.
     ///
     /// # Errors
-    /// A volume that the adapter cannot hold.
+    /// The adapter cannot hold the volume.
     pub fn load(&self, volume: Arc<Volume>) -> Result<LoadedVolume> {
         LoadedVolume::new(self.gpu(), volume)
     }
 
-    /// Tables and brick classes of a transfer function on a volume.
+    /// Makes the tables of a transfer function and classifies the bricks.
     ///
     /// # Errors
-    /// A device out of memory.
+    /// The device is out of memory.
     pub fn transfer(
         &self,
         loaded: &LoadedVolume,
         tf: &TransferFunction,
-        forced: Forced,
+        disabled: DisabledOptimizations,
     ) -> Result<DeviceTransfer> {
-        DeviceTransfer::new(self.gpu(), loaded, tf, forced)
+        DeviceTransfer::new(self.gpu(), loaded, tf, disabled)
     }
 
-    /// The same tables with the colours of `tf`, whose extinction must be theirs at all values that occur.
+    /// Replaces the colours by those of `tf`, whose extinction must be the same at all values that occur.
     ///
     /// # Errors
-    /// A device out of memory.
+    /// The device is out of memory.
     pub fn recolor(
         &self,
         loaded: &LoadedVolume,
@@ -82,10 +78,10 @@ impl Renderer {
         transfer.recolored(self.gpu(), loaded, tf)
     }
 
-    /// Builds a shadow structure; its report has all that this took, on the host and on the device.
+    /// Builds a shadow structure, with a report of its times on the host and on the device.
     ///
     /// # Errors
-    /// A structure that the adapter cannot hold.
+    /// The adapter cannot hold the structure.
     pub fn shadow(
         &self,
         loaded: &LoadedVolume,
@@ -96,10 +92,10 @@ impl Renderer {
         self.shadow_in(loaded, transfer, method, light, None)
     }
 
-    /// The same for the pictures of a view: points outside of it may be looked up wrongly. `None` is as [`Self::shadow`].
+    /// Builds a shadow structure for the pictures of a view: lookups outside it may be wrong. `None` covers everything.
     ///
     /// # Errors
-    /// As there.
+    /// The adapter cannot hold the structure.
     pub fn shadow_in(
         &self,
         loaded: &LoadedVolume,
@@ -114,16 +110,16 @@ impl Renderer {
         let (kernels, pace, strands) = (&self.kernels, &self.tile_pace, strands.as_deref());
         let context = BuildContext { kernels, pace, pool_sizes, volume, transfer, strands, light, view };
         let mut map = method.build(&context)?;
-        // Tables are made once for a transfer function, and have a time of their own.
+        // Tables are made once per transfer function, and their time is measured separately.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);
         Ok(map)
     }
 
-    /// The same for each light of a scene that shines ([`Scene::shining`]), in their order.
+    /// Builds the shadow structure of each light of a scene with intensity ([`Scene::shining`]), in their order.
     ///
     /// # Errors
-    /// As there.
+    /// The adapter cannot hold a structure.
     pub fn shadows_in(
         &self,
         loaded: &LoadedVolume,

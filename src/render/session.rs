@@ -1,6 +1,8 @@
 //! A volume and a transfer function made ready on a device: what every drawing command works with.
 
-use super::{DeviceTransfer, Forced, LightMaps, LoadedVolume, Picture, Renderer, needs_shadows};
+use super::{
+    DeviceTransfer, DisabledOptimizations, LightMaps, LoadedVolume, Picture, Renderer, needs_shadows,
+};
 use crate::error::Result;
 use crate::field::View;
 use crate::gpu::Gpu;
@@ -24,7 +26,7 @@ pub struct Session {
 
 impl Session {
     /// Opens the adapter (`--adapter`), uploads the volume and makes the tables; `forced` is what is done although the
-    /// scene does not need it (`--force`).
+    /// scene does not need it (`--no-skip`).
     ///
     /// # Errors
     /// No adapter, or a volume that it cannot hold.
@@ -32,7 +34,7 @@ impl Session {
         adapter: Option<&str>,
         volume: Arc<Volume>,
         tf: &TransferFunction,
-        forced: Forced,
+        forced: DisabledOptimizations,
     ) -> Result<Self> {
         Self::on(&Arc::new(Renderer::new(Gpu::open(adapter)?)), volume, tf, forced)
     }
@@ -45,7 +47,7 @@ impl Session {
         renderer: &Arc<Renderer>,
         volume: Arc<Volume>,
         tf: &TransferFunction,
-        forced: Forced,
+        forced: DisabledOptimizations,
     ) -> Result<Self> {
         let loaded = renderer.load(volume)?;
         let transfer = renderer.transfer(&loaded, tf, forced)?;
@@ -63,7 +65,7 @@ impl Session {
     /// # Errors
     /// As [`Renderer::transfer`].
     pub fn fresh_transfer(&self, tf: &TransferFunction) -> Result<DeviceTransfer> {
-        self.renderer.transfer(&self.loaded, tf, self.transfer.forced)
+        self.renderer.transfer(&self.loaded, tf, self.transfer.disabled)
     }
 
     /// Whether a scene needs a shadow structure, or why not.

@@ -19,7 +19,7 @@ pub fn markdown(rows: &[Ablation]) -> String {
     };
     let megabytes = |bytes: Option<u64>| bytes.map(|b| b as f64 * 1e-6);
     for row in rows {
-        let what = match row.omission {
+        let what = match row.omission.as_str() {
             "" => String::new(),
             name => format!("{name}: {} ({})", row.what, row.why),
         };

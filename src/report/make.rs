@@ -18,7 +18,7 @@ use crate::measure::facts::Facts;
 use crate::measure::job::Job;
 use crate::measure::journal::Journal;
 use crate::measure::progress::Progress;
-use crate::render::{Forced, Renderer, Session};
+use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::scene::Scene;
 use crate::shadow::{Method, NodeMap, ShadowRays};
 use crate::strands::VoxelisedStrands;
@@ -51,7 +51,7 @@ pub struct Subject {
     /// Camera, lights, and size of the picture.
     pub scene: Scene,
     /// What is done although the scene does not need it.
-    pub forced: Forced,
+    pub forced: DisabledOptimizations,
 }
 
 /// The files of a comparison.

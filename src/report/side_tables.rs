@@ -45,7 +45,7 @@ const ABLATION: &[[&str; 3]] = &[
     ["clock", "", "Whose clock build and frame are from; tables are made by the host."],
     ["method", "", "As in `compare.csv`."],
     ["params", "", "As in `compare.csv`."],
-    ["omission", "", "Name for `--force`; empty where the whole method failed."],
+    ["omission", "", "Name for `--no-skip`; empty where the whole method failed."],
     ["what", "", "What the plan left out."],
     ["why", "", "Why it could."],
     ["tables_ms", "ms", "Time to make tables and classes of bricks, as the plan has it, median."],

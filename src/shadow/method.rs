@@ -4,7 +4,7 @@ use super::settings::{self, Key, Lookups, MAP, MARCH, Value};
 use super::spec::Setting;
 use super::style::Style;
 use crate::error::{Error, Result};
-use crate::field::{BuildContext, LightSpace, Omittable, TILE_TEXELS, marches_cells};
+use crate::field::{BuildContext, LightSpace, Optimization, TILE_TEXELS, marches_cells};
 use crate::gpu::{Group, ShaderVariant, Span};
 
 /// A method as all others know it.
@@ -111,8 +111,8 @@ pub struct PassLeftOut {
     pub what: &'static str,
     /// Why nothing would have read it.
     pub why: &'static str,
-    /// Its name for `--force`, where it can be forced.
-    pub optional: Option<Omittable>,
+    /// Its name for `--no-skip`, where it can be forced.
+    pub optional: Option<Optimization>,
 }
 
 /// The ratio that was chosen for how a whole map's layers share their depth, and what they are then like.

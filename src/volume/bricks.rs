@@ -65,8 +65,8 @@ impl Bricks {
         dims.map(|n| (n + 1).div_ceil(BRICK_CELLS))
     }
 
-    /// Finds every brick's range; stored types are compared and only the results scaled.
-    pub fn build(volume: &Volume) -> Self {
+    /// Finds every brick's range; stored types are compared and only the results scaled. [`Volume::bricks`] calls this once.
+    pub(super) fn build(volume: &Volume) -> Self {
         let dims = volume.dims();
         let bricks = with_voxels!(volume.voxels(), a => {
             build(a.as_slice().unwrap_or_default(), dims, volume.scaling())

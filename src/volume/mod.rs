@@ -25,7 +25,7 @@ use crate::files::loading::{Loading, ReadingStage};
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Stored voxel values before scaling, in memory order `[[k, j, i]]` (`i` runs fastest), always contiguous.
 ///
@@ -202,6 +202,7 @@ pub struct Volume {
     index_from_world: DAffine3,
     stored_range: [f64; 2],
     labels: Option<Arc<Labels>>,
+    bricks: OnceLock<Bricks>,
     /// Where it came from.
     pub provenance: Provenance,
 }
@@ -274,6 +275,7 @@ impl Volume {
             index_from_world,
             stored_range,
             labels: None,
+            bricks: OnceLock::new(),
             provenance,
         })
     }
@@ -361,6 +363,11 @@ impl Volume {
         })
     }
 
+    /// Range of values in each brick, computed once per volume.
+    pub fn bricks(&self) -> &Bricks {
+        self.bricks.get_or_init(|| Bricks::build(self))
+    }
+
     /// What a segmentation calls its voxels, where there is one.
     pub fn labels(&self) -> Option<&Arc<Labels>> {
         self.labels.as_ref()
@@ -376,7 +383,7 @@ impl Volume {
             let why = format!("{} labels for {voxels} voxels", labels.ranks().len());
             return Err(Error::input("cannot use labels", &self.provenance.source, why));
         }
-        Ok(Self { labels: Some(labels), ..self })
+        Ok(Self { labels: Some(labels), bricks: OnceLock::new(), ..self })
     }
 
     /// Bytes that the stored voxels take on the host.

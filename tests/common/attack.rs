@@ -14,7 +14,7 @@ use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
 use umbravox::measure::band::BandReport;
 use umbravox::measure::errors::RayTest;
-use umbravox::render::{Forced, Renderer, Session};
+use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::Light;
 use umbravox::shadow::{self, Bound};
 use umbravox::transfer::{Quantity, TransferFunction};
@@ -326,7 +326,7 @@ impl Attack {
     pub fn run_as(&self, renderer: &Arc<Renderer>, method: &str) -> umbravox::error::Result<Outcome> {
         let volume = Arc::new(self.volume());
         let tf = self.transfer_function();
-        let session = Session::on(renderer, Arc::clone(&volume), &tf, Forced::NOTHING)?;
+        let session = Session::on(renderer, Arc::clone(&volume), &tf, DisabledOptimizations::NONE)?;
         let field = ExactField::new(&volume, &tf);
         let map = session.shadow(shadow::parse(method)?.as_ref(), self.light)?;
         let side = map.light_space.map_size;

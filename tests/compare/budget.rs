@@ -12,7 +12,7 @@ use umbravox::error::Result;
 use umbravox::measure::budget::Budget;
 use umbravox::measure::journal::JOURNAL;
 use umbravox::open::{VolumeSpec, load};
-use umbravox::render::{DeviceTransfer, Forced, LoadedVolume};
+use umbravox::render::{DeviceTransfer, DisabledOptimizations, LoadedVolume};
 use umbravox::report::run::Run;
 use umbravox::shadow::{
     BuildContext, Entry, Key, Lookup, Marker, Method, ShadowMap, Style, Value, parse, parse_list,
@@ -60,7 +60,7 @@ impl Method for Levels {
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let loaded = LoadedVolume::new(context.gpu(), Arc::new(context.volume.clone()))?;
         let dark = haze(EXTINCTION * f64::from(8 - self.level));
-        let transfer = DeviceTransfer::new(context.gpu(), &loaded, &dark, Forced::NOTHING)?;
+        let transfer = DeviceTransfer::new(context.gpu(), &loaded, &dark, DisabledOptimizations::NONE)?;
         sleep(Duration::from_secs_f64(1e-3 * LEVEL_MS * f64::from(self.level)));
         let mut shadow = self.inner.build(&BuildContext { transfer: &transfer, ..*context })?;
         shadow.report.bytes = LEVEL_BYTES * u64::from(self.level + 1);

@@ -13,7 +13,7 @@ use umbravox::measure::progress::{Progress, Status, StepKind, Watch};
 use umbravox::measure::table::Row;
 use umbravox::open::presets;
 use umbravox::open::{VolumeSpec, load};
-use umbravox::render::{Forced, Renderer};
+use umbravox::render::{DisabledOptimizations, Renderer};
 use umbravox::report::make::{Made, Order, Subject, make};
 use umbravox::report::run::{Run, SceneRecord};
 use umbravox::report::tables::Layout;
@@ -71,7 +71,7 @@ fn made(folder: &Path, repeats: usize, listener: &mut Listener) -> Result<Made> 
     let effort = Effort { repeats, points: 500, rays: 50, depths: 40, check_all: false };
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), tf.clone(), scene.clone());
-        Ok(Subject { volume, tf, strands: None, scene, forced: Forced::NOTHING })
+        Ok(Subject { volume, tf, strands: None, scene, forced: DisabledOptimizations::NONE })
     };
     let renderer = Arc::new(Renderer::new(Gpu::open(None)?));
     let mut journal = Journal::open(folder, true)?;

@@ -14,7 +14,7 @@ use umbravox::measure::job::{Effort, Job};
 use umbravox::measure::journal::Journal;
 use umbravox::measure::progress::Progress;
 use umbravox::open::{VolumeSpec, load};
-use umbravox::render::{DeviceTransfer, Forced, LoadedVolume, Session};
+use umbravox::render::{DeviceTransfer, DisabledOptimizations, LoadedVolume, Session};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{BuildContext, Entry, Lookup, Method, ShadowMap, Value, parse, parse_list};
 use umbravox::transfer::{Quantity, TransferFunction};
@@ -75,7 +75,8 @@ impl Method for Planted {
             Fault::LateAndDark => {
                 let loaded = LoadedVolume::new(context.gpu(), Arc::new(context.volume.clone()))?;
                 let dark = haze(2.0 * EXTINCTION);
-                let transfer = DeviceTransfer::new(context.gpu(), &loaded, &dark, Forced::NOTHING)?;
+                let transfer =
+                    DeviceTransfer::new(context.gpu(), &loaded, &dark, DisabledOptimizations::NONE)?;
                 let late = if build < FIRST_BUILDS { FIRST_DELAY_MS } else { DELAY_MS };
                 sleep(Duration::from_secs_f64(1e-3 * late));
                 self.inner.build(&BuildContext { transfer: &transfer, ..*context })
@@ -106,7 +107,7 @@ pub fn compared_within(
         return None;
     }
     let tf = haze(EXTINCTION);
-    let session = Session::open(None, Arc::clone(volume), &tf, Forced::NOTHING).unwrap();
+    let session = Session::open(None, Arc::clone(volume), &tf, DisabledOptimizations::NONE).unwrap();
     let job = Job {
         session: &session,
         volume,

@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use std::sync::{Arc, LazyLock};
 use umbravox::gpu::Gpu;
-use umbravox::render::{Forced, Renderer, Session};
+use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::{Light, Scene, Shading};
 use umbravox::shadow;
 use umbravox::transfer::{LabelRule, Seen, TransferFunction};
@@ -49,7 +49,7 @@ fn sessions_through(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<[Sess
         println!("skipped: no graphics adapter");
         return None;
     };
-    let on = |renderer| Session::on(renderer, Arc::clone(volume), tf, Forced::NOTHING).unwrap();
+    let on = |renderer| Session::on(renderer, Arc::clone(volume), tf, DisabledOptimizations::NONE).unwrap();
     let [whole, small] = [on(whole), on(small)];
     assert!(!whole.loaded.on_device.fold.is_folded() && small.loaded.on_device.fold.is_folded());
     Some([whole, small])

@@ -1,12 +1,13 @@
 //! What a plan leaves out, forced back on: the omission is gone, and no picture changes.
 
 use super::*;
-use umbravox::render::Omittable;
+use clap::ValueEnum;
+use umbravox::render::Optimization;
 use umbravox::scene::{Camera, Shading};
 
 /// A scene in which something is left out.
 struct Case {
-    what: Omittable,
+    what: Optimization,
     volume: Arc<Volume>,
     tf: TransferFunction,
     methods: &'static [&'static str],
@@ -34,29 +35,31 @@ fn cases(volume: &Arc<Volume>, range: [f64; 2]) -> Vec<Case> {
         "bom:layers=7,map=192,march=samples",
     ];
     vec![
-        case(Omittable::Bricks, &jumps, maps, same),
-        case(Omittable::EyeTiles, &jumps, &["none", "rays", "dsm:map=64", "dsm:map=64,lookup=each"], same),
-        case(Omittable::EyeTiles, &jumps, &["none", "osm:map=64"], |s| {
+        case(Optimization::Bricks, &jumps, maps, same),
+        case(Optimization::EyeTiles, &jumps, &["none", "rays", "dsm:map=64", "dsm:map=64,lookup=each"], same),
+        case(Optimization::EyeTiles, &jumps, &["none", "osm:map=64"], |s| {
             // From inside, so that some bricks lie beside and behind the eye.
             let eye = s.camera.target + 0.12 * (s.camera.eye - s.camera.target);
             Scene { camera: Camera { eye, fov_deg: 110.0, ..s.camera }, ..s }
         }),
-        case(Omittable::Tiles, &jumps, maps, same),
-        case(Omittable::Gradients, &ramp, &["none", "dsm:map=64"], same),
-        case(Omittable::MarchTable, &ramp, &["none", "dsm:map=64,precompress=off"], same),
-        case(Omittable::BreakpointSearch, &jumps, &["dsm:map=64", "rays", "dom:layers=7,map=64"], same),
-        case(Omittable::Colors, &gray, &["none", "dsm:map=64"], same),
-        case(Omittable::Shadows, &gray, &["none", "dsm:map=64"], |s| Scene { ambient: 1.0, ..s }),
-        case(Omittable::DepthPass, &jumps, &["dom:layers=7,map=64", "bom:layers=7,map=64"], same),
+        case(Optimization::Tiles, &jumps, maps, same),
+        case(Optimization::Gradients, &ramp, &["none", "dsm:map=64"], same),
+        case(Optimization::MarchTable, &ramp, &["none", "dsm:map=64,precompress=off"], same),
+        case(Optimization::BreakpointSearch, &jumps, &["dsm:map=64", "rays", "dom:layers=7,map=64"], same),
+        case(Optimization::Colors, &gray, &["none", "dsm:map=64"], same),
+        case(Optimization::Shadows, &gray, &["none", "dsm:map=64"], |s| Scene { ambient: 1.0, ..s }),
+        case(Optimization::DepthPass, &jumps, &["dom:layers=7,map=64", "bom:layers=7,map=64"], same),
     ]
 }
 
 /// What was left out before it was forced.
-fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) -> Vec<Omittable> {
+fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) -> Vec<Optimization> {
     let mut seen = Vec::new();
     for Case { what, volume, tf, methods, edit } in cases(volume, range) {
         let Some(lean) = Setup::open(&volume, &tf) else { return seen };
-        let Some(forced) = Setup::forced(&volume, &tf, Forced::only(what)) else { return seen };
+        let Some(forced) = Setup::forced(&volume, &tf, DisabledOptimizations::only(what)) else {
+            return seen;
+        };
         for method in methods {
             let scene = edit(lean.scene(61, 47));
             let [a, b] = [&lean, &forced].map(|setup| {
@@ -82,7 +85,7 @@ fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) ->
 fn forcing_phantoms() {
     let mut seen = forcing_changes_nothing(&phantom("thorax:96"), [-900.0, 1200.0], "thorax");
     seen.extend(forcing_changes_nothing(&phantom("shell:64"), [0.0, 1000.0], "shell"));
-    let never: Vec<_> = Omittable::ALL.into_iter().filter(|o| !seen.contains(o)).collect();
+    let never: Vec<_> = Optimization::value_variants().iter().filter(|o| !seen.contains(o)).collect();
     assert!(RENDERER.is_none() || never.is_empty(), "nothing was left out by {never:?}");
 }
 
@@ -134,7 +137,10 @@ fn shading_counts_where_it_is_asked_for() {
     let volume = phantom("shell:40");
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);
     let Some(plain) = Setup::open(&volume, &ramp) else { return };
-    let Some(forced) = Setup::forced(&volume, &ramp, Forced::only(Omittable::Gradients)) else { return };
+    let Some(forced) = Setup::forced(&volume, &ramp, DisabledOptimizations::only(Optimization::Gradients))
+    else {
+        return;
+    };
     let scene = Scene { shading: Shading::Lambert, ..plain.scene(40, 30) };
     let [lambert, also] = [&plain, &forced].map(|s| s.picture("none", &scene));
     assert_eq!(largest_difference(&lambert, &also), 0.0);

@@ -38,7 +38,7 @@ impl Session {
             return None;
         };
         let loaded = renderer.load(Arc::clone(volume)).unwrap();
-        Some(Self { renderer, loaded, kept: ShadowCache::new(Forced::NOTHING), shown: None })
+        Some(Self { renderer, loaded, kept: ShadowCache::new(DisabledOptimizations::NONE), shown: None })
     }
 
     /// What changed, what was made, and the picture if it is another one.
@@ -275,7 +275,7 @@ fn what_fails_leaves_the_old_in_place() {
 fn no_picture_depends_on_those_before() {
     let state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
-    session.kept = ShadowCache::new(Forced::NOTHING).serving_by(ReusePolicy::Same);
+    session.kept = ShadowCache::new(DisabledOptimizations::NONE).serving_by(ReusePolicy::Same);
     let plain = Setup::open(&state.volume, &state.tf).unwrap();
     let Camera { eye, target, .. } = state.scene.camera;
     let nearer = |share: f64| Camera { eye: target + share * (eye - target), ..state.scene.camera };

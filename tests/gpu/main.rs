@@ -40,7 +40,7 @@ use std::sync::{Arc, LazyLock};
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
 use umbravox::open::{VolumeSpec, load};
-use umbravox::render::{Forced, Renderer, Session};
+use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::{Light, Scene};
 use umbravox::shadow::{self, ShadowMap};
 use umbravox::transfer::{Quantity, TransferFunction};
@@ -74,11 +74,11 @@ struct Setup {
 impl Setup {
     /// `None`, visibly, where there is no adapter.
     fn open(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<Self> {
-        Self::forced(volume, tf, Forced::NOTHING)
+        Self::forced(volume, tf, DisabledOptimizations::NONE)
     }
 
     /// The same with work forced back on.
-    fn forced(volume: &Arc<Volume>, tf: &TransferFunction, forced: Forced) -> Option<Self> {
+    fn forced(volume: &Arc<Volume>, tf: &TransferFunction, forced: DisabledOptimizations) -> Option<Self> {
         let Some(renderer) = RENDERER.as_ref() else {
             println!("skipped: no graphics adapter");
             return None;

@@ -8,7 +8,7 @@ fn a_map_in_parts_is_the_map_at_once() {
     let [_, jumps, _] = transfer_functions([-900.0, 1200.0]);
     let Some(whole) = Setup::open(&volume, &jumps) else { return };
     let parts = Arc::new(Renderer::live(Gpu::open(None).unwrap(), 1.0));
-    let session = Session::on(&parts, Arc::clone(&volume), &jumps, Forced::NOTHING).unwrap();
+    let session = Session::on(&parts, Arc::clone(&volume), &jumps, DisabledOptimizations::NONE).unwrap();
     let parts = Setup { session, tf: jumps };
     let scene = whole.scene(57, 41);
     // 256 tiles, and so many parts of a millisecond; without an error to spare the pool runs out and the build is repeated.

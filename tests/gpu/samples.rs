@@ -2,7 +2,7 @@
 
 use super::*;
 use umbravox::measure::check::check;
-use umbravox::render::Omittable;
+use umbravox::render::Optimization;
 
 const LIGHT: Light = Light::Directional { toward: DVec3::new(0.4, -0.3, 0.9) };
 
@@ -72,7 +72,9 @@ fn wall() -> (Arc<Volume>, TransferFunction) {
 fn steps_longer_than_bricks_leap_over_no_active_one() {
     let (volume, tf) = wall();
     let Some(lean) = Setup::open(&volume, &tf) else { return };
-    let Some(forced) = Setup::forced(&volume, &tf, Forced::only(Omittable::Bricks)) else { return };
+    let Some(forced) = Setup::forced(&volume, &tf, DisabledOptimizations::only(Optimization::Bricks)) else {
+        return;
+    };
     let points = points(&volume);
     for step in [0.5, 4.0, 5.0, 6.0, 8.0] {
         let scene = Scene { step, ..lean.scene(40, 40) };

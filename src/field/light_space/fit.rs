@@ -1,38 +1,134 @@
-//! Fitting a map to what it is to cover: all active bricks, or those that the camera may see.
+//! Fit of a map to the active bricks, or to those that the camera may see.
 
-use super::boxes::{GridBox, active_box, active_rows};
-use super::projection::Projection;
-use super::region::Region;
-use super::shape::MapShape;
-use super::space::LightSpace;
+use super::{LightSpace, MapShape, Projection};
+use crate::field::active_bricks::brick_box;
 use crate::field::constants::FAR;
 use crate::field::{ActiveBricks, View, grid_from_world};
 use crate::scene::Light;
 use crate::volume::Volume;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-/// A perspective map wider than this (tangent of the half angle) becomes octahedral: its corner texels would be far
-/// coarser than its centre.
+/// Box of cells in grid space (`index + 1`).
+#[derive(Clone, Copy)]
+pub struct GridBox {
+    pub center: DVec3,
+    pub half: DVec3,
+}
+
+impl GridBox {
+    /// Box of the bricks from `first` to `last`, cut to the domain.
+    fn of_bricks(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> Self {
+        let [low, high] = brick_box(first, last, dims);
+        Self { center: 0.5 * (low + high), half: 0.5 * (high - low) }
+    }
+
+    /// Box of all active bricks, or of the whole domain without any.
+    fn of_active(active: &ActiveBricks, dims: [usize; 3]) -> Self {
+        let [first, last] = active.bounds.unwrap_or([[0; 3], active.counts.map(|n| n - 1)]);
+        Self::of_bricks(first, last, dims)
+    }
+
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|c| {
+            let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };
+            self.center + self.half * DVec3::new(sign(0), sign(1), sign(2))
+        })
+    }
+}
+
+/// Positions of the active bricks, x fastest.
+fn active_positions(active: &ActiveBricks) -> impl Iterator<Item = [usize; 3]> + '_ {
+    let [nx, ny, _] = active.counts;
+    let is_active = active.distance.iter().enumerate().filter(|(_, d)| **d == 0);
+    is_active.map(move |(i, _)| [i % nx, i / nx % ny, i / (nx * ny)])
+}
+
+/// Boxes of the active bricks.
+pub fn active_boxes(active: &ActiveBricks, dims: [usize; 3]) -> impl Iterator<Item = GridBox> + '_ {
+    active_positions(active).map(move |at| GridBox::of_bricks(at, at, dims))
+}
+
+/// Boxes of the active bricks that `wanted` accepts; neighbours along x share one box.
+fn active_rows(active: &ActiveBricks, dims: [usize; 3], wanted: impl Fn(&GridBox) -> bool) -> Vec<GridBox> {
+    let mut rows: Vec<([usize; 3], [usize; 3])> = Vec::new();
+    for at in active_positions(active).filter(|at| wanted(&GridBox::of_bricks(*at, *at, dims))) {
+        let [x, y, z] = at;
+        match rows.last_mut() {
+            Some((_, last)) if *last == [x.wrapping_sub(1), y, z] => *last = at,
+            _ => rows.push((at, at)),
+        }
+    }
+    rows.into_iter().map(|(first, last)| GridBox::of_bricks(first, last, dims)).collect()
+}
+
+/// Rectangle of plane coordinates across the light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Region {
+    pub lo: DVec2,
+    pub hi: DVec2,
+}
+
+impl Region {
+    /// Smallest rectangle around points.
+    pub fn around(points: impl IntoIterator<Item = DVec2>) -> Self {
+        let empty = Self { lo: DVec2::INFINITY, hi: DVec2::NEG_INFINITY };
+        points.into_iter().fold(empty, |r, p| Self { lo: r.lo.min(p), hi: r.hi.max(p) })
+    }
+
+    fn size(self) -> DVec2 {
+        (self.hi - self.lo).max(DVec2::splat(1e-9))
+    }
+
+    fn area(self) -> f64 {
+        self.size().element_product()
+    }
+
+    /// Intersection with another rectangle.
+    fn within(self, other: Self) -> Self {
+        Self { lo: self.lo.max(other.lo), hi: self.hi.min(other.hi) }
+    }
+
+    /// Rectangle larger by a share of its size on each side.
+    fn grown(self, share: f64) -> Self {
+        Self { lo: self.lo - share * self.size(), hi: self.hi + share * self.size() }
+    }
+
+    /// Square around the rectangle.
+    fn squared(self) -> Self {
+        let half = DVec2::splat(0.5 * self.size().max_element());
+        let middle = 0.5 * (self.lo + self.hi);
+        Self { lo: middle - half, hi: middle + half }
+    }
+
+    /// Whether the rectangle contains another one, apart from rounding.
+    fn contains(self, other: Self) -> bool {
+        let rounding = 1e-9 * self.size();
+        (self.lo - rounding).cmple(other.lo).all() && (self.hi + rounding).cmpge(other.hi).all()
+    }
+}
+
+/// Tangent of the largest half angle of a perspective map. A wider map becomes octahedral, since its corner texels would be
+/// far coarser than its centre.
 const WIDEST_TANGENT: f64 = 2.0;
 
-/// Texels a side of maps that choose for themselves.
+/// Range of texels per side, where the scene chooses.
 const LEAST_TEXELS: f64 = 64.0;
 const MOST_TEXELS: f64 = 2048.0;
-/// Pixels of the picture that a texel spans where voxels are seen larger than that, and texels across such a voxel at most:
-/// the field between voxels is smooth.
+/// Pixels per texel where voxels appear larger than that, and most texels across such a voxel: the field between voxels is
+/// smooth.
 const PIXELS_PER_TEXEL: f64 = 2.0;
 const MOST_TEXELS_PER_VOXEL: f64 = 2.0;
-/// A map that is this many times as large as what a view needs, or whose texels are as many times too wide, no longer
-/// serves it.
+/// Largest ratio between the area of a map and the area that a view needs, and between the widths of their texels, for the
+/// map to be used for the view.
 const MOST_TOO_LARGE: f64 = 2.0;
 
-/// A frame that follows the view is taken where what it covers is no more than this share.
+/// Largest ratio of areas at which a frame along the view replaces the plain frame.
 const WORTH_TURNING: f64 = 0.8;
-/// The view must not run along the light for that: sine of the angle between them.
+/// Smallest sine of the angle between view and light for a frame along the view.
 const LEAST_ACROSS: f64 = 0.05;
 
 impl LightSpace {
-    /// Fits a map to the active bricks, or to those that a view may show; an empty texel lies around them all.
+    /// Fits a map to the active bricks, or to those that a view may show, with a border of empty texels.
     pub fn fit(
         volume: &Volume,
         active: &ActiveBricks,
@@ -46,17 +142,17 @@ impl LightSpace {
         let Some(view) = view.filter(|_| plain.can_fit_view()) else {
             return plain.laid_out(volume, whole, None);
         };
-        let seen = plain.rows_seen(volume, active, view);
-        // Where nothing shows, a map that is made all the same is of everything.
-        if seen.is_empty() {
+        let visible = plain.visible_rows(volume, active, view);
+        // A map for a view without visible bricks covers everything.
+        if visible.is_empty() {
             return plain.laid_out(volume, whole, None);
         }
-        let wanted = plain.texel_wanted(volume, &seen, view);
-        // What is seen often is a long strip: a frame along it leaves less beside it.
+        let wanted = plain.texel_wanted(volume, &visible, view);
+        // The visible part often is a long strip: a frame along it has fewer unused texels.
         let turned = Self::framed(volume, active, light, shape, Some(view.forward()));
         let fitted = [plain, turned].map(|space| {
             let whole = space.region_of(volume, active, &all);
-            let region = space.region_of(volume, active, &seen).grown(view.margin).within(whole);
+            let region = space.region_of(volume, active, &visible).grown(view.margin).within(whole);
             (space, region, whole)
         });
         let [plain, turned] = fitted;
@@ -66,8 +162,7 @@ impl LightSpace {
         space.laid_out(volume, region, Some(wanted))
     }
 
-    /// The frame and the depths of a map, without texels; its `a` axis lies along some direction, as far as that runs
-    /// across the light.
+    /// Frame and depths of a map, without texels. Its `a` axis lies along the part of `along` across the light.
     fn framed(
         volume: &Volume,
         active: &ActiveBricks,
@@ -77,7 +172,7 @@ impl LightSpace {
     ) -> Self {
         let grid_from_world = grid_from_world(volume);
         let world_from_grid = grid_from_world.inverse();
-        let bounds = active_box(active, volume.dims());
+        let bounds = GridBox::of_active(active, volume.dims());
         let center = world_from_grid.transform_point3(bounds.center);
         let (axis, distance) = match light {
             Light::Directional { toward } => (-toward.normalize(), f64::from(FAR)),
@@ -128,9 +223,10 @@ impl LightSpace {
         space
     }
 
-    /// Lays the texels out over what is covered: as wide as is wanted (mm; `None`: a voxel) where the shape does not say.
+    /// Lays out the texels over a region. Where the shape has no number of texels, they are `wanted_mm` wide (`None`: one
+    /// voxel).
     fn laid_out(mut self, volume: &Volume, covered: Region, wanted_mm: Option<f64>) -> Self {
-        // Texels of a part are as wide as they are long; tiles beside it are not built.
+        // Texels of a part are square; tiles outside it are not built.
         let region = if self.region.is_some() { covered.squared() } else { covered };
         if self.shape.texels.is_none() {
             let texel_mm = wanted_mm.unwrap_or(volume.min_spacing_mm());
@@ -139,8 +235,8 @@ impl LightSpace {
             self.map_size = texels.clamp(LEAST_TEXELS, MOST_TEXELS) as u32;
         }
         let size = f64::from(self.map_size);
-        // A border of empty texels makes the map meet the full light around it without a seam; where more lies around
-        // it, as many as lookups read.
+        // A border of empty texels avoids a seam to the full light around the map. A map of a part needs as many texels as
+        // lookups read.
         let border = match self.projection {
             Projection::Octahedral => 0.0,
             _ if self.map_size < MapShape::LEAST_WITH_BORDER => 0.0,
@@ -152,13 +248,13 @@ impl LightSpace {
         self
     }
 
-    /// Whether the map would do for another view of the same bricks under the same light (`None`: for every point): it covers
-    /// what may be seen, no more than twice that, in texels no more than twice too wide.
+    /// Whether the map can be used for another view of the same bricks under the same light (`None`: for every point). It has
+    /// to cover the visible bricks, at most twice their area, with texels at most twice too wide.
     pub fn serves(&self, volume: &Volume, active: &ActiveBricks, light: Light, view: Option<&View>) -> bool {
         let Some(view) = view.filter(|_| self.can_fit_view()) else {
             return self.region.is_none();
         };
-        let rows = self.rows_seen(volume, active, view);
+        let rows = self.visible_rows(volume, active, view);
         if rows.is_empty() {
             return true;
         }
@@ -166,20 +262,19 @@ impl LightSpace {
             let all = active_rows(active, volume.dims(), |_| true);
             self.region_of(volume, active, &all)
         });
-        let seen = self.region_of(volume, active, &rows);
-        // What lies beyond all that has extinction is nothing.
-        let held = self.region.is_none() || region.holds(seen);
+        let visible = self.region_of(volume, active, &rows);
+        // Nothing outside the active bricks has extinction.
+        let covered = self.region.is_none() || region.contains(visible);
         let turned = Self::framed(volume, active, light, self.shape, Some(view.forward()));
-        let least = seen.area().min(turned.region_of(volume, active, &rows).area());
+        let least = visible.area().min(turned.region_of(volume, active, &rows).area());
         let wide = self.shape.texels.is_none() && {
             let most = self.mm_per_plane() * region.size().max_element() / MOST_TEXELS;
             self.texel_mm() > MOST_TOO_LARGE * self.texel_wanted(volume, &rows, view).max(most)
         };
-        held && region.area() <= MOST_TOO_LARGE * least && !wide
+        covered && region.area() <= MOST_TOO_LARGE * least && !wide
     }
 
-    /// Whether fitting anew to a view (`None`: to every point), of the same bricks under the same light, would lay out this
-    /// very map.
+    /// Whether a fit to a view (`None`: to every point) of the same bricks under the same light gives the same map.
     pub fn is_fitted_to(
         &self,
         volume: &Volume,
@@ -190,24 +285,24 @@ impl LightSpace {
         Self::fit(volume, active, light, self.shape, view).is_laid_out_as(self)
     }
 
-    /// Whether the map covers a part of the active bricks alone.
+    /// Whether the map covers only a part of the active bricks.
     pub fn is_of_view(&self) -> bool {
         self.region.is_some()
     }
 
-    /// Whether the ray through texel coordinates lies in what the map covers: others may be left out.
+    /// Whether the map covers the ray through texel coordinates: others may be skipped.
     pub fn covers(&self, texel: DVec2) -> bool {
         let plane = (texel - self.texel_offset) / self.texel_scale;
-        self.region.is_none_or(|region| region.holds(Region::EMPTY.with(plane)))
+        self.region.is_none_or(|region| region.contains(Region { lo: plane, hi: plane }))
     }
 
-    /// Whether both have the same rays through the same texels: of one scene, and fitted alike.
+    /// Whether two maps of one scene have the same rays through the same texels.
     pub fn is_laid_out_as(&self, other: &Self) -> bool {
         (self.map_size, self.world_from_frame, self.texel_scale, self.texel_offset, self.region)
             == (other.map_size, other.world_from_frame, other.texel_scale, other.texel_offset, other.region)
     }
 
-    /// Texels that what is covered lies on, with those around it that lookups read; `None`: all of them.
+    /// Range of texels that the map covers, with the texels around it that lookups read; `None`: all texels.
     pub(super) fn texels_covered(&self) -> Option<[DVec2; 2]> {
         let reach = DVec2::splat(f64::from(self.shape.reach));
         self.region.map(|region| {
@@ -216,44 +311,36 @@ impl LightSpace {
         })
     }
 
-    /// Whether the map may cover a part of the active bricks alone.
+    /// Whether the map may cover only a part of the active bricks.
     fn can_fit_view(&self) -> bool {
         let has_border = self.shape.texels.is_none_or(|texels| texels >= MapShape::LEAST_WITH_BORDER);
         self.shape.fits_view && has_border && self.projection != Projection::Octahedral
     }
 
-    /// The active bricks that a view may show, in rows.
-    fn rows_seen(&self, volume: &Volume, active: &ActiveBricks, view: &View) -> Vec<GridBox> {
-        let sides = view.sides(&self.grid_from_world.inverse());
-        active_rows(active, volume.dims(), |b| sides.may_show(b.center, b.half))
+    /// Active bricks that a view may show, in rows.
+    fn visible_rows(&self, volume: &Volume, active: &ActiveBricks, view: &View) -> Vec<GridBox> {
+        let frustum = view.frustum(&self.grid_from_world.inverse());
+        active_rows(active, volume.dims(), |b| frustum.may_intersect(b.center, b.half))
     }
 
-    /// What of the plane some boxes cover; all that active bricks may where there are none.
-    fn region_of(&self, volume: &Volume, active: &ActiveBricks, rows: &[GridBox]) -> Region {
+    /// Region of the plane that boxes cover, or that all active bricks cover where there are no boxes.
+    fn region_of(&self, volume: &Volume, active: &ActiveBricks, boxes: &[GridBox]) -> Region {
         if self.projection == Projection::Octahedral {
             return Region { lo: DVec2::NEG_ONE, hi: DVec2::ONE };
         }
         let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
-        let of_box = |b: &GridBox| {
-            let plane = b.corners().map(|g| self.plane(frame_from_grid.transform_point3(g)));
-            plane.into_iter().fold(Region::EMPTY, Region::with)
-        };
-        let own = |region: Region, b: &GridBox| {
-            let own = of_box(b);
-            region.with(own.lo).with(own.hi)
-        };
-        match rows {
-            [] => of_box(&active_box(active, volume.dims())),
-            rows => rows.iter().fold(Region::EMPTY, own),
-        }
+        let all = [GridBox::of_active(active, volume.dims())];
+        let boxes = if boxes.is_empty() { &all } else { boxes };
+        let corners = boxes.iter().flat_map(GridBox::corners);
+        Region::around(corners.map(|g| self.plane(frame_from_grid.transform_point3(g))))
     }
 
-    /// How wide texels should be that the scene chooses, mm: as a voxel, and finer where that shows.
-    fn texel_wanted(&self, volume: &Volume, seen: &[GridBox], view: &View) -> f64 {
+    /// Width of a texel that the scene chooses, mm: one voxel, or less where that is visible.
+    fn texel_wanted(&self, volume: &Volume, visible: &[GridBox], view: &View) -> f64 {
         let voxel = volume.min_spacing_mm();
         let weight = |b: &GridBox| b.half.element_product();
-        let middle =
-            seen.iter().map(|b| weight(b) * b.center).sum::<DVec3>() / seen.iter().map(weight).sum::<f64>();
+        let middle = visible.iter().map(|b| weight(b) * b.center).sum::<DVec3>()
+            / visible.iter().map(weight).sum::<f64>();
         let middle = self.grid_from_world.inverse().transform_point3(middle);
         (PIXELS_PER_TEXEL * view.pixel_mm(middle)).clamp(voxel / MOST_TEXELS_PER_VOXEL, voxel)
     }

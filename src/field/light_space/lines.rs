@@ -1,41 +1,40 @@
-//! Straight lines through the texels of a map.
+//! Traversal of a map's texels along a line segment.
 
-use super::projection::Projection;
-use super::space::LightSpace;
+use super::{LightSpace, Projection};
 use glam::DVec3;
 
-/// Part of a line within one texel.
+/// Part of a line segment within one texel.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LineInTexel {
-    /// Column and row.
+pub struct TexelSegment {
+    /// Column and row of the texel.
     pub texel: [u32; 2],
-    /// Depth of its middle, mm.
+    /// Depth of the middle, mm.
     pub depth_mm: f64,
-    /// How far its ends lie apart in depth, mm.
+    /// Difference in depth between the ends, mm.
     pub extent_mm: f64,
-    /// How long it is as seen from the light, mm.
+    /// Length across the light, mm.
     pub across_mm: f64,
-    /// Area of the texel across the light there, mm^2.
+    /// Area of the texel across the light at the middle, mm^2.
     pub texel_mm2: f64,
 }
 
-/// Below this share of the whole, a direction's distance from where a projection is singular is not told from 0.
-const NEAREST: f64 = 1e-9;
+/// Smallest distance from the singularity of a projection, as a share of the distances involved.
+const SINGULAR: f64 = 1e-9;
 
-/// Points of a line between two of its parameters, where its texel coordinates are a quotient of straight functions:
-/// columns, rows (texel `k` is `[k, k + 1]`) and the divisor at both ends.
+/// Part of a line between two parameters on which texel coordinates are homogeneous linear functions: columns and rows
+/// (texel `k` is `[k, k + 1]`) times a divisor, and the divisor, at both ends.
 #[derive(Debug, Clone, Copy)]
-struct Straight {
+struct ProjectedLine {
     t: [f64; 2],
     ends: [DVec3; 2],
 }
 
-impl Straight {
+impl ProjectedLine {
     fn at(&self, share: f64) -> DVec3 {
         self.ends[0].lerp(self.ends[1], share)
     }
 
-    /// The part where a straight function of the point is not below 0; `None` where there is none.
+    /// Clips to the part where a linear function is not negative; `None` where there is none.
     fn where_positive(self, function: impl Fn(DVec3) -> f64) -> Option<Self> {
         let [a, b] = self.ends.map(function);
         if a < 0.0 && b < 0.0 {
@@ -48,7 +47,7 @@ impl Straight {
         Some(Self { t, ends: shares.map(|share| self.at(share)) })
     }
 
-    /// What of it lies on a map of so many texels a side, before a divisor of 0.
+    /// Clips to a map of `size` texels per side and to divisors of at least `least`.
     fn on_map(self, size: f64, least: f64) -> Option<Self> {
         self.where_positive(|p| p.z - least)?
             .where_positive(|p| p.x)?
@@ -57,31 +56,30 @@ impl Straight {
             .where_positive(|p| size * p.z - p.y)
     }
 
-    /// Parameters at which it passes from texel to texel along an axis, with the ends: `texel(k)` lies between the k-th and
-    /// the next.
-    fn texels(&self, axis: usize, last: u32) -> Boundaries {
+    /// Traversal of the texels along an axis.
+    fn texels(&self, axis: usize, last: u32) -> AxisTraversal {
         let coordinate = |p: DVec3| (p[axis] / p.z).floor().clamp(0.0, f64::from(last));
         let [first, end] = self.ends.map(coordinate);
-        Boundaries { straight: *self, axis, texel: first, end }
+        AxisTraversal { line: *self, axis, texel: first, end }
     }
 }
 
-/// The texel along an axis, and where it is left.
-struct Boundaries {
-    straight: Straight,
+/// Position of a traversal along an axis: the current texel and the last one.
+struct AxisTraversal {
+    line: ProjectedLine,
     axis: usize,
     texel: f64,
     end: f64,
 }
 
-impl Boundaries {
-    /// Share of the line at which its texel is left; 1 or more where it ends in it.
+impl AxisTraversal {
+    /// Share of the line at the exit of the texel; infinite in the last texel.
     fn exit(&self) -> f64 {
         if self.texel == self.end {
             return f64::INFINITY;
         }
         let border = if self.end > self.texel { self.texel + 1.0 } else { self.texel };
-        let [a, b] = self.straight.ends.map(|p| p[self.axis] - border * p.z);
+        let [a, b] = self.line.ends.map(|p| p[self.axis] - border * p.z);
         if a == b { 0.0 } else { (a / (a - b)).clamp(0.0, 1.0) }
     }
 
@@ -91,17 +89,17 @@ impl Boundaries {
 }
 
 impl LightSpace {
-    /// Visits the parts of the line between two points (world mm) that each lie in one texel of the map, in order, none
-    /// more than `most_extent_mm` deep.
-    pub fn texels_along(&self, ends: [DVec3; 2], most_extent_mm: f64, mut visit: impl FnMut(LineInTexel)) {
+    /// Visits the parts of the line between two points (world mm) in order. Each part lies in one texel of the map and is at
+    /// most `most_extent_mm` deep.
+    pub fn texels_along(&self, ends: [DVec3; 2], most_extent_mm: f64, mut visit: impl FnMut(TexelSegment)) {
         let [a, b] = ends.map(|p| self.frame_from_world.transform_point3(p));
         let size = f64::from(self.map_size);
-        let least = NEAREST * (a.length() + b.length() + self.light_distance);
-        // A point has no length, and as a light's own place no texel.
+        let least = SINGULAR * (a.length() + b.length() + self.light_distance);
+        // A point has no length, and at the light no texel.
         if a == b {
             return;
         }
-        for part in self.straight_parts(a, b) {
+        for part in self.linear_parts(a, b) {
             let least = if self.projection == Projection::Orthographic { 0.0 } else { least };
             let Some(line) = part.on_map(size, least) else { continue };
             let mut axes = [0, 1].map(|axis| line.texels(axis, self.map_size - 1));
@@ -124,19 +122,19 @@ impl LightSpace {
         }
     }
 
-    /// Unit direction of the light ray through a world point, and the lesser width of a texel there, mm.
+    /// Unit direction of the light ray through a world point, and the smaller width of a texel there, mm.
     pub fn ray_and_texel_mm(&self, world: DVec3) -> (DVec3, f64) {
-        let (way, texel_mm2) = self.ray_and_area(self.frame_from_world.transform_point3(world));
+        let (direction, texel_mm2) = self.ray_and_area(self.frame_from_world.transform_point3(world));
         let scale = self.texel_scale.abs();
         let narrowness = (scale.min_element() / scale.max_element()).sqrt();
-        (self.world_from_frame.transform_vector3(way), narrowness * texel_mm2.sqrt())
+        (self.world_from_frame.transform_vector3(direction), narrowness * texel_mm2.sqrt())
     }
 
-    /// Parts of the line from `a` to `b` (light frame) whose texel coordinates are quotients of straight functions.
-    fn straight_parts(&self, a: DVec3, b: DVec3) -> impl Iterator<Item = Straight> {
+    /// Parts of the line from `a` to `b` (light frame) with linear homogeneous texel coordinates.
+    fn linear_parts(&self, a: DVec3, b: DVec3) -> impl Iterator<Item = ProjectedLine> {
         let mut cuts = [0.0, 1.0, 1.0, 1.0, 1.0];
         if self.projection == Projection::Octahedral {
-            // Every octant of directions is a triangle of the square.
+            // An octant of directions is a triangle of the square.
             let crossings = [0, 1, 2].map(|axis| a[axis] / (a[axis] - b[axis]));
             for (cut, t) in cuts[1..4].iter_mut().zip(crossings) {
                 *cut = if t > 0.0 && t < 1.0 { t } else { 1.0 };
@@ -145,14 +143,14 @@ impl LightSpace {
         }
         let part = move |t: [f64; 2]| {
             let octant = a.lerp(b, 0.5 * (t[0] + t[1])).map(|x| if x < 0.0 { -1.0 } else { 1.0 });
-            Straight { t, ends: t.map(|t| self.quotient(a.lerp(b, t), octant)) }
+            ProjectedLine { t, ends: t.map(|t| self.homogeneous(a.lerp(b, t), octant)) }
         };
         let parts = (0..4).map(move |i| [cuts[i], cuts[i + 1]]);
         parts.filter(|[from, to]| from < to).map(part)
     }
 
-    /// Texel coordinates, from the map's corner on, times a divisor, and the divisor; `octant` is the signs of the direction.
-    fn quotient(&self, p: DVec3, octant: DVec3) -> DVec3 {
+    /// Texel coordinates from the map's corner times a divisor, and the divisor; `octant` holds the signs of the direction.
+    fn homogeneous(&self, p: DVec3, octant: DVec3) -> DVec3 {
         let (x, y, divisor) = match self.projection {
             Projection::Orthographic => (p.x, p.y, 1.0),
             Projection::Perspective => (p.x, p.y, p.z + self.light_distance),
@@ -177,10 +175,10 @@ impl LightSpace {
         texel: [u32; 2],
         [from, to]: [DVec3; 2],
         most_extent_mm: f64,
-        visit: &mut impl FnMut(LineInTexel),
+        visit: &mut impl FnMut(TexelSegment),
     ) {
         let depths = [from, to].map(|p| self.depth(p));
-        // Near a point light the area of a texel changes along a part, too.
+        // Near a point light, the area of a texel changes along a part.
         let nearest = [from, to].map(|p| self.distance(p)).into_iter().fold(f64::INFINITY, f64::min);
         let extent_mm = most_extent_mm.min(MOST_SHARE * nearest);
         let parts = ((depths[1] - depths[0]).abs() / extent_mm).ceil().clamp(1.0, MOST_PARTS);
@@ -188,7 +186,7 @@ impl LightSpace {
             let [a, b] = [part, part + 1].map(|i| from.lerp(to, f64::from(i) / parts));
             let middle = 0.5 * (a + b);
             let (ray, texel_mm2) = self.ray_and_area(middle);
-            visit(LineInTexel {
+            visit(TexelSegment {
                 texel,
                 depth_mm: self.depth(middle),
                 extent_mm: (self.depth(b) - self.depth(a)).abs(),
@@ -210,24 +208,24 @@ impl LightSpace {
     /// Direction of the light ray through a point of the light frame, and the area of a texel across it there, mm^2.
     fn ray_and_area(&self, p: DVec3) -> (DVec3, f64) {
         let plane_mm2 = 1.0 / (self.texel_scale.x * self.texel_scale.y).abs();
-        let (way, on_plane) = match self.projection {
+        let (direction, on_plane) = match self.projection {
             Projection::Orthographic => return (DVec3::Z, plane_mm2),
             Projection::Perspective => {
-                let way = p + DVec3::Z * self.light_distance;
-                (way, way.z)
+                let direction = p + DVec3::Z * self.light_distance;
+                (direction, direction.z)
             }
             Projection::Octahedral => (p, p.abs().element_sum()),
         };
-        // A piece of the plane at the distance l from the light, seen at an angle of which 1 / l is the cosine, fills its
-        // area / l^3 of all directions; here both are scaled to the point.
-        let distance = way.length().max(f64::MIN_POSITIVE);
-        (way / distance, plane_mm2 * on_plane.powi(3) / distance)
+        // An area of the plane at distance l from the light, at an angle with cosine 1 / l, covers the solid angle area / l^3;
+        // here both are scaled to the point.
+        let distance = direction.length().max(f64::MIN_POSITIVE);
+        (direction / distance, plane_mm2 * on_plane.powi(3) / distance)
     }
 }
 
-/// Parts of a line in one texel: what is deeper than so many times the limit is cut into longer ones.
+/// Most parts of a line in one texel; beyond that, parts are deeper than the limit.
 const MOST_PARTS: f64 = 4096.0;
-/// How deep a part is at the most, as a share of its distance from the light.
+/// Largest depth of a part as a share of its distance from the light.
 const MOST_SHARE: f64 = 0.1;
 
 #[cfg(test)]
@@ -243,7 +241,7 @@ mod tests {
     fn spaces() -> Vec<LightSpace> {
         let volume = Phantom::Slab.build(24).unwrap();
         let tf = TransferFunction::new(Quantity::Extinction, &[(-1e9, 0.1), (1e9, 0.1)]);
-        let active = ActiveBricks::blurred(&Bricks::build(&volume), &tf, 0.0);
+        let active = ActiveBricks::of(volume.bricks(), &tf);
         let shape = MapShape { texels: Some(37), fits_view: false, reach: 1, march: March::Cells };
         let lights = [
             Light::Directional { toward: DVec3::new(0.3, -0.5, 0.8) },
@@ -257,7 +255,7 @@ mod tests {
         spaces
     }
 
-    /// Parts of a line, found by looking up many points of it.
+    /// Texels of a line, found by projecting many of its points.
     fn texels_of_points(space: &LightSpace, ends: [DVec3; 2], points: u32) -> Vec<[u32; 2]> {
         let mut found = Vec::new();
         for i in 0..points {
@@ -307,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_no_deeper_than_asked_and_their_depths_those_of_their_points() {
+    fn parts_are_within_the_limit_and_cover_the_depths_of_the_line() {
         let ends = [DVec3::new(-9.0, 4.0, 3.0), DVec3::new(8.0, -7.0, 9.0)];
         for space in spaces() {
             let (mut deepest, mut sum) = (0.0_f64, 0.0);
@@ -326,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn areas_of_texels_are_those_between_their_rays() {
+    fn texel_areas_agree_with_their_rays() {
         for space in spaces() {
             let world = DVec3::new(3.0, -4.0, 5.0);
             let (at, depth) = space.light_point(world);

@@ -10,7 +10,7 @@ use crate::measure::progress::Progress;
 use crate::measure::similarity::ssim;
 use crate::measure::stats::ErrorStats;
 use crate::measure::table::{COLUMNS, Cell, Row};
-use crate::render::{Forced, Renderer, Session};
+use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::scene::Light;
 use crate::shadow::{Method, NodeMap, ShadowMap, SplitChoice};
 use ndarray::Array3;
@@ -170,7 +170,7 @@ pub fn measure(
     progress: &mut Progress,
 ) -> Result<HashMap<String, Figures>> {
     let Subject { volume, tf, scene } = wanted.variant.of(subject);
-    let session = Session::on(renderer, Arc::clone(&volume), &tf, Forced::default())?;
+    let session = Session::on(renderer, Arc::clone(&volume), &tf, DisabledOptimizations::NONE)?;
     let field = ExactField::new(&volume, &tf);
     let mut all = HashMap::new();
     if !wanted.whole.is_empty() {

@@ -9,7 +9,7 @@ use crate::measure::job::{Effort, Job, name_of};
 use crate::measure::progress::Progress;
 use crate::measure::table::Row;
 use crate::measure::timing::{Timing, Turns, interleave};
-use crate::render::{Forced, Renderer, Session};
+use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::shadow::parse_list;
 use std::sync::Arc;
 
@@ -27,7 +27,8 @@ pub fn time_in_turn(
     let mut stages = Vec::new();
     for need in needs {
         let changed = need.variant.of(subject);
-        let session = Session::on(renderer, Arc::clone(&changed.volume), &changed.tf, Forced::default())?;
+        let session =
+            Session::on(renderer, Arc::clone(&changed.volume), &changed.tf, DisabledOptimizations::NONE)?;
         stages.push((session, changed, parse_list(&need.methods)?));
     }
     let mut jobs = Vec::new();

@@ -24,7 +24,7 @@ use crate::exact::ExactField;
 use crate::measure::band::{BandReport, Sanity};
 use crate::measure::errors::{RayTest, meets_extinction};
 use crate::measure::rays::pick_texels;
-use crate::render::{Forced, Renderer, Session};
+use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::scene::{Light, Scene};
 use crate::shadow::spec::Setting;
 use crate::shadow::{self, LightSpace, METHODS, Method, ShadowMap};
@@ -194,7 +194,8 @@ type Outcome = Result<(Vec<(&'static str, Findings)>, Cost)>;
 
 /// Every method on a case.
 fn measure(renderer: &Arc<Renderer>, case: &Case, methods: &[Box<dyn Method>]) -> Vec<Outcome> {
-    let session = match Session::on(renderer, Arc::clone(&case.volume), &case.tf, Forced::NOTHING) {
+    let session = match Session::on(renderer, Arc::clone(&case.volume), &case.tf, DisabledOptimizations::NONE)
+    {
         Ok(session) => session,
         Err(e) => return methods.iter().map(|_| Err(e.clone())).collect(),
     };

@@ -31,7 +31,7 @@ use super::settings::{Filter, Key, choices};
 use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE, longest_depth};
 use crate::error::Result;
 use crate::field::{
-    BuildContext, LightSpace, MapShape, March, Omittable, TILE_TEXELS, TileMarch, field_shader,
+    BuildContext, LightSpace, MapShape, March, Optimization, TILE_TEXELS, TileMarch, field_shader,
 };
 use crate::gpu::{
     Constant, Group, ShaderVariant, Slot, Span, StorageBuffer, read_back, store_texture, table_texture,
@@ -44,7 +44,7 @@ use record::RECORD_TEXTURE_WIDTH;
 const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
     what: "depth pass",
     why: "the march meets the start before the layers",
-    optional: Some(Omittable::DepthPass),
+    optional: Some(Optimization::DepthPass),
 };
 
 /// Keys that several layered maps have.
@@ -231,7 +231,8 @@ impl Recipe {
         let own_slots = &slots[1..];
         let mut device =
             built.tiles.run("layered map build", &self.build_shader(), own_slots, &[store, counted])?;
-        let with_depth_pass = self.record.depths > 0 && context.transfer.forced.has(Omittable::DepthPass);
+        let with_depth_pass =
+            self.record.depths > 0 && context.transfer.disabled.has(Optimization::DepthPass);
         if with_depth_pass {
             let starts = StorageBuffer::zeroed(gpu, "starts", 4 * count)?;
             let stage = [(1, Slot::read_write(starts.as_entire_binding()))];

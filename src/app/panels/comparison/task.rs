@@ -11,7 +11,7 @@ use crate::measure::journal::Journal;
 use crate::measure::progress::{Progress, Status, StepKind, Watch};
 use crate::measure::table::Row;
 use crate::open::SceneSettings;
-use crate::render::{Forced, Renderer};
+use crate::render::{DisabledOptimizations, Renderer};
 use crate::report::Start;
 use crate::report::make::{Files, Order, Subject, make, scene_name};
 use crate::report::run::{Run, SceneRecord};
@@ -199,7 +199,7 @@ fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
     let mut read = |_| {
         let (volume, tf, scene) = (Arc::clone(&volume), (*tf).clone(), scene.clone());
         let strands = strands.clone();
-        Ok(Subject { volume, tf, strands, scene, forced: Forced::NOTHING })
+        Ok(Subject { volume, tf, strands, scene, forced: DisabledOptimizations::NONE })
     };
     let made = make(&order, &run, &mut read, &renderer, &mut journal, &mut progress)?;
     let (rows, notes) = (made.comparison.rows(), made.comparison.notes.clone());

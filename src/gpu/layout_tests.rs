@@ -1,9 +1,9 @@
-//! Layouts of structs in WGSL, for tests that hold them against their twins in Rust.
+//! Layouts of structs in WGSL, for tests that compare them with the structs in Rust.
 
 use super::{ShaderVariant, compose};
 use wgpu::naga;
 
-/// Size of a struct and its members' names and offsets, without paddings.
+/// Size of a struct, and names and offsets of its members without paddings.
 pub fn wgsl_layout(variant: &ShaderVariant, name: &str) -> (usize, Vec<(String, usize)>) {
     let module = compose(variant, false).unwrap();
     let found = module.types.iter().find_map(|(_, ty)| match (&ty.name, &ty.inner) {

@@ -1,0 +1,66 @@
+//! Transfer function of a volume on the device: with labels, all of their functions side by side.
+
+use super::LoadedVolume;
+use super::constants::HIDDEN_SHIFT;
+use crate::error::{Error, Result};
+use crate::gpu::{Gpu, uniform_buffer};
+use crate::transfer::{Class, SideBySide, TransferFunction, TransferTables, extinct_range};
+use crate::volume::MOST_LABELS;
+
+/// Functions of all labels merged into one, over texel values that the device shifts by label.
+pub(super) struct MergedFunction {
+    /// Merged function.
+    pub function: TransferFunction,
+    /// Its tables; values without extinction in them are those before the shift.
+    pub tables: TransferTables,
+    /// Largest absolute texel value that occurs in it.
+    pub largest_texel: f64,
+    /// Shift of a texel value for each label that occurs; empty where all labels use one function.
+    pub shifts: Vec<f32>,
+    /// Texel value without extinction.
+    pub hidden_texel: f32,
+}
+
+impl MergedFunction {
+    /// Merges the functions of a volume's labels.
+    ///
+    /// # Errors
+    /// Functions of labels that cannot be used together.
+    pub fn of(loaded: &LoadedVolume, tf: &TransferFunction) -> Result<Self> {
+        let (mapping, texel_range) = (loaded.on_device.mapping, loaded.on_device.texel_range);
+        let ids = loaded.volume.labels().map_or(&[][..], |labels| labels.ids());
+        let classes: Vec<Class> = ids.iter().map(|id| tf.class_of(*id)).collect();
+        let largest = |[a, b]: [f64; 2]| a.abs().max(b.abs());
+        if classes.iter().all(|class| *class == Class::Function(0)) {
+            let function = TransferFunction { rules: Vec::new(), ..tf.clone() };
+            let tables = TransferTables::build(&function, mapping, texel_range);
+            let largest_texel = largest(texel_range);
+            return Ok(Self { function, tables, largest_texel, shifts: Vec::new(), hidden_texel: 0.0 });
+        }
+        let refuse = |why: String| Error::input("cannot use functions of labels", "--label-tf", why);
+        let SideBySide { function, shifts, hidden } =
+            tf.side_by_side(loaded.volume.value_range()).map_err(refuse)?;
+        let shift = |class: &Class| match *class {
+            Class::Hidden => HIDDEN_SHIFT,
+            Class::Function(i) => (shifts[i] / mapping.scale) as f32,
+        };
+        let hidden_texel = mapping.texel_from_value(hidden);
+        let texel_range = [texel_range[0], hidden_texel];
+        let mut tables = TransferTables::build(&function, mapping, texel_range);
+        let ends = tf.functions().into_iter().map(|tf| extinct_range(tf, mapping));
+        if let Some(ends) = ends.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) {
+            (tables.first_value, tables.last_value) = ends;
+        }
+        let (largest_texel, hidden_texel) = (largest(texel_range), hidden_texel as f32);
+        let shifts = classes.iter().map(shift).collect();
+        Ok(Self { function, tables, largest_texel, shifts, hidden_texel })
+    }
+
+    /// Label texture and shifts by label, where labels use different functions.
+    pub fn labels(&self, gpu: &Gpu, loaded: &LoadedVolume) -> Option<(wgpu::TextureView, wgpu::Buffer)> {
+        let ranks = loaded.on_device.labels.as_ref().filter(|_| !self.shifts.is_empty())?;
+        let mut shifts = [0.0; MOST_LABELS];
+        shifts[..self.shifts.len()].copy_from_slice(&self.shifts);
+        Some((ranks.clone(), uniform_buffer(gpu, "label shifts", &shifts)))
+    }
+}
