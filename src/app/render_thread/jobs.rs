@@ -8,7 +8,7 @@ use super::messages::{
 use super::promise;
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::files::picture::write_picture_as;
+use crate::files::picture::write_picture_with;
 use crate::render::{AskedFor, DisplayTexture, Forced, Pace, Screen, Work};
 use crate::scene::Scene;
 use crate::shadow::NoShadows;
@@ -116,7 +116,9 @@ pub fn export(
     let picture =
         renderer.render_in_bands(made.loaded, made.transfer, made.shadows, scene, BAND_MS, go_on)?;
     match picture {
-        Some(picture) => write_picture_as(&export.path, &picture.pixels, export.backdrop).map(|()| true),
+        Some(picture) => {
+            write_picture_with(&export.path, &picture.pixels, export.backdrop, &[]).map(|()| true)
+        }
         None => Ok(false),
     }
 }
