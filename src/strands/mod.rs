@@ -23,8 +23,8 @@ mod voxelise;
 mod walk;
 
 pub use formats::{
-    HAIR_EXTENSIONS, HEADER_BYTES, STRAND_EXTENSIONS, STRAND_FORMATS, StrandFormat, read_hair,
-    read_hair_with, read_strands, read_strands_with, strands_of_bytes, write_hair,
+    HAIR_EXTENSIONS, HEADER_BYTES, STRAND_EXTENSIONS, STRAND_FORMATS, StrandFormat, read_strands,
+    strands_of_bytes, write_hair,
 };
 pub use grid::{DEFAULT_RESOLUTION, RESOLUTIONS, StrandGrid};
 pub use random::Chance;

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use umbravox::files::loading::Loading;
 use umbravox::open::load_strands;
-use umbravox::strands::{Attribute, Kernel, StrandVolume, Strands, read_hair, write_hair};
+use umbravox::strands::{Attribute, Kernel, StrandVolume, Strands, read_strands, write_hair};
 
 struct Folder(tempfile::TempDir);
 
@@ -20,7 +20,7 @@ impl Folder {
 
     fn read(&self, bytes: &[u8]) -> umbravox::Result<Strands> {
         fs::write(self.path(), bytes).unwrap();
-        read_hair(&self.path())
+        read_strands(&self.path(), &Loading::default())
     }
 }
 
@@ -147,8 +147,11 @@ fn wrong_files_are_refused_by_the_byte() {
         assert!(e.place.ends_with(&format!("a.hair: byte {byte}")), "byte {byte}: {e}");
         assert!(e.why.contains(why), "{why}: {e}");
     }
-    assert!(read_hair(Path::new("/")).unwrap_err().why.contains("not a regular file"));
-    assert!(read_hair(&folder.path().with_file_name("gone.hair")).is_err());
+    let unread =
+        |name: &str| read_strands(&folder.path().with_file_name(name), &Loading::default()).unwrap_err().why;
+    fs::create_dir(folder.path().with_file_name("folder.hair")).unwrap();
+    assert!(unread("folder.hair").contains("not a regular file"));
+    assert!(unread("gone.hair").contains("No such file"));
 }
 
 #[test]
