@@ -38,10 +38,10 @@ impl StrandFlags {
     /// The strands as a volume.
     ///
     /// # Errors
-    /// As [`StrandVolume::of_with`].
+    /// See [`StrandVolume::of`].
     pub fn voxelise(&self, strands: &Strands, loading: &Loading) -> Result<StrandVolume> {
         let resolution = self.resolution.unwrap_or(DEFAULT_RESOLUTION);
-        StrandVolume::of_with(strands, resolution, self.kernel.unwrap_or_default(), loading)
+        StrandVolume::of(strands, resolution, self.kernel.unwrap_or_default(), loading)
     }
 }
 

@@ -183,7 +183,8 @@ fn any_cut_and_any_changed_byte_is_an_answer_and_no_panic() {
             bytes[at] = (256.0 * random.f64()) as u8;
         }
         if let Ok(strands) = folder.read(&bytes) {
-            let StrandVolume { volume, .. } = StrandVolume::of(&strands, 16, Kernel::Box).unwrap();
+            let StrandVolume { volume, .. } =
+                StrandVolume::of(&strands, 16, Kernel::Box, &Loading::default()).unwrap();
             assert!(volume.value_range().iter().all(|v| v.is_finite() && *v >= 0.0));
         }
     }
@@ -191,7 +192,9 @@ fn any_cut_and_any_changed_byte_is_an_answer_and_no_panic() {
 
 #[test]
 fn degenerate_strands_have_grids_too() {
-    let volume = |arrays| StrandVolume::of(&Strands::new("test", arrays).unwrap(), 20, Kernel::Box);
+    let volume = |arrays| {
+        StrandVolume::of(&Strands::new("test", arrays).unwrap(), 20, Kernel::Box, &Loading::default())
+    };
     let one_point = vec![vec![[5.0f32, 6.0, 7.0]]];
     let same_place = vec![vec![[5.0f32, 6.0, 7.0]; 4]];
     let in_a_plane = vec![vec![[0.0f32, 0.0, 3.0], [10.0, 0.0, 3.0], [10.0, 4.0, 3.0]]];
