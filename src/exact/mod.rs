@@ -51,7 +51,7 @@ impl<'a> ExactField<'a> {
     /// Prepares the transfer function and reads the volume once, to know where it has extinction.
     pub fn new(volume: &'a Volume, transfer_function: &'a TransferFunction) -> Self {
         let laws: Vec<Laws> = match volume.labels() {
-            Some(_) => transfer_function.functions().into_iter().map(Laws::new).collect(),
+            Some(_) => transfer_function.functions().map(Laws::new).collect(),
             None => vec![Laws::new(transfer_function)],
         };
         let functions: Vec<Option<usize>> = (volume.labels().iter().flat_map(|labels| labels.ids()))

@@ -59,7 +59,7 @@ fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64
     let world_from_bricks = bricks.world_from_index
         * DAffine3::from_translation(DVec3::NEG_ONE)
         * DAffine3::from_scale(DVec3::splat(BRICK_CELLS as f64));
-    tf.clip.iter().map(|plane| plane.seen_from(world_from_bricks)).collect()
+    tf.clip.iter().map(|plane| plane.in_coordinates(world_from_bricks)).collect()
 }
 
 /// Whether some plane keeps nothing of a brick.
@@ -97,7 +97,7 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
         ranks
     };
     // Without labels all voxels are seen through the function itself.
-    let used = if bricks.labels.is_some() { tf.functions() } else { vec![tf] };
+    let used = if bricks.labels.is_some() { tf.functions().collect() } else { vec![tf] };
     used.into_iter().enumerate().map(|(i, tf)| (seen_through(i), blurred(tf))).collect()
 }
 

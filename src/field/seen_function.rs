@@ -49,7 +49,7 @@ impl SeenFunction {
             Class::Function(i) => (shifts[i] / mapping.scale) as f32,
         };
         let hidden_texel = mapping.texel_from_value(hidden);
-        let ends = tf.functions().into_iter().map(|tf| extinct_range(tf, mapping));
+        let ends = tf.functions().map(|tf| extinct_range(tf, mapping));
         let extinct = ends.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         Ok(Self {
             function,

@@ -56,9 +56,9 @@ impl Seen {
         Self {
             volume: Arc::clone(volume),
             outer: active.outer().to_vec(),
-            intervals: tf.functions().into_iter().map(extinction_intervals).collect(),
+            intervals: tf.functions().map(extinction_intervals).collect(),
             functions: ids.iter().map(function).collect(),
-            planes: tf.clip.iter().map(|plane| plane.seen_from(volume.world_from_index())).collect(),
+            planes: tf.clip.iter().map(|plane| plane.in_coordinates(volume.world_from_index())).collect(),
             mesh: mesh.map(Arc::clone),
             center_mm: 0.5 * (lo + hi),
         }

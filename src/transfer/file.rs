@@ -1,4 +1,4 @@
-//! The transfer-function file (`transfer_functions/*.json`): a name, units, `reference_length_mm`, and points by
+//! Transfer-function files (`transfer_functions/*.json`): a name, units, `reference_length_mm`, and points by
 //! non-decreasing value, each with either an opacity or an extinction and a colour `#rrggbb`.
 
 use super::{ControlPoint, Quantity, TransferFunction};
@@ -9,7 +9,7 @@ use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Beyond this a value, an extinction or its product with a length no longer fits 32-bit floats.
+/// Largest value and extinction: beyond it products with a length no longer fit 32-bit floats.
 const MAX_MAGNITUDE: f64 = 1e30;
 
 #[derive(Serialize, Deserialize)]
@@ -44,7 +44,7 @@ impl TransferFunction {
     /// Reads a transfer-function file.
     ///
     /// # Errors
-    /// The file cannot be read, is not JSON, has unknown keys or breaks a rule of the format; the error says which.
+    /// The file cannot be read, is not JSON, has unknown keys or breaks a rule of the format.
     pub fn read(path: &Path) -> Result<Self> {
         const WHAT: &str = "cannot read transfer function";
         let mut tf = Self::from_json(&read_text(path, WHAT)?)
@@ -63,7 +63,7 @@ impl TransferFunction {
         write_whole(path, |file| writeln!(file, "{}", self.to_json()))
     }
 
-    /// The text of the file.
+    /// Text of the file.
     pub fn to_json(&self) -> String {
         let points = self.points.iter().map(|p| Point {
             value: p.value,
@@ -80,10 +80,10 @@ impl TransferFunction {
         serde_json::to_string_pretty(&file).expect("numbers and strings always serialise")
     }
 
-    /// Reads the text of a file.
+    /// Parses the text of a file.
     ///
     /// # Errors
-    /// Why it is not a transfer function, in one line.
+    /// The text is no transfer function; the reason is one line.
     pub fn from_json(text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|e| e.to_string())?;
         let length = file.reference_length_mm;
@@ -100,26 +100,17 @@ impl TransferFunction {
             let point = control_point(p, quantity).map_err(|why| format!("`points[{i}]`: {why}"))?;
             let before = points.last().map(|b| b.value);
             if before.is_some_and(|b| b > point.value) {
-                return Err(format!(
-                    "`points[{i}]`: value {} is less than the one before; points go by non-decreasing value",
-                    point.value
-                ));
+                let rule = "is less than the one before; points go by non-decreasing value";
+                return Err(format!("`points[{i}]`: value {} {rule}", point.value));
             }
             if i >= 2 && points[i - 2].value == point.value {
-                return Err(format!(
-                    "`points[{i}]`: value {} occurs more than twice; a jump is two points of one value",
-                    point.value
-                ));
+                let rule = "occurs more than twice; a jump is two points of one value";
+                return Err(format!("`points[{i}]`: value {} {rule}", point.value));
             }
             points.push(point);
         }
-        let tf = Self {
-            name: file.name,
-            units: file.units,
-            reference_length_mm: length,
-            points,
-            ..Self::new(quantity, &[])
-        };
+        let File { name, units, .. } = file;
+        let tf = Self { name, units, reference_length_mm: length, points, ..Self::new(quantity, &[]) };
         let largest = tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
         if largest > MAX_MAGNITUDE {
             return Err(format!("an extinction of {largest:.3e} per mm is too large for 32-bit arithmetic"));
@@ -163,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_what_the_contract_shows() {
+    fn the_documented_example_is_read() {
         let tf = TransferFunction::from_json(
             r##"{"name": "CT bone", "units": "HU", "reference_length_mm": 2.0,
                 "points": [{"value": 150, "opacity": 0.0, "color": "#d0b090"},

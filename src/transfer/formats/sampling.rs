@@ -1,31 +1,31 @@
-//! Any function of the value as points between which another program, or this one, goes straight: as many as a tolerance
-//! asks for.
+//! Adaptive sampling of a function by points, to a tolerance.
 
 use super::curve::Side;
 
-/// A point: the value, and what the function is there.
+/// Value, and the function there.
 pub type Point<const N: usize> = (f64, [f64; N]);
 
-/// A function, how whoever reads the points goes between two of them, and how far that is off.
+/// Function with the interpolation and the error measure of its samples.
 pub struct Sampled<'a, const N: usize> {
-    /// Values at which the function may bend or jump, in order, each once; at least one.
+    /// Values at which the function may bend or jump: ascending, distinct, at least one.
     pub breaks: Vec<f64>,
-    /// The function.
+    /// Function that is sampled.
     pub at: &'a dyn Fn(f64, Side) -> [f64; N],
-    /// What a reader has at a share of the way between two points.
+    /// Interpolation between two points by the share of the second.
     pub between: fn(&[f64; N], &[f64; N], f64) -> [f64; N],
-    /// How far the second is from the first, in tolerances: up to 1 is good.
-    pub off: &'a dyn Fn(&[f64; N], &[f64; N]) -> f64,
+    /// Error of the second value against the first in units of the tolerance.
+    pub error: &'a dyn Fn(&[f64; N], &[f64; N]) -> f64,
 }
 
-/// Halvings of a way between two breaks at the most, and points in all: what memory a file can ask for.
+/// Limit on the bisections of a segment between two breaks.
 const MOST_HALVINGS: u32 = 12;
+/// Limit on all points, which bounds the memory that a file can claim.
 const MOST_POINTS: usize = 1 << 17;
-/// Places between two points at which they are held against the function.
+/// Number of intervals between two points at whose ends the error is evaluated.
 const PROBES: u32 = 8;
 
 impl<const N: usize> Sampled<'_, N> {
-    /// Points for it, at most `most` of them (at least 2), and by how many tolerances the worst place between them is off.
+    /// Samples the function with at most `most` points (at least 2). Returns the largest error in tolerances too.
     pub fn points(&self, most: usize) -> (Vec<Point<N>>, f64) {
         let all = self.within_tolerance();
         let mut points = all.clone();
@@ -34,15 +34,15 @@ impl<const N: usize> Sampled<'_, N> {
             points = self.thinned(&all, allowed);
             allowed *= 2.0;
         }
-        // Nothing but a step at every point is beyond thinning.
+        // Only a step at every point resists thinning.
         points.truncate(most.max(2));
         let worst = self.worst(&points);
         (points, worst)
     }
 
     fn within_tolerance(&self) -> Vec<Point<N>> {
-        let ways = self.breaks.len().max(1);
-        let halvings = (MOST_POINTS / ways).checked_ilog2().unwrap_or(0).min(MOST_HALVINGS);
+        let halvings =
+            (MOST_POINTS / self.breaks.len().max(1)).checked_ilog2().unwrap_or(0).min(MOST_HALVINGS);
         let mut points: Vec<Point<N>> = Vec::new();
         for (i, value) in self.breaks.iter().enumerate() {
             let [below, from] = [Side::Below, Side::From].map(|side| (self.at)(*value, side));
@@ -51,38 +51,38 @@ impl<const N: usize> Sampled<'_, N> {
             }
             points.push((*value, from));
             if let Some(next) = self.breaks.get(i + 1) {
-                self.halve((*value, from), (*next, (self.at)(*next, Side::Below)), halvings, &mut points);
+                self.bisect((*value, from), (*next, (self.at)(*next, Side::Below)), halvings, &mut points);
             }
         }
         points
     }
 
-    /// Adds points inside a way until what lies between them is good enough.
-    fn halve(&self, a: Point<N>, b: Point<N>, left: u32, points: &mut Vec<Point<N>>) {
+    /// Bisects a segment until its error is within the tolerance.
+    fn bisect(&self, a: Point<N>, b: Point<N>, left: u32, points: &mut Vec<Point<N>>) {
         let middle = 0.5 * (a.0 + b.0);
         if left == 0 || middle <= a.0 || middle >= b.0 || self.worst_between(&a, &b) <= 1.0 {
             return;
         }
         let middle = (middle, (self.at)(middle, Side::From));
-        self.halve(a, middle, left - 1, points);
+        self.bisect(a, middle, left - 1, points);
         points.push(middle);
-        self.halve(middle, b, left - 1, points);
+        self.bisect(middle, b, left - 1, points);
     }
 
     fn worst_between(&self, a: &Point<N>, b: &Point<N>) -> f64 {
-        let off = |i: u32| {
+        let error = |i: u32| {
             let share = f64::from(i) / f64::from(PROBES);
             let want = (self.at)(a.0 + (b.0 - a.0) * share, Side::From);
-            (self.off)(&want, &(self.between)(&a.1, &b.1, share))
+            (self.error)(&want, &(self.between)(&a.1, &b.1, share))
         };
-        (1..PROBES).map(off).fold(0.0, f64::max)
+        (1..PROBES).map(error).fold(0.0, f64::max)
     }
 
-    /// By how many tolerances the worst place is off.
+    /// Largest error in tolerances.
     pub fn worst(&self, points: &[Point<N>]) -> f64 {
-        let ways = points.windows(2).filter(|w| w[1].0 > w[0].0);
-        let ways = ways.map(|w| self.worst_between(&w[0], &w[1]));
-        // A break that was thinned away may lie between two probes.
+        let segments = points.windows(2).filter(|w| w[1].0 > w[0].0);
+        let within = segments.map(|w| self.worst_between(&w[0], &w[1]));
+        // A removed break may lie between two probes.
         let breaks = self.breaks.iter().flat_map(|v| [Side::Below, Side::From].map(|side| (*v, side)));
         let at_breaks = breaks.map(|(value, side)| {
             let after = match side {
@@ -94,25 +94,22 @@ impl<const N: usize> Sampled<'_, N> {
                 (Some(only), None) | (None, Some(only)) => only.1,
                 (None, None) => return f64::INFINITY,
             };
-            (self.off)(&(self.at)(value, side), &got)
+            (self.error)(&(self.at)(value, side), &got)
         });
-        ways.chain(at_breaks).fold(0.0, f64::max)
+        within.chain(at_breaks).fold(0.0, f64::max)
     }
 
-    /// Points without those that lie close enough to the way between their neighbours: each way is as long as `allowed`
-    /// tolerances let it be.
+    /// Removes points that the interpolation of their neighbours reproduces within `allowed` tolerances. Segments are as long as
+    /// possible.
     fn thinned(&self, all: &[Point<N>], allowed: f64) -> Vec<Point<N>> {
         let good = |from: usize, to: usize| {
             let (a, b) = (&all[from], &all[to]);
-            // Across a jump nothing goes straight.
+            // No segment may contain a jump.
             let jumps = (from..to).any(|i| all[i].0 == all[i + 1].0 && to > from + 1);
-            let width = b.0 - a.0;
-            !jumps
-                && all[from + 1..to]
-                    .iter()
-                    .all(|p| (self.off)(&p.1, &(self.between)(&a.1, &b.1, (p.0 - a.0) / width)) <= allowed)
+            let between = |p: &Point<N>| (self.between)(&a.1, &b.1, (p.0 - a.0) / (b.0 - a.0));
+            !jumps && all[from + 1..to].iter().all(|p| (self.error)(&p.1, &between(p)) <= allowed)
         };
-        let mut kept = vec![all[0]];
+        let mut thinned = vec![all[0]];
         let mut from = 0;
         while from + 1 < all.len() {
             let mut step = 1;
@@ -124,10 +121,10 @@ impl<const N: usize> Sampled<'_, N> {
                 let middle = low + (high - low) / 2;
                 if good(from, middle) { low = middle } else { high = middle }
             }
-            kept.push(all[low]);
+            thinned.push(all[low]);
             from = low;
         }
-        kept
+        thinned
     }
 }
 
@@ -141,12 +138,12 @@ mod tests {
             breaks: breaks.to_vec(),
             at: curve,
             between: linear,
-            off: &|want, got| (want[0] - got[0]).abs() / 1e-3,
+            error: &|want, got| (want[0] - got[0]).abs() / 1e-3,
         }
     }
 
     #[test]
-    fn what_is_straight_keeps_its_points_and_what_is_bent_gets_enough() {
+    fn straight_parts_keep_their_points_and_bent_ones_get_enough() {
         let straight = Curve::through([(0.0, [0.0]), (1.0, [3.0]), (1.0, [1.0]), (4.0, [2.0])].into_iter());
         let at = |v: f64, side: Side| straight.at(v, side);
         let (points, worst) = sampled(&at, &[0.0, 1.0, 4.0]).points(100);
