@@ -34,7 +34,7 @@ fn main() -> umbravox::Result<()> {
 
     // Points that the camera sees (world mm), each with a weight, and the exact transmittance from the light to it.
     let field = ExactField::new(&volume, &tf);
-    let seen = field.seen_points(&scene, 1000, 1);
+    let seen = field.visible_points(&scene, 1000, 1);
     let points: Vec<_> = seen.iter().map(|p| p.position).collect();
     let (mut squares, mut weights, mut worst) = (0.0, 0.0, 0.0_f64);
     for (point, transmittance) in seen.iter().zip(session.query(&shadow, &points)?) {

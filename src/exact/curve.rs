@@ -1,10 +1,10 @@
 //! Optical depth as a function of depth along one ray, and its inverse.
 
 use super::law::{Law, Laws};
-use super::walk::Piece;
+use super::traversal::Piece;
 
-/// Cumulative optical depth along a ray: smooth pieces, each integrated from its own start, so that the value is
-/// exact at every depth and not only where pieces meet.
+/// Cumulative optical depth along a ray. It consists of smooth pieces, each integrated from its own start, so that the value is
+/// exact at every depth.
 ///
 /// Depths are mm from the ray's origin.
 #[derive(Debug, Clone)]
@@ -12,7 +12,7 @@ pub struct OpticalDepthCurve<'a> {
     laws: &'a [Laws],
     pieces: Vec<Placed>,
     total: f64,
-    /// Of the ray itself, whose end is no jump.
+    /// Length of the ray, whose end is no jump.
     length_mm: f64,
 }
 
@@ -23,13 +23,13 @@ struct Placed {
     before: f64,
 }
 
-/// A place on a curve, found by its optical depth.
+/// Point of a curve at an optical depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Found {
+pub(super) struct CurvePoint {
     pub depth_mm: f64,
-    /// The scalar value there.
+    /// Scalar value there.
     pub value: f64,
-    /// What it is seen through, as an index into [`crate::transfer::TransferFunction::functions`].
+    /// Index of the function there in [`crate::transfer::TransferFunction::functions`].
     pub function: usize,
 }
 
@@ -63,8 +63,7 @@ impl<'a> OpticalDepthCurve<'a> {
         (-self.optical_depth_at(depth_mm)).exp()
     }
 
-    /// The smallest depth at which the optical depth reaches `tau`, or `None` where it never does; 0 for
-    /// `tau <= 0`.
+    /// Smallest depth at which the optical depth reaches `tau`, if it does; 0 for `tau <= 0`.
     pub fn depth_of_optical_depth(&self, tau: f64) -> Option<f64> {
         if tau <= 0.0 {
             return Some(0.0);
@@ -72,8 +71,8 @@ impl<'a> OpticalDepthCurve<'a> {
         self.find(tau).map(|f| f.depth_mm)
     }
 
-    /// Where optical depth reaches `tau > 0`; `None` beyond the total.
-    pub(super) fn find(&self, tau: f64) -> Option<Found> {
+    /// Point at which the optical depth reaches `tau > 0`; `None` beyond the total.
+    pub(super) fn find(&self, tau: f64) -> Option<CurvePoint> {
         if tau.is_nan() || tau > self.total {
             return None;
         }
@@ -82,11 +81,11 @@ impl<'a> OpticalDepthCurve<'a> {
         let x = self.invert(piece, tau - before);
         let depth_mm =
             if x < 1.0 { piece.start_mm + (piece.end_mm - piece.start_mm) * x } else { piece.end_mm };
-        Some(Found { depth_mm, value: piece.value.at(x), function: piece.function })
+        Some(CurvePoint { depth_mm, value: piece.value.at(x), function: piece.function })
     }
 
-    /// Depths where extinction jumps or bends: where the value passes a point of the transfer function beside
-    /// which there is extinction, and where the ray enters or leaves the domain within extinction. Ascending.
+    /// Depths at which extinction jumps or bends, ascending: the value passes a point of the transfer function next to
+    /// extinction, or the ray enters or leaves the domain within extinction.
     pub fn jumps(&self) -> Vec<f64> {
         let mut jumps = Vec::new();
         let mut last: Option<&Piece> = None;
@@ -113,7 +112,7 @@ impl<'a> OpticalDepthCurve<'a> {
         self.law(piece).integral(&piece.value, 0.0, x) * (piece.end_mm - piece.start_mm)
     }
 
-    /// The fraction of a piece at which its optical depth reaches `tau`.
+    /// Fraction of a piece at which its optical depth reaches `tau`.
     fn invert(&self, piece: &Piece, tau: f64) -> f64 {
         const MOST_STEPS: usize = 100;
         let length_mm = piece.end_mm - piece.start_mm;
@@ -121,7 +120,7 @@ impl<'a> OpticalDepthCurve<'a> {
         if let Law::Constant(sigma) = law {
             return (tau / (sigma * length_mm)).min(1.0);
         }
-        // Newton's steps kept inside a bracket that only shrinks; the integral rises with x.
+        // Newton's method within a shrinking bracket; the integral increases with x.
         let (mut low, mut high) = (0.0, 1.0);
         let mut x = 0.5;
         for _ in 0..MOST_STEPS {

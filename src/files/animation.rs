@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use color_quant::NeuQuant;
 use gif::{AnyExtension, Extension, Frame, Repeat};
 use ndarray::Array3;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -79,7 +79,7 @@ struct Waiting {
     file: BufWriter<File>,
     /// RGB.
     pixels: SpooledTempFile,
-    colors: Colors,
+    palette: Palette,
 }
 
 impl Animation {
@@ -96,8 +96,8 @@ impl Animation {
             "apng" => Encoder::Png(Box::new(png_writer(file, &of).map_err(|e| failed(path, e))?)),
             _ => {
                 let pixels = u64::from(of.size[0]) * u64::from(of.size[1]) * u64::from(of.frames);
-                let colors = Colors::of_every(pixels.div_ceil(TRAINING_PIXELS) as usize);
-                Encoder::Gif(Box::new(Waiting { file, pixels: spool_beside(path, SPOOL_BYTES), colors }))
+                let palette = Palette::with_stride(pixels.div_ceil(TRAINING_PIXELS) as usize);
+                Encoder::Gif(Box::new(Waiting { file, pixels: spool_beside(path, SPOOL_BYTES), palette }))
             }
         };
         Ok(Self { path: path.into(), whole, of, added: 0, encoder })
@@ -117,7 +117,7 @@ impl Animation {
         match &mut self.encoder {
             Encoder::Png(writer) => writer.write_image_data(&pixels).map_err(|e| fail(&e))?,
             Encoder::Gif(waiting) => {
-                waiting.colors.add(&pixels);
+                waiting.palette.add(&pixels);
                 waiting.pixels.write_all(&pixels).map_err(|e| fail(&e))?;
             }
         }
@@ -158,66 +158,52 @@ fn png_writer(
     encoder.write_header()
 }
 
-/// Colours of the pictures: the full set while it fits a GIF file, and a sample of pixels.
-struct Colors {
+/// Palette of a GIF file, shared by all pictures: palettes of each picture would flicker.
+struct Palette {
     /// Distance of the sampled pixels.
     stride: usize,
     /// Pixels of the next picture before its first sample.
     next: usize,
-    /// RGBA.
+    /// Sampled pixels, RGBA.
     sample: Vec<u8>,
-    /// `None` once there are more than [`COLORS`].
-    all: Option<HashSet<[u8; 3]>>,
+    /// Places of known colours. Before [`Self::choose`] these are all colours, until there are more than [`COLORS`].
+    places: HashMap<[u8; 3], u8>,
+    /// Finds the nearest colour, unless `places` holds every colour.
+    net: Option<NeuQuant>,
 }
 
-impl Colors {
-    fn of_every(pixels: usize) -> Self {
-        // An odd stride goes through all columns of pictures of usual widths.
-        Self { stride: pixels | 1, next: 0, sample: Vec::new(), all: Some(HashSet::new()) }
+impl Palette {
+    fn with_stride(pixels: usize) -> Self {
+        // An odd stride visits all columns of pictures of usual widths.
+        Self { stride: pixels | 1, next: 0, sample: Vec::new(), places: HashMap::new(), net: None }
     }
 
     fn add(&mut self, pixels: &[u8]) {
         let (colors, _) = pixels.as_chunks::<3>();
         let sampled = colors.iter().skip(self.next).step_by(self.stride);
-        let beyond = self.next + sampled.len() * self.stride;
+        self.next += sampled.len() * self.stride;
         self.sample.extend(sampled.flat_map(|&[r, g, b]| [r, g, b, u8::MAX]));
-        self.next = beyond - colors.len();
-        if let Some(all) = &mut self.all {
-            let mut last = None;
-            for color in colors {
-                // Pictures have long runs of one colour.
-                if last != Some(color) && all.insert(*color) && all.len() > COLORS {
-                    self.all = None;
-                    break;
-                }
-                last = Some(color);
+        self.next -= colors.len();
+        // Pictures have long runs of one colour.
+        for run in colors.chunk_by(|a, b| a == b) {
+            if self.places.len() > COLORS {
+                break;
             }
+            self.places.insert(run[0], 0);
         }
     }
 
-    fn palette(self) -> Palette {
-        if let Some(all) = self.all {
-            let mut colors: Vec<_> = all.into_iter().collect();
-            colors.sort_unstable();
-            let places = colors.iter().zip(0..=u8::MAX).map(|(color, place)| (*color, place)).collect();
-            return Palette { colors: colors.concat(), places, net: None };
+    /// Chooses the colours, RGB.
+    fn choose(&mut self) -> Vec<u8> {
+        let mut colors: Vec<_> = std::mem::take(&mut self.places).into_keys().collect();
+        if colors.len() > COLORS {
+            return self.net.insert(NeuQuant::new(1, COLORS, &self.sample)).color_map_rgb();
         }
-        let net = NeuQuant::new(1, COLORS, &self.sample);
-        Palette { colors: net.color_map_rgb(), places: HashMap::new(), net: Some(net) }
+        colors.sort_unstable();
+        self.places = colors.iter().copied().zip(0..=u8::MAX).collect();
+        colors.concat()
     }
-}
 
-/// Colours of a GIF file, shared by all pictures: sets for each picture would flicker.
-struct Palette {
-    /// RGB.
-    colors: Vec<u8>,
-    /// Places of the colours that have been looked up.
-    places: HashMap<[u8; 3], u8>,
-    /// Finds the nearest colour; `None` where `places` holds every colour.
-    net: Option<NeuQuant>,
-}
-
-impl Palette {
     fn place(&mut self, color: [u8; 3]) -> u8 {
         let [r, g, b] = color;
         let nearest = || self.net.as_ref().map_or(0, |net| net.index_of(&[r, g, b, u8::MAX]) as u8);
@@ -227,11 +213,10 @@ impl Palette {
 
 /// Writes the pictures without dithering, which would move from picture to picture and triple the file.
 fn write_gif(waiting: Waiting, of: &Animated) -> Result<(), gif::EncodingError> {
-    let Waiting { file, pixels: mut spooled, colors } = waiting;
-    let mut palette = colors.palette();
+    let Waiting { file, pixels: mut spooled, mut palette } = waiting;
     // No picture is wider than 16,384 pixels, which is less than a GIF file can say.
     let [width, height] = of.size.map(|side| side as u16);
-    let mut encoder = gif::Encoder::new(file, width, height, &palette.colors)?;
+    let mut encoder = gif::Encoder::new(file, width, height, &palette.choose())?;
     encoder.set_repeat(Repeat::Infinite)?;
     if let Some(lines) = joined(&of.texts) {
         encoder.write_raw_extension(AnyExtension::from(Extension::Comment), &[lines.as_bytes()])?;
@@ -241,14 +226,9 @@ fn write_gif(waiting: Waiting, of: &Animated) -> Result<(), gif::EncodingError> 
     for frame in 0..of.frames {
         spooled.read_exact(&mut pixels)?;
         let (colors, _) = pixels.as_chunks::<3>();
-        let mut last = ([0; 3], palette.place([0; 3]));
-        let mut place = |color: [u8; 3]| {
-            if color != last.0 {
-                last = (color, palette.place(color));
-            }
-            last.1
-        };
-        let places: Vec<u8> = colors.iter().map(|color| place(*color)).collect();
+        let runs = colors.chunk_by(|a, b| a == b);
+        let places: Vec<u8> =
+            runs.flat_map(|run| std::iter::repeat_n(palette.place(run[0]), run.len())).collect();
         let delay = delay_hundredths(frame, of.fps);
         encoder.write_frame(&Frame { width, height, buffer: places.into(), delay, ..Frame::default() })?;
     }
@@ -265,6 +245,7 @@ fn delay_hundredths(frame: u32, fps: f64) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
     use std::io::Cursor;
 
     const SIZE: [u32; 2] = [37, 23];
@@ -365,12 +346,11 @@ mod tests {
     #[test]
     fn samples_are_spread_evenly_over_pictures() {
         let pixels = |n: usize| vec![7; 3 * n];
-        let mut colors = Colors::of_every(6);
+        let mut palette = Palette::with_stride(6);
         for n in [5, 1, 9, 20, 2] {
-            colors.add(&pixels(n));
+            palette.add(&pixels(n));
         }
         // One of seven of 37, from the first on.
-        assert_eq!(colors.sample.len() / 4, 6);
-        assert_eq!(colors.all.as_ref().map(HashSet::len), Some(1));
+        assert_eq!((palette.sample.len() / 4, palette.places.len()), (6, 1));
     }
 }

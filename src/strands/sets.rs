@@ -35,6 +35,15 @@ const LOCK: usize = 24;
 /// Largest diameter of a strand, mm.
 const MAX_THICKNESS_MM: f64 = 1.0;
 
+/// Each set's name, description, segments of a strand (the last has the rest), area of all strands seen from the side (mm^2), and
+/// loss of diameter towards the tip.
+const SETS: [(&str, &str, usize, f64, f64); 4] = [
+    ("hair-straight", "straight hair that falls from a ball", 48, 250_000.0, 0.0),
+    ("hair-curly", "curls", 128, 250_000.0, 0.0),
+    ("hair-clustered", "hair in locks that narrow to the tips, a little translucent", 64, 300_000.0, 0.5),
+    ("hair-fur", "short combed fur on a ball, thinner to the tips", 12, 120_000.0, 0.85),
+];
+
 impl StrandSet {
     /// Every built-in set.
     pub const ALL: [Self; 4] = [Self::Straight, Self::Curly, Self::Clustered, Self::Fur];
@@ -47,22 +56,12 @@ impl StrandSet {
 
     /// Name, as in `phantom:NAME`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Straight => "hair-straight",
-            Self::Curly => "hair-curly",
-            Self::Clustered => "hair-clustered",
-            Self::Fur => "hair-fur",
-        }
+        SETS[self as usize].0
     }
 
     /// Short description.
     pub fn description(self) -> &'static str {
-        match self {
-            Self::Straight => "straight hair that falls from a ball",
-            Self::Curly => "curls",
-            Self::Clustered => "hair in locks that narrow to the tips, a little translucent",
-            Self::Fur => "short combed fur on a ball, thinner to the tips",
-        }
+        SETS[self as usize].1
     }
 
     /// Parses `NAME[:SEGMENTS]`.
@@ -84,32 +83,9 @@ impl StrandSet {
         }
     }
 
-    /// Segments of every strand but the last, which has the rest.
-    fn segments_per_strand(self) -> usize {
-        match self {
-            Self::Straight => 48,
-            Self::Curly => 128,
-            Self::Clustered => 64,
-            Self::Fur => 12,
-        }
-    }
-
-    /// Total area of all strands seen from the side, mm^2.
-    fn area_mm2(self) -> f64 {
-        match self {
-            Self::Straight | Self::Curly => 250_000.0,
-            Self::Clustered => 300_000.0,
-            Self::Fur => 120_000.0,
-        }
-    }
-
     /// Diameter at the fraction `u` of a strand, relative to its root.
     fn taper(self, u: f64) -> f64 {
-        match self {
-            Self::Straight | Self::Curly => 1.0,
-            Self::Clustered => 1.0 - 0.5 * u,
-            Self::Fur => 1.0 - 0.85 * u,
-        }
+        1.0 - SETS[self as usize].4 * u
     }
 
     /// Builds the set with exactly `segments` segments.
@@ -127,7 +103,8 @@ impl StrandSet {
         if !(1..=Self::MAX_SEGMENTS).contains(&segments) {
             return Err(refuse(format!("{segments} segments is not in 1..={}", Self::MAX_SEGMENTS)));
         }
-        let each = self.segments_per_strand().min(segments);
+        let (_, _, each, area_mm2, _) = SETS[self as usize];
+        let each = each.min(segments);
         let strands = segments.div_ceil(each);
         let last = segments - (strands - 1) * each;
         let count = |s: usize| if s + 1 == strands { last } else { each };
@@ -152,7 +129,7 @@ impl StrandSet {
             line.windows(2).enumerate().map(area).sum()
         };
         let area: f64 = lines.par_iter().map(area_of).collect::<Vec<f64>>().iter().sum();
-        let root = (self.area_mm2() / area).min(MAX_THICKNESS_MM);
+        let root = (area_mm2 / area).min(MAX_THICKNESS_MM);
         let tapers = self.taper(1.0) != 1.0;
         let thickness = tapers.then(|| {
             let shares = lines.iter().flat_map(|line| (0..line.len()).map(|i| share(line, i)));

@@ -47,7 +47,8 @@ impl FromStr for ClipPlane {
 
     /// Parses `nx,ny,nz,d`, which keeps `n · x >= d`; the normal may have any length but 0.
     fn from_str(text: &str) -> Result<Self, String> {
-        let refuse = || format!("`{text}` is not nx,ny,nz,d: four numbers, kept is n·x >= d in world mm");
+        let refuse =
+            || format!("`{text}` is not nx,ny,nz,d: four numbers; the plane keeps n·x >= d in world mm");
         let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
         let numbers: [f64; 4] = numbers.map_err(|_| refuse())?.try_into().map_err(|_| refuse())?;
         if !numbers.iter().all(|x| x.abs() <= MAX_COORDINATE) {

@@ -30,7 +30,9 @@ pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -
     let point = match request.aim {
         Aim::Point(point) => point,
         Aim::Ray { origin, direction } => {
-            let seen = field.seen_along(origin, direction, 0.5).filter(|s| s.weight >= LEAST_OPACITY);
+            let seen = field
+                .visible_point_along(origin, direction, f64::INFINITY, 0.5)
+                .filter(|s| s.weight >= LEAST_OPACITY);
             let Some(seen) = seen else { return Ok(()) };
             seen.position
         }

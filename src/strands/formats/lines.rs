@@ -1,7 +1,7 @@
 //! Polylines that a reader collects point by point.
 
 use super::super::{Attribute, MAX_MM, StrandArrays, Strands};
-use super::input::{WHAT, read_whole};
+use super::input::{WHAT, in_file, read_whole};
 use crate::error::{Error, Result};
 use crate::files::input::says_lps;
 use glam::DVec3;
@@ -26,6 +26,12 @@ impl Lines {
     /// Polylines of a file whose beginning may contain `SPACE=LPS`.
     pub fn in_space_of(bytes: &[u8]) -> Self {
         Self { is_lps: says_lps(bytes), ..Self::default() }
+    }
+
+    /// Reserves memory for points that the file has been checked to be long enough for.
+    pub fn reserve(&mut self, points: usize) -> Result<()> {
+        let reserved = self.points.try_reserve_exact(points);
+        reserved.map_err(|_| in_file(format!("there is not enough memory for {points} points")))
     }
 
     /// Appends a point (mm) to the line.
@@ -71,7 +77,7 @@ impl Lines {
     fn into_strands(mut self, source: &str) -> Result<Strands> {
         if self.lone > 0 {
             let lone = self.lone;
-            self.warnings.push(format!("{lone} lines of fewer than two points were left out"));
+            self.warnings.push(format!("{lone} lines of fewer than two points were skipped"));
         }
         let arrays = StrandArrays {
             strands: self.segments.len() as u32,

@@ -90,6 +90,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
     let Header { element, big_endian, offset, count } = Header::of(bytes)?;
     let point_bytes = 3 * element.bytes();
     let mut lines = Lines::default();
+    lines.reserve((bytes.len() - offset) / point_bytes)?;
     for (place, point) in bytes[offset..].chunks_exact(point_bytes).enumerate() {
         let at = offset + place * point_bytes;
         let [x, y, z] = [0, 1, 2].map(|axis| decode(&point[axis * element.bytes()..], element, big_endian));

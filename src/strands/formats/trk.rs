@@ -129,6 +129,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
     let mut lines = Lines::default();
     let world_from_trackvis = space(file, version, &mut lines)?;
     let mut at = HEADER_BYTES;
+    lines.reserve((length - at) / (4 * point_numbers))?;
     while at < length && (count == 0 || lines.count() < count) {
         let left = length - at;
         if left < 4 {

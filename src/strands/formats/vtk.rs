@@ -122,7 +122,7 @@ impl<'a> Cursor<'a> {
             bounds.push(numbers.len() as f64);
             rest = &after[cell.len()..];
         }
-        match rest.is_empty() && bounds.len() as u64 == cells + 1 {
+        match rest.is_empty() && bounds.len() as u64 - 1 == cells {
             true => Ok([bounds, numbers]),
             false => Err(at_byte(at, format!("{size} numbers do not make {cells} cells"))),
         }

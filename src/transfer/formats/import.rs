@@ -167,7 +167,7 @@ pub fn curve_in_range<const N: usize>(
     if curve.skipped > 0 {
         let count = curve.skipped;
         warnings.push(format!(
-            "{count} {what} between the first and the last of one value were left out: a jump has two sides"
+            "{count} {what} between the first and the last of one value were skipped: a jump has two sides"
         ));
     }
     Ok(curve)

@@ -61,7 +61,7 @@ pub fn read(value: &Value) -> Result<Imported, String> {
     let mix = color_mix(map, &mut warnings);
     let mut is_logarithmic = json::is_set(map, "UseLogScale");
     if is_logarithmic && (has_fractions || range[0] <= 0.0) {
-        warnings.push("`UseLogScale` was left out: values are not all above 0".into());
+        warnings.push("`UseLogScale` was skipped: values are not all above 0".into());
         is_logarithmic = false;
     }
     let foreign = Foreign {

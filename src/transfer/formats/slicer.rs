@@ -69,13 +69,13 @@ fn points<const N: usize>(lines: &[&str], line: usize, what: &str) -> Result<Vec
 
 fn warn_of_interpolation(name: &str, warnings: &mut Vec<String>) {
     if name != "linear" {
-        warnings.push(format!("`{name}` interpolation of voxels was left out: values are trilinear here"));
+        warnings.push(format!("`{name}` interpolation of voxels was skipped: values are trilinear here"));
     }
 }
 
 fn warn_of_shading([diffuse, ambient, specular, power]: [f64; 4], warnings: &mut Vec<String>) {
     warnings.push(format!(
-        "shading was left out (diffuse {diffuse}, ambient {ambient}, specular {specular}, power {power}): here it is the \
+        "shading was skipped (diffuse {diffuse}, ambient {ambient}, specular {specular}, power {power}): here it is the \
          scene's, --shading blinn-phong and --ambient"
     ));
 }
@@ -83,7 +83,7 @@ fn warn_of_shading([diffuse, ambient, specular, power]: [f64; 4], warnings: &mut
 fn warn_of_gradient(mut opacities: impl Iterator<Item = f64>, warnings: &mut Vec<String>) {
     if opacities.any(|o| o != 1.0) {
         warnings
-            .push("gradient opacity was left out: uniform regions are denser here than in 3D Slicer".into());
+            .push("gradient opacity was skipped: uniform regions are denser here than in 3D Slicer".into());
     }
 }
 

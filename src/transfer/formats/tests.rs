@@ -107,7 +107,7 @@ fn paraviews_curves_and_colour_spaces_are_sampled_with_warnings() {
         (r#"[{"RGBPoints": [3, 0, 0, 0]}, {}]"#, "2 colour maps"),
         (r#"{"RGBPoints": [3, 0, 0, 0], "ColorSpace": "Oklab"}"#, "`Oklab` is not known"),
         (r#"{"RGBPoints": [3, 0, 0, 0], "ColorSpace": "Lab/CIEDE2000"}"#, "CIEDE2000, which differs"),
-        (r#"{"RGBPoints": [-3, 0, 0, 0], "UseLogScale": 1}"#, "`UseLogScale` was left out"),
+        (r#"{"RGBPoints": [-3, 0, 0, 0], "UseLogScale": 1}"#, "`UseLogScale` was skipped"),
         (r#"{"RGBPoints": [3, 0, 2, -1]}"#, "clamped"),
     ] {
         let said = read(text).warnings.join("\n");
@@ -237,7 +237,7 @@ fn broken_files_are_refused_in_one_line() {
 #[test]
 fn mutants_of_every_file_are_read_or_refused() {
     let mut random = fastrand::Rng::with_seed(1);
-    let mut kept = 0;
+    let mut valid = 0;
     for (text, _) in ALL {
         for _ in 0..4000 {
             let mut bytes = text.as_bytes().to_vec();
@@ -263,13 +263,13 @@ fn mutants_of_every_file_are_read_or_refused() {
                 Ok(Imported { tf, .. }) => {
                     TransferFunction::from_json(&tf.to_json())
                         .unwrap_or_else(|why| panic!("{mutant}: {why}"));
-                    kept += 1;
+                    valid += 1;
                 }
                 Err(why) => assert!(!why.contains('\n'), "{why}"),
             }
         }
     }
-    assert!(kept > 1000, "some mutants are still functions: {kept}");
+    assert!(valid > 1000, "some mutants are still functions: {valid}");
 }
 
 /// Many points and long text end soon, and in a function that a device can hold.
@@ -333,7 +333,7 @@ proptest! {
             let is_rough = written.warnings.iter().any(|w| w.contains("no room"));
             for i in -400..2300 {
                 let value = f64::from(i) + 0.123;
-                // Over 1 mm, where opacities are compared: those near 1 differ by nothing that could be seen.
+                // Compared as opacities over 1 mm, where differences near 1 are invisible.
                 let [want, got] = [&tf, &again.tf].map(|f| -(-f.extinction(value)).exp_m1());
                 // What a line of a .vp has no room for goes unsaid below these; probes between points miss a tenth.
                 let allowed = if is_rough { 0.2 } else { 1.1 * OPACITY_WARNING * want + 3e-4 };
