@@ -1,7 +1,7 @@
 //! Optical depth as a function of depth along one ray, and its inverse.
 
 use super::law::{Law, Laws};
-use super::traversal::Piece;
+use super::traversal::RayPiece;
 
 /// Cumulative optical depth along a ray. It consists of smooth pieces, each integrated from its own start, so that the value is
 /// exact at every depth.
@@ -10,15 +10,15 @@ use super::traversal::Piece;
 #[derive(Debug, Clone)]
 pub struct OpticalDepthCurve<'a> {
     laws: &'a [Laws],
-    pieces: Vec<Placed>,
+    pieces: Vec<CurvePiece>,
     total: f64,
     /// Length of the ray, whose end is no jump.
     length_mm: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Placed {
-    piece: Piece,
+struct CurvePiece {
+    piece: RayPiece,
     /// Optical depth before the piece.
     before: f64,
 }
@@ -38,8 +38,8 @@ impl<'a> OpticalDepthCurve<'a> {
         Self { laws, pieces: Vec::new(), total: 0.0, length_mm }
     }
 
-    pub(super) fn push(&mut self, piece: Piece) {
-        self.pieces.push(Placed { piece, before: self.total });
+    pub(super) fn push(&mut self, piece: RayPiece) {
+        self.pieces.push(CurvePiece { piece, before: self.total });
         self.total += self.within(&piece, 1.0);
     }
 
@@ -51,7 +51,7 @@ impl<'a> OpticalDepthCurve<'a> {
     /// Optical depth from the ray's origin to `depth_mm`; 0 before it and the total beyond its end.
     pub fn optical_depth_at(&self, depth_mm: f64) -> f64 {
         let after = self.pieces.partition_point(|p| p.piece.start_mm < depth_mm);
-        let Some(Placed { piece, before }) = after.checked_sub(1).map(|i| &self.pieces[i]) else {
+        let Some(CurvePiece { piece, before }) = after.checked_sub(1).map(|i| &self.pieces[i]) else {
             return 0.0;
         };
         let x = (depth_mm - piece.start_mm) / (piece.end_mm - piece.start_mm);
@@ -77,7 +77,7 @@ impl<'a> OpticalDepthCurve<'a> {
             return None;
         }
         let after = self.pieces.partition_point(|p| p.before < tau);
-        let Placed { piece, before } = &self.pieces[after.checked_sub(1)?];
+        let CurvePiece { piece, before } = &self.pieces[after.checked_sub(1)?];
         let x = self.invert(piece, tau - before);
         let depth_mm =
             if x < 1.0 { piece.start_mm + (piece.end_mm - piece.start_mm) * x } else { piece.end_mm };
@@ -88,8 +88,8 @@ impl<'a> OpticalDepthCurve<'a> {
     /// extinction, or the ray enters or leaves the domain within extinction.
     pub fn jumps(&self) -> Vec<f64> {
         let mut jumps = Vec::new();
-        let mut last: Option<&Piece> = None;
-        for Placed { piece, .. } in &self.pieces {
+        let mut last: Option<&RayPiece> = None;
+        for CurvePiece { piece, .. } in &self.pieces {
             match last {
                 Some(p) if p.end_mm < piece.start_mm => jumps.extend([p.end_mm, piece.start_mm]),
                 Some(p) if (p.function, p.law) != (piece.function, piece.law) => jumps.push(piece.start_mm),
@@ -102,18 +102,18 @@ impl<'a> OpticalDepthCurve<'a> {
         jumps
     }
 
-    fn law(&self, piece: &Piece) -> &Law {
+    fn law(&self, piece: &RayPiece) -> &Law {
         &self.laws[piece.function].laws[piece.law]
     }
 
     /// Optical depth from a piece's start to the fraction `x` of it.
     #[inline]
-    fn within(&self, piece: &Piece, x: f64) -> f64 {
+    fn within(&self, piece: &RayPiece, x: f64) -> f64 {
         self.law(piece).integral(&piece.value, 0.0, x) * (piece.end_mm - piece.start_mm)
     }
 
     /// Fraction of a piece at which its optical depth reaches `tau`.
-    fn invert(&self, piece: &Piece, tau: f64) -> f64 {
+    fn invert(&self, piece: &RayPiece, tau: f64) -> f64 {
         const MOST_STEPS: usize = 100;
         let length_mm = piece.end_mm - piece.start_mm;
         let law = self.law(piece);

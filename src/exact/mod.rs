@@ -19,7 +19,7 @@ pub use curve::OpticalDepthCurve;
 pub use visible_points::VisiblePoint;
 
 use crate::scene::Light;
-use crate::transfer::{Class, TransferFunction};
+use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{DirectionMoments, Volume};
 use crate::with_voxels;
 use blocks::{Blocks, Labelled};
@@ -29,7 +29,7 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use traversal::{Grid, Piece, Ray};
+use traversal::{Ray, RayPiece, VoxelGrid};
 
 /// Optical depth whose transmittance is negligible beside 1 in `f64`.
 const OPAQUE: f64 = 40.0;
@@ -56,8 +56,8 @@ impl<'a> ExactField<'a> {
         };
         let functions: Vec<Option<usize>> = (volume.labels().iter().flat_map(|labels| labels.ids()))
             .map(|id| match transfer_function.class_of(*id) {
-                Class::Hidden => None,
-                Class::Function(function) => Some(function),
+                LabelClass::Hidden => None,
+                LabelClass::Function(function) => Some(function),
             })
             .collect();
         let labels = labelled(volume, &functions);
@@ -171,14 +171,14 @@ impl<'a> ExactField<'a> {
         origin: DVec3,
         direction: DVec3,
         length_mm: f64,
-        visit: impl FnMut(Piece) -> ControlFlow<()>,
+        visit: impl FnMut(RayPiece) -> ControlFlow<()>,
     ) {
         let Some(ray) = self.ray(origin, direction, length_mm) else { return };
         let dims = self.volume.dims();
         with_voxels!(self.volume.voxels(), array => {
             let (voxels, scaling) = (contiguous(array), self.volume.scaling());
             let labels = labelled(self.volume, &self.functions);
-            let grid = Grid { voxels, dims, scaling, blocks: &self.blocks, labels };
+            let grid = VoxelGrid { voxels, dims, scaling, blocks: &self.blocks, labels };
             grid.traverse(&self.laws, &ray, visit)
         });
     }

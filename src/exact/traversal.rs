@@ -50,7 +50,7 @@ impl Ray {
 
 /// Part of a ray on which extinction is smooth: one cell, one law.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Piece {
+pub(super) struct RayPiece {
     pub start_mm: f64,
     pub end_mm: f64,
     /// Index of the transfer function.
@@ -63,7 +63,7 @@ pub(super) struct Piece {
 
 /// Voxels with their labels and the blocks to skip.
 #[derive(Clone, Copy)]
-pub(super) struct Grid<'a, V> {
+pub(super) struct VoxelGrid<'a, V> {
     pub voxels: &'a [V],
     pub dims: [usize; 3],
     pub scaling: Scaling,
@@ -71,10 +71,10 @@ pub(super) struct Grid<'a, V> {
     pub labels: Option<Labelled<'a>>,
 }
 
-impl<V: Voxel> Grid<'_, V> {
+impl<V: Voxel> VoxelGrid<'_, V> {
     /// Calls `visit` with every piece that has extinction, in order along the ray, until it breaks.
     #[inline]
-    pub fn traverse(&self, laws: &[Laws], ray: &Ray, mut visit: impl FnMut(Piece) -> ControlFlow<()>) {
+    pub fn traverse(&self, laws: &[Laws], ray: &Ray, mut visit: impl FnMut(RayPiece) -> ControlFlow<()>) {
         let mut cell = CellTraversal::new(ray, self.dims);
         loop {
             if std::mem::take(&mut cell.entered_block) && !self.blocks.is_active(cell.block) {
@@ -112,7 +112,7 @@ impl<V: Voxel> Grid<'_, V> {
         labels: Labelled<'_>,
         corner: &[V; 8],
         [start, end]: [f64; 2],
-        visit: &mut impl FnMut(Piece) -> ControlFlow<()>,
+        visit: &mut impl FnMut(RayPiece) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         let mut from = start;
         for to in cell.middles().map(|t| t.clamp(start, end)).into_iter().chain([end]) {
@@ -136,14 +136,14 @@ impl<V: Voxel> Grid<'_, V> {
         (function, laws): (usize, &Laws),
         corner: &[V; 8],
         [start_mm, end_mm]: [f64; 2],
-        visit: &mut impl FnMut(Piece) -> ControlFlow<()>,
+        visit: &mut impl FnMut(RayPiece) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         let (min, max) = self.range(corner);
         let Some((first, last)) = laws.active(min, max) else { return ControlFlow::Continue(()) };
         let corner = corner.map(|v| self.scaling.apply(v.to_f64()));
         let value = cell.cubic(&corner, start_mm, end_mm);
         if first == last {
-            return visit(Piece { start_mm, end_mm, function, law: first, value });
+            return visit(RayPiece { start_mm, end_mm, function, law: first, value });
         }
         cut((function, laws), [first, last], value, [start_mm, end_mm], visit)
     }
@@ -340,7 +340,7 @@ fn cut(
     [lowest, highest]: [usize; 2],
     value: Cubic,
     [start_mm, end_mm]: [f64; 2],
-    visit: &mut impl FnMut(Piece) -> ControlFlow<()>,
+    visit: &mut impl FnMut(RayPiece) -> ControlFlow<()>,
 ) -> ControlFlow<()> {
     let [turn0, turn1] = value.turning_points();
     let mut emit = |from: f64, to: f64, law: usize| {
@@ -349,7 +349,7 @@ fn cut(
         }
         let at = |x: f64| if x < 1.0 { start_mm + (end_mm - start_mm) * x } else { end_mm };
         let (start_mm, end_mm) = (at(from), at(to));
-        visit(Piece { start_mm, end_mm, function, law, value: value.restrict(from, to) })
+        visit(RayPiece { start_mm, end_mm, function, law, value: value.restrict(from, to) })
     };
     let mut piece_from = 0.0;
     let mut law = None;

@@ -1,7 +1,7 @@
 //! Which bricks have extinction under a transfer function, and how far every brick is from the next of them: what
 //! rays leap over without loss.
 
-use crate::transfer::{Class, TransferFunction};
+use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{BRICK_CELLS, Bricks, RankSet};
 use glam::{DAffine3, DVec3, IVec3};
 use rayon::prelude::*;
@@ -92,7 +92,8 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
     let ids = bricks.labels.as_ref().map_or(&[][..], |labels| &labels.ids);
     let seen_through = |function: usize| {
         let mut ranks = RankSet::default();
-        let of_it = ids.iter().enumerate().filter(|(_, id)| tf.class_of(**id) == Class::Function(function));
+        let of_it =
+            ids.iter().enumerate().filter(|(_, id)| tf.class_of(**id) == LabelClass::Function(function));
         of_it.for_each(|(rank, _)| ranks.insert(rank));
         ranks
     };

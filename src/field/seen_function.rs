@@ -4,7 +4,9 @@ use super::LoadedVolume;
 use super::constants::HIDDEN_SHIFT;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, uniform_buffer};
-use crate::transfer::{Class, SideBySide, TexelMapping, TransferFunction, TransferTables, extinct_range};
+use crate::transfer::{
+    LabelClass, SideBySide, TexelMapping, TransferFunction, TransferTables, extinction_range,
+};
 use crate::volume::MOST_LABELS;
 
 /// One function for all labels, over texel values that the device shifts by label.
@@ -36,20 +38,20 @@ impl SeenFunction {
             extinct: None,
         };
         let Some(labels) = loaded.volume.labels() else { return Ok(plain(tf)) };
-        let classes: Vec<Class> = labels.ids().iter().map(|id| tf.class_of(*id)).collect();
-        if classes.iter().all(|class| *class == Class::Function(0)) {
+        let classes: Vec<LabelClass> = labels.ids().iter().map(|id| tf.class_of(*id)).collect();
+        if classes.iter().all(|class| *class == LabelClass::Function(0)) {
             return Ok(plain(tf));
         }
         let refuse = |why: String| Error::input("cannot use functions of labels", "--label-tf", why);
         let SideBySide { function, shifts, hidden } =
             tf.side_by_side(loaded.volume.value_range()).map_err(refuse)?;
         let mapping = on_device.mapping;
-        let shift = |class: &Class| match *class {
-            Class::Hidden => HIDDEN_SHIFT,
-            Class::Function(i) => (shifts[i] / mapping.scale) as f32,
+        let shift = |class: &LabelClass| match *class {
+            LabelClass::Hidden => HIDDEN_SHIFT,
+            LabelClass::Function(i) => (shifts[i] / mapping.scale) as f32,
         };
         let hidden_texel = mapping.texel_from_value(hidden);
-        let ends = tf.functions().map(|tf| extinct_range(tf, mapping));
+        let ends = tf.functions().map(|tf| extinction_range(tf, mapping));
         let extinct = ends.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         Ok(Self {
             function,

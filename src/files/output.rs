@@ -48,7 +48,7 @@ pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result
 /// File that is written over a while and appears when it is finished; dropped before, it leaves nothing.
 pub struct WholeFile {
     temporary: NamedTempFile,
-    listed: Listed,
+    listed: BegunEntry,
     path: PathBuf,
 }
 
@@ -62,7 +62,7 @@ impl WholeFile {
         let temporary = temporary_in(&folder_of(path)).map_err(|e| failed(path, e))?;
         let file = temporary.as_file().try_clone().map_err(|e| failed(path, e))?;
         begun.insert(temporary.path().into());
-        let listed = Listed(temporary.path().into());
+        let listed = BegunEntry(temporary.path().into());
         Ok((Self { temporary, listed, path: path.into() }, file))
     }
 
@@ -83,9 +83,9 @@ impl WholeFile {
 }
 
 /// Entry of [`BEGUN`] that is removed on drop.
-struct Listed(PathBuf);
+struct BegunEntry(PathBuf);
 
-impl Drop for Listed {
+impl Drop for BegunEntry {
     fn drop(&mut self) {
         begun().remove(&self.0);
     }

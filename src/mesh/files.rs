@@ -21,7 +21,7 @@ const STL_HEADER_BYTES: usize = 84;
 const STL_TRIANGLE_BYTES: usize = 50;
 
 /// Parser of a file's bytes.
-type Parse = fn(&[u8]) -> Triangles;
+type Parse = fn(&[u8]) -> TriangleResult;
 
 /// Parser for the format of a file.
 fn parser_of(bytes: &[u8], path: &Path) -> Option<Parse> {
@@ -59,9 +59,9 @@ pub fn read(path: &Path, color: [f64; 3]) -> Result<MeshPart> {
     Ok(MeshPart { source: path.display().to_string().into(), color, triangles })
 }
 
-type Triangles = std::result::Result<Vec<[DVec3; 3]>, String>;
+type TriangleResult = std::result::Result<Vec<[DVec3; 3]>, String>;
 
-fn stl(bytes: &[u8]) -> Triangles {
+fn stl(bytes: &[u8]) -> TriangleResult {
     let words = |e: std::io::Error| match e.kind() {
         std::io::ErrorKind::UnexpectedEof => "it ends before its triangles do".into(),
         _ => e.to_string(),
@@ -72,7 +72,7 @@ fn stl(bytes: &[u8]) -> Triangles {
     reader.map(|t| t.map(corners).map_err(words)).collect()
 }
 
-fn obj(bytes: &[u8]) -> Triangles {
+fn obj(bytes: &[u8]) -> TriangleResult {
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_lines: true,
@@ -154,7 +154,7 @@ impl PropertyAccess for PlyElement {
     }
 }
 
-fn ply(bytes: &[u8]) -> Triangles {
+fn ply(bytes: &[u8]) -> TriangleResult {
     let mut reader = Reader::new(bytes);
     let parser = Parser::<PlyElement>::new();
     let header = parser.read_header(&mut reader).map_err(|e| e.to_string())?;

@@ -33,18 +33,18 @@ pub struct FlatNode {
 }
 
 /// Triangle while the tree is built.
-struct Shape {
+struct TriangleBox {
     bounds: Aabb<f64, 3>,
     node: usize,
 }
 
-impl Bounded<f64, 3> for Shape {
+impl Bounded<f64, 3> for TriangleBox {
     fn aabb(&self) -> Aabb<f64, 3> {
         self.bounds
     }
 }
 
-impl BHShape<f64, 3> for Shape {
+impl BHShape<f64, 3> for TriangleBox {
     fn set_bh_node_index(&mut self, index: usize) {
         self.node = index;
     }
@@ -69,7 +69,7 @@ fn bounds([a, b, c]: &[DVec3; 3]) -> [DVec3; 2] {
 pub(super) fn build(triangles: &[[DVec3; 3]]) -> Bvh<f64, 3> {
     let shape = |t: &[DVec3; 3]| {
         let [lo, hi] = bounds(t).map(point);
-        Shape { bounds: Aabb::with_bounds(lo, hi), node: 0 }
+        TriangleBox { bounds: Aabb::with_bounds(lo, hi), node: 0 }
     };
     let mut shapes: Vec<_> = triangles.par_iter().map(shape).collect();
     Bvh::build(&mut shapes)

@@ -3,7 +3,7 @@
 use crate::field::{ActiveBricks, extinction_intervals};
 use crate::mesh::Mesh;
 use crate::scene::Camera;
-use crate::transfer::{Class, TransferFunction};
+use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{BRICK_CELLS, Bricks, Volume};
 use glam::{DVec3, IVec3};
 use std::sync::Arc;
@@ -50,8 +50,8 @@ impl Seen {
         }
         let ids = volume.labels().map_or(&[][..], |labels| labels.ids());
         let function = |id: &u32| match tf.class_of(*id) {
-            Class::Hidden => None,
-            Class::Function(function) => Some(function),
+            LabelClass::Hidden => None,
+            LabelClass::Function(function) => Some(function),
         };
         Self {
             volume: Arc::clone(volume),

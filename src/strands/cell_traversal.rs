@@ -11,7 +11,7 @@ pub(super) struct CellRay {
 
 /// Box of cells, and the domain that its outermost cells are cut to.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cells {
+pub(super) struct CellBox {
     /// First and last cell of the whole grid along each axis, the first no lower than -1. A line within the
     /// outermost faces belongs to these cells.
     pub whole: [[i64; 2]; 3],
@@ -42,7 +42,7 @@ impl CellRay {
     }
 }
 
-impl Cells {
+impl CellBox {
     /// Interval of `t` within the box, if any.
     #[inline]
     pub fn clip(&self, line: &CellRay) -> Option<[f64; 2]> {

@@ -77,7 +77,7 @@ pub struct StrandArrays {
 
 /// Quantity of [`StrandArrays`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
+pub enum StrandQuantity {
     /// Number of points.
     Count,
     /// Segments of each strand.
@@ -96,7 +96,7 @@ pub enum Part {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flaw {
     /// Quantity at fault.
-    pub part: Part,
+    pub part: StrandQuantity,
     /// Entry of the array; `None` for its default.
     pub entry: Option<usize>,
     /// Reason, in one line.
@@ -143,7 +143,7 @@ impl Strands {
         let mut first_points = Vec::new();
         first_points.try_reserve_exact(count).map_err(|_| {
             let why = format!("there is not enough memory for {count} segments");
-            Flaw { part: Part::Count, entry: None, why }
+            Flaw { part: StrandQuantity::Count, entry: None, why }
         })?;
         let mut first = 0;
         for segments in arrays.segment_counts() {
@@ -268,10 +268,10 @@ impl StrandArrays {
         let flaw = |part, entry, why: String| Err(Flaw { part, entry, why });
         let points = self.points.len();
         let lengths = [
-            (Part::Segments, self.segments.values.as_ref().map(Vec::len), self.strands as usize),
-            (Part::Thickness, self.thickness_mm.values.as_ref().map(Vec::len), points),
-            (Part::Transparency, self.transparency.values.as_ref().map(Vec::len), points),
-            (Part::Color, self.color.values.as_ref().map(Vec::len), points),
+            (StrandQuantity::Segments, self.segments.values.as_ref().map(Vec::len), self.strands as usize),
+            (StrandQuantity::Thickness, self.thickness_mm.values.as_ref().map(Vec::len), points),
+            (StrandQuantity::Transparency, self.transparency.values.as_ref().map(Vec::len), points),
+            (StrandQuantity::Color, self.color.values.as_ref().map(Vec::len), points),
         ];
         for (part, length, wanted) in lengths {
             if length.is_some_and(|n| n != wanted) {
@@ -282,19 +282,19 @@ impl StrandArrays {
         if wanted != points as u64 || u32::try_from(points).is_err() {
             let strands = self.strands;
             let why = format!("{strands} strands of these segments have {wanted} points, not {points}");
-            return flaw(Part::Count, None, why);
+            return flaw(StrandQuantity::Count, None, why);
         }
         let coordinate = |x: &f32| x.abs() <= MAX_MM;
         if let Some(i) = self.points.iter().position(|p| !p.iter().all(coordinate)) {
             let why = format!("the point {:?} is not finite or beyond {MAX_MM:e} mm", self.points[i]);
-            return flaw(Part::Points, Some(i), why);
+            return flaw(StrandQuantity::Points, Some(i), why);
         }
         let thickness = |d: &f32| (0.0..=MAX_MM).contains(d);
-        check_each(Part::Thickness, &self.thickness_mm, thickness, "a thickness, 0 to 1e9 mm")?;
+        check_each(StrandQuantity::Thickness, &self.thickness_mm, thickness, "a thickness, 0 to 1e9 mm")?;
         let transparency = |t: &f32| (0.0..=1.0).contains(t);
-        check_each(Part::Transparency, &self.transparency, transparency, "a transparency, 0 to 1")?;
+        check_each(StrandQuantity::Transparency, &self.transparency, transparency, "a transparency, 0 to 1")?;
         let color = |c: &[f32; 3]| c.iter().all(|x| x.is_finite());
-        check_each(Part::Color, &self.color, color, "a colour of three finite numbers")
+        check_each(StrandQuantity::Color, &self.color, color, "a colour of three finite numbers")
     }
 
     /// Number of points that the segments require.
@@ -310,7 +310,7 @@ impl StrandArrays {
 
 /// Refuses the first invalid value, or an invalid default that is in use.
 fn check_each<T: std::fmt::Debug>(
-    part: Part,
+    part: StrandQuantity,
     attribute: &Attribute<T>,
     good: impl Fn(&T) -> bool,
     what: &str,

@@ -39,20 +39,20 @@ pub struct Tubes {
 
 /// Point on a strand.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct TubePoint {
     at: DVec3,
     radius_mm: f64,
 }
 
 /// Tessellation of a tube.
 #[derive(Debug, Clone, Copy)]
-struct Shape {
+struct Tessellation {
     sides: usize,
     /// Rings of a hemisphere, including the tube's own; the pole is a single corner.
     cap_rings: usize,
 }
 
-impl Shape {
+impl Tessellation {
     fn of(sides: usize) -> Self {
         Self { sides, cap_rings: (sides + 2) / 4 }
     }
@@ -78,7 +78,7 @@ pub fn tubes(strands: &Strands, most: usize) -> Result<Tubes> {
     let mut counts = SIDES.map(|_| 0);
     each_tube(strands, |tube| {
         let counted = counts.iter_mut().zip(SIDES);
-        counted.for_each(|(count, sides)| *count += Shape::of(sides).triangles(tube.len()));
+        counted.for_each(|(count, sides)| *count += Tessellation::of(sides).triangles(tube.len()));
     });
     if counts[0] == 0 {
         return Err(refused("no strand has length and thickness".into()));
@@ -91,7 +91,7 @@ pub fn tubes(strands: &Strands, most: usize) -> Result<Tubes> {
         let hint = "fewer strands, or fewer points on each; as VOLUME strands may be far more";
         return Err(refused(why).hint(hint));
     };
-    let (shape, mut triangles) = (Shape::of(SIDES[place]), Vec::new());
+    let (shape, mut triangles) = (Tessellation::of(SIDES[place]), Vec::new());
     if triangles.try_reserve_exact(counts[place]).is_err() {
         return Err(refused(format!("there is not enough memory for {} triangles", counts[place])));
     }
@@ -100,20 +100,21 @@ pub fn tubes(strands: &Strands, most: usize) -> Result<Tubes> {
 }
 
 /// Calls `take` with the points of every tube, at least two.
-fn each_tube(strands: &Strands, mut take: impl FnMut(&[Place])) {
+fn each_tube(strands: &Strands, mut take: impl FnMut(&[TubePoint])) {
     let arrays = strands.arrays();
     let radius_mm = |point: usize| {
         let each = arrays.thickness_mm.values.as_ref().map(|values| values[point]);
         0.5 * f64::from(each.unwrap_or(arrays.thickness_mm.default))
     };
-    let (mut places, mut first): (Vec<Place>, usize) = (Vec::new(), 0);
+    let (mut places, mut first): (Vec<TubePoint>, usize) = (Vec::new(), 0);
     for segments in strands.segment_ranges() {
         places.clear();
         for point in first..=first + segments.len() {
             let at = DVec3::from_array(arrays.points[point].map(f64::from));
-            let next = Place { at, radius_mm: radius_mm(point) };
-            let is_near =
-                |last: &Place| last.at.distance(at) <= LEAST_DISTANCE * last.radius_mm.max(next.radius_mm);
+            let next = TubePoint { at, radius_mm: radius_mm(point) };
+            let is_near = |last: &TubePoint| {
+                last.at.distance(at) <= LEAST_DISTANCE * last.radius_mm.max(next.radius_mm)
+            };
             if !places.last().is_some_and(is_near) {
                 places.push(next);
             }
@@ -126,7 +127,7 @@ fn each_tube(strands: &Strands, mut take: impl FnMut(&[Place])) {
 }
 
 /// Splits a strand into tubes where its rings would meet.
-fn split(places: &[Place], take: &mut impl FnMut(&[Place])) {
+fn split(places: &[TubePoint], take: &mut impl FnMut(&[TubePoint])) {
     let along = |segment: usize| places[segment + 1].at - places[segment].at;
     let (mut begun, mut taken_mm) = (0, 0.0);
     for joint in 1..places.len() - 1 {
@@ -154,10 +155,10 @@ fn tangent_of_half(a: DVec3, b: DVec3) -> f64 {
 type Ring = Vec<DVec3>;
 
 /// Adds the triangles of one tube.
-fn add_tube(places: &[Place], shape: Shape, triangles: &mut Vec<[DVec3; 3]>) {
+fn add_tube(places: &[TubePoint], shape: Tessellation, triangles: &mut Vec<[DVec3; 3]>) {
     let direction = |segment: usize| (places[segment + 1].at - places[segment].at).normalize();
     let (first, last) = (direction(0), direction(places.len() - 2));
-    let wider = |place: Place| Place { radius_mm: shape.corner() * place.radius_mm, ..place };
+    let wider = |place: TubePoint| TubePoint { radius_mm: shape.corner() * place.radius_mm, ..place };
     // Unit vectors to the corners, perpendicular to the present segment.
     let mut across = corners(first, shape.sides);
     let mut ring = ring_at(wider(places[0]), &across);
@@ -192,7 +193,7 @@ fn corners(along: DVec3, sides: usize) -> Ring {
     (0..sides).map(corner).collect()
 }
 
-fn ring_at(place: Place, across: &[DVec3]) -> Ring {
+fn ring_at(place: TubePoint, across: &[DVec3]) -> Ring {
     across.iter().map(|u| place.at + place.radius_mm * *u).collect()
 }
 
@@ -206,7 +207,13 @@ fn add_band(from: &[DVec3], to: &[DVec3], triangles: &mut Vec<[DVec3; 3]>) {
 }
 
 /// Adds the hemisphere at an end of a tube; `outward` points to its pole. Corners have the order of the tube.
-fn add_cap(place: Place, outward: DVec3, across: &[DVec3], shape: Shape, triangles: &mut Vec<[DVec3; 3]>) {
+fn add_cap(
+    place: TubePoint,
+    outward: DVec3,
+    across: &[DVec3],
+    shape: Tessellation,
+    triangles: &mut Vec<[DVec3; 3]>,
+) {
     let is_first = (across[0].cross(across[1])).dot(outward) < 0.0;
     let mut ring = ring_at(place, across);
     for step in 1..shape.cap_rings {
@@ -275,7 +282,7 @@ mod tests {
     #[test]
     fn outlines_are_off_by_the_documented_amounts() {
         for (sides, most) in SIDES.into_iter().zip([0.023, 0.052, 0.094, 0.215]) {
-            let (corner, n) = (Shape::of(sides).corner(), sides as f64);
+            let (corner, n) = (Tessellation::of(sides).corner(), sides as f64);
             assert!(corner - 1.0 < most && 1.0 - corner * (PI / n).cos() < most, "{sides}: {corner}");
             // The mean width over all directions is the diameter.
             let width = |turn: f64| {
@@ -290,7 +297,7 @@ mod tests {
     #[test]
     fn every_tube_is_closed_and_has_the_counted_triangles() {
         for (strands, sides) in some().iter().flat_map(|s| SIDES.map(|sides| (s, sides))) {
-            let (shape, mut count, mut triangles) = (Shape::of(sides), 0, Vec::new());
+            let (shape, mut count, mut triangles) = (Tessellation::of(sides), 0, Vec::new());
             each_tube(strands, |tube| count += shape.triangles(tube.len()));
             each_tube(strands, |tube| add_tube(tube, shape, &mut triangles));
             assert_eq!(triangles.len(), count);
@@ -322,7 +329,10 @@ mod tests {
             for t in made(&strands) {
                 let farthest = t.iter().map(|p| distance_to(*p)).fold(0.0, f64::max);
                 // A bend of a right angle puts its outer corner farther away, as the joint of two pipes does.
-                assert!(farthest <= 2.0_f64.sqrt() * Shape::of(12).corner() * widest + 1e-9, "{farthest}");
+                assert!(
+                    farthest <= 2.0_f64.sqrt() * Tessellation::of(12).corner() * widest + 1e-9,
+                    "{farthest}"
+                );
             }
         }
         // Normals look outward.

@@ -14,7 +14,7 @@
 //! thread, which takes the segments in the file's order and sums in 64-bit floats: every voxel sees the same
 //! additions in the same order, and the result is the same bit by bit whatever the number of threads.
 
-use super::cell_traversal::{CellRay, Cells};
+use super::cell_traversal::{CellBox, CellRay};
 use super::{Segment, StrandGrid, Strands};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
@@ -88,7 +88,7 @@ pub(super) fn spread<const N: usize>(
     let pieces = loading.pieces(ReadingStage::Voxelising, slabs * reach.len().div_ceil(CHUNKS_A_PIECE));
     values.par_chunks_mut(planes * nx * ny).enumerate().for_each_init(Vec::new, |sums, (slab, out)| {
         let first = slab * planes;
-        let mut target = Slab::new(grid, kernel, first, first + out.len() / (nx * ny), sums);
+        let mut target = VoxelSlab::new(grid, kernel, first, first + out.len() / (nx * ny), sums);
         let [low, high] = target.z_range();
         for (chunk, [chunk_low, chunk_high]) in reach.iter().enumerate() {
             if chunk % CHUNKS_A_PIECE == 0 {
@@ -165,14 +165,14 @@ impl Kernel {
     }
 
     /// Cells that contribute to the planes `first..end`.
-    fn cells(self, grid: &StrandGrid, first: usize, end: usize) -> Cells {
+    fn cells(self, grid: &StrandGrid, first: usize, end: usize) -> CellBox {
         let n = grid.dims.map(|n| n as i64);
         let below = i64::from(self == Self::Tent);
         let whole = n.map(|n| [-below, n - 1]);
         let mut part = whole;
         part[2] = [first as i64 - below, end as i64 - 1];
         let domain = n.map(|n| [-0.5, n as f64 - 0.5].map(|x| x + self.shift()));
-        Cells { whole, part, domain }
+        CellBox { whole, part, domain }
     }
 }
 
@@ -193,9 +193,9 @@ fn chunk_reach(strands: &Strands, grid: &StrandGrid) -> Vec<[f64; 2]> {
 }
 
 /// Slab of planes of the grid with the sums of `N` amounts a voxel.
-struct Slab<'a, const N: usize> {
+struct VoxelSlab<'a, const N: usize> {
     kernel: Kernel,
-    cells: Cells,
+    cells: CellBox,
     dims: [usize; 3],
     /// Planes `[first, end)`.
     first: usize,
@@ -203,7 +203,7 @@ struct Slab<'a, const N: usize> {
     sums: &'a mut Vec<[f64; N]>,
 }
 
-impl<'a, const N: usize> Slab<'a, N> {
+impl<'a, const N: usize> VoxelSlab<'a, N> {
     fn new(grid: &StrandGrid, kernel: Kernel, first: usize, end: usize, sums: &'a mut Vec<[f64; N]>) -> Self {
         sums.clear();
         sums.resize((end - first) * grid.dims[0] * grid.dims[1], [0.0; N]);

@@ -21,12 +21,12 @@ struct File {
     units: String,
     #[serde(default = "one_mm")]
     reference_length_mm: f64,
-    points: Vec<Point>,
+    points: Vec<PointEntry>,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Point {
+struct PointEntry {
     value: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     opacity: Option<f64>,
@@ -65,7 +65,7 @@ impl TransferFunction {
 
     /// Text of the file.
     pub fn to_json(&self) -> String {
-        let points = self.points.iter().map(|p| Point {
+        let points = self.points.iter().map(|p| PointEntry {
             value: p.value,
             opacity: (self.quantity == Quantity::Opacity).then_some(p.amount),
             extinction: (self.quantity == Quantity::Extinction).then_some(p.amount),
@@ -119,7 +119,7 @@ impl TransferFunction {
     }
 }
 
-fn control_point(p: &Point, quantity: Quantity) -> Result<ControlPoint, String> {
+fn control_point(p: &PointEntry, quantity: Quantity) -> Result<ControlPoint, String> {
     if p.value.abs() > MAX_MAGNITUDE {
         return Err(format!("`value` {:e} is too large for 32-bit arithmetic", p.value));
     }

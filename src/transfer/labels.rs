@@ -11,7 +11,7 @@ const LEAST_WIDTH: f64 = 1.0 / 1024.0;
 
 /// Function of the voxels of a label.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Class {
+pub enum LabelClass {
     /// None: the voxels have no extinction.
     Hidden,
     /// Index into [`TransferFunction::functions`].
@@ -31,14 +31,14 @@ pub struct SideBySide {
 
 impl TransferFunction {
     /// Function of a label's voxels. Any rule that hides the label wins; otherwise the last rule for it holds.
-    pub fn class_of(&self, label: u32) -> Class {
+    pub fn class_of(&self, label: u32) -> LabelClass {
         let is_hidden = |rule: &LabelRule| rule.visibility == LabelVisibility::Hidden;
         let is_for = |rule: &LabelRule| rule.labels.contains(&label);
         if self.rules.iter().any(|rule| is_for(rule) && is_hidden(rule)) {
-            return Class::Hidden;
+            return LabelClass::Hidden;
         }
         let end = self.rules.iter().rposition(is_for).map_or(0, |last| last + 1);
-        Class::Function(self.rules[..end].iter().filter(|rule| !is_hidden(rule)).count())
+        LabelClass::Function(self.rules[..end].iter().filter(|rule| !is_hidden(rule)).count())
     }
 
     /// This function, and those of its rules in their order.
@@ -132,7 +132,7 @@ mod tests {
     fn hidden_wins_and_then_the_last_rule() {
         let tf = labelled();
         let classes = [0, 1, 2, 7, 9, 500].map(|label| tf.class_of(label));
-        let [f, h] = [Class::Function, |_| Class::Hidden];
+        let [f, h] = [LabelClass::Function, |_| LabelClass::Hidden];
         assert_eq!(classes, [f(0), f(1), f(2), h(0), f(2), f(0)]);
     }
 

@@ -12,9 +12,9 @@ mod tables;
 
 pub use change::TransferChange;
 pub use clip::{ClipPlane, MOST_CLIP_PLANES};
-pub use labels::{Class, MOST_LABEL_FUNCTIONS, SideBySide};
+pub use labels::{LabelClass, MOST_LABEL_FUNCTIONS, SideBySide};
 pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
-pub(crate) use tables::extinct_range;
+pub(crate) use tables::extinction_range;
 pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
 
 /// Quantity that a file gives, which is interpolated linearly between points.

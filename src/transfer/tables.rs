@@ -101,7 +101,7 @@ impl TransferTables {
             .collect();
         let [lo, hi] = texel_range;
         let table_width = if hi > lo { hi - lo } else { 1.0 };
-        let (first_value, last_value) = extinct_range(tf, mapping);
+        let (first_value, last_value) = extinction_range(tf, mapping);
         let bins = bins(tf, mapping, &breaks, lo, table_width);
         Self {
             interval_of_bin,
@@ -202,7 +202,7 @@ fn merged(list: Vec<Interval>) -> Vec<Interval> {
 }
 
 /// Texel values `first` and `last`: there is no extinction at values `<= first` and `>= last`.
-pub(crate) fn extinct_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
+pub(crate) fn extinction_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
     let n = tf.points.len();
     let positive = |i: usize| tf.points[i].amount > 0.0;
     let texel = |i: usize| mapping.texel_from_value(tf.points[i].value) as f32;

@@ -78,7 +78,7 @@ pub fn array_bytes<'a>(
     coding: &Coding,
     check: impl Fn(u64) -> Result<(), String>,
 ) -> Result<ArrayBytes<'a>, String> {
-    let mut text = Text { input, is_raw, decoded: Vec::new() };
+    let mut text = EncodedText { input, is_raw, decoded: Vec::new() };
     let header = coding.header_bytes;
     text.decode_to(header as u64)?;
     let first = coding.number(&text.decoded, 0);
@@ -94,14 +94,14 @@ pub fn array_bytes<'a>(
 }
 
 /// Base64 text or raw bytes.
-struct Text<R> {
+struct EncodedText<R> {
     input: R,
     is_raw: bool,
     /// Bytes that have been decoded.
     decoded: Vec<u8>,
 }
 
-impl<'a, R: Read + 'a> Text<R> {
+impl<'a, R: Read + 'a> EncodedText<R> {
     /// Decodes whole groups of four letters until there are at least `count` bytes.
     fn decode_to(&mut self, count: u64) -> Result<(), String> {
         let missing = count.saturating_sub(self.decoded.len() as u64);
@@ -140,7 +140,7 @@ fn cut(bytes: u64) -> String {
 }
 
 fn packed<'a, R: Read + 'a>(
-    mut text: Text<R>,
+    mut text: EncodedText<R>,
     blocks: u64,
     coding: &Coding,
     check: impl Fn(u64) -> Result<(), String>,
@@ -163,12 +163,12 @@ fn packed<'a, R: Read + 'a>(
     if bytes > packed_bytes.saturating_mul(MOST_RATIO) {
         return Err(format!("it says that {packed_bytes} bytes unpack to {bytes}, which they cannot"));
     }
-    let stream = Blocks { input: text.stream(packed_bytes), sizes, next: 0, block: None };
+    let stream = CompressedBlocks { input: text.stream(packed_bytes), sizes, next: 0, block: None };
     Ok(ArrayBytes { bytes, stream: Box::new(stream) })
 }
 
 /// Compressed blocks that are unpacked one after the other.
-struct Blocks<'a> {
+struct CompressedBlocks<'a> {
     input: Box<dyn Read + 'a>,
     /// Packed and unpacked bytes of each block.
     sizes: Vec<(u64, u64)>,
@@ -177,7 +177,7 @@ struct Blocks<'a> {
     block: Option<Take<ZlibDecoder<Cursor<Vec<u8>>>>>,
 }
 
-impl Read for Blocks<'_> {
+impl Read for CompressedBlocks<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let bad = |why: String| io::Error::new(io::ErrorKind::InvalidData, why);
         loop {

@@ -7,7 +7,7 @@
 //!
 //! Source: <http://www.cemyuksel.com/research/hairmodels/>, "HAIR file format".
 
-use super::super::{Attribute, Flaw, Part, StrandArrays, Strands};
+use super::super::{Attribute, Flaw, StrandArrays, StrandQuantity, Strands};
 use super::input::WHAT;
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
@@ -16,7 +16,7 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 
 /// Size of the header.
-pub const HEADER_BYTES: u64 = size_of::<Header>() as u64;
+pub const HEADER_BYTES: u64 = size_of::<HairHeader>() as u64;
 
 /// File-name ending of the format.
 pub const HAIR_EXTENSIONS: &[&str] = &["hair"];
@@ -30,19 +30,22 @@ const MOST_SEGMENTS: u32 = u16::MAX as u32;
 /// Bytes read at a time.
 const CHUNK_BYTES: usize = 1 << 18;
 
-/// Arrays in the order of their flags, with their names and the bytes of an entry.
-const ARRAYS: [(Part, &str, u64); 5] = [
-    (Part::Segments, "segment", 2),
-    (Part::Points, "point", 12),
-    (Part::Thickness, "thickness", 4),
-    (Part::Transparency, "transparency", 4),
-    (Part::Color, "colour", 12),
+/// Byte of the number of points.
+const POINT_COUNT: u64 = 8;
+
+/// Arrays in the order of their flags: quantity, name, bytes of an entry, and byte of the default in the header.
+const ARRAYS: [(StrandQuantity, &str, u64, u64); 5] = [
+    (StrandQuantity::Segments, "segment", 2, 16),
+    (StrandQuantity::Points, "point", 12, POINT_COUNT),
+    (StrandQuantity::Thickness, "thickness", 4, 20),
+    (StrandQuantity::Transparency, "transparency", 4, 24),
+    (StrandQuantity::Color, "colour", 12, 28),
 ];
 
 /// Header of a file.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Header {
+struct HairHeader {
     magic: [u8; 4],
     strands: u32,
     points: u32,
@@ -58,51 +61,43 @@ struct Header {
 #[cfg(target_endian = "big")]
 compile_error!("the header and arrays of .hair files are read as they lie in memory, little-endian");
 
-impl Header {
+impl HairHeader {
     /// Present arrays: quantity, name, first byte and the byte behind the last; at most 2^37.
-    fn arrays(&self) -> impl Iterator<Item = (Part, &'static str, u64, u64)> {
+    fn arrays(&self) -> impl Iterator<Item = (StrandQuantity, &'static str, u64, u64)> {
         let mut end = HEADER_BYTES;
         let present = ARRAYS.into_iter().filter(|(part, ..)| self.has(*part));
-        present.map(move |(part, name, bytes)| {
+        present.map(move |(part, name, bytes, _)| {
             let start = end;
             end += bytes * self.entries(part) as u64;
             (part, name, start, end)
         })
     }
 
-    fn has(&self, part: Part) -> bool {
+    fn has(&self, part: StrandQuantity) -> bool {
         ARRAYS.iter().position(|(p, ..)| *p == part).is_some_and(|bit| self.flags >> bit & 1 == 1)
     }
 
-    fn entries(&self, part: Part) -> usize {
-        (if part == Part::Segments { self.strands } else { self.points }) as usize
+    fn entries(&self, part: StrandQuantity) -> usize {
+        (if part == StrandQuantity::Segments { self.strands } else { self.points }) as usize
     }
 
     /// Byte of the number that a flaw is about.
     fn place(&self, flaw: &Flaw) -> u64 {
-        let Some(entry) = flaw.entry else {
-            return match flaw.part {
-                Part::Count | Part::Points => 8,
-                Part::Segments => 16,
-                Part::Thickness => 20,
-                Part::Transparency => 24,
-                Part::Color => 28,
-            };
-        };
+        let array = ARRAYS.into_iter().find(|(part, ..)| *part == flaw.part);
+        let (_, _, bytes, default) = array.unwrap_or((flaw.part, "", 0, POINT_COUNT));
         let start = self.arrays().find(|(part, ..)| *part == flaw.part).map_or(0, |array| array.2);
-        let bytes = ARRAYS.iter().find(|(part, ..)| *part == flaw.part).map_or(0, |array| array.2);
-        start + entry as u64 * bytes
+        flaw.entry.map_or(default, |entry| start + entry as u64 * bytes)
     }
 
     /// Refuses a file that is not exactly as long as its header claims, or a header whose numbers disagree.
     fn check_length(&self, length: u64) -> Result<(), (u64, String)> {
         let Self { strands, default_segments, points, .. } = *self;
         let wanted = u64::from(strands) * (u64::from(default_segments) + 1);
-        if !self.has(Part::Segments) && wanted != u64::from(points) {
+        if !self.has(StrandQuantity::Segments) && wanted != u64::from(points) {
             let why = format!(
                 "{strands} strands of {default_segments} segments have {wanted} points, not {points}"
             );
-            return Err((8, why));
+            return Err((POINT_COUNT, why));
         }
         let mut all = HEADER_BYTES;
         for (_, name, start, end) in self.arrays() {
@@ -119,7 +114,7 @@ impl Header {
     }
 
     /// Reads an array if it is present.
-    fn read<T: Pod>(&self, part: Part, input: &mut dyn Read) -> io::Result<Option<Vec<T>>> {
+    fn read<T: Pod>(&self, part: StrandQuantity, input: &mut dyn Read) -> io::Result<Option<Vec<T>>> {
         if !self.has(part) {
             return Ok(None);
         }
@@ -142,7 +137,7 @@ pub(super) fn parse(input: &mut dyn Read, length: u64, source: &str) -> Result<S
     if length < HEADER_BYTES {
         return Err(at(length, format!("the file ends within the header of {HEADER_BYTES} bytes")));
     }
-    let mut header = Header::zeroed();
+    let mut header = HairHeader::zeroed();
     input.read_exact(bytemuck::bytes_of_mut(&mut header)).map_err(refuse)?;
     if header.magic != *MAGIC {
         return Err(at(0, "it does not begin with `HAIR`".into()));
@@ -150,28 +145,31 @@ pub(super) fn parse(input: &mut dyn Read, length: u64, source: &str) -> Result<S
     if header.flags >> ARRAYS.len() != 0 {
         return Err(at(12, format!("flags {:#x} name arrays that the format does not have", header.flags)));
     }
-    if !header.has(Part::Points) {
+    if !header.has(StrandQuantity::Points) {
         return Err(at(12, "there is no array of points".into()));
     }
     header.check_length(length).map_err(|(byte, why)| at(byte, why))?;
     let read_arrays = |input: &mut dyn Read| {
-        let segments: Option<Vec<u16>> = header.read(Part::Segments, input)?;
+        let segments: Option<Vec<u16>> = header.read(StrandQuantity::Segments, input)?;
         Ok(StrandArrays {
             strands: header.strands,
             segments: Attribute {
                 default: header.default_segments,
                 values: segments.map(|counts| counts.into_iter().map(u32::from).collect()),
             },
-            points: header.read(Part::Points, input)?.unwrap_or_default(),
+            points: header.read(StrandQuantity::Points, input)?.unwrap_or_default(),
             thickness_mm: Attribute {
                 default: header.default_thickness,
-                values: header.read(Part::Thickness, input)?,
+                values: header.read(StrandQuantity::Thickness, input)?,
             },
             transparency: Attribute {
                 default: header.default_transparency,
-                values: header.read(Part::Transparency, input)?,
+                values: header.read(StrandQuantity::Transparency, input)?,
             },
-            color: Attribute { default: header.default_color, values: header.read(Part::Color, input)? },
+            color: Attribute {
+                default: header.default_color,
+                values: header.read(StrandQuantity::Color, input)?,
+            },
             info: std::array::from_fn(|i| header.info[i / 8][i % 8]),
         })
     };
@@ -204,7 +202,7 @@ fn write_all(arrays: &StrandArrays, out: &mut (impl Write + ?Sized)) -> io::Resu
         color.values.as_deref().map(bytemuck::cast_slice),
     ];
     let flags = (0..).zip(&data).map(|(bit, array)| u32::from(array.is_some()) << bit).sum();
-    let header = Header {
+    let header = HairHeader {
         magic: *MAGIC,
         strands: arrays.strands,
         // `Strands` refuses more points than a u32 counts.

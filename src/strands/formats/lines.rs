@@ -9,7 +9,7 @@ use std::io::Read;
 
 /// Polylines without a thickness.
 #[derive(Debug, Default)]
-pub(super) struct Lines {
+pub(super) struct Polylines {
     points: Vec<[f32; 3]>,
     segments: Vec<u32>,
     /// Points of the line that has not ended.
@@ -22,7 +22,7 @@ pub(super) struct Lines {
     is_lps: bool,
 }
 
-impl Lines {
+impl Polylines {
     /// Polylines of a file whose beginning may contain `SPACE=LPS`.
     pub fn in_space_of(bytes: &[u8]) -> Self {
         Self { is_lps: says_lps(bytes), ..Self::default() }
@@ -95,7 +95,7 @@ impl Lines {
 
 /// Reads strands from an input of `length` bytes with a parser of its bytes.
 pub(super) fn read_by(
-    parse: fn(&[u8]) -> Result<Lines>,
+    parse: fn(&[u8]) -> Result<Polylines>,
     input: &mut dyn Read,
     length: u64,
     source: &str,

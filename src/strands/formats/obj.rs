@@ -6,7 +6,7 @@
 //! The `tobj` crate is not used: it rounds coordinates with its own parser of floats, and turns lines into pairs.
 
 use super::input::{in_file, in_line};
-use super::lines::Lines;
+use super::lines::Polylines;
 use crate::error::Result;
 use glam::DVec3;
 
@@ -14,8 +14,8 @@ use glam::DVec3;
 ///
 /// # Errors
 /// A line is malformed, a polyline names a missing point, or there are no polylines.
-pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
-    let mut lines = Lines::in_space_of(bytes);
+pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
+    let mut lines = Polylines::in_space_of(bytes);
     let mut points: Vec<DVec3> = Vec::new();
     let (mut joined, mut begun) = (String::new(), 1);
     for (place, line) in bytes.split(|b| *b == b'\n').enumerate() {
@@ -40,7 +40,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
     }
 }
 
-fn element(text: &str, points: &mut Vec<DVec3>, lines: &mut Lines) -> Result<(), String> {
+fn element(text: &str, points: &mut Vec<DVec3>, lines: &mut Polylines) -> Result<(), String> {
     let mut words = text.split_ascii_whitespace();
     match words.next() {
         Some("v") => {

@@ -8,7 +8,7 @@
 //! that reads it.
 
 use super::input::{at_byte, in_file, in_line};
-use super::lines::Lines;
+use super::lines::Polylines;
 use super::number::decode;
 use crate::error::Result;
 use crate::volume::Element;
@@ -30,7 +30,7 @@ fn element_of(datatype: &str) -> Option<(Element, bool)> {
 }
 
 /// Header of a file.
-struct Header {
+struct TrackHeader {
     element: Element,
     big_endian: bool,
     /// First byte of the points.
@@ -38,7 +38,7 @@ struct Header {
     count: Option<u64>,
 }
 
-impl Header {
+impl TrackHeader {
     fn of(bytes: &[u8]) -> Result<Self> {
         // Keys with their lines.
         let (mut datatype, mut file, mut count) = (None, None, None);
@@ -86,10 +86,10 @@ impl Header {
 ///
 /// # Errors
 /// The file breaks its format, or ends before its end mark.
-pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
-    let Header { element, big_endian, offset, count } = Header::of(bytes)?;
+pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
+    let TrackHeader { element, big_endian, offset, count } = TrackHeader::of(bytes)?;
     let point_bytes = 3 * element.bytes();
-    let mut lines = Lines::default();
+    let mut lines = Polylines::default();
     lines.reserve((bytes.len() - offset) / point_bytes)?;
     for (place, point) in bytes[offset..].chunks_exact(point_bytes).enumerate() {
         let at = offset + place * point_bytes;

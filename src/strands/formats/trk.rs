@@ -8,8 +8,8 @@
 //! before it has read any of it, and panics where the file ends within one.
 
 use super::input::at_byte;
-use super::lines::Lines;
-use super::trk_space::{Grid, world_from_trackvis};
+use super::lines::Polylines;
+use super::trk_space::{TrackGrid, world_from_trackvis};
 use crate::error::Result;
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -66,7 +66,7 @@ fn count_of(n: i32, at: usize, what: &str) -> Result<usize> {
 }
 
 /// World mm from the file's coordinates.
-fn space(file: Bytes, version: i32, lines: &mut Lines) -> Result<DAffine3> {
+fn space(file: Bytes, version: i32, lines: &mut Polylines) -> Result<DAffine3> {
     let voxel_mm: [f64; 3] = file.floats(VOXEL_SIZE);
     if !voxel_mm.iter().all(|mm| mm.is_finite() && *mm > 0.0) {
         let [x, y, z] = voxel_mm;
@@ -89,7 +89,7 @@ fn space(file: Bytes, version: i32, lines: &mut Lines) -> Result<DAffine3> {
         order = "LPS";
     }
     let dims = [0, 2, 4].map(|next| f64::from(file.short(DIMENSIONS + next)));
-    let grid = Grid { dims, voxel_mm: voxel_mm.into(), order, world_from_voxel };
+    let grid = TrackGrid { dims, voxel_mm: voxel_mm.into(), order, world_from_voxel };
     let (world, change_places) = world_from_trackvis(&grid).map_err(|why| at_byte(VOXEL_ORDER, why))?;
     if change_places {
         let how = "programs differ on what that means: positions are as nibabel reads them";
@@ -104,7 +104,7 @@ fn space(file: Bytes, version: i32, lines: &mut Lines) -> Result<DAffine3> {
 ///
 /// # Errors
 /// The file breaks its format, or ends within a track or before all that its header counts.
-pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
+pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     let length = bytes.len();
     if length < HEADER_BYTES {
         return Err(at_byte(length, format!("the file ends within the header of {HEADER_BYTES} bytes")));
@@ -126,7 +126,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
     let properties = count_of(file.short(PROPERTIES).into(), PROPERTIES, "properties")?;
     // 0 where the header does not give it.
     let count = count_of(file.integer(COUNT), COUNT, "tracks")?;
-    let mut lines = Lines::default();
+    let mut lines = Polylines::default();
     let world_from_trackvis = space(file, version, &mut lines)?;
     let mut at = HEADER_BYTES;
     lines.reserve((length - at) / (4 * point_numbers))?;

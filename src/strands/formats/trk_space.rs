@@ -9,7 +9,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use nalgebra::Matrix3;
 
 /// Voxel grid of the header.
-pub(super) struct Grid<'a> {
+pub(super) struct TrackGrid<'a> {
     /// Voxels along each axis of `order`.
     pub dims: [f64; 3],
     /// Edges of a voxel, mm.
@@ -28,7 +28,7 @@ struct Direction {
 }
 
 /// World mm from the file's coordinates, and whether axes change places.
-pub(super) fn world_from_trackvis(grid: &Grid) -> Result<(DAffine3, bool), String> {
+pub(super) fn world_from_trackvis(grid: &TrackGrid) -> Result<(DAffine3, bool), String> {
     let from = directions_of_letters(grid.order).ok_or_else(|| {
         format!("the voxel order `{}` is no three axes, one of R L, A P, S I each", grid.order)
     })?;

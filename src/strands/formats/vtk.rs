@@ -7,7 +7,7 @@
 //! is not used: it panics on missing arrays and allocates what a header claims.
 
 use super::input::{at_byte, in_file};
-use super::lines::Lines;
+use super::lines::Polylines;
 use super::number::{decode, legacy_vtk_element};
 use crate::error::Result;
 use crate::volume::Element;
@@ -153,7 +153,7 @@ impl<'a> Cursor<'a> {
 ///
 /// # Errors
 /// The file holds no polygonal data, is cut short, or a polyline names a missing point.
-pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
+pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     let mut cursor = Cursor { bytes, at: 0, binary: false };
     let version = cursor.any_line().1;
     let Some(version) = version.as_bytes().strip_prefix(MAGIC) else {
@@ -167,7 +167,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
         "BINARY" => true,
         _ => return Err(at_byte(at, "its third line is neither ASCII nor BINARY")),
     };
-    let (mut points, mut lines) = (Vec::new(), Lines::in_space_of(bytes));
+    let (mut points, mut lines) = (Vec::new(), Polylines::in_space_of(bytes));
     loop {
         let (at, line) = cursor.line();
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -215,7 +215,7 @@ pub(super) fn polylines(
     coordinates: &[f64],
     bounds: &[f64],
     numbers: &[f64],
-    lines: &mut Lines,
+    lines: &mut Polylines,
 ) -> Result<(), String> {
     let points = coordinates.as_chunks::<3>().0;
     let within = |bound: f64| (bound >= 0.0 && bound <= numbers.len() as f64).then_some(bound as usize);

@@ -7,7 +7,7 @@
 //! used for the reasons in `vtk.rs`; `roxmltree`, which plots need too, parses the XML.
 
 use super::input::{at_byte, in_file, in_line};
-use super::lines::Lines;
+use super::lines::Polylines;
 use super::number::decode;
 use super::vtk::polylines;
 use crate::error::Result;
@@ -32,7 +32,7 @@ pub(super) fn recognise(head: &[u8]) -> Option<bool> {
 ///
 /// # Errors
 /// The file breaks its format, an array is cut short, or a polyline names a missing point.
-pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
+pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     let (text, appended) = split(bytes)?;
     let document = xml::parse(&text, 1_000_000)
         .map_err(|e| in_line(e.line, format!("it is no XML file of VTK: {}", e.why)))?;
@@ -42,7 +42,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Lines> {
         return Err(in_file(format!("its data are {kind}, not PolyData")));
     }
     let coding = Coding::of(root).map_err(in_file)?;
-    let mut lines = Lines::in_space_of(bytes);
+    let mut lines = Polylines::in_space_of(bytes);
     let mut arrays = Arrays { coding, appended, read: 0 };
     for piece in root.descendants().filter(|node| node.has_tag_name("Piece")) {
         read_piece(piece, &mut arrays, &mut lines).map_err(|why| {
@@ -76,7 +76,7 @@ fn split(bytes: &[u8]) -> Result<(String, Option<Appended<'_>>)> {
     Ok((utf8(&bytes[..tag])? + "</VTKFile>", Some((&rest[close + from + 1..], is_raw))))
 }
 
-fn read_piece(piece: Node, arrays: &mut Arrays, lines: &mut Lines) -> Result<(), String> {
+fn read_piece(piece: Node, arrays: &mut Arrays, lines: &mut Polylines) -> Result<(), String> {
     let count = |name: &str| {
         let text = piece.attribute(name).unwrap_or("0");
         text.trim().parse::<u64>().map_err(|_| format!("{name} is `{text}`"))

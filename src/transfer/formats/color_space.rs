@@ -8,10 +8,10 @@ use crate::files::color::{linear_from_srgb, srgb_from_linear};
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
 /// Encoded sRGB in `[0, 1]`.
-type Rgb = [f64; 3];
+type Srgb = [f64; 3];
 
 /// Mixes in HSV along the shorter arc of hues; `vtkColorTransferFunction`'s HSVWrap.
-pub fn hsv_wrapped(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
+pub fn hsv_wrapped(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     let (a, mut b) = (hsv_from_rgb(a), hsv_from_rgb(b));
     if (b[0] - a[0]).abs() > 0.5 {
         b[0] += if b[0] < a[0] { 1.0 } else { -1.0 };
@@ -21,22 +21,22 @@ pub fn hsv_wrapped(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
 }
 
 /// Mixes linearly in HSV.
-pub fn hsv(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
+pub fn hsv(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     rgb_from_hsv(linear(&hsv_from_rgb(a), &hsv_from_rgb(b), share))
 }
 
 /// Mixes linearly in L*a*b*.
-pub fn lab(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
+pub fn lab(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     rgb_from_lab(linear(&lab_from_rgb(a), &lab_from_rgb(b), share))
 }
 
 /// Returns the second colour: `vtkColorTransferFunction`'s Step, where a node's colour holds up to the node.
-pub fn step(_: &Rgb, b: &Rgb, _: f64) -> Rgb {
+pub fn step(_: &Srgb, b: &Srgb, _: f64) -> Srgb {
     *b
 }
 
 /// Mixes as Moreland's diverging maps do: through white where both colours are saturated and of different hue.
-pub fn diverging(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
+pub fn diverging(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
     // Saturation from which on a colour is not grey, and angle from which on two hues differ.
     const SATURATED: f64 = 0.05;
     const DIFFERENT_HUES: f64 = FRAC_PI_3;
@@ -85,7 +85,7 @@ fn spun_hue([m_saturated, s, h]: [f64; 3], m: f64) -> f64 {
     if h > -0.3 * PI { h + spin } else { h - spin }
 }
 
-fn hsv_from_rgb(rgb: &Rgb) -> [f64; 3] {
+fn hsv_from_rgb(rgb: &Srgb) -> [f64; 3] {
     let [r, g, b] = *rgb;
     let (top, low) = (r.max(g).max(b), r.min(g).min(b));
     let width = top - low;
@@ -102,7 +102,7 @@ fn hsv_from_rgb(rgb: &Rgb) -> [f64; 3] {
     [(sixths / 6.0).rem_euclid(1.0), width / top, top]
 }
 
-fn rgb_from_hsv([h, s, v]: [f64; 3]) -> Rgb {
+fn rgb_from_hsv([h, s, v]: [f64; 3]) -> Srgb {
     // Each channel is at the top for a third of the circle, and at the bottom for another.
     std::array::from_fn(|channel| {
         let from_peak = (h * 6.0 - 2.0 * channel as f64).rem_euclid(6.0);
@@ -126,7 +126,7 @@ fn times(matrix: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| (0..3).map(|i| row[i] * v[i]).sum())
 }
 
-fn lab_from_rgb(rgb: &Rgb) -> [f64; 3] {
+fn lab_from_rgb(rgb: &Srgb) -> [f64; 3] {
     let xyz = times(&XYZ_FROM_RGB, rgb.map(linear_from_srgb));
     let f: [f64; 3] = std::array::from_fn(|i| {
         let t = xyz[i] / WHITE_XYZ[i];
@@ -135,7 +135,7 @@ fn lab_from_rgb(rgb: &Rgb) -> [f64; 3] {
     [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
 
-fn rgb_from_lab([l, a, b]: [f64; 3]) -> Rgb {
+fn rgb_from_lab([l, a, b]: [f64; 3]) -> Srgb {
     let y = (l + 16.0) / 116.0;
     let f = [a / 500.0 + y, y, y - b / 200.0];
     let xyz: [f64; 3] = std::array::from_fn(|i| {
@@ -170,8 +170,8 @@ mod tests {
     fn mixtures_are_those_of_vtk() {
         let (a, b) = ([0.2, 0.3, 0.8], [0.8, 0.25, 0.1]);
         let (cool, warm) = ([0.23, 0.299, 0.754], [0.706, 0.016, 0.15]);
-        type Mixed = fn(&Rgb, &Rgb, f64) -> Rgb;
-        type Case = (&'static str, Mixed, [Rgb; 2], &'static [(f64, Rgb)]);
+        type Mixed = fn(&Srgb, &Srgb, f64) -> Srgb;
+        type Case = (&'static str, Mixed, [Srgb; 2], &'static [(f64, Srgb)]);
         let cases: [Case; 6] = [
             (
                 "hsv wrapped",
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!([0.0, 0.01, 1.0].map(|share| step(&a, &b, share)), [b, b, b]);
     }
 
-    fn close(name: &str, got: Rgb, want: Rgb) {
+    fn close(name: &str, got: Srgb, want: Srgb) {
         for c in 0..3 {
             assert!((got[c] - want[c]).abs() < 2e-3, "{name}: {got:?}, not {want:?}");
         }
@@ -244,7 +244,7 @@ mod tests {
 
     #[test]
     fn every_mixture_keeps_its_ends_and_stays_in_range() {
-        let corners: Vec<Rgb> =
+        let corners: Vec<Srgb> =
             (0..27).map(|i| [i % 3, i / 3 % 3, i / 9].map(|k| f64::from(k) / 2.0)).collect();
         for mix in [hsv_wrapped, hsv, lab, diverging] {
             for a in &corners {

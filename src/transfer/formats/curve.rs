@@ -2,7 +2,7 @@
 
 /// Side from which a value is approached; the two differ at a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
+pub enum LimitSide {
     /// Limit from below the value.
     Below,
     /// The value itself, and just above.
@@ -11,7 +11,7 @@ pub enum Side {
 
 /// Node of a curve with the shape of the segment behind it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Node<const N: usize> {
+pub struct CurveNode<const N: usize> {
     /// Scalar value.
     pub value: f64,
     /// Amounts of the curve there.
@@ -22,7 +22,7 @@ pub struct Node<const N: usize> {
     pub sharpness: f64,
 }
 
-impl<const N: usize> Node<N> {
+impl<const N: usize> CurveNode<N> {
     /// Node with a straight segment behind it.
     pub fn straight(value: f64, amounts: [f64; N]) -> Self {
         Self { value, amounts, midpoint: 0.5, sharpness: 0.0 }
@@ -50,8 +50,8 @@ impl<const N: usize> Interpolation<N> {
 
 /// Curve through nodes, constant beyond the first and the last.
 #[derive(Debug, Clone)]
-pub struct Curve<const N: usize> {
-    nodes: Vec<Node<N>>,
+pub struct NodeCurve<const N: usize> {
+    nodes: Vec<CurveNode<N>>,
     mix: Mix<N>,
     is_logarithmic: bool,
     /// Number of nodes that were skipped because there were more than two of one value.
@@ -77,12 +77,12 @@ pub fn linear<const N: usize>(a: &[f64; N], b: &[f64; N], share: f64) -> [f64; N
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share)
 }
 
-impl<const N: usize> Curve<N> {
+impl<const N: usize> NodeCurve<N> {
     /// Sorts nodes; several that count as one value become a jump from the first of them to the last.
     ///
     /// # Errors
     /// There are no nodes or too many, or a number is not finite or too large.
-    pub fn new(mut nodes: Vec<Node<N>>, interpolation: &Interpolation<N>) -> Result<Self, String> {
+    pub fn new(mut nodes: Vec<CurveNode<N>>, interpolation: &Interpolation<N>) -> Result<Self, String> {
         if nodes.is_empty() {
             return Err("it has no points".into());
         }
@@ -97,14 +97,14 @@ impl<const N: usize> Curve<N> {
         }
         nodes.sort_by(|a, b| a.value.total_cmp(&b.value));
         let range = nodes[nodes.len() - 1].value - nodes[0].value;
-        let mut merged: Vec<Node<N>> = Vec::with_capacity(nodes.len());
+        let mut merged: Vec<CurveNode<N>> = Vec::with_capacity(nodes.len());
         let mut skipped = 0;
         let mut rest = &nodes[..];
         while let [first, ..] = rest {
             let count = rest.partition_point(|n| n.value - first.value <= ONE_VALUE * range);
             let last = rest[count - 1];
             if first.amounts != last.amounts {
-                merged.push(Node { value: last.value, ..*first });
+                merged.push(CurveNode { value: last.value, ..*first });
             }
             merged.push(last);
             skipped += count.saturating_sub(2);
@@ -121,9 +121,9 @@ impl<const N: usize> Curve<N> {
                 Some(next) => {
                     let at = curve.value_between(node.value, next.value, midpoint);
                     let corners = [(node.value, node.amounts), (at, node.amounts), (at, next.amounts)];
-                    curve.nodes.extend(corners.map(|(value, amounts)| Node::straight(value, amounts)));
+                    curve.nodes.extend(corners.map(|(value, amounts)| CurveNode::straight(value, amounts)));
                 }
-                None => curve.nodes.push(Node { midpoint, sharpness, ..*node }),
+                None => curve.nodes.push(CurveNode { midpoint, sharpness, ..*node }),
             }
         }
         Ok(curve)
@@ -131,7 +131,7 @@ impl<const N: usize> Curve<N> {
 
     /// Linear curve through points of non-decreasing value, unchanged.
     pub fn through(points: impl Iterator<Item = (f64, [f64; N])>) -> Self {
-        let nodes = points.map(|(value, amounts)| Node::straight(value, amounts)).collect();
+        let nodes = points.map(|(value, amounts)| CurveNode::straight(value, amounts)).collect();
         Self { nodes, mix: linear, is_logarithmic: false, skipped: 0 }
     }
 
@@ -146,10 +146,10 @@ impl<const N: usize> Curve<N> {
     }
 
     /// Amounts at a value.
-    pub fn at(&self, value: f64, side: Side) -> [f64; N] {
+    pub fn at(&self, value: f64, side: LimitSide) -> [f64; N] {
         let after = match side {
-            Side::Below => self.nodes.partition_point(|n| n.value < value),
-            Side::From => self.nodes.partition_point(|n| n.value <= value),
+            LimitSide::Below => self.nodes.partition_point(|n| n.value < value),
+            LimitSide::From => self.nodes.partition_point(|n| n.value <= value),
         };
         match (after.checked_sub(1).map(|i| &self.nodes[i]), self.nodes.get(after)) {
             (Some(a), Some(b)) => (self.mix)(&a.amounts, &b.amounts, bent(self.share(a, b, value), a)),
@@ -158,7 +158,7 @@ impl<const N: usize> Curve<N> {
         }
     }
 
-    fn share(&self, a: &Node<N>, b: &Node<N>, value: f64) -> f64 {
+    fn share(&self, a: &CurveNode<N>, b: &CurveNode<N>, value: f64) -> f64 {
         let share = match self.is_logarithmic {
             true => (value / a.value).ln() / (b.value / a.value).ln(),
             false => (value - a.value) / (b.value - a.value),
@@ -176,7 +176,7 @@ impl<const N: usize> Curve<N> {
 ///
 /// VTK's `vtkAbstractPiecewiseFunction` documents a piecewise Hermite curve. Its tangents are `1 - sharpness` of the straight
 /// line's. Before that the share is moved so that the midpoint lies halfway, then drawn towards it by a power.
-fn bent<const N: usize>(share: f64, node: &Node<N>) -> f64 {
+fn bent<const N: usize>(share: f64, node: &CurveNode<N>) -> f64 {
     let (m, sharpness) = (node.midpoint, node.sharpness);
     let mut s = if share < m { 0.5 * share / m } else { 0.5 + 0.5 * (share - m) / (1.0 - m) };
     if sharpness < STRAIGHT_BELOW {
@@ -193,10 +193,14 @@ fn bent<const N: usize>(share: f64, node: &Node<N>) -> f64 {
 mod tests {
     use super::*;
 
-    fn curve(nodes: &[(f64, f64, f64, f64)]) -> Curve<1> {
-        let node =
-            |&(value, amount, midpoint, sharpness)| Node { value, amounts: [amount], midpoint, sharpness };
-        Curve::new(nodes.iter().map(node).collect(), &Interpolation::LINEAR).unwrap()
+    fn curve(nodes: &[(f64, f64, f64, f64)]) -> NodeCurve<1> {
+        let node = |&(value, amount, midpoint, sharpness)| CurveNode {
+            value,
+            amounts: [amount],
+            midpoint,
+            sharpness,
+        };
+        NodeCurve::new(nodes.iter().map(node).collect(), &Interpolation::LINEAR).unwrap()
     }
 
     /// The expected numbers are those of VTK 9.7's `vtkPiecewiseFunction`.
@@ -221,13 +225,13 @@ mod tests {
             (2.6, 0.747_312),
             (3.0, 0.75),
         ] {
-            let got = curve.at(value, Side::From)[0];
+            let got = curve.at(value, LimitSide::From)[0];
             assert!((got - expected).abs() < 1e-6, "at {value}: {got}, not {expected}");
         }
         let steps = Interpolation { has_steps: true, ..Interpolation::LINEAR };
-        let curve = Curve::new(curve.nodes, &steps).unwrap();
-        assert_eq!([2.4, 2.6].map(|v| curve.at(v, Side::From)[0]), [0.25, 0.75]);
-        assert_eq!([Side::Below, Side::From].map(|side| curve.at(2.5, side)[0]), [0.25, 0.75]);
+        let curve = NodeCurve::new(curve.nodes, &steps).unwrap();
+        assert_eq!([2.4, 2.6].map(|v| curve.at(v, LimitSide::From)[0]), [0.25, 0.75]);
+        assert_eq!([LimitSide::Below, LimitSide::From].map(|side| curve.at(2.5, side)[0]), [0.25, 0.75]);
     }
 
     #[test]
@@ -240,13 +244,16 @@ mod tests {
             (228.0, 1.0, 0.5, 0.0),
         ]);
         assert_eq!(curve.skipped, 1);
-        assert_eq!([Side::Below, Side::From].map(|side| curve.at(154.266_082_7, side)[0]), [0.3, 0.9]);
-        assert_eq!([-5.0, 500.0].map(|v| curve.at(v, Side::From)[0]), [0.1, 1.0]);
+        assert_eq!(
+            [LimitSide::Below, LimitSide::From].map(|side| curve.at(154.266_082_7, side)[0]),
+            [0.3, 0.9]
+        );
+        assert_eq!([-5.0, 500.0].map(|v| curve.at(v, LimitSide::From)[0]), [0.1, 1.0]);
     }
 
     #[test]
     fn invalid_nodes_are_refused() {
-        let node = |value: f64, amount: f64| Node::straight(value, [amount]);
+        let node = |value: f64, amount: f64| CurveNode::straight(value, [amount]);
         for (nodes, why) in [
             (vec![], "no points"),
             (vec![node(f64::NAN, 0.0)], "not finite"),
@@ -254,7 +261,7 @@ mod tests {
             (vec![node(1e31, 0.0)], "too large"),
             (vec![node(0.0, 0.0); MOST_NODES + 1], "at most"),
         ] {
-            assert!(Curve::new(nodes, &Interpolation::LINEAR).unwrap_err().contains(why), "{why}");
+            assert!(NodeCurve::new(nodes, &Interpolation::LINEAR).unwrap_err().contains(why), "{why}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Conversion of another program's opacities and colours to a [`TransferFunction`], with warnings about what is lost.
 
-use super::curve::{Curve, Interpolation, Node, Side};
+use super::curve::{CurveNode, Interpolation, LimitSide, NodeCurve};
 use super::sampling::Sampled;
 use crate::files::color::{linear_from_srgb, srgb_from_linear};
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
@@ -26,9 +26,9 @@ pub struct Foreign {
     /// Whether values are fractions of a volume's range.
     pub has_fractions: bool,
     /// Opacities per `reference_length_mm`.
-    pub opacity: Vec<Node<1>>,
+    pub opacity: Vec<CurveNode<1>>,
     /// Encoded sRGB in `[0, 1]`.
-    pub color: Vec<Node<3>>,
+    pub color: Vec<CurveNode<3>>,
     /// Interpolation of the colours.
     pub color_interpolation: Interpolation<3>,
     /// Length to which opacities refer, mm; `None` where the file does not give it.
@@ -49,7 +49,7 @@ const COLOR_TOLERANCE: f64 = 0.5 / 255.0;
 
 impl Foreign {
     /// Function of these opacities and colours with linear interpolation; the file gives nothing else.
-    pub fn new(format: &'static str, opacity: Vec<Node<1>>, color: Vec<Node<3>>) -> Self {
+    pub fn new(format: &'static str, opacity: Vec<CurveNode<1>>, color: Vec<CurveNode<3>>) -> Self {
         Self {
             format,
             name: String::new(),
@@ -64,8 +64,8 @@ impl Foreign {
 
     /// Function of straight pieces through points of a value, red, green, blue and opacity.
     pub fn through(format: &'static str, points: &[[f64; 5]]) -> Self {
-        let opacity = points.iter().map(|[v, _, _, _, o]| Node::straight(*v, [*o])).collect();
-        let color = points.iter().map(|[v, r, g, b, _]| Node::straight(*v, [*r, *g, *b])).collect();
+        let opacity = points.iter().map(|[v, _, _, _, o]| CurveNode::straight(*v, [*o])).collect();
+        let color = points.iter().map(|[v, r, g, b, _]| CurveNode::straight(*v, [*r, *g, *b])).collect();
         Self::new(format, opacity, color)
     }
 
@@ -76,23 +76,16 @@ impl Foreign {
     /// The curves are invalid, or break a rule of transfer functions.
     pub fn convert(self) -> Result<Imported, String> {
         let mut warnings = self.warnings;
-        let opacity = curve_in_range(
-            self.opacity,
-            "opacities",
-            "became 0 or 1",
-            &Interpolation::LINEAR,
-            &mut warnings,
-        )?;
+        let opacity = curve_in_range(self.opacity, "opacities", &Interpolation::LINEAR, &mut warnings)?;
         if opacity.is_bent() {
             warnings.push("midpoints and sharpness of opacities became points on their curve".into());
         }
-        let color =
-            curve_in_range(self.color, "colours", "were clamped", &self.color_interpolation, &mut warnings)?;
+        let color = curve_in_range(self.color, "colours", &self.color_interpolation, &mut warnings)?;
         let reference_length_mm = self.reference_length_mm.unwrap_or_else(|| {
             warnings.push(ASSUMED_LENGTH.into());
             1.0
         });
-        let at = |value: f64, side: Side| {
+        let at = |value: f64, side: LimitSide| {
             let ([o], [r, g, b]) = (opacity.at(value, side), color.at(value, side));
             [r, g, b, o]
         };
@@ -147,12 +140,11 @@ const ASSUMED_LENGTH: &str =
 /// # Errors
 /// The nodes are invalid.
 pub fn curve_in_range<const N: usize>(
-    mut nodes: Vec<Node<N>>,
+    mut nodes: Vec<CurveNode<N>>,
     what: &str,
-    consequence: &str,
     interpolation: &Interpolation<N>,
     warnings: &mut Vec<String>,
-) -> Result<Curve<N>, String> {
+) -> Result<NodeCurve<N>, String> {
     let mut clamped = 0;
     for node in &mut nodes {
         // Infinite amounts stay, and are refused below.
@@ -161,9 +153,9 @@ pub fn curve_in_range<const N: usize>(
         node.amounts = inside;
     }
     if clamped > 0 {
-        warnings.push(format!("{clamped} {what} outside of 0 to 1 {consequence}"));
+        warnings.push(format!("{clamped} {what} outside of 0 to 1 were clamped"));
     }
-    let curve = Curve::new(nodes, interpolation).map_err(|why| format!("its {what}: {why}"))?;
+    let curve = NodeCurve::new(nodes, interpolation).map_err(|why| format!("its {what}: {why}"))?;
     if curve.skipped > 0 {
         let count = curve.skipped;
         warnings.push(format!(
@@ -189,8 +181,8 @@ mod tests {
 
     #[test]
     fn colours_mixed_in_srgb_stay_within_a_step_of_8_bits() {
-        let color = vec![Node::straight(-3.0, [0.0; 3]), Node::straight(5.0, [1.0, 0.5, 0.0])];
-        let opacity = vec![Node::straight(0.0, [0.0]), Node::straight(5.0, [1.0])];
+        let color = vec![CurveNode::straight(-3.0, [0.0; 3]), CurveNode::straight(5.0, [1.0, 0.5, 0.0])];
+        let opacity = vec![CurveNode::straight(0.0, [0.0]), CurveNode::straight(5.0, [1.0])];
         let foreign = Foreign {
             reference_length_mm: Some(2.0),
             ..Foreign::new("test", opacity.clone(), color.clone())
@@ -199,14 +191,14 @@ mod tests {
         assert_eq!(imported.warnings, [""; 0]);
         let tf = imported.tf;
         assert!((8..60).contains(&tf.points.len()), "{}", tf.points.len());
-        let opacity = Curve::new(opacity, &Interpolation::LINEAR).unwrap();
-        let color = Curve::new(color, &Interpolation { mix: linear, ..Interpolation::LINEAR }).unwrap();
+        let opacity = NodeCurve::new(opacity, &Interpolation::LINEAR).unwrap();
+        let color = NodeCurve::new(color, &Interpolation { mix: linear, ..Interpolation::LINEAR }).unwrap();
         for i in 0..=1000 {
             let value = -3.0 + 8.0 * f64::from(i) / 1000.0;
-            let ([want], got) = (opacity.at(value, Side::From), tf.amount(value));
+            let ([want], got) = (opacity.at(value, LimitSide::From), tf.amount(value));
             assert!((want - got).abs() < 1e-12, "{value}");
             if want > 0.0 {
-                let want = color.at(value, Side::From);
+                let want = color.at(value, LimitSide::From);
                 let got = tf.color(value).map(srgb_from_linear);
                 for c in 0..3 {
                     assert!((want[c] - got[c]).abs() < 1.05 / 255.0, "{value}: {want:?} {got:?}");
@@ -219,12 +211,13 @@ mod tests {
     fn amounts_out_of_range_are_clamped_with_a_warning() {
         let mut warnings = Vec::new();
         let mut curve = |amounts: &[f64]| {
-            let nodes = amounts.iter().enumerate().map(|(v, a)| Node::straight(v as f64, [*a])).collect();
-            curve_in_range(nodes, "opacities", "became 0 or 1", &Interpolation::LINEAR, &mut warnings)
+            let nodes =
+                amounts.iter().enumerate().map(|(v, a)| CurveNode::straight(v as f64, [*a])).collect();
+            curve_in_range(nodes, "opacities", &Interpolation::LINEAR, &mut warnings)
         };
         let opacity = curve(&[-0.5, 1.5, 0.5]).unwrap();
-        assert_eq!([0.0, 1.0, 2.0].map(|v| opacity.at(v, Side::From)[0]), [0.0, 1.0, 0.5]);
+        assert_eq!([0.0, 1.0, 2.0].map(|v| opacity.at(v, LimitSide::From)[0]), [0.0, 1.0, 0.5]);
         assert!(curve(&[f64::NAN]).is_err() && curve(&[f64::INFINITY]).is_err());
-        assert_eq!(warnings, ["2 opacities outside of 0 to 1 became 0 or 1"]);
+        assert_eq!(warnings, ["2 opacities outside of 0 to 1 were clamped"]);
     }
 }

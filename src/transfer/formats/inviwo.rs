@@ -1,7 +1,7 @@
 //! Inviwo's transfer functions, `.itf`: XML with points of a position and a colour `rgba`, positions 0 to 1 over the data's
 //! range (`type` 0, relative) or values themselves (1, absolute), and a mask outside of which the volume is invisible.
 
-use super::curve::{Curve, Interpolation, MOST_NODES, MOST_VALUE, Node, Side};
+use super::curve::{CurveNode, Interpolation, LimitSide, MOST_NODES, MOST_VALUE, NodeCurve};
 use super::import::{Foreign, Imported, curve_in_range};
 use crate::files::xml;
 use roxmltree::Node as Element;
@@ -39,13 +39,8 @@ pub fn read(text: &str) -> Result<Imported, String> {
     if single("interpolationType_")?.is_some_and(|kind| kind != 0.0) {
         foreign.warnings.push("cubic interpolation became straight lines".into());
     }
-    let opacity = curve_in_range(
-        std::mem::take(&mut foreign.opacity),
-        "opacities",
-        "became 0 or 1",
-        &Interpolation::LINEAR,
-        &mut foreign.warnings,
-    )?;
+    let opacity = std::mem::take(&mut foreign.opacity);
+    let opacity = curve_in_range(opacity, "opacities", &Interpolation::LINEAR, &mut foreign.warnings)?;
     foreign.opacity = masked(&opacity, single("maskMin")?, single("maskMax")?);
     foreign.reference_length_mm = Some(1.0);
     foreign.warnings.push(
@@ -72,7 +67,7 @@ fn number(element: &Element<'_, '_>, attribute: &str) -> Option<f64> {
 }
 
 /// Nodes of opacities that are 0 below `min` and from `max` on.
-fn masked(opacity: &Curve<1>, min: Option<f64>, max: Option<f64>) -> Vec<Node<1>> {
+fn masked(opacity: &NodeCurve<1>, min: Option<f64>, max: Option<f64>) -> Vec<CurveNode<1>> {
     let first = opacity.values().fold(0.0, f64::min);
     let last = opacity.values().fold(1.0, f64::max);
     // The mask of an absolute function without one covers all numbers. A mask over all points only affects values
@@ -80,15 +75,18 @@ fn masked(opacity: &Curve<1>, min: Option<f64>, max: Option<f64>) -> Vec<Node<1>
     let min = min.filter(|m| m.abs() < MOST_VALUE && *m > first);
     let max = max.filter(|m| m.abs() < MOST_VALUE && *m < last);
     if min.zip(max).is_some_and(|(min, max)| min >= max) {
-        return vec![Node::straight(0.0, [0.0])];
+        return vec![CurveNode::straight(0.0, [0.0])];
     }
-    let at = |value: f64, side: Side| Node::straight(value, opacity.at(value, side));
-    let mut nodes: Vec<Node<1>> = Vec::new();
-    nodes.extend(min.into_iter().flat_map(|min| [Node::straight(min, [0.0]), at(min, Side::From)]));
+    let at = |value: f64, side: LimitSide| CurveNode::straight(value, opacity.at(value, side));
+    let mut nodes: Vec<CurveNode<1>> = Vec::new();
+    nodes.extend(min.into_iter().flat_map(|min| [CurveNode::straight(min, [0.0]), at(min, LimitSide::From)]));
     let mut inside: Vec<f64> =
         opacity.values().filter(|v| min.is_none_or(|m| *v > m) && max.is_none_or(|m| *v < m)).collect();
     inside.dedup();
-    nodes.extend(inside.into_iter().flat_map(|value| [at(value, Side::Below), at(value, Side::From)]));
-    nodes.extend(max.into_iter().flat_map(|max| [at(max, Side::Below), Node::straight(max, [0.0])]));
+    nodes.extend(
+        inside.into_iter().flat_map(|value| [at(value, LimitSide::Below), at(value, LimitSide::From)]),
+    );
+    nodes
+        .extend(max.into_iter().flat_map(|max| [at(max, LimitSide::Below), CurveNode::straight(max, [0.0])]));
     nodes
 }

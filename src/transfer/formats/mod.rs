@@ -28,12 +28,12 @@ use serde_json::Value;
 use std::path::Path;
 
 /// Text of a file, and its JSON value.
-struct Source<'a> {
+struct FormatInput<'a> {
     text: &'a str,
     json: Option<Value>,
 }
 
-impl Source<'_> {
+impl FormatInput<'_> {
     fn json(&self) -> Result<&Value, String> {
         self.json.as_ref().ok_or_else(|| "it is not JSON".into())
     }
@@ -54,8 +54,8 @@ pub struct TransferFormat {
     pub about: &'static str,
     /// File-name ending.
     pub ending: &'static str,
-    recognise: fn(&Source<'_>) -> bool,
-    read: fn(&Source<'_>) -> Result<Imported, String>,
+    recognise: fn(&FormatInput<'_>) -> bool,
+    read: fn(&FormatInput<'_>) -> Result<Imported, String>,
     /// Writer, if the format can be written.
     pub write: Option<Write>,
 }
@@ -140,7 +140,7 @@ pub fn has_ending(path: &Path) -> bool {
 /// The text breaks the format that it seems to have; the reason is one line.
 pub fn from_text(text: &str, file_name: &str) -> Result<Imported, String> {
     let is_long = text.len() > MOST_FOREIGN_BYTES;
-    let source = Source { text, json: if is_long { None } else { serde_json::from_str(text).ok() } };
+    let source = FormatInput { text, json: if is_long { None } else { serde_json::from_str(text).ok() } };
     let name = file_name.to_ascii_lowercase();
     let by_name = || TRANSFER_FORMATS.iter().filter(|f| name.ends_with(&format!(".{}", f.ending)));
     let format = (TRANSFER_FORMATS.iter().find(|f| (f.recognise)(&source)))

@@ -2,7 +2,7 @@
 //! `Points` (value, opacity, midpoint, sharpness), which its colour map editor exports and imports.
 
 use super::color_space;
-use super::curve::{Interpolation, Mix, Node, linear};
+use super::curve::{CurveNode, Interpolation, Mix, linear};
 use super::import::{Foreign, Imported};
 use super::json::{self, Object};
 use serde_json::Value;
@@ -44,19 +44,23 @@ pub fn read(value: &Value) -> Result<Imported, String> {
     // ParaView lays a map over the data when it is applied; its own are over 0 to 1, some over -1 to 1.
     let has_fractions = range == [0.0, 1.0] || range == [-1.0, 1.0];
     let onto = |v: f64| if has_fractions { (v - range[0]) / (range[1] - range[0]) } else { v };
-    let mut color: Vec<Node<3>> =
-        rgb.iter().map(|[v, r, g, b]| Node::straight(onto(*v), [*r, *g, *b])).collect();
+    let mut color: Vec<CurveNode<3>> =
+        rgb.iter().map(|[v, r, g, b]| CurveNode::straight(onto(*v), [*r, *g, *b])).collect();
     if color.is_empty() {
         warnings.push("it has no colours: white is used".into());
-        color.push(Node::straight(0.0, [1.0; 3]));
+        color.push(CurveNode::straight(0.0, [1.0; 3]));
     }
-    let node =
-        |&[v, o, midpoint, sharpness]: &[f64; 4]| Node { value: onto(v), amounts: [o], midpoint, sharpness };
-    let mut opacity: Vec<Node<1>> = points.iter().map(node).collect();
+    let node = |&[v, o, midpoint, sharpness]: &[f64; 4]| CurveNode {
+        value: onto(v),
+        amounts: [o],
+        midpoint,
+        sharpness,
+    };
+    let mut opacity: Vec<CurveNode<1>> = points.iter().map(node).collect();
     if opacity.is_empty() {
         let ramp = "a ramp from 0 at its lowest value to 1 at its highest, as ParaView begins with";
         warnings.push(format!("it has no opacities: {ramp}"));
-        opacity = [0.0, 1.0].map(|o| Node::straight(onto(range[o as usize]), [o])).into();
+        opacity = [0.0, 1.0].map(|o| CurveNode::straight(onto(range[o as usize]), [o])).into();
     }
     let mix = color_mix(map, &mut warnings);
     let mut is_logarithmic = json::is_set(map, "UseLogScale");

@@ -1,7 +1,7 @@
 //! Conversion of a transfer function to the quantity and reference length of another.
 
-use super::curve::{Curve, Side, linear};
-use super::sampling::Sampled;
+use super::curve::{LimitSide, NodeCurve, linear};
+use super::sampling::{SamplePoint, Sampled};
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
 
 /// Tolerance of the extinction between two points: relative, and absolute near 0.
@@ -16,33 +16,46 @@ pub fn have_same_quantity(a: &TransferFunction, b: &TransferFunction) -> bool {
     a.quantity == b.quantity && same_length
 }
 
+/// Samples the amounts of `tf` in the quantity and over the length of `like` with at most `most` points; `error` compares two
+/// amounts in units of the tolerance. Returns the largest error too.
+pub fn sample_amounts(
+    tf: &TransferFunction,
+    like: &TransferFunction,
+    most: usize,
+    error: &dyn Fn(&[f64; 1], &[f64; 1]) -> f64,
+) -> (Vec<SamplePoint<1>>, f64) {
+    let amounts = NodeCurve::through(tf.points.iter().map(|p| (p.value, [p.amount])));
+    let is_unchanged = have_same_quantity(tf, like);
+    let at = |value: f64, side: LimitSide| {
+        let [amount] = amounts.at(value, side);
+        let extinction = tf.extinction_of_amount(amount);
+        match like.quantity {
+            _ if is_unchanged => [amount],
+            Quantity::Extinction => [extinction],
+            Quantity::Opacity => [-(-extinction * like.reference_length_mm).exp_m1()],
+        }
+    };
+    Sampled { breaks: tf.point_values(), at: &at, between: linear, error }.points(most)
+}
+
 /// Converts `tf` to the quantity and reference length of `like`. Straight parts become curves, which are sampled to a
 /// thousandth of the extinction. Returns the largest relative error too.
 pub fn with_quantity_of(tf: &TransferFunction, like: &TransferFunction) -> (TransferFunction, f64) {
     if have_same_quantity(tf, like) {
         return (tf.clone(), 0.0);
     }
-    let amounts = Curve::through(tf.points.iter().map(|p| (p.value, [p.amount])));
-    let colors = Curve::through(tf.points.iter().map(|p| (p.value, p.color)));
-    let given = |value: f64, side: Side| {
-        let extinction = tf.extinction_of_amount(amounts.at(value, side)[0]);
-        match like.quantity {
-            Quantity::Extinction => [extinction],
-            Quantity::Opacity => [-(-extinction * like.reference_length_mm).exp_m1()],
-        }
-    };
+    let colors = NodeCurve::through(tf.points.iter().map(|p| (p.value, p.color)));
     // Compared as extinction: near opacity 1 a small change of opacity is a large one of extinction.
     let error = |want: &[f64; 1], got: &[f64; 1]| {
         let [want, got] = [want, got].map(|amount| like.extinction_of_amount(amount[0]));
         (want - got).abs() / (LEAST + SHARE * want)
     };
-    let sampled = Sampled { breaks: tf.point_values(), at: &given, between: linear, error: &error };
-    let (points, worst) = sampled.points(MOST_POINTS);
+    let (points, worst) = sample_amounts(tf, like, MOST_POINTS, &error);
     let point = |i: usize| {
         let (value, [amount]) = points[i];
         // The first of the two points of a jump is its lower side.
         let is_below = points.get(i + 1).is_some_and(|next| next.0 == value);
-        let color = colors.at(value, if is_below { Side::Below } else { Side::From });
+        let color = colors.at(value, if is_below { LimitSide::Below } else { LimitSide::From });
         ControlPoint { value, amount, color }
     };
     let points = (0..points.len()).map(point).collect();

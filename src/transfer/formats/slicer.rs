@@ -4,7 +4,7 @@
 //! The lines of a `.vp`: interpolation, shading, diffuse, ambient, specular, specular power, then scalar opacity, gradient
 //! opacity and colour. Each of the last three is a count of numbers and the numbers: value and opacity, or value and red, green, blue.
 
-use super::curve::{Interpolation, Node};
+use super::curve::{CurveNode, Interpolation};
 use super::import::{Foreign, Imported};
 use super::json::{self, Object};
 use serde_json::Value;
@@ -43,10 +43,10 @@ pub fn read_vp(text: &str) -> Result<Imported, String> {
         warn_of_shading(lighting, &mut warnings);
     }
     let opacity = points::<2>(&lines, 6, "scalar opacity")?;
-    let opacity = opacity.iter().map(|[v, o]| Node::straight(*v, [*o])).collect();
+    let opacity = opacity.iter().map(|[v, o]| CurveNode::straight(*v, [*o])).collect();
     warn_of_gradient(points::<2>(&lines, 7, "gradient opacity")?.iter().map(|p| p[1]), &mut warnings);
     let color = points::<4>(&lines, 8, "colour")?;
-    let color = color.iter().map(|[v, r, g, b]| Node::straight(*v, [*r, *g, *b])).collect();
+    let color = color.iter().map(|[v, r, g, b]| CurveNode::straight(*v, [*r, *g, *b])).collect();
     Foreign { warnings, ..Foreign::new("vp", opacity, color) }.convert()
 }
 
@@ -147,8 +147,8 @@ fn number(point: &Object, key: &str) -> Result<f64, String> {
     json::number(point, key)?.ok_or_else(|| format!("a point has no `{key}`"))
 }
 
-fn node<const N: usize>(point: &Object, amounts: [f64; N]) -> Result<Node<N>, String> {
+fn node<const N: usize>(point: &Object, amounts: [f64; N]) -> Result<CurveNode<N>, String> {
     let [midpoint, sharpness] = [("midpoint", 0.5), ("sharpness", 0.0)]
         .map(|(key, default)| json::number(point, key).map(|x| x.unwrap_or(default)));
-    Ok(Node { value: number(point, "x")?, amounts, midpoint: midpoint?, sharpness: sharpness? })
+    Ok(CurveNode { value: number(point, "x")?, amounts, midpoint: midpoint?, sharpness: sharpness? })
 }

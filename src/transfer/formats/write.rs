@@ -1,9 +1,10 @@
 //! Transfer functions in the formats of other programs: lists of opacities over 1 mm and of encoded sRGB colours, between
 //! which those programs interpolate linearly.
 
-use super::curve::{Curve, Side, linear};
+use super::curve::{LimitSide, NodeCurve, linear};
 use super::import::FRACTION;
-use super::sampling::{Point, Sampled};
+use super::quantity::sample_amounts;
+use super::sampling::{SamplePoint, Sampled};
 use crate::files::color::srgb_from_linear;
 use crate::transfer::{MAX_OPACITY, Quantity, TransferFunction};
 use serde_json::json;
@@ -32,33 +33,25 @@ const MOST_LINE: usize = 1023;
 
 /// Opacities over 1 mm, and colours.
 struct Lists {
-    opacity: Vec<Point<1>>,
-    color: Vec<Point<3>>,
+    opacity: Vec<SamplePoint<1>>,
+    color: Vec<SamplePoint<3>>,
     warnings: Vec<String>,
 }
 
 impl Lists {
     /// Samples a function with limits on the points of both lists.
     fn of(tf: &TransferFunction, most: [usize; 2]) -> Self {
-        let amounts = Curve::through(tf.points.iter().map(|p| (p.value, [p.amount])));
-        let colors = Curve::through(tf.points.iter().map(|p| (p.value, p.color)));
-        let is_unchanged = tf.quantity == Quantity::Opacity && tf.reference_length_mm == 1.0;
-        let opacity = |value: f64, side: Side| {
-            let [amount] = amounts.at(value, side);
-            [if is_unchanged { amount } else { -(-tf.extinction_of_amount(amount)).exp_m1() }]
-        };
-        let color = |value: f64, side: Side| colors.at(value, side).map(srgb_from_linear);
+        let colors = NodeCurve::through(tf.points.iter().map(|p| (p.value, p.color)));
+        let color = |value: f64, side: LimitSide| colors.at(value, side).map(srgb_from_linear);
         let opacity_error = |want: &[f64; 1], got: &[f64; 1]| {
             (want[0] - got[0]).abs() / (OPACITY_LEAST + OPACITY_SHARE * want[0])
         };
         let color_error = |want: &[f64; 3], got: &[f64; 3]| {
             (0..3).map(|c| (want[c] - got[c]).abs()).fold(0.0, f64::max) / COLOR_TOLERANCE
         };
-        let breaks = tf.point_values();
-        let sampled =
-            Sampled { breaks: breaks.clone(), at: &opacity, between: linear, error: &opacity_error };
-        let (opacity, opacity_worst) = sampled.points(most[0]);
-        let sampled = Sampled { breaks, at: &color, between: linear, error: &color_error };
+        let like = TransferFunction::new(Quantity::Opacity, &[]);
+        let (opacity, opacity_worst) = sample_amounts(tf, &like, most[0], &opacity_error);
+        let sampled = Sampled { breaks: tf.point_values(), at: &color, between: linear, error: &color_error };
         let (color, color_worst) = sampled.points(most[1]);
         let mut warnings = Vec::new();
         let mut warn = |error: f64, least: f64, text: String| {
@@ -81,7 +74,7 @@ impl Lists {
 }
 
 /// Separates the two points of a jump by the last digit: the programs keep one point a value.
-fn separated<const N: usize>(mut points: Vec<Point<N>>) -> Vec<Point<N>> {
+fn separated<const N: usize>(mut points: Vec<SamplePoint<N>>) -> Vec<SamplePoint<N>> {
     for i in 1..points.len() {
         if points[i - 1].0 == points[i].0 {
             points[i - 1].0 = points[i - 1].0.next_down();
@@ -91,7 +84,7 @@ fn separated<const N: usize>(mut points: Vec<Point<N>>) -> Vec<Point<N>> {
 }
 
 /// Extends a list to both ends of a range, and to at least two points.
-fn extended<const N: usize>(mut points: Vec<Point<N>>, range: Option<[f64; 2]>) -> Vec<Point<N>> {
+fn extended<const N: usize>(mut points: Vec<SamplePoint<N>>, range: Option<[f64; 2]>) -> Vec<SamplePoint<N>> {
     if let Some([low, high]) = range {
         let (first, last) = (points[0], points[points.len() - 1]);
         if first.0 > low {
@@ -169,7 +162,7 @@ pub fn vp(tf: &TransferFunction) -> Result<Written, String> {
 }
 
 /// Line of a `.vp`: the count of numbers, then value and amounts of each point.
-fn line<const N: usize>(points: &[Point<N>]) -> String {
+fn line<const N: usize>(points: &[SamplePoint<N>]) -> String {
     let mut text = (points.len() * (N + 1)).to_string();
     for (value, amounts) in points {
         text += &format!(" {value}");
