@@ -236,7 +236,7 @@ mod tests {
             chunks.map(|c| (c.keyword.clone(), c.get_text().unwrap())).collect::<Vec<_>>()
         };
         assert_eq!(read(std::fs::read(&described).unwrap()), texts);
-        // The same for a file that was made without.
+        // Texts can also be added later.
         let added = with_texts(std::fs::read(&plain).unwrap(), &texts).unwrap();
         assert_eq!(image::load_from_memory(&added).unwrap().to_rgb8(), pixels(&plain));
         assert_eq!(read(added), texts);
@@ -285,7 +285,7 @@ mod tests {
             for c in 0..3 {
                 let straight = if alpha > 0.0 { colors[at][c] } else { 0.0 };
                 assert_eq!(pixel[c], srgb8_from_linear(f64::from(straight)), "pixel {at}");
-                // What it is composed to over grey, to half a code of alpha and of colour.
+                // Composed over grey, to half a code of alpha and of colour.
                 let shown = crate::files::color::linear_from_srgb(f64::from(pixel[c]) / 255.0);
                 let a8 = f64::from(pixel[3]) / 255.0;
                 let composed = a8 * shown + (1.0 - a8) * 0.5;

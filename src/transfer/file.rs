@@ -123,23 +123,22 @@ fn control_point(p: &PointEntry, quantity: Quantity) -> Result<ControlPoint, Str
     if p.value.abs() > MAX_MAGNITUDE {
         return Err(format!("`value` {:e} is too large for 32-bit arithmetic", p.value));
     }
-    let amount = match (p.opacity, p.extinction, quantity) {
-        (Some(_), Some(_), _) => return Err("gives both `opacity` and `extinction`; one is wanted".into()),
-        (None, None, _) => return Err("gives neither `opacity` nor `extinction`".into()),
-        (Some(_), None, Quantity::Extinction) => {
-            return Err("gives `opacity` where the points before give `extinction`; one kind a file".into());
-        }
-        (None, Some(_), Quantity::Opacity) => {
-            return Err("gives `extinction` where the points before give `opacity`; one kind a file".into());
-        }
-        (Some(opacity), None, Quantity::Opacity) if !(0.0..=1.0).contains(&opacity) => {
-            return Err(format!("`opacity` must be in [0, 1], not {opacity}"));
-        }
-        (None, Some(extinction), Quantity::Extinction) if extinction < 0.0 => {
-            return Err(format!("`extinction` must not be negative, as {extinction} is"));
-        }
-        (Some(amount), None, _) | (None, Some(amount), _) => amount,
+    let (amount, given) = match (p.opacity, p.extinction) {
+        (Some(opacity), None) => (opacity, Quantity::Opacity),
+        (None, Some(extinction)) => (extinction, Quantity::Extinction),
+        (Some(_), Some(_)) => return Err("gives both `opacity` and `extinction`; one is wanted".into()),
+        (None, None) => return Err("gives neither `opacity` nor `extinction`".into()),
     };
+    if given != quantity {
+        let kinds = format!("gives `{given:?}` where the points before give `{quantity:?}`").to_lowercase();
+        return Err(format!("{kinds}; one kind a file"));
+    }
+    if given == Quantity::Opacity && !(0.0..=1.0).contains(&amount) {
+        return Err(format!("`opacity` must be in [0, 1], not {amount}"));
+    }
+    if amount < 0.0 {
+        return Err(format!("`extinction` must not be negative, as {amount} is"));
+    }
     let color = p.color.as_deref().map_or(Ok([1.0; 3]), color::parse_hex)?;
     Ok(ControlPoint { value: p.value, amount, color })
 }

@@ -120,9 +120,12 @@ mod tests {
         let through = |points: &[(f64, f64)]| LabelVisibility::Visible(Box::new(tf(points)));
         TransferFunction {
             rules: vec![
-                LabelRule { labels: vec![1, 2], seen: through(&[(0.0, 0.5)]) },
+                LabelRule { labels: vec![1, 2], visibility: through(&[(0.0, 0.5)]) },
                 LabelRule { labels: vec![7], visibility: LabelVisibility::Hidden },
-                LabelRule { labels: vec![2, 7, 9], seen: through(&[(-5.0, 0.0), (3.0, 0.2), (3.0, 0.9)]) },
+                LabelRule {
+                    labels: vec![2, 7, 9],
+                    visibility: through(&[(-5.0, 0.0), (3.0, 0.2), (3.0, 0.9)]),
+                },
             ],
             ..tf(&[(-10.0, 0.1), (40.0, 0.6)])
         }

@@ -92,7 +92,8 @@ fn color_mix(map: &Object, warnings: &mut Vec<String>) -> Mix<3> {
         "diverging" => (color_space::diverging, "Moreland's diverging colours"),
         "lab/ciede2000" => (color_space::lab, "CIE L*a*b*, for CIEDE2000, which differs"),
         _ => {
-            warnings.push(format!("the colour space `{space}` is not known: colours go straight in RGB"));
+            warnings
+                .push(format!("the colour space `{space}` is not known: colours are mixed linearly in RGB"));
             return linear;
         }
     };

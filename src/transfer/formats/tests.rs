@@ -335,7 +335,7 @@ proptest! {
                 let value = f64::from(i) + 0.123;
                 // Compared as opacities over 1 mm, where differences near 1 are invisible.
                 let [want, got] = [&tf, &again.tf].map(|f| -(-f.extinction(value)).exp_m1());
-                // What a line of a .vp has no room for goes unsaid below these; probes between points miss a tenth.
+                // A .vp line that is too short causes no warning below these errors; the error between points is estimated to a tenth.
                 let allowed = if is_rough { 0.2 } else { 1.1 * OPACITY_WARNING * want + 3e-4 };
                 prop_assert!((want.min(MAX_OPACITY) - got).abs() <= allowed, "{}: {} {} {}", name, value, want, got);
                 if want > 1e-9 && !is_rough {

@@ -66,7 +66,7 @@ impl Lists {
         warn(share, OPACITY_WARNING, text);
         warn(steps, COLOR_WARNING, format!("colours are off by up to {steps:.1} of 255 steps: {reason}"));
         let (densest, most) = (tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY), -(-MAX_OPACITY).ln_1p());
-        let reason = format!("is more than an opacity over 1 mm can say: {most:.4} is left");
+        let reason = format!("is more than an opacity over 1 mm can express: {most:.4} is used");
         let text = format!("an extinction of {densest:.4} per mm {reason}");
         warn(densest, most * (1.0 + 1e-9), text);
         Self { opacity, color, warnings }
@@ -115,7 +115,7 @@ pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
     let range = if has_fractions(tf) {
         Some([first.min(0.0), last.max(1.0)])
     } else {
-        warnings.push("ParaView lays it over the data's range unless `Use preset range` is chosen".into());
+        warnings.push("ParaView maps it to the data's range unless `Use preset range` is chosen".into());
         // Exactly these ranges are read as fractions; one more value avoids that.
         [[0.0, 1.0], [-1.0, 1.0]].contains(&[first, last]).then_some([first, last + 1.0])
     };
