@@ -2,7 +2,7 @@
 
 use super::arrays;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use umbravox::files::loading::Loading;
 use umbravox::open::load_strands;
 use umbravox::strands::{Attribute, Kernel, StrandVolume, Strands, read_strands, write_hair};
