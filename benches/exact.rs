@@ -86,8 +86,8 @@ fn exact(c: &mut Criterion) {
     });
     let scene = Scene::framing(&volume);
     group.throughput(Throughput::Elements(RAYS as u64));
-    group.bench_function("seen_points", |bench| {
-        bench.iter(|| field.seen_points(black_box(&scene), RAYS, 1));
+    group.bench_function("visible_points", |bench| {
+        bench.iter(|| field.visible_points(black_box(&scene), RAYS, 1));
     });
     group.finish();
 }

@@ -2,6 +2,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
+use umbravox::files::loading::Loading;
 use umbravox::strands::{Kernel, StrandGrid, StrandSet, voxelise};
 
 const SEGMENTS: usize = 1_000_000;
@@ -13,7 +14,9 @@ fn spread(criterion: &mut Criterion) {
     group.sample_size(10);
     group.throughput(Throughput::Elements(SEGMENTS as u64));
     for (name, kernel) in [("box", Kernel::Box), ("tent", Kernel::Tent)] {
-        group.bench_function(name, |b| b.iter(|| voxelise(black_box(&strands), &grid, kernel)));
+        group.bench_function(name, |b| {
+            b.iter(|| voxelise(black_box(&strands), &grid, kernel, &Loading::default()))
+        });
     }
     group.finish();
 }

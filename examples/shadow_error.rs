@@ -34,7 +34,7 @@ fn main() -> umbravox::Result<()> {
 
     // Visible points (world mm) with weights, and the exact transmittance from the light to them.
     let field = ExactField::new(&volume, &tf);
-    let visible = field.seen_points(&scene, 1000, 1);
+    let visible = field.visible_points(&scene, 1000, 1);
     let points: Vec<_> = visible.iter().map(|p| p.position).collect();
     let (mut squares, mut weights, mut worst) = (0.0, 0.0, 0.0_f64);
     for (point, transmittance) in visible.iter().zip(session.query(&shadow, &points)?) {

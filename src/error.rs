@@ -1,13 +1,13 @@
-//! The one error type: what failed, where, why, and a way out where there is one.
+//! Error type of the crate: what failed, where, why, and a hint.
 
-/// Whose fault a failure is; it decides the exit status.
+/// Cause of a failure; it decides the exit status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// The input or the command line is at fault (exit status 2).
     Input,
     /// Something failed while running: device lost, disk full (exit status 1).
     Runtime,
-    /// Nobody's: whoever waited asked for it to end (exit status 1).
+    /// The user ended the work (exit status 1).
     Cancelled,
 }
 
@@ -15,73 +15,68 @@ pub enum Fault {
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{what} ({place}): {why}")]
 pub struct Error {
-    /// Whose fault it is.
+    /// Cause of the failure.
     pub fault: Fault,
-    /// What could not be done, e.g. `cannot read volume`.
+    /// Action that failed, e.g. `cannot read volume`.
     pub what: String,
-    /// The file, flag or key concerned.
+    /// File, flag or key concerned.
     pub place: String,
-    /// The reason, in one line.
+    /// Reason, in one line.
     pub why: String,
-    /// A way out, printed as a `hint:` line.
+    /// Way out, printed as a `hint:` line.
     pub hint: Option<String>,
 }
 
-/// Result of everything fallible in this crate.
+/// Result with the error type of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
-    /// The input or the command line is at fault.
+    /// Error that the input or the command line caused.
     pub fn input(what: impl ToString, place: impl ToString, why: impl ToString) -> Self {
         Self::new(Fault::Input, what, place, why)
     }
 
-    /// Something failed while running.
+    /// Error that happened while the program was running.
     pub fn runtime(what: impl ToString, place: impl ToString, why: impl ToString) -> Self {
         Self::new(Fault::Runtime, what, place, why)
     }
 
-    /// What was being done was ended on request; `place` says at which step.
+    /// Error of work that the user ended; `place` names the step.
     pub fn cancelled(place: impl ToString) -> Self {
         Self::new(Fault::Cancelled, "cancelled", place, "it was ended on request")
     }
 
-    /// Whether it was only ended on request.
+    /// Whether the user ended the work.
     pub fn is_cancelled(&self) -> bool {
         self.fault == Fault::Cancelled
     }
 
     fn new(fault: Fault, what: impl ToString, place: impl ToString, why: impl ToString) -> Self {
-        // An error is one line whatever a library's message looks like.
-        // ... and holds nothing that a terminal would take for a command.
-        let shown = |c: char| if c.is_control() { '\u{fffd}' } else { c };
+        // Messages of libraries and files may hold line ends, and control characters that a terminal would obey.
         let one_line = |s: String| {
-            s.split_whitespace().collect::<Vec<_>>().join(" ").chars().map(shown).collect::<String>()
+            let joined = s.split_whitespace().collect::<Vec<_>>().join(" ");
+            joined.replace(char::is_control, "\u{fffd}")
         };
-        Self {
-            fault,
-            what: one_line(what.to_string()),
-            place: one_line(place.to_string()),
-            why: one_line(why.to_string()),
-            hint: None,
-        }
+        let [what, place, why] = [what.to_string(), place.to_string(), why.to_string()].map(one_line);
+        Self { fault, what, place, why, hint: None }
     }
 
-    /// Adds a way out.
+    /// Adds a hint.
     #[must_use]
     pub fn hint(mut self, hint: impl ToString) -> Self {
         self.hint = Some(hint.to_string());
         self
     }
 
-    /// Says which flag or file the place is in: `--methods: PLACE`.
+    /// Puts the flag or file that contains the place before it: `--methods: PLACE`.
     #[must_use]
     pub fn at(mut self, outer: impl std::fmt::Display) -> Self {
-        self.place = format!("{outer}: {}", self.place);
+        self.place =
+            if self.place.is_empty() { outer.to_string() } else { format!("{outer}: {}", self.place) };
         self
     }
 
-    /// The process exit status: 2 where the input or the command line is at fault, 1 for all else.
+    /// Exit status of the process: 2 for faults of the input or the command line, 1 for all others.
     pub fn exit_status(&self) -> u8 {
         match self.fault {
             Fault::Input => 2,

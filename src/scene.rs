@@ -1,4 +1,4 @@
-//! Camera, lights and picture settings: plain data.
+//! Camera, lights and picture settings.
 
 use crate::files::color;
 use crate::mesh::Mesh;
@@ -7,20 +7,20 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize, Serializer};
 use std::sync::Arc;
 
-/// A pinhole camera; world millimetres, vertical field of view in degrees.
+/// Pinhole camera; world millimetres, vertical field of view in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
-    /// Where it stands, world mm.
+    /// Position, world mm.
     pub eye: DVec3,
-    /// What it looks at, world mm.
+    /// Point at the centre of the picture, world mm.
     pub target: DVec3,
-    /// What is up in the picture; of any length, not along the view.
+    /// Up direction of the picture; of any length, not along the view.
     pub up: DVec3,
     /// Vertical field of view, degrees.
     pub fov_deg: f64,
 }
 
-/// The camera's orthonormal frame: `forward`, `right = forward x up`, `up = right x forward`.
+/// Orthonormal frame of a camera: `forward`, `right = forward x up`, `up = right x forward`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
     /// Along the view.
@@ -31,20 +31,20 @@ pub struct CameraFrame {
     pub up: DVec3,
 }
 
-/// A direction to look from, named as a radiologist would.
+/// View along an anatomical axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisView {
-    /// Where the eye is, as a word.
+    /// Name of the side on which the eye is.
     pub name: &'static str,
-    /// The same as an anatomical letter.
+    /// Anatomical letter of that side.
     pub mark: &'static str,
-    /// From the target to the eye, RAS+.
+    /// Direction from the target to the eye, RAS+.
     pub away: DVec3,
-    /// What is up in the picture, RAS+.
+    /// Up direction of the picture, RAS+.
     pub up: DVec3,
 }
 
-/// The six.
+/// All views along anatomical axes.
 pub const AXIS_VIEWS: [AxisView; 6] = [
     AxisView { name: "Anterior", mark: "A", away: DVec3::Y, up: DVec3::Z },
     AxisView { name: "Posterior", mark: "P", away: DVec3::NEG_Y, up: DVec3::Z },
@@ -61,10 +61,10 @@ impl serde::Serialize for AxisView {
 }
 
 impl Camera {
-    /// Vertical field of view where none is given.
+    /// Default vertical field of view, degrees.
     pub const DEFAULT_FOV_DEG: f64 = 40.0;
 
-    /// Frames the volume's bounding sphere from the front, a little from the side and above (RAS+: +y is anterior).
+    /// Camera that frames the volume's bounding sphere from the front, a little from the side and above (RAS+: +y is anterior).
     pub fn framing(volume: &Volume, up: DVec3, fov_deg: f64) -> Self {
         let corners = volume.corners_mm();
         let center = corners.iter().sum::<DVec3>() / 8.0;
@@ -77,7 +77,7 @@ impl Camera {
         Self { eye: center + away * distance, target: center, up, fov_deg }
     }
 
-    /// The orthonormal frame: `forward` towards the target, `right` and `up` of the picture.
+    /// Orthonormal frame: `forward` towards the target, `right` and `up` of the picture.
     pub fn frame(&self) -> CameraFrame {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(self.up).normalize();
@@ -95,17 +95,17 @@ impl Camera {
     }
 }
 
-/// Where a light is; world millimetres.
+/// Position or direction of a light; world millimetres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Light {
-    /// At infinity.
+    /// Light at infinity.
     Directional {
-        /// Towards the light; need not be normalised.
+        /// Direction towards the light, of any length.
         toward: DVec3,
     },
-    /// At a point.
+    /// Light at a point.
     Point {
-        /// Where, mm.
+        /// Position, mm.
         position: DVec3,
     },
 }
@@ -123,12 +123,6 @@ impl Light {
         }
     }
 
-    /// As `--light` takes it, to the last bit.
-    fn exact_text(&self) -> String {
-        let (kind, v) = self.kind();
-        format!("{kind}:{:?},{:?},{:?}", v.x, v.y, v.z)
-    }
-
     fn kind(&self) -> (&'static str, DVec3) {
         match *self {
             Self::Directional { toward } => ("dir", toward),
@@ -136,10 +130,10 @@ impl Light {
         }
     }
 
-    /// As `--light` takes it, to four decimals.
+    /// Text for `--light` with four decimals.
     pub fn text(&self) -> String {
         let (kind, v) = self.kind();
-        // A direction was normalised: its digits beyond these say nothing.
+        // Further digits of a normalised direction carry no information.
         let [x, y, z] = v.to_array().map(|c| (c * 1e4).round() / 1e4 + 0.0);
         format!("{kind}:{x},{y},{z}")
     }
@@ -151,37 +145,37 @@ impl Default for Light {
     }
 }
 
-/// A light: where it is, and how much of each channel it gives.
+/// Light with its colour and intensity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightSource {
-    /// Where it is.
+    /// Position or direction.
     pub light: Light,
     /// Linear RGB, in `[0, 1]`.
     pub color: [f64; 3],
-    /// A factor on the colour, 0 or more.
+    /// Factor on the colour, 0 or more.
     pub intensity: f64,
 }
 
 impl LightSource {
-    /// The colour where none is given.
+    /// Default colour.
     pub const WHITE: [f64; 3] = [1.0; 3];
 
-    /// What a lit point gets from it in each channel, linear.
+    /// Linear RGB of the light that reaches an unshadowed point.
     pub fn radiance(&self) -> [f64; 3] {
         self.color.map(|c| c * self.intensity)
     }
 
-    /// Whether it gives any light.
+    /// Whether the light is not black.
     pub fn shines(&self) -> bool {
         self.radiance().iter().any(|c| *c > 0.0)
     }
 
-    /// As `--light` takes it; its place to four decimals.
+    /// Text for `--light`; the position has four decimals.
     pub fn text(&self) -> String {
         self.light.text() + &self.factors()
     }
 
-    /// The keys of `--light` that are not at their defaults, each with a comma before it.
+    /// Keys of `--light` that differ from their defaults, each after a comma.
     fn factors(&self) -> String {
         let color = (self.color != Self::WHITE).then(|| format!(",color={}", color::to_hex(self.color)));
         let intensity = (self.intensity != 1.0).then(|| format!(",intensity={}", self.intensity));
@@ -189,7 +183,7 @@ impl LightSource {
     }
 }
 
-/// White, of intensity 1.
+/// White light of intensity 1.
 impl From<Light> for LightSource {
     fn from(light: Light) -> Self {
         Self { light, color: Self::WHITE, intensity: 1.0 }
@@ -202,15 +196,16 @@ impl Default for LightSource {
     }
 }
 
-/// As `--light` takes it, to the last bit of its place and its intensity; colours are of 8 bits a channel.
+/// Serializes the text for `--light`, exact to the last bit except for colours, which have 8 bits a channel.
 impl Serialize for LightSource {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(&format_args!("{}{}", self.light.exact_text(), self.factors()))
+        let (kind, DVec3 { x, y, z }) = self.light.kind();
+        serializer.collect_str(&format_args!("{kind}:{x:?},{y:?},{z:?}{}", self.factors()))
     }
 }
 
-/// The factor on light that reaches a point: 1, or by the angle between the light and the gradient of the value, or the
-/// strands that the volume was made from.
+/// Shading of the light that reaches a point: none, by the gradient of the value, or by the direction of the strands from which
+/// the volume was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
@@ -223,44 +218,44 @@ pub enum Shading {
 }
 
 impl Shading {
-    /// All there are.
+    /// All kinds of shading.
     pub const ALL: [Self; 4] = [Self::None, Self::Lambert, Self::BlinnPhong, Self::KajiyaKay];
 
-    /// Whether it needs a volume that was made from strands.
+    /// Whether the shading needs a volume made from strands.
     pub fn is_of_strands(self) -> bool {
         self == Self::KajiyaKay
     }
 }
 
-/// How empty space is passed over.
+/// Skipping of empty space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Skip {
-    /// Leap over bricks without extinction.
+    /// Skip bricks without extinction.
     #[default]
     Bricks,
     /// Sample everywhere.
     None,
 }
 
-/// Everything about a picture but the volume, the transfer function and the shadow method.
+/// All settings of a picture but the volume, the transfer function and the shadow method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// Where it is seen from.
+    /// Camera.
     pub camera: Camera,
-    /// The lights, at least one.
+    /// Lights, at least one.
     pub lights: Vec<LightSource>,
-    /// Share of the light that shadows do not touch, in `[0, 1]`.
+    /// Share of the light that shadows do not affect, in `[0, 1]`.
     pub ambient: f64,
-    /// How surfaces are shaded.
+    /// Shading.
     pub shading: Shading,
-    /// Opaque things in the volume.
+    /// Opaque mesh in the volume.
     pub mesh: Option<Arc<Mesh>>,
-    /// Linear RGB.
+    /// Background, linear RGB.
     pub background: [f64; 3],
     /// Eye-ray step in units of the smallest voxel spacing.
     pub step: f64,
-    /// How empty space is passed over.
+    /// Skipping of empty space.
     pub skip: Skip,
     /// Pixels a row.
     pub width: u32,
@@ -269,40 +264,39 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Lights that a scene may have: each is a shadow structure and a pass over the picture.
+    /// Limit on the lights: each needs a shadow structure and a pass over the picture.
     pub const MOST_LIGHTS: usize = 16;
 
-    /// The lights that shine, in their order. Where none does it is the first one, which stands for the ambient light alone:
-    /// a picture is drawn once at least.
+    /// Lights that are not black, in their order; the first light if all are black, since a picture needs one pass.
     pub fn shining(&self) -> Vec<LightSource> {
         let shining: Vec<_> = self.lights.iter().copied().filter(LightSource::shines).collect();
         if shining.is_empty() { self.lights.iter().copied().take(1).collect() } else { shining }
     }
 
-    /// How many lights shine.
+    /// Number of lights that are not black.
     pub fn lights_shining(&self) -> u32 {
         self.lights.iter().filter(|source| source.shines()).count() as u32
     }
 
-    /// The lights that shine by their places from 1, where there are several.
+    /// Lights that are not black with their numbers from 1; empty if there are fewer than two.
     pub fn lights_apart(&self) -> Vec<(u32, LightSource)> {
         let numbered = (1..).zip(self.lights.iter().copied()).filter(|(_, source)| source.shines());
         let lights: Vec<_> = numbered.collect();
         if lights.len() > 1 { lights } else { Vec::new() }
     }
 
-    /// Where the first light is: all that there is to say of a scene with one.
+    /// Position or direction of the first light.
     pub fn light(&self) -> Light {
         self.lights.first().map_or_else(Light::default, |source| source.light)
     }
 
-    /// The same scene under one of its lights, or another.
+    /// Replaces all lights by one.
     #[must_use]
     pub fn under(&self, light: LightSource) -> Self {
         Self { lights: vec![light], ..self.clone() }
     }
 
-    /// What every command starts from where nothing is asked for, framing `volume`.
+    /// Default scene that frames `volume`.
     pub fn framing(volume: &Volume) -> Self {
         Self {
             camera: Camera::framing(volume, DVec3::Z, Camera::DEFAULT_FOV_DEG),
@@ -324,7 +318,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lights_are_said_as_they_are_asked_for() {
+    fn lights_have_the_text_of_their_flag() {
         let light = Light::Directional { toward: DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2) };
         assert_eq!(light.text(), "dir:0.5,0.5,0.7071");
         let light = Light::Point { position: DVec3::new(-0.0, 2.0, -300.25) };

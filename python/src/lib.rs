@@ -14,7 +14,7 @@ use numpy::{PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
-use umbravox::files::picture::{Backdrop, write_picture_as};
+use umbravox::files::picture::{Backdrop, write_picture_with};
 use umbravox::open::SceneSettings;
 use umbravox::open::presets::PRESETS;
 use umbravox::shadow::METHODS;
@@ -77,5 +77,5 @@ fn write_picture(path: PathBuf, picture: &Bound<'_, PyAny>, transparent: bool) -
         return Err(fault::Fault::input("cannot write picture", "picture", why));
     }
     let backdrop = if transparent { Backdrop::LeftOut } else { Backdrop::Drawn };
-    Ok(write_picture_as(&path, &picture.as_array().to_owned(), backdrop)?)
+    Ok(write_picture_with(&path, &picture.as_array().to_owned(), backdrop, &[])?)
 }

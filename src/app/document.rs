@@ -9,8 +9,8 @@ use crate::open::presets::{self, Suiting};
 use crate::open::{PartFlags, SceneSettings, VolumeSpec};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
-use crate::transfer::formats::alike;
-use crate::transfer::{ClipPlane, LabelRule, Seen, TransferFunction};
+use crate::transfer::formats::with_quantity_of;
+use crate::transfer::{ClipPlane, LabelRule, LabelVisibility, TransferFunction};
 use crate::volume::{Histogram, Volume};
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -140,9 +140,9 @@ impl Document {
     /// Hides these labels and no others, as a step of undo.
     pub fn hide_labels(&mut self, labels: Vec<u32>) {
         let mut rules: Vec<LabelRule> =
-            self.tf.rules.iter().filter(|rule| rule.seen != Seen::Hidden).cloned().collect();
+            self.tf.rules.iter().filter(|rule| rule.visibility != LabelVisibility::Hidden).cloned().collect();
         if !labels.is_empty() {
-            rules.push(LabelRule { labels, seen: Seen::Hidden });
+            rules.push(LabelRule { labels, visibility: LabelVisibility::Hidden });
         }
         self.take_parts(TransferFunction { rules, ..(*self.tf).clone() }, true);
     }
@@ -156,7 +156,7 @@ impl Document {
 
     /// What of the volume is shown, as flags.
     pub fn part_flags(&self) -> PartFlags {
-        let hidden = self.tf.rules.iter().filter(|rule| rule.seen == Seen::Hidden);
+        let hidden = self.tf.rules.iter().filter(|rule| rule.visibility == LabelVisibility::Hidden);
         let hidden: Vec<u32> = hidden.flat_map(|rule| rule.labels.iter().copied()).collect();
         PartFlags {
             clip: Some(self.tf.clip.clone()).filter(|clip| !clip.is_empty()),
@@ -266,8 +266,8 @@ impl Document {
 fn kept_parts(tf: TransferFunction, before: &TransferFunction) -> TransferFunction {
     let mut rules = before.rules.clone();
     for rule in &mut rules {
-        if let Seen::Through(own) = &mut rule.seen {
-            **own = alike(own, &tf).0;
+        if let LabelVisibility::Visible(own) = &mut rule.visibility {
+            **own = with_quantity_of(own, &tf).0;
         }
     }
     TransferFunction { rules, clip: before.clip.clone(), ..tf }

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
 use crate::open::presets::{Found, PRESETS, Scale};
 use crate::transfer::TransferFunction;
-use crate::transfer::formats::{self, Carried, TRANSFER_FORMATS, TransferFormat, is_of_fractions};
+use crate::transfer::formats::{self, Imported, TRANSFER_FORMATS, TransferFormat, has_fractions};
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -147,7 +147,7 @@ pub fn run(args: TfArgs) -> Result<()> {
                     .hint(format!("presets: {names}; `tf convert` takes files")));
             };
             let (tf, warnings) = Found::Preset(preset).as_it_is();
-            write(Carried { tf, warnings, format: "preset" }, &args.to)
+            write(Imported { tf, warnings, format: "preset" }, &args.to)
         }
         TfCommand::Convert(args) => {
             let to = target(&args.to)?;
@@ -195,12 +195,12 @@ fn check(target: &Target, format: &TransferFormat) -> Result<()> {
 }
 
 /// Writes what was read, whole or not at all, and says what it does not hold.
-fn write(carried: Carried, to: &Target) -> Result<()> {
+fn write(carried: Imported, to: &Target) -> Result<()> {
     let format = target(to)?;
     check(to, format)?;
-    let Carried { mut tf, mut warnings, format: from } = carried;
+    let Imported { mut tf, mut warnings, format: from } = carried;
     if let Some([low, high]) = to.range {
-        if !is_of_fractions(&tf) {
+        if !has_fractions(&tf) {
             let why = format!("the units of `{}` are `{}`, not `{}`", tf.name, tf.units, formats::FRACTION);
             return Err(Error::input("cannot use flag", "--range", why));
         }

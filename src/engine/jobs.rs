@@ -9,7 +9,7 @@ use super::probe_bound;
 use crate::engine::{MapCoverage, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::files::picture::write_picture_as;
+use crate::files::picture::write_picture_with;
 use crate::render::{DisabledOptimizations, DisplayTexture, Pace, Screen};
 use crate::scene::Scene;
 use crate::shadow::NoShadows;
@@ -31,7 +31,9 @@ pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -
     let point = match request.aim {
         Aim::Point(point) => point,
         Aim::Ray { origin, direction } => {
-            let seen = field.seen_along(origin, direction, 0.5).filter(|s| s.weight >= LEAST_OPACITY);
+            let seen = field
+                .visible_point_along(origin, direction, f64::INFINITY, 0.5)
+                .filter(|s| s.weight >= LEAST_OPACITY);
             let Some(seen) = seen else { return Ok(()) };
             seen.position
         }
@@ -117,7 +119,9 @@ pub fn export(
     let picture =
         renderer.render_in_bands(made.loaded, made.transfer, made.shadows, scene, BAND_MS, go_on)?;
     match picture {
-        Some(picture) => write_picture_as(&export.path, &picture.pixels, export.backdrop).map(|()| true),
+        Some(picture) => {
+            write_picture_with(&export.path, &picture.pixels, export.backdrop, &[]).map(|()| true)
+        }
         None => Ok(false),
     }
 }

@@ -1,4 +1,4 @@
-//! Which parts of a volume have no extinction, so that a ray can leap over them.
+//! Blocks of cells without extinction, which rays skip.
 
 use super::law::Laws;
 use crate::volume::{Scaling, Voxel};
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// Cells along a block's edge, as a power of two.
 const SHIFT: u32 = 3;
 
-/// Block that holds a cell on one axis; cells run from -1 (before the first voxel centre) to `n - 1`.
+/// Block that contains a cell on one axis; cells run from -1 (before the first voxel centre) to `n - 1`.
 #[inline]
 pub(super) fn block_of(cell: i64) -> i64 {
     (cell + 1) >> SHIFT
@@ -19,16 +19,16 @@ pub(super) fn cells_of(block: i64) -> [i64; 2] {
     [(block << SHIFT) - 1, ((block + 1) << SHIFT) - 2]
 }
 
-/// Voxels of which not all are seen through the same laws.
+/// Labels of the voxels, with the function of each.
 #[derive(Clone, Copy)]
 pub(super) struct Labelled<'a> {
-    /// The place of each voxel's label among all that occur.
+    /// Rank of each voxel's label among all labels.
     pub ranks: &'a [u8],
-    /// What voxels of a label are seen through: an index into the laws, `None` where they have no extinction.
+    /// Function of each label: an index into the laws, `None` without extinction.
     pub functions: &'a [Option<usize>],
 }
 
-/// A flag for every block of cells.
+/// Flag for every block of cells.
 #[derive(Debug, Clone)]
 pub(super) struct Blocks {
     counts: [usize; 3],
@@ -44,7 +44,7 @@ impl Blocks {
         labels: Option<Labelled<'_>>,
     ) -> Self {
         let counts = dims.map(|n| block_of(n as i64 - 1) as usize + 1);
-        // Voxels that a block's cells interpolate: one more than cells, without those beyond the edge.
+        // Voxels that a block's cells interpolate: one more than cells, within the volume.
         let reach = |axis: usize, block: usize| {
             let [first, last] = cells_of(block as i64);
             let end = dims[axis] - 1;
@@ -55,8 +55,8 @@ impl Blocks {
             let [x, y, z] = std::array::from_fn(|axis| reach(axis, block[axis]));
             let first = voxels[*x.start() + dims[0] * (*y.start() + dims[1] * *z.start())];
             let (mut min, mut max) = (first, first);
-            // The functions through which some voxel is seen, a bit each.
-            let mut seen = u64::from(labels.is_none());
+            // Functions of the block's voxels, a bit each.
+            let mut used = u64::from(labels.is_none());
             for k in z {
                 for j in y.clone() {
                     let row = dims[0] * (j + dims[1] * k);
@@ -67,13 +67,13 @@ impl Blocks {
                     if let Some(Labelled { ranks, functions }) = labels {
                         let ranks = ranks[row + x.start()..=row + x.end()].iter();
                         let functions = ranks.filter_map(|rank| functions[usize::from(*rank)]);
-                        seen |= functions.fold(0, |bits, function| bits | 1 << (function % 64));
+                        used |= functions.fold(0, |bits, function| bits | 1 << (function % 64));
                     }
                 }
             }
             let (a, b) = (scaling.apply(min.to_f64()), scaling.apply(max.to_f64()));
             let has_extinction = |laws: &Laws| laws.active(a.min(b), a.max(b)).is_some();
-            laws.iter().enumerate().any(|(i, laws)| seen >> (i % 64) & 1 == 1 && has_extinction(laws))
+            laws.iter().enumerate().any(|(i, laws)| used >> (i % 64) & 1 == 1 && has_extinction(laws))
         };
         let active = (0..counts.iter().product()).into_par_iter().with_min_len(64).map(is_active).collect();
         Self { counts, active }

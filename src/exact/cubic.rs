@@ -1,6 +1,6 @@
-//! Cubic polynomials on the unit interval: what a trilinear field is along a ray within one cell.
+//! Cubic polynomials on the unit interval, the values of a trilinear field along a ray within one cell.
 
-/// `c[0] + c[1] x + c[2] x^2 + c[3] x^3`, meant for `x` in `[0, 1]`.
+/// Polynomial `c[0] + c[1] x + c[2] x^2 + c[3] x^3` for `x` in `[0, 1]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Cubic(pub [f64; 4]);
 
@@ -17,7 +17,7 @@ impl Cubic {
         b + x * (2.0 * c + x * (3.0 * d))
     }
 
-    /// The same curve with `x = from + scale * y` written in `y`.
+    /// Substitutes `x = from + scale * y`.
     pub fn substitute(&self, from: f64, scale: f64) -> Self {
         let [_, _, c, d] = self.0;
         Self([
@@ -28,28 +28,28 @@ impl Cubic {
         ])
     }
 
-    /// The same curve with `[from, to]` stretched to `[0, 1]`.
+    /// Maps `[from, to]` to `[0, 1]`.
     pub fn restrict(&self, from: f64, to: f64) -> Self {
         self.substitute(from, to - from)
     }
 
-    /// The turning points strictly inside `(0, 1)`, ascending; 1 stands in for those that are not there.
+    /// Turning points strictly inside `(0, 1)`, ascending; missing ones are 1.
     pub fn turning_points(&self) -> [f64; 2] {
         let [_, c, b, a] = [self.0[0], self.0[1], self.0[2], 3.0 * self.0[3]];
         let discriminant = b * b - a * c;
         if discriminant.is_nan() || discriminant <= 0.0 {
             return [1.0; 2];
         }
-        // The two roots of a x^2 + 2 b x + c without cancellation; infinities and NaN fall out of (0, 1).
+        // Roots of a x^2 + 2 b x + c without cancellation; infinities and NaN are outside of (0, 1).
         let q = -(b + discriminant.sqrt().copysign(b));
         let inside = |x: f64| if x > 0.0 && x < 1.0 { x } else { 1.0 };
         let (x0, x1) = (inside(q / a), inside(c / q));
         [x0.min(x1), x0.max(x1)]
     }
 
-    /// Where the curve, monotone between `low` and `high`, takes the value `v` that lies between its ends.
+    /// Solves for the value `v` between `low` and `high`, where the curve is monotone.
     ///
-    /// Newton's steps kept inside a shrinking bracket, until the residual is rounding or the bracket empty.
+    /// Newton's method within a shrinking bracket, until the residual is rounding or the bracket empty.
     pub fn solve(&self, v: f64, mut low: f64, mut high: f64, rising: bool) -> f64 {
         const MOST_STEPS: usize = 120;
         let shifted = Self([self.0[0] - v, self.0[1], self.0[2], self.0[3]]);

@@ -1,35 +1,35 @@
 //! Optical depth as a function of depth along one ray, and its inverse.
 
 use super::law::{Law, Laws};
-use super::walk::Piece;
+use super::traversal::RayPiece;
 
-/// Cumulative optical depth along a ray: smooth pieces, each integrated from its own start, so that the value is
-/// exact at every depth and not only where pieces meet.
+/// Cumulative optical depth along a ray. It consists of smooth pieces, each integrated from its own start, so that the value is
+/// exact at every depth.
 ///
 /// Depths are mm from the ray's origin.
 #[derive(Debug, Clone)]
 pub struct OpticalDepthCurve<'a> {
     laws: &'a [Laws],
-    pieces: Vec<Placed>,
+    pieces: Vec<CurvePiece>,
     total: f64,
-    /// Of the ray itself, whose end is no jump.
+    /// Length of the ray, whose end is no jump.
     length_mm: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Placed {
-    piece: Piece,
+struct CurvePiece {
+    piece: RayPiece,
     /// Optical depth before the piece.
     before: f64,
 }
 
-/// A place on a curve, found by its optical depth.
+/// Point of a curve at an optical depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Found {
+pub(super) struct CurvePoint {
     pub depth_mm: f64,
-    /// The scalar value there.
+    /// Scalar value there.
     pub value: f64,
-    /// What it is seen through, as an index into [`crate::transfer::TransferFunction::functions`].
+    /// Index of the function there in [`crate::transfer::TransferFunction::functions`].
     pub function: usize,
 }
 
@@ -38,8 +38,8 @@ impl<'a> OpticalDepthCurve<'a> {
         Self { laws, pieces: Vec::new(), total: 0.0, length_mm }
     }
 
-    pub(super) fn push(&mut self, piece: Piece) {
-        self.pieces.push(Placed { piece, before: self.total });
+    pub(super) fn push(&mut self, piece: RayPiece) {
+        self.pieces.push(CurvePiece { piece, before: self.total });
         self.total += self.within(&piece, 1.0);
     }
 
@@ -51,7 +51,7 @@ impl<'a> OpticalDepthCurve<'a> {
     /// Optical depth from the ray's origin to `depth_mm`; 0 before it and the total beyond its end.
     pub fn optical_depth_at(&self, depth_mm: f64) -> f64 {
         let after = self.pieces.partition_point(|p| p.piece.start_mm < depth_mm);
-        let Some(Placed { piece, before }) = after.checked_sub(1).map(|i| &self.pieces[i]) else {
+        let Some(CurvePiece { piece, before }) = after.checked_sub(1).map(|i| &self.pieces[i]) else {
             return 0.0;
         };
         let x = (depth_mm - piece.start_mm) / (piece.end_mm - piece.start_mm);
@@ -63,8 +63,7 @@ impl<'a> OpticalDepthCurve<'a> {
         (-self.optical_depth_at(depth_mm)).exp()
     }
 
-    /// The smallest depth at which the optical depth reaches `tau`, or `None` where it never does; 0 for
-    /// `tau <= 0`.
+    /// Smallest depth at which the optical depth reaches `tau`, if it does; 0 for `tau <= 0`.
     pub fn depth_of_optical_depth(&self, tau: f64) -> Option<f64> {
         if tau <= 0.0 {
             return Some(0.0);
@@ -72,25 +71,25 @@ impl<'a> OpticalDepthCurve<'a> {
         self.find(tau).map(|f| f.depth_mm)
     }
 
-    /// Where optical depth reaches `tau > 0`; `None` beyond the total.
-    pub(super) fn find(&self, tau: f64) -> Option<Found> {
+    /// Point at which the optical depth reaches `tau > 0`; `None` beyond the total.
+    pub(super) fn find(&self, tau: f64) -> Option<CurvePoint> {
         if tau.is_nan() || tau > self.total {
             return None;
         }
         let after = self.pieces.partition_point(|p| p.before < tau);
-        let Placed { piece, before } = &self.pieces[after.checked_sub(1)?];
+        let CurvePiece { piece, before } = &self.pieces[after.checked_sub(1)?];
         let x = self.invert(piece, tau - before);
         let depth_mm =
             if x < 1.0 { piece.start_mm + (piece.end_mm - piece.start_mm) * x } else { piece.end_mm };
-        Some(Found { depth_mm, value: piece.value.at(x), function: piece.function })
+        Some(CurvePoint { depth_mm, value: piece.value.at(x), function: piece.function })
     }
 
-    /// Depths where extinction jumps or bends: where the value passes a point of the transfer function beside
-    /// which there is extinction, and where the ray enters or leaves the domain within extinction. Ascending.
+    /// Depths at which extinction jumps or bends, ascending: the value passes a point of the transfer function next to
+    /// extinction, or the ray enters or leaves the domain within extinction.
     pub fn jumps(&self) -> Vec<f64> {
         let mut jumps = Vec::new();
-        let mut last: Option<&Piece> = None;
-        for Placed { piece, .. } in &self.pieces {
+        let mut last: Option<&RayPiece> = None;
+        for CurvePiece { piece, .. } in &self.pieces {
             match last {
                 Some(p) if p.end_mm < piece.start_mm => jumps.extend([p.end_mm, piece.start_mm]),
                 Some(p) if (p.function, p.law) != (piece.function, piece.law) => jumps.push(piece.start_mm),
@@ -103,25 +102,25 @@ impl<'a> OpticalDepthCurve<'a> {
         jumps
     }
 
-    fn law(&self, piece: &Piece) -> &Law {
+    fn law(&self, piece: &RayPiece) -> &Law {
         &self.laws[piece.function].laws[piece.law]
     }
 
     /// Optical depth from a piece's start to the fraction `x` of it.
     #[inline]
-    fn within(&self, piece: &Piece, x: f64) -> f64 {
+    fn within(&self, piece: &RayPiece, x: f64) -> f64 {
         self.law(piece).integral(&piece.value, 0.0, x) * (piece.end_mm - piece.start_mm)
     }
 
-    /// The fraction of a piece at which its optical depth reaches `tau`.
-    fn invert(&self, piece: &Piece, tau: f64) -> f64 {
+    /// Fraction of a piece at which its optical depth reaches `tau`.
+    fn invert(&self, piece: &RayPiece, tau: f64) -> f64 {
         const MOST_STEPS: usize = 100;
         let length_mm = piece.end_mm - piece.start_mm;
         let law = self.law(piece);
         if let Law::Constant(sigma) = law {
             return (tau / (sigma * length_mm)).min(1.0);
         }
-        // Newton's steps kept inside a bracket that only shrinks; the integral rises with x.
+        // Newton's method within a shrinking bracket; the integral increases with x.
         let (mut low, mut high) = (0.0, 1.0);
         let mut x = 0.5;
         for _ in 0..MOST_STEPS {

@@ -1,4 +1,4 @@
-//! The transfer function as laws on intervals of value, and the integral of each along a cubic.
+//! Laws of extinction on intervals of value, and their integrals along a cubic.
 
 use super::cubic::Cubic;
 use crate::transfer::{ControlPoint, MAX_OPACITY, Quantity, TransferFunction};
@@ -19,7 +19,7 @@ const GAUSS_10: [(f64, f64); 5] = [
     (0.9739065285171717, 0.06667134430868814),
 ];
 
-/// `amount + slope * (s - value)`: one straight stretch of the transfer function.
+/// Straight part of the transfer function, `amount + slope * (s - value)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ramp {
     value: f64,
@@ -49,11 +49,11 @@ impl Ramp {
 pub(super) enum Law {
     /// None at all.
     Clear,
-    /// The same everywhere, 1/mm.
+    /// Constant extinction, 1/mm.
     Constant(f64),
-    /// The ramp is the extinction, 1/mm.
+    /// Ramp of the extinction, 1/mm.
     Extinction(Ramp),
-    /// The ramp is the opacity per reference length, whose reciprocal is here, 1/mm.
+    /// Ramp of the opacity per reference length; `per_mm` is the reciprocal of that length.
     Opacity { ramp: Ramp, per_mm: f64 },
 }
 
@@ -92,7 +92,7 @@ fn absorbance(opacity: f64) -> f64 {
     -(-opacity.clamp(0.0, MAX_OPACITY)).ln_1p()
 }
 
-/// Integral of `-ln(1 - opacity(x))` over `[from, to]`, to about 1e-13 of itself.
+/// Integral of `-ln(1 - opacity(x))` over `[from, to]` to a relative error of about 1e-13.
 ///
 /// With `z` in `[-1, 1]` over the interval, `1 - opacity = q (1 + e1 z + e2 z^2 + e3 z^3)`. Where
 /// `|e1| R + |e2| R^2 + |e3| R^3 <= 0.9` the logarithm is analytic in the disc of radius `R`, which holds the
@@ -128,15 +128,15 @@ fn absorbance_part(opacity: &Cubic, from: f64, to: f64, halvings_left: u32) -> f
     }
 }
 
-/// The transfer function cut into intervals of value: interval `i` runs from `cuts[i - 1]` up to, but without,
+/// Transfer function as laws on intervals of value. Interval `i` runs from `cuts[i - 1]` up to, but without,
 /// `cuts[i]`, and obeys `laws[i]`.
 #[derive(Debug, Clone)]
 pub(super) struct Laws {
     pub cuts: Vec<f64>,
     pub laws: Vec<Law>,
-    /// Number of laws before the i-th that are not [`Law::Clear`].
+    /// Number of laws before each that are not [`Law::Clear`].
     active_before: Vec<u32>,
-    /// Everything below the first value and from the second one on is clear.
+    /// Values below `clear_below` and from `clear_from` on have no extinction.
     clear_below: f64,
     clear_from: f64,
 }
@@ -170,19 +170,19 @@ impl Laws {
         Self { cuts, laws, active_before, clear_below, clear_from }
     }
 
-    /// The interval that holds `value`.
+    /// Interval that contains `value`.
     #[inline]
     pub fn interval(&self, value: f64) -> usize {
         self.cuts.partition_point(|cut| *cut <= value)
     }
 
-    /// The interval just below `value`.
+    /// Interval just below `value`.
     #[inline]
     pub fn interval_below(&self, value: f64) -> usize {
         self.cuts.partition_point(|cut| *cut < value)
     }
 
-    /// The intervals that hold `min` and `max`, or `None` where there is no extinction from one to the other.
+    /// Intervals that contain `min` and `max`; `None` if there is no extinction between the two.
     #[inline]
     pub fn active(&self, min: f64, max: f64) -> Option<(usize, usize)> {
         if max < self.clear_below || min >= self.clear_from {
@@ -197,7 +197,7 @@ fn constant(tf: &TransferFunction, amount: f64) -> Law {
     if amount > 0.0 { Law::Constant(tf.extinction_of_amount(amount)) } else { Law::Clear }
 }
 
-/// The laws from point `a` to point `b` of a larger value.
+/// Adds the laws from point `a` to point `b` of a larger value.
 fn stretch(tf: &TransferFunction, a: &ControlPoint, b: &ControlPoint, push: &mut impl FnMut(f64, Law)) {
     if a.amount == b.amount {
         return push(a.value, constant(tf, a.amount));
@@ -207,7 +207,7 @@ fn stretch(tf: &TransferFunction, a: &ControlPoint, b: &ControlPoint, push: &mut
         return push(a.value, Law::Extinction(ramp));
     }
     let law = Law::Opacity { ramp, per_mm: tf.reference_length_mm.recip() };
-    // Opacity is clamped just short of 1: that is a kink like any other point's.
+    // Opacity is clamped just below 1, which makes a kink like that of a point.
     let clamped = [a, b].map(|p| p.amount > MAX_OPACITY);
     let kink = a.value + (MAX_OPACITY - a.amount) / ramp.slope;
     let inside = kink > a.value && kink < b.value;

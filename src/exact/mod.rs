@@ -1,25 +1,25 @@
-//! The float64 reference: what every method's error is measured against.
+//! Float64 reference on the CPU, against which errors of all methods are measured.
 //!
-//! A ray is followed cell by cell. Within a cell the trilinear value is a cubic of the distance; it is cut where
-//! it passes a point of the transfer function, and each smooth piece is integrated to about 1e-12 of itself: an
-//! extinction ramp over a cubic by a rule that is exact, an opacity ramp (the logarithm of a cubic) by rules of
-//! an order that is proved to be high enough. Blocks of cells without extinction are leapt over, which changes no
-//! bit of the answer. No table and no code is shared with the GPU path.
+//! A ray is traversed cell by cell. Within a cell the trilinear value is a cubic of the distance. The cubic is cut where
+//! it passes a point of the transfer function, and each smooth piece is integrated to a relative error of about 1e-12. For an
+//! extinction ramp the rule is exact; for an opacity ramp (the logarithm of a cubic) its order is proved to be high
+//! enough. Blocks of cells without extinction are skipped, which changes no bit of the result. The module shares no
+//! table and no code with the GPU path.
 
 mod blocks;
 mod cubic;
 mod curve;
 mod law;
 mod picture;
-mod seen;
 mod shading;
-mod walk;
+mod traversal;
+mod visible_points;
 
 pub use curve::OpticalDepthCurve;
-pub use seen::SeenPoint;
+pub use visible_points::VisiblePoint;
 
 use crate::scene::Light;
-use crate::transfer::{Class, TransferFunction};
+use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{DirectionMoments, Volume};
 use crate::with_voxels;
 use blocks::{Blocks, Labelled};
@@ -29,35 +29,35 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use walk::{Grid, Piece, Ray};
+use traversal::{Ray, RayPiece, VoxelGrid};
 
-/// Optical depth beyond which a transmittance is 0 beside 1 in `f64`.
+/// Optical depth whose transmittance is negligible beside 1 in `f64`.
 const OPAQUE: f64 = 40.0;
 
-/// A volume seen through a transfer function, exactly.
+/// Volume with a transfer function, evaluated exactly.
 #[derive(Debug, Clone)]
 pub struct ExactField<'a> {
     volume: &'a Volume,
     transfer_function: &'a TransferFunction,
-    /// Those of each of the transfer function's functions.
+    /// Laws of each of the transfer function's functions.
     laws: Vec<Laws>,
-    /// What voxels of each label are seen through, in the order of [`crate::volume::Labels::ids`].
+    /// Function of each label in the order of [`crate::volume::Labels::ids`]; `None` for hidden labels.
     functions: Vec<Option<usize>>,
     blocks: Blocks,
     directions: Option<Arc<DirectionMoments>>,
 }
 
 impl<'a> ExactField<'a> {
-    /// Prepares the transfer function and reads the volume once, to know where it has extinction.
+    /// Prepares the transfer function, and finds the blocks with extinction.
     pub fn new(volume: &'a Volume, transfer_function: &'a TransferFunction) -> Self {
         let laws: Vec<Laws> = match volume.labels() {
-            Some(_) => transfer_function.functions().into_iter().map(Laws::new).collect(),
+            Some(_) => transfer_function.functions().map(Laws::new).collect(),
             None => vec![Laws::new(transfer_function)],
         };
         let functions: Vec<Option<usize>> = (volume.labels().iter().flat_map(|labels| labels.ids()))
             .map(|id| match transfer_function.class_of(*id) {
-                Class::Hidden => None,
-                Class::Function(function) => Some(function),
+                LabelClass::Hidden => None,
+                LabelClass::Function(function) => Some(function),
             })
             .collect();
         let labels = labelled(volume, &functions);
@@ -67,7 +67,7 @@ impl<'a> ExactField<'a> {
         Self { volume, transfer_function, laws, functions, blocks, directions: None }
     }
 
-    /// The same, knowing which way the strands run that the volume was made from.
+    /// Sets the directions of the strands from which the volume was made.
     #[must_use]
     pub fn with_directions(self, directions: Option<Arc<DirectionMoments>>) -> Self {
         Self { directions, ..self }
@@ -78,12 +78,12 @@ impl<'a> ExactField<'a> {
         self.volume
     }
 
-    /// What it is seen through.
+    /// The transfer function.
     pub fn transfer_function(&self) -> &'a TransferFunction {
         self.transfer_function
     }
 
-    /// Optical depth of the segment from `a` to `b`, world mm; NaN where they are not finite or too far apart
+    /// Optical depth of the segment from `a` to `b`, world mm; NaN if they are not finite or too far apart
     /// for `f64`.
     pub fn optical_depth(&self, a: DVec3, b: DVec3) -> f64 {
         match direction_and_length(a, b) {
@@ -109,34 +109,35 @@ impl<'a> ExactField<'a> {
     /// Cumulative optical depth from `origin` along the unit `direction`, world mm; `length_mm` may be infinite.
     pub fn curve_along(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> OpticalDepthCurve<'_> {
         let mut curve = OpticalDepthCurve::new(&self.laws, length_mm);
-        self.walk(origin, direction, length_mm, |piece| {
+        self.traverse(origin, direction, length_mm, |piece| {
             curve.push(piece);
             ControlFlow::Continue(())
         });
         curve
     }
 
-    /// Distances (mm) at which the ray from `origin` in the unit `direction`, world mm, enters what clip planes keep of the
-    /// domain (0 where it starts inside) and leaves it; `None` where it misses.
+    /// Distances (mm) at which the ray from `origin` in the unit `direction`, world mm, enters (0 if it starts inside) and leaves
+    /// the unclipped part of the domain; `None` where it misses.
     pub fn span_in_domain(&self, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
         let ray = self.ray(origin, direction, f64::INFINITY)?;
         Some([ray.enter_mm, ray.exit_mm])
     }
 
-    /// A ray from `origin` in the unit `direction`, world mm, as far as it is in the domain and not clipped away.
+    /// Ray from `origin` in the unit `direction`, world mm, clipped to the domain and by the clip planes.
     fn ray(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> Option<Ray> {
-        let kept = (self.transfer_function.clip.iter())
-            .fold([0.0, length_mm], |kept, plane| plane.cut(origin, direction, kept));
+        let planes = self.transfer_function.clip.iter();
+        let interval =
+            planes.fold([0.0, length_mm], |interval, plane| plane.cut(origin, direction, interval));
         let to_index = self.volume.index_from_world();
         let (origin, direction) = (to_index.transform_point3(origin), to_index.transform_vector3(direction));
-        Ray::clipped(origin, direction, kept, self.volume.dims())
+        Ray::clipped(origin, direction, interval, self.volume.dims())
     }
 
     /// Whether there is any extinction along the ray from `origin` in the unit `direction`, world mm; `length_mm` may
-    /// be infinite. Stops at the first of it.
+    /// be infinite.
     pub fn meets_extinction(&self, origin: DVec3, direction: DVec3, length_mm: f64) -> bool {
         let mut met = false;
-        self.walk(origin, direction, length_mm, |_| {
+        self.traverse(origin, direction, length_mm, |_| {
             met = true;
             ControlFlow::Break(())
         });
@@ -150,13 +151,13 @@ impl<'a> ExactField<'a> {
         (-self.optical_depth_along(x, direction, length_mm, OPAQUE)).exp()
     }
 
-    /// Optical depth along a ray; once past `enough` it may stop.
+    /// Optical depth along a ray; the sum may stop beyond `enough`.
     fn optical_depth_along(&self, origin: DVec3, direction: DVec3, length_mm: f64, enough: f64) -> f64 {
         if !(origin.is_finite() && direction.is_finite()) {
             return f64::NAN;
         }
         let mut sum = 0.0;
-        self.walk(origin, direction, length_mm, |piece| {
+        self.traverse(origin, direction, length_mm, |piece| {
             let law = &self.laws[piece.function].laws[piece.law];
             sum += law.integral(&piece.value, 0.0, 1.0) * (piece.end_mm - piece.start_mm);
             if sum < enough { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
@@ -165,30 +166,30 @@ impl<'a> ExactField<'a> {
     }
 
     /// Visits the pieces of a ray that have extinction, in order.
-    fn walk(
+    fn traverse(
         &self,
         origin: DVec3,
         direction: DVec3,
         length_mm: f64,
-        visit: impl FnMut(Piece) -> ControlFlow<()>,
+        visit: impl FnMut(RayPiece) -> ControlFlow<()>,
     ) {
         let Some(ray) = self.ray(origin, direction, length_mm) else { return };
         let dims = self.volume.dims();
         with_voxels!(self.volume.voxels(), array => {
             let (voxels, scaling) = (contiguous(array), self.volume.scaling());
             let labels = labelled(self.volume, &self.functions);
-            let grid = Grid { voxels, dims, scaling, blocks: &self.blocks, labels };
-            grid.walk(&self.laws, &ray, visit)
+            let grid = VoxelGrid { voxels, dims, scaling, blocks: &self.blocks, labels };
+            grid.traverse(&self.laws, &ray, visit)
         });
     }
 }
 
-/// A volume's labels and what each of them is seen through.
+/// Labels of a volume with the function of each.
 fn labelled<'a>(volume: &'a Volume, functions: &'a [Option<usize>]) -> Option<Labelled<'a>> {
     volume.labels().map(|labels| Labelled { ranks: labels.ranks(), functions })
 }
 
-/// A volume's voxels in memory order.
+/// Voxels in memory order.
 fn contiguous<V>(voxels: &Array3<V>) -> &[V] {
     voxels.as_slice().expect("a Volume refuses voxels that are not contiguous")
 }

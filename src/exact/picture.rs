@@ -1,4 +1,4 @@
-//! The exact picture, for small sizes: `C = ∫ T_eye sigma c (ambient + (1 - ambient) sum_i L_i T_i f_i) dt + T_eye background`
+//! Exact picture, for small sizes: `C = ∫ T_eye sigma c (ambient + (1 - ambient) sum_i L_i T_i f_i) dt + T_eye background`
 //! along each pixel's ray, with exact shadow rays and the shading factors `f_i` at every node of an adaptive rule.
 
 use super::ExactField;
@@ -9,18 +9,19 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// How finely a pixel's integral is made.
+/// Accuracy of a pixel's integral.
 #[derive(Debug, Clone, Copy)]
 struct Rule {
-    /// Most that a channel's estimated error may be (colours in `[0, 1]`).
+    /// Largest estimated error of a channel (colours in `[0, 1]`).
     tolerance: f64,
-    /// Panels at the start, so that a narrow shadow is not passed over, and the most that a pixel may take.
+    /// Number of panels at the start, so that a narrow shadow is not missed.
     first_panels: usize,
+    /// Largest number of panels.
     most_panels: usize,
 }
 
 const RULE: Rule = Rule { tolerance: 5e-5, first_panels: 6, most_panels: 200 };
-/// What [`RULE`] is checked with.
+/// Finer rule that [`RULE`] is checked against.
 const FINER: Rule = Rule { tolerance: RULE.tolerance / 16.0, first_panels: 24, most_panels: 800 };
 
 /// Kronrod's 15 points on `[-1, 1]`: node, its weight, and its weight in the Gauss rule of the 7 odd ones.
@@ -36,14 +37,14 @@ const KRONROD: [(f64, f64, f64); 8] = [
 ];
 
 impl ExactField<'_> {
-    /// The picture of `scene` as `[row, column, channel]`: linear RGB and opacity `1 - T_eye`, to about 1e-4.
+    /// Picture of `scene` as `[row, column, channel]`: linear RGB and opacity `1 - T_eye`, to about 1e-4.
     ///
     /// Seconds at 48 x 32; meant for small sizes.
     pub fn picture(&self, scene: &Scene) -> Array3<f32> {
         self.picture_rows(scene, 0..scene.height)
     }
 
-    /// Some rows of [`Self::picture`].
+    /// Rows of [`Self::picture`].
     pub fn picture_rows(&self, scene: &Scene, rows: Range<u32>) -> Array3<f32> {
         let (width, height) = (scene.width as usize, rows.len());
         let first = f64::from(rows.start);
@@ -55,10 +56,10 @@ impl ExactField<'_> {
         })
     }
 
-    /// How far [`Self::picture`] may be off: the largest change of a channel when the tolerance is a sixteenth and the
-    /// panels start four times as narrow, over about `count` of its pixels, evenly spread.
+    /// Error estimate of [`Self::picture`]: the largest change of a channel with a sixteenth of the tolerance and panels a
+    /// quarter as wide, over about `count` evenly spread pixels.
     ///
-    /// All else in a pixel is exact to 1e-12: its ray's optical depth, and each shadow ray's. One ray a pixel is the
+    /// All other parts of a pixel are exact to 1e-12: the optical depth of its ray and of each shadow ray. One ray a pixel is the
     /// model, not an approximation.
     pub fn picture_change(&self, scene: &Scene, picture: &Array3<f32>, count: usize) -> f64 {
         let (height, width, _) = picture.dim();
@@ -74,16 +75,13 @@ impl ExactField<'_> {
             .reduce(|| 0.0, f64::max)
     }
 
-    /// What a point (world mm) gets of light in each channel, seen along the unit `sight`: ambient light and that of the
-    /// scene's lights.
-    fn lit(&self, scene: &Scene, x: DVec3, sight: DVec3) -> [f64; 3] {
-        if scene.ambient >= 1.0 {
-            return [1.0; 3];
-        }
+    /// Light at a point (world mm) in each channel: ambient light, and that of the scene's lights times a factor.
+    fn lit(&self, scene: &Scene, x: DVec3, factor: impl Fn(&Light) -> f64) -> [f64; 3] {
         let mut lit = [scene.ambient; 3];
         for source in scene.lights.iter().filter(|source| source.shines()) {
-            let factor = self.shading_factor(x, sight, &source.light, scene.shading);
-            let share = (1.0 - scene.ambient) * factor * self.light_left(scene, x, &source.light);
+            let factor = factor(&source.light);
+            let share =
+                (1.0 - scene.ambient) * factor * self.transmittance_past_mesh(scene, x, &source.light);
             let radiance = source.radiance();
             (0..3).for_each(|c| lit[c] += share * radiance[c]);
         }
@@ -97,12 +95,15 @@ impl ExactField<'_> {
         let surface = first_surface(scene, eye, direction);
         let curve = self.curve_along(eye, direction, surface.map_or(f64::INFINITY, |hit| hit.depth_mm));
         let opacity = -(-curve.total()).exp_m1();
-        // With w = 1 - T_eye as the variable, T_eye sigma dt = dw: empty space takes no part and the weight is 1.
+        // With w = 1 - T_eye as the variable, T_eye sigma dt = dw: the weight is 1 and empty space has no share.
         let light_at = |w: f64| {
             let tau = (-(-w).ln_1p()).min(curve.total());
             let Some(found) = curve.find(tau) else { return [0.0; 3] };
             let x = eye + direction * found.depth_mm;
-            let lit = self.lit(scene, x, direction);
+            let lit = match scene.ambient >= 1.0 {
+                true => [1.0; 3],
+                false => self.lit(scene, x, |light| self.shading_factor(x, direction, light, scene.shading)),
+            };
             let color = self.transfer_function.function(found.function).color(found.value);
             std::array::from_fn(|c| color[c] * lit[c])
         };
@@ -112,54 +113,43 @@ impl ExactField<'_> {
         [r, g, b, if surface.is_some() { 1.0 } else { opacity }]
     }
 
-    /// Linear RGB of a mesh where a ray from the eye meets it: its colour in ambient light, and in that of each light by the
-    /// cosine of its angle, on the side that is seen.
+    /// Linear RGB of a mesh where a ray from the eye meets it: its colour in ambient light, and in the light of each source by
+    /// Lambert's law on the visible side.
     fn surface_color(&self, scene: &Scene, eye: DVec3, direction: DVec3, hit: Hit) -> [f64; 3] {
         let Some(mesh) = &scene.mesh else { return scene.background };
         let x = eye + direction * hit.depth_mm;
         let normal = mesh.normal(hit.triangle);
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        let mut lit = [scene.ambient; 3];
-        for source in scene.lights.iter().filter(|source| source.shines()) {
-            let cosine = normal.dot(source.light.from_point(x).0).max(0.0);
-            let share = (1.0 - scene.ambient) * cosine * self.light_left(scene, x, &source.light);
-            let radiance = source.radiance();
-            (0..3).for_each(|c| lit[c] += share * radiance[c]);
-        }
+        let lit = self.lit(scene, x, |light| normal.dot(light.from_point(x).0).max(0.0));
         let color = mesh.color(hit.triangle);
         std::array::from_fn(|c| color[c] * lit[c])
     }
 
     /// Transmittance from a light to a point (world mm), through the volume and past the mesh.
-    fn light_left(&self, scene: &Scene, x: DVec3, light: &Light) -> f64 {
+    fn transmittance_past_mesh(&self, scene: &Scene, x: DVec3, light: &Light) -> f64 {
         let (toward, distance_mm) = light.from_point(x);
-        // What is nearer is the surface that the point lies on.
+        // Nearer hits belong to the surface that the point lies on.
         let from_mm = SURFACE_GAP * self.volume.min_spacing_mm();
         let hidden = scene.mesh.as_ref().is_some_and(|mesh| mesh.is_hit(x, toward, [from_mm, distance_mm]));
         if hidden { 0.0 } else { self.transmittance_to_light(x, light) }
     }
 }
 
-/// Where a ray from the eye (world mm) first meets the scene's mesh.
+/// First hit of a ray from the eye (world mm) with the scene's mesh.
 pub(super) fn first_surface(scene: &Scene, eye: DVec3, direction: DVec3) -> Option<Hit> {
     scene.mesh.as_ref()?.first_hit(eye, direction, [0.0, f64::INFINITY])
 }
 
-/// Pixels from one that is looked at to the next: a step that shares no factor with the width does not keep to a few
-/// columns.
+/// Distance of evenly spread pixels: coprime to the width, so that they do not stay in a few columns.
 fn spread_step(width: usize, height: usize, count: usize) -> usize {
-    let divides = |a: usize, b: usize| -> usize {
-        let (mut a, mut b) = (a, b);
-        while b > 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
+    fn gcd(a: usize, b: usize) -> usize {
+        if b == 0 { a } else { gcd(b, a % b) }
+    }
     let least = (width * height / count.max(1)).max(1);
-    (least..).find(|step| divides(*step, width.max(1)) == 1).unwrap_or(least)
+    (least..).find(|step| gcd(*step, width.max(1)) == 1).unwrap_or(least)
 }
 
-/// A part of the interval with its integral and an estimate of the error.
+/// Part of the interval with its integral and error estimate.
 struct Panel {
     from: f64,
     to: f64,
@@ -188,7 +178,7 @@ impl Panel {
     }
 }
 
-/// Integral of `f` over `[0, end]`: the worst panel is halved until the errors add up to less than the tolerance.
+/// Integral of `f` over `[0, end]`. The worst panel is bisected until the sum of the errors is below the tolerance.
 fn integrate(f: impl Fn(f64) -> [f64; 3], end: f64, rule: Rule) -> [f64; 3] {
     let at = |i: usize| end * i as f64 / rule.first_panels as f64;
     let mut panels: Vec<_> = (0..rule.first_panels).map(|i| Panel::new(&f, at(i), at(i + 1))).collect();

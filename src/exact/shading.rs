@@ -1,8 +1,8 @@
-//! The shading factor `f` of the model, in float64.
+//! Shading factor `f` of the model, in float64.
 //!
 //! The gradient is the central difference of the trilinear value over one voxel along each index axis, half a voxel
-//! either side, clamped at the edge as the value is, taken to world by the inverse transpose of the affine. The
-//! derivative itself would jump at every cell face, and no renderer shades by it.
+//! to either side, clamped at the edge like the value, and transformed to world by the inverse transpose of the affine. The
+//! derivative itself jumps at every cell face, and no renderer shades by it.
 //!
 //! Strands are shaded by their directions (Kajiya and Kay 1989, *Rendering fur with three dimensional textures*: the diffuse
 //! and the specular component of a thin cylinder).
@@ -32,9 +32,9 @@ impl ExactField<'_> {
         to_index.matrix3.transpose() * (DVec3::from_array(along) * scaling.slope)
     }
 
-    /// The factor on the light that reaches `x` (world mm), seen along the unit `sight` from the eye: 1 without shading
-    /// and where the value is flat, or where no direction of strands is known. Lit from both sides: shadows decide which
-    /// one light reaches.
+    /// Factor on the light that reaches `x` (world mm), for the unit view direction `sight` from the eye. It is 1 without shading,
+    /// where the value is flat, and where no direction of strands is known. Both sides are lit; shadows decide which one light
+    /// reaches.
     pub fn shading_factor(&self, x: DVec3, sight: DVec3, light: &Light, shading: Shading) -> f64 {
         if shading == Shading::None {
             return 1.0;
@@ -66,15 +66,15 @@ impl ExactField<'_> {
 /// unit `e`, both away from the strand: the sine of the angle between strand and light, and a highlight about the cone of
 /// mirror directions, where the cosines with `l` and `e` are each other's negatives.
 ///
-/// For one direction it is theirs; for several the sines are root mean squares, and the product of cosines is the mean,
-/// which is ours: by Cauchy and Schwarz the highlight is no more than 1 then, too.
+/// For one direction this is their formula. For several the sines are root mean squares and the product of cosines is a mean, our
+/// extension; by the Cauchy-Schwarz inequality the highlight is still at most 1.
 fn strand_factor(mean: &DMat3, l: DVec3, e: DVec3) -> f64 {
     let sine = |v: DVec3| (1.0 - v.dot(*mean * v)).max(0.0).sqrt();
     let mirror = sine(l) * sine(e) - l.dot(*mean * e);
     sine(l) + HIGHLIGHT * mirror.max(0.0).powi(GLOSS)
 }
 
-/// Stored value at an index position: trilinear, clamped at the edge. Made of differences, so that it is exactly flat
+/// Stored value at an index position: trilinear, clamped at the edge. It uses differences, so that it is exactly constant
 /// where the voxels are.
 fn stored_at<V: Voxel>(voxels: &[V], dims: [usize; 3], at: DVec3) -> f64 {
     let along = |axis: usize| {

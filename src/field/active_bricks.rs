@@ -1,7 +1,7 @@
 //! Bricks with extinction under a transfer function, and the distance of every brick to the nearest of them: rays skip the
 //! others without loss.
 
-use crate::transfer::{Class, TransferFunction};
+use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{BRICK_CELLS, Bricks, RankSet};
 use glam::{DAffine3, DVec3, IVec3, USizeVec3};
 use rayon::prelude::*;
@@ -59,7 +59,7 @@ fn planes_over_bricks(bricks: &Bricks, tf: &TransferFunction) -> Vec<(DVec3, f64
     let world_from_bricks = bricks.world_from_index
         * DAffine3::from_translation(DVec3::NEG_ONE)
         * DAffine3::from_scale(DVec3::splat(BRICK_CELLS as f64));
-    tf.clip.iter().map(|plane| plane.seen_from(world_from_bricks)).collect()
+    tf.clip.iter().map(|plane| plane.in_coordinates(world_from_bricks)).collect()
 }
 
 /// Whether a plane clips all of a brick.
@@ -92,12 +92,13 @@ fn intervals_of_labels(bricks: &Bricks, tf: &TransferFunction, blur: f64) -> Vec
     let ids = bricks.labels.as_ref().map_or(&[][..], |labels| &labels.ids);
     let labels_of = |function: usize| {
         let mut ranks = RankSet::default();
-        let labels = ids.iter().enumerate().filter(|(_, id)| tf.class_of(**id) == Class::Function(function));
+        let labels =
+            ids.iter().enumerate().filter(|(_, id)| tf.class_of(**id) == LabelClass::Function(function));
         labels.for_each(|(rank, _)| ranks.insert(rank));
         ranks
     };
     // Without labels, all voxels use the function itself.
-    let used = if bricks.labels.is_some() { tf.functions() } else { vec![tf] };
+    let used = if bricks.labels.is_some() { tf.functions().collect() } else { vec![tf] };
     used.into_iter().enumerate().map(|(i, tf)| (labels_of(i), blurred(tf))).collect()
 }
 

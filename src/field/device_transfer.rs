@@ -369,7 +369,7 @@ fn clip_planes(volume: &Volume, clip: &[ClipPlane]) -> [[f32; 4]; MOST_CLIP_PLAN
     let mut planes = [[0.0, 0.0, 0.0, -1.0]; MOST_CLIP_PLANES];
     let world_from_grid = grid_from_world(volume).inverse();
     for (plane, given) in planes.iter_mut().zip(clip) {
-        let (normal, offset) = given.seen_from(world_from_grid);
+        let (normal, offset) = given.in_coordinates(world_from_grid);
         // Unit length in grid space, so that float32 rounds it alike for all voxel sizes.
         *plane = (normal.extend(offset) / normal.length()).as_vec4().to_array();
     }

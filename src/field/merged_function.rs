@@ -4,7 +4,7 @@ use super::LoadedVolume;
 use super::constants::HIDDEN_SHIFT;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, uniform_buffer};
-use crate::transfer::{Class, SideBySide, TransferFunction, TransferTables, extinct_range};
+use crate::transfer::{LabelClass, SideBySide, TransferFunction, TransferTables, extinction_range};
 use crate::volume::MOST_LABELS;
 
 /// Functions of all labels merged into one, over texel values that the device shifts by label.
@@ -29,9 +29,9 @@ impl MergedFunction {
     pub fn of(loaded: &LoadedVolume, tf: &TransferFunction) -> Result<Self> {
         let (mapping, texel_range) = (loaded.on_device.mapping, loaded.on_device.texel_range);
         let ids = loaded.volume.labels().map_or(&[][..], |labels| labels.ids());
-        let classes: Vec<Class> = ids.iter().map(|id| tf.class_of(*id)).collect();
+        let classes: Vec<LabelClass> = ids.iter().map(|id| tf.class_of(*id)).collect();
         let largest = |[a, b]: [f64; 2]| a.abs().max(b.abs());
-        if classes.iter().all(|class| *class == Class::Function(0)) {
+        if classes.iter().all(|class| *class == LabelClass::Function(0)) {
             let function = TransferFunction { rules: Vec::new(), ..tf.clone() };
             let tables = TransferTables::build(&function, mapping, texel_range);
             let largest_texel = largest(texel_range);
@@ -40,14 +40,14 @@ impl MergedFunction {
         let refuse = |why: String| Error::input("cannot use functions of labels", "--label-tf", why);
         let SideBySide { function, shifts, hidden } =
             tf.side_by_side(loaded.volume.value_range()).map_err(refuse)?;
-        let shift = |class: &Class| match *class {
-            Class::Hidden => HIDDEN_SHIFT,
-            Class::Function(i) => (shifts[i] / mapping.scale) as f32,
+        let shift = |class: &LabelClass| match *class {
+            LabelClass::Hidden => HIDDEN_SHIFT,
+            LabelClass::Function(i) => (shifts[i] / mapping.scale) as f32,
         };
         let hidden_texel = mapping.texel_from_value(hidden);
         let texel_range = [texel_range[0], hidden_texel];
         let mut tables = TransferTables::build(&function, mapping, texel_range);
-        let ends = tf.functions().into_iter().map(|tf| extinct_range(tf, mapping));
+        let ends = tf.functions().into_iter().map(|tf| extinction_range(tf, mapping));
         if let Some(ends) = ends.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) {
             (tables.first_value, tables.last_value) = ends;
         }

@@ -1,42 +1,39 @@
-//! Pictures in a row as one file: animated PNG, every pixel as in a PNG file of its own, and GIF, of 256 colours in all.
+//! Animation files: animated PNG, whose pixels equal those of single PNG files, and GIF, with 256 colours in all.
 
 use super::output::{WholeFile, extension, spool_beside};
-use super::picture::{Backdrop, codes, color_type};
+use super::picture::{Backdrop, codes, color_type, joined, png_encoder};
 use crate::error::{Error, Result};
 use color_quant::NeuQuant;
 use gif::{AnyExtension, Extension, Frame, Repeat};
 use ndarray::Array3;
-use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tempfile::SpooledTempFile;
 
-/// File-name endings that [`Animation`] knows.
+/// File-name endings that [`Animation`] supports.
 pub const ANIMATION_EXTENSIONS: &[&str] = &["apng", "gif"];
 
-/// Pictures a second that a file may have: viewers show a GIF whose pictures stand for less than 20 ms at a pace of their
-/// own.
+/// Range of frame rates. Viewers ignore the delays of a GIF below 20 ms.
 pub const PICTURES_PER_SECOND: [f64; 2] = [0.1, 50.0];
 
 /// Colours of a GIF file.
 const COLORS: usize = 256;
-/// Pixels, spread over all pictures, from which these are chosen.
+/// Pixels, spread over all pictures, from which the colours are chosen.
 const TRAINING_PIXELS: u64 = 1 << 21;
-/// Bytes of pixels that are held in memory until the colours are chosen; more lie in a file without a name.
+/// Bytes of pixels that wait in memory until the colours are chosen; more go to a nameless file.
 const SPOOL_BYTES: usize = 64 << 20;
 
-/// Whether a file of that name is an animated one.
+/// Whether a file name has the ending of an animation.
 pub fn is_animation(path: &Path) -> bool {
     extension(path, ANIMATION_EXTENSIONS).is_ok()
 }
 
-/// Refuses an animated file before any work is done for it, beyond what
-/// [`check_output`](super::output::check_output) refuses: a GIF file knows no half-transparent pixels.
+/// Refuses a GIF file without a background, since GIF has no half-transparent pixels.
 ///
 /// # Errors
-/// That, as a fault of the command line.
+/// A fault of the command line.
 pub fn check_backdrop(path: &Path, backdrop: Backdrop) -> Result<()> {
     if backdrop == Backdrop::LeftOut && extension(path, &["gif"]).is_ok() {
         let why = "a GIF file has no half-transparent pixels, which a picture without background needs";
@@ -46,22 +43,22 @@ pub fn check_backdrop(path: &Path, backdrop: Backdrop) -> Result<()> {
     Ok(())
 }
 
-/// What an animated file is of.
+/// Properties of an animation.
 #[derive(Debug, Clone)]
 pub struct Animated {
     /// Pixels across and down.
     pub size: [u32; 2],
-    /// How many pictures there will be.
+    /// Number of pictures.
     pub frames: u32,
     /// Pictures a second, within [`PICTURES_PER_SECOND`].
     pub fps: f64,
-    /// What is behind the volume.
+    /// Background behind the volume.
     pub backdrop: Backdrop,
     /// Texts by their keys: `iTXt` chunks of a PNG file, one comment of a GIF file.
     pub texts: Vec<(String, String)>,
 }
 
-/// An animated file that is being written, and repeats for ever when shown. It is there, whole, once it is finished.
+/// Writer of an animation that repeats for ever. The file appears, whole, when it is finished.
 pub struct Animation {
     path: PathBuf,
     whole: WholeFile,
@@ -71,26 +68,25 @@ pub struct Animation {
 }
 
 enum Encoder {
-    /// Pictures are written as they come.
+    /// Writes pictures as they arrive.
     Png(Box<png::Writer<BufWriter<File>>>),
-    /// Pictures wait until the colours of all are known.
+    /// Keeps pictures until the colours of all are known.
     Gif(Box<Waiting>),
 }
 
-/// A GIF file to come.
+/// Pictures of a GIF file that wait for the choice of its colours.
 struct Waiting {
     file: BufWriter<File>,
     /// RGB.
     pixels: SpooledTempFile,
-    seen: Colors,
+    palette: Palette,
 }
 
 impl Animation {
-    /// Begins a file; its format is by the name's ending.
+    /// Begins a file, whose ending decides its format.
     ///
     /// # Errors
-    /// Another ending, a GIF file without a background (it knows no half-transparent pixels), or a folder that cannot be
-    /// written to.
+    /// The ending is unknown, a GIF file has no background, or the folder cannot be written to.
     pub fn begin(path: &Path, of: Animated) -> Result<Self> {
         let kind = extension(path, ANIMATION_EXTENSIONS)?;
         check_backdrop(path, of.backdrop)?;
@@ -100,8 +96,8 @@ impl Animation {
             "apng" => Encoder::Png(Box::new(png_writer(file, &of).map_err(|e| failed(path, e))?)),
             _ => {
                 let pixels = u64::from(of.size[0]) * u64::from(of.size[1]) * u64::from(of.frames);
-                let seen = Colors::of_every(pixels.div_ceil(TRAINING_PIXELS) as usize);
-                Encoder::Gif(Box::new(Waiting { file, pixels: spool_beside(path, SPOOL_BYTES), seen }))
+                let palette = Palette::with_stride(pixels.div_ceil(TRAINING_PIXELS) as usize);
+                Encoder::Gif(Box::new(Waiting { file, pixels: spool_beside(path, SPOOL_BYTES), palette }))
             }
         };
         Ok(Self { path: path.into(), whole, of, added: 0, encoder })
@@ -110,7 +106,7 @@ impl Animation {
     /// Adds the next picture, `height x width x 4` as [`write_picture`](super::picture::write_picture) takes it.
     ///
     /// # Errors
-    /// One of another size, one too many, or the disk refuses.
+    /// The picture has another size or is one too many, or the disk refuses.
     pub fn add(&mut self, picture: &Array3<f32>) -> Result<()> {
         let fail = |e: &dyn std::fmt::Display| failed(&self.path, e);
         let [width, height] = self.of.size.map(|side| side as usize);
@@ -121,7 +117,7 @@ impl Animation {
         match &mut self.encoder {
             Encoder::Png(writer) => writer.write_image_data(&pixels).map_err(|e| fail(&e))?,
             Encoder::Gif(waiting) => {
-                waiting.seen.add(&pixels);
+                waiting.palette.add(&pixels);
                 waiting.pixels.write_all(&pixels).map_err(|e| fail(&e))?;
             }
         }
@@ -154,79 +150,60 @@ fn png_writer(
     file: BufWriter<File>,
     of: &Animated,
 ) -> Result<png::Writer<BufWriter<File>>, png::EncodingError> {
-    let mut encoder = png::Encoder::new(file, of.size[0], of.size[1]);
-    encoder.set_color(color_type(of.backdrop));
-    encoder.set_depth(png::BitDepth::Eight);
+    let mut encoder = png_encoder(file, of.size, color_type(of.backdrop), &of.texts)?;
     encoder.set_animated(of.frames, 0)?;
-    // Hundredths of a picture a second are told apart; each picture takes the place of the one before, alpha and all.
+    // The rate is exact to 0.01 pictures a second. Each picture replaces the one before, including alpha.
     encoder.set_frame_delay(100, (100.0 * of.fps).round() as u16)?;
     encoder.set_blend_op(png::BlendOp::Source)?;
-    for (key, text) in &of.texts {
-        encoder.add_itxt_chunk(key.clone(), text.clone())?;
-    }
     encoder.write_header()
 }
 
-/// Which colours pictures have: all of them while a GIF file can have so many, and a sample to choose from.
-struct Colors {
-    /// Of how many pixels one is in the sample.
-    of_every: usize,
-    /// The next of these from where the next picture begins.
-    next: usize,
-    /// RGBA.
-    sample: Vec<u8>,
-    /// `None` once there are more than [`COLORS`].
-    all: Option<HashSet<[u8; 3]>>,
-}
-
-impl Colors {
-    fn of_every(pixels: usize) -> Self {
-        // An odd stride goes through all columns of pictures of usual widths.
-        Self { of_every: pixels | 1, next: 0, sample: Vec::new(), all: Some(HashSet::new()) }
-    }
-
-    fn add(&mut self, pixels: &[u8]) {
-        let (colors, _) = pixels.as_chunks::<3>();
-        let sampled = colors.iter().skip(self.next).step_by(self.of_every);
-        let beyond = self.next + sampled.len() * self.of_every;
-        self.sample.extend(sampled.flat_map(|&[r, g, b]| [r, g, b, u8::MAX]));
-        self.next = beyond - colors.len();
-        if let Some(all) = &mut self.all {
-            let mut last = None;
-            for color in colors {
-                // Pictures have long runs of one colour.
-                if last != Some(color) && all.insert(*color) && all.len() > COLORS {
-                    self.all = None;
-                    break;
-                }
-                last = Some(color);
-            }
-        }
-    }
-
-    fn palette(self) -> Palette {
-        if let Some(all) = self.all {
-            let mut colors: Vec<_> = all.into_iter().collect();
-            colors.sort_unstable();
-            let places = colors.iter().zip(0..=u8::MAX).map(|(color, place)| (*color, place)).collect();
-            return Palette { colors: colors.concat(), places, net: None };
-        }
-        let net = NeuQuant::new(1, COLORS, &self.sample);
-        Palette { colors: net.color_map_rgb(), places: HashMap::new(), net: Some(net) }
-    }
-}
-
-/// The colours of a GIF file, one set for all pictures: sets of their own would flicker.
+/// Palette of a GIF file, shared by all pictures: palettes of each picture would flicker.
 struct Palette {
-    /// RGB.
-    colors: Vec<u8>,
-    /// The places of colours that were asked for.
+    /// Distance of the sampled pixels.
+    stride: usize,
+    /// Pixels of the next picture before its first sample.
+    next: usize,
+    /// Sampled pixels, RGBA.
+    sample: Vec<u8>,
+    /// Places of known colours. Before [`Self::choose`] these are all colours, until there are more than [`COLORS`].
     places: HashMap<[u8; 3], u8>,
-    /// `None` where every colour has its place.
+    /// Finds the nearest colour, unless `places` holds every colour.
     net: Option<NeuQuant>,
 }
 
 impl Palette {
+    fn with_stride(pixels: usize) -> Self {
+        // An odd stride visits all columns of pictures of usual widths.
+        Self { stride: pixels | 1, next: 0, sample: Vec::new(), places: HashMap::new(), net: None }
+    }
+
+    fn add(&mut self, pixels: &[u8]) {
+        let (colors, _) = pixels.as_chunks::<3>();
+        let sampled = colors.iter().skip(self.next).step_by(self.stride);
+        self.next += sampled.len() * self.stride;
+        self.sample.extend(sampled.flat_map(|&[r, g, b]| [r, g, b, u8::MAX]));
+        self.next -= colors.len();
+        // Pictures have long runs of one colour.
+        for run in colors.chunk_by(|a, b| a == b) {
+            if self.places.len() > COLORS {
+                break;
+            }
+            self.places.insert(run[0], 0);
+        }
+    }
+
+    /// Chooses the colours, RGB.
+    fn choose(&mut self) -> Vec<u8> {
+        let mut colors: Vec<_> = std::mem::take(&mut self.places).into_keys().collect();
+        if colors.len() > COLORS {
+            return self.net.insert(NeuQuant::new(1, COLORS, &self.sample)).color_map_rgb();
+        }
+        colors.sort_unstable();
+        self.places = colors.iter().copied().zip(0..=u8::MAX).collect();
+        colors.concat()
+    }
+
     fn place(&mut self, color: [u8; 3]) -> u8 {
         let [r, g, b] = color;
         let nearest = || self.net.as_ref().map_or(0, |net| net.index_of(&[r, g, b, u8::MAX]) as u8);
@@ -234,46 +211,32 @@ impl Palette {
     }
 }
 
-/// No dithering: it would crawl from picture to picture, and triple the file.
+/// Writes the pictures without dithering, which would move from picture to picture and triple the file.
 fn write_gif(waiting: Waiting, of: &Animated) -> Result<(), gif::EncodingError> {
-    let Waiting { file, pixels: mut kept, seen } = waiting;
-    let mut palette = seen.palette();
+    let Waiting { file, pixels: mut spooled, mut palette } = waiting;
     // No picture is wider than 16,384 pixels, which is less than a GIF file can say.
     let [width, height] = of.size.map(|side| side as u16);
-    let mut encoder = gif::Encoder::new(file, width, height, &palette.colors)?;
+    let mut encoder = gif::Encoder::new(file, width, height, &palette.choose())?;
     encoder.set_repeat(Repeat::Infinite)?;
-    let lines: Vec<String> = of.texts.iter().map(|(key, text)| format!("{key}: {text}")).collect();
-    if !lines.is_empty() {
-        let comment = AnyExtension::from(Extension::Comment);
-        encoder.write_raw_extension(comment, &[lines.join("\n").as_bytes()])?;
+    if let Some(lines) = joined(&of.texts) {
+        encoder.write_raw_extension(AnyExtension::from(Extension::Comment), &[lines.as_bytes()])?;
     }
-    kept.seek(SeekFrom::Start(0))?;
+    spooled.seek(SeekFrom::Start(0))?;
     let mut pixels = vec![0; 3 * of.size[0] as usize * of.size[1] as usize];
     for frame in 0..of.frames {
-        kept.read_exact(&mut pixels)?;
+        spooled.read_exact(&mut pixels)?;
         let (colors, _) = pixels.as_chunks::<3>();
-        let mut last = ([0; 3], palette.place([0; 3]));
-        let mut place = |color: [u8; 3]| {
-            if color != last.0 {
-                last = (color, palette.place(color));
-            }
-            last.1
-        };
-        let places: Vec<u8> = colors.iter().map(|color| place(*color)).collect();
-        encoder.write_frame(&Frame {
-            width,
-            height,
-            buffer: Cow::Owned(places),
-            delay: delay_hundredths(frame, of.fps),
-            ..Frame::default()
-        })?;
+        let runs = colors.chunk_by(|a, b| a == b);
+        let places: Vec<u8> =
+            runs.flat_map(|run| std::iter::repeat_n(palette.place(run[0]), run.len())).collect();
+        let delay = delay_hundredths(frame, of.fps);
+        encoder.write_frame(&Frame { width, height, buffer: places.into(), delay, ..Frame::default() })?;
     }
     encoder.into_inner()?.flush()?;
     Ok(())
 }
 
-/// How long a picture of a GIF file stands, in hundredths of a second, such that pictures are never more than half of one
-/// off their time.
+/// Duration of a picture of a GIF file in 0.01 s, rounded so that rounding errors do not accumulate.
 fn delay_hundredths(frame: u32, fps: f64) -> u16 {
     let at = |frame: u32| (100.0 * f64::from(frame) / fps).round();
     (at(frame + 1) - at(frame)) as u16
@@ -282,6 +245,7 @@ fn delay_hundredths(frame: u32, fps: f64) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
     use std::io::Cursor;
 
     const SIZE: [u32; 2] = [37, 23];
@@ -303,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn an_animated_png_has_every_pixel_of_every_picture() {
+    fn an_animated_png_keeps_every_pixel_of_every_picture() {
         let dir = tempfile::tempdir().unwrap();
         for (backdrop, channels) in [(Backdrop::Drawn, 3), (Backdrop::LeftOut, 4)] {
             let bytes = written(&dir.path().join("a.apng"), 4, 12.5, backdrop, 1e6);
@@ -323,7 +287,7 @@ mod tests {
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 
-    /// The pictures of a GIF file, RGB, and how long each stands.
+    /// Pictures of a GIF file, RGB, and their durations.
     fn decoded(bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<u16>) {
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(gif::ColorOutput::RGBA);
@@ -362,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_given_up_or_refused_leaves_nothing() {
+    fn an_unfinished_or_refused_animation_leaves_nothing() {
         let dir = tempfile::tempdir().unwrap();
         let of = |backdrop| Animated { size: SIZE, frames: 2, fps: 10.0, backdrop, texts: Vec::new() };
         for name in ["a.apng", "a.gif"] {
@@ -382,12 +346,11 @@ mod tests {
     #[test]
     fn samples_are_spread_evenly_over_pictures() {
         let pixels = |n: usize| vec![7; 3 * n];
-        let mut colors = Colors::of_every(6);
+        let mut palette = Palette::with_stride(6);
         for n in [5, 1, 9, 20, 2] {
-            colors.add(&pixels(n));
+            palette.add(&pixels(n));
         }
         // One of seven of 37, from the first on.
-        assert_eq!(colors.sample.len() / 4, 6);
-        assert_eq!(colors.all.as_ref().map(HashSet::len), Some(1));
+        assert_eq!((palette.sample.len() / 4, palette.places.len()), (6, 1));
     }
 }

@@ -1,4 +1,4 @@
-//! sRGB and linear light: inside everything is linear RGB, only files, flags and PNGs speak sRGB.
+//! Conversion between sRGB and linear RGB. The program computes in linear RGB; files, flags and PNGs use sRGB.
 
 /// Linear light of an sRGB-encoded value in `[0, 1]` (IEC 61966-2-1).
 pub fn linear_from_srgb(encoded: f64) -> f64 {
@@ -19,7 +19,7 @@ pub fn srgb8_from_linear(linear: f64) -> u8 {
 /// Linear RGB of `#rrggbb`.
 ///
 /// # Errors
-/// Why the text is not such a colour.
+/// The text has another form.
 pub fn parse_hex(text: &str) -> Result<[f64; 3], String> {
     let refuse = || format!("`{text}` is not a colour of the form #rrggbb");
     let digits = text.strip_prefix('#').ok_or_else(refuse)?;

@@ -1,24 +1,24 @@
-//! SHA-256 of what is read, so that a table says what it is of.
+//! SHA-256 of input files, recorded beside results.
 
 use crate::error::{Error, Result};
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::Read;
 use std::path::Path;
 
-/// How much is read at once.
+/// Bytes read at once.
 const PIECE: usize = 1 << 20;
 
-/// SHA-256 of files one after the other, in hexadecimal.
+/// SHA-256 of the concatenated contents of files, in hexadecimal.
 ///
 /// # Errors
-/// One that cannot be read.
+/// A file cannot be read.
 pub fn sha256_of_files<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<String> {
     let mut hasher = Sha256::new();
     let mut piece = vec![0; PIECE];
     for path in paths {
         let failed = |e: std::io::Error| Error::input("cannot read file", path.display(), e);
-        let mut file = BufReader::new(File::open(path).map_err(failed)?);
+        let mut file = File::open(path).map_err(failed)?;
         loop {
             match file.read(&mut piece).map_err(failed)? {
                 0 => break,
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_the_standards_own_example_however_it_is_cut() {
+    fn the_hash_matches_the_standard_however_the_input_is_cut() {
         // FIPS 180-4's example.
         let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(sha256(b"abc"), expected);

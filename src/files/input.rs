@@ -1,23 +1,23 @@
-//! Reading small text files, and what files of several formats say in the same words.
+//! Small text files, and the mark of the coordinate system that several formats share.
 
 use crate::error::{Error, Result};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// No transfer function, scene or list of rays is larger; an endless device file ends here.
+/// Largest text file that is read; it also bounds endless device files.
 const MAX_TEXT_BYTES: u64 = 256 << 20;
 
-/// Where a file of places would say which way its axes go.
+/// Bytes at the beginning of a file that are searched for the mark of its coordinate system.
 const SPACE_WITHIN: usize = 4096;
 
-/// Whether a file that begins so says `SPACE=LPS`, as 3D Slicer writes it: x goes to the left, y to the back.
+/// Whether the beginning of a file contains `SPACE=LPS`, 3D Slicer's mark for x to the left and y to the back.
 pub fn says_lps(beginning: &[u8]) -> bool {
-    const SAID: &[u8] = b"SPACE=LPS";
-    beginning[..beginning.len().min(SPACE_WITHIN)].windows(SAID.len()).any(|words| words == SAID)
+    const MARK: &[u8] = b"SPACE=LPS";
+    beginning[..beginning.len().min(SPACE_WITHIN)].windows(MARK.len()).any(|bytes| bytes == MARK)
 }
 
-/// The whole of a UTF-8 text file; `what` begins the error line, e.g. `cannot read scene file`.
+/// Reads a UTF-8 text file; `what` begins the error line, e.g. `cannot read scene file`.
 ///
 /// # Errors
 /// The file cannot be read, is not UTF-8 or is larger than 256 MiB.

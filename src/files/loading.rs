@@ -1,18 +1,18 @@
-//! How far the reading of a volume is, and how it is ended early.
+//! Progress and cancellation of the reading of a volume.
 //!
-//! Whoever waits holds a [`Loading`] that the readers share: they say what they do and how much of it is done, and look
-//! now and then whether to go on. One that was cancelled returns an error soon and keeps nothing.
+//! The thread that waits shares a [`Loading`] with the readers. They report what they do and how much of it is done, and check
+//! now and then whether the reading was cancelled. A cancelled reading returns an error soon.
 
-use super::room::Room;
+use super::memory_budget::MemoryBudget;
 use crate::error::{Error, Result};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What is being done, in the order in which it happens.
+/// Stages of a reading, in the order in which they happen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ReadingStage {
-    /// Strands are read from their file, or grown.
+    /// Strands are read from their file, or generated.
     ReadingStrands,
     /// A file is read.
     #[default]
@@ -30,68 +30,61 @@ pub enum ReadingStage {
 }
 
 impl ReadingStage {
-    /// For people.
+    /// Name shown to the user.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::ReadingStrands => "reading strands",
-            Self::Reading => "reading",
-            Self::Unpacking => "unpacking",
-            Self::Building => "building",
-            Self::Voxelising => "voxelising",
-            Self::Checking => "checking values",
-            Self::Counting => "counting values",
-        }
+        self.name_and_span().0
     }
 
-    /// What share of the whole is done when it begins and when it ends.
-    fn span(self) -> [f64; 2] {
+    /// Name, and the shares of the whole reading at which the stage begins and ends.
+    fn name_and_span(self) -> (&'static str, [f64; 2]) {
         match self {
-            Self::ReadingStrands => [0.0, 0.25],
-            Self::Reading | Self::Unpacking | Self::Building => [0.0, 0.85],
-            Self::Voxelising => [0.25, 0.85],
-            Self::Checking => [0.85, 0.9],
-            Self::Counting => [0.9, 1.0],
+            Self::ReadingStrands => ("reading strands", [0.0, 0.25]),
+            Self::Reading => ("reading", [0.0, 0.85]),
+            Self::Unpacking => ("unpacking", [0.0, 0.85]),
+            Self::Building => ("building", [0.0, 0.85]),
+            Self::Voxelising => ("voxelising", [0.25, 0.85]),
+            Self::Checking => ("checking values", [0.85, 0.9]),
+            Self::Counting => ("counting values", [0.9, 1.0]),
         }
     }
 }
 
-/// How far a reading is.
+/// Progress of a reading.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ReadingProgress {
-    /// What is being done.
+    /// Present stage.
     pub stage: ReadingStage,
-    /// Of the whole, 0 to 1; it never falls. [`crate::volume::Histogram::of_with`] is the last part.
+    /// Share of the whole, 0 to 1; it never falls. [`crate::volume::Histogram::of_with`] is the last part.
     pub share: f64,
 }
 
-/// A reading that can be watched and ended from another thread.
+/// Reading that another thread can watch and cancel.
 #[derive(Debug, Default)]
 pub struct Loading {
-    progress: Mutex<ReadingProgress>,
+    state: Mutex<State>,
     cancelled: AtomicBool,
-    reducing: Mutex<Reducing>,
 }
 
-/// What a reader has done to its voxels.
+#[derive(Debug, Default)]
+struct State {
+    progress: ReadingProgress,
+    budget: Option<MemoryBudget>,
+    reduced: Option<Reduced>,
+}
+
+/// Reduction that a reader has applied to its voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reduced {
-    /// Voxels along each axis that there were.
+    /// Voxels along each axis before.
     pub from: [usize; 3],
     /// Voxels of a block along each axis that became one.
     pub factors: [usize; 3],
 }
 
-/// How voxels are reduced while they are read.
-#[derive(Debug, Default)]
-struct Reducing {
-    room: Option<Room>,
-    done: Option<Reduced>,
-}
-
 impl Loading {
-    /// How far it is.
+    /// Progress so far.
     pub fn progress(&self) -> ReadingProgress {
-        *self.lock()
+        self.lock().progress
     }
 
     /// Ends the reading soon; it then returns an error.
@@ -99,15 +92,15 @@ impl Loading {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Whether it is to end.
+    /// Whether the reading was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// Whether to go on; `source` is what was being read.
+    /// Refuses to continue after a cancellation; `source` is the file or name for the message.
     ///
     /// # Errors
-    /// It was cancelled.
+    /// The reading was cancelled.
     pub fn go_on(&self, source: &str) -> Result<()> {
         match self.is_cancelled() {
             true => Err(Error::runtime("cannot read volume", source, "it was cancelled")),
@@ -115,33 +108,33 @@ impl Loading {
         }
     }
 
-    /// Says what voxels are to fit into, for readers that can reduce them as they come; `None` has them read as they are.
-    pub fn reduce_to(&self, room: Option<Room>) {
-        *self.reducing.lock().unwrap_or_else(PoisonError::into_inner) = Reducing { room, done: None };
+    /// Sets the budget for readers that can reduce voxels as they arrive; `None` keeps all voxels.
+    pub fn reduce_to(&self, budget: Option<MemoryBudget>) {
+        let mut state = self.lock();
+        (state.budget, state.reduced) = (budget, None);
     }
 
-    /// By which factors a grid is to be reduced while it is read, of voxels of so many bytes each: a reader that asks has to
-    /// do it. `None`: it is to be read as it is.
+    /// Factors by which the calling reader must reduce a grid while it reads; `None` keeps all voxels.
     ///
     /// # Errors
-    /// No factors make it fit; in words.
+    /// No factors make the grid fit the budget.
     pub fn factors_for(&self, dims: [usize; 3], voxel_bytes: u64) -> Result<Option<[usize; 3]>, String> {
-        let mut reducing = self.reducing.lock().unwrap_or_else(PoisonError::into_inner);
-        let factors = reducing.room.map(|room| room.factors(dims, voxel_bytes)).transpose()?;
-        reducing.done = factors.map(|factors| Reduced { from: dims, factors });
+        let mut state = self.lock();
+        let factors = state.budget.map(|budget| budget.factors(dims, voxel_bytes)).transpose()?;
+        state.reduced = factors.map(|factors| Reduced { from: dims, factors });
         Ok(factors)
     }
 
-    /// What a reader has reduced its voxels by, where one was asked to and asked how; said once.
+    /// Takes the reduction that a reader has applied, if any; the next call returns `None`.
     pub fn take_reduced(&self) -> Option<Reduced> {
-        self.reducing.lock().unwrap_or_else(PoisonError::into_inner).done.take()
+        self.lock().reduced.take()
     }
 
-    /// Says what is done from now on.
+    /// Begins a stage.
     pub fn begin(&self, stage: ReadingStage) {
-        let mut now = self.lock();
-        now.stage = stage;
-        now.share = now.share.max(stage.span()[0]);
+        let progress = &mut self.lock().progress;
+        progress.stage = stage;
+        progress.share = progress.share.max(stage.name_and_span().1[0]);
     }
 
     /// Begins a stage of `total` equal pieces, which several threads may do.
@@ -150,16 +143,16 @@ impl Loading {
         Pieces { loading: self, total: total as u64, done: AtomicU64::new(0) }
     }
 
-    /// Says what share of the present stage is done.
+    /// Reports the share of the present stage that is done.
     fn note(&self, share: f64) {
-        let mut now = self.lock();
-        let [from, to] = now.stage.span();
-        now.share = now.share.max(from + (to - from) * share.clamp(0.0, 1.0));
+        let progress = &mut self.lock().progress;
+        let [from, to] = progress.stage.name_and_span().1;
+        progress.share = progress.share.max(from + (to - from) * share.clamp(0.0, 1.0));
     }
 
-    fn lock(&self) -> MutexGuard<'_, ReadingProgress> {
-        // Plain data, as good after a panic elsewhere as before.
-        self.progress.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // Plain data, valid after a panic elsewhere.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -172,19 +165,19 @@ pub struct Pieces<'a> {
 }
 
 impl Pieces<'_> {
-    /// One piece more is done.
+    /// Counts one more piece as done.
     pub fn done(&self) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.loading.note(done as f64 / self.total.max(1) as f64);
     }
 
-    /// Whether the rest is not wanted any more.
+    /// Whether the reading was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.loading.is_cancelled()
     }
 }
 
-/// A file that says how much of it has been read; reading fails once that was cancelled.
+/// Reader that reports its position as progress, and fails once the reading was cancelled.
 #[derive(Debug)]
 pub struct Watched<'a, R> {
     input: R,
@@ -194,17 +187,17 @@ pub struct Watched<'a, R> {
 }
 
 impl<'a, R> Watched<'a, R> {
-    /// Of an input that is wanted up to byte `end`.
+    /// Watches an input that is read up to byte `end`.
     pub fn new(input: R, end: u64, loading: &'a Loading) -> Self {
         Self { input, loading, at: 0, end }
     }
 
-    /// Who watches.
+    /// The reading to which progress is reported.
     pub fn loading(&self) -> &'a Loading {
         self.loading
     }
 
-    /// It is wanted only up to this byte.
+    /// Changes the byte up to which the input is read.
     pub fn ends_at(&mut self, end: u64) {
         self.end = end;
     }

@@ -1,24 +1,33 @@
-//! Files that appear whole or not at all.
+//! Output files that appear whole or not at all, and checks of output paths before the work.
 
 use crate::error::{Error, Result};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use tempfile::{Builder, NamedTempFile, SpooledTempFile};
 
 const WHAT: &str = "cannot write file";
+const WHAT_FOLDER: &str = "cannot write to folder";
 
-/// Temporary files of what is being written.
+/// Temporary files of outputs that are being written.
 static BEGUN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Removes what is being written, and has `end` end the program: nothing is half-written then, and no file begins or takes
-/// its name in between.
+fn begun() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    BEGUN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn failed(path: &Path, why: impl ToString) -> Error {
+    Error::runtime(WHAT, path.display(), why)
+}
+
+/// Removes all unfinished outputs and ends the program with `end`. The lock keeps other threads from beginning or finishing a
+/// file meanwhile.
 pub fn abandon_and(end: fn() -> !) -> ! {
-    let begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
+    let begun = begun();
     for file in begun.iter() {
-        // One that is not there any more is what is wanted.
+        // A missing file is what is wanted.
         let _ = std::fs::remove_file(file);
     }
     end()
@@ -27,64 +36,62 @@ pub fn abandon_and(end: fn() -> !) -> ! {
 /// Writes a file whole or not at all: to a temporary file in the same folder, which then takes the name.
 ///
 /// # Errors
-/// Whatever `write` meets, or the folder or disk refuses.
+/// `write` fails, or the folder or disk refuses.
 pub fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let fail = |e: io::Error| Error::runtime(WHAT, path.display(), e);
     let (whole, file) = WholeFile::begin(path)?;
     let mut buffered = BufWriter::new(file);
-    write(&mut buffered).map_err(fail)?;
-    buffered.into_inner().map_err(|e| fail(e.into_error()))?;
+    write(&mut buffered).map_err(|e| failed(path, e))?;
+    buffered.into_inner().map_err(|e| failed(path, e.into_error()))?;
     whole.finish()
 }
 
-/// A file that is written over a while: it is there once it is finished; dropped before, it leaves nothing.
+/// File that is written over a while and appears when it is finished; dropped before, it leaves nothing.
 pub struct WholeFile {
     temporary: NamedTempFile,
-    listed: Listed,
+    listed: BegunEntry,
     path: PathBuf,
 }
 
 impl WholeFile {
-    /// Begins it; what is to be in it is written to the file that comes with it, and flushed before it is finished.
+    /// Begins a file. Its contents go to the returned file, which must be flushed before [`Self::finish`].
     ///
     /// # Errors
     /// The folder cannot be written to.
     pub fn begin(path: &Path) -> Result<(Self, File)> {
-        let fail = |e: io::Error| Error::runtime(WHAT, path.display(), e);
-        let mut begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
-        let temporary = temporary_in(&folder_of(path)).map_err(fail)?;
-        let file = temporary.as_file().try_clone().map_err(fail)?;
+        let mut begun = begun();
+        let temporary = temporary_in(&folder_of(path)).map_err(|e| failed(path, e))?;
+        let file = temporary.as_file().try_clone().map_err(|e| failed(path, e))?;
         begun.insert(temporary.path().into());
-        let listed = Listed(temporary.path().into());
+        let listed = BegunEntry(temporary.path().into());
         Ok((Self { temporary, listed, path: path.into() }, file))
     }
 
-    /// Gives it its name.
+    /// Gives the file its name.
     ///
     /// # Errors
     /// The disk or the folder refuses.
     pub fn finish(self) -> Result<()> {
-        let fail = |e: io::Error| Error::runtime(WHAT, self.path.display(), e);
-        self.temporary.as_file().sync_all().map_err(fail)?;
-        // Not while the program is ended.
-        let begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
-        let named = self.temporary.persist(&self.path).map_err(|e| fail(e.error));
+        let Self { temporary, listed, path } = self;
+        temporary.as_file().sync_all().map_err(|e| failed(&path, e))?;
+        // Not while `abandon_and` ends the program.
+        let begun = begun();
+        let named = temporary.persist(&path).map_err(|e| failed(&path, e.error));
         drop(begun);
-        drop(self.listed);
+        drop(listed);
         named.map(|_| ())
     }
 }
 
-/// The name of a temporary file among [`BEGUN`], until it is dropped.
-struct Listed(PathBuf);
+/// Entry of [`BEGUN`] that is removed on drop.
+struct BegunEntry(PathBuf);
 
-impl Drop for Listed {
+impl Drop for BegunEntry {
     fn drop(&mut self) {
-        BEGUN.lock().unwrap_or_else(PoisonError::into_inner).remove(&self.0);
+        begun().remove(&self.0);
     }
 }
 
-/// What is kept for a while beside a file to come, in memory or, beyond so many bytes, in a nameless file of its folder.
+/// Buffer in memory that moves to a nameless file in the output's folder beyond this many bytes.
 pub(super) fn spool_beside(path: &Path, memory_bytes: usize) -> SpooledTempFile {
     tempfile::spooled_tempfile_in(memory_bytes, folder_of(path))
 }
@@ -109,25 +116,24 @@ pub fn check_output(path: &Path, extensions: &[&'static str]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses an output folder whose name, or the name of a folder above it, is taken by a file. Makes nothing.
+/// Refuses an output folder whose name, or the name of a folder above it, belongs to a file. Creates nothing.
 ///
 /// # Errors
-/// That, as a fault of the command line.
+/// A fault of the command line.
 pub fn check_output_dir(path: &Path) -> Result<()> {
     match path.ancestors().find(|p| p.exists()) {
-        Some(file) if !file.is_dir() => Err(Error::input(
-            "cannot write to folder",
-            path.display(),
-            format!("`{}` is not a folder", file.display()),
-        )),
+        Some(file) if !file.is_dir() => {
+            let why = format!("`{}` is not a folder", file.display());
+            Err(Error::input(WHAT_FOLDER, path.display(), why))
+        }
         _ => Ok(()),
     }
 }
 
-/// Refuses a folder that holds a table, by the name of its file, so that none is lost in silence.
+/// Refuses a folder that holds a table already, so that none is lost without notice.
 ///
 /// # Errors
-/// That, as a fault of the command line.
+/// A fault of the command line.
 pub fn check_no_table(folder: &Path, file: &str) -> Result<()> {
     if std::fs::metadata(folder.join(file)).is_ok_and(|m| m.len() > 0) {
         let why = format!("it holds {file} already");
@@ -137,18 +143,18 @@ pub fn check_no_table(folder: &Path, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// Makes an output folder, with those above it, when it is missing, and refuses one that cannot be written to.
+/// Creates an output folder with the folders above it, and refuses one that cannot be written to.
 ///
 /// # Errors
-/// It cannot be made or written to, as a fault of the command line.
+/// A fault of the command line.
 pub fn prepare_output_dir(path: &Path) -> Result<()> {
-    let refuse = |e: io::Error| Error::input("cannot write to folder", path.display(), e);
+    let refuse = |e: io::Error| Error::input(WHAT_FOLDER, path.display(), e);
     std::fs::create_dir_all(path).map_err(refuse)?;
     temporary_in(path).map_err(refuse)?;
     Ok(())
 }
 
-/// The one of `extensions` that the name ends in, letter case aside (`nii.gz` counts as one ending).
+/// Ending of a file name among `extensions`, ignoring case (`nii.gz` counts as one ending).
 pub(super) fn extension(path: &Path, extensions: &[&'static str]) -> Result<&'static str> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends =
@@ -171,11 +177,11 @@ fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     builder.prefix(".umbravox-").suffix(".tmp");
     #[cfg(unix)]
     {
-        // A temporary file is private by default; the finished one must have what the umask leaves, like any other.
+        // A temporary file is private by default; the finished one gets the permissions that the umask leaves.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    // The library's own message ends in the temporary name, which nobody asked for.
+    // The library's own message names the temporary file, which means nothing to the user.
     builder.tempfile_in(folder).map_err(|e| e.kind().into())
 }
 
@@ -203,13 +209,13 @@ mod tests {
     }
 
     #[test]
-    fn a_file_written_over_a_while_is_there_when_it_is_finished() {
+    fn a_file_written_over_a_while_appears_when_it_is_finished() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.gif");
         let (whole, mut file) = WholeFile::begin(&path).unwrap();
         file.write_all(b"half").unwrap();
         drop(whole);
-        assert_eq!(entries(dir.path()), 0, "given up, it leaves nothing");
+        assert_eq!(entries(dir.path()), 0, "dropped, it leaves nothing");
         let (whole, mut file) = WholeFile::begin(&path).unwrap();
         file.write_all(b"whole").unwrap();
         assert!(!path.exists());

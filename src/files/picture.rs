@@ -1,4 +1,4 @@
-//! The picture formats: PNG, OpenEXR and NPY.
+//! Picture files: PNG, OpenEXR and NPY.
 
 use super::color::srgb8_from_linear;
 use super::output::{extension, write_whole};
@@ -9,53 +9,43 @@ use ndarray_npy::WriteNpyExt;
 use std::io::Cursor;
 use std::path::Path;
 
-/// File-name endings that [`write_picture`] knows.
+/// File-name endings that [`write_picture`] supports.
 pub const PICTURE_EXTENSIONS: &[&str] = &["png", "exr", "npy"];
 
-/// What a picture file shows behind the volume.
+/// Background of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Backdrop {
-    /// The background that the picture was drawn over.
+    /// Background over which the picture was drawn.
     #[default]
     Drawn,
-    /// Nothing. The picture was drawn over black, so that its colours are those of the volume alone, times opacity.
+    /// No background. The picture was drawn over black, so that its colours are those of the volume times opacity.
     LeftOut,
 }
 
 /// Writes a picture, `height x width x 4`: linear RGB already composed over the background, and opacity
-/// `1 - T_eye`. By the name's ending: `.png` (8-bit sRGB, opaque), `.exr` (linear, 32-bit float RGBA) or `.npy`
-/// (float32, all four channels as they are).
+/// `1 - T_eye`. The ending decides the format: `.png` (8-bit sRGB, opaque), `.exr` (linear, 32-bit float RGBA) or `.npy`
+/// (float32, all four channels unchanged).
 ///
 /// # Errors
-/// Another ending, or the file cannot be written.
+/// The ending is unknown, or the file cannot be written.
 ///
 /// # Panics
-/// When the array does not have four channels.
+/// The array does not have four channels.
 pub fn write_picture(path: &Path, picture: &Array3<f32>) -> Result<()> {
-    write_picture_as(path, picture, Backdrop::Drawn)
+    write_picture_with(path, picture, Backdrop::Drawn, &[])
 }
 
-/// Writes a picture as [`write_picture`] does, or without its background: then a `.png` is RGBA with straight
-/// (unassociated) alpha, as its standard says, and the colours of an `.exr` or `.npy` are times (associated with) the
-/// opacity, as OpenEXR's convention says.
+/// Writes a picture with a choice of background and with texts.
+///
+/// Without a background a `.png` is RGBA with straight (unassociated) alpha, as its standard demands; the colours of an `.exr`
+/// or `.npy` are multiplied by (associated with) the opacity, as OpenEXR's convention demands. Each text has a key. A `.png` keeps them in
+/// `iTXt` chunks, an `.exr` in its attribute `comments`; an `.npy` keeps none.
 ///
 /// # Errors
-/// As there.
+/// The ending is unknown, or the file cannot be written.
 ///
 /// # Panics
-/// As there.
-pub fn write_picture_as(path: &Path, picture: &Array3<f32>, backdrop: Backdrop) -> Result<()> {
-    write_picture_with(path, picture, backdrop, &[])
-}
-
-/// Writes a picture as [`write_picture_as`] does, with texts by their keys that say what it is of, in a `.png` as `iTXt`
-/// chunks and in an `.exr` as its `comments`; an `.npy` keeps none.
-///
-/// # Errors
-/// As there.
-///
-/// # Panics
-/// As there.
+/// The array does not have four channels.
 pub fn write_picture_with(
     path: &Path,
     picture: &Array3<f32>,
@@ -63,8 +53,7 @@ pub fn write_picture_with(
     texts: &[(String, String)],
 ) -> Result<()> {
     assert_eq!(picture.dim().2, 4, "a picture is height x width x 4");
-    let ordered = picture.as_standard_layout();
-    // Encoded in memory: the codecs seek, and the file is then written in one go.
+    // The codecs seek, so pictures are encoded in memory.
     let mut bytes = Vec::new();
     let encoded = match extension(path, PICTURE_EXTENSIONS)? {
         "png" => {
@@ -72,13 +61,15 @@ pub fn write_picture_with(
             Ok(())
         }
         "exr" => exr(picture, texts, &mut bytes),
-        _ => ordered.write_npy(&mut bytes).map_err(|e| e.to_string()),
+        _ => picture.as_standard_layout().write_npy(&mut bytes).map_err(|e| e.to_string()),
     };
-    encoded.map_err(|why| Error::runtime("cannot encode picture", path.display(), why))?;
+    encoded.map_err(|why| Error::runtime(WHAT, path.display(), why))?;
     write_whole(path, |file| file.write_all(&bytes))
 }
 
-/// An OpenEXR file of 32-bit float RGBA, with texts (UTF-8) after their keys in its attribute `comments`.
+const WHAT: &str = "cannot encode picture";
+
+/// Encodes an OpenEXR file of 32-bit float RGBA, with texts (UTF-8) after their keys in its attribute `comments`.
 fn exr(picture: &Array3<f32>, texts: &[(String, String)], bytes: &mut Vec<u8>) -> Result<(), String> {
     let (height, width, _) = picture.dim();
     let pixel = |at: Vec2<usize>| {
@@ -86,14 +77,19 @@ fn exr(picture: &Array3<f32>, texts: &[(String, String)], bytes: &mut Vec<u8>) -
         (channel(0), channel(1), channel(2), channel(3))
     };
     let mut image = Image::from_channels((width, height), SpecificChannels::rgba(pixel));
-    // One attribute, and not one a key: the library writes those in any order, and equal pictures are to be equal files.
-    let lines: Vec<String> = texts.iter().map(|(key, text)| format!("{key}: {text}")).collect();
+    // One attribute for all keys: the library writes several in any order, and equal pictures must be equal files.
     image.layer_data.attributes.comments =
-        (!lines.is_empty()).then(|| Text::from_slice_unchecked(lines.join("\n").as_bytes()));
+        joined(texts).map(|lines| Text::from_slice_unchecked(lines.as_bytes()));
     image.write().to_buffered(Cursor::new(bytes)).map_err(|e| e.to_string())
 }
 
-/// Reads a picture that [`write_picture`] has written as `.exr`, bit by bit the same.
+/// Texts after their keys in one text, if there are any.
+pub(super) fn joined(texts: &[(String, String)]) -> Option<String> {
+    let lines: Vec<String> = texts.iter().map(|(key, text)| format!("{key}: {text}")).collect();
+    (!lines.is_empty()).then(|| lines.join("\n"))
+}
+
+/// Reads an `.exr` that [`write_picture`] has written; every bit is the same.
 ///
 /// # Errors
 /// The file cannot be read, or is no such picture.
@@ -106,10 +102,10 @@ pub fn read_exr(path: &Path) -> Result<Array3<f32>> {
     Array3::from_shape_vec(shape, picture.into_raw()).map_err(|e| fail(e.to_string()))
 }
 
-/// A picture as [`write_picture`] takes it, as a PNG file: 8-bit sRGB, opaque.
+/// Encodes a picture as a PNG file: 8-bit sRGB, opaque.
 ///
 /// # Errors
-/// The encoder's own.
+/// The encoder fails.
 pub fn picture_png(picture: &Array3<f32>) -> Result<Vec<u8>> {
     png(picture, Backdrop::Drawn, &[])
 }
@@ -119,7 +115,7 @@ fn png(picture: &Array3<f32>, backdrop: Backdrop, texts: &[(String, String)]) ->
     encode_png(&codes(picture, backdrop), [width as u32, height as u32], color_type(backdrop), texts)
 }
 
-/// What a PNG's pixels are made of.
+/// Colour type of a PNG file.
 pub(super) fn color_type(backdrop: Backdrop) -> png::ColorType {
     match backdrop {
         Backdrop::Drawn => png::ColorType::Rgb,
@@ -127,7 +123,7 @@ pub(super) fn color_type(backdrop: Backdrop) -> png::ColorType {
     }
 }
 
-/// The pixels of a picture with 8 bits a channel: sRGB, and alpha where the background is left out.
+/// Pixels of a picture with 8 bits a channel: sRGB, and alpha where there is no background.
 pub(super) fn codes(picture: &Array3<f32>, backdrop: Backdrop) -> Vec<u8> {
     let pixels = picture.rows().into_iter().map(|p| [0, 1, 2, 3].map(|c| f64::from(p[c])));
     let opaque = |[r, g, b, _]: [f64; 4]| [r, g, b].map(srgb8_from_linear);
@@ -137,7 +133,7 @@ pub(super) fn codes(picture: &Array3<f32>, backdrop: Backdrop) -> Vec<u8> {
     }
 }
 
-/// 8-bit pixels as a PNG file with texts by their keys.
+/// Encodes 8-bit pixels as a PNG file with texts.
 fn encode_png(
     codes: &[u8],
     [width, height]: [u32; 2],
@@ -146,29 +142,39 @@ fn encode_png(
 ) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let mut encode = || {
-        let mut encoder = png::Encoder::new(&mut bytes, width, height);
-        encoder.set_color(kind);
-        encoder.set_depth(png::BitDepth::Eight);
-        for (key, text) in texts {
-            encoder.add_itxt_chunk(key.clone(), text.clone())?;
-        }
-        let mut writer = encoder.write_header()?;
+        let mut writer = png_encoder(&mut bytes, [width, height], kind, texts)?.write_header()?;
         writer.write_image_data(codes)?;
         writer.finish()
     };
-    encode().map_err(|e: png::EncodingError| Error::runtime("cannot encode picture", "PNG", e))?;
+    encode().map_err(|e: png::EncodingError| Error::runtime(WHAT, "PNG", e))?;
     Ok(bytes)
 }
 
-/// A PNG file of 8 bits a channel with texts by their keys added.
+/// PNG encoder for 8 bits a channel, with texts.
+pub(super) fn png_encoder<W: std::io::Write>(
+    output: W,
+    [width, height]: [u32; 2],
+    kind: png::ColorType,
+    texts: &[(String, String)],
+) -> Result<png::Encoder<'static, W>, png::EncodingError> {
+    let mut encoder = png::Encoder::new(output, width, height);
+    encoder.set_color(kind);
+    encoder.set_depth(png::BitDepth::Eight);
+    for (key, text) in texts {
+        encoder.add_itxt_chunk(key.clone(), text.clone())?;
+    }
+    Ok(encoder)
+}
+
+/// Adds texts to a PNG file of 8 bits a channel.
 ///
 /// # Errors
-/// It is none such.
+/// The file is no such PNG.
 pub fn with_texts(file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u8>> {
     if texts.is_empty() {
         return Ok(file);
     }
-    let failed = |why: String| Error::runtime("cannot encode picture", "PNG", why);
+    let failed = |why: String| Error::runtime(WHAT, "PNG", why);
     let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().map_err(|e| failed(e.to_string()))?;
     let size = reader.output_buffer_size().ok_or_else(|| failed("it is too large".into()))?;
     let mut codes = vec![0; size];
@@ -180,7 +186,7 @@ pub fn with_texts(file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u8>> 
     encode_png(&codes, [info.width, info.height], info.color_type, texts)
 }
 
-/// 8-bit sRGB and alpha of a linear colour that is times its opacity; no opacity has no colour.
+/// 8-bit sRGB and straight alpha of a linear colour that is multiplied by its opacity; black where the opacity is 0.
 fn straight_srgb8([r, g, b, opacity]: [f64; 4]) -> [u8; 4] {
     let code = |linear: f64| if opacity > 0.0 { srgb8_from_linear(linear / opacity) } else { 0 };
     [code(r), code(g), code(b), (opacity.clamp(0.0, 1.0) * 255.0).round() as u8]
@@ -217,29 +223,29 @@ mod tests {
     #[test]
     fn texts_are_in_the_file_and_the_pixels_are_as_without() {
         let dir = tempfile::tempdir().unwrap();
-        let (plain, told) = (dir.path().join("a.png"), dir.path().join("b.png"));
+        let (plain, described) = (dir.path().join("a.png"), dir.path().join("b.png"));
         let texts = [("Software", "umbravox"), ("umbravox:scene", "name = 'Kopf ä \u{2192}'\nfov = 40\n")]
             .map(|(key, text)| (key.to_owned(), text.to_owned()));
         write_picture(&plain, &picture()).unwrap();
-        write_picture_with(&told, &picture(), Backdrop::Drawn, &texts).unwrap();
+        write_picture_with(&described, &picture(), Backdrop::Drawn, &texts).unwrap();
         let pixels = |path: &Path| ImageReader::open(path).unwrap().decode().unwrap().to_rgb8();
-        assert_eq!(pixels(&plain), pixels(&told));
+        assert_eq!(pixels(&plain), pixels(&described));
         let read = |bytes: Vec<u8>| {
             let reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
             let chunks = reader.info().utf8_text.iter();
             chunks.map(|c| (c.keyword.clone(), c.get_text().unwrap())).collect::<Vec<_>>()
         };
-        assert_eq!(read(std::fs::read(&told).unwrap()), texts);
-        // The same for a file that was made without.
+        assert_eq!(read(std::fs::read(&described).unwrap()), texts);
+        // Texts can also be added later.
         let added = with_texts(std::fs::read(&plain).unwrap(), &texts).unwrap();
         assert_eq!(image::load_from_memory(&added).unwrap().to_rgb8(), pixels(&plain));
         assert_eq!(read(added), texts);
         assert!(with_texts(b"no picture".to_vec(), &texts).is_err());
 
-        let told = dir.path().join("b.exr");
-        write_picture_with(&told, &picture(), Backdrop::Drawn, &texts).unwrap();
-        assert_eq!(read_exr(&told).unwrap(), picture());
-        let meta = exr::meta::MetaData::read_from_file(&told, false).unwrap();
+        let described = dir.path().join("b.exr");
+        write_picture_with(&described, &picture(), Backdrop::Drawn, &texts).unwrap();
+        assert_eq!(read_exr(&described).unwrap(), picture());
+        let meta = exr::meta::MetaData::read_from_file(&described, false).unwrap();
         let comments = meta.headers[0].own_attributes.comments.as_ref().unwrap().as_slice().to_vec();
         let expected = format!("Software: umbravox\numbravox:scene: {}", texts[1].1);
         assert_eq!(String::from_utf8(comments).unwrap(), expected);
@@ -270,7 +276,7 @@ mod tests {
             if c == 3 { opacities[at] } else { colors[at][c] * opacities[at] }
         });
         let png = dir.path().join("a.png");
-        write_picture_as(&png, &over_black, Backdrop::LeftOut).unwrap();
+        write_picture_with(&png, &over_black, Backdrop::LeftOut, &[]).unwrap();
         let read = ImageReader::open(&png).unwrap().decode().unwrap();
         assert_eq!(read.color(), image::ColorType::Rgba8);
         for (at, pixel) in read.to_rgba8().pixels().enumerate() {
@@ -279,7 +285,7 @@ mod tests {
             for c in 0..3 {
                 let straight = if alpha > 0.0 { colors[at][c] } else { 0.0 };
                 assert_eq!(pixel[c], srgb8_from_linear(f64::from(straight)), "pixel {at}");
-                // What it is composed to over grey, to half a code of alpha and of colour.
+                // Composed over grey, to half a code of alpha and of colour.
                 let shown = crate::files::color::linear_from_srgb(f64::from(pixel[c]) / 255.0);
                 let a8 = f64::from(pixel[3]) / 255.0;
                 let composed = a8 * shown + (1.0 - a8) * 0.5;
@@ -289,7 +295,7 @@ mod tests {
         }
         // An OpenEXR file is associated: as drawn over black, to the last bit.
         let exr = dir.path().join("a.exr");
-        write_picture_as(&exr, &over_black, Backdrop::LeftOut).unwrap();
+        write_picture_with(&exr, &over_black, Backdrop::LeftOut, &[]).unwrap();
         assert_eq!(read_exr(&exr).unwrap(), over_black);
     }
 

@@ -1,36 +1,36 @@
-//! XML of other programs, parsed in a time that its length bounds.
+//! XML of other programs, parsed in a time bounded by its length.
 
 use roxmltree::{Document, ParsingOptions};
 
-/// Bytes of a tag with its attributes: the parser compares each attribute with all others of its tag.
+/// Largest size of a tag: the parser compares each attribute with all others of its tag.
 const MOST_TAG: usize = 4096;
 
-/// Why a text is no XML that is read, and in which line.
+/// Reason why a text cannot be parsed, and its line.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Trouble {
-    /// Counted from 1.
+pub struct XmlError {
+    /// Line, from 1.
     pub line: usize,
-    /// In words.
+    /// Reason.
     pub why: String,
 }
 
-/// Parses a text of at most so many nodes, without entities.
+/// Parses a text of at most `nodes_limit` nodes, without entities.
 ///
 /// # Errors
-/// It is no XML, has a document type, too many nodes, or a tag that is too long.
-pub fn parse(text: &str, nodes_limit: u32) -> Result<Document<'_>, Trouble> {
+/// The text is no XML, has a document type, too many nodes, or a tag that is too long.
+pub fn parse(text: &str, nodes_limit: u32) -> Result<Document<'_>, XmlError> {
     if let Some(at) = long_tag(text.as_bytes()) {
         let line = 1 + text.as_bytes()[..at].iter().filter(|byte| **byte == b'\n').count();
-        return Err(Trouble { line, why: format!("a tag of more than {MOST_TAG} bytes") });
+        return Err(XmlError { line, why: format!("a tag of more than {MOST_TAG} bytes") });
     }
     let options = ParsingOptions { allow_dtd: false, nodes_limit, ..ParsingOptions::default() };
     Document::parse_with_options(text, options).map_err(|e| {
         let line = usize::try_from(e.pos().row).unwrap_or(1);
-        Trouble { line, why: e.to_string() }
+        XmlError { line, why: e.to_string() }
     })
 }
 
-/// Where a tag begins that is longer than tags may be; comments and the like are none.
+/// Start of the first tag that is too long; comments and the like are no tags.
 fn long_tag(bytes: &[u8]) -> Option<usize> {
     let mut at = 0;
     while let Some(found) = bytes[at..].iter().position(|byte| *byte == b'<') {
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_tags_are_refused_and_long_texts_are_not() {
+    fn long_tags_are_refused_but_long_texts_are_not() {
         let attributes: String = (0..2000).map(|i| format!(" a{i}='1'")).collect();
         let said = parse(&format!("<a>\n<b{attributes}/></a>"), 100).unwrap_err();
         assert!(said.line == 2 && said.why.contains("4096"), "{said:?}");

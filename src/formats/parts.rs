@@ -5,7 +5,7 @@ use super::beside::beside;
 use super::source::{Block, Packing, Source};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::files::room::refuse_beyond_host;
+use crate::files::memory_budget::refuse_beyond_host;
 use crate::volume::Voxels;
 use crate::volume::element::{ReadFailure, read_voxels};
 use std::io::{self, Read};

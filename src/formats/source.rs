@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
-use crate::files::room;
+use crate::files::memory_budget;
 use crate::volume::Voxels;
 use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_reduced, read_turned_voxels};
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
@@ -174,8 +174,8 @@ impl Block {
     /// What they are reduced by while they are read; voxels that there is no memory for are refused.
     fn factors(&self, data: &Source<'_>) -> Result<Option<[usize; 3]>, String> {
         let factors = data.loading().factors_for(self.dims, self.element.kept_bytes() as u64)?;
-        let dims = factors.map_or(self.dims, |factors| room::reduced_dims(self.dims, factors));
-        room::check(dims, self.element.kept_bytes() as u64).map(|()| factors)
+        let dims = factors.map_or(self.dims, |factors| memory_budget::reduced_dims(self.dims, factors));
+        memory_budget::check_grid(dims, self.element.kept_bytes() as u64).map(|()| factors)
     }
 
     /// Reads the voxels out of a stream of which `read` bytes have been taken.

@@ -75,7 +75,7 @@ impl ExactView {
             match quantity {
                 Quantity::Light => {
                     let first_pixel = first * scene.width;
-                    let found = field.seen_by_pixels(&scene, rows);
+                    let found = field.visible_points_of_pixels(&scene, rows);
                     let lit = (first_pixel..).zip(found).collect::<Vec<_>>().into_par_iter();
                     seen.par_extend(lit.filter_map(|(pixel, point)| {
                         let point = point?;

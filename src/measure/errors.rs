@@ -6,7 +6,7 @@ use super::nearby::Nearby;
 use super::rays::pick_texels;
 use super::stats::ErrorStats;
 use crate::error::Result;
-use crate::exact::{ExactField, OpticalDepthCurve, SeenPoint};
+use crate::exact::{ExactField, OpticalDepthCurve, VisiblePoint};
 use crate::render::Session;
 use crate::scene::{Light, LightSource, Scene};
 use crate::shadow::{LightSpace, ShadowMap, Taps};
@@ -32,10 +32,10 @@ pub struct SeenReference {
 impl SeenReference {
     /// About `count` points, under a scene's first light; fewer, or none, where the camera sees little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
-        Self::of(field, &field.seen_points(scene, count, SEED), scene.light())
+        Self::of(field, &field.visible_points(scene, count, SEED), scene.light())
     }
 
-    fn of(field: &ExactField, seen: &[SeenPoint], light: Light) -> Self {
+    fn of(field: &ExactField, seen: &[VisiblePoint], light: Light) -> Self {
         let to_light = |p: &DVec3| field.transmittance_to_light(*p, &light);
         let points_mm: Vec<_> = seen.iter().map(|p| p.position).collect();
         let exact = points_mm.par_iter().map(to_light).collect();
@@ -89,7 +89,7 @@ pub struct SeenByLights(Vec<SeenReference>);
 impl SeenByLights {
     /// About `count` points in all; fewer, or none, where the camera sees little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
-        let seen = field.seen_points(scene, count, SEED);
+        let seen = field.visible_points(scene, count, SEED);
         let lights = scene.shining();
         // Any stretch of the sequence that points are from is spread evenly.
         let place = |i: usize| i * seen.len() / lights.len();

@@ -1,7 +1,6 @@
-//! Meshes from files: STL (binary and text), PLY and OBJ, told apart by content first and by name second.
+//! Mesh files: STL (binary and text), PLY and OBJ, recognised by content first and by name second.
 //!
-//! Coordinates are world mm, RAS+ as everywhere here; a header that says `SPACE=LPS`, as 3D Slicer writes it, turns the first
-//! two about.
+//! Coordinates are world mm, RAS+; a header that contains `SPACE=LPS`, 3D Slicer's mark, negates the first two.
 
 use super::MeshPart;
 use crate::error::{Error, Result};
@@ -16,67 +15,53 @@ use std::path::Path;
 pub const MESH_EXTENSIONS: &[&str] = &["stl", "ply", "obj"];
 
 const WHAT: &str = "cannot read mesh";
-/// Bytes of a binary STL file before its triangles, and of each of them.
+/// Bytes of a binary STL file before its triangles.
 const STL_HEADER_BYTES: usize = 84;
+/// Bytes of each triangle of a binary STL file.
 const STL_TRIANGLE_BYTES: usize = 50;
 
-/// How a file is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Format {
-    Stl,
-    Ply,
-    Obj,
-}
+/// Parser of a file's bytes.
+type Parse = fn(&[u8]) -> TriangleResult;
 
-impl Format {
-    fn of(bytes: &[u8], path: &Path) -> Option<Self> {
-        let counts_fit = bytes.get(80..STL_HEADER_BYTES).is_some_and(|count| {
-            let triangles = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
-            triangles.checked_mul(STL_TRIANGLE_BYTES).is_some_and(|b| b + STL_HEADER_BYTES == bytes.len())
-        });
-        let named = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
-        let text = bytes.trim_ascii_start();
-        if text.starts_with(b"ply\n") || text.starts_with(b"ply\r") {
-            Some(Self::Ply)
-        } else if counts_fit || text.starts_with(b"solid") || named("stl") {
-            Some(Self::Stl)
-        } else if named("obj") || bytes.lines().map_while(|l| l.ok()).take(200).any(|l| l.starts_with("v ")) {
-            Some(Self::Obj)
-        } else {
-            None
-        }
+/// Parser for the format of a file.
+fn parser_of(bytes: &[u8], path: &Path) -> Option<Parse> {
+    let count_fits = bytes.get(80..).and_then(|rest| rest.first_chunk()).is_some_and(|count| {
+        let triangles = u32::from_le_bytes(*count) as usize;
+        triangles.checked_mul(STL_TRIANGLE_BYTES).is_some_and(|b| b + STL_HEADER_BYTES == bytes.len())
+    });
+    let named = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    let text = bytes.trim_ascii_start();
+    if text.starts_with(b"ply\n") || text.starts_with(b"ply\r") {
+        Some(ply)
+    } else if count_fits || text.starts_with(b"solid") || named("stl") {
+        Some(stl)
+    } else if named("obj") || bytes.lines().map_while(|l| l.ok()).take(200).any(|l| l.starts_with("v ")) {
+        Some(obj)
+    } else {
+        None
     }
 }
 
-/// Reads a file as a part of a mesh, in a linear RGB colour.
+/// Reads a file as a part of a mesh with a linear RGB colour.
 ///
 /// # Errors
-/// A file that cannot be read, is none of the formats, or is damaged.
+/// The file cannot be read, has none of the formats, or is damaged.
 pub fn read(path: &Path, color: [f64; 3]) -> Result<MeshPart> {
-    Ok(MeshPart { source: path.display().to_string().into(), color, triangles: read_triangles(path)? })
-}
-
-fn read_triangles(path: &Path) -> Result<Vec<[DVec3; 3]>> {
     let refused = |why: String| Error::input(WHAT, path.display(), why);
     let bytes = std::fs::read(path).map_err(|e| refused(e.to_string()))?;
-    let format = Format::of(&bytes, path).ok_or_else(|| {
+    let parse = parser_of(&bytes, path).ok_or_else(|| {
         refused("it is no STL, PLY or OBJ file".into()).hint("other meshes can be exported as one of these")
     })?;
-    let triangles = match format {
-        Format::Stl => stl(&bytes),
-        Format::Ply => ply(&bytes),
-        Format::Obj => obj(&bytes),
-    };
-    let mut triangles = triangles.map_err(refused)?;
+    let mut triangles = parse(&bytes).map_err(refused)?;
     if says_lps(&bytes) {
         triangles.iter_mut().flatten().for_each(|p| *p *= DVec3::new(-1.0, -1.0, 1.0));
     }
-    Ok(triangles)
+    Ok(MeshPart { source: path.display().to_string().into(), color, triangles })
 }
 
-type Triangles = std::result::Result<Vec<[DVec3; 3]>, String>;
+type TriangleResult = std::result::Result<Vec<[DVec3; 3]>, String>;
 
-fn stl(bytes: &[u8]) -> Triangles {
+fn stl(bytes: &[u8]) -> TriangleResult {
     let words = |e: std::io::Error| match e.kind() {
         std::io::ErrorKind::UnexpectedEof => "it ends before its triangles do".into(),
         _ => e.to_string(),
@@ -87,7 +72,7 @@ fn stl(bytes: &[u8]) -> Triangles {
     reader.map(|t| t.map(corners).map_err(words)).collect()
 }
 
-fn obj(bytes: &[u8]) -> Triangles {
+fn obj(bytes: &[u8]) -> TriangleResult {
     let options = tobj::LoadOptions {
         triangulate: true,
         ignore_lines: true,
@@ -100,25 +85,17 @@ fn obj(bytes: &[u8]) -> Triangles {
         tobj::load_obj_buf(&mut text, &options, |_| Ok(Default::default())).map_err(|e| e.to_string())?;
     let mut triangles = Vec::new();
     for model in &models {
-        let points: Vec<DVec3> = model
-            .mesh
-            .positions
-            .chunks_exact(3)
-            .map(|p| DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])))
-            .collect();
-        let faces = model.mesh.indices.chunks_exact(3);
-        for face in faces {
-            triangles.push(corners_of(&points, face.iter().map(|i| i64::from(*i)))?);
+        let points = model.mesh.positions.as_chunks::<3>().0.iter();
+        let points: Vec<DVec3> = points.map(|p| DVec3::from(p.map(f64::from))).collect();
+        for face in model.mesh.indices.as_chunks::<3>().0 {
+            triangles.push(corners_of(&points, face.map(i64::from))?);
         }
     }
     Ok(triangles)
 }
 
 /// Corners of a triangle by the numbers of its points.
-fn corners_of(
-    points: &[DVec3],
-    numbers: impl Iterator<Item = i64>,
-) -> std::result::Result<[DVec3; 3], String> {
+fn corners_of(points: &[DVec3], numbers: [i64; 3]) -> std::result::Result<[DVec3; 3], String> {
     let mut corners = [DVec3::ZERO; 3];
     for (corner, number) in corners.iter_mut().zip(numbers) {
         let found = usize::try_from(number).ok().and_then(|n| points.get(n));
@@ -127,20 +104,40 @@ fn corners_of(
     Ok(corners)
 }
 
-/// A point of a PLY file.
+/// Point or face of a PLY file.
 #[derive(Default)]
-struct PlyPoint {
+struct PlyElement {
     at: [Option<f64>; 3],
+    points: Vec<i64>,
 }
 
-impl PropertyAccess for PlyPoint {
+impl PlyElement {
+    fn set_points(&mut self, property: Property) -> PropertyAccessResult {
+        self.points = match property {
+            Property::ListInt(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListUInt(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListShort(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListUShort(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListChar(v) => v.into_iter().map(i64::from).collect(),
+            Property::ListUChar(v) => v.into_iter().map(i64::from).collect(),
+            _ => return PropertyAccessResult::Ignored,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+impl PropertyAccess for PlyElement {
     fn new() -> Self {
         Self::default()
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let Some(axis) = ["x", "y", "z"].iter().position(|n| *n == name) else {
-            return PropertyAccessResult::Ignored;
+        let axis = match name {
+            "x" => 0,
+            "y" => 1,
+            "z" => 2,
+            "vertex_indices" | "vertex_index" => return self.set_points(property),
+            _ => return PropertyAccessResult::Ignored,
         };
         self.at[axis] = match property {
             Property::Float(v) => Some(f64::from(v)),
@@ -157,57 +154,25 @@ impl PropertyAccess for PlyPoint {
     }
 }
 
-/// A face of a PLY file.
-#[derive(Default)]
-struct PlyFace {
-    points: Vec<i64>,
-}
-
-impl PropertyAccess for PlyFace {
-    fn new() -> Self {
-        Self::default()
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        if name != "vertex_indices" && name != "vertex_index" {
-            return PropertyAccessResult::Ignored;
-        }
-        self.points = match property {
-            Property::ListInt(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListUInt(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListShort(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListUShort(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListChar(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListUChar(v) => v.into_iter().map(i64::from).collect(),
-            _ => return PropertyAccessResult::Ignored,
-        };
-        PropertyAccessResult::Set
-    }
-}
-
-fn ply(bytes: &[u8]) -> Triangles {
-    let words = |e: &dyn std::fmt::Display| e.to_string();
+fn ply(bytes: &[u8]) -> TriangleResult {
     let mut reader = Reader::new(bytes);
-    let points = Parser::<PlyPoint>::new();
-    let faces = Parser::<PlyFace>::new();
-    let header = points.read_header(&mut reader).map_err(|e| words(&e))?;
-    let mut corners: Vec<DVec3> = Vec::new();
-    let mut polygons: Vec<PlyFace> = Vec::new();
+    let parser = Parser::<PlyElement>::new();
+    let header = parser.read_header(&mut reader).map_err(|e| e.to_string())?;
+    let (mut corners, mut polygons) = (Vec::new(), Vec::new());
     for (name, element) in &header.elements {
-        if name == "face" {
-            polygons =
-                faces.read_payload_for_element(&mut reader, element, &header).map_err(|e| words(&e))?;
-        } else {
-            // Others are read past.
-            let read =
-                points.read_payload_for_element(&mut reader, element, &header).map_err(|e| words(&e))?;
-            if name == "vertex" {
-                let place = |p: &PlyPoint| match p.at {
+        let read = parser.read_payload_for_element(&mut reader, element, &header);
+        let read = read.map_err(|e| e.to_string())?;
+        match name.as_str() {
+            "face" => polygons = read,
+            "vertex" => {
+                let place = |p: &PlyElement| match p.at {
                     [Some(x), Some(y), Some(z)] => Ok(DVec3::new(x, y, z)),
                     _ => Err("its points have no x, y and z".to_string()),
                 };
-                corners = read.iter().map(place).collect::<std::result::Result<_, _>>()?;
+                corners = read.iter().map(place).collect::<std::result::Result<Vec<_>, _>>()?;
             }
+            // Other elements are skipped.
+            _ => {}
         }
     }
     if polygons.is_empty() {
@@ -217,7 +182,7 @@ fn ply(bytes: &[u8]) -> Triangles {
     for polygon in &polygons {
         let [first, rest @ ..] = &polygon.points[..] else { continue };
         for pair in rest.windows(2) {
-            triangles.push(corners_of(&corners, [*first, pair[0], pair[1]].into_iter())?);
+            triangles.push(corners_of(&corners, [*first, pair[0], pair[1]])?);
         }
     }
     Ok(triangles)
@@ -263,7 +228,7 @@ mod tests {
             let binary = from("a.bin", &binary_stl(header, &[t, t.map(|c| c + 1.0)])).unwrap();
             assert_eq!((binary.triangles().len(), corner(&binary, 1, 0)), (2, DVec3::new(2.0, 3.0, 4.0)));
         }
-        // Another mesh is told by its corners.
+        // Meshes with other corners have another digest.
         let moved = from("a.stl", TEXT_STL.replace("1 4 3", "1 5 3").as_bytes()).unwrap();
         assert_ne!(format!("{text:?}"), format!("{moved:?}"));
         assert_eq!(format!("{text:?}"), format!("{:?}", from("b.stl", TEXT_STL.as_bytes()).unwrap()));
@@ -277,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_damaged_is_refused_in_one_line() {
+    fn damaged_files_are_refused_in_one_line() {
         let mut cut = binary_stl(b"cut", &[[1.0; 9]]);
         cut.truncate(100);
         let many = SQUARE_PLY.replace("4 0 1 2 3", "4 0 1 2 7");

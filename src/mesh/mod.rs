@@ -1,8 +1,8 @@
-//! Opaque things in a volume: triangles that eye rays and light rays end at (Yuksel and Keyser 2008, Figure 7; Voicu 2011,
+//! Opaque triangle meshes in a volume, at which eye rays and light rays end (Yuksel and Keyser 2008, Figure 7; Voicu 2011,
 //! 5.3): an implant in a CT, a head under its hair.
 //!
-//! A surface is opaque and infinitely thin. It is lit by the cosine of the light's angle, on the side that the light is on,
-//! with what the volume and other triangles leave of the light; what lies behind it is not seen.
+//! A surface is opaque and infinitely thin. Lambert's law shades the side that faces the light; the volume and other triangles
+//! attenuate the light. Everything behind a surface is hidden.
 
 mod files;
 mod tree;
@@ -15,30 +15,29 @@ use bvh::bvh::Bvh;
 use glam::DVec3;
 use sha2::{Digest, Sha256};
 
-/// Light is asked for on a surface so far from it (towards the light, in smallest voxel spacings) that it is not hidden by
-/// itself.
+/// Offset of shadow rays from a surface towards the light, in smallest voxel spacings, which avoids self-shadowing.
 pub const SURFACE_GAP: f64 = 1e-3;
 
-/// The farthest coordinate, mm: beyond, float32 knows no surface.
+/// Largest coordinate, mm; float32 has no precision left beyond.
 const MAX_MM: f64 = 1e9;
 
-/// A surface of triangles, world mm.
+/// Triangle mesh, world mm.
 pub struct Mesh {
     /// Corners of every triangle.
     triangles: Vec<[DVec3; 3]>,
-    /// Number of each part's first triangle, where the part came from, and its linear RGB.
+    /// First triangle, source and linear RGB of each part.
     parts: Vec<(usize, PartSource, [f64; 3])>,
     tree: Bvh<f64, 3>,
-    /// Triangles without an area, which are left out.
+    /// Number of skipped triangles without an area.
     left_out: usize,
-    /// Of corners and colours: a table that is resumed tells another mesh by it.
+    /// Digest of corners and colours, by which a resumed table detects another mesh.
     sha256: String,
 }
 
-/// What a mesh is made of.
+/// Part of a mesh.
 #[derive(Debug, Clone)]
 pub struct MeshPart {
-    /// Where it came from.
+    /// Source of the triangles.
     pub source: PartSource,
     /// Linear RGB.
     pub color: [f64; 3],
@@ -46,16 +45,16 @@ pub struct MeshPart {
     pub triangles: Vec<[DVec3; 3]>,
 }
 
-/// Where triangles came from.
+/// Source of triangles.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PartSource {
-    /// A file of a mesh, by its path.
+    /// Path of a mesh file.
     File(String),
-    /// Strands, which have become tubes.
+    /// Strands that became tubes.
     Strands {
         /// Path of a file, or `phantom:hair-NAME[:SEGMENTS]`.
         source: String,
-        /// Diameter that was asked for, mm.
+        /// Diameter that the user gave, mm.
         thickness_mm: Option<f64>,
     },
 }
@@ -97,7 +96,7 @@ fn digest(triangles: &[[DVec3; 3]], parts: &[(usize, PartSource, [f64; 3])]) -> 
     hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The same mesh, not one like it.
+/// Equality by identity, not by content.
 impl PartialEq for Mesh {
     fn eq(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)
@@ -105,19 +104,19 @@ impl PartialEq for Mesh {
 }
 
 impl Mesh {
-    /// sRGB of a mesh that is given none: bone.
+    /// Default sRGB colour of a mesh: bone.
     pub const DEFAULT_COLOR: &str = "#e3dac9";
-    /// sRGB of strands that are given none: a blue that stands out from bone and vessels.
+    /// Default sRGB colour of strands: a blue that differs from bone and vessels.
     pub const DEFAULT_STRAND_COLOR: &str = "#7fb2e5";
 
-    /// Of parts; triangles without an area are left out.
+    /// Mesh of several parts; triangles without an area are skipped.
     ///
     /// # Errors
-    /// A coordinate that is not finite, or a part where nothing has an area.
-    pub fn new(given: Vec<MeshPart>) -> Result<Self> {
+    /// A coordinate is not finite or too large, or no triangle of a part has an area.
+    pub fn new(sources: Vec<MeshPart>) -> Result<Self> {
         let has_area = |t: &[DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared() > 0.0;
         let (mut triangles, mut parts, mut left_out) = (Vec::new(), Vec::new(), 0);
-        for part in given {
+        for part in sources {
             let refused = |why: String| Error::input("cannot use mesh", &part.source, why);
             let far = |t: &[DVec3; 3]| !t.iter().all(|p| p.abs().max_element() <= MAX_MM);
             if let Some(place) = part.triangles.iter().position(far) {
@@ -137,7 +136,7 @@ impl Mesh {
         Ok(Self { triangles, parts, tree, left_out, sha256 })
     }
 
-    /// Where each part came from, and its linear RGB.
+    /// Source and linear RGB of each part.
     pub fn parts(&self) -> impl Iterator<Item = (&PartSource, [f64; 3])> {
         self.parts.iter().map(|(_, source, color)| (source, *color))
     }
@@ -153,40 +152,24 @@ impl Mesh {
         self.parts[part.max(1) - 1].2
     }
 
-    /// Triangles of the source without an area.
+    /// Number of skipped triangles without an area.
     pub fn left_out(&self) -> usize {
         self.left_out
     }
 
-    /// Smallest and largest coordinates, world mm.
+    /// Bounding box, world mm.
     pub fn bounds_mm(&self) -> [DVec3; 2] {
         let corners = self.triangles.iter().flatten();
         corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(*p), hi.max(*p)])
     }
 
-    /// Unit normal of a triangle, by the order of its corners.
+    /// Unit normal of a triangle by the order of its corners.
     pub fn normal(&self, triangle: usize) -> DVec3 {
         let [a, b, c] = self.triangles[triangle];
         (b - a).cross(c - a).normalize()
     }
 
-    /// The nearest triangle on `origin + z direction` with `z` strictly between two depths (mm, `direction` of length 1).
-    pub fn first_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> Option<Hit> {
-        tree::first_hit(&self.tree, &self.triangles, origin, direction, between_mm)
-    }
-
-    /// Whether any triangle lies on such a stretch.
-    pub fn is_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> bool {
-        tree::is_hit(&self.tree, &self.triangles, origin, direction, between_mm)
-    }
-
-    /// The tree in one list that is gone through without a stack, as shaders do: boxes in world mm.
-    pub fn flat_tree(&self) -> Vec<FlatNode> {
-        tree::flat(&self.tree, &self.triangles)
-    }
-
-    /// Some boxes that hold all triangles, as few as so many levels of the tree have: smallest and largest coordinates, world
-    /// mm.
+    /// Bounding boxes (world mm) that together contain all triangles: the nodes of the tree at a depth of `levels`.
     pub fn boxes(&self, levels: usize) -> Vec<[DVec3; 2]> {
         let nodes = self.flat_tree();
         let (mut boxes, mut ends, mut at) = (Vec::new(), Vec::new(), 0);

@@ -1,8 +1,9 @@
-//! The tree of boxes over a mesh's triangles, in float64, and rays through it.
+//! Bounding volume hierarchy over a mesh's triangles, in float64, and its ray queries.
 //!
-//! Rays meet triangles by signs of edge functions about the ray (Woop, Benthin and Wald 2013, *Watertight Ray/Triangle
-//! Intersection*): both triangles of an edge decide alike, so that no ray slips through between them.
+//! Intersections use the signs of edge functions about the ray (Woop, Benthin and Wald 2013, *Watertight Ray/Triangle
+//! Intersection*). Both triangles of an edge decide alike, so that no ray passes between them.
 
+use super::Mesh;
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::BHShape;
 use bvh::bvh::{Bvh, BvhNode};
@@ -11,7 +12,7 @@ use glam::DVec3;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-/// Where a ray meets a triangle.
+/// Intersection of a ray with a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Depth along the ray, mm.
@@ -20,30 +21,30 @@ pub struct Hit {
     pub triangle: usize,
 }
 
-/// A box of the tree, or a triangle.
+/// Box of the tree, or a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlatNode {
-    /// Smallest and largest coordinates, world mm.
+    /// Bounding box, world mm.
     pub bounds: [DVec3; 2],
-    /// The triangle; `None`: a box, whose contents follow it in the list.
+    /// Triangle; `None` for a box, whose contents follow it in the list.
     pub triangle: Option<u32>,
-    /// The node to go on with where the box is missed, and after a triangle.
+    /// Next node where the box is missed, and after a triangle.
     pub next: u32,
 }
 
-/// A triangle while the tree is built.
-struct Shape {
+/// Triangle while the tree is built.
+struct TriangleBox {
     bounds: Aabb<f64, 3>,
     node: usize,
 }
 
-impl Bounded<f64, 3> for Shape {
+impl Bounded<f64, 3> for TriangleBox {
     fn aabb(&self) -> Aabb<f64, 3> {
         self.bounds
     }
 }
 
-impl BHShape<f64, 3> for Shape {
+impl BHShape<f64, 3> for TriangleBox {
     fn set_bh_node_index(&mut self, index: usize) {
         self.node = index;
     }
@@ -68,24 +69,13 @@ fn bounds([a, b, c]: &[DVec3; 3]) -> [DVec3; 2] {
 pub(super) fn build(triangles: &[[DVec3; 3]]) -> Bvh<f64, 3> {
     let shape = |t: &[DVec3; 3]| {
         let [lo, hi] = bounds(t).map(point);
-        Shape { bounds: Aabb::with_bounds(lo, hi), node: 0 }
+        TriangleBox { bounds: Aabb::with_bounds(lo, hi), node: 0 }
     };
     let mut shapes: Vec<_> = triangles.par_iter().map(shape).collect();
     Bvh::build(&mut shapes)
 }
 
-pub(super) fn flat(tree: &Bvh<f64, 3>, triangles: &[[DVec3; 3]]) -> Vec<FlatNode> {
-    let node = |CrateNode { aabb, entry_index, exit_index, shape_index }: CrateNode<f64, 3>| {
-        // The crate's leaves have no boxes.
-        let triangle = (entry_index == u32::MAX).then_some(shape_index);
-        let of_box = [vector(&aabb.min), vector(&aabb.max)];
-        let bounds = triangle.map_or(of_box, |t| bounds(&triangles[t as usize]));
-        FlatNode { bounds, triangle, next: exit_index }
-    };
-    tree.flatten().into_iter().map(node).collect()
-}
-
-/// A ray whose longest axis is made the third, and along which a triangle's corners are sheared.
+/// Ray whose longest axis becomes the third, and along which a triangle's corners are sheared.
 struct ShearedRay {
     origin: DVec3,
     inverse: DVec3,
@@ -102,7 +92,7 @@ impl ShearedRay {
         Self { origin, inverse: direction.recip(), axes, shear }
     }
 
-    /// Depth of a triangle.
+    /// Depth at which the ray meets a triangle.
     fn depth(&self, triangle: &[DVec3; 3]) -> Option<f64> {
         let sheared = |p: &DVec3| {
             let p = (*p - self.origin).to_array();
@@ -116,88 +106,89 @@ impl ShearedRay {
         (one_side && sum != 0.0).then(|| edges.dot(DVec3::new(a.z, b.z, c.z)) / sum)
     }
 
-    /// Whether it passes a box between two depths; boxes are taken a little larger than they are.
+    /// Whether the ray passes a box, slightly enlarged, between two depths.
     fn passes(&self, bounds: &Aabb<f64, 3>, [from, to]: [f64; 2]) -> bool {
         let near = (vector(&bounds.min) - self.origin) * self.inverse;
         let far = (vector(&bounds.max) - self.origin) * self.inverse;
-        // Where a ray runs within a face this is no number, which comparisons pass over.
+        // NaN where the ray lies within a face; `max` and `min` ignore it.
         let enters = near.min(far).to_array().into_iter().fold(from, f64::max);
         let leaves = near.max(far).to_array().into_iter().fold(to, f64::min);
         enters <= leaves + 1e-12 * (enters.abs() + leaves.abs())
     }
 }
 
-/// Goes through all triangles whose boxes a ray passes, nearer than what is found, until `take` has enough; it is given
-/// triangles on the ray.
-fn visit(
-    tree: &Bvh<f64, 3>,
-    triangles: &[[DVec3; 3]],
-    ray: &ShearedRay,
-    [from, to]: [f64; 2],
-    mut take: impl FnMut(Hit) -> Option<f64>,
-) {
-    if tree.nodes.is_empty() {
-        return;
+impl Mesh {
+    /// Nearest triangle on `origin + z direction` with `z` strictly between two depths (mm, `direction` of length 1).
+    pub fn first_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> Option<Hit> {
+        let mut first = None;
+        self.visit(origin, direction, between_mm, |hit| {
+            first = Some(hit);
+            Some(hit.depth_mm)
+        });
+        first
     }
-    let mut to = to;
-    let mut open = vec![0];
-    while let Some(node) = open.pop() {
-        match &tree.nodes[node] {
-            BvhNode::Node { child_l_index, child_l_aabb, child_r_index, child_r_aabb, .. } => {
-                let children = [(child_l_index, child_l_aabb), (child_r_index, child_r_aabb)];
-                let passed = children.into_iter().filter(|(_, bounds)| ray.passes(bounds, [from, to]));
-                open.extend(passed.map(|(index, _)| *index));
-            }
-            BvhNode::Leaf { shape_index, .. } => {
-                let depth = ray.depth(&triangles[*shape_index]).filter(|z| *z > from && *z < to);
-                let Some(depth_mm) = depth else { continue };
-                match take(Hit { depth_mm, triangle: *shape_index }) {
-                    Some(nearer) => to = nearer,
-                    None => return,
+
+    /// Whether any triangle lies on `origin + z direction` with `z` strictly between two depths (mm).
+    pub fn is_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> bool {
+        let mut is_hit = false;
+        self.visit(origin, direction, between_mm, |_| {
+            is_hit = true;
+            None
+        });
+        is_hit
+    }
+
+    /// Calls `take` with hits on a ray. It returns the depth beyond which hits are ignored, or `None` to end.
+    fn visit(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        [from, mut to]: [f64; 2],
+        mut take: impl FnMut(Hit) -> Option<f64>,
+    ) {
+        let ray = ShearedRay::new(origin, direction);
+        let mut open = vec![0];
+        while let Some(node) = open.pop() {
+            match self.tree.nodes.get(node) {
+                Some(BvhNode::Node { child_l_index, child_l_aabb, child_r_index, child_r_aabb, .. }) => {
+                    let children = [(child_l_index, child_l_aabb), (child_r_index, child_r_aabb)];
+                    let passed = children.into_iter().filter(|(_, bounds)| ray.passes(bounds, [from, to]));
+                    open.extend(passed.map(|(index, _)| *index));
                 }
+                Some(&BvhNode::Leaf { shape_index: triangle, .. }) => {
+                    let depth = ray.depth(&self.triangles[triangle]).filter(|z| *z > from && *z < to);
+                    let Some(depth_mm) = depth else { continue };
+                    match take(Hit { depth_mm, triangle }) {
+                        Some(nearer) => to = nearer,
+                        None => return,
+                    }
+                }
+                None => {}
             }
         }
     }
-}
 
-pub(super) fn first_hit(
-    tree: &Bvh<f64, 3>,
-    triangles: &[[DVec3; 3]],
-    origin: DVec3,
-    direction: DVec3,
-    between_mm: [f64; 2],
-) -> Option<Hit> {
-    let mut first = None;
-    visit(tree, triangles, &ShearedRay::new(origin, direction), between_mm, |hit| {
-        first = Some(hit);
-        Some(hit.depth_mm)
-    });
-    first
-}
-
-pub(super) fn is_hit(
-    tree: &Bvh<f64, 3>,
-    triangles: &[[DVec3; 3]],
-    origin: DVec3,
-    direction: DVec3,
-    between_mm: [f64; 2],
-) -> bool {
-    let mut met = false;
-    visit(tree, triangles, &ShearedRay::new(origin, direction), between_mm, |_| {
-        met = true;
-        None
-    });
-    met
+    /// Tree as a list for traversal without a stack, as in shaders.
+    pub fn flat_tree(&self) -> Vec<FlatNode> {
+        let node = |CrateNode { aabb, entry_index, exit_index, shape_index }: CrateNode<f64, 3>| {
+            // The crate's leaves have no boxes.
+            let triangle = (entry_index == u32::MAX).then_some(shape_index);
+            let of_box = [vector(&aabb.min), vector(&aabb.max)];
+            let bounds = triangle.map_or(of_box, |t| bounds(&self.triangles[t as usize]));
+            FlatNode { bounds, triangle, next: exit_index }
+        };
+        self.tree.flatten().into_iter().map(node).collect()
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Mesh, MeshPart, files};
+    use super::super::{MeshPart, files};
     use super::*;
 
     /// Triangles of a sphere: a grid of `2 n` by `n`.
     pub(super) fn sphere(center: DVec3, radius: f64, n: usize) -> Vec<[DVec3; 3]> {
-        // The same numbers for the same corner, so that it is closed.
+        // Equal corners have equal numbers, so that the surface is closed.
         let at = |i: usize, j: usize| {
             let [phi, theta] = [i % (2 * n), j].map(|k| std::f64::consts::PI * k as f64 / n as f64);
             let ring = if j.is_multiple_of(n) { 0.0 } else { theta.sin() };
@@ -221,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_meet_what_they_meet_one_by_one() {
+    fn rays_meet_the_same_triangles_with_and_without_the_tree() {
         let triangles = sphere(DVec3::new(3.0, -2.0, 1.0), 5.0, 24);
         let mesh = mesh(triangles);
         let flat = mesh.flat_tree();
@@ -238,7 +229,7 @@ mod tests {
             let found = mesh.first_hit(origin, direction, [0.0, f64::INFINITY]);
             assert_eq!(found.map(|h| h.depth_mm), nearest.map(|h| h.depth_mm));
             assert_eq!(mesh.is_hit(origin, direction, [0.0, f64::INFINITY]), nearest.is_some());
-            // The list is gone through as shaders do.
+            // The list is traversed as in shaders.
             let mut at = 0;
             let mut met = false;
             while let Some(node) = flat.get(at) {
@@ -257,7 +248,7 @@ mod tests {
         }
     }
 
-    /// From within a closed surface every ray meets it, also through corners and along edges.
+    /// Every ray from inside a closed surface meets it, also through corners and along edges.
     #[test]
     fn no_ray_slips_through() {
         let mesh = mesh(sphere(DVec3::ZERO, 5.0, 12));

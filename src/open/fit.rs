@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::field::Fold;
 use crate::files::loading::{Loading, Reduced};
-use crate::files::room::{Room, free_bytes};
+use crate::files::memory_budget::{MemoryBudget, free_bytes};
 use crate::gpu::texture_side;
 use crate::volume::{Fit, Volume};
 use crate::with_voxels;
@@ -14,18 +14,18 @@ const CORE_TEXTURE_SIDE: usize = 2048;
 const DEVICE_BYTES: u64 = 4;
 
 /// What `--fit` asks for. What memory a graphics card has cannot be asked; the machine's free memory is known on Linux.
-pub(super) fn room_for(fit: Fit) -> Room {
-    let room = Room {
+pub(super) fn room_for(fit: Fit) -> MemoryBudget {
+    let room = MemoryBudget {
         fixed: None,
         most_bytes: u64::MAX,
         bytes_beside: 0,
         texture_side: usize::MAX,
-        lies_in: |dims, side| Fold::with_bricks(dims, side).is_some(),
+        fits_texture: |dims, side| Fold::with_bricks(dims, side).is_some(),
     };
     match fit {
-        Fit::Factors(factors) => Room { fixed: Some(factors), ..room },
-        Fit::Bytes(bytes) => Room { most_bytes: bytes, ..room },
-        Fit::Auto => Room {
+        Fit::Factors(factors) => MemoryBudget { fixed: Some(factors), ..room },
+        Fit::Bytes(bytes) => MemoryBudget { most_bytes: bytes, ..room },
+        Fit::Auto => MemoryBudget {
             // A quarter is left for all else.
             most_bytes: free_bytes().map_or(u64::MAX, |free| free / 4 * 3),
             bytes_beside: DEVICE_BYTES,
@@ -39,7 +39,7 @@ pub(super) fn room_for(fit: Fit) -> Room {
 ///
 /// # Errors
 /// Nothing makes it fit, or it was cancelled.
-pub(super) fn fitted(volume: Volume, room: Option<Room>, loading: &Loading) -> Result<Volume> {
+pub(super) fn fitted(volume: Volume, room: Option<MemoryBudget>, loading: &Loading) -> Result<Volume> {
     let Some(room) = room else { return Ok(volume) };
     if let Some(Reduced { from, factors }) = loading.take_reduced() {
         return Ok(if factors == [1; 3] { volume } else { volume.said_reduced(factors, from) });

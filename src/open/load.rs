@@ -10,7 +10,7 @@ use crate::render::VisibleBounds;
 use crate::scene::Scene;
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
-use crate::transfer::formats::Carried;
+use crate::transfer::formats::Imported;
 use crate::volume::Volume;
 use std::sync::Arc;
 
@@ -48,7 +48,7 @@ impl Functions {
     /// `source` says where it is from.
     #[must_use]
     pub fn with_whole(self, source: &str, tf: TransferFunction) -> Self {
-        let carried = Carried { tf, warnings: Vec::new(), format: "umbravox" };
+        let carried = Imported { tf, warnings: Vec::new(), format: "umbravox" };
         Self { whole: Some((source.to_owned(), Found::File(carried))), ..self }
     }
 }

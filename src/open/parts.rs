@@ -5,8 +5,8 @@ use super::remark::Remark;
 use super::{VolumeSpec, load_with};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::transfer::formats::{alike, are_alike};
-use crate::transfer::{ClipPlane, LabelRule, MOST_CLIP_PLANES, Quantity, Seen, TransferFunction};
+use crate::transfer::formats::{have_same_quantity, with_quantity_of};
+use crate::transfer::{ClipPlane, LabelRule, LabelVisibility, MOST_CLIP_PLANES, Quantity, TransferFunction};
 use crate::volume::{Labels, Volume};
 use clap::Args;
 use serde::{Serialize, Serializer};
@@ -224,11 +224,11 @@ impl PartFlags {
             remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
             remarks.extend(notes.into_iter().map(|note| ("note", note)));
             // One set of tables holds them all.
-            if !are_alike(&own, tf) {
+            if !have_same_quantity(&own, tf) {
                 let (name, kind) = (&own.name, kind_of(tf));
                 remarks.push(("note", format!("`{name}`, of labels {list}, became {kind}, as --tf is")));
             }
-            let (tf, off) = alike(&own, tf);
+            let (tf, off) = with_quantity_of(&own, tf);
             if off > OFF_SAID {
                 let percent = 100.0 * off;
                 remarks.push((
@@ -236,10 +236,12 @@ impl PartFlags {
                     format!("there its amounts are off by up to {percent:.1} % of themselves"),
                 ));
             }
-            rules.push(LabelRule { labels: list.labels, seen: Seen::Through(Box::new(tf)) });
+            rules.push(LabelRule { labels: list.labels, visibility: LabelVisibility::Visible(Box::new(tf)) });
         }
-        let hidden =
-            self.hide.iter().map(|list| LabelRule { labels: list.labels.clone(), seen: Seen::Hidden });
+        let hidden = self
+            .hide
+            .iter()
+            .map(|list| LabelRule { labels: list.labels.clone(), visibility: LabelVisibility::Hidden });
         rules.extend(hidden);
         Ok(rules)
     }

@@ -4,7 +4,7 @@ use super::units::{Meaning, Units, ValueKind, of_strands};
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
 use crate::transfer::TransferFunction;
-use crate::transfer::formats::{self, Carried, is_of_fractions};
+use crate::transfer::formats::{self, Imported, has_fractions};
 pub use crate::transfer::presets::{PRESETS, Preset, Scale};
 use crate::volume::Volume;
 use std::path::Path;
@@ -31,7 +31,7 @@ pub enum Found {
     /// A built-in function.
     Preset(&'static Preset),
     /// One from a file.
-    File(Carried),
+    File(Imported),
 }
 
 /// What was asked for beside the function; `None` is as the volume suggests.
@@ -98,7 +98,7 @@ impl Found {
             Self::File(carried) => {
                 warnings = carried.warnings;
                 let mut tf = carried.tf;
-                if is_of_fractions(&tf) {
+                if has_fractions(&tf) {
                     let name = format!("`{}`", tf.name);
                     tf = laid_over(&tf, [0.0, 1.0], volume, &format!("{name}: 0 to 1"), &mut notes);
                 }

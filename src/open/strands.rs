@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::strands::{
     DEFAULT_RESOLUTION, Kernel, MAX_MM, RESOLUTIONS, StrandFormat, StrandSet, StrandVolume, Strands,
-    read_strands_with,
+    read_strands,
 };
 use clap::Args;
 use serde::Serialize;
@@ -38,10 +38,10 @@ impl StrandFlags {
     /// The strands as a volume.
     ///
     /// # Errors
-    /// As [`StrandVolume::of_with`].
+    /// See [`StrandVolume::of`].
     pub fn voxelise(&self, strands: &Strands, loading: &Loading) -> Result<StrandVolume> {
         let resolution = self.resolution.unwrap_or(DEFAULT_RESOLUTION);
-        StrandVolume::of_with(strands, resolution, self.kernel.unwrap_or_default(), loading)
+        StrandVolume::of(strands, resolution, self.kernel.unwrap_or_default(), loading)
     }
 }
 
@@ -92,7 +92,7 @@ pub fn load_strands(source: &str, thickness_mm: Option<f64>, loading: &Loading) 
             let (set, segments) = StrandSet::parse(name)?;
             set.build_with(segments, loading)?
         }
-        None => read_strands_with(Path::new(source), loading)?,
+        None => read_strands(Path::new(source), loading)?,
     };
     match thickness_mm {
         Some(mm) => strands.with_thickness(mm),

@@ -3,7 +3,7 @@
 use crate::field::{ActiveBricks, extinction_intervals};
 use crate::mesh::Mesh;
 use crate::scene::Camera;
-use crate::transfer::{Class, TransferFunction};
+use crate::transfer::{LabelClass, TransferFunction};
 use crate::volume::{BRICK_CELLS, Volume};
 use glam::{DVec3, IVec3};
 use std::sync::Arc;
@@ -50,15 +50,15 @@ impl VisibleBounds {
         }
         let ids = volume.labels().map_or(&[][..], |labels| labels.ids());
         let function = |id: &u32| match tf.class_of(*id) {
-            Class::Hidden => None,
-            Class::Function(function) => Some(function),
+            LabelClass::Hidden => None,
+            LabelClass::Function(function) => Some(function),
         };
         Self {
             volume: Arc::clone(volume),
             outer: active.outer().to_vec(),
-            intervals: tf.functions().into_iter().map(extinction_intervals).collect(),
+            intervals: tf.functions().map(extinction_intervals).collect(),
             functions: ids.iter().map(function).collect(),
-            planes: tf.clip.iter().map(|plane| plane.seen_from(volume.world_from_index())).collect(),
+            planes: tf.clip.iter().map(|plane| plane.in_coordinates(volume.world_from_index())).collect(),
             mesh: mesh.map(Arc::clone),
             center_mm: 0.5 * (lo + hi),
         }

@@ -1,20 +1,19 @@
-//! The grid that strands are voxelised into.
+//! Grid into which strands are voxelised.
 
 use crate::error::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
 use std::ops::RangeInclusive;
 
-/// Voxels along the longest side where nothing is said.
+/// Default number of voxels along the longest side.
 pub const DEFAULT_RESOLUTION: usize = 256;
 
-/// Voxels along the longest side: room for the margin at the least, 4 GiB of 32-bit floats for a cube at the most.
+/// Range of voxels along the longest side, up to 4 GiB of 32-bit floats for a cube.
 pub const RESOLUTIONS: RangeInclusive<usize> = 4..=1024;
 
 /// Empty voxels on either side of the strands.
 const MARGIN: f64 = 1.0;
 
-/// No voxel is smaller than this share of the largest coordinate (or of 1 mm): 32-bit floats tell no smaller ones
-/// apart.
+/// Smallest voxel as a share of the largest coordinate (or of 1 mm), by the precision of 32-bit floats.
 const MIN_SPACING: f64 = 1e-6;
 
 /// Cubic voxels along the world's axes.
@@ -22,29 +21,29 @@ const MIN_SPACING: f64 = 1e-6;
 pub struct StrandGrid {
     /// Voxels along x, y, z.
     pub dims: [usize; 3],
-    /// Edge of a voxel, mm.
+    /// Voxel spacing, mm.
     pub spacing_mm: f64,
     /// Centre of voxel (0, 0, 0), world mm.
     pub origin_mm: DVec3,
 }
 
 impl StrandGrid {
-    /// The grid around a box, world mm: `resolution` voxels along the longest side, with a margin of one voxel
-    /// everywhere, at least three voxels along each side. Spacing and origin are 32-bit floats, so that a NIfTI file
+    /// Grid around a box (world mm): `resolution` voxels along the longest side, with a margin of one voxel
+    /// everywhere, and at least three voxels along each side. Spacing and origin are 32-bit floats, so that a NIfTI file
     /// holds them without loss.
     ///
     /// # Errors
-    /// A resolution outside [`RESOLUTIONS`].
+    /// The resolution is outside [`RESOLUTIONS`].
     pub fn around([low, high]: [DVec3; 2], resolution: usize) -> Result<Self> {
         if !RESOLUTIONS.contains(&resolution) {
-            let why =
-                format!("{resolution} is not from {} to {} voxels", RESOLUTIONS.start(), RESOLUTIONS.end());
+            let (least, most) = (RESOLUTIONS.start(), RESOLUTIONS.end());
+            let why = format!("{resolution} is not from {least} to {most} voxels");
             return Err(Error::input("cannot use resolution", "--resolution", why));
         }
         let size = high - low;
         let farthest = low.abs().max(high.abs()).max_element().max(1.0);
         let spacing = (size.max_element() / (resolution as f64 - 2.0 * MARGIN)).max(MIN_SPACING * farthest);
-        // Rounded up: the strands must not outgrow the grid.
+        // Rounded up, so that the strands stay inside the grid.
         let rounded = spacing as f32;
         let spacing_mm = f64::from(if f64::from(rounded) < spacing { rounded.next_up() } else { rounded });
         let dims = size
@@ -60,7 +59,7 @@ impl StrandGrid {
         DAffine3::from_mat3_translation(DMat3::from_diagonal(DVec3::splat(self.spacing_mm)), self.origin_mm)
     }
 
-    /// Index coordinates of a world point: voxel centres are whole numbers.
+    /// Index coordinates of a world point; voxel centres are integers.
     #[inline]
     pub fn index_from_world(&self, p: DVec3) -> DVec3 {
         (p - self.origin_mm) * (1.0 / self.spacing_mm)
@@ -82,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_is_a_margin_around_every_box() {
+    fn every_box_has_a_margin() {
         for (low, high) in [
             ([0.0; 3], [100.0, 50.0, 3.0]),
             ([-7.3, 1e5, 2.0], [-7.3, 1e5 + 0.1, 2.0]),

@@ -1,17 +1,17 @@
 //! Strands: polylines with a thickness (hair, fur), and the extinction volume that stands for them.
 //!
-//! World coordinates are the file's own, taken as mm; thickness is the diameter in mm. Along a segment of length `L`
-//! diameter `d` and transparency `t` are the means of those at its two ends, and it counts `(1 - t) d L` mm^2: the
-//! area that it hides when it is seen from the side. [`voxelise`] spreads that area over the voxels that it crosses;
-//! divided by the voxel's volume it is an extinction in 1/mm.
+//! World coordinates are the file's own, in mm; thickness is the diameter in mm. A segment of length `L` has the mean
+//! diameter `d` and transparency `t` of its two ends. Its area is `(1 - t) d L` mm^2: what it hides when seen from the side.
+//! [`voxelise`] distributes this area over the voxels that it crosses; divided by the voxel's volume it is an extinction in 1/mm.
 //!
 //! ```text
 //!  a file  ────┐
 //!  built-in ───┴─> Strands ─> StrandGrid ─> voxelise ─> Volume (values are extinction, 1/mm)
-//!                     │                └───> tangents: which way they run, where a picture is shaded by that
-//!                     └─────────────> measure::cylinders: how far the volume's transmittance is from the strands'
+//!                     │                └───> tangents: directions of the strands, for shading
+//!                     └─────────────> measure::cylinders: error of the volume's transmittance against the strands'
 //! ```
 
+mod cell_traversal;
 mod formats;
 mod grid;
 mod random;
@@ -20,66 +20,65 @@ mod tangents;
 mod tubes;
 mod volume;
 mod voxelise;
-mod walk;
 
 pub use formats::{
-    HAIR_EXTENSIONS, HEADER_BYTES, STRAND_EXTENSIONS, STRAND_FORMATS, StrandFormat, read_hair,
-    read_hair_with, read_strands, read_strands_with, strands_of_bytes, write_hair,
+    HAIR_EXTENSIONS, HEADER_BYTES, STRAND_EXTENSIONS, STRAND_FORMATS, StrandFormat, read_strands,
+    strands_of_bytes, write_hair,
 };
 pub use grid::{DEFAULT_RESOLUTION, RESOLUTIONS, StrandGrid};
 pub use random::Chance;
 pub use sets::StrandSet;
-pub use tangents::{tangents, tangents_with};
+pub use tangents::tangents;
 pub use tubes::{MOST_TRIANGLES, SIDES, Tubes, tubes};
 pub use volume::{STRANDS_FORMAT, StrandVolume, VoxelisedStrands};
-pub use voxelise::{Conservation, Kernel, voxelise, voxelise_with};
+pub use voxelise::{Conservation, Kernel, voxelise};
 
 use crate::error::{Error, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Beyond a thousand kilometres 32-bit positions, and their squares, mean nothing.
+/// Largest coordinate: 32-bit positions beyond a thousand kilometres have no precision left.
 pub const MAX_MM: f32 = 1e9;
 
-/// A quantity given once for all (`default`) or one by one.
+/// Quantity with one value for all entries or one for each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Attribute<D, T = D> {
-    /// Holds where `values` is absent, and is kept where it is not.
+    /// Value of all entries where `values` is absent.
     pub default: D,
-    /// One by one.
+    /// Value of each entry.
     pub values: Option<Vec<T>>,
 }
 
 impl<D, T> Attribute<D, T> {
-    /// One for all.
+    /// One value for all entries.
     pub fn constant(default: D) -> Self {
         Self { default, values: None }
     }
 }
 
-/// What a strand file holds, unchecked; every array but `segments` has one entry a point.
+/// Unchecked contents of a strand file; every array but `segments` has one entry a point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StrandArrays {
     /// Number of strands.
     pub strands: u32,
     /// Segments of each strand, one fewer than its points.
     pub segments: Attribute<u32>,
-    /// Strand after strand, mm.
+    /// Points, strand after strand, mm.
     pub points: Vec<[f32; 3]>,
-    /// Diameter, mm.
+    /// Diameters, mm.
     pub thickness_mm: Attribute<f32>,
-    /// 0 (opaque) to 1.
+    /// Transparencies, 0 (opaque) to 1.
     pub transparency: Attribute<f32>,
-    /// RGB; kept, not used by voxelising.
+    /// RGB; voxelising ignores it.
     pub color: Attribute<[f32; 3]>,
-    /// What the file says about itself; may be binary.
+    /// Information field of the file; may be binary.
     pub info: [u8; 88],
 }
 
-/// One of the quantities of [`StrandArrays`].
+/// Quantity of [`StrandArrays`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
-    /// The number of points.
+pub enum StrandQuantity {
+    /// Number of points.
     Count,
     /// Segments of each strand.
     Segments,
@@ -93,59 +92,58 @@ pub enum Part {
     Color,
 }
 
-/// What is wrong with [`StrandArrays`], and where.
+/// Fault of [`StrandArrays`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flaw {
-    /// Which quantity.
-    pub part: Part,
-    /// Which entry of the array; `None` for its default.
+    /// Quantity at fault.
+    pub part: StrandQuantity,
+    /// Entry of the array; `None` for its default.
     pub entry: Option<usize>,
-    /// What is wrong, in one line.
+    /// Reason, in one line.
     pub why: String,
 }
 
-/// Strands whose arrays have been checked: they agree in length and every number means something.
+/// Strands whose arrays agree in length and hold valid numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Strands {
     source: String,
     arrays: StrandArrays,
-    /// The first of the two points of each segment.
+    /// First of the two points of each segment.
     first_points: Vec<u32>,
-    /// What a user should know of the file.
+    /// Warnings about the file.
     warnings: Vec<String>,
 }
 
-/// A piece of a strand between two neighbouring points.
+/// Part of a strand between two neighbouring points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segment {
-    /// World mm.
+    /// End points, world mm.
     pub ends: [DVec3; 2],
     /// Diameter, mm.
     pub diameter_mm: f64,
-    /// 0 (opaque) to 1.
+    /// Transparency, 0 (opaque) to 1.
     pub transparency: f64,
 }
 
 impl Segment {
-    /// `(1 - transparency) diameter length`, mm^2.
+    /// Area seen from the side, `(1 - transparency) diameter length`, mm^2.
     pub fn area_mm2(&self) -> f64 {
         (1.0 - self.transparency) * self.diameter_mm * self.ends[0].distance(self.ends[1])
     }
 }
 
 impl Strands {
-    /// Checks arrays and takes them over; `source` is the path or name for messages.
+    /// Strands of checked arrays; `source` is the path or name for messages.
     ///
     /// # Errors
-    /// Arrays that disagree in length, or a number out of its range.
+    /// Arrays disagree in length, or a number is out of its range.
     pub fn new(source: impl Into<String>, arrays: StrandArrays) -> Result<Self, Flaw> {
         arrays.check()?;
         let count = arrays.points.len() - arrays.strands as usize;
         let mut first_points = Vec::new();
-        first_points.try_reserve_exact(count).map_err(|_| Flaw {
-            part: Part::Count,
-            entry: None,
-            why: format!("there is not enough memory for {count} segments"),
+        first_points.try_reserve_exact(count).map_err(|_| {
+            let why = format!("there is not enough memory for {count} segments");
+            Flaw { part: StrandQuantity::Count, entry: None, why }
         })?;
         let mut first = 0;
         for segments in arrays.segment_counts() {
@@ -155,23 +153,23 @@ impl Strands {
         Ok(Self { source: source.into(), arrays, first_points, warnings: Vec::new() })
     }
 
-    /// With what a user should know of the file.
+    /// Sets the warnings about the file.
     #[must_use]
     pub fn with_warnings(self, warnings: Vec<String>) -> Self {
         Self { warnings, ..self }
     }
 
-    /// What a user should know of the file that they are from, a line each.
+    /// Warnings about the file, a line each.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// Path or `phantom:hair-NAME:SEGMENTS`.
+    /// Source: a path or `phantom:hair-NAME:SEGMENTS`.
     pub fn source(&self) -> &str {
         &self.source
     }
 
-    /// What it was made of.
+    /// Arrays of the strands.
     pub fn arrays(&self) -> &StrandArrays {
         &self.arrays
     }
@@ -181,7 +179,7 @@ impl Strands {
         self.first_points.len()
     }
 
-    /// Numbers of the segments of each strand, strand after strand.
+    /// Range of segment numbers of each strand.
     pub fn segment_ranges(&self) -> Vec<std::ops::Range<usize>> {
         let mut first = 0;
         let range = |count: u32| {
@@ -197,18 +195,16 @@ impl Strands {
         self.arrays.thickness_mm.values.is_some() || self.arrays.thickness_mm.default > 0.0
     }
 
-    /// The largest diameter of a segment, mm; 0 where there is none.
+    /// Largest diameter of a segment, mm; 0 without any.
     pub fn widest_mm(&self) -> f64 {
-        let thickness = &self.arrays.thickness_mm;
-        let default = f64::from(thickness.default);
-        let widest = |values: &Vec<f32>| values.iter().copied().fold(0.0, f32::max).into();
-        thickness.values.as_ref().map_or(default, widest)
+        let Attribute { default, values } = &self.arrays.thickness_mm;
+        values.as_ref().map_or(*default, |values| values.iter().copied().fold(0.0, f32::max)).into()
     }
 
-    /// The same strands, all of one diameter.
+    /// Gives all strands one diameter.
     ///
     /// # Errors
-    /// A diameter that is not above 0, or beyond [`MAX_MM`].
+    /// The diameter is not above 0, or beyond [`MAX_MM`].
     pub fn with_thickness(mut self, diameter_mm: f64) -> Result<Self> {
         if !(diameter_mm > 0.0 && diameter_mm <= f64::from(MAX_MM)) {
             let why = format!("{diameter_mm} is not above 0 and at most {MAX_MM:e} mm");
@@ -218,10 +214,10 @@ impl Strands {
         Ok(self)
     }
 
-    /// A segment by its number, strand after strand.
+    /// Segment by its number; segments are numbered strand after strand.
     ///
     /// # Panics
-    /// When there are not as many.
+    /// There are fewer segments.
     #[inline]
     pub fn segment(&self, index: usize) -> Segment {
         let first = self.first_points[index] as usize;
@@ -236,15 +232,14 @@ impl Strands {
         }
     }
 
-    /// The z coordinates of a segment's ends alone.
+    /// z coordinates of a segment's ends.
     #[inline]
     fn segment_z(&self, index: usize) -> [f64; 2] {
         let first = self.first_points[index] as usize;
         [first, first + 1].map(|p| f64::from(self.arrays.points[p][2]))
     }
 
-    /// Smallest and largest corner of the box around all strands as thick as they are, world mm; `None` without
-    /// points.
+    /// Bounding box of all strands with their thickness, world mm; `None` without points.
     pub fn bounds_mm(&self) -> Option<[DVec3; 2]> {
         let thickness = &self.arrays.thickness_mm;
         let grow = |[low, high]: [DVec3; 2], (i, p): (usize, &[f32; 3])| {
@@ -261,7 +256,7 @@ impl Strands {
 }
 
 impl StrandArrays {
-    /// Segments of each strand in turn.
+    /// Number of segments of each strand.
     fn segment_counts(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.strands as usize).map(|s| match &self.segments.values {
             Some(values) => values[s],
@@ -273,10 +268,10 @@ impl StrandArrays {
         let flaw = |part, entry, why: String| Err(Flaw { part, entry, why });
         let points = self.points.len();
         let lengths = [
-            (Part::Segments, self.segments.values.as_ref().map(Vec::len), self.strands as usize),
-            (Part::Thickness, self.thickness_mm.values.as_ref().map(Vec::len), points),
-            (Part::Transparency, self.transparency.values.as_ref().map(Vec::len), points),
-            (Part::Color, self.color.values.as_ref().map(Vec::len), points),
+            (StrandQuantity::Segments, self.segments.values.as_ref().map(Vec::len), self.strands as usize),
+            (StrandQuantity::Thickness, self.thickness_mm.values.as_ref().map(Vec::len), points),
+            (StrandQuantity::Transparency, self.transparency.values.as_ref().map(Vec::len), points),
+            (StrandQuantity::Color, self.color.values.as_ref().map(Vec::len), points),
         ];
         for (part, length, wanted) in lengths {
             if length.is_some_and(|n| n != wanted) {
@@ -287,34 +282,22 @@ impl StrandArrays {
         if wanted != points as u64 || u32::try_from(points).is_err() {
             let strands = self.strands;
             let why = format!("{strands} strands of these segments have {wanted} points, not {points}");
-            return flaw(Part::Count, None, why);
+            return flaw(StrandQuantity::Count, None, why);
         }
         let coordinate = |x: &f32| x.abs() <= MAX_MM;
         if let Some(i) = self.points.iter().position(|p| !p.iter().all(coordinate)) {
             let why = format!("the point {:?} is not finite or beyond {MAX_MM:e} mm", self.points[i]);
-            return flaw(Part::Points, Some(i), why);
+            return flaw(StrandQuantity::Points, Some(i), why);
         }
-        check_each(
-            Part::Thickness,
-            &self.thickness_mm,
-            |d| (0.0..=MAX_MM).contains(d),
-            "a thickness, 0 to 1e9 mm",
-        )?;
-        check_each(
-            Part::Transparency,
-            &self.transparency,
-            |t| (0.0..=1.0).contains(t),
-            "a transparency, 0 to 1",
-        )?;
-        check_each(
-            Part::Color,
-            &self.color,
-            |c| c.iter().all(|x| x.is_finite()),
-            "a colour of three finite numbers",
-        )
+        let thickness = |d: &f32| (0.0..=MAX_MM).contains(d);
+        check_each(StrandQuantity::Thickness, &self.thickness_mm, thickness, "a thickness, 0 to 1e9 mm")?;
+        let transparency = |t: &f32| (0.0..=1.0).contains(t);
+        check_each(StrandQuantity::Transparency, &self.transparency, transparency, "a transparency, 0 to 1")?;
+        let color = |c: &[f32; 3]| c.iter().all(|x| x.is_finite());
+        check_each(StrandQuantity::Color, &self.color, color, "a colour of three finite numbers")
     }
 
-    /// Points that the segments ask for.
+    /// Number of points that the segments require.
     fn points_wanted(&self) -> u64 {
         let strands = u64::from(self.strands);
         match &self.segments.values {
@@ -325,9 +308,9 @@ impl StrandArrays {
     }
 }
 
-/// Refuses the first value, or the default where it is in use, that is not as it must be.
+/// Refuses the first invalid value, or an invalid default that is in use.
 fn check_each<T: std::fmt::Debug>(
-    part: Part,
+    part: StrandQuantity,
     attribute: &Attribute<T>,
     good: impl Fn(&T) -> bool,
     what: &str,

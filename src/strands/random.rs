@@ -1,14 +1,14 @@
-//! The one source of chance of strands: numbers that depend on nothing but their seed.
+//! Random numbers that depend only on their seed.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-/// A stream of numbers (`splitmix64`), the same on every machine.
+/// Random number generator (`splitmix64`), the same on every machine.
 #[derive(Debug, Clone)]
 pub struct Chance(u64);
 
 impl Chance {
-    /// The stream of one thing (`index`) of a kind (`seed`).
+    /// Stream number `index` of a `seed`.
     pub fn new(seed: u64, index: u64) -> Self {
         let mut mixed = Self(seed.wrapping_mul(0xd134_2543_de82_ef95) ^ index);
         Self(mixed.bits() ^ index.rotate_left(32))
@@ -22,22 +22,22 @@ impl Chance {
         z ^ (z >> 31)
     }
 
-    /// In `[0, 1)`.
+    /// Uniform number in `[0, 1)`.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// In `[low, high)`.
+    /// Uniform number in `[low, high)`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// One of `0..count`.
+    /// Uniform integer in `0..count`.
     pub fn below(&mut self, count: usize) -> usize {
         ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
     }
 
-    /// A unit vector, all directions with `z >= lowest_z` alike.
+    /// Unit vector, uniform over all directions with `z >= lowest_z`.
     pub fn direction(&mut self, lowest_z: f64) -> DVec3 {
         let (z, angle) = (self.between(lowest_z, 1.0), TAU * self.unit());
         let r = (1.0 - z * z).max(0.0).sqrt();

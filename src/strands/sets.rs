@@ -1,8 +1,8 @@
-//! Built-in strand sets: the same strands for the same name and number of segments, on every run.
+//! Built-in strand sets, the same on every run for a name and a number of segments.
 //!
-//! Hair grows from the upper part of a ball of 80 mm, leaves it upright and falls; fur covers a ball of 60 mm. All
-//! of a set's strands together hide the same area however many segments they have (each strand stands for a lock of
-//! hair), as long as that makes none thicker than 1 mm: pictures look alike from thousands of segments to millions.
+//! Hair grows from the upper half of a ball of radius 80 mm and falls; fur covers a ball of radius 60 mm. The total area
+//! of a set does not depend on the number of segments (each strand represents a lock of hair), unless strands would become
+//! thicker than 1 mm. Pictures therefore look alike from thousands of segments to millions.
 
 use super::random::Chance;
 use super::{Attribute, StrandArrays, Strands};
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::fmt;
 
-/// A built-in strand set.
+/// Built-in strand set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StrandSet {
     /// Straight hair.
@@ -32,40 +32,39 @@ const HEAD_MM: f64 = 80.0;
 const FUR_BALL_MM: f64 = 60.0;
 /// Strands that share a lock in `hair-clustered`.
 const LOCK: usize = 24;
-/// No strand is thicker, mm.
+/// Largest diameter of a strand, mm.
 const MAX_THICKNESS_MM: f64 = 1.0;
+
+/// Each set's name, description, segments of a strand (the last has the rest), area of all strands seen from the side (mm^2), and
+/// loss of diameter towards the tip.
+const SETS: [(&str, &str, usize, f64, f64); 4] = [
+    ("hair-straight", "straight hair that falls from a ball", 48, 250_000.0, 0.0),
+    ("hair-curly", "curls", 128, 250_000.0, 0.0),
+    ("hair-clustered", "hair in locks that narrow to the tips, a little translucent", 64, 300_000.0, 0.5),
+    ("hair-fur", "short combed fur on a ball, thinner to the tips", 12, 120_000.0, 0.85),
+];
 
 impl StrandSet {
     /// Every built-in set.
     pub const ALL: [Self; 4] = [Self::Straight, Self::Curly, Self::Clustered, Self::Fur];
 
-    /// Segments where no number is given.
+    /// Default number of segments.
     pub const DEFAULT_SEGMENTS: usize = 100_000;
 
-    /// Segments at the most.
+    /// Largest number of segments.
     pub const MAX_SEGMENTS: usize = 1 << 25;
 
-    /// The name, as in `phantom:NAME`.
+    /// Name, as in `phantom:NAME`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Straight => "hair-straight",
-            Self::Curly => "hair-curly",
-            Self::Clustered => "hair-clustered",
-            Self::Fur => "hair-fur",
-        }
+        SETS[self as usize].0
     }
 
-    /// What it is, in a few words.
+    /// Short description.
     pub fn description(self) -> &'static str {
-        match self {
-            Self::Straight => "straight hair that falls from a ball",
-            Self::Curly => "curls",
-            Self::Clustered => "hair in locks that narrow to the tips, a little translucent",
-            Self::Fur => "short combed fur on a ball, thinner to the tips",
-        }
+        SETS[self as usize].1
     }
 
-    /// From `NAME[:SEGMENTS]`.
+    /// Parses `NAME[:SEGMENTS]`.
     ///
     /// # Errors
     /// The name is unknown, or the number of segments is not in `1..=33554432`.
@@ -73,8 +72,8 @@ impl StrandSet {
         let refuse = |why: String| Error::input("cannot build strands", format!("phantom:{text}"), why);
         let (name, count) = text.split_once(':').map_or((text, None), |(name, count)| (name, Some(count)));
         let set = Self::ALL.into_iter().find(|s| s.name() == name).ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            refuse(format!("no strand set is named `{name}`")).hint(format!("there are {names}"))
+            let hint = format!("there are {}", Self::ALL.map(Self::name).join(", "));
+            refuse(format!("no strand set is named `{name}`")).hint(hint)
         })?;
         let Some(count) = count else { return Ok((set, Self::DEFAULT_SEGMENTS)) };
         let most = Self::MAX_SEGMENTS;
@@ -84,35 +83,12 @@ impl StrandSet {
         }
     }
 
-    /// Segments of every strand; the last strand takes what is left.
-    fn segments_per_strand(self) -> usize {
-        match self {
-            Self::Straight => 48,
-            Self::Curly => 128,
-            Self::Clustered => 64,
-            Self::Fur => 12,
-        }
-    }
-
-    /// What all strands together hide from the side, mm^2.
-    fn area_mm2(self) -> f64 {
-        match self {
-            Self::Straight | Self::Curly => 250_000.0,
-            Self::Clustered => 300_000.0,
-            Self::Fur => 120_000.0,
-        }
-    }
-
-    /// Diameter at the fraction `u` of a strand, as a share of that at its root.
+    /// Diameter at the fraction `u` of a strand, relative to its root.
     fn taper(self, u: f64) -> f64 {
-        match self {
-            Self::Straight | Self::Curly => 1.0,
-            Self::Clustered => 1.0 - 0.5 * u,
-            Self::Fur => 1.0 - 0.85 * u,
-        }
+        1.0 - SETS[self as usize].4 * u
     }
 
-    /// Builds it with exactly `segments` segments.
+    /// Builds the set with exactly `segments` segments.
     ///
     /// # Errors
     /// `segments` is not in `1..=33554432`.
@@ -120,14 +96,15 @@ impl StrandSet {
         self.build_with(segments, &Loading::default())
     }
 
-    /// As [`Self::build`], watched and ended early through `loading`.
+    /// Builds the set as [`Self::build`] does, watched and cancelled through `loading`.
     pub fn build_with(self, segments: usize, loading: &Loading) -> Result<Strands> {
         let source = format!("phantom:{self}:{segments}");
         let refuse = |why: String| Error::input("cannot build strands", &source, why);
         if !(1..=Self::MAX_SEGMENTS).contains(&segments) {
             return Err(refuse(format!("{segments} segments is not in 1..={}", Self::MAX_SEGMENTS)));
         }
-        let each = self.segments_per_strand().min(segments);
+        let (_, _, each, area_mm2, _) = SETS[self as usize];
+        let each = each.min(segments);
         let strands = segments.div_ceil(each);
         let last = segments - (strands - 1) * each;
         let count = |s: usize| if s + 1 == strands { last } else { each };
@@ -143,16 +120,16 @@ impl StrandSet {
         let lines: Vec<Vec<DVec3>> = (0..strands).into_par_iter().map(grow).collect();
         loading.go_on(&source)?;
         let share = |line: &[DVec3], i: usize| i as f64 / (line.len() - 1) as f64;
-        // Diameters of 1 at the roots would hide this much.
-        let area_of = |line: &Vec<DVec3>| {
-            let pieces = line.windows(2).enumerate().map(|(i, ends)| {
+        // Area with a diameter of 1 at the roots.
+        let area_of = |line: &Vec<DVec3>| -> f64 {
+            let area = |(i, ends): (usize, &[DVec3])| {
                 let middle = 0.5 * (self.taper(share(line, i)) + self.taper(share(line, i + 1)));
                 middle * ends[0].distance(ends[1])
-            });
-            pieces.sum::<f64>()
+            };
+            line.windows(2).enumerate().map(area).sum()
         };
         let area: f64 = lines.par_iter().map(area_of).collect::<Vec<f64>>().iter().sum();
-        let root = (self.area_mm2() / area).min(MAX_THICKNESS_MM);
+        let root = (area_mm2 / area).min(MAX_THICKNESS_MM);
         let tapers = self.taper(1.0) != 1.0;
         let thickness = tapers.then(|| {
             let shares = lines.iter().flat_map(|line| (0..line.len()).map(|i| share(line, i)));
@@ -161,26 +138,21 @@ impl StrandSet {
         let mut info = [0; 88];
         let text = format!("umbravox {self}:{segments}");
         info[..text.len()].copy_from_slice(text.as_bytes());
+        let counts = (last != each).then(|| (0..strands).map(|s| count(s) as u32).collect());
+        let fur_color = [0.55, 0.42, 0.30];
         let arrays = StrandArrays {
             strands: strands as u32,
-            segments: Attribute {
-                default: each as u32,
-                values: (last != each).then(|| (0..strands).map(|s| count(s) as u32).collect()),
-            },
+            segments: Attribute { default: each as u32, values: counts },
             points: lines.iter().flatten().map(|p| p.as_vec3().to_array()).collect(),
             thickness_mm: Attribute { default: root as f32, values: thickness },
             transparency: Attribute::constant(if self == Self::Clustered { 0.2 } else { 0.0 }),
-            color: Attribute::constant(if self == Self::Fur {
-                [0.55, 0.42, 0.30]
-            } else {
-                [0.35, 0.20, 0.10]
-            }),
+            color: Attribute::constant(if self == Self::Fur { fur_color } else { [0.35, 0.20, 0.10] }),
             info,
         };
         Strands::new(&source, arrays).map_err(|flaw| refuse(flaw.why))
     }
 
-    /// The points of strand `index` of `strands`, mm.
+    /// Points of strand `index` of `strands`, mm.
     fn strand(self, index: usize, strands: usize, steps: Steps) -> Vec<DVec3> {
         let mut chance = Chance::new(self as u64 + 1, index as u64);
         match self {
@@ -218,19 +190,19 @@ impl StrandSet {
     }
 }
 
-/// Segments of a whole strand, and of this one, which may be cut short.
+/// Number of segments of a whole strand, and of this one, which may be shorter.
 #[derive(Debug, Clone, Copy)]
 struct Steps {
     each: usize,
     count: usize,
 }
 
-/// How one strand leaves the ball and falls.
+/// Shape of a strand that leaves the ball and falls.
 struct Fall {
     root: DVec3,
-    /// Unit vector across the plane in which it bends.
+    /// Unit normal of the plane in which the strand bends.
     across: DVec3,
-    /// Length over which it bends, mm.
+    /// Length scale of the bend, mm.
     bend_mm: f64,
     sway: DVec3,
 }
@@ -241,7 +213,7 @@ impl Fall {
         Self { root, across, bend_mm: chance.between(25.0, 45.0), sway: 0.12 * chance.direction(-1.0) }
     }
 
-    /// Points at equal steps along it, each moved by `offset(mm from the root, [across, normal])`.
+    /// Points at equal steps along the strand, each displaced by `offset(mm from the root, [across, normal])`.
     fn points(&self, length_mm: f64, steps: Steps, offset: impl Fn(f64, [DVec3; 2]) -> DVec3) -> Vec<DVec3> {
         let step = length_mm / steps.each as f64;
         let mut at = self.root * HEAD_MM;
@@ -252,7 +224,7 @@ impl Fall {
                 let along = (self.root * (1.0 - fallen) - DVec3::Z * fallen + self.sway).normalize();
                 let place = at + offset(s, [self.across, along.cross(self.across)]);
                 at += along * step;
-                // It lies on the ball and does not pass through it.
+                // The strand stays outside the ball.
                 if at.length() < HEAD_MM {
                     at = at.normalize_or(self.root) * HEAD_MM;
                 }
@@ -262,7 +234,7 @@ impl Fall {
     }
 }
 
-/// A hair of fur: upright at the root, bent towards where it is combed.
+/// Points of a hair of fur, upright at the root and bent along the comb direction.
 fn fur(chance: &mut Chance, steps: Steps) -> Vec<DVec3> {
     let root = chance.direction(-1.0);
     let comb = DVec3::new(0.35, 0.2, -1.0) + 0.35 * chance.direction(-1.0);

@@ -1,8 +1,8 @@
-//! From strands to the directions in which they run: second moments of their tangents on the volume's grid.
+//! Directions of strands on the volume's grid: second moments of their tangents.
 //!
 //! A segment of unit tangent `u`, length `L`, diameter `d` and transparency `t` adds `(1 - t) d L_inside u u^T / voxel volume`
-//! to each voxel, with the `L_inside` of the extinction's own kernel: the trace of a voxel's moments is its extinction, 1/mm,
-//! and interpolating both alike keeps that so in between. Directions are the world's.
+//! to each voxel, with the `L_inside` of the extinction's kernel. The trace of a voxel's moments is therefore its extinction,
+//! 1/mm, and the same interpolation of both keeps it so between voxels. Directions are in world coordinates.
 
 use super::voxelise::spread;
 use super::{Kernel, Segment, StrandGrid, Strands, VoxelisedStrands};
@@ -16,20 +16,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// # Errors
 /// The host has no memory for them.
 pub fn tangents(strands: &Strands, grid: &StrandGrid, kernel: Kernel) -> Result<DirectionMoments> {
-    tangents_with(strands, grid, kernel, &Loading::default())
-}
-
-/// As [`tangents`], watched and ended early through `loading`.
-///
-/// # Errors
-/// As there, or it was cancelled.
-pub fn tangents_with(
-    strands: &Strands,
-    grid: &StrandGrid,
-    kernel: Kernel,
-    loading: &Loading,
-) -> Result<DirectionMoments> {
-    let values = spread(strands, grid, kernel, moments_mm2, loading)?;
+    let values = spread(strands, grid, kernel, moments_mm2, &Loading::default())?;
     DirectionMoments::new(grid.dims, grid.world_from_index(), values)
 }
 
@@ -42,24 +29,24 @@ fn moments_mm2(segment: &Segment) -> [f64; 6] {
 }
 
 impl VoxelisedStrands {
-    /// Strands that have become a volume on a grid.
+    /// Strands that were voxelised into a grid.
     pub fn new(strands: Strands, grid: StrandGrid, kernel: Kernel) -> Self {
         Self { strands, grid, kernel, directions: Mutex::default() }
     }
 
-    /// Which way the strands run, on the volume's grid: made when it is asked for, 24 bytes a voxel, and shared for as long as
-    /// anyone holds it.
+    /// Directions of the strands on the volume's grid, 24 bytes a voxel: computed on the first call and shared while anyone
+    /// holds them.
     ///
     /// # Errors
-    /// The host has no memory for it.
+    /// The host has no memory for them.
     pub fn directions(&self) -> Result<Arc<DirectionMoments>> {
-        // Who asks meanwhile waits for the same.
-        let mut held = self.directions.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(made) = held.upgrade() {
+        // Concurrent callers wait for the same result.
+        let mut shared = self.directions.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = shared.upgrade() {
             return Ok(made);
         }
         let made = Arc::new(tangents(&self.strands, &self.grid, self.kernel)?);
-        *held = Arc::downgrade(&made);
+        *shared = Arc::downgrade(&made);
         Ok(made)
     }
 }

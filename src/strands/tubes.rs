@@ -1,100 +1,97 @@
-//! Strands as opaque tubes of triangles, to stand in any volume among its meshes.
+//! Opaque tubes of triangles made from strands, which join the meshes of a scene.
 //!
-//! A tube is a prism of [`SIDES`] sides along the strand, as thick as the strand is at each point, with a ball's half at either
-//! end. Its sides' edges lie a little outside of the strand's cylinder and their middles a little inside, so that it looks as
-//! wide as the strand on the average over all sides that it may be seen from. With 12 sides its outline is off by at most 2.3 %
-//! of the radius (5.6 % at its ends); strands that would make too many triangles have fewer (8, 6, 4: 5.2, 9.4 and 22 %). Where a strand bends both
-//! prisms end in one ring, halfway between their directions. Where it bends by more than a right angle, or so near to another
-//! bend that the rings would meet, the tube ends in a ball's half and another begins with one: they overlap, and leave no gap.
-//! Every tube is closed.
+//! A tube is a prism of [`SIDES`] sides along the strand, with the strand's thickness at each point and a hemisphere at either
+//! end. The edges of the sides lie a little outside of the strand's cylinder and their middles a little inside, so that the mean
+//! width over all view directions is the strand's. With 12 sides the outline is off by at most 2.3 % of the radius (5.6 % at the
+//! ends); strands that would need too many triangles have fewer sides (8, 6, 4: 5.2, 9.4 and 22 %).
+//!
+//! Where a strand bends, both prisms end in one ring, halfway between their directions. Where it bends by more than a right angle,
+//! or so near to another bend that the rings would meet, the tube ends in a hemisphere and another tube begins with one. The two
+//! overlap and leave no gap. Every tube is closed.
 
 use super::Strands;
 use crate::error::{Error, Result};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// Sides of a tube: the first number that does not make too many triangles.
+/// Numbers of sides of a tube; the first that does not need too many triangles is used.
 pub const SIDES: [usize; 4] = [12, 8, 6, 4];
 
-/// Points nearer to the one before than this share of the radius are passed over.
-const NEAREST: f64 = 1e-2;
+/// Smallest distance of two points, relative to the radius; nearer points are skipped.
+const LEAST_DISTANCE: f64 = 1e-2;
 
-/// All tubes of a scene have no more triangles. With the tree over them they take 160 bytes each on the device, 96 of them in one
-/// buffer (so that 1.4 million fit the 128 MiB that every adapter can bind), and 0.5 KiB on the host, where a tree of a million
-/// takes 1.2 s.
+/// Largest number of triangles of all tubes of a scene.
+///
+/// With its part of the tree a triangle takes 160 bytes on the device, 96 of them in one buffer, so that 1.4 million fit the 128 MiB
+/// that every adapter can bind. On the host it takes 0.5 KiB, and a tree of a million takes 1.2 s.
 pub const MOST_TRIANGLES: usize = 1_000_000;
 
-/// Strands as tubes.
+/// Tubes made from strands.
 #[derive(Debug)]
 pub struct Tubes {
     /// Corners of all triangles, world mm, counter-clockwise from outside.
     pub triangles: Vec<[DVec3; 3]>,
     /// Sides of each tube.
     pub sides: usize,
-    /// Triangles that as many sides as possible would have made.
+    /// Number of triangles with the largest number of sides.
     pub of_most_sides: usize,
 }
 
-/// A place on a strand.
+/// Point on a strand.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct TubePoint {
     at: DVec3,
     radius_mm: f64,
 }
 
-/// How a tube is made.
+/// Tessellation of a tube.
 #[derive(Debug, Clone, Copy)]
-struct Shape {
+struct Tessellation {
     sides: usize,
-    /// Rings of a ball's half, that of the tube among them; its pole is a corner of its own.
+    /// Rings of a hemisphere, including the tube's own; the pole is a single corner.
     cap_rings: usize,
 }
 
-impl Shape {
+impl Tessellation {
     fn of(sides: usize) -> Self {
         Self { sides, cap_rings: (sides + 2) / 4 }
     }
 
-    /// Triangles of a tube through so many places.
+    /// Triangles of a tube through this many points.
     fn triangles(self, places: usize) -> usize {
-        let of_caps = 2 * (2 * self.cap_rings - 1) * self.sides;
-        2 * self.sides * (places - 1) + of_caps
+        2 * self.sides * (places - 1) + 2 * (2 * self.cap_rings - 1) * self.sides
     }
 
-    /// Radii from the middle of a tube to its corners: the mean width of a polygon is its perimeter over pi.
+    /// Distance of the corners from the axis in radii: the mean width of a polygon is its perimeter over pi.
     fn corner(self) -> f64 {
         let n = self.sides as f64;
         PI / (n * (PI / n).sin())
     }
 }
 
-/// All strands as tubes of at most so many triangles.
+/// Makes tubes of all strands with at most `most` triangles.
 ///
 /// # Errors
-/// Nothing has length and thickness, or there would be more triangles, which is known before memory is taken.
+/// Nothing has length and thickness, or there would be more triangles; this is checked before memory is taken.
 pub fn tubes(strands: &Strands, most: usize) -> Result<Tubes> {
     let refused = |why: String| Error::input("cannot use strands", strands.source(), why);
     let mut counts = SIDES.map(|_| 0);
     each_tube(strands, |tube| {
-        counts
-            .iter_mut()
-            .zip(SIDES)
-            .for_each(|(count, sides)| *count += Shape::of(sides).triangles(tube.len()));
+        let counted = counts.iter_mut().zip(SIDES);
+        counted.for_each(|(count, sides)| *count += Tessellation::of(sides).triangles(tube.len()));
     });
     if counts[0] == 0 {
         return Err(refused("no strand has length and thickness".into()));
     }
     let Some(place) = counts.iter().position(|count| *count <= most) else {
-        let (segments, count, sides) =
-            (strands.segment_count(), counts[SIDES.len() - 1], SIDES[SIDES.len() - 1]);
+        let ([.., count], [.., sides], segments) = (counts, SIDES, strands.segment_count());
         let why = format!(
             "tubes of {segments} segments and {sides} sides have {count} triangles, and {most} are the most"
         );
-        return Err(
-            refused(why).hint("fewer strands, or fewer points on each; as VOLUME strands may be far more")
-        );
+        let hint = "fewer strands, or fewer points on each; as VOLUME strands may be far more";
+        return Err(refused(why).hint(hint));
     };
-    let (shape, mut triangles) = (Shape::of(SIDES[place]), Vec::new());
+    let (shape, mut triangles) = (Tessellation::of(SIDES[place]), Vec::new());
     if triangles.try_reserve_exact(counts[place]).is_err() {
         return Err(refused(format!("there is not enough memory for {} triangles", counts[place])));
     }
@@ -102,20 +99,22 @@ pub fn tubes(strands: &Strands, most: usize) -> Result<Tubes> {
     Ok(Tubes { triangles, sides: shape.sides, of_most_sides: counts[0] })
 }
 
-/// Hands on the places of every tube, at least two.
-fn each_tube(strands: &Strands, mut take: impl FnMut(&[Place])) {
+/// Calls `take` with the points of every tube, at least two.
+fn each_tube(strands: &Strands, mut take: impl FnMut(&[TubePoint])) {
     let arrays = strands.arrays();
     let radius_mm = |point: usize| {
         let each = arrays.thickness_mm.values.as_ref().map(|values| values[point]);
         0.5 * f64::from(each.unwrap_or(arrays.thickness_mm.default))
     };
-    let (mut places, mut first): (Vec<Place>, usize) = (Vec::new(), 0);
+    let (mut places, mut first): (Vec<TubePoint>, usize) = (Vec::new(), 0);
     for segments in strands.segment_ranges() {
         places.clear();
         for point in first..=first + segments.len() {
             let at = DVec3::from_array(arrays.points[point].map(f64::from));
-            let next = Place { at, radius_mm: radius_mm(point) };
-            let is_near = |last: &Place| last.at.distance(at) <= NEAREST * last.radius_mm.max(next.radius_mm);
+            let next = TubePoint { at, radius_mm: radius_mm(point) };
+            let is_near = |last: &TubePoint| {
+                last.at.distance(at) <= LEAST_DISTANCE * last.radius_mm.max(next.radius_mm)
+            };
             if !places.last().is_some_and(is_near) {
                 places.push(next);
             }
@@ -127,13 +126,13 @@ fn each_tube(strands: &Strands, mut take: impl FnMut(&[Place])) {
     }
 }
 
-/// Splits a strand where its rings would meet.
-fn split(places: &[Place], take: &mut impl FnMut(&[Place])) {
+/// Splits a strand into tubes where its rings would meet.
+fn split(places: &[TubePoint], take: &mut impl FnMut(&[TubePoint])) {
     let along = |segment: usize| places[segment + 1].at - places[segment].at;
     let (mut begun, mut taken_mm) = (0, 0.0);
     for joint in 1..places.len() - 1 {
         let (before, after) = (along(joint - 1), along(joint));
-        // The ring's reach along either segment: the radius times the tangent of half the angle between them.
+        // Extent of the ring along either segment: the radius times the tangent of half the angle between them.
         let reach_mm = places[joint].radius_mm * tangent_of_half(before.normalize(), after.normalize());
         let fits = reach_mm <= places[joint].radius_mm
             && reach_mm + taken_mm < before.length()
@@ -152,15 +151,15 @@ fn tangent_of_half(a: DVec3, b: DVec3) -> f64 {
     (a - b).length() / (a + b).length()
 }
 
-/// The corners around a place.
+/// Corners around a point of a strand.
 type Ring = Vec<DVec3>;
 
 /// Adds the triangles of one tube.
-fn add_tube(places: &[Place], shape: Shape, triangles: &mut Vec<[DVec3; 3]>) {
+fn add_tube(places: &[TubePoint], shape: Tessellation, triangles: &mut Vec<[DVec3; 3]>) {
     let direction = |segment: usize| (places[segment + 1].at - places[segment].at).normalize();
     let (first, last) = (direction(0), direction(places.len() - 2));
-    let wider = |place: Place| Place { radius_mm: shape.corner() * place.radius_mm, ..place };
-    // Unit vectors to the corners, across the present segment.
+    let wider = |place: TubePoint| TubePoint { radius_mm: shape.corner() * place.radius_mm, ..place };
+    // Unit vectors to the corners, perpendicular to the present segment.
     let mut across = corners(first, shape.sides);
     let mut ring = ring_at(wider(places[0]), &across);
     add_cap(wider(places[0]), -first, &across, shape, triangles);
@@ -169,7 +168,7 @@ fn add_tube(places: &[Place], shape: Shape, triangles: &mut Vec<[DVec3; 3]>) {
         let next: Ring = if joint + 1 < places.len() {
             let after = direction(joint);
             let normal = (along + after).normalize();
-            // Corners go along the segment to the plane halfway to the next one, and from there along that.
+            // Corners move along the segment to the plane halfway between both directions.
             let onto = |u: &DVec3| *u - along * (u.dot(normal) / along.dot(normal));
             let slanted: Ring = across.iter().map(onto).collect();
             across = slanted.iter().map(|u| (*u - after * u.dot(after)).normalize()).collect();
@@ -183,7 +182,7 @@ fn add_tube(places: &[Place], shape: Shape, triangles: &mut Vec<[DVec3; 3]>) {
     add_cap(wider(places[places.len() - 1]), last, &across, shape, triangles);
 }
 
-/// Unit vectors to the corners of a polygon across a direction, counter-clockwise about it.
+/// Unit vectors to the corners of a polygon perpendicular to a direction, counter-clockwise about it.
 fn corners(along: DVec3, sides: usize) -> Ring {
     let x = along.any_orthonormal_vector();
     let y = along.cross(x);
@@ -194,11 +193,11 @@ fn corners(along: DVec3, sides: usize) -> Ring {
     (0..sides).map(corner).collect()
 }
 
-fn ring_at(place: Place, across: &[DVec3]) -> Ring {
+fn ring_at(place: TubePoint, across: &[DVec3]) -> Ring {
     across.iter().map(|u| place.at + place.radius_mm * *u).collect()
 }
 
-/// Triangles between two rings, the second farther along.
+/// Adds the triangles between two rings, the second farther along.
 fn add_band(from: &[DVec3], to: &[DVec3], triangles: &mut Vec<[DVec3; 3]>) {
     for side in 0..from.len() {
         let next = (side + 1) % from.len();
@@ -207,14 +206,20 @@ fn add_band(from: &[DVec3], to: &[DVec3], triangles: &mut Vec<[DVec3; 3]>) {
     }
 }
 
-/// The ball's half at an end of a tube, `outward` being where its pole is. Corners go around it as they do around the tube.
-fn add_cap(place: Place, outward: DVec3, across: &[DVec3], shape: Shape, triangles: &mut Vec<[DVec3; 3]>) {
+/// Adds the hemisphere at an end of a tube; `outward` points to its pole. Corners have the order of the tube.
+fn add_cap(
+    place: TubePoint,
+    outward: DVec3,
+    across: &[DVec3],
+    shape: Tessellation,
+    triangles: &mut Vec<[DVec3; 3]>,
+) {
     let is_first = (across[0].cross(across[1])).dot(outward) < 0.0;
     let mut ring = ring_at(place, across);
     for step in 1..shape.cap_rings {
         let (sin, cos) = (0.5 * PI * step as f64 / shape.cap_rings as f64).sin_cos();
-        let next: Ring =
-            across.iter().map(|u| place.at + place.radius_mm * (cos * *u + sin * outward)).collect();
+        let corner = |u: &DVec3| place.at + place.radius_mm * (cos * *u + sin * outward);
+        let next: Ring = across.iter().map(corner).collect();
         if is_first {
             add_band(&next, &ring, triangles)
         } else {
@@ -275,9 +280,9 @@ mod tests {
     }
 
     #[test]
-    fn outlines_are_off_by_as_much_as_is_said() {
+    fn outlines_are_off_by_the_documented_amounts() {
         for (sides, most) in SIDES.into_iter().zip([0.023, 0.052, 0.094, 0.215]) {
-            let (corner, n) = (Shape::of(sides).corner(), sides as f64);
+            let (corner, n) = (Tessellation::of(sides).corner(), sides as f64);
             assert!(corner - 1.0 < most && 1.0 - corner * (PI / n).cos() < most, "{sides}: {corner}");
             // The mean width over all directions is the diameter.
             let width = |turn: f64| {
@@ -290,9 +295,9 @@ mod tests {
     }
 
     #[test]
-    fn every_tube_is_closed_and_as_large_as_was_counted() {
+    fn every_tube_is_closed_and_has_the_counted_triangles() {
         for (strands, sides) in some().iter().flat_map(|s| SIDES.map(|sides| (s, sides))) {
-            let (shape, mut count, mut triangles) = (Shape::of(sides), 0, Vec::new());
+            let (shape, mut count, mut triangles) = (Tessellation::of(sides), 0, Vec::new());
             each_tube(strands, |tube| count += shape.triangles(tube.len()));
             each_tube(strands, |tube| add_tube(tube, shape, &mut triangles));
             assert_eq!(triangles.len(), count);
@@ -310,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn surfaces_are_as_far_from_the_strand_as_it_is_thick() {
+    fn surfaces_have_the_distance_of_the_radius_from_the_strand() {
         for strands in some() {
             let distance_to = |p: DVec3| {
                 let to_segment = |i: usize| {
@@ -324,7 +329,10 @@ mod tests {
             for t in made(&strands) {
                 let farthest = t.iter().map(|p| distance_to(*p)).fold(0.0, f64::max);
                 // A bend of a right angle puts its outer corner farther away, as the joint of two pipes does.
-                assert!(farthest <= 2.0_f64.sqrt() * Shape::of(12).corner() * widest + 1e-9, "{farthest}");
+                assert!(
+                    farthest <= 2.0_f64.sqrt() * Tessellation::of(12).corner() * widest + 1e-9,
+                    "{farthest}"
+                );
             }
         }
         // Normals look outward.
@@ -337,7 +345,7 @@ mod tests {
         }
     }
 
-    /// Whoever stands on the strand sees its tube whichever way it looks: no gap at joints.
+    /// Rays from the strand meet its tube in every direction: there are no gaps at joints.
     #[test]
     fn no_ray_leaves_a_tube() {
         for strands in some() {
@@ -362,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_tube_or_too_many_is_refused() {
+    fn strands_without_extent_or_with_too_many_triangles_are_refused() {
         let none = strand(vec![[1.0; 3]; 5], Attribute::constant(2.0));
         let thin = strand(vec![[0.0; 3], [1.0; 3]], Attribute::constant(0.0));
         for strands in [none, thin] {

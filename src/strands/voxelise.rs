@@ -1,26 +1,26 @@
-//! From strands to extinction: every segment's area is spread over the voxels that it crosses.
+//! Voxelisation of strands: spreads the area of every segment over the voxels that it crosses.
 //!
 //! A segment of length `L`, diameter `d` and transparency `t` adds `(1 - t) d L_inside / voxel volume` to each
-//! voxel, mm^2 / mm^3 = 1/mm. [`Kernel`] says what `L_inside` is. Either way the sum of extinction times voxel
+//! voxel, mm^2 / mm^3 = 1/mm. [`Kernel`] defines `L_inside`. With both kernels the sum of extinction times voxel
 //! volume is the sum of `(1 - t) d L` inside the grid; the field is trilinear between voxel centres, so its integral
-//! is that sum too.
+//! is this sum too.
 //!
-//! The default is the box: over the built-in sets with 10^5 and 10^6 segments at 64 and 256 voxels, its transmittance
-//! was the closer to the strands' in 14 of 16 cases (rms, `measure::cylinders`), by 0 to 3 %, and it takes 0.6 of the
-//! time. The tent blurs by a third more in variance, but a strand's extinction does not jump where it passes from voxel
-//! to voxel, so that near ones are drawn without beads.
+//! The default is the box. Over the built-in sets with 10^5 and 10^6 segments at 64 and 256 voxels, its transmittance
+//! was closer to the strands' in 14 of 16 cases (rms, `measure::cylinders`), by 0 to 3 %, and it takes 0.6 of the
+//! time. The tent blurs by a third more in variance. In return a strand's extinction does not jump from voxel
+//! to voxel, so that near strands show no beads.
 //!
 //! Threads share the grid by slabs of planes whose thickness depends on the grid alone. A slab belongs to one
 //! thread, which takes the segments in the file's order and sums in 64-bit floats: every voxel sees the same
 //! additions in the same order, and the result is the same bit by bit whatever the number of threads.
 
-use super::walk::{Cells, Line};
+use super::cell_traversal::{CellBox, CellRay};
 use super::{Segment, StrandGrid, Strands};
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use rayon::prelude::*;
 
-/// How a segment's length is shared among voxels.
+/// Kernel that distributes a segment's length over voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Kernel {
@@ -31,54 +31,41 @@ pub enum Kernel {
     Tent,
 }
 
-/// What came in and what lies on the grid, mm^2.
+/// Area of the strands and of the voxels made from them, mm^2.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Conservation {
     /// Sum of `(1 - transparency) diameter length` over all segments.
     pub area_mm2: f64,
-    /// Of it, what lies within the grid's domain.
+    /// Part of the area within the grid's domain.
     pub area_inside_mm2: f64,
     /// Sum of extinction times voxel volume.
     pub on_grid_mm2: f64,
-    /// `|on_grid - inside| / inside`; 0 where there is nothing.
+    /// `|on_grid - inside| / inside`; 0 without area.
     pub relative_error: f64,
 }
 
-/// Voxels that a thread works on at a time: 4 MiB of sums.
+/// Voxels of a slab: 4 MiB of sums.
 const SLAB_VOXELS: usize = 1 << 19;
 
-/// Segments whose z range is looked at together.
+/// Segments whose z range is tested together.
 const CHUNK: usize = 16;
 
-/// Chunks of segments after which a thread says how far it is.
+/// Chunks of segments between two reports of progress.
 const CHUNKS_A_PIECE: usize = 1 << 12;
 
-/// Segments summed at a time; fixed, so that sums do not depend on the number of threads.
+/// Segments of a partial sum; fixed, so that sums do not depend on the number of threads.
 const SUM_CHUNK: usize = 1 << 14;
 
-/// Extinction in 1/mm of strands on a grid, x fastest.
+/// Extinction in 1/mm of strands on a grid, x fastest; watched and cancelled through `loading`.
 ///
 /// # Errors
-/// The host has no memory for the grid.
-pub fn voxelise(strands: &Strands, grid: &StrandGrid, kernel: Kernel) -> Result<Vec<f32>> {
-    voxelise_with(strands, grid, kernel, &Loading::default())
-}
-
-/// As [`voxelise`], watched and ended early through `loading`.
-///
-/// # Errors
-/// As there, or it was cancelled.
-pub fn voxelise_with(
-    strands: &Strands,
-    grid: &StrandGrid,
-    kernel: Kernel,
-    loading: &Loading,
-) -> Result<Vec<f32>> {
+/// The host has no memory for the grid, or the work was cancelled.
+pub fn voxelise(strands: &Strands, grid: &StrandGrid, kernel: Kernel, loading: &Loading) -> Result<Vec<f32>> {
     spread(strands, grid, kernel, |segment| [segment.area_mm2()], loading).map(Vec::into_flattened)
 }
 
-/// Spreads `N` amounts of every segment over the voxels as its length is shared among them, and divides by the voxel's
-/// volume: x fastest, in what the amounts are in a cubic millimetre.
+/// Distributes `N` amounts of every segment over the voxels in proportion to its length in each, and divides by the voxel's
+/// volume; x fastest.
 pub(super) fn spread<const N: usize>(
     strands: &Strands,
     grid: &StrandGrid,
@@ -91,7 +78,7 @@ pub(super) fn spread<const N: usize>(
         Error::runtime("cannot voxelise", strands.source(), format!("no memory for {nx}x{ny}x{nz} voxels"))
             .hint("a smaller --resolution needs less")
     })?;
-    // Zeroed by the system page by page, so that each thread meets its own.
+    // The system zeroes pages on first use, so that each thread gets its own.
     let mut values = vec![[0.0f32; N]; grid.voxels()];
     let planes = (SLAB_VOXELS / (nx * ny)).clamp(1, nz);
     let per_mm = 1.0 / grid.spacing_mm;
@@ -101,7 +88,7 @@ pub(super) fn spread<const N: usize>(
     let pieces = loading.pieces(ReadingStage::Voxelising, slabs * reach.len().div_ceil(CHUNKS_A_PIECE));
     values.par_chunks_mut(planes * nx * ny).enumerate().for_each_init(Vec::new, |sums, (slab, out)| {
         let first = slab * planes;
-        let mut target = Slab::new(grid, kernel, first, first + out.len() / (nx * ny), sums);
+        let mut target = VoxelSlab::new(grid, kernel, first, first + out.len() / (nx * ny), sums);
         let [low, high] = target.z_range();
         for (chunk, [chunk_low, chunk_high]) in reach.iter().enumerate() {
             if chunk % CHUNKS_A_PIECE == 0 {
@@ -128,22 +115,11 @@ pub(super) fn spread<const N: usize>(
 }
 
 impl Conservation {
-    /// What strands and the values voxelised from them add up to.
-    pub fn of(strands: &Strands, grid: &StrandGrid, values: &[f32]) -> Self {
-        Self::sum(strands, grid, values, &Loading::default())
-    }
-
-    /// As [`Self::of`], ended early through `loading`.
+    /// Sums over strands and over the values voxelised from them.
     ///
     /// # Errors
-    /// It was cancelled.
-    pub fn of_with(strands: &Strands, grid: &StrandGrid, values: &[f32], loading: &Loading) -> Result<Self> {
-        let sums = Self::sum(strands, grid, values, loading);
-        loading.go_on(strands.source())?;
-        Ok(sums)
-    }
-
-    fn sum(strands: &Strands, grid: &StrandGrid, values: &[f32], loading: &Loading) -> Self {
+    /// The work was cancelled through `loading`.
+    pub fn of(strands: &Strands, grid: &StrandGrid, values: &[f32], loading: &Loading) -> Result<Self> {
         let cells = Kernel::Box.cells(grid, 0, grid.dims[2]);
         let count = strands.segment_count();
         let sums: Vec<[f64; 2]> = (0..count.div_ceil(SUM_CHUNK))
@@ -152,29 +128,28 @@ impl Conservation {
                 if loading.is_cancelled() {
                     return [0.0; 2];
                 }
-                let (mut all, mut inside) = (0.0, 0.0);
-                for index in chunk * SUM_CHUNK..((chunk + 1) * SUM_CHUNK).min(count) {
+                let segments = chunk * SUM_CHUNK..((chunk + 1) * SUM_CHUNK).min(count);
+                segments.fold([0.0; 2], |[all, inside], index| {
                     let segment = strands.segment(index);
                     let area = segment.area_mm2();
-                    all += area;
                     let [t0, t1] = cells.clip(&Kernel::Box.line(grid, segment.ends)).unwrap_or_default();
-                    inside += area * (t1 - t0);
-                }
-                [all, inside]
+                    [all + area, inside + area * (t1 - t0)]
+                })
             })
             .collect();
+        loading.go_on(strands.source())?;
         let area_mm2 = sums.iter().map(|s| s[0]).sum();
         let area_inside_mm2: f64 = sums.iter().map(|s| s[1]).sum();
         let planes = values.par_chunks(SUM_CHUNK).map(|c| c.iter().map(|&v| f64::from(v)).sum::<f64>());
         let on_grid_mm2 = planes.collect::<Vec<f64>>().iter().sum::<f64>() * grid.voxel_mm3();
         let off = (on_grid_mm2 - area_inside_mm2).abs();
         let relative_error = if off == 0.0 { 0.0 } else { off / area_inside_mm2 };
-        Self { area_mm2, area_inside_mm2, on_grid_mm2, relative_error }
+        Ok(Self { area_mm2, area_inside_mm2, on_grid_mm2, relative_error })
     }
 }
 
 impl Kernel {
-    /// Half a cell: voxels as cells lie between faces, the tent's cells between voxel centres.
+    /// Offset from index coordinates to cell coordinates: voxels lie between faces, the tent's cells between voxel centres.
     fn shift(self) -> f64 {
         match self {
             Self::Box => 0.5,
@@ -182,26 +157,26 @@ impl Kernel {
         }
     }
 
-    /// A segment in the coordinates of [`Self::cells`].
+    /// Segment in the coordinates of [`Self::cells`].
     #[inline]
-    fn line(self, grid: &StrandGrid, ends: [glam::DVec3; 2]) -> Line {
+    fn line(self, grid: &StrandGrid, ends: [glam::DVec3; 2]) -> CellRay {
         let [a, b] = ends.map(|p| (grid.index_from_world(p) + self.shift()).to_array());
-        Line::new(a, b)
+        CellRay::new(a, b)
     }
 
-    /// The cells from which the planes `first..end` get anything.
-    fn cells(self, grid: &StrandGrid, first: usize, end: usize) -> Cells {
+    /// Cells that contribute to the planes `first..end`.
+    fn cells(self, grid: &StrandGrid, first: usize, end: usize) -> CellBox {
         let n = grid.dims.map(|n| n as i64);
         let below = i64::from(self == Self::Tent);
         let whole = n.map(|n| [-below, n - 1]);
         let mut part = whole;
         part[2] = [first as i64 - below, end as i64 - 1];
         let domain = n.map(|n| [-0.5, n as f64 - 0.5].map(|x| x + self.shift()));
-        Cells { whole, part, domain }
+        CellBox { whole, part, domain }
     }
 }
 
-/// The range of z of each chunk of segments, index coordinates.
+/// Range of z of each chunk of segments, index coordinates.
 fn chunk_reach(strands: &Strands, grid: &StrandGrid) -> Vec<[f64; 2]> {
     let count = strands.segment_count();
     let per_mm = 1.0 / grid.spacing_mm;
@@ -217,10 +192,10 @@ fn chunk_reach(strands: &Strands, grid: &StrandGrid) -> Vec<[f64; 2]> {
     (0..count.div_ceil(CHUNK)).into_par_iter().map(reach).collect()
 }
 
-/// Some planes of the grid, and what has been added to them: `N` amounts a voxel.
-struct Slab<'a, const N: usize> {
+/// Slab of planes of the grid with the sums of `N` amounts a voxel.
+struct VoxelSlab<'a, const N: usize> {
     kernel: Kernel,
-    cells: Cells,
+    cells: CellBox,
     dims: [usize; 3],
     /// Planes `[first, end)`.
     first: usize,
@@ -228,20 +203,20 @@ struct Slab<'a, const N: usize> {
     sums: &'a mut Vec<[f64; N]>,
 }
 
-impl<'a, const N: usize> Slab<'a, N> {
+impl<'a, const N: usize> VoxelSlab<'a, N> {
     fn new(grid: &StrandGrid, kernel: Kernel, first: usize, end: usize, sums: &'a mut Vec<[f64; N]>) -> Self {
         sums.clear();
         sums.resize((end - first) * grid.dims[0] * grid.dims[1], [0.0; N]);
         Self { kernel, cells: kernel.cells(grid, first, end), dims: grid.dims, first, end, sums }
     }
 
-    /// What reaches these planes, index coordinates.
+    /// Range of z that contributes to these planes, index coordinates.
     fn z_range(&self) -> [f64; 2] {
         let [first, last] = self.cells.part[2];
         [first as f64 - self.kernel.shift(), (last + 1) as f64 - self.kernel.shift()]
     }
 
-    /// Adds the amounts of a segment, as its length is shared among voxels.
+    /// Adds the amounts of a segment to the voxels that it crosses.
     #[inline]
     fn add(&mut self, grid: &StrandGrid, segment: &Segment, amounts: [f64; N]) {
         if amounts == [0.0; N] {
@@ -249,7 +224,7 @@ impl<'a, const N: usize> Slab<'a, N> {
         }
         let line = self.kernel.line(grid, segment.ends);
         let (cells, kernel) = (self.cells, self.kernel);
-        cells.walk(&line, |cell, t0, t1| match kernel {
+        cells.traverse(&line, |cell, t0, t1| match kernel {
             Kernel::Box => {
                 let [i, j, k] = cell.map(|c| c as usize);
                 let sums = &mut self.sums[((k - self.first) * self.dims[1] + j) * self.dims[0] + i];
@@ -259,10 +234,10 @@ impl<'a, const N: usize> Slab<'a, N> {
         });
     }
 
-    /// Shares amounts evenly along a piece within one cell. Along it the weights are cubics of `t`, which two Gauss
-    /// points integrate exactly; the eight weights are 1 together at each of them.
+    /// Adds amounts, uniform along a piece within one cell, to the eight nearest voxels. The weights are cubics of `t`, which
+    /// two Gauss points integrate exactly; the eight weights sum to 1 at each of them.
     #[inline]
-    fn spread(&mut self, line: &Line, cell: [i64; 3], [t0, t1]: [f64; 2], amounts: [f64; N]) {
+    fn spread(&mut self, line: &CellRay, cell: [i64; 3], [t0, t1]: [f64; 2], amounts: [f64; N]) {
         const GAUSS: f64 = 0.577_350_269_189_625_8;
         let (middle, half) = (0.5 * (t0 + t1), 0.5 * (t1 - t0));
         let [nx, ny, nz] = self.dims;
@@ -273,22 +248,18 @@ impl<'a, const N: usize> Slab<'a, N> {
                 |axis: usize| (line.from[axis] + line.step[axis] * t - cell[axis] as f64).clamp(0.0, 1.0);
             let (u, v, w) = (within(0), within(1), within(2));
             let flat = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
-            for (weight, f) in planes[0].iter_mut().zip(flat) {
-                *weight += f * (1.0 - w);
-            }
-            for (weight, f) in planes[1].iter_mut().zip(flat) {
-                *weight += f * w;
+            for (plane, share) in planes.iter_mut().zip([1.0 - w, w]) {
+                plane.iter_mut().zip(flat).for_each(|(weight, f)| *weight += f * share);
             }
         }
-        // Beyond the outermost centres the field is clamped, and so both neighbours are the same voxel.
+        // Beyond the outermost centres the field is clamped: both neighbours are the same voxel.
         let pair = |c: i64, n: usize| [c.max(0) as usize, ((c + 1) as usize).min(n - 1)];
         let ([x0, x1], [y0, y1], z) = (pair(cell[0], nx), pair(cell[1], ny), pair(cell[2], nz));
         for (k, weights) in z.into_iter().zip(planes) {
             if (self.first..self.end).contains(&k) {
                 let rows = [y0, y1].map(|j| ((k - self.first) * ny + j) * nx);
-                for (at, weight) in
-                    [rows[0] + x0, rows[0] + x1, rows[1] + x0, rows[1] + x1].into_iter().zip(weights)
-                {
+                let corners = [rows[0] + x0, rows[0] + x1, rows[1] + x0, rows[1] + x1];
+                for (at, weight) in corners.into_iter().zip(weights) {
                     let sums = self.sums[at].iter_mut().zip(amounts);
                     sums.for_each(|(sum, amount)| *sum += 0.5 * amount * weight);
                 }

@@ -1,21 +1,21 @@
-//! What an edit of a transfer function changes, for the values that a volume has.
+//! Effect of an edit of a transfer function on the values of a volume.
 
 use super::{ControlPoint, TransferFunction};
 
-/// The most that tells two transfer functions apart on some values.
+/// Largest difference of two transfer functions on some values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum TransferChange {
-    /// Every value that occurs has the extinction that it had, and the colour where it has any extinction.
+    /// No value that occurs changes its extinction, or its colour where it has extinction.
     Nothing,
-    /// Some value with extinction has another colour; extinction is what it was.
+    /// Some value with extinction changes its colour, none its extinction.
     Color,
-    /// Some value that occurs has another extinction.
+    /// Some value that occurs changes its extinction.
     Extinction,
 }
 
 impl TransferChange {
-    /// From `old` to `new`, where `occurs` says whether a volume has any value in a closed range (whose ends may be
-    /// infinite). Conservative: ranges are those between control points.
+    /// Change from `old` to `new`. `occurs` tells whether a volume has any value in a closed range, whose ends may be
+    /// infinite. Conservative: ranges are those between control points.
     pub fn between(
         old: &TransferFunction,
         new: &TransferFunction,
@@ -45,7 +45,7 @@ impl TransferChange {
     }
 }
 
-/// The ranges between neighbouring control points of both: each function is linear on the inside of each.
+/// Ranges between neighbouring control points of both functions; each function is linear inside each range.
 fn pieces(a: &TransferFunction, b: &TransferFunction) -> Vec<[f64; 2]> {
     let mut ends: Vec<f64> = a.points.iter().chain(&b.points).map(|p| p.value).collect();
     ends.extend([f64::NEG_INFINITY, f64::INFINITY]);
@@ -55,10 +55,10 @@ fn pieces(a: &TransferFunction, b: &TransferFunction) -> Vec<[f64; 2]> {
 }
 
 impl TransferFunction {
-    /// What a quantity tends to at both ends of a range that no control point lies inside of, from within the range.
+    /// Limits of a quantity at both ends of a range without control points inside, from within the range.
     fn ends_on(&self, [low, high]: [f64; 2], get: impl Fn(&ControlPoint) -> f64) -> [f64; 2] {
         let points = &self.points;
-        // The neighbours of the range: the last point at or below it, and the first at or above.
+        // The last point at or below the range, and the first at or above it.
         let below = points.partition_point(|p| p.value <= low).checked_sub(1).map(|i| &points[i]);
         let above = points.get(points.partition_point(|p| p.value < high));
         match (below, above) {
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_most_that_changes_where_values_occur() {
+    fn only_changes_at_values_that_occur_count() {
         use TransferChange::{Color, Extinction, Nothing};
         let base =
             [(0.0, 0.0, 0.1), (100.0, 1.0, 0.2), (100.0, 2.0, 0.3), (200.0, 2.0, 0.4), (300.0, 0.0, 0.5)];

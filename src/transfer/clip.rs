@@ -1,32 +1,33 @@
-//! Half-spaces outside of which there is no extinction, whatever the value.
+//! Clip planes, beyond which the volume has no extinction.
 
 use glam::{DAffine3, DVec3};
 use std::fmt;
 use std::str::FromStr;
 
-/// Planes that clip one volume at the most: the six sides of a box, and two cuts.
+/// Limit on the clip planes of a volume: the six sides of a box, and two cuts.
 pub const MOST_CLIP_PLANES: usize = 8;
-/// A normal shorter than this has no direction, and no coordinate is beyond this many mm.
+/// Length below which a normal has no direction.
 const SHORTEST_NORMAL: f64 = 1e-9;
+/// Largest coordinate, mm.
 const MAX_COORDINATE: f64 = 1e9;
 
-/// Keeps the points `x` (world mm) with `normal · x >= offset_mm`.
+/// Plane that keeps the points `x` (world mm) with `normal · x >= offset_mm`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipPlane {
-    /// Of length 1, towards what is kept.
+    /// Unit normal towards the kept side.
     pub normal: DVec3,
     /// Signed distance of the plane from the world's origin along the normal, mm.
     pub offset_mm: f64,
 }
 
 impl ClipPlane {
-    /// The plane in the coordinates from which `world` leads to world mm: keeps `normal · p >= offset` there.
-    pub fn seen_from(&self, world: DAffine3) -> (DVec3, f64) {
+    /// Normal and offset in coordinates that `world` maps to world mm: the plane keeps `normal · p >= offset` there.
+    pub fn in_coordinates(&self, world: DAffine3) -> (DVec3, f64) {
         (world.matrix3.transpose() * self.normal, self.offset_mm - self.normal.dot(world.translation))
     }
 
-    /// The part of the line `origin + t direction` that is kept, cut out of the interval `[from, to]` of `t`; empty where it
-    /// ends before it begins.
+    /// Clips the interval `[from, to]` of `t` on the line `origin + t direction`. The result is empty where it ends before it
+    /// begins.
     pub fn cut(&self, origin: DVec3, direction: DVec3, [from, to]: [f64; 2]) -> [f64; 2] {
         let (rise, above) = (self.normal.dot(direction), self.normal.dot(origin) - self.offset_mm);
         if rise > 0.0 {
@@ -44,9 +45,10 @@ impl ClipPlane {
 impl FromStr for ClipPlane {
     type Err = String;
 
-    /// `nx,ny,nz,d`: keeps `n · x >= d`; a normal of any length but 0.
+    /// Parses `nx,ny,nz,d`, which keeps `n · x >= d`; the normal may have any length but 0.
     fn from_str(text: &str) -> Result<Self, String> {
-        let refuse = || format!("`{text}` is not nx,ny,nz,d: four numbers, kept is n·x >= d in world mm");
+        let refuse =
+            || format!("`{text}` is not nx,ny,nz,d: four numbers; the plane keeps n·x >= d in world mm");
         let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
         let numbers: [f64; 4] = numbers.map_err(|_| refuse())?.try_into().map_err(|_| refuse())?;
         if !numbers.iter().all(|x| x.abs() <= MAX_COORDINATE) {
@@ -58,7 +60,7 @@ impl FromStr for ClipPlane {
         if length < SHORTEST_NORMAL {
             return Err(format!("`{text}` has a normal of length 0"));
         }
-        // One that was written normalised comes back to the last bit.
+        // A normalised plane that was written is read back bit by bit.
         let length = if (length - 1.0).abs() < 1e-14 { 1.0 } else { length };
         Ok(Self { normal: normal / length, offset_mm: d / length })
     }
@@ -82,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts() {
+    fn planes_are_parsed_and_written() {
         let plane: ClipPlane = "0, 0,-2,10".parse().unwrap();
         assert_eq!((plane.normal, plane.offset_mm), (DVec3::NEG_Z, 5.0));
         let plane: ClipPlane = "0.3,-0.2,0.7,1.5".parse().unwrap();
@@ -93,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_cut_at_the_plane_and_planes_follow_coordinates() {
+    fn lines_are_clipped_and_planes_are_transformed() {
         let plane: ClipPlane = "1,1,0,2".parse().unwrap();
         let whole = [0.0, 100.0];
         assert_eq!(plane.cut(DVec3::ZERO, DVec3::X, whole), [2.0_f64.sqrt() / 0.5_f64.sqrt(), 100.0]);
@@ -106,7 +108,7 @@ mod tests {
             glam::DMat3::from_cols_array(&[1.0, 0.2, 0.0, 0.0, 2.0, 0.1, 0.3, 0.0, 3.0]),
             DVec3::new(4.0, -5.0, 6.0),
         );
-        let (normal, offset) = plane.seen_from(world);
+        let (normal, offset) = plane.in_coordinates(world);
         for p in [DVec3::new(1.0, 2.0, 3.0), DVec3::new(-4.0, 0.5, 2.0)] {
             let x = world.transform_point3(p);
             assert!((normal.dot(p) - offset - (plane.normal.dot(x) - plane.offset_mm)).abs() < 1e-12);

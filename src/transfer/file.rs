@@ -1,4 +1,4 @@
-//! The transfer-function file (`transfer_functions/*.json`): a name, units, `reference_length_mm`, and points by
+//! Transfer-function files (`transfer_functions/*.json`): a name, units, `reference_length_mm`, and points by
 //! non-decreasing value, each with either an opacity or an extinction and a colour `#rrggbb`.
 
 use super::{ControlPoint, Quantity, TransferFunction};
@@ -9,7 +9,7 @@ use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Beyond this a value, an extinction or its product with a length no longer fits 32-bit floats.
+/// Largest value and extinction: beyond it products with a length no longer fit 32-bit floats.
 const MAX_MAGNITUDE: f64 = 1e30;
 
 #[derive(Serialize, Deserialize)]
@@ -21,12 +21,12 @@ struct File {
     units: String,
     #[serde(default = "one_mm")]
     reference_length_mm: f64,
-    points: Vec<Point>,
+    points: Vec<PointEntry>,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Point {
+struct PointEntry {
     value: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     opacity: Option<f64>,
@@ -44,7 +44,7 @@ impl TransferFunction {
     /// Reads a transfer-function file.
     ///
     /// # Errors
-    /// The file cannot be read, is not JSON, has unknown keys or breaks a rule of the format; the error says which.
+    /// The file cannot be read, is not JSON, has unknown keys or breaks a rule of the format.
     pub fn read(path: &Path) -> Result<Self> {
         const WHAT: &str = "cannot read transfer function";
         let mut tf = Self::from_json(&read_text(path, WHAT)?)
@@ -63,9 +63,9 @@ impl TransferFunction {
         write_whole(path, |file| writeln!(file, "{}", self.to_json()))
     }
 
-    /// The text of the file.
+    /// Text of the file.
     pub fn to_json(&self) -> String {
-        let points = self.points.iter().map(|p| Point {
+        let points = self.points.iter().map(|p| PointEntry {
             value: p.value,
             opacity: (self.quantity == Quantity::Opacity).then_some(p.amount),
             extinction: (self.quantity == Quantity::Extinction).then_some(p.amount),
@@ -80,10 +80,10 @@ impl TransferFunction {
         serde_json::to_string_pretty(&file).expect("numbers and strings always serialise")
     }
 
-    /// Reads the text of a file.
+    /// Parses the text of a file.
     ///
     /// # Errors
-    /// Why it is not a transfer function, in one line.
+    /// The text is no transfer function; the reason is one line.
     pub fn from_json(text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|e| e.to_string())?;
         let length = file.reference_length_mm;
@@ -100,26 +100,17 @@ impl TransferFunction {
             let point = control_point(p, quantity).map_err(|why| format!("`points[{i}]`: {why}"))?;
             let before = points.last().map(|b| b.value);
             if before.is_some_and(|b| b > point.value) {
-                return Err(format!(
-                    "`points[{i}]`: value {} is less than the one before; points go by non-decreasing value",
-                    point.value
-                ));
+                let rule = "is less than the one before; points go by non-decreasing value";
+                return Err(format!("`points[{i}]`: value {} {rule}", point.value));
             }
             if i >= 2 && points[i - 2].value == point.value {
-                return Err(format!(
-                    "`points[{i}]`: value {} occurs more than twice; a jump is two points of one value",
-                    point.value
-                ));
+                let rule = "occurs more than twice; a jump is two points of one value";
+                return Err(format!("`points[{i}]`: value {} {rule}", point.value));
             }
             points.push(point);
         }
-        let tf = Self {
-            name: file.name,
-            units: file.units,
-            reference_length_mm: length,
-            points,
-            ..Self::new(quantity, &[])
-        };
+        let File { name, units, .. } = file;
+        let tf = Self { name, units, reference_length_mm: length, points, ..Self::new(quantity, &[]) };
         let largest = tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
         if largest > MAX_MAGNITUDE {
             return Err(format!("an extinction of {largest:.3e} per mm is too large for 32-bit arithmetic"));
@@ -128,27 +119,26 @@ impl TransferFunction {
     }
 }
 
-fn control_point(p: &Point, quantity: Quantity) -> Result<ControlPoint, String> {
+fn control_point(p: &PointEntry, quantity: Quantity) -> Result<ControlPoint, String> {
     if p.value.abs() > MAX_MAGNITUDE {
         return Err(format!("`value` {:e} is too large for 32-bit arithmetic", p.value));
     }
-    let amount = match (p.opacity, p.extinction, quantity) {
-        (Some(_), Some(_), _) => return Err("gives both `opacity` and `extinction`; one is wanted".into()),
-        (None, None, _) => return Err("gives neither `opacity` nor `extinction`".into()),
-        (Some(_), None, Quantity::Extinction) => {
-            return Err("gives `opacity` where the points before give `extinction`; one kind a file".into());
-        }
-        (None, Some(_), Quantity::Opacity) => {
-            return Err("gives `extinction` where the points before give `opacity`; one kind a file".into());
-        }
-        (Some(opacity), None, Quantity::Opacity) if !(0.0..=1.0).contains(&opacity) => {
-            return Err(format!("`opacity` must be in [0, 1], not {opacity}"));
-        }
-        (None, Some(extinction), Quantity::Extinction) if extinction < 0.0 => {
-            return Err(format!("`extinction` must not be negative, as {extinction} is"));
-        }
-        (Some(amount), None, _) | (None, Some(amount), _) => amount,
+    let (amount, given) = match (p.opacity, p.extinction) {
+        (Some(opacity), None) => (opacity, Quantity::Opacity),
+        (None, Some(extinction)) => (extinction, Quantity::Extinction),
+        (Some(_), Some(_)) => return Err("gives both `opacity` and `extinction`; one is wanted".into()),
+        (None, None) => return Err("gives neither `opacity` nor `extinction`".into()),
     };
+    if given != quantity {
+        let kinds = format!("gives `{given:?}` where the points before give `{quantity:?}`").to_lowercase();
+        return Err(format!("{kinds}; one kind a file"));
+    }
+    if given == Quantity::Opacity && !(0.0..=1.0).contains(&amount) {
+        return Err(format!("`opacity` must be in [0, 1], not {amount}"));
+    }
+    if amount < 0.0 {
+        return Err(format!("`extinction` must not be negative, as {amount} is"));
+    }
     let color = p.color.as_deref().map_or(Ok([1.0; 3]), color::parse_hex)?;
     Ok(ControlPoint { value: p.value, amount, color })
 }
@@ -163,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_what_the_contract_shows() {
+    fn the_documented_example_is_read() {
         let tf = TransferFunction::from_json(
             r##"{"name": "CT bone", "units": "HU", "reference_length_mm": 2.0,
                 "points": [{"value": 150, "opacity": 0.0, "color": "#d0b090"},

@@ -1,89 +1,77 @@
-//! Transfer functions that differ by label: what a segmentation tells apart is hidden, or seen through another function.
+//! Transfer functions for the labels of a segmentation: labels are hidden, or have functions of their own.
 
-use super::{ControlPoint, LabelRule, Seen, TransferFunction};
+use super::{ControlPoint, LabelRule, LabelVisibility, TransferFunction};
 
-/// Functions beside the first that labels may have at the most: all of them share the bins of one set of tables.
+/// Limit on the functions of labels, beside the first: all of them share the bins of one set of tables.
 pub const MOST_LABEL_FUNCTIONS: usize = 15;
-/// Room between two functions on the axis of values that they share, as a share of the range of values: more than a bin of
-/// the tables.
-const ROOM: f64 = 1.0 / 32.0;
-/// Width of the range of values at the least, as a share of the largest of them.
+/// Gap between two functions on the common axis of values, relative to the range of values; wider than a bin of the tables.
+const GAP: f64 = 1.0 / 32.0;
+/// Smallest width of the range of values, relative to the largest of them.
 const LEAST_WIDTH: f64 = 1.0 / 1024.0;
 
-/// What the voxels of a label are seen through.
+/// Function of the voxels of a label.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Class {
-    /// Nothing: they have no extinction.
+pub enum LabelClass {
+    /// None: the voxels have no extinction.
     Hidden,
-    /// An element of [`TransferFunction::functions`].
+    /// Index into [`TransferFunction::functions`].
     Function(usize),
 }
 
-/// Several functions one after another on one axis of values, so that one set of tables holds all of them.
+/// Several functions side by side on one axis of values, so that one set of tables holds all of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SideBySide {
-    /// All of them; without extinction between and behind them.
+    /// Combined function, without extinction between and behind its parts.
     pub function: TransferFunction,
-    /// What is added to a value for each element of [`TransferFunction::functions`].
+    /// Offset of the values for each element of [`TransferFunction::functions`].
     pub shifts: Vec<f64>,
-    /// A value behind all of them.
+    /// Value behind all parts.
     pub hidden: f64,
 }
 
 impl TransferFunction {
-    /// How a label's voxels are seen: hidden where any rule hides it, else by the last rule for it, else as all others.
-    pub fn class_of(&self, label: u32) -> Class {
-        let mut class = Class::Function(0);
-        let mut function = 0;
-        for rule in &self.rules {
-            let is_for = rule.labels.contains(&label);
-            match rule.seen {
-                Seen::Hidden if is_for => return Class::Hidden,
-                Seen::Hidden => {}
-                Seen::Through(_) => {
-                    function += 1;
-                    if is_for {
-                        class = Class::Function(function);
-                    }
-                }
+    /// Function of a label's voxels. Any rule that hides the label wins; otherwise the last rule for it holds.
+    pub fn class_of(&self, label: u32) -> LabelClass {
+        let is_hidden = |rule: &LabelRule| rule.visibility == LabelVisibility::Hidden;
+        let is_for = |rule: &LabelRule| rule.labels.contains(&label);
+        if self.rules.iter().any(|rule| is_for(rule) && is_hidden(rule)) {
+            return LabelClass::Hidden;
+        }
+        let end = self.rules.iter().rposition(is_for).map_or(0, |last| last + 1);
+        LabelClass::Function(self.rules[..end].iter().filter(|rule| !is_hidden(rule)).count())
+    }
+
+    /// This function, and those of its rules in their order.
+    pub fn functions(&self) -> impl Iterator<Item = &Self> {
+        let others = self.rules.iter().filter_map(|rule| match &rule.visibility {
+            LabelVisibility::Visible(tf) => Some(&**tf),
+            LabelVisibility::Hidden => None,
+        });
+        std::iter::once(self).chain(others)
+    }
+
+    /// Element of [`Self::functions`] by its index.
+    pub fn function(&self, index: usize) -> &Self {
+        self.functions().nth(index).unwrap_or(self)
+    }
+
+    /// Rules with every function changed.
+    pub(super) fn with_each(&self, change: impl Fn(&Self) -> Self) -> Vec<LabelRule> {
+        let mut rules = self.rules.clone();
+        for rule in &mut rules {
+            if let LabelVisibility::Visible(tf) = &mut rule.visibility {
+                **tf = change(tf);
             }
         }
-        class
+        rules
     }
 
-    /// The function itself, and those of its rules in their order.
-    pub fn functions(&self) -> Vec<&Self> {
-        let others = self.rules.iter().filter_map(|rule| match &rule.seen {
-            Seen::Through(tf) => Some(&**tf),
-            Seen::Hidden => None,
-        });
-        std::iter::once(self).chain(others).collect()
-    }
-
-    /// An element of [`Self::functions`].
-    pub fn function(&self, index: usize) -> &Self {
-        let others = self.rules.iter().filter_map(|rule| match &rule.seen {
-            Seen::Through(tf) => Some(&**tf),
-            Seen::Hidden => None,
-        });
-        std::iter::once(self).chain(others).nth(index).unwrap_or(self)
-    }
-
-    /// The same with every function in it changed, its own rules kept.
-    pub(super) fn with_each(&self, change: impl Fn(&Self) -> Self) -> Vec<LabelRule> {
-        let of_rule = |rule: &LabelRule| match &rule.seen {
-            Seen::Hidden => rule.clone(),
-            Seen::Through(tf) => LabelRule { seen: Seen::Through(Box::new(change(tf))), ..rule.clone() },
-        };
-        self.rules.iter().map(of_rule).collect()
-    }
-
-    /// All functions on one axis, for a volume whose values lie in `[low, high]`.
+    /// Combines all functions on one axis, for a volume whose values lie in `[low, high]`.
     ///
     /// # Errors
-    /// Functions of different quantities or reference lengths, or too many.
+    /// Functions have different quantities or reference lengths, or are too many.
     pub fn side_by_side(&self, [low, high]: [f64; 2]) -> Result<SideBySide, String> {
-        let functions = self.functions();
+        let functions: Vec<&Self> = self.functions().collect();
         let others = functions.len() - 1;
         if others > MOST_LABEL_FUNCTIONS {
             return Err(format!(
@@ -93,17 +81,17 @@ impl TransferFunction {
         let alike =
             |tf: &&Self| tf.quantity == self.quantity && tf.reference_length_mm == self.reference_length_mm;
         if let Some(other) = functions.iter().find(|tf| !alike(tf)) {
-            let of =
-                |tf: &Self| format!("{:?} over {} mm", tf.quantity, tf.reference_length_mm).to_lowercase();
-            return Err(format!("one gives {} and the others {}", of(other), of(self)));
+            let [one, others] = [*other, self]
+                .map(|tf| format!("{:?} over {} mm", tf.quantity, tf.reference_length_mm).to_lowercase());
+            return Err(format!("one gives {one} and the others {others}"));
         }
-        // No narrower than what float32 tells apart beside the values themselves.
+        // At least the resolution of float32 at these values.
         let least = low.abs().max(high.abs()) * LEAST_WIDTH;
         let width = if high - low > least { high - low } else { least };
         let width = if width > 0.0 { width } else { 1.0 };
-        let room = ROOM * width;
-        let [low, high] = [low - 0.25 * room, high + 0.25 * room];
-        let pitch = high - low + room;
+        let gap = GAP * width;
+        let [low, high] = [low - 0.25 * gap, high + 0.25 * gap];
+        let pitch = high - low + gap;
         let shifts: Vec<f64> = (0..functions.len()).map(|i| i as f64 * pitch).collect();
         let mut points = Vec::new();
         for (tf, shift) in functions.iter().zip(&shifts) {
@@ -115,7 +103,7 @@ impl TransferFunction {
             points.extend(all.map(|p| ControlPoint { value: p.value + shift, ..p }));
         }
         let function = Self { points, rules: Vec::new(), ..self.clone() };
-        Ok(SideBySide { function, shifts, hidden: high + pitch * others as f64 + 0.5 * room })
+        Ok(SideBySide { function, shifts, hidden: high + pitch * others as f64 + 0.5 * gap })
     }
 }
 
@@ -129,12 +117,15 @@ mod tests {
     }
 
     fn labelled() -> TransferFunction {
-        let through = |points: &[(f64, f64)]| Seen::Through(Box::new(tf(points)));
+        let through = |points: &[(f64, f64)]| LabelVisibility::Visible(Box::new(tf(points)));
         TransferFunction {
             rules: vec![
-                LabelRule { labels: vec![1, 2], seen: through(&[(0.0, 0.5)]) },
-                LabelRule { labels: vec![7], seen: Seen::Hidden },
-                LabelRule { labels: vec![2, 7, 9], seen: through(&[(-5.0, 0.0), (3.0, 0.2), (3.0, 0.9)]) },
+                LabelRule { labels: vec![1, 2], visibility: through(&[(0.0, 0.5)]) },
+                LabelRule { labels: vec![7], visibility: LabelVisibility::Hidden },
+                LabelRule {
+                    labels: vec![2, 7, 9],
+                    visibility: through(&[(-5.0, 0.0), (3.0, 0.2), (3.0, 0.9)]),
+                },
             ],
             ..tf(&[(-10.0, 0.1), (40.0, 0.6)])
         }
@@ -144,16 +135,16 @@ mod tests {
     fn hidden_wins_and_then_the_last_rule() {
         let tf = labelled();
         let classes = [0, 1, 2, 7, 9, 500].map(|label| tf.class_of(label));
-        let [f, h] = [Class::Function, |_| Class::Hidden];
+        let [f, h] = [LabelClass::Function, |_| LabelClass::Hidden];
         assert_eq!(classes, [f(0), f(1), f(2), h(0), f(2), f(0)]);
     }
 
     #[test]
-    fn side_by_side_every_function_is_what_it_was() {
+    fn combined_functions_keep_their_amounts() {
         let tf = labelled();
         for range in [[-20.0, 50.0], [0.0, 10.0], [4.0, 4.0]] {
             let SideBySide { function, shifts, hidden } = tf.side_by_side(range).unwrap();
-            for (one, shift) in tf.functions().into_iter().zip(&shifts) {
+            for (one, shift) in tf.functions().zip(&shifts) {
                 for i in 0..=100 {
                     let value = range[0] + (range[1] - range[0]) * f64::from(i) / 100.0;
                     let (want, got) = (one.amount(value), function.amount(value + shift));
@@ -163,7 +154,7 @@ mod tests {
                     );
                 }
                 let width = if range[1] > range[0] { range[1] - range[0] } else { LEAST_WIDTH * range[0] };
-                assert_eq!(function.amount(range[1] + 0.75 * ROOM * width + shift), 0.0);
+                assert_eq!(function.amount(range[1] + 0.75 * GAP * width + shift), 0.0);
             }
             assert_eq!(function.amount(hidden), 0.0);
             assert!(function.points.windows(2).all(|w| w[0].value <= w[1].value));
@@ -171,10 +162,10 @@ mod tests {
     }
 
     #[test]
-    fn functions_that_do_not_go_together_are_refused() {
+    fn incompatible_functions_are_refused() {
         let mut tf = labelled();
         let other = TransferFunction { reference_length_mm: 2.0, ..tf.clone() };
-        tf.rules.push(LabelRule { labels: vec![3], seen: Seen::Through(Box::new(other)) });
+        tf.rules.push(LabelRule { labels: vec![3], visibility: LabelVisibility::Visible(Box::new(other)) });
         assert!(tf.side_by_side([0.0, 1.0]).unwrap_err().contains("over 2 mm"));
         let rule = labelled().rules[0].clone();
         tf.rules = vec![rule; MOST_LABEL_FUNCTIONS + 1];

@@ -1,5 +1,5 @@
-//! Transfer functions: extinction (1/mm) and colour (linear RGB) as functions of the scalar value, and of what part of a
-//! volume it is in: which labels are seen otherwise, and where planes clip it.
+//! Transfer functions: extinction (1/mm) and colour (linear RGB) as functions of the scalar value, with rules for labels of a
+//! segmentation and clip planes.
 
 mod change;
 mod clip;
@@ -12,12 +12,12 @@ mod tables;
 
 pub use change::TransferChange;
 pub use clip::{ClipPlane, MOST_CLIP_PLANES};
-pub use labels::{Class, MOST_LABEL_FUNCTIONS, SideBySide};
+pub use labels::{LabelClass, MOST_LABEL_FUNCTIONS, SideBySide};
 pub use pairs::{MORE_NODES, PAIR_BINS, PairTable};
-pub(crate) use tables::extinct_range;
+pub(crate) use tables::extinction_range;
 pub use tables::{MAX_INTERVALS, TABLE_BINS, TexelMapping, TransferTables, VALUE_BINS};
 
-/// Which quantity a file gives, and so which one is interpolated linearly between points.
+/// Quantity that a file gives, which is interpolated linearly between points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Opacity in `[0, 1]` per reference length.
@@ -26,64 +26,64 @@ pub enum Quantity {
     Extinction,
 }
 
-/// The largest opacity that is told from 1; beyond it extinction would be infinite.
+/// Largest opacity, just below 1, at which extinction would be infinite.
 pub const MAX_OPACITY: f64 = 1.0 - 1.0 / 16_777_216.0;
 
-/// One control point.
+/// Control point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ControlPoint {
     /// Scalar value, in the volume's scaled units (HU for CT).
     pub value: f64,
-    /// Opacity or extinction, as [`TransferFunction::quantity`] says.
+    /// Opacity or extinction, according to [`TransferFunction::quantity`].
     pub amount: f64,
     /// Linear RGB.
     pub color: [f64; 3],
 }
 
-/// A piecewise-linear transfer function with jumps (two points of one value: the earlier holds below the value,
+/// Piecewise-linear transfer function with jumps (two points of one value: the earlier holds below the value,
 /// the later from it on), constant beyond the first and the last point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferFunction {
-    /// For people.
+    /// Name for display.
     pub name: String,
     /// Unit of `value`, e.g. `HU`.
     pub units: String,
-    /// Length that an opacity refers to, mm.
+    /// Length to which an opacity refers, mm.
     pub reference_length_mm: f64,
-    /// What the points give.
+    /// Quantity of the points.
     pub quantity: Quantity,
-    /// By non-decreasing value, at least one, at most two of one value.
+    /// Points by non-decreasing value: at least one, at most two of one value.
     pub points: Vec<ControlPoint>,
-    /// Which labels of a segmentation are seen otherwise; no part of files, as `clip`.
+    /// Rules for labels of a segmentation; files hold neither these nor `clip`.
     pub rules: Vec<LabelRule>,
-    /// Half-spaces outside of any of which there is no extinction, at most [`MOST_CLIP_PLANES`].
+    /// Planes that cut away parts of the volume, at most [`MOST_CLIP_PLANES`].
     pub clip: Vec<ClipPlane>,
 }
 
-/// How voxels of some labels are seen.
+/// Visibility of the voxels of some labels.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Seen {
-    /// They have no extinction.
+pub enum LabelVisibility {
+    /// The voxels have no extinction.
     Hidden,
-    /// Through another function, whose own rules mean nothing.
-    Through(Box<TransferFunction>),
+    /// The voxels have another function, whose own rules are ignored.
+    Visible(Box<TransferFunction>),
 }
 
-/// Voxels of these labels are not seen through the function that has the rule, but so.
+/// Rule that replaces the transfer function for some labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelRule {
-    /// As the segmentation has them.
+    /// Labels of the segmentation.
     pub labels: Vec<u32>,
-    /// How.
-    pub seen: Seen,
+    /// Visibility of their voxels.
+    pub visibility: LabelVisibility,
 }
 
-/// Values at which a transfer function is asked whether it leaves extinction as it is, and how far it may be off.
-const ASKED_VALUES: u32 = 64;
+/// Number of values at which [`TransferFunction::leaves_extinction`] tests a function, and its tolerance.
+const TESTED_VALUES: u32 = 64;
 const SAME_EXTINCTION: f64 = 1e-4;
 
 impl TransferFunction {
-    /// White, through points of value and amount, by non-decreasing value; opacities are per mm. Without name and units.
+    /// White function through points of value and amount, by non-decreasing value; opacities are per mm. Name and units are empty.
     pub fn new(quantity: Quantity, points: &[(f64, f64)]) -> Self {
         let white = |&(value, amount): &(f64, f64)| ControlPoint { value, amount, color: [1.0; 3] };
         Self {
@@ -97,7 +97,7 @@ impl TransferFunction {
         }
     }
 
-    /// Opacity or extinction at a value, as [`Self::quantity`] says.
+    /// Opacity or extinction at a value, according to [`Self::quantity`].
     pub fn amount(&self, value: f64) -> f64 {
         self.interpolate(value, |p| p.amount)
     }
@@ -116,10 +116,10 @@ impl TransferFunction {
         }
     }
 
-    /// Whether values up to `largest` are taken for extinction in 1/mm as they are, but for rounding.
+    /// Whether values from 0 to `largest` are used as extinction in 1/mm unchanged, up to rounding.
     pub fn leaves_extinction(&self, largest: f64) -> bool {
-        let value = |i: u32| largest * f64::from(i) / f64::from(ASKED_VALUES);
-        (0..=ASKED_VALUES).map(value).all(|v| (self.extinction(v) - v).abs() <= SAME_EXTINCTION * largest)
+        let value = |i: u32| largest * f64::from(i) / f64::from(TESTED_VALUES);
+        (0..=TESTED_VALUES).map(value).all(|v| (self.extinction(v) - v).abs() <= SAME_EXTINCTION * largest)
     }
 
     /// Linear RGB at a value.
@@ -127,15 +127,15 @@ impl TransferFunction {
         std::array::from_fn(|c| self.interpolate(value, |p| p.color[c]))
     }
 
-    /// Largest extinction over the values `[min, max]`, 1/mm. Exact, except that both sides of a jump at `min` count:
-    /// a value interpolated with rounding may fall just short of it.
+    /// Largest extinction over the values `[min, max]`, 1/mm. Both sides of a jump at `min` count, since rounding may move an
+    /// interpolated value just below it.
     pub fn max_extinction(&self, min: f64, max: f64) -> f64 {
         let inside = self.points.iter().filter(|p| p.value >= min && p.value <= max).map(|p| p.amount);
         let ends = [min, max].map(|v| self.interpolate(v, |p| p.amount));
         self.extinction_of_amount(inside.chain(ends).fold(0.0, f64::max))
     }
 
-    /// The linear RGB colour of all that has extinction, where there is just one. Conservative: a point counts where it or
+    /// Linear RGB of all values with extinction, if it is the same for all. Conservative: a point counts where it or
     /// a neighbour has extinction.
     pub fn one_color(&self) -> Option<[f64; 3]> {
         let positive = |i: usize| self.points.get(i).is_some_and(|p| p.amount > 0.0);
@@ -145,31 +145,38 @@ impl TransferFunction {
         colors.all(|c| c == first).then_some(first)
     }
 
-    /// Whether both give the same by the value alone, whatever parts of a volume they are for.
+    /// Whether both functions agree apart from label rules and clip planes.
     pub fn is_same_function(&self, other: &Self) -> bool {
         Self { rules: other.rules.clone(), clip: other.clip.clone(), ..self.clone() } == *other
     }
 
-    /// The same function with its extinction times `factor` at every value.
+    /// Multiplies the extinction by `factor` at every value.
     #[must_use]
     pub fn scale_extinction(&self, factor: f64) -> Self {
         let mut scaled = self.clone();
         scaled.rules = self.with_each(|tf| tf.scale_extinction(factor));
         match self.quantity {
-            // Opacities over a shorter length: what is interpolated stays what it is.
+            // Opacities over a shorter length: their interpolation does not change.
             Quantity::Opacity => scaled.reference_length_mm /= factor,
             Quantity::Extinction => scaled.points.iter_mut().for_each(|p| p.amount *= factor),
         }
         scaled
     }
 
-    /// The same function of a value that has been mapped by an increasing `map`, e.g. to other units.
+    /// Maps the values of all points by an increasing function, e.g. to other units.
     #[must_use]
     pub fn scale_values(&self, map: impl Fn(f64) -> f64) -> Self {
         let moved =
             |tf: &Self| tf.points.iter().map(|p| ControlPoint { value: map(p.value), ..*p }).collect();
         let rules = self.with_each(|tf| Self { points: moved(tf), ..tf.clone() });
         Self { points: moved(self), rules, ..self.clone() }
+    }
+
+    /// Distinct values of the points, ascending.
+    fn point_values(&self) -> Vec<f64> {
+        let mut values: Vec<f64> = self.points.iter().map(|p| p.value).collect();
+        values.dedup();
+        values
     }
 
     fn interpolate(&self, value: f64, get: impl Fn(&ControlPoint) -> f64) -> f64 {
@@ -217,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn opacity_is_what_is_interpolated() {
+    fn opacity_is_interpolated_not_extinction() {
         let tf = tf(Quantity::Opacity, &[(0.0, 0.0), (1.0, 0.8)]);
         assert!((tf.extinction(0.5) - -(0.6_f64.ln()) / 2.0).abs() < 1e-15);
         assert_eq!(tf.extinction(0.0), 0.0);
@@ -250,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn no_value_of_a_range_exceeds_its_largest_extinction() {
+    fn the_largest_extinction_of_a_range_bounds_all_its_values() {
         let tf = tf(Quantity::Opacity, &[(-3.0, 0.2), (1.0, 0.9), (1.0, 0.0), (4.0, 0.4), (9.0, 0.0)]);
         for a in -20..40 {
             for b in a..40 {
@@ -265,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn one_color_of_what_has_extinction() {
+    fn one_color_of_all_values_with_extinction() {
         let mut tf =
             tf(Quantity::Extinction, &[(0.0, 0.0), (10.0, 0.0), (20.0, 1.0), (30.0, 0.0), (40.0, 0.0)]);
         assert_eq!(tf.one_color(), None);

@@ -1,33 +1,33 @@
-//! The pre-compressed table, which the light march finds breakpoints through (Hadwiger et al. 2006, 3.2).
+//! Pre-compressed table of breakpoints between two values, used by the light march (Hadwiger et al. 2006, 3.2).
 //!
-//! Deviation: a node is kept as the *value* at which visibility bends, not as a depth, so that the march can place it
-//! exactly between any two samples of the pair's bins; the table's resolution decides which nodes there are, never where
-//! they lie. No breakpoint is left out: where an entry cannot hold all of them, it says so and the march searches.
+//! Deviation: an entry stores the *value* at which visibility bends, not a depth, so that the march can place the node
+//! exactly between any two samples of the pair's bins. The table's resolution decides which nodes exist, never where
+//! they lie. No breakpoint is lost: an entry that cannot hold all of them is marked, and the march searches.
 
 use super::tables::{FAR, binned_range, breaks, intervals};
 use super::{TexelMapping, TransferFunction};
 use rayon::prelude::*;
 
-/// Bins a side of the table, over the same range of values as the bins of the intervals.
+/// Bins along each side of the table, over the range of values of the intervals' bins.
 pub const PAIR_BINS: usize = 256;
-/// "No node" in an entry.
+/// Marks an unused place of an entry.
 const NO_NODE: u16 = 0xffff;
-/// "More nodes than fit" in the last place of an entry.
+/// Marks, in the last place, an entry that cannot hold all nodes.
 pub const MORE_NODES: u16 = 0xfffe;
-/// Share of a bin by which float32 may put a value into its neighbour.
+/// Share of a bin by which float32 rounding may move a value into the next bin.
 const BIN_ROUNDING: f64 = 1e-3;
 
-/// Where visibility bends between any two values.
+/// Table of the breakpoints of visibility between two values.
 #[derive(Debug, Clone)]
 pub struct PairTable {
     /// `PAIR_BINS^2` entries of four interval indices (u16, first in the low half of the first word).
     pub nodes: Vec<[u32; 2]>,
-    /// Some pair has more breakpoints than an entry holds: the march then searches for the next one.
+    /// Whether some entry cannot hold all breakpoints, so that the march must search for them.
     pub many_breakpoints: bool,
 }
 
 impl PairTable {
-    /// The table of a function over texel values.
+    /// Builds the table of a function over texel values.
     pub fn build(tf: &TransferFunction, mapping: TexelMapping) -> Self {
         let breaks = breaks(&intervals(tf, mapping));
         let nodes = pair_nodes(&breaks);
@@ -44,8 +44,7 @@ impl PairTable {
 fn pair_nodes(breaks: &[f64]) -> Vec<[u32; 2]> {
     let (origin, width) = binned_range(breaks);
     let bin = width / PAIR_BINS as f64;
-    // The breakpoints between the lower edge of one bin and the upper edge of another; the outermost bins reach to
-    // infinity.
+    // Breakpoints between the lower edge of one bin and the upper edge of another; the outermost bins are unbounded.
     let below = |b: usize| {
         let low = if b == 0 { -FAR } else { origin + (b as f64 - BIN_ROUNDING) * bin };
         breaks.partition_point(|s| *s < low)
@@ -58,7 +57,7 @@ fn pair_nodes(breaks: &[f64]) -> Vec<[u32; 2]> {
     let entry = |from: usize, to: usize| {
         let inside = edges[from.min(to)].0..edges[from.max(to)].1;
         let mut packed = [NO_NODE; 4];
-        // Inside one bin a ray may go either way, and so no order of several would be right.
+        // Within one bin the ray may run in either direction, so that several breakpoints have no order.
         if inside.len() > 4 || from == to && inside.len() > 1 {
             packed[3] = MORE_NODES;
         } else {
@@ -66,8 +65,8 @@ fn pair_nodes(breaks: &[f64]) -> Vec<[u32; 2]> {
             let node = |i: usize| (i + 1).min(usize::from(MORE_NODES) - 1) as u16;
             packed.iter_mut().zip(inside).for_each(|(slot, i)| *slot = node(i));
             if from > to {
-                let held = packed.iter().filter(|n| **n != NO_NODE).count();
-                packed[..held].reverse();
+                let count = packed.iter().filter(|n| **n != NO_NODE).count();
+                packed[..count].reverse();
             }
         }
         [0, 2].map(|k| u32::from(packed[k]) | u32::from(packed[k + 1]) << 16)

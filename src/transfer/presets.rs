@@ -2,25 +2,25 @@
 
 use super::TransferFunction;
 
-/// What a preset's values mean, and so when they are scaled.
+/// Meaning of a preset's values, which decides how they are scaled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
-    /// Hounsfield units: kept for a volume in HU, otherwise -1000 to 800 of them are laid over the value range.
+    /// Hounsfield units. For a volume in other units -1000 to 800 HU are mapped to its value range.
     Hounsfield,
-    /// Fractions of the value range: 0 and 1 are laid over the smallest and largest value of every volume.
+    /// Fractions: 0 and 1 are mapped to the smallest and largest value of the volume.
     Fraction,
-    /// Values that are extinction in 1/mm themselves, as those of voxelised strands: the ramp goes on to the largest.
+    /// Extinction in 1/mm, the values of voxelised strands; the ramp extends to the largest.
     Extinction,
 }
 
-/// A built-in transfer function.
+/// Built-in transfer function.
 #[derive(Debug, Clone, Copy)]
 pub struct Preset {
-    /// Its name on the command line.
+    /// Name on the command line.
     pub name: &'static str,
-    /// One line for `--help` and the README.
+    /// Description in one line.
     pub about: &'static str,
-    /// What its values are.
+    /// Meaning of the values.
     pub scale: Scale,
     json: &'static str,
 }
@@ -36,7 +36,7 @@ macro_rules! preset {
     };
 }
 
-/// Every preset; the one list behind `--tf`, `--help` and the tests.
+/// All presets.
 pub const PRESETS: &[Preset] = &[
     preset!("ct", Hounsfield, "bone in translucent soft tissue; the default for HU with air in it"),
     preset!("bone", Hounsfield, "bone, teeth, calcification from 150 HU; the default for HU without air"),
@@ -53,7 +53,7 @@ pub const PRESETS: &[Preset] = &[
 ];
 
 impl Preset {
-    /// The preset in its own units.
+    /// Transfer function in the preset's own units.
     pub fn transfer_function(&self) -> TransferFunction {
         TransferFunction::from_json(self.json).expect("a test reads every preset")
     }

@@ -1,27 +1,27 @@
-//! Tables made from a transfer function for the device, over texel values (what the volume texture holds).
+//! Device tables of a transfer function over texel values, the numbers in the volume texture.
 //!
 //! * `intervals`: the function itself, piecewise linear, for exact evaluation.
 //! * `integrals`: extinction, and extinction times colour, integrated over the value (pre-integration, Engel et al. 2001
-//!   as cited by Hadwiger et al. 2006, 3.2): differences of these never miss a peak between two samples.
+//!   as cited by Hadwiger et al. 2006, 3.2). Their differences never miss a peak between two samples.
 
 use super::{Quantity, TransferFunction};
 use rayon::prelude::*;
 
-/// Bins of the value axis for finding an interval.
+/// Number of bins of the value axis for finding an interval.
 pub const VALUE_BINS: usize = 1024;
-/// Bins of the integrals.
+/// Number of bins of the integrals.
 pub const TABLE_BINS: usize = 4096;
-/// Intervals that the device holds; a transfer function may have two points fewer.
+/// Largest number of intervals on the device; a transfer function may have two points fewer.
 pub const MAX_INTERVALS: usize = 1024;
-/// Stands for infinity on the device, which has none.
+/// Finite stand-in for infinity on the device.
 pub(super) const FAR: f64 = 1e30;
 
-/// How texel values relate to the volume's scaled values: `value = texel * scale + offset`, `scale > 0`.
+/// Mapping from texel values to the volume's scaled values: `value = texel * scale + offset`, `scale > 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TexelMapping {
-    /// Values a texel value.
+    /// Change of the value for each unit of the texel value.
     pub scale: f64,
-    /// Value where the texel value is 0.
+    /// Value of texel value 0.
     pub offset: f64,
 }
 
@@ -37,30 +37,30 @@ impl TexelMapping {
     }
 }
 
-/// The tables; layouts are those of `shaders/field/transfer.wgsl`.
+/// Tables with the layouts of `shaders/field/transfer.wgsl`.
 #[derive(Debug, Clone)]
 pub struct TransferTables {
-    /// `[start, amount, slope, 1 - amount]` by ascending value, amounts at the start; the first is everything below the
-    /// second. What an opacity lacks of 1 stands beside it, since its logarithm needs every digit of the smaller one.
+    /// `[start, amount, slope, 1 - amount]` by ascending value, amounts at the start; the first covers all values below the
+    /// second. `1 - amount` is stored because the logarithm of a transmittance needs all its digits.
     pub intervals: Vec<[f32; 4]>,
-    /// Interval at the lower end of each of [`VALUE_BINS`] bins.
+    /// Interval at the lower end of each of the [`VALUE_BINS`] bins.
     pub interval_of_bin: Vec<u32>,
     /// `[extinction * rgb, extinction]` integrated from the lowest texel value to each of `TABLE_BINS + 1` bin edges.
     pub integrals: Vec<[f32; 4]>,
-    /// Extinction alone, a bin each: its integral up to the bin, what float32 has rounded off that, what the bin adds, and
-    /// nothing. A tall peak before a bin so takes nothing from what little the bin adds.
+    /// Extinction of each bin: its integral up to the bin, the rounding error of that in float32, the integral over the bin, and
+    /// 0. A tall peak before a bin therefore costs no precision of a small integral over it.
     pub extinction_bins: Vec<[f32; 4]>,
     /// Texel values `<= first_value` and `>= last_value` have no extinction.
     pub first_value: f32,
-    /// See `first_value`.
+    /// Upper limit; see `first_value`.
     pub last_value: f32,
     /// Texel value at which the first of [`VALUE_BINS`] bins begins.
     pub bin_origin: f32,
-    /// Of these bins, for each unit of the texel value.
+    /// Number of [`VALUE_BINS`] bins for each unit of the texel value.
     pub bins_per_value: f32,
     /// Texel value at which the first of [`TABLE_BINS`] bins begins.
     pub table_origin: f32,
-    /// Of those bins, for each unit of the texel value.
+    /// Number of [`TABLE_BINS`] bins for each unit of the texel value.
     pub table_per_value: f32,
     /// 1/mm where opacity is given, 0 where extinction is.
     pub inv_reference_length: f32,
@@ -74,19 +74,19 @@ pub(super) struct Interval {
     pub slope: f64,
 }
 
-/// Where the bins of values start, and how wide all of them are together: from the first breakpoint to the last.
+/// Start and total width of the bins of values: from the first breakpoint to the last.
 pub(super) fn binned_range(breaks: &[f64]) -> (f64, f64) {
     let (first, last) = (breaks.first().copied().unwrap_or(0.0), breaks.last().copied().unwrap_or(0.0));
     (first, if last > first { (last - first) * (1.0 + 1e-6) } else { 1.0 })
 }
 
-/// The texel values at which one interval ends and the next starts.
+/// Texel values at which one interval ends and the next starts.
 pub(super) fn breaks(intervals: &[Interval]) -> Vec<f64> {
     intervals.iter().skip(1).map(|i| i.start).collect()
 }
 
 impl TransferTables {
-    /// Tables for texel values in `texel_range`.
+    /// Builds tables for texel values in `texel_range`.
     pub fn build(tf: &TransferFunction, mapping: TexelMapping, texel_range: [f64; 2]) -> Self {
         let intervals = intervals(tf, mapping);
         let breaks = breaks(&intervals);
@@ -94,14 +94,14 @@ impl TransferTables {
         let bin = width / VALUE_BINS as f64;
         let interval_of_bin = (0..VALUE_BINS)
             .map(|b| {
-                // A little below the edge: a value that rounds into this bin from below must not skip its interval.
+                // A little below the edge, so that a value that rounds into this bin from below finds its interval.
                 let edge = first + (b as f64 - 1e-3) * bin;
                 breaks.partition_point(|s| *s <= edge) as u32
             })
             .collect();
         let [lo, hi] = texel_range;
         let table_width = if hi > lo { hi - lo } else { 1.0 };
-        let (first_value, last_value) = extinct_range(tf, mapping);
+        let (first_value, last_value) = extinction_range(tf, mapping);
         let bins = bins(tf, mapping, &breaks, lo, table_width);
         Self {
             interval_of_bin,
@@ -124,7 +124,7 @@ impl TransferTables {
         }
     }
 
-    /// Bytes on the device, where functions of one colour have no integrals of it.
+    /// Bytes on the device; functions of one colour need no integrals of it.
     pub fn bytes(&self, one_color: bool) -> u64 {
         let colors = if one_color { 0 } else { size_of_val(&self.integrals[..]) };
         let intervals = size_of_val(&self.intervals[..]) + size_of_val(&self.interval_of_bin[..]);
@@ -140,7 +140,7 @@ pub(super) fn intervals(tf: &TransferFunction, mapping: TexelMapping) -> Vec<Int
     let mut list = vec![constant(texel(0), texel(0), amount(0))];
     for i in 0..n - 1 {
         let (a, b) = (texel(i), texel(i + 1));
-        // A jump has no interval of its own; points closer than float32 can tell are one.
+        // A jump has no interval; points that float32 cannot distinguish are one.
         if (b as f32) > (a as f32) {
             list.push(Interval {
                 start: a,
@@ -151,7 +151,7 @@ pub(super) fn intervals(tf: &TransferFunction, mapping: TexelMapping) -> Vec<Int
         }
     }
     list.push(constant(texel(n - 1), FAR, amount(n - 1)));
-    let mut list = without_idle_points(list);
+    let mut list = merged(list);
     // The first interval ends where the second starts.
     if let [first, second, ..] = &mut list[..] {
         first.end = second.start;
@@ -159,59 +159,57 @@ pub(super) fn intervals(tf: &TransferFunction, mapping: TexelMapping) -> Vec<Int
     list
 }
 
-/// Share of an amount, and of what it lacks of 1, by which a point may lie beside the line of its neighbours and still
-/// say nothing: far less than float32 keeps of it.
-const IDLE_POINT: f64 = 1e-8;
+/// Tolerance, relative to an amount and to 1 minus it, within which a point on the line of its neighbours is redundant. It is far
+/// below float32 precision.
+const REDUNDANT: f64 = 1e-8;
 
-/// Intervals made one where the points between them lie on one line, as those of functions written out value by value do.
-fn without_idle_points(list: Vec<Interval>) -> Vec<Interval> {
-    let mut kept: Vec<Interval> = Vec::with_capacity(list.len());
-    // Amounts and values at the points inside the last of them.
+/// Merges intervals whose common points lie on one line, which occur in functions that list every value.
+fn merged(list: Vec<Interval>) -> Vec<Interval> {
+    let mut merged: Vec<Interval> = Vec::with_capacity(list.len());
+    // Values and amounts of the points within the last interval.
     let mut inside: Vec<[f64; 2]> = Vec::new();
     let amount_at_end = |i: &Interval| i.amount + i.slope * (i.end - i.start);
     for next in list {
-        let level = kept.len() == 1;
-        let joined = kept.last().and_then(|last| {
+        let level = merged.len() == 1;
+        let joined = merged.last().and_then(|last| {
             let jump = amount_at_end(last) - next.amount;
-            let both = if next.end < FAR {
-                let rise = amount_at_end(&next) - last.amount;
-                Interval { slope: rise / (next.end - last.start), end: next.end, ..*last }
-            } else {
-                Interval { slope: 0.0, end: next.end, ..*last }
+            let rise = amount_at_end(&next) - last.amount;
+            let slope = if next.end < FAR { rise / (next.end - last.start) } else { 0.0 };
+            let both = Interval { slope, end: next.end, ..*last };
+            let is_small =
+                |error: f64, amount: f64| error.abs() <= REDUNDANT * amount.min((1.0 - amount).abs());
+            let is_on_line = |[value, amount]: &[f64; 2]| {
+                is_small(both.amount + both.slope * (value - both.start) - amount, *amount)
             };
-            let idle = |[value, amount]: &[f64; 2]| {
-                let stray = (both.amount + both.slope * (value - both.start) - amount).abs();
-                stray <= IDLE_POINT * amount.min((1.0 - amount).abs())
-            };
-            let continuous = jump.abs() <= IDLE_POINT * next.amount.min((1.0 - next.amount).abs());
-            // What lies below the first point is level.
-            let straight = !level || both.slope == 0.0;
-            let idle = straight && idle(&[next.start, next.amount]) && inside.iter().all(idle);
-            (continuous && idle).then_some(both)
+            // The function is constant below the first point.
+            let can_be_line = !level || both.slope == 0.0;
+            let is_line =
+                can_be_line && is_on_line(&[next.start, next.amount]) && inside.iter().all(is_on_line);
+            (is_small(jump, next.amount) && is_line).then_some(both)
         });
         match joined {
             Some(both) => {
                 inside.push([next.start, next.amount]);
-                *kept.last_mut().expect("there is one to join") = both;
+                *merged.last_mut().expect("there is one to join") = both;
             }
             None => {
                 inside.clear();
-                kept.push(next);
+                merged.push(next);
             }
         }
     }
-    kept
+    merged
 }
 
-/// Texel values outside of which there is no extinction: `<= first` and `>= last`.
-pub(crate) fn extinct_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
+/// Texel values `first` and `last`: there is no extinction at values `<= first` and `>= last`.
+pub(crate) fn extinction_range(tf: &TransferFunction, mapping: TexelMapping) -> (f32, f32) {
     let n = tf.points.len();
     let positive = |i: usize| tf.points[i].amount > 0.0;
     let texel = |i: usize| mapping.texel_from_value(tf.points[i].value) as f32;
     let first = match (0..n).find(|i| positive(*i)) {
         None => FAR as f32,
         Some(0) => -FAR as f32,
-        // A jump holds from its value on, a ramp starts just above its foot.
+        // A jump takes effect at its value, a ramp just above its foot.
         Some(i) if texel(i - 1) < texel(i) => texel(i - 1),
         Some(i) => texel(i).next_down(),
     };
@@ -223,7 +221,7 @@ pub(crate) fn extinct_range(tf: &TransferFunction, mapping: TexelMapping) -> (f3
     (first, last)
 }
 
-/// The integrals of extinction times colour, and of extinction, over each bin.
+/// Integrals of extinction times colour, and of extinction, over each bin.
 fn bins(
     tf: &TransferFunction,
     mapping: TexelMapping,
@@ -231,7 +229,7 @@ fn bins(
     origin: f64,
     width: f64,
 ) -> Vec<[f64; 4]> {
-    // Gauss-Legendre, 4 points: bins are narrow and pieces between breakpoints smooth.
+    // Gauss-Legendre with 4 points: bins are narrow, and the function is smooth between breakpoints.
     const NODES: [(f64, f64); 4] = [
         (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
         (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
@@ -260,7 +258,7 @@ fn bins(
     (0..TABLE_BINS).into_par_iter().map(bin).collect()
 }
 
-/// Sums of bins up to each edge.
+/// Prefix sums of the bins at each edge.
 fn integrals(bins: &[[f64; 4]]) -> Vec<[f32; 4]> {
     let mut total = [0.0f64; 4];
     let mut list = vec![[0.0f32; 4]];

@@ -3,7 +3,7 @@
 use super::{Volume, Voxel, Voxels};
 use crate::error::Result;
 use crate::files::loading::Loading;
-use crate::files::room::reduced_dims;
+use crate::files::memory_budget::reduced_dims;
 use crate::with_voxels;
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;

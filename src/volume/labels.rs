@@ -1,6 +1,6 @@
 //! Labels of a segmentation on a volume's grid: a place has the label of the nearest voxel.
 
-use crate::files::room::refuse_beyond_host;
+use crate::files::memory_budget::refuse_beyond_host;
 use rayon::prelude::*;
 
 /// Different labels that a volume may have, 0 among them.

@@ -159,7 +159,7 @@ fn a_planted_delay_and_a_planted_error_come_out() {
     let tf = haze(EXTINCTION);
     let field = ExactField::new(&volume, &tf);
     let (mut weight, mut sum, mut squares) = (0.0, 0.0, 0.0);
-    for point in field.seen_points(&scene, 20_000, 77) {
+    for point in field.visible_points(&scene, 20_000, 77) {
         let t = field.transmittance_to_light(point.position, &scene.light());
         weight += point.weight;
         sum += point.weight * (t * t - t);

@@ -3,7 +3,7 @@
 use super::*;
 use std::sync::Arc;
 use umbravox::exact::ExactField;
-use umbravox::transfer::{ClipPlane, LabelRule, Seen};
+use umbravox::transfer::{ClipPlane, LabelRule, LabelVisibility};
 use umbravox::volume::Labels;
 
 /// Trilinear value at index coordinates, clamped at the edge; `None` outside the domain.
@@ -129,8 +129,8 @@ fn midpoint_sums_of_parts() {
     for (n, tf) in functions.iter().enumerate() {
         let other = &functions[(n + 1) % functions.len()];
         let rules = vec![
-            LabelRule { labels: vec![2], seen: Seen::Hidden },
-            LabelRule { labels: vec![3], seen: Seen::Through(Box::new(other.clone())) },
+            LabelRule { labels: vec![2], visibility: LabelVisibility::Hidden },
+            LabelRule { labels: vec![3], visibility: LabelVisibility::Visible(Box::new(other.clone())) },
         ];
         let tf = TransferFunction { rules, clip: vec![plane], ..tf.clone() };
         let field = ExactField::new(&volume, &tf);

@@ -173,17 +173,17 @@ fn gradients_at_edges_and_in_flat_parts() {
 
 /// The weighted mean over seen points is the mean over the picture.
 #[test]
-fn seen_points_are_distributed_as_the_camera_sees() {
+fn visible_points_are_distributed_as_the_camera_sees() {
     let volume = rough_volume(oblique());
     let quantities: [fn(DVec3) -> f64; 3] =
         [|x| x.x, |x| (x.z / 3.0).sin(), |x| f64::from(u8::from(x.y > 35.0))];
     for tf in transfer_functions() {
         let field = ExactField::new(&volume, &tf);
         let scene = scene(&volume);
-        let points = field.seen_points(&scene, 20_000, 7);
+        let points = field.visible_points(&scene, 20_000, 7);
         assert_eq!(points.len(), 20_000);
-        assert_eq!(points, field.seen_points(&scene, 20_000, 7));
-        assert_ne!(points[..10], field.seen_points(&scene, 10, 8));
+        assert_eq!(points, field.visible_points(&scene, 20_000, 7));
+        assert_ne!(points[..10], field.visible_points(&scene, 10, 8));
         // The same means by 400 quantiles of every pixel.
         let (mut opacities, mut sums) = (0.0, [0.0; 3]);
         for index in 0..12 * 8 {
@@ -215,8 +215,8 @@ fn nothing_to_see() {
     let tf = extinction(&[(0.0, 0.0)]);
     let field = ExactField::new(&volume, &tf);
     let scene = scene(&volume);
-    assert!(field.seen_points(&scene, 100, 1).is_empty());
-    assert!(field.seen_points(&scene, 0, 1).is_empty());
+    assert!(field.visible_points(&scene, 100, 1).is_empty());
+    assert!(field.visible_points(&scene, 0, 1).is_empty());
     let picture = field.picture(&scene);
     assert_eq!(picture[[3, 3, 0]], 0.1f32);
     assert_eq!(picture[[3, 3, 3]], 0.0);

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use umbravox::files::loading::Loading;
 use umbravox::open::{VolumeSpec, load};
 use umbravox::transfer::TransferFunction;
 use umbravox::{strands, transfer};
@@ -25,7 +26,7 @@ impl Of {
     fn read(self, path: &Path) -> umbravox::Result<()> {
         match self {
             Self::Volume => load(&VolumeSpec::new(path.to_string_lossy())).map(|_| ()),
-            Self::Strands => strands::read_strands(path).map(|strands| {
+            Self::Strands => strands::read_strands(path, &Loading::default()).map(|strands| {
                 assert!(strands.arrays().points.iter().flatten().all(|x| x.is_finite()));
             }),
             Self::Transfer => transfer::formats::read(path).map(|carried| {

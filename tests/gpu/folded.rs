@@ -8,7 +8,7 @@ use umbravox::gpu::Gpu;
 use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::{Light, Scene, Shading};
 use umbravox::shadow;
-use umbravox::transfer::{LabelRule, Seen, TransferFunction};
+use umbravox::transfer::{LabelRule, LabelVisibility, TransferFunction};
 use umbravox::volume::{Labels, Volume, Voxels};
 
 /// Texels along an axis of the small device's 3-D textures.
@@ -142,8 +142,8 @@ fn labels_and_planes_are_where_they_were() {
         let volume = Arc::new(Volume::clone(&plain).labelled(Arc::new(labels)).unwrap());
         let other = extinction(&[(-100.0, 0.0), (300.0, 0.05)]);
         let rules = vec![
-            LabelRule { labels: vec![1], seen: Seen::Hidden },
-            LabelRule { labels: vec![2], seen: Seen::Through(Box::new(other)) },
+            LabelRule { labels: vec![1], visibility: LabelVisibility::Hidden },
+            LabelRule { labels: vec![2], visibility: LabelVisibility::Visible(Box::new(other)) },
         ];
         let clip = vec!["0.2,0.1,1,20".parse().unwrap()];
         let tf = TransferFunction { rules, clip, ..extinction(&[(150.0, 0.0), (500.0, 0.12)]) };

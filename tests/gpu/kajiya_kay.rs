@@ -1,6 +1,7 @@
 //! Strands shaded by their directions: closed forms where there is one direction, the exact picture where there are many.
 
 use super::*;
+use umbravox::files::loading::Loading;
 use umbravox::open::presets;
 use umbravox::scene::{LightSource, Shading, Skip};
 use umbravox::strands::{
@@ -9,7 +10,8 @@ use umbravox::strands::{
 
 /// Strands on the shared device, with the transfer function that they get where nothing is said.
 fn open(strands: &Strands, resolution: usize, kernel: Kernel) -> Option<Setup> {
-    let StrandVolume { volume, grid, .. } = StrandVolume::of(strands, resolution, kernel).unwrap();
+    let StrandVolume { volume, grid, .. } =
+        StrandVolume::of(strands, resolution, kernel, &Loading::default()).unwrap();
     let tf = presets::resolve("hair", &volume).unwrap().tf;
     let Setup { session, tf } = Setup::open(&Arc::new(volume), &tf)?;
     let voxelised = VoxelisedStrands::new(strands.clone(), grid, kernel);

@@ -2,7 +2,7 @@
 
 use super::*;
 use umbravox::scene::Skip;
-use umbravox::transfer::{LabelRule, Seen};
+use umbravox::transfer::{LabelRule, LabelVisibility};
 use umbravox::volume::Labels;
 
 /// A volume with what `label` calls its voxels.
@@ -15,11 +15,11 @@ fn labelled(volume: &Arc<Volume>, label: impl Fn([usize; 3]) -> u16) -> Arc<Volu
 }
 
 fn through(labels: &[u32], tf: &TransferFunction) -> LabelRule {
-    LabelRule { labels: labels.to_vec(), seen: Seen::Through(Box::new(tf.clone())) }
+    LabelRule { labels: labels.to_vec(), visibility: LabelVisibility::Visible(Box::new(tf.clone())) }
 }
 
 fn hidden(labels: &[u32]) -> LabelRule {
-    LabelRule { labels: labels.to_vec(), seen: Seen::Hidden }
+    LabelRule { labels: labels.to_vec(), visibility: LabelVisibility::Hidden }
 }
 
 /// Blocks of three voxels in four labels, in no order that rays would know.

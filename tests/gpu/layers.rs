@@ -348,7 +348,7 @@ fn a_ratio_for_every_region_suits_mixed_scenes() {
     let Some(setup) = Setup::open(&phantom("thorax:96"), &tf) else { return };
     let light = lights(setup.volume())[0].1;
     let field = setup.exact();
-    let seen = field.seen_points(&setup.scene(64, 64), 4000, 3);
+    let seen = field.visible_points(&setup.scene(64, 64), 4000, 3);
     let points: Vec<DVec3> = seen.iter().map(|p| p.position).collect();
     let exact: Vec<f64> = points.iter().map(|p| field.transmittance_to_light(*p, &light)).collect();
     let rms = |method: &str| {

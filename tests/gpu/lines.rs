@@ -2,6 +2,7 @@
 
 use super::*;
 use glam::DVec2;
+use umbravox::files::loading::Loading;
 use umbravox::strands::{
     Attribute, Kernel, StrandArrays, StrandSet, StrandVolume, Strands, VoxelisedStrands,
 };
@@ -36,7 +37,7 @@ fn straight(ends: &[[DVec3; 2]], diameter: f32, transparency: f32) -> Strands {
 /// Strands with a volume of so many voxels a side, seen as they are.
 fn open(strands: Strands, resolution: usize) -> Option<Setup> {
     let StrandVolume { volume, grid, kernel, .. } =
-        StrandVolume::of(&strands, resolution, Kernel::Box).unwrap();
+        StrandVolume::of(&strands, resolution, Kernel::Box, &Loading::default()).unwrap();
     let largest = volume.value_range()[1];
     let mut setup = Setup::open(&Arc::new(volume), &extinction(&[(0.0, 0.0), (largest, largest)]))?;
     setup.session = setup.session.with_strands(Some(Arc::new(VoxelisedStrands::new(strands, grid, kernel))));

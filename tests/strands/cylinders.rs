@@ -2,11 +2,12 @@
 
 use super::strands;
 use glam::DVec3;
+use umbravox::files::loading::Loading;
 use umbravox::measure::cylinders::{AgainstCylinders, against_cylinders};
 use umbravox::strands::{DEFAULT_RESOLUTION, Kernel, StrandVolume, Strands};
 
 fn compared(strands: &Strands, toward: DVec3, resolution: usize) -> AgainstCylinders {
-    let made = StrandVolume::of(strands, resolution, Kernel::Box).unwrap();
+    let made = StrandVolume::of(strands, resolution, Kernel::Box, &Loading::default()).unwrap();
     against_cylinders(strands, &made.volume, toward, 1500).unwrap()
 }
 
@@ -61,9 +62,9 @@ fn scattered_strands_across_the_light_are_the_medium() {
 #[test]
 fn nothing_is_compared_where_there_is_nothing() {
     let one = strands(&[vec![[0.0; 3], [1.0; 3]]], 0.1, 0.0);
-    let made = StrandVolume::of(&one, DEFAULT_RESOLUTION, Kernel::Box).unwrap();
+    let made = StrandVolume::of(&one, DEFAULT_RESOLUTION, Kernel::Box, &Loading::default()).unwrap();
     assert_eq!(against_cylinders(&one, &made.volume, DVec3::Z, 0), None);
     let point = strands(&[vec![[0.0; 3]]], 0.1, 0.0);
-    let made = StrandVolume::of(&point, DEFAULT_RESOLUTION, Kernel::Box).unwrap();
+    let made = StrandVolume::of(&point, DEFAULT_RESOLUTION, Kernel::Box, &Loading::default()).unwrap();
     assert_eq!(against_cylinders(&point, &made.volume, DVec3::Z, 9), None);
 }

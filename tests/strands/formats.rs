@@ -6,10 +6,9 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use umbravox::files::loading::Loading;
 use umbravox::open::{VolumeSpec, is_strand_source, load};
-use umbravox::strands::{
-    STRAND_EXTENSIONS, Strands, read_hair, read_strands, strands_of_bytes, tubes, write_hair,
-};
+use umbravox::strands::{STRAND_EXTENSIONS, Strands, read_strands, strands_of_bytes, tubes, write_hair};
 
 type Points = Vec<Vec<[f64; 3]>>;
 
@@ -36,7 +35,7 @@ fn points_of(strands: &Strands) -> Points {
 fn every_file_of_others_has_the_points_that_they_say() {
     let mut seen = Vec::new();
     for (name, wanted) in expected() {
-        let strands = read_strands(&folder().join(&name)).unwrap();
+        let strands = read_strands(&folder().join(&name), &Loading::default()).unwrap();
         let found = points_of(&strands);
         assert_eq!(
             found.iter().map(Vec::len).collect::<Vec<_>>(),
@@ -55,7 +54,8 @@ fn every_file_of_others_has_the_points_that_they_say() {
 
 #[test]
 fn both_byte_orders_say_the_same() {
-    let [little, big] = ["little.tck", "big.tck"].map(|name| read_strands(&folder().join(name)).unwrap());
+    let [little, big] = ["little.tck", "big.tck"]
+        .map(|name| read_strands(&folder().join(name), &Loading::default()).unwrap());
     assert_eq!(little.arrays(), big.arrays());
     // The header is the same; only the kind of number is another.
     let text = String::from_utf8_lossy(&bytes_of("little.tck")).into_owned();
@@ -76,8 +76,9 @@ fn both_byte_orders_say_the_same() {
 
 #[test]
 fn what_a_user_should_know_is_said() {
-    let warnings = |name: &str| read_strands(&folder().join(name)).unwrap().warnings().to_vec();
-    assert_eq!(warnings("little.tck"), ["1 lines of fewer than two points were left out"]);
+    let warnings =
+        |name: &str| read_strands(&folder().join(name), &Loading::default()).unwrap().warnings().to_vec();
+    assert_eq!(warnings("little.tck"), ["1 lines of fewer than two points were skipped"]);
     assert_eq!(warnings("ras.trk"), Vec::<String>::new());
     assert!(warnings("version1.trk")[0].contains("no vox_to_ras"));
     assert!(warnings("places.trk")[0].contains("another order"));
@@ -103,7 +104,11 @@ fn a_file_is_told_by_its_content_before_its_name() {
             let path = dir.path().join(other);
             fs::write(&path, bytes_of(name)).unwrap();
             assert!(is_strand_source(path.to_str().unwrap()), "{name} as {other}");
-            assert_eq!(points_of(&read_strands(&path).unwrap()).len(), 4, "{name} as {other}");
+            assert_eq!(
+                points_of(&read_strands(&path, &Loading::default()).unwrap()).len(),
+                4,
+                "{name} as {other}"
+            );
         }
     }
     // An OBJ file has nothing that tells it.
@@ -151,7 +156,10 @@ fn more_segments_than_hair_files_count_are_held_and_not_written() {
     let short = text[..text.rfind(" 65537").unwrap()].to_owned();
     let strands = strands_of_bytes(short.as_bytes(), "a.obj").unwrap();
     write_hair(&strands, &dir.path().join("a.hair")).unwrap();
-    assert_eq!(read_hair(&dir.path().join("a.hair")).unwrap().segment_count(), 65_535);
+    assert_eq!(
+        read_strands(&dir.path().join("a.hair"), &Loading::default()).unwrap().segment_count(),
+        65_535
+    );
 }
 
 /// The bytes of a file with some of them replaced.

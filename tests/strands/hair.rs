@@ -2,10 +2,10 @@
 
 use super::arrays;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use umbravox::files::loading::Loading;
 use umbravox::open::load_strands;
-use umbravox::strands::{Attribute, Kernel, StrandVolume, Strands, read_hair, write_hair};
+use umbravox::strands::{Attribute, Kernel, StrandVolume, Strands, read_strands, write_hair};
 
 struct Folder(tempfile::TempDir);
 
@@ -20,7 +20,7 @@ impl Folder {
 
     fn read(&self, bytes: &[u8]) -> umbravox::Result<Strands> {
         fs::write(self.path(), bytes).unwrap();
-        read_hair(&self.path())
+        read_strands(&self.path(), &Loading::default())
     }
 }
 
@@ -147,8 +147,11 @@ fn wrong_files_are_refused_by_the_byte() {
         assert!(e.place.ends_with(&format!("a.hair: byte {byte}")), "byte {byte}: {e}");
         assert!(e.why.contains(why), "{why}: {e}");
     }
-    assert!(read_hair(Path::new("/")).unwrap_err().why.contains("not a regular file"));
-    assert!(read_hair(&folder.path().with_file_name("gone.hair")).is_err());
+    let unread =
+        |name: &str| read_strands(&folder.path().with_file_name(name), &Loading::default()).unwrap_err().why;
+    fs::create_dir(folder.path().with_file_name("folder.hair")).unwrap();
+    assert!(unread("folder.hair").contains("not a regular file"));
+    assert!(unread("gone.hair").contains("No such file"));
 }
 
 #[test]
@@ -180,7 +183,8 @@ fn any_cut_and_any_changed_byte_is_an_answer_and_no_panic() {
             bytes[at] = (256.0 * random.f64()) as u8;
         }
         if let Ok(strands) = folder.read(&bytes) {
-            let StrandVolume { volume, .. } = StrandVolume::of(&strands, 16, Kernel::Box).unwrap();
+            let StrandVolume { volume, .. } =
+                StrandVolume::of(&strands, 16, Kernel::Box, &Loading::default()).unwrap();
             assert!(volume.value_range().iter().all(|v| v.is_finite() && *v >= 0.0));
         }
     }
@@ -188,7 +192,9 @@ fn any_cut_and_any_changed_byte_is_an_answer_and_no_panic() {
 
 #[test]
 fn degenerate_strands_have_grids_too() {
-    let volume = |arrays| StrandVolume::of(&Strands::new("test", arrays).unwrap(), 20, Kernel::Box);
+    let volume = |arrays| {
+        StrandVolume::of(&Strands::new("test", arrays).unwrap(), 20, Kernel::Box, &Loading::default())
+    };
     let one_point = vec![vec![[5.0f32, 6.0, 7.0]]];
     let same_place = vec![vec![[5.0f32, 6.0, 7.0]; 4]];
     let in_a_plane = vec![vec![[0.0f32, 0.0, 3.0], [10.0, 0.0, 3.0], [10.0, 4.0, 3.0]]];

@@ -1,5 +1,6 @@
 //! The built-in strand sets.
 
+use umbravox::files::loading::Loading;
 use umbravox::strands::{StrandSet, StrandVolume};
 
 #[test]
@@ -59,7 +60,8 @@ fn every_set_is_conserved() {
     for set in StrandSet::ALL {
         for kernel in ["box", "tent"] {
             let kernel = clap::ValueEnum::from_str(kernel, false).unwrap();
-            let made = StrandVolume::of(&set.build(30_000).unwrap(), 96, kernel).unwrap();
+            let made =
+                StrandVolume::of(&set.build(30_000).unwrap(), 96, kernel, &Loading::default()).unwrap();
             let c = made.conservation;
             assert!(c.relative_error < 1e-6 && c.area_mm2 > 1000.0, "{set} {kernel:?}: {c:?}");
             assert_eq!(c.area_mm2, c.area_inside_mm2, "{set} {kernel:?}: something was clipped");

@@ -3,6 +3,7 @@
 use super::strands;
 use glam::DVec3;
 use std::sync::Arc;
+use umbravox::files::loading::Loading;
 use umbravox::strands::{Kernel, StrandGrid, StrandSet, Strands, VoxelisedStrands, tangents, voxelise};
 
 const BOTH: [Kernel; 2] = [Kernel::Box, Kernel::Tent];
@@ -29,8 +30,10 @@ fn one_straight_strand_has_one_direction() {
         let line = strands(&[vec![point(0.0), point(0.25), point(1.0)]], 0.125, 0.25);
         let wanted = product(along.normalize());
         for kernel in BOTH {
-            let (moments, values) =
-                (tangents(&line, &grid, kernel).unwrap(), voxelise(&line, &grid, kernel).unwrap());
+            let (moments, values) = (
+                tangents(&line, &grid, kernel).unwrap(),
+                voxelise(&line, &grid, kernel, &Loading::default()).unwrap(),
+            );
             assert!(values.iter().filter(|v| **v > 0.01).count() > 5);
             for (at, (moments, value)) in moments.values().iter().zip(&values).enumerate() {
                 for (got, share) in moments.iter().zip(wanted) {
@@ -48,8 +51,10 @@ fn the_trace_is_the_extinction() {
     let curly = StrandSet::Curly.build(30_000).unwrap();
     let grid = StrandGrid::around(curly.bounds_mm().unwrap(), 48).unwrap();
     for kernel in BOTH {
-        let (moments, values) =
-            (tangents(&curly, &grid, kernel).unwrap(), voxelise(&curly, &grid, kernel).unwrap());
+        let (moments, values) = (
+            tangents(&curly, &grid, kernel).unwrap(),
+            voxelise(&curly, &grid, kernel, &Loading::default()).unwrap(),
+        );
         assert_eq!(moments.dims(), grid.dims);
         let mut mixed = 0;
         for (moments, value) in moments.values().iter().zip(&values) {

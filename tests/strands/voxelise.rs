@@ -2,6 +2,7 @@
 
 use super::strands;
 use glam::DVec3;
+use umbravox::files::loading::Loading;
 use umbravox::strands::{Conservation, Kernel, StrandGrid, StrandSet, Strands, voxelise};
 
 const BOTH: [Kernel; 2] = [Kernel::Box, Kernel::Tent];
@@ -33,7 +34,8 @@ fn a_segment_along_an_axis_has_known_values() {
         for axis in 0..3 {
             let place = |x: f64| std::array::from_fn(|a| if a == axis { x } else { 3.0 });
             for [a, b] in [[1.2, 4.1], [4.1, 1.2]] {
-                let values = voxelise(&line(place(a), place(b)), &grid([8; 3]), kernel).unwrap();
+                let values =
+                    voxelise(&line(place(a), place(b)), &grid([8; 3]), kernel, &Loading::default()).unwrap();
                 for (at, value) in values.iter().enumerate() {
                     let index = [at % 8, at / 8 % 8, at / 64];
                     let on_line = (0..3).all(|a| a == axis || index[a] == 3);
@@ -89,7 +91,7 @@ fn oblique_segments_agree_with_brute_force() {
             [[0.3, -2.0, -0.5], [0.3, 4.0, 4.5]],
         ] {
             for kernel in BOTH {
-                let values = voxelise(&line(a, b), &grid(dims), kernel).unwrap();
+                let values = voxelise(&line(a, b), &grid(dims), kernel, &Loading::default()).unwrap();
                 let length: f64 = (0..3).map(|x| (b[x] - a[x]).powi(2)).sum::<f64>().sqrt();
                 for (at, share) in brute_force([a, b], dims, kernel).into_iter().enumerate() {
                     let (got, wanted) = (f64::from(values[at]), PER_VOXEL * length * share);
@@ -106,7 +108,7 @@ fn slabs_join_without_a_seam() {
     let dims = [700, 760, 9];
     let (a, b) = ([699.0, 3.0, -0.4], [650.0, 11.0, 8.3]);
     for kernel in BOTH {
-        let values = voxelise(&line(a, b), &grid(dims), kernel).unwrap();
+        let values = voxelise(&line(a, b), &grid(dims), kernel, &Loading::default()).unwrap();
         let window = |k: usize| (640..700).flat_map(move |i| (0..14).map(move |j| (k * 760 + j) * 700 + i));
         let length: f64 = (0..3).map(|x| (b[x] - a[x]).powi(2)).sum::<f64>().sqrt();
         let shares = brute_force([a, b], dims, kernel);
@@ -144,8 +146,8 @@ fn every_area_is_conserved_also_along_faces_edges_and_corners() {
     }
     let some = strands(&lines, 0.01, 0.25);
     for kernel in BOTH {
-        let values = voxelise(&some, &grid, kernel).unwrap();
-        let c = Conservation::of(&some, &grid, &values);
+        let values = voxelise(&some, &grid, kernel, &Loading::default()).unwrap();
+        let c = Conservation::of(&some, &grid, &values, &Loading::default()).unwrap();
         assert!(c.relative_error < 1e-7, "{kernel:?}: {c:?}");
         assert!(c.area_inside_mm2 < 0.9 * c.area_mm2 && c.area_inside_mm2 > 0.1 * c.area_mm2);
     }
@@ -170,7 +172,11 @@ fn every_area_is_conserved_also_along_faces_edges_and_corners() {
         }
         let wanted = 0.75 * 0.01 * a.distance(b) * (exit - enter).max(0.0);
         for kernel in BOTH {
-            let sum: f64 = voxelise(&one, &grid, kernel).unwrap().iter().map(|&v| f64::from(v)).sum();
+            let sum: f64 = voxelise(&one, &grid, kernel, &Loading::default())
+                .unwrap()
+                .iter()
+                .map(|&v| f64::from(v))
+                .sum();
             let got = sum * grid.voxel_mm3();
             assert!((got - wanted).abs() < 1e-6 * wanted + 1e-12, "{kernel:?} {line:?}: {got} {wanted}");
         }
@@ -185,8 +191,8 @@ fn the_number_of_threads_changes_no_bit() {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                let values = voxelise(&strands, &grid, kernel).unwrap();
-                let sums = Conservation::of(&strands, &grid, &values);
+                let values = voxelise(&strands, &grid, kernel, &Loading::default()).unwrap();
+                let sums = Conservation::of(&strands, &grid, &values, &Loading::default()).unwrap();
                 (values.into_iter().map(f32::to_bits).collect::<Vec<_>>(), sums)
             })
         };
@@ -199,7 +205,7 @@ fn the_number_of_threads_changes_no_bit() {
 fn thickness_and_transparency_scale_the_values() {
     let values = |thickness: f32, transparency: f32| {
         let one = strands(&[vec![world([1.0; 3]), world([4.0, 5.0, 3.0])]], thickness, transparency);
-        voxelise(&one, &grid([8; 3]), Kernel::Tent).unwrap()
+        voxelise(&one, &grid([8; 3]), Kernel::Tent, &Loading::default()).unwrap()
     };
     let (thin, thick, clear) = (values(0.5, 0.0), values(1.0, 0.0), values(1.0, 0.75));
     assert!(thin.iter().any(|v| *v > 0.1));

@@ -1,7 +1,7 @@
 //! The labels of a segmentation: which of them are shown.
 
 use crate::app::model::Model;
-use crate::transfer::Class;
+use crate::transfer::LabelClass;
 use eframe::egui;
 
 /// Height of the list, points.
@@ -12,7 +12,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let Some(labels) = document.volume.labels().cloned() else { return };
     let mut hidden: Vec<u32> =
-        labels.ids().iter().copied().filter(|id| document.tf.class_of(*id) == Class::Hidden).collect();
+        labels.ids().iter().copied().filter(|id| document.tf.class_of(*id) == LabelClass::Hidden).collect();
     let before = hidden.clone();
     ui.horizontal(|ui| {
         if ui.small_button("all").accessible_name("show all labels").clicked() {
@@ -35,7 +35,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
                 let mut shown = !hidden.contains(id);
                 let name = if *id == 0 { "0, no label".to_owned() } else { id.to_string() };
                 let function = match document.tf.class_of(*id) {
-                    Class::Function(i) if i > 0 => format!(" ({})", document.tf.function(i).name),
+                    LabelClass::Function(i) if i > 0 => format!(" ({})", document.tf.function(i).name),
                     _ => String::new(),
                 };
                 let check = ui.checkbox(&mut shown, format!("{name}{function}"));

@@ -1,33 +1,34 @@
-//! The bytes of an array of a VTK XML file, as a stream: no more memory is taken than one packed block has bytes.
+//! Bytes of an array of a VTK XML file, as a stream that holds at most one packed block in memory.
 //!
-//! Plain ones have their number of bytes before them. Compressed ones are blocks: their number, the bytes of a whole block and
-//! of the last one where that is not whole, and the compressed bytes of each. In base64 those numbers are a text of their own.
+//! A plain array has its number of bytes before it. A compressed array consists of blocks. Before them stand their number, the
+//! bytes of a whole block and of the last one where that is not whole, and the compressed bytes of each. In base64 these numbers
+//! are a text of their own.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use base64::read::DecoderReader;
 use flate2::read::ZlibDecoder;
 use roxmltree::Node;
-use std::io::{self, Cursor, Read};
+use std::io::{self, Cursor, Read, Take};
 
-/// No compressor of zlib makes so many bytes of one.
+/// Largest compression ratio of zlib.
 const MOST_RATIO: u64 = 1100;
 
-/// How arrays are written.
+/// Encoding of the arrays of a file.
 #[derive(Debug, Clone, Copy)]
 pub struct Coding {
-    /// The first byte of a number is its highest.
+    /// Whether numbers are big-endian.
     pub big_endian: bool,
-    /// Bytes of the numbers before data.
+    /// Bytes of each number before the data.
     header_bytes: usize,
     compressed: bool,
 }
 
 impl Coding {
-    /// As the file's tag says it.
+    /// Reads the encoding from the attributes of the file's root element.
     ///
     /// # Errors
-    /// A compressor, or numbers before data, that are not read.
+    /// The compressor or the type of the numbers before data is not supported.
     pub fn of(root: Node) -> Result<Self, String> {
         let compressed = match root.attribute("compressor") {
             None | Some("") => false,
@@ -42,7 +43,7 @@ impl Coding {
         Ok(Self { big_endian: root.attribute("byte_order") == Some("BigEndian"), header_bytes, compressed })
     }
 
-    /// A number before data.
+    /// Number before the data at a place.
     fn number(&self, bytes: &[u8], place: usize) -> u64 {
         let mut word = [0; 8];
         let n = self.header_bytes;
@@ -54,9 +55,9 @@ impl Coding {
     }
 }
 
-/// The bytes of an array.
+/// Stream of the bytes of an array.
 pub struct ArrayBytes<'a> {
-    /// How many it claims.
+    /// Number of bytes that the file claims.
     pub bytes: u64,
     stream: Box<dyn Read + 'a>,
 }
@@ -67,50 +68,48 @@ impl Read for ArrayBytes<'_> {
     }
 }
 
-/// The bytes of the array that an input begins with; `check` is asked about their number before any of them is taken.
+/// Opens the array at the beginning of an input; `check` may refuse its number of bytes before any of them is read.
 ///
 /// # Errors
-/// They are not there, broken, or refused by `check`; what is wrong with those that follow the stream says.
+/// The header is missing, broken, or refused by `check`. Later faults are errors of the stream.
 pub fn array_bytes<'a>(
     input: impl Read + 'a,
     is_raw: bool,
     coding: &Coding,
     check: impl Fn(u64) -> Result<(), String>,
 ) -> Result<ArrayBytes<'a>, String> {
-    let mut text = Text { input, is_raw, decoded: Vec::new() };
+    let mut text = EncodedText { input, is_raw, decoded: Vec::new() };
+    let header = coding.header_bytes;
+    text.decode_to(header as u64)?;
+    let first = coding.number(&text.decoded, 0);
     if coding.compressed {
-        packed(text, coding, check)
-    } else {
-        let header = coding.header_bytes;
-        text.decode_to(header as u64)?;
-        let bytes = coding.number(&text.decoded, 0);
-        check(bytes)?;
-        let all = (header as u64).saturating_add(bytes);
-        // They are of one text with the number before them.
-        let begun = text.decoded.split_off(header.min(text.decoded.len()));
-        let rest = all.saturating_sub((header + begun.len()) as u64);
-        let stream = Cursor::new(begun).chain(text.stream(rest)).take(bytes);
-        Ok(ArrayBytes { bytes, stream: Box::new(stream) })
+        return packed(text, first, coding, check);
     }
+    check(first)?;
+    // The data and the number before them are one base64 text.
+    let begun = text.decoded.split_off(header.min(text.decoded.len()));
+    let rest = first.saturating_sub(begun.len() as u64);
+    let stream = Cursor::new(begun).chain(text.stream(rest)).take(first);
+    Ok(ArrayBytes { bytes: first, stream: Box::new(stream) })
 }
 
-/// A text in base64, or bytes as they are.
-struct Text<R> {
+/// Base64 text or raw bytes.
+struct EncodedText<R> {
     input: R,
     is_raw: bool,
-    /// What has been decoded of it.
+    /// Bytes that have been decoded.
     decoded: Vec<u8>,
 }
 
-impl<'a, R: Read + 'a> Text<R> {
-    /// Decodes on until there are so many bytes of it, or somewhat more: whole groups of four letters, up to its padding.
+impl<'a, R: Read + 'a> EncodedText<R> {
+    /// Decodes whole groups of four letters until there are at least `count` bytes.
     fn decode_to(&mut self, count: u64) -> Result<(), String> {
         let missing = count.saturating_sub(self.decoded.len() as u64);
         let written = if self.is_raw { missing } else { missing.div_ceil(3).saturating_mul(4) };
         let mut part = Vec::new();
         let got = self.input.by_ref().take(written).read_to_end(&mut part).map_err(|e| e.to_string())?;
         if (got as u64) < written {
-            return Err(format!("{count} bytes are said to follow, but it ends before"));
+            return Err(cut(count));
         }
         match self.is_raw {
             true => self.decoded.append(&mut part),
@@ -122,15 +121,13 @@ impl<'a, R: Read + 'a> Text<R> {
         }
     }
 
-    /// The next so many bytes of it.
+    /// Streams the next `count` bytes.
     fn stream(self, count: u64) -> Box<dyn Read + 'a> {
-        match self.is_raw {
-            true => Box::new(self.input.take(count)),
-            false => {
-                let letters = count.div_ceil(3).saturating_mul(4);
-                Box::new(DecoderReader::new(self.input.take(letters), &STANDARD).take(count))
-            }
+        if self.is_raw {
+            return Box::new(self.input.take(count));
         }
+        let letters = count.div_ceil(3).saturating_mul(4);
+        Box::new(DecoderReader::new(self.input.take(letters), &STANDARD).take(count))
     }
 }
 
@@ -138,84 +135,72 @@ fn broken(e: impl std::fmt::Display) -> String {
     format!("its base64 is broken: {e}")
 }
 
+fn cut(bytes: u64) -> String {
+    format!("{bytes} bytes are said to follow, but it ends before")
+}
+
 fn packed<'a, R: Read + 'a>(
-    mut text: Text<R>,
+    mut text: EncodedText<R>,
+    blocks: u64,
     coding: &Coding,
     check: impl Fn(u64) -> Result<(), String>,
 ) -> Result<ArrayBytes<'a>, String> {
-    let header = coding.header_bytes as u64;
-    text.decode_to(header)?;
-    let blocks = coding.number(&text.decoded, 0);
     if blocks == 0 {
         return Ok(ArrayBytes { bytes: 0, stream: Box::new(io::empty()) });
     }
+    let header = coding.header_bytes as u64;
     text.decode_to(3 * header)?;
     let [block_bytes, last_bytes] = [1, 2].map(|place| coding.number(&text.decoded, place));
-    // Sizes of all blocks are there before any of them is believed.
+    // All sizes must be present before memory is taken for them.
     text.decode_to(blocks.saturating_add(3).saturating_mul(header))?;
-    let sizes: Vec<u64> = (0..blocks as usize).map(|block| coding.number(&text.decoded, 3 + block)).collect();
-    let packed_bytes = sizes.iter().fold(0, |sum: u64, size| sum.saturating_add(*size));
+    let size = |block: usize| (coding.number(&text.decoded, 3 + block), block_bytes);
+    let mut sizes: Vec<(u64, u64)> = (0..blocks as usize).map(size).collect();
     let last = if last_bytes == 0 { block_bytes } else { last_bytes };
+    sizes[blocks as usize - 1].1 = last;
+    let packed_bytes = sizes.iter().fold(0, |sum: u64, (packed, _)| sum.saturating_add(*packed));
     let bytes = (blocks - 1).saturating_mul(block_bytes).saturating_add(last);
     check(bytes)?;
     if bytes > packed_bytes.saturating_mul(MOST_RATIO) {
         return Err(format!("it says that {packed_bytes} bytes unpack to {bytes}, which they cannot"));
     }
-    let stream =
-        Blocks { input: text.stream(packed_bytes), sizes, next: 0, block_bytes, last, block: None, found: 0 };
+    let stream = CompressedBlocks { input: text.stream(packed_bytes), sizes, next: 0, block: None };
     Ok(ArrayBytes { bytes, stream: Box::new(stream) })
 }
 
-/// Blocks that are unpacked one after the other.
-struct Blocks<'a> {
+/// Compressed blocks that are unpacked one after the other.
+struct CompressedBlocks<'a> {
     input: Box<dyn Read + 'a>,
-    /// Packed bytes of each.
-    sizes: Vec<u64>,
+    /// Packed and unpacked bytes of each block.
+    sizes: Vec<(u64, u64)>,
     next: usize,
-    /// What each unpacks to, and the last one.
-    block_bytes: u64,
-    last: u64,
-    /// The present one, and how much has come out of it.
-    block: Option<ZlibDecoder<Cursor<Vec<u8>>>>,
-    found: u64,
+    /// Present block, limited to one byte more than it should have.
+    block: Option<Take<ZlibDecoder<Cursor<Vec<u8>>>>>,
 }
 
-impl Blocks<'_> {
-    /// What the block before `next` unpacks to.
-    fn wanted(&self) -> u64 {
-        if self.next == self.sizes.len() { self.last } else { self.block_bytes }
-    }
-}
-
-impl Read for Blocks<'_> {
+impl Read for CompressedBlocks<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let bad = |why: String| io::Error::new(io::ErrorKind::InvalidData, why);
         loop {
             if let Some(block) = &mut self.block {
-                let number = self.next - 1;
+                let (number, wanted) = (self.next - 1, self.sizes[self.next - 1].1);
                 let got = block.read(buffer).map_err(|e| bad(format!("block {number} is broken: {e}")))?;
-                self.found += got as u64;
-                let wanted = self.wanted();
-                if self.found > wanted || got == 0 && !buffer.is_empty() && self.found < wanted {
-                    let found = self.found.min(wanted.saturating_add(1));
-                    return Err(bad(format!(
-                        "block {number} unpacks to {found} bytes or more, not {wanted}"
-                    )));
+                let found = wanted.saturating_add(1) - block.limit();
+                if found > wanted || got == 0 && !buffer.is_empty() && found < wanted {
+                    let why = format!("block {number} unpacks to {found} bytes or more, not {wanted}");
+                    return Err(bad(why));
                 }
                 if got > 0 || buffer.is_empty() {
                     return Ok(got);
                 }
-                self.block = None;
             }
-            let Some(&size) = self.sizes.get(self.next) else { return Ok(0) };
+            let Some(&(size, wanted)) = self.sizes.get(self.next) else { return Ok(0) };
             let mut packed = Vec::new();
             let got = self.input.by_ref().take(size).read_to_end(&mut packed).map_err(|e| bad(broken(e)))?;
             if (got as u64) < size {
-                return Err(bad(format!("{size} bytes are said to follow, but it ends before")));
+                return Err(bad(cut(size)));
             }
             self.next += 1;
-            self.found = 0;
-            self.block = Some(ZlibDecoder::new(Cursor::new(packed)));
+            self.block = Some(ZlibDecoder::new(Cursor::new(packed)).take(wanted.saturating_add(1)));
         }
     }
 }

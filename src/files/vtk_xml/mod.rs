@@ -1,17 +1,16 @@
-//! What VTK's XML files have in common: their tag, and arrays within the text or appended, in base64 or raw, plain or packed.
+//! Common parts of VTK's XML files: the root tag, and arrays within the text or appended, in base64 or raw, plain or compressed.
 //!
-//! Source: *VTK XML Format*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>. Read here and not by
-//! the crate `vtkio`, which takes the memory that headers claim; the XML itself by `roxmltree`, which is among what pictures
-//! of plots need.
+//! Source: *VTK XML Format*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>. The crate
+//! `vtkio` is not used because it allocates the memory that headers claim. `roxmltree`, which plots need too, parses the XML.
 
 mod array;
 
 pub use array::{ArrayBytes, Coding, array_bytes};
 
-/// Where the tag of the file stands, if it does.
+/// Bytes at the beginning of a file that are searched for its root tag.
 const TAG_WITHIN: usize = 1024;
 
-/// The `type` of the file's tag: `PolyData`, `ImageData`; `None` for what is no such file.
+/// Attribute `type` of the root tag, e.g. `PolyData` or `ImageData`; `None` for other files.
 pub fn kind_of(head: &[u8]) -> Option<String> {
     let text = String::from_utf8_lossy(&head[..head.len().min(TAG_WITHIN)]).into_owned();
     let tag = text.split_once("<VTKFile")?.1.split('>').next()?;
@@ -20,7 +19,7 @@ pub fn kind_of(head: &[u8]) -> Option<String> {
     Some(value[1..].split(quote).next()?.to_owned())
 }
 
-/// Whether appended data are raw, by their tag; in base64 otherwise.
+/// Whether the tag of appended data announces raw bytes, not base64.
 ///
 /// # Errors
 /// The tag says neither.

@@ -19,7 +19,7 @@ use self::table::Table;
 use super::head::Head;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
-use crate::files::room;
+use crate::files::memory_budget;
 use crate::volume::{Provenance, Scaling, ValuesSaid, Volume, Voxels};
 use dicom_dictionary_std::tags;
 use ndarray::Array3;
@@ -273,7 +273,7 @@ fn gathered<T: Copy + Default + Send + Sync>(
     let spans: Vec<_> = series.images.iter().map(spans).collect::<Result<_, _>>()?;
     let pixels = values.layout.pixels();
     let count = pixels.checked_mul(stack.layers.len()).ok_or("more voxels than can be counted")?;
-    room::check([columns, rows, stack.layers.len()], size_of::<T>() as u64)?;
+    memory_budget::check_grid([columns, rows, stack.layers.len()], size_of::<T>() as u64)?;
     let mut all: Vec<T> = Vec::new();
     all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels")?;
     all.resize(count, T::default());

@@ -2,7 +2,7 @@
 
 use super::description::{Description, Order};
 use crate::files::loading::Pieces;
-use crate::files::room::refuse_beyond_host;
+use crate::files::memory_budget::refuse_beyond_host;
 use crate::volume::Voxels;
 use ndarray::Array3;
 use std::fs::File;

@@ -13,7 +13,7 @@ use super::text_numbers::TextNumbers;
 use crate::error::{Error, Result};
 use crate::files::input::says_lps;
 use crate::files::loading::{Loading, ReadingStage, Watched};
-use crate::files::room::refuse_beyond_host;
+use crate::files::memory_budget::refuse_beyond_host;
 use crate::files::vtk_xml::{Coding, array_bytes, kind_of};
 use crate::files::xml;
 use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_voxels};

@@ -21,7 +21,7 @@ use super::head::Head;
 use super::source::inexact_integers;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::files::room::{host_bytes, refuse_beyond_host};
+use crate::files::memory_budget::{host_bytes, refuse_beyond_host};
 use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::{DAffine3, DMat3, DVec3};
 use std::path::{Path, PathBuf};

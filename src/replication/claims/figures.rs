@@ -2,7 +2,7 @@
 
 use super::scenes::{Subject, Variant};
 use crate::error::Result;
-use crate::exact::{ExactField, SeenPoint};
+use crate::exact::{ExactField, VisiblePoint};
 use crate::measure::compare::compare;
 use crate::measure::job::{Effort, Job, name_of};
 use crate::measure::journal::Journal;
@@ -186,7 +186,7 @@ pub fn measure(
             effort,
         };
         let compared = compare(&job, &wanted.whole, &mut Journal::nowhere(), progress)?.compared;
-        let seen = field.seen_points(&scene, effort.points, SEED);
+        let seen = field.visible_points(&scene, effort.points, SEED);
         let exact: Vec<f64> =
             seen.par_iter().map(|p| field.transmittance_to_light(p.position, &scene.light())).collect();
         for (method, compared) in wanted.whole.iter().zip(compared) {
@@ -226,12 +226,12 @@ impl Figures {
 fn at_points(
     session: &Session,
     shadow: &ShadowMap,
-    seen: &[SeenPoint],
+    seen: &[VisiblePoint],
     exact: &[f64],
 ) -> Result<Vec<AtPoint>> {
     let positions: Vec<_> = seen.iter().map(|p| p.position).collect();
     let values = session.query(shadow, &positions)?;
-    let point = |((seen, exact), value): ((&SeenPoint, &f64), &f32)| AtPoint {
+    let point = |((seen, exact), value): ((&VisiblePoint, &f64), &f32)| AtPoint {
         exact: *exact,
         method: f64::from(*value),
         weight: seen.weight,

@@ -1,7 +1,7 @@
-//! Polylines as they come out of a file, point after point: what all formats but `.hair` have in common.
+//! Polylines that a reader collects point by point.
 
 use super::super::{Attribute, MAX_MM, StrandArrays, Strands};
-use super::input::{Trouble, WHAT, whole};
+use super::input::{WHAT, in_file, read_whole};
 use crate::error::{Error, Result};
 use crate::files::input::says_lps;
 use glam::DVec3;
@@ -9,36 +9,33 @@ use std::io::Read;
 
 /// Polylines without a thickness.
 #[derive(Debug, Default)]
-pub(super) struct Lines {
+pub(super) struct Polylines {
     points: Vec<[f32; 3]>,
     segments: Vec<u32>,
     /// Points of the line that has not ended.
     open: usize,
-    /// Lines of no length, which are left out.
+    /// Number of skipped lines that have no length.
     lone: usize,
-    /// What a user should know.
-    warnings: Vec<String>,
-    /// The file's axes go left and back: they are turned about.
+    /// Messages for the user.
+    pub warnings: Vec<String>,
+    /// The x and y axes of the file point left and back, so that both are negated.
     is_lps: bool,
 }
 
-/// What is wrong, without a place.
-type Why<T> = std::result::Result<T, String>;
-
-impl Lines {
-    /// Of a file whose beginning may say `SPACE=LPS`.
-    pub fn of_space(bytes: &[u8]) -> Self {
+impl Polylines {
+    /// Polylines of a file whose beginning may contain `SPACE=LPS`.
+    pub fn in_space_of(bytes: &[u8]) -> Self {
         Self { is_lps: says_lps(bytes), ..Self::default() }
     }
 
-    /// Makes room for points that the file has been seen to be long enough for.
-    pub fn reserve(&mut self, points: usize) -> Why<()> {
-        let room = self.points.try_reserve_exact(points);
-        room.map_err(|_| format!("there is not enough memory for {points} points"))
+    /// Reserves memory for points that the file has been checked to be long enough for.
+    pub fn reserve(&mut self, points: usize) -> Result<()> {
+        let reserved = self.points.try_reserve_exact(points);
+        reserved.map_err(|_| in_file(format!("there is not enough memory for {points} points")))
     }
 
-    /// A further point of the line, mm.
-    pub fn point(&mut self, p: DVec3) -> Why<()> {
+    /// Appends a point (mm) to the line.
+    pub fn point(&mut self, p: DVec3) -> Result<(), String> {
         if !p.to_array().iter().all(|x| x.abs() <= f64::from(MAX_MM)) {
             let [x, y, z] = p.to_array();
             return Err(format!("the point ({x}, {y}, {z}) is not finite or beyond {MAX_MM:e} mm"));
@@ -46,27 +43,25 @@ impl Lines {
         if self.points.len() >= u32::MAX as usize {
             return Err(format!("it has more than {} points", u32::MAX));
         }
-        let room = self.points.try_reserve(1);
-        room.map_err(|_| format!("there is not enough memory for more than {} points", self.points.len()))?;
+        let reserved = self.points.try_reserve(1);
+        reserved
+            .map_err(|_| format!("there is not enough memory for more than {} points", self.points.len()))?;
         let turned = if self.is_lps { p * DVec3::new(-1.0, -1.0, 1.0) } else { p };
         self.points.push(turned.as_vec3().to_array());
         self.open += 1;
         Ok(())
     }
 
-    /// The line ends; one of fewer than two points is left out and counted.
-    pub fn end(&mut self) -> Why<()> {
+    /// Ends the line; lines of fewer than two points are skipped and counted.
+    pub fn end(&mut self) {
         if self.open < 2 {
             self.points.truncate(self.points.len() - self.open);
             self.lone += 1;
         } else {
-            let room = self.segments.try_reserve(1);
-            room.map_err(|_| format!("there is not enough memory for {} lines", self.segments.len()))?;
-            // Points are no more than a u32 counts.
+            // There are at most `u32::MAX` points.
             self.segments.push((self.open - 1) as u32);
         }
         self.open = 0;
-        Ok(())
     }
 
     /// Whether the line that has not ended has any point.
@@ -74,20 +69,15 @@ impl Lines {
         self.open > 0
     }
 
-    /// Lines that have ended, those that were left out among them.
+    /// Number of ended lines, skipped ones included.
     pub fn count(&self) -> usize {
         self.segments.len() + self.lone
-    }
-
-    /// Says something to the user.
-    pub fn warn(&mut self, warning: String) {
-        self.warnings.push(warning);
     }
 
     fn into_strands(mut self, source: &str) -> Result<Strands> {
         if self.lone > 0 {
             let lone = self.lone;
-            self.warnings.push(format!("{lone} lines of fewer than two points were left out"));
+            self.warnings.push(format!("{lone} lines of fewer than two points were skipped"));
         }
         let arrays = StrandArrays {
             strands: self.segments.len() as u32,
@@ -103,16 +93,16 @@ impl Lines {
     }
 }
 
-/// Strands of an input of `length` bytes, by what reads its bytes.
+/// Reads strands from an input of `length` bytes with a parser of its bytes.
 pub(super) fn read_by(
-    parse: fn(&[u8]) -> std::result::Result<Lines, Trouble>,
+    parse: fn(&[u8]) -> Result<Polylines>,
     input: &mut dyn Read,
     length: u64,
     source: &str,
 ) -> Result<Strands> {
-    let bytes = whole(input, length, source)?;
-    let lines = parse(&bytes).map_err(|trouble| trouble.into_error(source))?;
-    // The file is not needed beside the strands' own arrays.
+    let bytes = read_whole(input, length, source)?;
+    let lines = parse(&bytes).map_err(|e| e.at(source))?;
+    // Frees the file's bytes before memory is taken for the strands.
     drop(bytes);
     lines.into_strands(source)
 }

@@ -1,43 +1,43 @@
-//! World mm from the coordinates of a TrackVis file.
+//! Conversion of the coordinates of a TrackVis file to world mm.
 //!
-//! They are *voxel mm*: indices times voxel sizes, counted from the corner of the first voxel, in the axes that `voxel_order`
-//! names. To world mm, RAS+, in these steps: divided by the voxel sizes; half a voxel less, since `vox_to_ras` has its zero in
-//! a voxel's centre; axes put in the order and the direction of those of `vox_to_ras`, whose directions are those of the nearest
-//! rotation; then `vox_to_ras` itself. That is what `nibabel.streamlines` does, also where axes change places.
+//! The file uses *voxel mm*: indices times voxel sizes, counted from the corner of the first voxel, along the axes that
+//! `voxel_order` names. The steps to world mm, RAS+, are those of `nibabel.streamlines`: divide by the voxel sizes; subtract half
+//! a voxel, since `vox_to_ras` has its zero in a voxel's centre; reorder and flip axes to match those of `vox_to_ras`, whose
+//! directions are those of the nearest rotation; apply `vox_to_ras`.
 
 use glam::{DAffine3, DMat3, DVec3};
 use nalgebra::Matrix3;
 
-/// What the header says of the voxels.
-pub(super) struct Grid<'a> {
-    /// Voxels along each axis, in the order of `order`.
+/// Voxel grid of the header.
+pub(super) struct TrackGrid<'a> {
+    /// Voxels along each axis of `order`.
     pub dims: [f64; 3],
     /// Edges of a voxel, mm.
     pub voxel_mm: DVec3,
-    /// Three letters: where each axis goes.
+    /// Direction of each axis, three letters.
     pub order: &'a str,
     /// World mm from indices whose zero is a voxel's centre.
     pub world_from_voxel: DAffine3,
 }
 
-/// Where an axis goes: the world's axis, and whether along it (1) or against it (-1).
+/// Direction of an axis: a world axis, and whether along it (1) or against it (-1).
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Way {
+struct Direction {
     axis: usize,
     sign: f64,
 }
 
-/// World mm from the file's coordinates, and whether axes change places on the way; or why not.
-pub(super) fn world_from_trackvis(grid: &Grid) -> Result<(DAffine3, bool), String> {
-    let from = ways_of_letters(grid.order).ok_or_else(|| {
+/// World mm from the file's coordinates, and whether axes change places.
+pub(super) fn world_from_trackvis(grid: &TrackGrid) -> Result<(DAffine3, bool), String> {
+    let from = directions_of_letters(grid.order).ok_or_else(|| {
         format!("the voxel order `{}` is no three axes, one of R L, A P, S I each", grid.order)
     })?;
-    let to = ways_of_affine(grid.world_from_voxel.matrix3)
+    let to = directions_of_matrix(grid.world_from_voxel.matrix3)
         .ok_or_else(|| "vox_to_ras leaves the directions of its axes open".to_owned())?;
-    let turned = turned(from, to, grid.dims)?;
+    let reordered = reordered(from, to, grid.dims)?;
     let index_from_mm = DAffine3::from_scale(grid.voxel_mm.recip());
     let centre_from_corner = DAffine3::from_translation(DVec3::splat(-0.5));
-    let all = grid.world_from_voxel * turned * centre_from_corner * index_from_mm;
+    let all = grid.world_from_voxel * reordered * centre_from_corner * index_from_mm;
     let change_places = from.iter().zip(to).any(|(from, to)| from.axis != to.axis);
     match all.is_finite() {
         true => Ok((all, change_places)),
@@ -45,20 +45,22 @@ pub(super) fn world_from_trackvis(grid: &Grid) -> Result<(DAffine3, bool), Strin
     }
 }
 
-fn ways_of_letters(order: &str) -> Option<[Way; 3]> {
-    let way = |letter: char| {
+/// Directions of three letters such as `LPS`.
+fn directions_of_letters(order: &str) -> Option<[Direction; 3]> {
+    let direction = |letter: char| {
         let place = "RLAPSI".find(letter.to_ascii_uppercase())?;
-        Some(Way { axis: place / 2, sign: if place % 2 == 0 { 1.0 } else { -1.0 } })
+        Some(Direction { axis: place / 2, sign: if place % 2 == 0 { 1.0 } else { -1.0 } })
     };
-    let ways: Vec<Way> = order.chars().map(way).collect::<Option<_>>()?;
-    let ways = <[Way; 3]>::try_from(ways).ok()?;
-    let each_once = (0..3).all(|axis| ways.iter().any(|w| w.axis == axis));
-    each_once.then_some(ways)
+    let directions: Vec<Direction> = order.chars().map(direction).collect::<Option<_>>()?;
+    <[Direction; 3]>::try_from(directions).ok().filter(each_axis_once)
 }
 
-/// The world axes that the columns of a matrix go along most, each taken once: those of the nearest rotation, the clearest
-/// column first.
-fn ways_of_affine(matrix: DMat3) -> Option<[Way; 3]> {
+fn each_axis_once(directions: &[Direction; 3]) -> bool {
+    (0..3).all(|axis| directions.iter().any(|d| d.axis == axis))
+}
+
+/// World axes nearest to the columns of a matrix, each taken once: those of the nearest rotation, the clearest column first.
+fn directions_of_matrix(matrix: DMat3) -> Option<[Direction; 3]> {
     if !matrix.is_finite() {
         return None;
     }
@@ -73,33 +75,30 @@ fn ways_of_affine(matrix: DMat3) -> Option<[Way; 3]> {
     let mut order = [0, 1, 2];
     let clearest = |column: usize| rotation.column(column).amax();
     order.sort_by(|a, b| clearest(*b).total_cmp(&clearest(*a)));
-    let mut ways = [None; 3];
+    let mut directions = [None; 3];
     for column in order {
         let axis = (0..3).reduce(|best, axis| {
             let larger = rotation[(axis, column)].abs() > rotation[(best, column)].abs();
             if larger { axis } else { best }
         })?;
-        ways[column] = Some(Way { axis, sign: rotation[(axis, column)].signum() });
+        directions[column] = Some(Direction { axis, sign: rotation[(axis, column)].signum() });
         rotation.row_mut(axis).fill(0.0);
     }
-    let [Some(x), Some(y), Some(z)] = ways else { return None };
-    let each_once = (0..3).all(|axis| [x, y, z].iter().any(|w| w.axis == axis));
-    each_once.then_some([x, y, z])
+    let [x, y, z] = directions;
+    Some([x?, y?, z?]).filter(each_axis_once)
 }
 
-/// Indices in the axes of `to` from those in the axes of `from`, which have `dims` voxels.
-fn turned(from: [Way; 3], to: [Way; 3], dims: [f64; 3]) -> Result<DAffine3, String> {
+/// Indices along the axes of `to` from those along the axes of `from`, which have `dims` voxels.
+fn reordered(from: [Direction; 3], to: [Direction; 3], dims: [f64; 3]) -> Result<DAffine3, String> {
     let (mut matrix, mut shift) = (DMat3::ZERO, DVec3::ZERO);
-    for (row, way) in from.iter().enumerate() {
-        let column = to.iter().position(|t| t.axis == way.axis).unwrap_or(row);
-        let along = way.sign * to[column].sign;
+    for (row, direction) in from.iter().enumerate() {
+        let column = to.iter().position(|t| t.axis == direction.axis).unwrap_or(row);
+        let along = direction.sign * to[column].sign;
         matrix.col_mut(column)[row] = along;
         if along < 0.0 {
             if dims[row] < 1.0 {
-                return Err(format!(
-                    "axes are to be turned about, and there are {} voxels along one",
-                    dims[row]
-                ));
+                let n = dims[row];
+                return Err(format!("axes are to be turned about, and there are {n} voxels along one"));
             }
             shift[row] = dims[row] - 1.0;
         }

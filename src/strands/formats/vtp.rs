@@ -1,134 +1,118 @@
 //! VTK XML files of polygonal data, `.vtp`: the `Lines` of every piece.
 //!
-//! Arrays may stand in the text, as numbers or in base64, or be appended, in base64 or raw; plain or compressed by zlib, which
-//! is what VTK writes unless told otherwise. Coordinates are taken as they stand, world mm, RAS+, as in `vtk.rs`.
+//! Arrays stand in the text, as numbers or in base64, or are appended, in base64 or raw; plain or compressed by zlib, VTK's
+//! default. Coordinates are treated as in `vtk.rs`.
 //!
-//! Source: *VTK XML Format*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>. Read here and not by
-//! the `vtkio` crate, for the reasons of `vtk.rs`; the XML itself by `roxmltree`, which is among what pictures of plots need.
+//! Source: *VTK XML Format*, <https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html>. The `vtkio` crate is not
+//! used for the reasons in `vtk.rs`; `roxmltree`, which plots need too, parses the XML.
 
-use super::input::Trouble;
-use super::lines::Lines;
-use super::number::Number;
+use super::input::{at_byte, in_file, in_line};
+use super::lines::Polylines;
+use super::number::decode;
 use super::vtk::polylines;
-use super::vtp_data::{Appended, MOST_NUMBERS, bytes_of};
-use crate::files::vtk_xml::{Coding, appended_is_raw, kind_of};
+use crate::error::Result;
+use crate::files::vtk_xml::{Coding, appended_is_raw, array_bytes, kind_of};
 use crate::files::xml;
-use glam::DVec3;
+use crate::volume::Element;
 use roxmltree::Node;
+use std::io::Read;
 
-/// The tag that data without a meaning in XML stand behind.
+/// Tag before data that are no XML.
 const APPENDED: &[u8] = b"<AppendedData";
 
-/// Whether a beginning is that of polygonal data.
-pub(super) fn begins(head: &[u8]) -> bool {
-    kind_of(head).is_some_and(|kind| kind == "PolyData")
+/// Limit on the numbers of all arrays of a file, which take 1 GiB.
+const MOST_NUMBERS: u64 = 1 << 27;
+
+/// Whether a beginning is that of polygonal data (`true`) or other VTK data (`false`); `None` for other files.
+pub(super) fn recognise(head: &[u8]) -> Option<bool> {
+    kind_of(head).map(|kind| kind == "PolyData")
 }
 
-/// Whether a beginning is that of a VTK file of other data.
-pub(super) fn is_another(head: &[u8]) -> bool {
-    kind_of(head).is_some_and(|kind| kind != "PolyData")
-}
-
-/// The polylines of a file.
+/// Parses the polylines of a file.
 ///
 /// # Errors
-/// It is not as the format has it, an array is cut short, or a polyline goes through a point that there is not.
-pub(super) fn parse(bytes: &[u8]) -> Result<Lines, Trouble> {
+/// The file breaks its format, an array is cut short, or a polyline names a missing point.
+pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     let (text, appended) = split(bytes)?;
     let document = xml::parse(&text, 1_000_000)
-        .map_err(|e| Trouble::in_line(e.line, format!("it is no XML file of VTK: {}", e.why)))?;
+        .map_err(|e| in_line(e.line, format!("it is no XML file of VTK: {}", e.why)))?;
     let root = document.root_element();
     let kind = root.attribute("type").unwrap_or_default();
     if !root.has_tag_name("VTKFile") || kind != "PolyData" {
-        return Err(Trouble::of_file(format!("its data are {kind}, not PolyData")));
+        return Err(in_file(format!("its data are {kind}, not PolyData")));
     }
-    let coding = Coding::of(root).map_err(Trouble::of_file)?;
-    let mut file = File { coding, appended, lines: Lines::of_space(bytes), read: 0 };
+    let coding = Coding::of(root).map_err(in_file)?;
+    let mut lines = Polylines::in_space_of(bytes);
+    let mut arrays = Arrays { coding, appended, read: 0 };
     for piece in root.descendants().filter(|node| node.has_tag_name("Piece")) {
-        file.read_piece(piece).map_err(|why| {
+        read_piece(piece, &mut arrays, &mut lines).map_err(|why| {
             let line = document.text_pos_at(piece.range().start).row;
-            Trouble::in_line(usize::try_from(line).unwrap_or(1), why)
+            in_line(usize::try_from(line).unwrap_or(1), why)
         })?;
     }
-    match file.lines.count() {
-        0 => Err(Trouble::of_file("it has no polylines (Lines)")),
-        _ => Ok(file.lines),
+    match lines.count() {
+        0 => Err(in_file("it has no polylines (Lines)")),
+        _ => Ok(lines),
     }
 }
 
-/// The text without its appended data, and those.
-fn split(bytes: &[u8]) -> Result<(String, Option<Appended<'_>>), Trouble> {
+/// Data behind the mark of `AppendedData`, up to the end of the file, and whether they are raw.
+type Appended<'a> = (&'a [u8], bool);
+
+/// Splits a file into its text without the appended data, and those.
+fn split(bytes: &[u8]) -> Result<(String, Option<Appended<'_>>)> {
     let utf8 = |bytes: &[u8]| {
         let text = String::from_utf8(bytes.to_vec());
-        text.map_err(|e| Trouble::at_byte(e.utf8_error().valid_up_to(), "it is not UTF-8 text there"))
+        text.map_err(|e| at_byte(e.utf8_error().valid_up_to(), "it is not UTF-8 text there"))
     };
     let Some(tag) = bytes.windows(APPENDED.len()).position(|w| w == APPENDED) else {
         return Ok((utf8(bytes)?, None));
     };
     let rest = &bytes[tag..];
     let close = rest.iter().position(|b| *b == b'>').unwrap_or(rest.len());
-    let raw = appended_is_raw(&rest[..close]).map_err(|why| Trouble::at_byte(tag, why))?;
+    let is_raw = appended_is_raw(&rest[..close]).map_err(|why| at_byte(tag, why))?;
     let mark = rest[close..].iter().position(|b| *b == b'_');
-    let from = mark.ok_or_else(|| Trouble::at_byte(tag, "appended data have no mark `_`"))?;
-    let text = utf8(&bytes[..tag])? + "</VTKFile>";
-    Ok((text, Some(Appended { bytes: &rest[close + from + 1..], raw })))
+    let from = mark.ok_or_else(|| at_byte(tag, "appended data have no mark `_`"))?;
+    Ok((utf8(&bytes[..tag])? + "</VTKFile>", Some((&rest[close + from + 1..], is_raw))))
 }
 
-/// A file that is being read.
-struct File<'a> {
+fn read_piece(piece: Node, arrays: &mut Arrays, lines: &mut Polylines) -> Result<(), String> {
+    let count = |name: &str| {
+        let text = piece.attribute(name).unwrap_or("0");
+        text.trim().parse::<u64>().map_err(|_| format!("{name} is `{text}`"))
+    };
+    let (points, line_count) = (count("NumberOfPoints")?, count("NumberOfLines")?);
+    if line_count == 0 {
+        return Ok(());
+    }
+    let child = |parent: &str, name: Option<&str>| {
+        let parents = piece.children().filter(|node| node.has_tag_name(parent)).take(1);
+        let mut arrays =
+            parents.flat_map(|node| node.children()).filter(|node| node.has_tag_name("DataArray"));
+        let found = arrays.find(|node| name.is_none_or(|name| node.attribute("Name") == Some(name)));
+        found.ok_or_else(|| format!("its {parent} have no array {}", name.unwrap_or_default()))
+    };
+    let coordinates = arrays.read(child("Points", None)?, Some(points.saturating_mul(3)))?;
+    let mut bounds = arrays.read(child("Lines", Some("offsets"))?, Some(line_count))?;
+    let numbers = arrays.read(child("Lines", Some("connectivity"))?, None)?;
+    // The file gives the ends of lines; the first one begins at 0.
+    bounds.insert(0, 0.0);
+    polylines(&coordinates, &bounds, &numbers, lines)
+}
+
+/// Reader of the arrays of a file.
+struct Arrays<'a> {
     coding: Coding,
     appended: Option<Appended<'a>>,
-    lines: Lines,
-    /// Numbers that arrays have had until now.
+    /// Numbers of the arrays so far.
     read: u64,
 }
 
-impl File<'_> {
-    fn read_piece(&mut self, piece: Node) -> Result<(), String> {
-        let count = |name: &str| {
-            let text = piece.attribute(name).unwrap_or("0");
-            text.trim().parse::<u64>().map_err(|_| format!("{name} is `{text}`"))
-        };
-        let (points, lines) = (count("NumberOfPoints")?, count("NumberOfLines")?);
-        if lines == 0 {
-            return Ok(());
-        }
-        let child = |parent: &str, name: Option<&str>| {
-            let parent_node = piece.children().find(|node| node.has_tag_name(parent));
-            let arrays = parent_node.into_iter().flat_map(|node| node.children());
-            let mut arrays = arrays.filter(|node| node.has_tag_name("DataArray"));
-            let found = arrays.find(|node| name.is_none_or(|name| node.attribute("Name") == Some(name)));
-            found.ok_or_else(|| format!("its {parent} have no array {}", name.unwrap_or_default()))
-        };
-        let coordinates = self.read_array(child("Points", None)?, Some(points.saturating_mul(3)))?;
-        let place = |p: &[f64; 3]| DVec3::from_array(*p);
-        let places: Vec<DVec3> = coordinates.as_chunks::<3>().0.iter().map(place).collect();
-        let mut offsets = self.read_array(child("Lines", Some("offsets"))?, Some(lines))?;
-        let numbers = self.read_array(child("Lines", Some("connectivity"))?, None)?;
-        // Ends of lines: the first one begins at 0.
-        offsets.insert(0, 0.0);
-        polylines(&places, &offsets, &numbers, &mut self.lines)
-    }
-
-    /// Numbers of an array, as many as are wanted where that is known.
-    fn read_array(&mut self, array: Node, wanted: Option<u64>) -> Result<Vec<f64>, String> {
-        let name = array.attribute("Name").unwrap_or("Points").to_owned();
-        let named = |why: String| format!("array {name}: {why}");
-        let kind = array.attribute("type").unwrap_or_default();
-        let number = Number::of_xml(kind).ok_or_else(|| named(format!("numbers of the kind `{kind}`")))?;
-        let text = array.text().unwrap_or_default();
-        let values: Vec<f64> = if array.attribute("format") == Some("ascii") {
-            let numbers = text.split_ascii_whitespace().map(str::parse);
-            numbers
-                .collect::<Result<_, _>>()
-                .map_err(|e| named(format!("it has a word that is none: {e}")))?
-        } else {
-            let most = MOST_NUMBERS.saturating_sub(self.read) * number.bytes as u64;
-            let bytes = bytes_of(array, &self.coding, self.appended, most).map_err(named)?;
-            let big_endian = self.coding.big_endian;
-            let numbers = bytes.chunks_exact(number.bytes).map(|word| number.read(word, big_endian));
-            numbers.collect()
-        };
+impl Arrays<'_> {
+    /// Reads the numbers of an array, whose count may be known.
+    fn read(&mut self, array: Node, wanted: Option<u64>) -> Result<Vec<f64>, String> {
+        let name = array.attribute("Name").unwrap_or("Points");
+        let values = self.numbers(array).map_err(|why| format!("array {name}: {why}"))?;
         self.read += values.len() as u64;
         match wanted {
             Some(wanted) if wanted != values.len() as u64 => {
@@ -136,5 +120,44 @@ impl File<'_> {
             }
             _ => Ok(values),
         }
+    }
+
+    fn numbers(&self, array: Node) -> Result<Vec<f64>, String> {
+        let kind = array.attribute("type").unwrap_or_default();
+        let element = Element::from_name(&kind.to_ascii_lowercase())
+            .ok_or_else(|| format!("numbers of the kind `{kind}`"))?;
+        let text = array.text().unwrap_or_default();
+        let (input, is_raw) = match array.attribute("format") {
+            Some("ascii") => {
+                let numbers = text.split_ascii_whitespace().map(str::parse).collect::<Result<_, _>>();
+                return numbers.map_err(|e| format!("it has a word that is none: {e}"));
+            }
+            Some("binary") => (text.trim().as_bytes(), false),
+            Some("appended") => {
+                let offset = array.attribute("offset").unwrap_or_default();
+                let (bytes, is_raw) = self.appended.ok_or("the file has no appended data")?;
+                let offset =
+                    offset.trim().parse::<usize>().map_err(|_| format!("its offset is `{offset}`"))?;
+                let bytes =
+                    bytes.get(offset..).ok_or_else(|| format!("its offset {offset} is beyond the file"))?;
+                (bytes, is_raw)
+            }
+            other => return Err(format!("its format is {}", other.unwrap_or("not said"))),
+        };
+        let most = MOST_NUMBERS.saturating_sub(self.read) * element.bytes() as u64;
+        let check = |bytes: u64| match bytes > most {
+            true => Err(format!(
+                "it is of {bytes} bytes; arrays of {MOST_NUMBERS} numbers in all are read, and {most} bytes are left of that"
+            )),
+            false => Ok(()),
+        };
+        let mut stream = array_bytes(input, is_raw, &self.coding, check)?;
+        let mut bytes = Vec::new();
+        stream.read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+        if bytes.len() as u64 != stream.bytes {
+            return Err(format!("{} bytes are said to follow, but it ends before", stream.bytes));
+        }
+        let words = bytes.chunks_exact(element.bytes());
+        Ok(words.map(|word| decode(word, element, self.coding.big_endian)).collect())
     }
 }

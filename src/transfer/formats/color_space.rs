@@ -3,41 +3,41 @@
 //! Definitions: HSV after Smith (1978); CIE L*a*b* with the D65 white of `vtkMath`; Msh, polar L*a*b*, after Moreland (2009),
 //! *Diverging color maps for scientific visualization*, section 5.
 
+use super::curve::linear;
 use crate::files::color::{linear_from_srgb, srgb_from_linear};
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
-/// Encoded sRGB in `[0, 1]`, a mixture of two such.
-type Rgb = [f64; 3];
+/// Encoded sRGB in `[0, 1]`.
+type Srgb = [f64; 3];
 
-/// Hues at both ends less than half a turn apart, by the shorter way around; `vtkColorTransferFunction`'s HSVWrap.
-pub fn hsv_wrapped(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
-    let ([h, s, v], [mut h2, s2, v2]) = (hsv_from_rgb(a), hsv_from_rgb(b));
-    if (h2 - h).abs() > 0.5 {
-        h2 += if h2 < h { 1.0 } else { -1.0 };
+/// Mixes in HSV along the shorter arc of hues; `vtkColorTransferFunction`'s HSVWrap.
+pub fn hsv_wrapped(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
+    let (a, mut b) = (hsv_from_rgb(a), hsv_from_rgb(b));
+    if (b[0] - a[0]).abs() > 0.5 {
+        b[0] += if b[0] < a[0] { 1.0 } else { -1.0 };
     }
-    rgb_from_hsv([(h + (h2 - h) * share).rem_euclid(1.0), s + (s2 - s) * share, v + (v2 - v) * share])
+    let [h, s, v] = linear(&a, &b, share);
+    rgb_from_hsv([h.rem_euclid(1.0), s, v])
 }
 
-/// Hues from one number to the other.
-pub fn hsv(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
-    let (a, b) = (hsv_from_rgb(a), hsv_from_rgb(b));
-    rgb_from_hsv(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share))
+/// Mixes linearly in HSV.
+pub fn hsv(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
+    rgb_from_hsv(linear(&hsv_from_rgb(a), &hsv_from_rgb(b), share))
 }
 
-/// Straight in L*a*b*.
-pub fn lab(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
-    let (a, b) = (lab_from_rgb(a), lab_from_rgb(b));
-    rgb_from_lab(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share))
+/// Mixes linearly in L*a*b*.
+pub fn lab(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
+    rgb_from_lab(linear(&lab_from_rgb(a), &lab_from_rgb(b), share))
 }
 
-/// The second colour all the way: `vtkColorTransferFunction`'s Step, where a node's colour holds up to the node.
-pub fn step(_: &Rgb, b: &Rgb, _: f64) -> Rgb {
+/// Returns the second colour: `vtkColorTransferFunction`'s Step, where a node's colour holds up to the node.
+pub fn step(_: &Srgb, b: &Srgb, _: f64) -> Srgb {
     *b
 }
 
-/// Moreland's diverging mixture: through white where both colours are saturated and of different hue.
-pub fn diverging(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
-    // Below this a colour counts as grey, and the hue between two as different above that.
+/// Mixes as Moreland's diverging maps do: through white where both colours are saturated and of different hue.
+pub fn diverging(a: &Srgb, b: &Srgb, share: f64) -> Srgb {
+    // Saturation from which on a colour is not grey, and angle from which on two hues differ.
     const SATURATED: f64 = 0.05;
     const DIFFERENT_HUES: f64 = FRAC_PI_3;
     const WHITE: f64 = 88.0;
@@ -57,8 +57,8 @@ pub fn diverging(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
     } else if b[1] < SATURATED && a[1] > SATURATED {
         b[2] = spun_hue(a, b[0]);
     }
-    // The hue of a dark colour is spun by more than half a turn: VTK goes the shorter angle then, always upwards. Towards a
-    // grey that is as good as any way; where it would miss the second colour, the way goes to that.
+    // The hue of a dark colour is spun by more than half a turn. VTK then takes the shorter angle, always upwards. Towards a
+    // grey the direction does not matter; where it would miss the second colour, the sign is changed.
     let turn = b[2] - a[2];
     if turn.abs() > PI {
         let angle = angle_between(a[2], b[2]);
@@ -66,16 +66,16 @@ pub fn diverging(a: &Rgb, b: &Rgb, share: f64) -> Rgb {
             b[1] >= SATURATED && (turn - angle).rem_euclid(TAU).min((angle - turn).rem_euclid(TAU)) > 1e-9;
         b[2] = a[2] + if misses { -angle } else { angle };
     }
-    rgb_from_lab(lab_from_msh(std::array::from_fn(|i| a[i] + (b[i] - a[i]) * share)))
+    rgb_from_lab(lab_from_msh(linear(&a, &b, share)))
 }
 
-/// The angle between two directions, 0 to half a turn.
+/// Angle between two directions, 0 to half a turn.
 fn angle_between(a: f64, b: f64) -> f64 {
     let angle = (a - b).abs() % TAU;
     angle.min(TAU - angle)
 }
 
-/// The hue that a grey of magnitude `m` gets beside a saturated colour, so that the way between both looks even.
+/// Hue of a grey of magnitude `m` beside a saturated colour, which makes the transition look even.
 fn spun_hue([m_saturated, s, h]: [f64; 3], m: f64) -> f64 {
     if m_saturated >= m - 0.1 {
         return h;
@@ -85,7 +85,7 @@ fn spun_hue([m_saturated, s, h]: [f64; 3], m: f64) -> f64 {
     if h > -0.3 * PI { h + spin } else { h - spin }
 }
 
-fn hsv_from_rgb(rgb: &Rgb) -> [f64; 3] {
+fn hsv_from_rgb(rgb: &Srgb) -> [f64; 3] {
     let [r, g, b] = *rgb;
     let (top, low) = (r.max(g).max(b), r.min(g).min(b));
     let width = top - low;
@@ -102,7 +102,7 @@ fn hsv_from_rgb(rgb: &Rgb) -> [f64; 3] {
     [(sixths / 6.0).rem_euclid(1.0), width / top, top]
 }
 
-fn rgb_from_hsv([h, s, v]: [f64; 3]) -> Rgb {
+fn rgb_from_hsv([h, s, v]: [f64; 3]) -> Srgb {
     // Each channel is at the top for a third of the circle, and at the bottom for another.
     std::array::from_fn(|channel| {
         let from_peak = (h * 6.0 - 2.0 * channel as f64).rem_euclid(6.0);
@@ -111,22 +111,22 @@ fn rgb_from_hsv([h, s, v]: [f64; 3]) -> Rgb {
     })
 }
 
-/// White of D65 with Y = 1, to the digits that `vtkMath` uses.
+/// White of D65 with Y = 1, with the digits of `vtkMath`.
 const WHITE_XYZ: [f64; 3] = [0.9505, 1.0, 1.089];
-/// XYZ from linear sRGB (IEC 61966-2-1), rows.
+/// XYZ from linear sRGB (IEC 61966-2-1), in rows.
 const XYZ_FROM_RGB: [[f64; 3]; 3] =
     [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
-/// The inverse, to the digits of the standard.
+/// Linear sRGB from XYZ, with the digits of the standard.
 const RGB_FROM_XYZ: [[f64; 3]; 3] =
     [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
-/// Where the cube root of L*a*b* gives way to a line: CIE's `(6/29)^3`, and the line's slope and offset.
+/// Threshold below which L*a*b* replaces the cube root by a line, CIE's `(6/29)^3`, and the line's slope and offset.
 const LAB_LINE: [f64; 3] = [0.008_856, 7.787, 16.0 / 116.0];
 
 fn times(matrix: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| (0..3).map(|i| row[i] * v[i]).sum())
 }
 
-fn lab_from_rgb(rgb: &Rgb) -> [f64; 3] {
+fn lab_from_rgb(rgb: &Srgb) -> [f64; 3] {
     let xyz = times(&XYZ_FROM_RGB, rgb.map(linear_from_srgb));
     let f: [f64; 3] = std::array::from_fn(|i| {
         let t = xyz[i] / WHITE_XYZ[i];
@@ -135,7 +135,7 @@ fn lab_from_rgb(rgb: &Rgb) -> [f64; 3] {
     [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
 
-fn rgb_from_lab([l, a, b]: [f64; 3]) -> Rgb {
+fn rgb_from_lab([l, a, b]: [f64; 3]) -> Srgb {
     let y = (l + 16.0) / 116.0;
     let f = [a / 500.0 + y, y, y - b / 200.0];
     let xyz: [f64; 3] = std::array::from_fn(|i| {
@@ -143,7 +143,7 @@ fn rgb_from_lab([l, a, b]: [f64; 3]) -> Rgb {
         let t = if cube > LAB_LINE[0] { cube } else { (f[i] - LAB_LINE[2]) / LAB_LINE[1] };
         t * WHITE_XYZ[i]
     });
-    // `vtkMath` brings what is out of gamut back by its brightest channel.
+    // `vtkMath` divides colours out of gamut by their brightest channel.
     let linear = times(&RGB_FROM_XYZ, xyz);
     let encoded =
         linear.map(|c| if c > 1.0 { 1.055 * c.powf(1.0 / 2.4) - 0.055 } else { srgb_from_linear(c) });
@@ -165,13 +165,13 @@ fn lab_from_msh([m, s, h]: [f64; 3]) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// What VTK 9.7's `vtkColorTransferFunction` answers a quarter, half and three quarters of the way.
+    /// The expected colours are those of VTK 9.7's `vtkColorTransferFunction`.
     #[test]
-    fn mixtures_are_vtks() {
+    fn mixtures_are_those_of_vtk() {
         let (a, b) = ([0.2, 0.3, 0.8], [0.8, 0.25, 0.1]);
         let (cool, warm) = ([0.23, 0.299, 0.754], [0.706, 0.016, 0.15]);
-        type Mixed = fn(&Rgb, &Rgb, f64) -> Rgb;
-        type Case = (&'static str, Mixed, [Rgb; 2], &'static [(f64, Rgb)]);
+        type Mixed = fn(&Srgb, &Srgb, f64) -> Srgb;
+        type Case = (&'static str, Mixed, [Srgb; 2], &'static [(f64, Srgb)]);
         let cases: [Case; 6] = [
             (
                 "hsv wrapped",
@@ -236,15 +236,15 @@ mod tests {
         assert_eq!([0.0, 0.01, 1.0].map(|share| step(&a, &b, share)), [b, b, b]);
     }
 
-    fn close(name: &str, got: Rgb, want: Rgb) {
+    fn close(name: &str, got: Srgb, want: Srgb) {
         for c in 0..3 {
             assert!((got[c] - want[c]).abs() < 2e-3, "{name}: {got:?}, not {want:?}");
         }
     }
 
     #[test]
-    fn every_space_keeps_its_ends_and_stays_in_range() {
-        let corners: Vec<Rgb> =
+    fn every_mixture_keeps_its_ends_and_stays_in_range() {
+        let corners: Vec<Srgb> =
             (0..27).map(|i| [i % 3, i / 3 % 3, i / 9].map(|k| f64::from(k) / 2.0)).collect();
         for mix in [hsv_wrapped, hsv, lab, diverging] {
             for a in &corners {

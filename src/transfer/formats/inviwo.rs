@@ -1,12 +1,12 @@
 //! Inviwo's transfer functions, `.itf`: XML with points of a position and a colour `rgba`, positions 0 to 1 over the data's
-//! range (`type` 0, relative) or values themselves (1, absolute), and a mask outside of which nothing is seen.
+//! range (`type` 0, relative) or values themselves (1, absolute), and a mask outside of which the volume is invisible.
 
-use super::carried::{Carried, FRACTION, Parts, colors, opacities};
-use super::curve::{Curve, MOST_NODES, Node, Side, Ways, linear};
+use super::curve::{CurveNode, Interpolation, LimitSide, MOST_NODES, MOST_VALUE, NodeCurve};
+use super::import::{Foreign, Imported, curve_in_range};
 use crate::files::xml;
 use roxmltree::Node as Element;
 
-/// Elements in a file: some seven a point.
+/// Limit on the elements of a file; a point has about seven.
 const MOST_ELEMENTS: u32 = 8 * MOST_NODES as u32;
 
 /// Whether a text is XML.
@@ -14,45 +14,41 @@ pub fn is_one(text: &str) -> bool {
     text.trim_start_matches('\u{feff}').trim_start().starts_with('<')
 }
 
-/// Reads it.
+/// Reads a transfer function.
 ///
 /// # Errors
-/// It is no XML, has a document type (entities are not expanded), or no points.
-pub fn read(text: &str) -> Result<Carried, String> {
+/// The text is no XML, has a document type (entities are not expanded), or no points.
+pub fn read(text: &str) -> Result<Imported, String> {
     let text = text.trim_start_matches('\u{feff}');
     let document =
         xml::parse(text, MOST_ELEMENTS).map_err(|e| format!("not the XML of a .itf: {}", e.why))?;
     let named = |element: &Element<'_, '_>, names: &[&str]| {
         names.iter().any(|name| element.tag_name().name().eq_ignore_ascii_case(name))
     };
-    // Old files say `dataPoints` and `point`, a position with the opacity as its y; new ones `Points` and `Point`.
+    // Old files write `dataPoints` and `point`, a position with the opacity as its y; new ones `Points` and `Point`.
     let list = document.descendants().find(|e| named(e, &["Points", "dataPoints"]));
     let list = list.ok_or("it has no `Points`")?;
     let points: Vec<[f64; 5]> =
         list.children().filter(|e| named(e, &["Point"])).map(point).collect::<Result<_, _>>()?;
-    let mut warnings = Vec::new();
     let single = |name: &str| {
-        let beside = list.parent().into_iter().flat_map(|p| p.children());
-        let found = beside.clone().find(|e| named(e, &[name]));
+        let found = list.parent().and_then(|p| p.children().find(|e| named(e, &[name])));
         found.map(|e| number(&e, "content").ok_or_else(|| format!("`{name}` is no number"))).transpose()
     };
-    let is_relative = single("type")?.is_none_or(|kind| kind == 0.0);
+    let mut foreign = Foreign::through("inviwo", &points);
+    foreign.has_fractions = single("type")?.is_none_or(|kind| kind == 0.0);
     if single("interpolationType_")?.is_some_and(|kind| kind != 0.0) {
-        warnings.push("cubic interpolation became straight lines".into());
+        foreign.warnings.push("cubic interpolation became straight lines".into());
     }
-    let opacity = points.iter().map(|[at, _, _, _, a]| Node::straight(*at, [*a])).collect();
-    let color = points.iter().map(|[at, r, g, b, _]| Node::straight(*at, [*r, *g, *b])).collect();
-    let opacity = opacities(opacity, &mut warnings)?;
-    let opacity = masked(opacity, single("maskMin")?, single("maskMax")?)?;
-    let color = colors(color, linear, Ways::default(), &mut warnings)?;
-    warnings.push(
+    let opacity = std::mem::take(&mut foreign.opacity);
+    let opacity = curve_in_range(opacity, "opacities", &Interpolation::LINEAR, &mut foreign.warnings)?;
+    foreign.opacity = masked(&opacity, single("maskMin")?, single("maskMax")?);
+    foreign.reference_length_mm = Some(1.0);
+    foreign.warnings.push(
         "Inviwo's opacities are over a 150th of the volume's side, which the file does not tell in mm: 1 mm is assumed \
          (--opacity-scale changes it)"
             .into(),
     );
-    let units = if is_relative { FRACTION } else { "" };
-    let parts = Parts { name: String::new(), units, opacity, color, reference_length_mm: 1.0, warnings };
-    parts.carry("inviwo")
+    foreign.convert()
 }
 
 /// Position, red, green, blue and opacity.
@@ -62,42 +58,35 @@ fn point(element: Element<'_, '_>) -> Result<[f64; 5], String> {
     };
     let (pos, rgba) = (child("pos")?, child("rgba")?);
     let at = number(&pos, "content").or_else(|| number(&pos, "x")).ok_or("a point's `pos` is no number")?;
-    let mut all = [at, 0.0, 0.0, 0.0, 0.0];
-    for (slot, channel) in all[1..].iter_mut().zip(["x", "y", "z", "w"]) {
-        *slot = number(&rgba, channel).ok_or_else(|| format!("a point's `rgba` has no `{channel}`"))?;
-    }
-    Ok(all)
+    let channel = |name: &str| number(&rgba, name).ok_or_else(|| format!("a point's `rgba` has no `{name}`"));
+    Ok([at, channel("x")?, channel("y")?, channel("z")?, channel("w")?])
 }
 
 fn number(element: &Element<'_, '_>, attribute: &str) -> Option<f64> {
     element.attribute(attribute)?.trim().parse().ok()
 }
 
-/// Opacities that are 0 below `min` and from `max` on.
-fn masked(opacity: Curve<1>, min: Option<f64>, max: Option<f64>) -> Result<Curve<1>, String> {
-    let (first, last) =
-        (opacity.values().fold(f64::INFINITY, f64::min), opacity.values().fold(f64::NEG_INFINITY, f64::max));
-    // An absolute function's mask is the whole line of numbers where it has none; one over all points changes nothing but
-    // what lies beyond them.
-    let min = min.filter(|m| m.abs() < super::curve::MOST_VALUE && *m > 0.0f64.min(first));
-    let max = max.filter(|m| m.abs() < super::curve::MOST_VALUE && *m < 1.0f64.max(last));
-    let mut nodes: Vec<Node<1>> = Vec::new();
-    let inside = |v: f64| min.is_none_or(|m| v > m) && max.is_none_or(|m| v < m);
-    if let Some(min) = min {
-        nodes.push(Node::straight(min, [0.0]));
-        nodes.push(Node::straight(min, opacity.at(min, Side::From)));
-    }
-    for value in opacity.values().filter(|v| inside(*v)) {
-        for side in [Side::Below, Side::From] {
-            nodes.push(Node::straight(value, opacity.at(value, side)));
-        }
-    }
-    if let Some(max) = max {
-        nodes.push(Node::straight(max, opacity.at(max, Side::Below)));
-        nodes.push(Node::straight(max, [0.0]));
-    }
+/// Nodes of opacities that are 0 below `min` and from `max` on.
+fn masked(opacity: &NodeCurve<1>, min: Option<f64>, max: Option<f64>) -> Vec<CurveNode<1>> {
+    let first = opacity.values().fold(0.0, f64::min);
+    let last = opacity.values().fold(1.0, f64::max);
+    // The mask of an absolute function without one covers all numbers. A mask over all points only affects values
+    // beyond them, and is ignored.
+    let min = min.filter(|m| m.abs() < MOST_VALUE && *m > first);
+    let max = max.filter(|m| m.abs() < MOST_VALUE && *m < last);
     if min.zip(max).is_some_and(|(min, max)| min >= max) {
-        return Ok(Curve::through([(0.0, [0.0])].into_iter()));
+        return vec![CurveNode::straight(0.0, [0.0])];
     }
-    Curve::new(nodes, linear, Ways::default())
+    let at = |value: f64, side: LimitSide| CurveNode::straight(value, opacity.at(value, side));
+    let mut nodes: Vec<CurveNode<1>> = Vec::new();
+    nodes.extend(min.into_iter().flat_map(|min| [CurveNode::straight(min, [0.0]), at(min, LimitSide::From)]));
+    let mut inside: Vec<f64> =
+        opacity.values().filter(|v| min.is_none_or(|m| *v > m) && max.is_none_or(|m| *v < m)).collect();
+    inside.dedup();
+    nodes.extend(
+        inside.into_iter().flat_map(|value| [at(value, LimitSide::Below), at(value, LimitSide::From)]),
+    );
+    nodes
+        .extend(max.into_iter().flat_map(|max| [at(max, LimitSide::Below), CurveNode::straight(max, [0.0])]));
+    nodes
 }

@@ -1,25 +1,25 @@
-//! Transfer functions of other programs, read and written: a format is a file here and an entry of [`TRANSFER_FORMATS`].
+//! Readers and writers of other programs' transfer functions. A format is one file here and one entry of [`TRANSFER_FORMATS`].
 //!
-//! What is read is told by its content first and by its name second. What a format has and a [`TransferFunction`] has not
-//! is approximated where that can be said with a figure, else left out; each such thing is a warning.
+//! The content of a file decides its format; the name decides where the content does not. Features that a
+//! [`TransferFunction`] lacks are approximated where the error can be stated, else skipped; each causes a warning.
 
-mod alike;
-mod carried;
 mod color_space;
 mod curve;
+mod import;
 mod inviwo;
+mod json;
 mod niivue;
-mod numbers;
 mod paraview;
-mod pieces;
+mod quantity;
+mod sampling;
 mod slicer;
 #[cfg(test)]
 mod tests;
 mod write;
 
-pub use alike::{alike, are_alike};
-pub use carried::{Carried, FRACTION};
-pub use write::{Written, is_of_fractions};
+pub use import::{FRACTION, Imported};
+pub use quantity::{have_same_quantity, with_quantity_of};
+pub use write::{Written, has_fractions};
 
 use super::TransferFunction;
 use crate::error::{Error, Result};
@@ -27,66 +27,76 @@ use crate::files::input::read_text;
 use serde_json::Value;
 use std::path::Path;
 
-/// A text to be read, and what it is as JSON.
-struct Source<'a> {
+/// Text of a file, and its JSON value.
+struct FormatInput<'a> {
     text: &'a str,
     json: Option<Value>,
 }
 
-/// What makes a file's text of a function.
+impl FormatInput<'_> {
+    fn json(&self) -> Result<&Value, String> {
+        self.json.as_ref().ok_or_else(|| "it is not JSON".into())
+    }
+
+    fn is_json(&self, recognise: fn(&Value) -> bool) -> bool {
+        self.json.as_ref().is_some_and(recognise)
+    }
+}
+
+/// Writer of the text of a file.
 pub type Write = fn(&TransferFunction) -> Result<Written, String>;
 
-/// A format of transfer functions.
+/// File format of transfer functions.
 pub struct TransferFormat {
-    /// What `tf convert --to` calls it, and reports say.
+    /// Name for `tf convert --to` and reports.
     pub name: &'static str,
-    /// One line for help and documentation.
+    /// Description in one line.
     pub about: &'static str,
-    /// Ending of its files.
+    /// File-name ending.
     pub ending: &'static str,
-    is_one: fn(&Source<'_>) -> bool,
-    read: fn(&Source<'_>) -> Result<Carried, String>,
-    /// The text of a file, where it can be written.
+    recognise: fn(&FormatInput<'_>) -> bool,
+    read: fn(&FormatInput<'_>) -> Result<Imported, String>,
+    /// Writer, if the format can be written.
     pub write: Option<Write>,
 }
 
-/// Text longer than this is no other program's: it is read as our own alone, which takes less memory.
+/// Largest text of another program that is read: its JSON takes far more memory than its text.
 const MOST_FOREIGN_BYTES: usize = 16 << 20;
 
-/// Every format, in the order in which a content is held against them.
+/// All formats; the first that recognises a text reads it.
 pub const TRANSFER_FORMATS: &[TransferFormat] = &[
     TransferFormat {
         name: "paraview",
         about: "ParaView colour maps",
         ending: "json",
-        is_one: |source| source.json.as_ref().is_some_and(paraview::is_one),
-        read: |source| paraview::read(json(source)?),
+        recognise: |source| source.is_json(paraview::is_one),
+        read: |source| paraview::read(source.json()?),
         write: Some(write::paraview),
     },
     TransferFormat {
         name: "vp.json",
         about: "3D Slicer volume properties in JSON",
         ending: "vp.json",
-        is_one: |source| source.json.as_ref().is_some_and(slicer::is_json),
-        read: |source| slicer::read_json(json(source)?),
+        recognise: |source| source.is_json(slicer::is_json),
+        read: |source| slicer::read_json(source.json()?),
         write: None,
     },
     TransferFormat {
         name: "niivue",
         about: "MRIcroGL and NiiVue colour maps",
         ending: "json",
-        is_one: |source| source.json.as_ref().is_some_and(niivue::is_one),
-        read: |source| niivue::read(json(source)?),
+        recognise: |source| source.is_json(niivue::is_one),
+        read: |source| niivue::read(source.json()?),
         write: None,
     },
     TransferFormat {
-        name: "umbravox",
+        name: OWN,
         about: "this program's own",
         ending: "json",
-        is_one: |source| source.text.trim_start().starts_with(['{', '[']),
+        recognise: |source| source.text.trim_start().starts_with(['{', '[']),
         read: |source| {
             let tf = TransferFunction::from_json(source.text)?;
-            Ok(Carried { tf, warnings: Vec::new(), format: "umbravox" })
+            Ok(Imported { tf, warnings: Vec::new(), format: OWN })
         },
         write: Some(|tf| Ok(Written { text: tf.to_json() + "\n", warnings: Vec::new() })),
     },
@@ -94,7 +104,7 @@ pub const TRANSFER_FORMATS: &[TransferFormat] = &[
         name: "inviwo",
         about: "Inviwo transfer functions",
         ending: "itf",
-        is_one: |source| inviwo::is_one(source.text),
+        recognise: |source| inviwo::is_one(source.text),
         read: |source| inviwo::read(source.text),
         write: None,
     },
@@ -102,19 +112,16 @@ pub const TRANSFER_FORMATS: &[TransferFormat] = &[
         name: "vp",
         about: "3D Slicer volume properties",
         ending: "vp",
-        is_one: |source| slicer::is_vp(source.text),
+        recognise: |source| slicer::is_vp(source.text),
         read: |source| slicer::read_vp(source.text),
         write: Some(write::vp),
     },
 ];
 
-fn json<'a>(source: &'a Source<'_>) -> Result<&'a Value, String> {
-    source.json.as_ref().ok_or_else(|| "it is not JSON".into())
-}
+const OWN: &str = "umbravox";
 
-/// Endings of files that are read, each once.
+/// Last parts of the file-name endings of all formats, for file dialogs.
 pub fn endings() -> Vec<&'static str> {
-    // The last part alone: dialogs know no more.
     let mut all: Vec<&str> =
         TRANSFER_FORMATS.iter().map(|f| f.ending.rsplit('.').next().unwrap_or(f.ending)).collect();
     all.sort_unstable();
@@ -122,46 +129,46 @@ pub fn endings() -> Vec<&'static str> {
     all
 }
 
-/// Whether a name ends as those of files that are read do.
+/// Whether a file name has the ending of one of the formats.
 pub fn has_ending(path: &Path) -> bool {
     path.extension().is_some_and(|e| endings().iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
-/// Reads a text; `file_name` decides where its content does not.
+/// Reads a text; `file_name` decides the format where the content does not.
 ///
 /// # Errors
-/// Why it is no transfer function of the format that it seems to be, in one line.
-pub fn from_text(text: &str, file_name: &str) -> Result<Carried, String> {
-    let json = if text.len() <= MOST_FOREIGN_BYTES { serde_json::from_str(text).ok() } else { None };
-    let source = Source { text, json };
-    let by_content = TRANSFER_FORMATS.iter().find(|f| (f.is_one)(&source));
+/// The text breaks the format that it seems to have; the reason is one line.
+pub fn from_text(text: &str, file_name: &str) -> Result<Imported, String> {
+    let is_long = text.len() > MOST_FOREIGN_BYTES;
+    let source = FormatInput { text, json: if is_long { None } else { serde_json::from_str(text).ok() } };
     let name = file_name.to_ascii_lowercase();
     let by_name = || TRANSFER_FORMATS.iter().filter(|f| name.ends_with(&format!(".{}", f.ending)));
-    let format = by_content.or_else(|| by_name().max_by_key(|f| (f.ending.len(), f.name == "umbravox")));
-    let own = || TRANSFER_FORMATS.iter().find(|f| f.name == "umbravox");
-    let format = format.or_else(own).ok_or("there is no format")?;
-    if source.text.len() > MOST_FOREIGN_BYTES && format.name != "umbravox" {
+    let format = (TRANSFER_FORMATS.iter().find(|f| (f.recognise)(&source)))
+        .or_else(|| by_name().max_by_key(|f| (f.ending.len(), f.name == OWN)))
+        .or_else(|| TRANSFER_FORMATS.iter().find(|f| f.name == OWN))
+        .ok_or("there is no format")?;
+    if is_long && format.name != OWN {
         return Err("it is longer than any transfer function".into());
     }
     (format.read)(&source).map_err(|why| {
-        // Parsers quote what they found, line ends too.
+        // Parsers quote the text, including its line ends.
         let why = why.split_whitespace().collect::<Vec<_>>().join(" ");
-        if format.name == "umbravox" { why } else { format!("{why} ({})", format.about) }
+        if format.name == OWN { why } else { format!("{why} ({})", format.about) }
     })
 }
 
 /// Reads a file of any format.
 ///
 /// # Errors
-/// The file cannot be read, or is none; the error says why.
-pub fn read(path: &Path) -> Result<Carried> {
+/// The file cannot be read, or is no transfer function.
+pub fn read(path: &Path) -> Result<Imported> {
     const WHAT: &str = "cannot read transfer function";
     let text = read_text(path, WHAT)?;
     let file_name = path.file_name().unwrap_or_default().to_string_lossy();
-    let mut carried = from_text(&text, &file_name).map_err(|why| Error::input(WHAT, path.display(), why))?;
-    if carried.tf.name.is_empty() {
+    let mut imported = from_text(&text, &file_name).map_err(|why| Error::input(WHAT, path.display(), why))?;
+    if imported.tf.name.is_empty() {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        carried.tf.name = stem.strip_suffix(".vp").unwrap_or(&stem).to_owned();
+        imported.tf.name = stem.strip_suffix(".vp").unwrap_or(&stem).to_owned();
     }
-    Ok(carried)
+    Ok(imported)
 }

@@ -1,23 +1,22 @@
 //! 3D Slicer's volume properties: `.vp`, nine lines of text (its developer guide, *Volume rendering*, names them), and
-//! `.vp.json`, which also says over what length opacities are.
+//! `.vp.json`, which also gives the length to which opacities refer.
 //!
 //! The lines of a `.vp`: interpolation, shading, diffuse, ambient, specular, specular power, then scalar opacity, gradient
-//! opacity and colour, each a count of numbers and the numbers: value and opacity, or value and red, green, blue.
+//! opacity and colour. Each of the last three is a count of numbers and the numbers: value and opacity, or value and red, green, blue.
 
-use super::carried::{Carried, Parts, colors, opacities};
-use super::curve::{Node, Ways, linear};
-use super::numbers::{self, Object};
+use super::curve::{CurveNode, Interpolation};
+use super::import::{Foreign, Imported};
+use super::json::{self, Object};
 use serde_json::Value;
 
 /// Whether a JSON value is a volume property.
 pub fn is_json(value: &Value) -> bool {
-    value.as_object().is_some_and(|map| map.contains_key("volumeProperties"))
+    value.get("volumeProperties").is_some()
 }
 
 /// Whether a text is a `.vp`: its first lines are numbers.
 pub fn is_vp(text: &str) -> bool {
-    let mut lines = text.lines().take(7).map(|line| first_number(line).is_some());
-    lines.clone().count() == 7 && lines.all(|is_number| is_number)
+    text.lines().take(7).filter(|line| first_number(line).is_some()).count() == 7
 }
 
 fn first_number(line: &str) -> Option<f64> {
@@ -27,121 +26,116 @@ fn first_number(line: &str) -> Option<f64> {
 /// Reads a `.vp`.
 ///
 /// # Errors
-/// A line is missing, or has fewer numbers than it says.
-pub fn read_vp(text: &str) -> Result<Carried, String> {
+/// A line is missing, or has fewer numbers than it claims.
+pub fn read_vp(text: &str) -> Result<Imported, String> {
     let lines: Vec<&str> = text.lines().collect();
     let single = |line: usize, what: &str| {
         let number = lines.get(line).and_then(|l| first_number(l)).filter(|x| x.is_finite());
         number.ok_or_else(|| format!("line {} is not a number, the {what}", line + 1))
     };
     let mut warnings = Vec::new();
-    let interpolation = ["nearest", "linear", "cubic"];
-    let kind = single(0, "interpolation")?;
-    say_interpolation(interpolation.get(kind as usize).copied().unwrap_or("unknown"), &mut warnings);
-    let shade = single(1, "shading")?;
-    let [diffuse, ambient, specular, power] =
+    let kind = single(0, "interpolation")? as usize;
+    warn_of_interpolation(["nearest", "linear", "cubic"].get(kind).unwrap_or(&"unknown"), &mut warnings);
+    let is_shaded = single(1, "shading")? != 0.0;
+    let lighting =
         [single(2, "diffuse")?, single(3, "ambient")?, single(4, "specular")?, single(5, "specular power")?];
-    if shade != 0.0 {
-        say_shading([diffuse, ambient, specular, power], &mut warnings);
+    if is_shaded {
+        warn_of_shading(lighting, &mut warnings);
     }
     let opacity = points::<2>(&lines, 6, "scalar opacity")?;
-    let opacity = opacity.iter().map(|[v, o]| Node::straight(*v, [*o])).collect();
-    let opacity = opacities(opacity, &mut warnings)?;
-    let gradient = points::<2>(&lines, 7, "gradient opacity")?;
-    say_gradient(gradient.iter().map(|p| p[1]), &mut warnings);
+    let opacity = opacity.iter().map(|[v, o]| CurveNode::straight(*v, [*o])).collect();
+    warn_of_gradient(points::<2>(&lines, 7, "gradient opacity")?.iter().map(|p| p[1]), &mut warnings);
     let color = points::<4>(&lines, 8, "colour")?;
-    let color = color.iter().map(|[v, r, g, b]| Node::straight(*v, [*r, *g, *b])).collect();
-    let color = colors(color, linear, Ways::default(), &mut warnings)?;
-    warnings.push(numbers::per_mm("the format"));
-    let parts = Parts { name: String::new(), units: "", opacity, color, reference_length_mm: 1.0, warnings };
-    parts.carry("vp")
+    let color = color.iter().map(|[v, r, g, b]| CurveNode::straight(*v, [*r, *g, *b])).collect();
+    Foreign { warnings, ..Foreign::new("vp", opacity, color) }.convert()
 }
 
-/// The points of a line: a count of numbers, then the numbers; what follows behind them is a remark.
+/// Points of a line: a count of numbers, then the numbers; the rest of the line is a comment.
 fn points<const N: usize>(lines: &[&str], line: usize, what: &str) -> Result<Vec<[f64; N]>, String> {
-    let place = || format!("line {}, the {what}", line + 1);
-    let mut words = lines.get(line).ok_or_else(|| format!("{} is missing", place()))?.split_whitespace();
+    let place = format!("line {}, the {what}", line + 1);
+    let mut words = lines.get(line).ok_or_else(|| format!("{place} is missing"))?.split_whitespace();
     let count = words.next().and_then(|word| word.parse::<usize>().ok());
-    let count = count.ok_or_else(|| format!("{}, does not begin with a count", place()))?;
-    let mut numbers = Vec::new();
-    for word in words.take(count) {
+    let count = count.ok_or_else(|| format!("{place}, does not begin with a count"))?;
+    let number = |word: &str| {
         let number = word.parse::<f64>().ok().filter(|x| x.is_finite());
-        numbers.push(number.ok_or_else(|| format!("{}: `{word}` is not a number", place()))?);
-    }
+        number.ok_or_else(|| format!("{place}: `{word}` is not a number"))
+    };
+    let numbers = words.take(count).map(number).collect::<Result<Vec<_>, _>>()?;
     if numbers.len() < count {
-        return Err(format!("{}: {count} numbers are announced, {} are there", place(), numbers.len()));
+        return Err(format!("{place}: {count} numbers are announced, {} are there", numbers.len()));
     }
-    numbers::groups(&numbers, what)
+    json::groups(&numbers, what)
 }
 
-fn say_interpolation(name: &str, warnings: &mut Vec<String>) {
+fn warn_of_interpolation(name: &str, warnings: &mut Vec<String>) {
     if name != "linear" {
-        warnings.push(format!("`{name}` interpolation of voxels was left out: values are trilinear here"));
+        warnings.push(format!("`{name}` interpolation of voxels was skipped: values are trilinear here"));
     }
 }
 
-fn say_shading([diffuse, ambient, specular, power]: [f64; 4], warnings: &mut Vec<String>) {
+fn warn_of_shading([diffuse, ambient, specular, power]: [f64; 4], warnings: &mut Vec<String>) {
     warnings.push(format!(
-        "shading was left out (diffuse {diffuse}, ambient {ambient}, specular {specular}, power {power}): here it is the \
+        "shading was skipped (diffuse {diffuse}, ambient {ambient}, specular {specular}, power {power}): here it is the \
          scene's, --shading blinn-phong and --ambient"
     ));
 }
 
-fn say_gradient(mut opacities: impl Iterator<Item = f64>, warnings: &mut Vec<String>) {
+fn warn_of_gradient(mut opacities: impl Iterator<Item = f64>, warnings: &mut Vec<String>) {
     if opacities.any(|o| o != 1.0) {
-        warnings.push(
-            "gradient opacity was left out: what is uniform is denser here than there, next to its surfaces"
-                .into(),
-        );
+        warnings
+            .push("gradient opacity was skipped: uniform regions are denser here than in 3D Slicer".into());
     }
 }
 
 /// Reads a `.vp.json`.
 ///
 /// # Errors
-/// Something is missing or no number.
-pub fn read_json(value: &Value) -> Result<Carried, String> {
-    fn first<'a>(of: Option<&'a Value>, what: &str) -> Result<(&'a Object, usize), String> {
-        let all = of.and_then(Value::as_array).ok_or_else(|| format!("`{what}` is missing"))?;
-        let object = all.first().and_then(Value::as_object);
-        object.map(|o| (o, all.len())).ok_or_else(|| format!("`{what}` is empty"))
-    }
+/// A key is missing or no number.
+pub fn read_json(value: &Value) -> Result<Imported, String> {
     let mut warnings = Vec::new();
-    let (property, properties) = first(value.get("volumeProperties"), "volumeProperties")?;
-    let (component, components) = first(property.get("components"), "components")?;
-    for (what, count) in [("volume properties", properties), ("components", components)] {
-        if count > 1 {
-            warnings.push(format!("it holds {count} {what}: the first one was taken"));
+    let mut first = |list: Option<&'_ Value>, key: &str, what: &str| {
+        let all = list.and_then(Value::as_array).ok_or_else(|| format!("`{key}` is missing"))?;
+        if all.len() > 1 {
+            warnings.push(format!("it holds {} {what}: the first one was taken", all.len()));
         }
-    }
+        all.first().and_then(Value::as_object).cloned().ok_or_else(|| format!("`{key}` is empty"))
+    };
+    let property = first(value.get("volumeProperties"), "volumeProperties", "volume properties")?;
+    let component = &first(property.get("components"), "components", "components")?;
     let interpolation = property.get("interpolationType").and_then(Value::as_str).unwrap_or("linear");
-    say_interpolation(interpolation, &mut warnings);
-    if numbers::is_set(component, "shade")
+    warn_of_interpolation(interpolation, &mut warnings);
+    if json::is_set(component, "shade")
         && let Some(lighting) = component.get("lighting").and_then(Value::as_object)
     {
-        let lit = |key: &str| numbers::one(lighting, key).map(|x| x.unwrap_or(f64::NAN));
-        let lit = [lit("diffuse")?, lit("ambient")?, lit("specular")?, lit("specularPower")?];
-        say_shading(lit, &mut warnings);
+        let lit = |key: &str| json::number(lighting, key).map(|x| x.unwrap_or(f64::NAN));
+        warn_of_shading(
+            [lit("diffuse")?, lit("ambient")?, lit("specular")?, lit("specularPower")?],
+            &mut warnings,
+        );
     }
-    let reference_length_mm = numbers::unit_distance(component, "scalarOpacityUnitDistance", &mut warnings)?;
-    let nodes = function(component, "scalarOpacity")?.ok_or("`scalarOpacity` is missing")?;
-    let opacity = nodes.iter().map(|point| node(point, [number(point, "y")?])).collect::<Result<_, _>>()?;
-    let opacity = opacities(opacity, &mut warnings)?;
-    if opacity.is_bent() {
-        warnings.push("midpoints and sharpness of opacities became points on their curve".into());
-    }
-    if !numbers::is_set(component, "disableGradientOpacity") {
+    let opacity = function(component, "scalarOpacity")?.ok_or("`scalarOpacity` is missing")?;
+    let opacity = opacity.iter().map(|point| node(point, [number(point, "y")?])).collect::<Result<_, _>>()?;
+    if !json::is_set(component, "disableGradientOpacity") {
         let nodes = function(component, "gradientOpacity")?.unwrap_or_default();
         let all = nodes.iter().map(|point| number(point, "y")).collect::<Result<Vec<_>, _>>()?;
-        say_gradient(all.into_iter(), &mut warnings);
+        warn_of_gradient(all.into_iter(), &mut warnings);
     }
-    let nodes = function(component, "rgbTransferFunction")?.ok_or("`rgbTransferFunction` is missing")?;
-    let color = nodes.iter().map(|point| node(point, color(point)?)).collect::<Result<_, _>>()?;
-    let color = colors(color, linear, Ways { may_be_steps: true, ..Ways::default() }, &mut warnings)?;
-    Parts { name: String::new(), units: "", opacity, color, reference_length_mm, warnings }.carry("vp.json")
+    let color = function(component, "rgbTransferFunction")?.ok_or("`rgbTransferFunction` is missing")?;
+    let rgb = |point: &Object| {
+        let color = json::list(point, "color")?.and_then(|c| <[f64; 3]>::try_from(c).ok());
+        node(point, color.ok_or("a point's `color` is not three numbers")?)
+    };
+    let color = color.into_iter().map(rgb).collect::<Result<_, String>>()?;
+    let foreign = Foreign {
+        color_interpolation: Interpolation { has_steps: true, ..Interpolation::LINEAR },
+        reference_length_mm: json::length_mm(component, "scalarOpacityUnitDistance")?,
+        warnings,
+        ..Foreign::new("vp.json", opacity, color)
+    };
+    foreign.convert()
 }
 
-/// The points of a function, where there is one.
+/// Points of a function, if it is present.
 fn function<'a>(component: &'a Object, key: &str) -> Result<Option<Vec<&'a Object>>, String> {
     let Some(function) = component.get(key) else { return Ok(None) };
     let points = function.get("points").and_then(Value::as_array);
@@ -150,20 +144,11 @@ fn function<'a>(component: &'a Object, key: &str) -> Result<Option<Vec<&'a Objec
 }
 
 fn number(point: &Object, key: &str) -> Result<f64, String> {
-    numbers::one(point, key)?.ok_or_else(|| format!("a point has no `{key}`"))
+    json::number(point, key)?.ok_or_else(|| format!("a point has no `{key}`"))
 }
 
-fn color(point: &Object) -> Result<[f64; 3], String> {
-    let color = numbers::list(point, "color")?.and_then(|c| <[f64; 3]>::try_from(c).ok());
-    color.ok_or_else(|| "a point's `color` is not three numbers".into())
-}
-
-fn node<const N: usize>(point: &Object, amounts: [f64; N]) -> Result<Node<N>, String> {
-    let (midpoint, sharpness) = (numbers::one(point, "midpoint")?, numbers::one(point, "sharpness")?);
-    Ok(Node {
-        value: number(point, "x")?,
-        amounts,
-        midpoint: midpoint.unwrap_or(0.5),
-        sharpness: sharpness.unwrap_or(0.0),
-    })
+fn node<const N: usize>(point: &Object, amounts: [f64; N]) -> Result<CurveNode<N>, String> {
+    let [midpoint, sharpness] = [("midpoint", 0.5), ("sharpness", 0.0)]
+        .map(|(key, default)| json::number(point, key).map(|x| x.unwrap_or(default)));
+    Ok(CurveNode { value: number(point, "x")?, amounts, midpoint: midpoint?, sharpness: sharpness? })
 }

@@ -1,6 +1,6 @@
 //! Small files of each format, made by hand from the formats' definitions; round trips; mutants of all of them.
 
-use super::write::{COLOR_SAID, OPACITY_SAID};
+use super::write::{COLOR_WARNING, OPACITY_WARNING};
 use super::*;
 use crate::files::color::{linear_from_srgb, srgb_from_linear};
 use crate::transfer::{MAX_OPACITY, Quantity};
@@ -28,18 +28,18 @@ const ALL: [(&str, &str); 9] = [
     (OWN, "umbravox"),
 ];
 
-fn read(text: &str) -> Carried {
+fn read(text: &str) -> Imported {
     from_text(text, "").unwrap_or_else(|why| panic!("{text}: {why}"))
 }
 
-/// Opacity over the function's own length at a value, and encoded colour.
-fn seen(tf: &TransferFunction, value: f64) -> (f64, [f64; 3]) {
+/// Opacity over the reference length at a value, and encoded colour.
+fn opacity_and_color(tf: &TransferFunction, value: f64) -> (f64, [f64; 3]) {
     (tf.amount(value), tf.color(value).map(srgb_from_linear))
 }
 
 fn check(tf: &TransferFunction, wanted: &[(f64, f64, [f64; 3])]) {
     for (value, opacity, rgb) in wanted {
-        let (o, c) = seen(tf, *value);
+        let (o, c) = opacity_and_color(tf, *value);
         assert!((o - opacity).abs() < 1e-6, "opacity at {value}: {o}, not {opacity}");
         let off = (0..3).map(|i| (c[i] - rgb[i]).abs()).fold(0.0, f64::max);
         assert!(off < 1.05 / 255.0, "colour at {value}: {c:?}, not {rgb:?}");
@@ -47,13 +47,13 @@ fn check(tf: &TransferFunction, wanted: &[(f64, f64, [f64; 3])]) {
 }
 
 #[test]
-fn content_tells_the_format_whatever_the_name() {
+fn content_decides_the_format_whatever_the_name() {
     for (text, format) in ALL {
         for name in ["", "x.json", "x.itf", "x.vp", "noise"] {
             assert_eq!(from_text(text, name).unwrap().format, format, "{name}");
         }
     }
-    // Where content says nothing the name does, and its reader says what is missing.
+    // Without content the name decides, and the reader says what is missing.
     for (name, why) in
         [("a.vp", "line 1"), ("a.itf", "XML"), ("a.vp.json", "not JSON"), ("a.json", "EOF"), ("a", "EOF")]
     {
@@ -63,11 +63,11 @@ fn content_tells_the_format_whatever_the_name() {
 }
 
 #[test]
-fn paraview_is_read_as_its_lists_say() {
-    let carried = read(PARAVIEW);
-    assert_eq!((carried.tf.name.as_str(), carried.tf.units.as_str()), ("Bones", ""));
+fn paraviews_lists_are_read() {
+    let imported = read(PARAVIEW);
+    assert_eq!((imported.tf.name.as_str(), imported.tf.units.as_str()), ("Bones", ""));
     check(
-        &carried.tf,
+        &imported.tf,
         &[
             (-500.0, 0.0, [0.0; 3]),
             (100.0, 0.125, [0.4, 0.2, 0.0]),
@@ -77,25 +77,25 @@ fn paraview_is_read_as_its_lists_say() {
             (2000.0, 1.0, [1.0; 3]),
         ],
     );
-    // Only the length of opacities was assumed.
-    assert_eq!((carried.warnings.len(), carried.tf.reference_length_mm), (1, 1.0));
-    assert!(carried.warnings[0].contains("1 mm is assumed"));
+    // Only the length to which opacities refer was assumed.
+    assert_eq!((imported.warnings.len(), imported.tf.reference_length_mm), (1, 1.0));
+    assert!(imported.warnings[0].contains("1 mm is assumed"));
 }
 
 #[test]
-fn paraviews_curves_and_colour_spaces_are_sampled_and_said() {
-    let carried = read(PARAVIEW_BENT);
-    let tf = &carried.tf;
+fn paraviews_curves_and_colour_spaces_are_sampled_with_warnings() {
+    let imported = read(PARAVIEW_BENT);
+    let tf = &imported.tf;
     assert_eq!((tf.units.as_str(), tf.reference_length_mm), (FRACTION, 2.5));
     // VTK's own answers.
     for (value, opacity) in [(0.1, 0.000_344), (0.3, 0.5), (0.5, 0.960_476), (0.7, 0.998_437)] {
         assert!((tf.amount(value) - opacity).abs() < 3e-4, "{value}: {}", tf.amount(value));
     }
     for (value, rgb) in [(0.25, [0.553_19, 0.689_04, 0.995_44]), (0.85, [0.893_78, 0.427_82, 0.334_54])] {
-        let (_, got) = seen(tf, value);
+        let (_, got) = opacity_and_color(tf, value);
         assert!((0..3).all(|i| (got[i] - rgb[i]).abs() < 0.008), "{value}: {got:?}");
     }
-    let said = carried.warnings.join("\n");
+    let said = imported.warnings.join("\n");
     assert!(
         said.contains("sharpness") && said.contains("diverging") && said.contains("opacities are off by"),
         "{said}"
@@ -107,7 +107,7 @@ fn paraviews_curves_and_colour_spaces_are_sampled_and_said() {
         (r#"[{"RGBPoints": [3, 0, 0, 0]}, {}]"#, "2 colour maps"),
         (r#"{"RGBPoints": [3, 0, 0, 0], "ColorSpace": "Oklab"}"#, "`Oklab` is not known"),
         (r#"{"RGBPoints": [3, 0, 0, 0], "ColorSpace": "Lab/CIEDE2000"}"#, "CIEDE2000, which differs"),
-        (r#"{"RGBPoints": [-3, 0, 0, 0], "UseLogScale": 1}"#, "`UseLogScale` was left out"),
+        (r#"{"RGBPoints": [-3, 0, 0, 0], "UseLogScale": 1}"#, "`UseLogScale` was skipped"),
         (r#"{"RGBPoints": [3, 0, 2, -1]}"#, "clamped"),
     ] {
         let said = read(text).warnings.join("\n");
@@ -118,10 +118,10 @@ fn paraviews_curves_and_colour_spaces_are_sampled_and_said() {
 }
 
 #[test]
-fn slicers_lines_are_read_and_what_they_say_beside_is_said() {
-    let carried = read(VP);
+fn slicers_lines_are_read_and_the_rest_causes_warnings() {
+    let imported = read(VP);
     check(
-        &carried.tf,
+        &imported.tf,
         &[
             (-2000.0, 0.0, [0.25, 0.5, 0.75]),
             (99.0, 0.0, [0.25 + 0.75 * 1099.0 / 1200.0, 0.5, 0.75 - 0.75 * 1099.0 / 1200.0]),
@@ -129,26 +129,26 @@ fn slicers_lines_are_read_and_what_they_say_beside_is_said() {
             (1550.0, 0.375, [1.0, 0.741_07, 0.482_14]),
         ],
     );
-    let said = carried.warnings.join("\n");
+    let said = imported.warnings.join("\n");
     for wanted in ["gradient opacity", "diffuse 0.9, ambient 0.1, specular 0.2, power 10", "1 mm is assumed"]
     {
         assert!(said.contains(wanted), "{wanted}: {said}");
     }
-    assert_eq!(carried.warnings.len(), 3, "{said}");
+    assert_eq!(imported.warnings.len(), 3, "{said}");
     // Its developer guide puts remarks behind the numbers, and 0 is nearest.
     let remarked: String = VP.lines().map(|line| format!("{line} => remark 1 2\n")).collect();
-    assert_eq!(read(&remarked).tf, carried.tf);
+    assert_eq!(read(&remarked).tf, imported.tf);
     assert!(read(&VP.replacen('1', "0", 1)).warnings[0].contains("`nearest` interpolation"));
 }
 
 #[test]
-fn slicers_json_gives_the_length_too() {
-    let carried = read(VP_JSON);
-    assert_eq!(carried.tf.reference_length_mm, 0.5);
-    check(&carried.tf, &[(250.0, 0.125, [5.0 / 6.0, 5.0 / 6.0, 1.0 / 6.0]), (4000.0, 0.5, [1.0, 1.0, 0.0])]);
-    let said = carried.warnings.join("\n");
+fn slicers_json_also_gives_the_length() {
+    let imported = read(VP_JSON);
+    assert_eq!(imported.tf.reference_length_mm, 0.5);
+    check(&imported.tf, &[(250.0, 0.125, [5.0 / 6.0, 5.0 / 6.0, 1.0 / 6.0]), (4000.0, 0.5, [1.0, 1.0, 0.0])]);
+    let said = imported.warnings.join("\n");
     assert!(
-        said.contains("`nearest`") && said.contains("diffuse 1,") && carried.warnings.len() == 2,
+        said.contains("`nearest`") && said.contains("diffuse 1,") && imported.warnings.len() == 2,
         "{said}"
     );
     let dropped = VP_JSON.replace(r#"{"x": 0, "y": 1}, "#, r#"{"x": 0, "y": 0.5}, "#);
@@ -157,30 +157,30 @@ fn slicers_json_gives_the_length_too() {
 
 #[test]
 fn niivue_is_over_the_range_or_over_its_own() {
-    let carried = read(NIIVUE);
-    assert_eq!(carried.tf.units, FRACTION);
+    let imported = read(NIIVUE);
+    assert_eq!(imported.tf.units, FRACTION);
     check(
-        &carried.tf,
+        &imported.tf,
         &[
             (0.2, 32.0 / 255.0, [0.5, 64.0 / 255.0, 0.0]),
             (0.4, 64.0 / 255.0, [1.0, 128.0 / 255.0, 0.0]),
             (1.0, 128.0 / 255.0, [1.0; 3]),
         ],
     );
-    let carried = read(NIIVUE_RANGE);
-    assert_eq!(carried.tf.units, "");
+    let imported = read(NIIVUE_RANGE);
+    assert_eq!(imported.tf.units, "");
     check(
-        &carried.tf,
+        &imported.tf,
         &[(-200.0, 0.0, [0.0; 3]), (55.0, 0.1, [0.5, 0.0, 0.0]), (310.0, 0.2, [1.0, 0.0, 0.0])],
     );
 }
 
 #[test]
 fn inviwos_points_are_fractions_within_a_mask() {
-    let carried = read(INVIWO);
-    assert_eq!(carried.tf.units, FRACTION);
+    let imported = read(INVIWO);
+    assert_eq!(imported.tf.units, FRACTION);
     check(
-        &carried.tf,
+        &imported.tf,
         &[
             (0.249, 0.0, [0.8016, 0.0, 0.1984]),
             (0.25, 0.375, [0.8, 0.0, 0.2]),
@@ -188,7 +188,7 @@ fn inviwos_points_are_fractions_within_a_mask() {
             (0.9, 0.875, [0.0, 0.0, 1.0]),
         ],
     );
-    assert!(carried.warnings[0].contains("150th"));
+    assert!(imported.warnings[0].contains("150th"));
     check(&read(INVIWO_OLD).tf, &[(0.5, 0.25, [0.5; 3]), (1.0, 0.5, [1.0; 3])]);
     let absolute = INVIWO.replace(r#"<type content="0" />"#, r#"<type content="1"/>"#);
     assert_eq!(read(&absolute).tf.units, "");
@@ -201,7 +201,7 @@ fn inviwos_points_are_fractions_within_a_mask() {
 }
 
 #[test]
-fn what_is_broken_is_refused_in_one_line() {
+fn broken_files_are_refused_in_one_line() {
     for (text, why) in [
         ("[]", "invalid length"),
         (r#"{"RGBPoints": [1, 2, 3]}"#, "`RGBPoints` has 3 numbers"),
@@ -237,7 +237,7 @@ fn what_is_broken_is_refused_in_one_line() {
 #[test]
 fn mutants_of_every_file_are_read_or_refused() {
     let mut random = fastrand::Rng::with_seed(1);
-    let mut kept = 0;
+    let mut valid = 0;
     for (text, _) in ALL {
         for _ in 0..4000 {
             let mut bytes = text.as_bytes().to_vec();
@@ -260,16 +260,16 @@ fn mutants_of_every_file_are_read_or_refused() {
             }
             let Ok(mutant) = String::from_utf8(bytes) else { continue };
             match from_text(&mutant, "") {
-                Ok(Carried { tf, .. }) => {
+                Ok(Imported { tf, .. }) => {
                     TransferFunction::from_json(&tf.to_json())
                         .unwrap_or_else(|why| panic!("{mutant}: {why}"));
-                    kept += 1;
+                    valid += 1;
                 }
                 Err(why) => assert!(!why.contains('\n'), "{why}"),
             }
         }
     }
-    assert!(kept > 1000, "some mutants are still functions: {kept}");
+    assert!(valid > 1000, "some mutants are still functions: {valid}");
 }
 
 /// Many points and long text end soon, and in a function that a device can hold.
@@ -279,9 +279,9 @@ fn large_files_become_functions_that_a_device_can_hold() {
     let list: Vec<String> = (0..16_000).map(|i| format!("{i}, {}, 0.5, 0.3", wild(i))).collect();
     let colors: Vec<String> = (0..16_000).map(|i| format!("{i}, {0}, {0}, {0}", wild(i + 3))).collect();
     let text = format!(r#"{{"Points": [{}], "RGBPoints": [{}]}}"#, list.join(","), colors.join(","));
-    let carried = read(&text);
-    assert!(carried.tf.points.len() <= 1000);
-    assert!(carried.warnings.iter().any(|w| w.contains("opacities are off by")), "{:?}", carried.warnings);
+    let imported = read(&text);
+    assert!(imported.tf.points.len() <= 1000);
+    assert!(imported.warnings.iter().any(|w| w.contains("opacities are off by")), "{:?}", imported.warnings);
     let deep = "[".repeat(100_000);
     assert!(from_text(&deep, "x.json").is_err());
     let many = format!("<a>{}</a>", "<b/>".repeat(600_000));
@@ -316,7 +316,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn ours_is_the_same_again(tf in functions()) {
+    fn own_files_are_read_back_unchanged(tf in functions()) {
         let text = (TRANSFER_FORMATS.iter().find(|f| f.name == "umbravox").unwrap().write.unwrap())(&tf).unwrap().text;
         let again = from_text(&text, "").unwrap().tf;
         prop_assert_eq!(again.points, tf.points);
@@ -324,7 +324,7 @@ proptest! {
     }
 
     #[test]
-    fn what_others_are_given_is_what_is_read_back(tf in functions()) {
+    fn written_files_are_read_back(tf in functions()) {
         for name in ["paraview", "vp"] {
             let format = TRANSFER_FORMATS.iter().find(|f| f.name == name).unwrap();
             let written = (format.write.unwrap())(&tf).unwrap();
@@ -333,13 +333,13 @@ proptest! {
             let is_rough = written.warnings.iter().any(|w| w.contains("no room"));
             for i in -400..2300 {
                 let value = f64::from(i) + 0.123;
-                // Over 1 mm, where opacities are compared: those near 1 differ by nothing that could be seen.
+                // Compared as opacities over 1 mm, where differences near 1 are invisible.
                 let [want, got] = [&tf, &again.tf].map(|f| -(-f.extinction(value)).exp_m1());
-                // What a line of a .vp has no room for goes unsaid below these; probes between points miss a tenth.
-                let allowed = if is_rough { 0.2 } else { 1.1 * OPACITY_SAID * want + 3e-4 };
+                // A .vp line that is too short causes no warning below these errors; the error between points is estimated to a tenth.
+                let allowed = if is_rough { 0.2 } else { 1.1 * OPACITY_WARNING * want + 3e-4 };
                 prop_assert!((want.min(MAX_OPACITY) - got).abs() <= allowed, "{}: {} {} {}", name, value, want, got);
                 if want > 1e-9 && !is_rough {
-                    let off = (1.1 * COLOR_SAID + 1.1) / 255.0;
+                    let off = (1.1 * COLOR_WARNING + 1.1) / 255.0;
                     let [a, b] = [&tf, &again.tf].map(|f| f.color(value).map(srgb_from_linear));
                     prop_assert!((0..3).all(|c| (a[c] - b[c]).abs() < off), "{}: {} {:?} {:?}", name, value, a, b);
                 }
@@ -355,8 +355,8 @@ fn fractions_stay_fractions_in_paraview_and_need_a_range_in_vp() {
         let write =
             |name: &str| TRANSFER_FORMATS.iter().find(|f| f.name == name).unwrap().write.unwrap()(&tf);
         let again = read(&write("paraview").unwrap().text).tf;
-        assert_eq!(is_of_fractions(&again), is_of_fractions(&tf), "{}", preset.name);
-        assert_eq!(write("vp").is_err(), is_of_fractions(&tf), "{}", preset.name);
+        assert_eq!(has_fractions(&again), has_fractions(&tf), "{}", preset.name);
+        assert_eq!(write("vp").is_err(), has_fractions(&tf), "{}", preset.name);
         for i in -10..20 {
             let (value, far) = (f64::from(i) * 0.1 + 0.05, 3.0);
             assert!(

@@ -1,105 +1,95 @@
-//! Our transfer functions as other programs read them: opacity over 1 mm and encoded sRGB colours, each a list of points
-//! between which those programs go straight.
+//! Transfer functions in the formats of other programs: lists of opacities over 1 mm and of encoded sRGB colours, between
+//! which those programs interpolate linearly.
 
-use super::carried::FRACTION;
-use super::curve::{Curve, Side, linear};
-use super::pieces::{Point, Sampled};
+use super::curve::{LimitSide, NodeCurve, linear};
+use super::import::FRACTION;
+use super::quantity::sample_amounts;
+use super::sampling::{SamplePoint, Sampled};
 use crate::files::color::srgb_from_linear;
 use crate::transfer::{MAX_OPACITY, Quantity, TransferFunction};
 use serde_json::json;
 
-/// A file's text, and what it does not hold of the function.
+/// Text of a file, with warnings about what it does not hold of the function.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Written {
-    /// The text.
+    /// Text of the file.
     pub text: String,
     /// One line each.
     pub warnings: Vec<String>,
 }
 
-/// How far an opacity may be off between two points, as a share of itself, and where it is next to nothing.
+/// Tolerance of an opacity between two points: relative, and absolute near 0.
 const OPACITY_SHARE: f64 = 1e-3;
 const OPACITY_LEAST: f64 = 1e-6;
-/// How far a colour may be off: a quarter of a step of 8 bits.
-const COLOR_OFF: f64 = 0.25 / 255.0;
-/// From which error on too few points are worth a warning: a share of the opacity, and steps of 8 bits.
-pub(super) const OPACITY_SAID: f64 = 0.01;
-pub(super) const COLOR_SAID: f64 = 1.0;
-/// Points of a list; ParaView's editor shows each as a handle.
+/// Tolerance of a colour: a quarter of a step of 8 bits.
+const COLOR_TOLERANCE: f64 = 0.25 / 255.0;
+/// Smallest errors that cause a warning: relative for opacities, in steps of 8 bits for colours.
+pub(super) const OPACITY_WARNING: f64 = 0.01;
+pub(super) const COLOR_WARNING: f64 = 1.0;
+/// Limit on the points of a list; ParaView's editor shows each as a handle.
 const MOST_POINTS: usize = 1000;
-/// Characters of a line that 3D Slicer reads; behind a longer one it loses the lines that follow.
+/// Longest line that 3D Slicer reads; behind a longer one it loses the lines that follow.
 const MOST_LINE: usize = 1023;
 
-/// Opacity over 1 mm, and colours, as lists of at most so many points.
+/// Opacities over 1 mm, and colours.
 struct Lists {
-    opacity: Vec<Point<1>>,
-    color: Vec<Point<3>>,
+    opacity: Vec<SamplePoint<1>>,
+    color: Vec<SamplePoint<3>>,
     warnings: Vec<String>,
 }
 
 impl Lists {
+    /// Samples a function with limits on the points of both lists.
     fn of(tf: &TransferFunction, most: [usize; 2]) -> Self {
-        let amounts = Curve::through(tf.points.iter().map(|p| (p.value, [p.amount])));
-        let colors = Curve::through(tf.points.iter().map(|p| (p.value, p.color)));
-        let as_it_is = tf.quantity == Quantity::Opacity && tf.reference_length_mm == 1.0;
-        let opacity = |value: f64, side: Side| {
-            let [amount] = amounts.at(value, side);
-            [if as_it_is { amount } else { -(-tf.extinction_of_amount(amount)).exp_m1() }]
-        };
-        let color = |value: f64, side: Side| colors.at(value, side).map(srgb_from_linear);
-        let mut breaks: Vec<f64> = tf.points.iter().map(|p| p.value).collect();
-        breaks.dedup();
-        let opacity_off = |want: &[f64; 1], got: &[f64; 1]| {
+        let colors = NodeCurve::through(tf.points.iter().map(|p| (p.value, p.color)));
+        let color = |value: f64, side: LimitSide| colors.at(value, side).map(srgb_from_linear);
+        let opacity_error = |want: &[f64; 1], got: &[f64; 1]| {
             (want[0] - got[0]).abs() / (OPACITY_LEAST + OPACITY_SHARE * want[0])
         };
-        let color_off = |want: &[f64; 3], got: &[f64; 3]| {
-            (0..3).map(|c| (want[c] - got[c]).abs()).fold(0.0, f64::max) / COLOR_OFF
+        let color_error = |want: &[f64; 3], got: &[f64; 3]| {
+            (0..3).map(|c| (want[c] - got[c]).abs()).fold(0.0, f64::max) / COLOR_TOLERANCE
         };
-        let sampled = Sampled { breaks: breaks.clone(), at: &opacity, between: linear, off: &opacity_off };
-        let (opacity, opacity_worst) = sampled.points(most[0]);
-        let sampled = Sampled { breaks, at: &color, between: linear, off: &color_off };
+        let like = TransferFunction::new(Quantity::Opacity, &[]);
+        let (opacity, opacity_worst) = sample_amounts(tf, &like, most[0], &opacity_error);
+        let sampled = Sampled { breaks: tf.point_values(), at: &color, between: linear, error: &color_error };
         let (color, color_worst) = sampled.points(most[1]);
         let mut warnings = Vec::new();
-        let share = opacity_worst * OPACITY_SHARE;
-        if share > OPACITY_SAID {
-            let percent = 100.0 * share;
-            warnings.push(format!(
-                "opacities are off by up to {percent:.1} % of themselves: there is no room for more points"
-            ));
-        }
-        let steps = color_worst * COLOR_OFF * 255.0;
-        if steps > COLOR_SAID {
-            warnings.push(format!(
-                "colours are off by up to {steps:.1} of 255 steps: there is no room for more points"
-            ));
-        }
-        let densest = tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
-        let most = -(-MAX_OPACITY).ln_1p();
-        if densest > most * (1.0 + 1e-9) {
-            warnings.push(format!("an extinction of {densest:.4} per mm is more than an opacity over 1 mm can say: {most:.4} is left"));
-        }
+        let mut warn = |error: f64, least: f64, text: String| {
+            if error > least {
+                warnings.push(text);
+            }
+        };
+        let (share, steps) = (opacity_worst * OPACITY_SHARE, color_worst * COLOR_TOLERANCE * 255.0);
+        let percent = 100.0 * share;
+        let reason = "there is no room for more points";
+        let text = format!("opacities are off by up to {percent:.1} % of themselves: {reason}");
+        warn(share, OPACITY_WARNING, text);
+        warn(steps, COLOR_WARNING, format!("colours are off by up to {steps:.1} of 255 steps: {reason}"));
+        let (densest, most) = (tf.max_extinction(f64::NEG_INFINITY, f64::INFINITY), -(-MAX_OPACITY).ln_1p());
+        let reason = format!("is more than an opacity over 1 mm can express: {most:.4} is used");
+        let text = format!("an extinction of {densest:.4} per mm {reason}");
+        warn(densest, most * (1.0 + 1e-9), text);
         Self { opacity, color, warnings }
     }
 }
 
-/// The two points of a jump apart by the last digit: the programs keep one point a value.
-fn apart<const N: usize>(points: Vec<Point<N>>) -> Vec<Point<N>> {
-    let mut all = points;
-    for i in 1..all.len() {
-        if all[i - 1].0 == all[i].0 {
-            all[i - 1].0 = all[i - 1].0.next_down();
+/// Separates the two points of a jump by the last digit: the programs keep one point a value.
+fn separated<const N: usize>(mut points: Vec<SamplePoint<N>>) -> Vec<SamplePoint<N>> {
+    for i in 1..points.len() {
+        if points[i - 1].0 == points[i].0 {
+            points[i - 1].0 = points[i - 1].0.next_down();
         }
     }
-    all
+    points
 }
 
-/// Points at both ends of a range too, and two at least.
-fn reaching<const N: usize>(mut points: Vec<Point<N>>, range: Option<[f64; 2]>) -> Vec<Point<N>> {
+/// Extends a list to both ends of a range, and to at least two points.
+fn extended<const N: usize>(mut points: Vec<SamplePoint<N>>, range: Option<[f64; 2]>) -> Vec<SamplePoint<N>> {
     if let Some([low, high]) = range {
-        if points[0].0 > low {
-            points.insert(0, (low, points[0].1));
+        let (first, last) = (points[0], points[points.len() - 1]);
+        if first.0 > low {
+            points.insert(0, (low, first.1));
         }
-        let last = points[points.len() - 1];
         if last.0 < high {
             points.push((high, last.1));
         }
@@ -110,27 +100,27 @@ fn reaching<const N: usize>(mut points: Vec<Point<N>>, range: Option<[f64; 2]>) 
     points
 }
 
-/// Whether values are shares of a volume's range.
-pub fn is_of_fractions(tf: &TransferFunction) -> bool {
+/// Whether values are fractions of a volume's range.
+pub fn has_fractions(tf: &TransferFunction) -> bool {
     tf.units.eq_ignore_ascii_case(FRACTION)
 }
 
-/// ParaView's JSON.
+/// Writes ParaView's JSON.
 ///
 /// # Errors
-/// None so far; of the form of the others.
+/// None; the signature is that of all formats.
 pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
     let Lists { opacity, color, mut warnings } = Lists::of(tf, [MOST_POINTS; 2]);
     let (first, last) = (tf.points[0].value, tf.points[tf.points.len() - 1].value);
-    let range = if is_of_fractions(tf) {
+    let range = if has_fractions(tf) {
         Some([first.min(0.0), last.max(1.0)])
     } else {
-        warnings.push("ParaView lays it over the data's range unless `Use preset range` is chosen".into());
-        // What lies over exactly these is read as shares of the range; one value more says that it is not.
+        warnings.push("ParaView maps it to the data's range unless `Use preset range` is chosen".into());
+        // Exactly these ranges are read as fractions; one more value avoids that.
         [[0.0, 1.0], [-1.0, 1.0]].contains(&[first, last]).then_some([first, last + 1.0])
     };
-    let opacity = reaching(apart(opacity), range);
-    let color = reaching(apart(color), range);
+    let opacity = extended(separated(opacity), range);
+    let color = extended(separated(color), range);
     let map = json!([{
         "ColorSpace": "RGB",
         "Name": tf.name,
@@ -142,47 +132,46 @@ pub fn paraview(tf: &TransferFunction) -> Result<Written, String> {
     Ok(Written { text, warnings })
 }
 
-/// 3D Slicer's `.vp`.
+/// Writes 3D Slicer's `.vp`.
 ///
 /// # Errors
-/// The function's values are shares of a range, which Slicer knows nothing of.
+/// The function's values are fractions of a range, which the format cannot express.
 pub fn vp(tf: &TransferFunction) -> Result<Written, String> {
-    if is_of_fractions(tf) {
-        return Err(
-            "its values are fractions of a volume's range, and a .vp holds values: give --range LO,HI".into(),
-        );
+    if has_fractions(tf) {
+        let why = "its values are fractions of a volume's range, and a .vp holds values: give --range LO,HI";
+        return Err(why.into());
     }
-    let line = |numbers: Vec<String>| format!("{} {}", numbers.len(), numbers.join(" "));
     let mut most = [MOST_POINTS; 2];
     loop {
         let Lists { opacity, color, warnings } = Lists::of(tf, most);
-        let (opacity, color) = (reaching(apart(opacity), None), reaching(apart(color), None));
-        let lines = [
-            line(opacity.iter().flat_map(|(v, [o])| [format!("{v}"), digits(*o)]).collect()),
-            line(
-                color
-                    .iter()
-                    .flat_map(|(v, rgb)| [format!("{v}"), digits(rgb[0]), digits(rgb[1]), digits(rgb[2])])
-                    .collect(),
-            ),
-        ];
-        let points = [opacity.len(), color.len()];
+        let (opacity, color) = (extended(separated(opacity), None), extended(separated(color), None));
+        let lines = [line(&opacity), line(&color)];
         let mut is_long = false;
-        for i in 0..2 {
-            if lines[i].len() > MOST_LINE && points[i] > 2 {
-                most[i] = (points[i] * MOST_LINE / lines[i].len()).min(points[i] - 1).max(2);
+        for (i, points) in [opacity.len(), color.len()].into_iter().enumerate() {
+            if lines[i].len() > MOST_LINE && points > 2 {
+                most[i] = (points * MOST_LINE / lines[i].len()).min(points - 1).max(2);
                 is_long = true;
             }
         }
         if !is_long {
-            // Trilinear, shaded as Slicer's own presets are, and no opacity by the gradient.
+            // Trilinear, shaded like Slicer's own presets, and no opacity by the gradient.
             let text = format!("1\n1\n0.9\n0.1\n0.2\n10\n{}\n4 0 1 255 1\n{}\n", lines[0], lines[1]);
             return Ok(Written { text, warnings });
         }
     }
 }
 
-/// Five digits, without zeros at the end.
+/// Line of a `.vp`: the count of numbers, then value and amounts of each point.
+fn line<const N: usize>(points: &[SamplePoint<N>]) -> String {
+    let mut text = (points.len() * (N + 1)).to_string();
+    for (value, amounts) in points {
+        text += &format!(" {value}");
+        amounts.iter().for_each(|x| text += &format!(" {}", digits(*x)));
+    }
+    text
+}
+
+/// Number with five significant digits, without zeros at the end.
 fn digits(x: f64) -> String {
     if x != 0.0 && x.abs() < 0.01 {
         return format!("{x:.4e}");

@@ -1,4 +1,4 @@
-//! Along a ray cell by cell, each cell's cubic cut where the value passes from one law to the next.
+//! Traversal of a ray cell by cell. The cubic of each cell is cut where the value passes from one law to the next.
 
 use super::blocks::{Blocks, Labelled, block_of, cells_of};
 use super::cubic::Cubic;
@@ -7,7 +7,7 @@ use crate::volume::{Scaling, Voxel};
 use glam::DVec3;
 use std::ops::ControlFlow;
 
-/// A ray in index space, clipped to the domain `[-0.5, n - 0.5]^3`; its parameter is the distance in mm.
+/// Ray in index space, clipped to the domain `[-0.5, n - 0.5]^3`; its parameter is the distance in mm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ray {
     origin: [f64; 3],
@@ -18,7 +18,7 @@ pub(super) struct Ray {
 }
 
 impl Ray {
-    /// `None` where the ray misses the domain within `[from_mm, to_mm]`, or its numbers are not finite.
+    /// Clips a ray to the domain and to `[from_mm, to_mm]`. `None` where nothing is left, or its numbers are not finite.
     pub fn clipped(
         origin: DVec3,
         direction: DVec3,
@@ -43,30 +43,27 @@ impl Ray {
                 exit_mm = exit_mm.min(a.max(b));
             }
         }
-        (exit_mm > enter_mm && exit_mm.is_finite() && enter_mm.is_finite()).then_some(Self {
-            origin,
-            direction,
-            enter_mm,
-            exit_mm,
-        })
+        let ray = Self { origin, direction, enter_mm, exit_mm };
+        (exit_mm > enter_mm && exit_mm.is_finite() && enter_mm.is_finite()).then_some(ray)
     }
 }
 
-/// A stretch of a ray on which extinction is smooth: one cell, one law.
+/// Part of a ray on which extinction is smooth: one cell, one law.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Piece {
+pub(super) struct RayPiece {
     pub start_mm: f64,
     pub end_mm: f64,
-    /// Index into the laws of each function, and into [`Laws::laws`] of that one; never a clear one.
+    /// Index of the transfer function.
     pub function: usize,
+    /// Index into [`Laws::laws`] of that function; never a clear law.
     pub law: usize,
-    /// The value, over `[0, 1]` from start to end.
+    /// Value over `[0, 1]` from start to end.
     pub value: Cubic,
 }
 
-/// The voxels as a ray sees them.
+/// Voxels with their labels and the blocks to skip.
 #[derive(Clone, Copy)]
-pub(super) struct Grid<'a, V> {
+pub(super) struct VoxelGrid<'a, V> {
     pub voxels: &'a [V],
     pub dims: [usize; 3],
     pub scaling: Scaling,
@@ -74,81 +71,84 @@ pub(super) struct Grid<'a, V> {
     pub labels: Option<Labelled<'a>>,
 }
 
-impl<V: Voxel> Grid<'_, V> {
+impl<V: Voxel> VoxelGrid<'_, V> {
     /// Calls `visit` with every piece that has extinction, in order along the ray, until it breaks.
     #[inline]
-    pub fn walk(&self, laws: &[Laws], ray: &Ray, mut visit: impl FnMut(Piece) -> ControlFlow<()>) {
-        let mut cell = CellWalk::new(ray, self.dims);
+    pub fn traverse(&self, laws: &[Laws], ray: &Ray, mut visit: impl FnMut(RayPiece) -> ControlFlow<()>) {
+        let mut cell = CellTraversal::new(ray, self.dims);
         loop {
             if std::mem::take(&mut cell.entered_block) && !self.blocks.is_active(cell.block) {
-                if !cell.leap(ray) {
+                if !cell.leap() {
                     return;
                 }
                 continue;
             }
-            let (start, end) = cell.advance(ray);
-            if end > start && self.labels.is_some() {
-                if self.visit_labelled(&cell, laws, ray, [start, end], &mut visit).is_break() {
-                    return;
-                }
-            } else if end > start {
-                let (at, laws) = (cell.offsets(), &laws[0]);
+            let (start, end) = cell.advance();
+            if end > start {
+                let at = &cell.offset;
                 let corner: [V; 8] =
                     std::array::from_fn(|c| self.voxels[at[0][c & 1] + at[1][c >> 1 & 1] + at[2][c >> 2]]);
-                let (min, max) = self.range(&corner);
-                if let Some((first, last)) = laws.active(min, max) {
-                    let corner = corner.map(|v| self.scaling.apply(v.to_f64()));
-                    let value = cell.cubic(ray, &corner, start, end);
-                    let flow = if first == last {
-                        visit(Piece { start_mm: start, end_mm: end, function: 0, law: first, value })
-                    } else {
-                        cut((0, laws), [first, last], value, [start, end], &mut visit)
-                    };
-                    if flow.is_break() {
-                        return;
+                let flow = match self.labels {
+                    None => self.visit(&cell, (0, &laws[0]), &corner, [start, end], &mut visit),
+                    Some(labels) => {
+                        self.visit_labelled(&cell, laws, labels, &corner, [start, end], &mut visit)
                     }
+                };
+                if flow.is_break() {
+                    return;
                 }
             }
-            if !cell.step(ray) {
+            if !cell.step() {
                 return;
             }
         }
     }
 
-    /// Visits the pieces of a cell whose corners have labels: half-way between two voxels one label ends and another begins.
+    /// Visits the pieces of a cell, which is split halfway between voxels of different labels.
     fn visit_labelled(
         &self,
-        cell: &CellWalk,
+        cell: &CellTraversal<'_>,
         laws: &[Laws],
-        ray: &Ray,
+        labels: Labelled<'_>,
+        corner: &[V; 8],
         [start, end]: [f64; 2],
-        visit: &mut impl FnMut(Piece) -> ControlFlow<()>,
+        visit: &mut impl FnMut(RayPiece) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        let Some(labels) = self.labels else { return ControlFlow::Continue(()) };
-        let at = cell.offsets();
-        let corner: [V; 8] =
-            std::array::from_fn(|c| self.voxels[at[0][c & 1] + at[1][c >> 1 & 1] + at[2][c >> 2]]);
-        let (min, max) = self.range(&corner);
-        let corner = corner.map(|v| self.scaling.apply(v.to_f64()));
         let mut from = start;
-        for to in cell.middles(ray).map(|t| t.clamp(start, end)).into_iter().chain([end]) {
+        for to in cell.middles().map(|t| t.clamp(start, end)).into_iter().chain([end]) {
             if to <= from {
                 continue;
             }
-            let nearest = cell.nearest(ray, 0.5 * (from + to));
-            let function = labels.functions[usize::from(labels.ranks[nearest])];
-            if let Some((function, (first, last))) =
-                function.and_then(|f| laws[f].active(min, max).map(|active| (f, active)))
-            {
-                let value = cell.cubic(ray, &corner, from, to);
-                cut((function, &laws[function]), [first, last], value, [from, to], visit)?;
+            let nearest = cell.nearest(0.5 * (from + to));
+            if let Some(function) = labels.functions[usize::from(labels.ranks[nearest])] {
+                self.visit(cell, (function, &laws[function]), corner, [from, to], visit)?;
             }
             from = to;
         }
         ControlFlow::Continue(())
     }
 
-    /// Smallest and largest scaled value at a cell's corners.
+    /// Visits the pieces of one function in a cell.
+    #[inline]
+    fn visit(
+        &self,
+        cell: &CellTraversal<'_>,
+        (function, laws): (usize, &Laws),
+        corner: &[V; 8],
+        [start_mm, end_mm]: [f64; 2],
+        visit: &mut impl FnMut(RayPiece) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let (min, max) = self.range(corner);
+        let Some((first, last)) = laws.active(min, max) else { return ControlFlow::Continue(()) };
+        let corner = corner.map(|v| self.scaling.apply(v.to_f64()));
+        let value = cell.cubic(&corner, start_mm, end_mm);
+        if first == last {
+            return visit(RayPiece { start_mm, end_mm, function, law: first, value });
+        }
+        cut((function, laws), [first, last], value, [start_mm, end_mm], visit)
+    }
+
+    /// Range of the scaled values at a cell's corners.
     #[inline]
     fn range(&self, corner: &[V; 8]) -> (f64, f64) {
         let (mut min, mut max) = (corner[0], corner[0]);
@@ -161,26 +161,28 @@ impl<V: Voxel> Grid<'_, V> {
     }
 }
 
-/// Steps from cell to cell; cell `c` on an axis lies between the voxel centres `c` and `c + 1`, from -1 (before
+/// State of a traversal. Cell `c` on an axis lies between the voxel centres `c` and `c + 1`, from -1 (before
 /// the first centre) to `n - 1` (beyond the last).
-struct CellWalk {
+struct CellTraversal<'r> {
+    ray: &'r Ray,
     dims: [i64; 3],
     cell: [i64; 3],
-    /// Distance at which the ray leaves the cell through each axis' face.
+    /// Distance at which the ray leaves the cell through each axis' face, mm.
     next_mm: [f64; 3],
     at_mm: f64,
     axis: usize,
     stride: [i64; 3],
     offset: [[usize; 2]; 3],
     block: [i64; 3],
-    /// Set when the walk comes into another block.
+    /// Whether another block has been entered.
     entered_block: bool,
 }
 
-impl CellWalk {
-    fn new(ray: &Ray, dims: [usize; 3]) -> Self {
+impl<'r> CellTraversal<'r> {
+    fn new(ray: &'r Ray, dims: [usize; 3]) -> Self {
         let dims = dims.map(|n| n as i64);
-        let mut walk = Self {
+        let mut traversal = Self {
+            ray,
             dims,
             cell: [0; 3],
             next_mm: [f64::INFINITY; 3],
@@ -193,16 +195,16 @@ impl CellWalk {
         };
         for (axis, n) in dims.into_iter().enumerate() {
             let p = ray.origin[axis] + ray.direction[axis] * ray.enter_mm;
-            // A ray that falls from a face is in the cell below it.
+            // A ray that descends from a face is in the cell below it.
             let cell = if ray.direction[axis] < 0.0 { p.ceil() - 1.0 } else { p.floor() };
-            walk.set(axis, (cell as i64).clamp(-1, n - 1), ray);
+            traversal.set(axis, (cell as i64).clamp(-1, n - 1));
         }
-        walk
+        traversal
     }
 
     #[inline]
-    fn set(&mut self, axis: usize, cell: i64, ray: &Ray) {
-        let d = ray.direction[axis];
+    fn set(&mut self, axis: usize, cell: i64) {
+        let d = self.ray.direction[axis];
         self.cell[axis] = cell;
         let last = self.dims[axis] - 1;
         self.offset[axis] = [cell, cell + 1].map(|c| (c.clamp(0, last) * self.stride[axis]) as usize);
@@ -210,14 +212,14 @@ impl CellWalk {
         self.entered_block |= block != self.block[axis];
         self.block[axis] = block;
         if d != 0.0 {
-            // Always from the origin: nothing accumulates.
-            self.next_mm[axis] = ((cell + i64::from(d > 0.0)) as f64 - ray.origin[axis]) / d;
+            // Computed from the origin, so that no error accumulates.
+            self.next_mm[axis] = ((cell + i64::from(d > 0.0)) as f64 - self.ray.origin[axis]) / d;
         }
     }
 
-    /// The stretch of the ray in this cell; empty where it passes through an edge or a corner.
+    /// Interval of the ray in this cell; empty where it passes through an edge or a corner.
     #[inline]
-    fn advance(&mut self, ray: &Ray) -> (f64, f64) {
+    fn advance(&mut self) -> (f64, f64) {
         let [x, y, z] = self.next_mm;
         self.axis = if x <= y && x <= z {
             0
@@ -227,40 +229,40 @@ impl CellWalk {
             2
         };
         let start = self.at_mm;
-        self.at_mm = self.next_mm[self.axis].min(ray.exit_mm).max(start);
+        self.at_mm = self.next_mm[self.axis].min(self.ray.exit_mm).max(start);
         (start, self.at_mm)
     }
 
-    /// On to the next cell; false at the end of the ray.
+    /// Moves to the next cell; false at the end of the ray.
     #[inline]
-    fn step(&mut self, ray: &Ray) -> bool {
+    fn step(&mut self) -> bool {
         let axis = self.axis;
-        let cell = self.cell[axis] + if ray.direction[axis] > 0.0 { 1 } else { -1 };
-        if self.next_mm[axis] >= ray.exit_mm || cell < -1 || cell >= self.dims[axis] {
+        let cell = self.cell[axis] + if self.ray.direction[axis] > 0.0 { 1 } else { -1 };
+        if self.next_mm[axis] >= self.ray.exit_mm || cell < -1 || cell >= self.dims[axis] {
             return false;
         }
-        self.set(axis, cell, ray);
+        self.set(axis, cell);
         true
     }
 
-    /// Out of the block, over all of its cells; false at the end of the ray.
-    fn leap(&mut self, ray: &Ray) -> bool {
+    /// Moves to the first cell behind the block; false at the end of the ray.
+    fn leap(&mut self) -> bool {
         let (mut exit_mm, mut exit_axis) = (f64::INFINITY, 0);
         for axis in 0..3 {
             let [first, last] = cells_of(self.block[axis]);
-            let d = ray.direction[axis];
+            let d = self.ray.direction[axis];
             let face = if d > 0.0 { last + 1 } else { first };
-            let t = (face as f64 - ray.origin[axis]) / d;
+            let t = (face as f64 - self.ray.origin[axis]) / d;
             if d != 0.0 && t < exit_mm {
                 (exit_mm, exit_axis) = (t, axis);
             }
         }
-        if exit_mm >= ray.exit_mm {
+        if exit_mm >= self.ray.exit_mm {
             return false;
         }
         self.at_mm = self.at_mm.max(exit_mm);
         for axis in 0..3 {
-            let d = ray.direction[axis];
+            let d = self.ray.direction[axis];
             if d == 0.0 {
                 continue;
             }
@@ -268,51 +270,46 @@ impl CellWalk {
             let cell = if axis == exit_axis {
                 if d > 0.0 { last + 1 } else { first - 1 }
             } else {
-                // Never back, and not out of the block through a face that rounding alone has crossed.
+                // Never backwards, and never out of the block by rounding alone.
                 let [low, high] = if d > 0.0 { [self.cell[axis], last] } else { [first, self.cell[axis]] };
-                ((ray.origin[axis] + d * self.at_mm).floor() as i64).clamp(low, high)
+                ((self.ray.origin[axis] + d * self.at_mm).floor() as i64).clamp(low, high)
             };
             if cell < -1 || cell >= self.dims[axis] {
                 return false;
             }
-            self.set(axis, cell, ray);
+            self.set(axis, cell);
         }
         self.entered_block = true;
         true
     }
 
-    /// Distances at which the ray passes half-way between the cell's two voxels on each axis, ascending; some are beyond the
-    /// cell, and infinite where it does not move.
-    fn middles(&self, ray: &Ray) -> [f64; 3] {
+    /// Distances at which the ray is halfway between the cell's two voxels on each axis, ascending. Some lie outside of the cell;
+    /// they are infinite on axes along which the ray does not move.
+    fn middles(&self) -> [f64; 3] {
         let mut middles: [f64; 3] = std::array::from_fn(|axis| {
-            let d = ray.direction[axis];
-            if d == 0.0 { f64::INFINITY } else { (self.cell[axis] as f64 + 0.5 - ray.origin[axis]) / d }
+            let d = self.ray.direction[axis];
+            if d == 0.0 { f64::INFINITY } else { (self.cell[axis] as f64 + 0.5 - self.ray.origin[axis]) / d }
         });
         middles.sort_by(f64::total_cmp);
         middles
     }
 
-    /// The voxel of the cell that is nearest to a point of the ray, in memory order.
-    fn nearest(&self, ray: &Ray, t: f64) -> usize {
+    /// Index of the cell's voxel that is nearest to a point of the ray.
+    fn nearest(&self, t: f64) -> usize {
         let side = |axis: usize| {
-            let p = ray.origin[axis] + ray.direction[axis] * t - self.cell[axis] as f64;
+            let p = self.ray.origin[axis] + self.ray.direction[axis] * t - self.cell[axis] as f64;
             self.offset[axis][usize::from(p >= 0.5)]
         };
         side(0) + side(1) + side(2)
     }
 
-    #[inline]
-    fn offsets(&self) -> [[usize; 2]; 3] {
-        self.offset
-    }
-
-    /// The trilinear value from `start` to `end` as a cubic over `[0, 1]`; `corner[x + 2 y + 4 z]`.
+    /// Trilinear value from `start` to `end` as a cubic over `[0, 1]`; `corner[x + 2 y + 4 z]`.
     ///
-    /// Only differences of corners are scaled, so that a cell of one value gives exactly that value.
+    /// Only differences of corners are scaled, so that a constant cell gives exactly its value.
     #[inline]
-    fn cubic(&self, ray: &Ray, corner: &[f64; 8], start: f64, end: f64) -> Cubic {
+    fn cubic(&self, corner: &[f64; 8], start: f64, end: f64) -> Cubic {
         let within = |axis: usize, t: f64| {
-            (ray.origin[axis] + ray.direction[axis] * t - self.cell[axis] as f64).clamp(0.0, 1.0)
+            (self.ray.origin[axis] + self.ray.direction[axis] * t - self.cell[axis] as f64).clamp(0.0, 1.0)
         };
         let [x, y, z] = std::array::from_fn(|axis| within(axis, start));
         let [p, q, r] = std::array::from_fn(|axis| within(axis, end));
@@ -321,7 +318,7 @@ impl CellWalk {
         let (a, b, c) = (v100 - v000, v010 - v000, v001 - v000);
         let (ab, ac, bc) = ((v110 - v010) - a, (v101 - v001) - a, (v011 - v001) - b);
         let abc = ((v111 - v011) - (v101 - v001)) - ab;
-        // The Taylor expansion of the trilinear form about the start, along (p, q, r).
+        // Taylor expansion of the trilinear form about the start, along (p, q, r).
         let dx = a + ab * y + (ac + abc * y) * z;
         let dy = b + ab * x + (bc + abc * x) * z;
         let dz = c + ac * x + (bc + abc * x) * y;
@@ -334,16 +331,16 @@ impl CellWalk {
     }
 }
 
-/// Cuts a cell's cubic where the value passes from one law to another and visits the pieces with extinction.
+/// Cuts a cell's cubic where the value passes from one law to another, and visits the pieces with extinction.
 ///
-/// `lowest` and `highest` are the intervals of the cell's extreme corners: the value stays within, whatever
-/// rounding says where it leaves a plateau.
+/// `lowest` and `highest` are the intervals of the cell's extreme corners. They bound the value against
+/// rounding where it leaves a plateau.
 fn cut(
     (function, laws): (usize, &Laws),
     [lowest, highest]: [usize; 2],
     value: Cubic,
     [start_mm, end_mm]: [f64; 2],
-    visit: &mut impl FnMut(Piece) -> ControlFlow<()>,
+    visit: &mut impl FnMut(RayPiece) -> ControlFlow<()>,
 ) -> ControlFlow<()> {
     let [turn0, turn1] = value.turning_points();
     let mut emit = |from: f64, to: f64, law: usize| {
@@ -352,7 +349,7 @@ fn cut(
         }
         let at = |x: f64| if x < 1.0 { start_mm + (end_mm - start_mm) * x } else { end_mm };
         let (start_mm, end_mm) = (at(from), at(to));
-        visit(Piece { start_mm, end_mm, function, law, value: value.restrict(from, to) })
+        visit(RayPiece { start_mm, end_mm, function, law, value: value.restrict(from, to) })
     };
     let mut piece_from = 0.0;
     let mut law = None;
@@ -363,7 +360,7 @@ fn cut(
         }
         let (a, b) = (value.at(span_from), value.at(span_to));
         let rising = b >= a;
-        // From a value on a cut, the ray goes into the interval above it or the one below.
+        // From a value on a cut, the ray enters the interval above or below it.
         let (first, last) = if rising {
             (laws.interval(a), laws.interval_below(b))
         } else {

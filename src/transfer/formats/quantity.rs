@@ -1,50 +1,61 @@
-//! A transfer function in the kind of another: opacities over the same length, or extinction as well.
+//! Conversion of a transfer function to the quantity and reference length of another.
 
-use super::curve::{Curve, Side, linear};
-use super::pieces::Sampled;
+use super::curve::{LimitSide, NodeCurve, linear};
+use super::sampling::{SamplePoint, Sampled};
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
 
-/// How far extinction may be off between two points, as a share of itself, and where it is next to nothing.
+/// Tolerance of the extinction between two points: relative, and absolute near 0.
 const SHARE: f64 = 1e-3;
 const LEAST: f64 = 1e-7;
-/// Points of one function: several share the intervals that a device holds.
+/// Limit on the points of one function: several share the intervals that a device holds.
 const MOST_POINTS: usize = 250;
 
-/// Whether both give the same quantity over the same length, so that they can stand in one set of tables.
-pub fn are_alike(a: &TransferFunction, b: &TransferFunction) -> bool {
+/// Whether both give the same quantity over the same length, so that one set of tables can hold them.
+pub fn have_same_quantity(a: &TransferFunction, b: &TransferFunction) -> bool {
     let same_length = a.quantity == Quantity::Extinction || a.reference_length_mm == b.reference_length_mm;
     a.quantity == b.quantity && same_length
 }
 
-/// `tf` with amounts as `like` gives them: what is straight in the one quantity is bent in the other, and so has points
-/// added until it is off by no more than a thousandth of itself. Also how far it is off, as a share of itself.
-pub fn alike(tf: &TransferFunction, like: &TransferFunction) -> (TransferFunction, f64) {
-    if are_alike(tf, like) {
-        return (tf.clone(), 0.0);
-    }
-    let amounts = Curve::through(tf.points.iter().map(|p| (p.value, [p.amount])));
-    let colors = Curve::through(tf.points.iter().map(|p| (p.value, p.color)));
-    let given = |value: f64, side: Side| {
+/// Samples the amounts of `tf` in the quantity and over the length of `like` with at most `most` points; `error` compares two
+/// amounts in units of the tolerance. Returns the largest error too.
+pub fn sample_amounts(
+    tf: &TransferFunction,
+    like: &TransferFunction,
+    most: usize,
+    error: &dyn Fn(&[f64; 1], &[f64; 1]) -> f64,
+) -> (Vec<SamplePoint<1>>, f64) {
+    let amounts = NodeCurve::through(tf.points.iter().map(|p| (p.value, [p.amount])));
+    let is_unchanged = have_same_quantity(tf, like);
+    let at = |value: f64, side: LimitSide| {
         let [amount] = amounts.at(value, side);
         let extinction = tf.extinction_of_amount(amount);
         match like.quantity {
+            _ if is_unchanged => [amount],
             Quantity::Extinction => [extinction],
             Quantity::Opacity => [-(-extinction * like.reference_length_mm).exp_m1()],
         }
     };
-    let mut breaks: Vec<f64> = tf.points.iter().map(|p| p.value).collect();
-    breaks.dedup();
-    // Near opacity 1 little of an amount is much extinction.
-    let off = |want: &[f64; 1], got: &[f64; 1]| {
+    Sampled { breaks: tf.point_values(), at: &at, between: linear, error }.points(most)
+}
+
+/// Converts `tf` to the quantity and reference length of `like`. Straight parts become curves, which are sampled to a
+/// thousandth of the extinction. Returns the largest relative error too.
+pub fn with_quantity_of(tf: &TransferFunction, like: &TransferFunction) -> (TransferFunction, f64) {
+    if have_same_quantity(tf, like) {
+        return (tf.clone(), 0.0);
+    }
+    let colors = NodeCurve::through(tf.points.iter().map(|p| (p.value, p.color)));
+    // Compared as extinction: near opacity 1 a small change of opacity is a large one of extinction.
+    let error = |want: &[f64; 1], got: &[f64; 1]| {
         let [want, got] = [want, got].map(|amount| like.extinction_of_amount(amount[0]));
         (want - got).abs() / (LEAST + SHARE * want)
     };
-    let (points, worst) = Sampled { breaks, at: &given, between: linear, off: &off }.points(MOST_POINTS);
+    let (points, worst) = sample_amounts(tf, like, MOST_POINTS, &error);
     let point = |i: usize| {
         let (value, [amount]) = points[i];
-        // Of the two points of a jump the first is what lies below it.
+        // The first of the two points of a jump is its lower side.
         let is_below = points.get(i + 1).is_some_and(|next| next.0 == value);
-        let color = colors.at(value, if is_below { Side::Below } else { Side::From });
+        let color = colors.at(value, if is_below { LimitSide::Below } else { LimitSide::From });
         ControlPoint { value, amount, color }
     };
     let points = (0..points.len()).map(point).collect();
@@ -57,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn another_kind_gives_the_same_extinction() {
+    fn another_quantity_gives_the_same_extinction() {
         let of = |quantity, reference_length_mm, points: &[(f64, f64)]| {
             let mut tf = TransferFunction { reference_length_mm, ..TransferFunction::new(quantity, points) };
             tf.points.iter_mut().for_each(|p| p.color = [p.value / 300.0, 0.5, 0.0]);
@@ -72,11 +83,14 @@ mod tests {
         ];
         for tf in &all {
             for like in &all {
-                let (made, off) = alike(tf, like);
-                assert!(are_alike(&made, like) && off <= 4e-3 && made.points.len() <= MOST_POINTS, "{off}");
+                let (made, off) = with_quantity_of(tf, like);
+                assert!(
+                    have_same_quantity(&made, like) && off <= 4e-3 && made.points.len() <= MOST_POINTS,
+                    "{off}"
+                );
                 for i in -10..600 {
                     let value = f64::from(i) * 0.5 + 0.1;
-                    // More than opacity 1 less a 2^24th nothing of a kind can say.
+                    // No opacity expresses a larger extinction.
                     let most =
                         like.extinction_of_amount(if like.quantity == Quantity::Opacity { 1.0 } else { 1e9 });
                     let (want, got) = (tf.extinction(value).min(most), made.extinction(value));

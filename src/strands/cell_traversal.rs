@@ -1,51 +1,51 @@
-//! Straight lines cut at the faces of unit cells.
+//! Traversal of unit cells along a line segment.
 
-/// A line `from + step t`, `t` in `[0, 1]`, in coordinates where cell `c` spans `[c, c + 1]`.
+/// Line segment `from + step t`, `t` in `[0, 1]`, in coordinates where cell `c` spans `[c, c + 1]`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
+pub(super) struct CellRay {
     pub from: [f64; 3],
     pub step: [f64; 3],
-    /// `1 / step`; infinite along an axis that the line does not follow.
+    /// `1 / step`; infinite where the step is 0.
     per_step: [f64; 3],
 }
 
-/// A box of cells, and how much of its outermost ones counts.
+/// Box of cells, and the domain that its outermost cells are cut to.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cells {
-    /// First and last cell of the whole grid along each axis, the first no lower than -1: a line that lies in the
-    /// outermost faces is put into these.
+pub(super) struct CellBox {
+    /// First and last cell of the whole grid along each axis, the first no lower than -1. A line within the
+    /// outermost faces belongs to these cells.
     pub whole: [[i64; 2]; 3],
     /// First and last cell of the box.
     pub part: [[i64; 2]; 3],
-    /// Where the grid's domain ends.
+    /// Ends of the grid's domain.
     pub domain: [[f64; 2]; 3],
 }
 
-/// The largest whole number that is not above `x`, for `x >= -1`; a conversion alone rounds towards 0.
+/// Largest integer `<= x`, for `x >= -1`; a conversion alone rounds towards 0.
 #[inline]
 fn floor(x: f64) -> i64 {
     (x + 1.0) as i64 - 1
 }
 
-impl Line {
+impl CellRay {
     #[inline]
     pub fn new(from: [f64; 3], to: [f64; 3]) -> Self {
         let step: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
         Self { from, step, per_step: step.map(|d| 1.0 / d) }
     }
 
-    /// Where the line passes a face; the only expression for it, so that neighbouring cells and boxes meet without a
-    /// gap.
+    /// Parameter at which the line passes a face. It is the only expression for it, so that neighbouring cells and boxes meet
+    /// without a gap.
     #[inline]
     fn at_face(&self, axis: usize, face: f64) -> f64 {
         (face - self.from[axis]) * self.per_step[axis]
     }
 }
 
-impl Cells {
-    /// The stretch of `t` within the box; `None` where there is none.
+impl CellBox {
+    /// Interval of `t` within the box, if any.
     #[inline]
-    pub fn clip(&self, line: &Line) -> Option<[f64; 2]> {
+    pub fn clip(&self, line: &CellRay) -> Option<[f64; 2]> {
         let (mut enter, mut exit) = (0.0f64, 1.0f64);
         for axis in 0..3 {
             let [first, last] = self.part[axis];
@@ -69,9 +69,9 @@ impl Cells {
         (exit > enter).then_some([enter, exit])
     }
 
-    /// Calls `visit(cell, t0, t1)` for every cell of the box that the line passes through, in order.
+    /// Calls `visit(cell, t0, t1)` for every cell of the box along the line, in order.
     #[inline]
-    pub fn walk(&self, line: &Line, mut visit: impl FnMut([i64; 3], f64, f64)) {
+    pub fn traverse(&self, line: &CellRay, mut visit: impl FnMut([i64; 3], f64, f64)) {
         let Some([mut at, end]) = self.clip(line) else { return };
         let mut cell = [0; 3];
         let mut next = [f64::INFINITY; 3];
@@ -80,7 +80,7 @@ impl Cells {
             let d = line.step[axis];
             let q = line.from[axis] + d * at;
             let below = floor(q);
-            // A line that falls from a face is in the cell below it.
+            // A line that descends from a face is in the cell below it.
             let c = if d < 0.0 && below as f64 == q { below - 1 } else { below };
             let [first, last] = self.part[axis];
             cell[axis] = c.clamp(first, last);
@@ -111,7 +111,7 @@ impl Cells {
             if cell[axis] < first || cell[axis] > last {
                 return;
             }
-            // Always from the line's start: nothing accumulates.
+            // Computed from the line's start, so that no error accumulates.
             next[axis] = line.at_face(axis, (cell[axis] + i64::from(stride[axis] > 0)) as f64);
         }
     }

@@ -1,0 +1,106 @@
+//! Points that the camera sees, distributed by their contribution to the picture.
+
+use super::ExactField;
+use super::picture::first_surface;
+use crate::scene::Scene;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Point of the volume that the camera sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VisiblePoint {
+    /// World mm.
+    pub position: DVec3,
+    /// Weight of the point: the opacity of its pixel, in `(0, 1]`.
+    pub weight: f64,
+}
+
+/// Limit on the candidates for each requested point; more are needed only where the camera sees next to nothing.
+const MOST_CANDIDATES_PER_POINT: usize = 64;
+
+impl ExactField<'_> {
+    /// Samples `n` visible points, or fewer where the camera sees hardly any; the same for the same `seed`.
+    ///
+    /// Pixels are drawn uniformly over the picture of `scene.width` x `scene.height`, depths along a pixel's ray
+    /// with density `T_eye sigma / opacity`, both from one shifted low-discrepancy sequence in three dimensions.
+    /// Pixels without opacity are skipped. With weight = opacity, `sum(weight * g) / sum(weight)` therefore
+    /// estimates `sum_pixels integral(T_eye sigma g dt) / sum_pixels opacity`: the mean of `g` over the picture,
+    /// weighted by the contribution of each point.
+    pub fn visible_points(&self, scene: &Scene, n: usize, seed: u64) -> Vec<VisiblePoint> {
+        let shift = [seed, seed ^ 0x5bf0_3635, seed ^ 0xc2b2_ae35].map(unit_hash);
+        let candidate = |index: usize| {
+            let [x, y, quantile] = low_discrepancy(index as u64, shift);
+            let pixel = [x * f64::from(scene.width), y * f64::from(scene.height)].map(f64::floor);
+            self.visible_point_of_pixel(scene, pixel, quantile)
+        };
+        let mut points = Vec::with_capacity(n);
+        for batch in 0..MOST_CANDIDATES_PER_POINT {
+            points.par_extend((batch * n..(batch + 1) * n).into_par_iter().filter_map(candidate));
+            if points.len() >= n {
+                break;
+            }
+        }
+        points.truncate(n);
+        points
+    }
+
+    /// Median visible point of each pixel of some rows, row by row: half of the pixel's opacity lies in front of it. `None` for
+    /// pixels without opacity.
+    pub fn visible_points_of_pixels(&self, scene: &Scene, rows: Range<u32>) -> Vec<Option<VisiblePoint>> {
+        let width = u64::from(scene.width);
+        let pixels = (u64::from(rows.start) * width..u64::from(rows.end) * width).into_par_iter();
+        let pixels = pixels.map(|pixel| [pixel % width, pixel / width].map(|n| n as f64));
+        pixels.map(|pixel| self.visible_point_of_pixel(scene, pixel, 0.5)).collect()
+    }
+
+    fn visible_point_of_pixel(
+        &self,
+        scene: &Scene,
+        [column, row]: [f64; 2],
+        quantile: f64,
+    ) -> Option<VisiblePoint> {
+        let direction = scene.camera.ray_direction(column, row, scene.width, scene.height);
+        let eye = scene.camera.eye;
+        let length_mm = first_surface(scene, eye, direction).map_or(f64::INFINITY, |hit| hit.depth_mm);
+        self.visible_point_along(eye, direction, length_mm, quantile)
+    }
+
+    /// Point along a ray from the eye (world mm, unit direction, possibly infinite length) with this quantile of the ray's
+    /// opacity in front of it; `None` where there is no opacity.
+    pub fn visible_point_along(
+        &self,
+        eye: DVec3,
+        direction: DVec3,
+        length_mm: f64,
+        quantile: f64,
+    ) -> Option<VisiblePoint> {
+        let curve = self.curve_along(eye, direction, length_mm);
+        let opacity = -(-curve.total()).exp_m1();
+        if opacity <= 0.0 {
+            return None;
+        }
+        // At least half a step of f64 inside.
+        let tau = -(-quantile.max(0.5 * f64::EPSILON) * opacity).ln_1p();
+        let depth_mm = curve.depth_of_optical_depth(tau.min(curve.total()))?;
+        Some(VisiblePoint { position: eye + direction * depth_mm, weight: opacity })
+    }
+}
+
+/// Point `index` of the additive recurrence whose steps are powers of the root of `x^4 = x + 1`.
+fn low_discrepancy(index: u64, shift: [f64; 3]) -> [f64; 3] {
+    const ROOT: f64 = 1.220_744_084_605_759_5;
+    let mut step = 1.0;
+    shift.map(|s| {
+        step /= ROOT;
+        (s + step * (index + 1) as f64).fract()
+    })
+}
+
+/// Number in `[0, 1)` from a seed (the finaliser of SplitMix64).
+fn unit_hash(seed: u64) -> f64 {
+    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}

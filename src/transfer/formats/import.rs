@@ -1,0 +1,223 @@
+//! Conversion of another program's opacities and colours to a [`TransferFunction`], with warnings about what is lost.
+
+use super::curve::{CurveNode, Interpolation, LimitSide, NodeCurve};
+use super::sampling::Sampled;
+use crate::files::color::{linear_from_srgb, srgb_from_linear};
+use crate::transfer::{ControlPoint, Quantity, TransferFunction};
+
+/// Transfer function that was read from a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Imported {
+    /// The function.
+    pub tf: TransferFunction,
+    /// One line each about what was skipped, approximated or assumed.
+    pub warnings: Vec<String>,
+    /// Name of the format, as in [`super::TRANSFER_FORMATS`].
+    pub format: &'static str,
+}
+
+/// Transfer function of another program before its conversion.
+#[derive(Debug)]
+pub struct Foreign {
+    /// Name of the format.
+    pub format: &'static str,
+    /// Name of the function.
+    pub name: String,
+    /// Whether values are fractions of a volume's range.
+    pub has_fractions: bool,
+    /// Opacities per `reference_length_mm`.
+    pub opacity: Vec<CurveNode<1>>,
+    /// Encoded sRGB in `[0, 1]`.
+    pub color: Vec<CurveNode<3>>,
+    /// Interpolation of the colours.
+    pub color_interpolation: Interpolation<3>,
+    /// Length to which opacities refer, mm; `None` where the file does not give it.
+    pub reference_length_mm: Option<f64>,
+    /// Warnings so far.
+    pub warnings: Vec<String>,
+}
+
+/// Units of a function whose values are fractions of a volume's range.
+pub const FRACTION: &str = "fraction";
+
+/// Limit on the points of a function that is read: what devices hold, with room for edits.
+const MOST_POINTS: usize = 1000;
+/// Tolerance of the opacity between two points.
+const OPACITY_TOLERANCE: f64 = 2e-4;
+/// Tolerance of a colour between two points, encoded sRGB: half a step of 8 bits. Rounding to 8 bits adds as much.
+const COLOR_TOLERANCE: f64 = 0.5 / 255.0;
+
+impl Foreign {
+    /// Function of these opacities and colours with linear interpolation; the file gives nothing else.
+    pub fn new(format: &'static str, opacity: Vec<CurveNode<1>>, color: Vec<CurveNode<3>>) -> Self {
+        Self {
+            format,
+            name: String::new(),
+            has_fractions: false,
+            opacity,
+            color,
+            color_interpolation: Interpolation::LINEAR,
+            reference_length_mm: None,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Function of straight pieces through points of a value, red, green, blue and opacity.
+    pub fn through(format: &'static str, points: &[[f64; 5]]) -> Self {
+        let opacity = points.iter().map(|[v, _, _, _, o]| CurveNode::straight(*v, [*o])).collect();
+        let color = points.iter().map(|[v, r, g, b, _]| CurveNode::straight(*v, [*r, *g, *b])).collect();
+        Self::new(format, opacity, color)
+    }
+
+    /// Converts the function. Bent opacities are sampled; colours get points, so that their interpolation in linear light
+    /// stays as close to the original as 8 bits can show.
+    ///
+    /// # Errors
+    /// The curves are invalid, or break a rule of transfer functions.
+    pub fn convert(self) -> Result<Imported, String> {
+        let mut warnings = self.warnings;
+        let opacity = curve_in_range(self.opacity, "opacities", &Interpolation::LINEAR, &mut warnings)?;
+        if opacity.is_bent() {
+            warnings.push("midpoints and sharpness of opacities became points on their curve".into());
+        }
+        let color = curve_in_range(self.color, "colours", &self.color_interpolation, &mut warnings)?;
+        let reference_length_mm = self.reference_length_mm.unwrap_or_else(|| {
+            warnings.push(ASSUMED_LENGTH.into());
+            1.0
+        });
+        let at = |value: f64, side: LimitSide| {
+            let ([o], [r, g, b]) = (opacity.at(value, side), color.at(value, side));
+            [r, g, b, o]
+        };
+        // Colours of values without opacity are invisible.
+        let color_error = |want: &[f64; 4], got: &[f64; 4]| {
+            let apart = (0..3).map(|c| (want[c] - got[c]).abs()).fold(0.0, f64::max);
+            if want[3] > 0.0 || got[3] > 0.0 { apart } else { 0.0 }
+        };
+        let opacity_error = |want: &[f64; 4], got: &[f64; 4]| (want[3] - got[3]).abs();
+        let error = |want: &[f64; 4], got: &[f64; 4]| {
+            (color_error(want, got) / COLOR_TOLERANCE).max(opacity_error(want, got) / OPACITY_TOLERANCE)
+        };
+        let mut breaks: Vec<f64> = opacity.values().chain(color.values()).collect();
+        breaks.sort_by(f64::total_cmp);
+        breaks.dedup();
+        let sampled = Sampled { breaks, at: &at, between: in_linear_light, error: &error };
+        let (mut points, _) = sampled.points(MOST_POINTS);
+        for (_, [rgb @ .., _]) in &mut points {
+            rgb.iter_mut().for_each(|c: &mut f64| *c = (*c * 255.0).round() / 255.0);
+        }
+        for (what, error, allowed, scale, unit) in [
+            ("opacities", &opacity_error as &dyn Fn(&_, &_) -> f64, 1e-9, 1.0, ""),
+            ("colours", &color_error, 1.02 / 255.0, 255.0, " of 255 steps"),
+        ] {
+            let worst = Sampled { error, breaks: sampled.breaks.clone(), ..sampled }.worst(&points);
+            if worst > allowed {
+                warnings.push(format!("{what} are off by up to {:.2e}{unit} between points", worst * scale));
+            }
+        }
+        let point = |(value, [r, g, b, amount]): (f64, [f64; 4])| {
+            let color = [r, g, b].map(linear_from_srgb);
+            ControlPoint { value, amount, color }
+        };
+        let tf = TransferFunction {
+            name: self.name,
+            units: if self.has_fractions { FRACTION.into() } else { String::new() },
+            reference_length_mm,
+            points: points.into_iter().map(point).collect(),
+            ..TransferFunction::new(Quantity::Opacity, &[])
+        };
+        // Checks the rules of this program's own files.
+        let tf = TransferFunction::from_json(&tf.to_json())?;
+        Ok(Imported { tf, warnings, format: self.format })
+    }
+}
+
+const ASSUMED_LENGTH: &str =
+    "the file does not say over what length its opacities are: 1 mm is assumed (--opacity-scale changes it)";
+
+/// Curve of nodes whose amounts are clamped to `[0, 1]`.
+///
+/// # Errors
+/// The nodes are invalid.
+pub fn curve_in_range<const N: usize>(
+    mut nodes: Vec<CurveNode<N>>,
+    what: &str,
+    interpolation: &Interpolation<N>,
+    warnings: &mut Vec<String>,
+) -> Result<NodeCurve<N>, String> {
+    let mut clamped = 0;
+    for node in &mut nodes {
+        // Infinite amounts stay, and are refused below.
+        let inside = node.amounts.map(|x| if x.is_finite() { x.clamp(0.0, 1.0) } else { x });
+        clamped += usize::from(inside.iter().zip(&node.amounts).any(|(a, b)| a < b || a > b));
+        node.amounts = inside;
+    }
+    if clamped > 0 {
+        warnings.push(format!("{clamped} {what} outside of 0 to 1 were clamped"));
+    }
+    let curve = NodeCurve::new(nodes, interpolation).map_err(|why| format!("its {what}: {why}"))?;
+    if curve.skipped > 0 {
+        let count = curve.skipped;
+        warnings.push(format!(
+            "{count} {what} between the first and the last of one value were skipped: a jump has two sides"
+        ));
+    }
+    Ok(curve)
+}
+
+/// Interpolates encoded colours in linear light and opacities linearly, as [`TransferFunction`] does.
+fn in_linear_light(a: &[f64; 4], b: &[f64; 4], share: f64) -> [f64; 4] {
+    let mixed = |i: usize| {
+        let [a, b] = [a[i], b[i]].map(linear_from_srgb);
+        srgb_from_linear(a + (b - a) * share)
+    };
+    [mixed(0), mixed(1), mixed(2), a[3] + (b[3] - a[3]) * share]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::curve::linear;
+    use super::*;
+
+    #[test]
+    fn colours_mixed_in_srgb_stay_within_a_step_of_8_bits() {
+        let color = vec![CurveNode::straight(-3.0, [0.0; 3]), CurveNode::straight(5.0, [1.0, 0.5, 0.0])];
+        let opacity = vec![CurveNode::straight(0.0, [0.0]), CurveNode::straight(5.0, [1.0])];
+        let foreign = Foreign {
+            reference_length_mm: Some(2.0),
+            ..Foreign::new("test", opacity.clone(), color.clone())
+        };
+        let imported = foreign.convert().unwrap();
+        assert_eq!(imported.warnings, [""; 0]);
+        let tf = imported.tf;
+        assert!((8..60).contains(&tf.points.len()), "{}", tf.points.len());
+        let opacity = NodeCurve::new(opacity, &Interpolation::LINEAR).unwrap();
+        let color = NodeCurve::new(color, &Interpolation { mix: linear, ..Interpolation::LINEAR }).unwrap();
+        for i in 0..=1000 {
+            let value = -3.0 + 8.0 * f64::from(i) / 1000.0;
+            let ([want], got) = (opacity.at(value, LimitSide::From), tf.amount(value));
+            assert!((want - got).abs() < 1e-12, "{value}");
+            if want > 0.0 {
+                let want = color.at(value, LimitSide::From);
+                let got = tf.color(value).map(srgb_from_linear);
+                for c in 0..3 {
+                    assert!((want[c] - got[c]).abs() < 1.05 / 255.0, "{value}: {want:?} {got:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn amounts_out_of_range_are_clamped_with_a_warning() {
+        let mut warnings = Vec::new();
+        let mut curve = |amounts: &[f64]| {
+            let nodes =
+                amounts.iter().enumerate().map(|(v, a)| CurveNode::straight(v as f64, [*a])).collect();
+            curve_in_range(nodes, "opacities", &Interpolation::LINEAR, &mut warnings)
+        };
+        let opacity = curve(&[-0.5, 1.5, 0.5]).unwrap();
+        assert_eq!([0.0, 1.0, 2.0].map(|v| opacity.at(v, LimitSide::From)[0]), [0.0, 1.0, 0.5]);
+        assert!(curve(&[f64::NAN]).is_err() && curve(&[f64::INFINITY]).is_err());
+        assert_eq!(warnings, ["2 opacities outside of 0 to 1 were clamped"]);
+    }
+}
