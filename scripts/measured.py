@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Runs the tables of docs/measured.md on the adapter that is here and writes docs/measured/ADAPTER.md.
+"""Measures tables on the adapter of this machine and writes docs/results/adapters/ADAPTER.md.
 
 usage: measured.py UMBRAVOX [--adapter NAME] [--only SECTION,...] [--quick]
-Sections: errors, methods, promise, stability, tuned, cost, growth. All of them take hours on two cores with a software
+Sections: errors, methods, bound, stability, tuned, cost, growth. All of them take hours on two cores with a software
 adapter, and minutes on a graphics card. The file is written after each section; --only leaves its other sections as they
 are. --quick takes fewer repeats and rays, to see that all runs, and prints to the screen alone.
 A section that fails says so in its place, and the others go on: a card on which something fails is worth a report.
@@ -87,7 +87,7 @@ WORK = ["work_samples", "work_lookups", "work_loads", "work_cells", "work_pieces
 
 
 def errors():
-    """Planes of `osm` halve the error where matter is even; the regular march does not end where the cells do."""
+    """Error of `osm` by number of planes, and of `dsm` marched by cells and by samples."""
     tf = work / "even.json"
     tf.write_text(json.dumps({"name": "even", "points": [{"value": 0, "extinction": 0}, {"value": 1000, "extinction": 0.05}]}))
     rows = compare("phantom:slab", "--tf", tf, "--light", "dir:0.4,-0.5,0.75", "--size", "64x64", "--methods", "osm:bits=32,map=64,fit=volume,layers=8,16,32,64,128,256")
@@ -102,7 +102,7 @@ def methods():
     return table(rows, TIMES[1:] + ERRORS)
 
 
-def promise():
+def bound():
     """Every texel and node: a ramp of opacity, a step and an isosurface, three epsilons, map 192."""
     rows = []
     effort = ["--repeats", "1", "--points", "100", "--depths", "40", *(["--rays", "500"] if a.quick else ["--check", "all"])]
@@ -161,7 +161,7 @@ def growth():
     return table(rows, TIMES)
 
 
-sections = {f.__name__: f for f in (errors, methods, promise, stability, tuned, cost, growth)}
+sections = {f.__name__: f for f in (errors, methods, bound, stability, tuned, cost, growth)}
 chosen = a.only.split(",") if a.only else list(sections)
 unknown = [name for name in chosen if name not in sections]
 if unknown:
@@ -172,7 +172,7 @@ try:
 except (Failed, OSError) as why:
     sys.exit(f"measured.py: {why}")
 adapter = first["adapter"]
-path = root / "docs" / "measured" / (re.sub(r"[^A-Za-z0-9.]+", "-", adapter).strip("-") + ".md")
+path = root / "docs" / "results" / "adapters" / (re.sub(r"[^A-Za-z0-9.]+", "-", adapter).strip("-") + ".md")
 build = f"umbravox {first['version']}, revision {first['revision']} ({first['profile']}), driver {first['driver']}, {first['threads']} threads of the host, clock `{first['clock']}`"
 parts = {}
 if path.is_file() and not a.quick:
@@ -191,7 +191,7 @@ for name in chosen:
     if a.quick:
         print(parts[name] + "\n", flush=True)
         continue
-    head = f"# Measured on {adapter}\nWritten by `make measured`. Columns are those of [columns.md](../columns.md); times are ms, medians."
+    head = f"# Measured on {adapter}\nWritten by `make measured`. Columns are those of [columns.md](../../columns.md); times are ms, medians."
     path.parent.mkdir(exist_ok=True)
     path.with_suffix(".part").write_text("\n\n".join([head, *(parts[n] for n in sections if n in parts)]) + "\n")
     path.with_suffix(".part").replace(path)

@@ -387,7 +387,7 @@ fn rendering() -> Vec<Claim> {
             .judged("Yes where a frame without skipping takes 1.2 times as long or longer, partly from 1.05 on.", |m| {
                 let (with, without) = (m[0][0].frame_ms()?, m[1][0].frame_ms()?);
                 let figures = [("without / with", without / with), ("without [ms]", without), ("with [ms]", with)];
-                Ok(Finding::new(at_least(without / with, 1.2), figures).note("What is seen decides: docs/measured.md has 3.9 for the vessels of a CT scan."))
+                Ok(Finding::new(at_least(without / with, 1.2), figures).note("What is seen decides: docs/results/time-and-memory has 3.9 for the vessels of a CT scan."))
             }),
         claim("section 4", "Shadow map quality is improved considerably by pre-compressed visibility functions", "considerably")
             .on(&[BONES, CHEST])
