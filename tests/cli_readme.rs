@@ -1,5 +1,5 @@
-//! The README and the pages of `docs/` say what the program does: their tables are its own, their commands are accepted,
-//! their links lead somewhere.
+//! The README and the pages of `docs/`: tables equal those of the program, commands are accepted, links have targets, and
+//! sentences are short.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,14 +9,19 @@ use umbravox::transfer::presets::{PRESETS, Scale};
 const FILES: &str = include_str!("../docs/files.md");
 const METHODS: &str = include_str!("../docs/methods.md");
 
+/// Markdown files of a folder and of its folders.
+fn markdown(folder: &Path) -> Vec<PathBuf> {
+    let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let files = paths.flat_map(|path| if path.is_dir() { markdown(&path) } else { vec![path] });
+    files.filter(|path| path.extension().is_some_and(|e| e == "md")).collect()
+}
+
 /// Every page with its text.
 fn pages() -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut paths: Vec<_> =
-        ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md"].map(|p| root.join(p)).into();
-    let docs = fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
-    paths.extend(docs.filter(|p| p.extension().is_some_and(|e| e == "md")));
-    paths.into_iter().map(|p| (p.clone(), fs::read_to_string(p).unwrap())).collect()
+    let single = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "python/README.md"];
+    let paths = single.into_iter().map(|page| root.join(page)).chain(markdown(&root.join("docs")));
+    paths.map(|path| (path.clone(), fs::read_to_string(path).unwrap())).collect()
 }
 
 /// The fenced blocks of a page: what stands behind the opening fence, and the text.
@@ -112,4 +117,49 @@ fn every_link_leads_to_a_file_and_a_heading_of_it() {
             }
         }
     }
+}
+
+/// Prose of a page without code, tables, headings and pictures; a paragraph or list item each.
+fn paragraphs(page: &str) -> Vec<String> {
+    let text: String = page.split("```").step_by(2).collect::<Vec<_>>().join("\n\n");
+    let mut paragraphs = vec![String::new()];
+    for line in text.lines().map(str::trim) {
+        let is_prose = !line.is_empty() && !["|", "#", "!["].iter().any(|start| line.starts_with(start));
+        let number = line.trim_start_matches(|c: char| c.is_ascii_digit());
+        if !is_prose || line.starts_with("- ") || (number != line && number.starts_with(". ")) {
+            paragraphs.push(String::new());
+        }
+        if is_prose {
+            *paragraphs.last_mut().unwrap() += &format!(" {line}");
+        }
+    }
+    paragraphs
+}
+
+/// Numbers of words of the sentences of a paragraph.
+fn sentence_lengths(paragraph: &str) -> Vec<usize> {
+    let mut lengths = vec![0];
+    for word in paragraph.replace("et al.", "et al").split_whitespace() {
+        let last = lengths.last_mut().unwrap();
+        *last += usize::from(word.contains(char::is_alphanumeric));
+        if word.trim_end_matches(['*', ')', '"']).ends_with(['.', '!', '?']) && *last > 0 {
+            lengths.push(0);
+        }
+    }
+    lengths.retain(|n| *n > 0);
+    lengths
+}
+
+#[test]
+fn sentences_of_the_pages_are_short() {
+    let mut all = Vec::new();
+    for (path, page) in pages() {
+        for paragraph in paragraphs(&page) {
+            let lengths = sentence_lengths(&paragraph);
+            assert!(lengths.iter().all(|n| *n <= 35), "{}: {paragraph}", path.display());
+            all.extend(lengths);
+        }
+    }
+    let mean = all.iter().sum::<usize>() as f64 / all.len() as f64;
+    assert!(mean <= 18.0, "mean words a sentence: {mean}");
 }
