@@ -130,7 +130,7 @@ fn plot(strip: &mut Drawing, table: &Path, left: f64, height: f64, size: f64) ->
         ([left + 2.6 * size, 3.2 * size], [left + PLOT * height - 7.0 * size, height - 2.6 * size]);
     let x = |v: f64| from[0] + (v.log10() - xs[0]) / (xs[1] - xs[0]) * (to[0] - from[0]);
     let y = |v: f64| to[1] - (v.log10() - ys[0]) / (ys[1] - ys[0]) * (to[1] - from[1]);
-    text(strip, [left + 0.5 * size, 0.85 * size], size, WHITE, "rms error of what is seen, against time");
+    text(strip, [left + 0.5 * size, 0.85 * size], size, WHITE, "rms error at visible points, against time");
     let small = 0.72 * size;
     for error in [0.003, 0.01, 0.03, 0.1, 0.3, 1.0] {
         let at = y(error);
