@@ -232,9 +232,9 @@ fn flags_page() -> String {
         .filter(|flag| {
             ["compare", "probe"].iter().all(|c| find(c).get_arguments().any(|f| f.get_id() == flag.get_id()))
         })
-        .filter(is_own)
+        .filter(|flag| flag.get_id() != "output" && is_own(flag))
         .collect();
-    page += "\n## Scene\nThese flags are shared by all commands that take a scene. Each is also a key of scene files.\n";
+    page += "\n## Scene\nThese flags are shared by all commands that take a scene. They are also keys of scene files, except `--scene`.\n";
     page += &flag_table(shared.iter().copied());
     for command in command.get_subcommands().filter(|c| c.get_name() != "help") {
         let about = command.get_about().map(ToString::to_string).unwrap_or_default();
