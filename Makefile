@@ -8,7 +8,7 @@
 # make shots   screenshots of the window and its frame times in out/shots, under Xvfb on CT_AVM (SHOTS_VOLUME names another);
 #              those of docs/window.md are made anew
 # make sizes   screenshots of the window in out/sizes, from 640 x 480 to 1920 x 1080 points at the scales 1 and 2
-# make measured   every table of docs/measured.md on the adapter that is here, into docs/measured/ADAPTER.md (MEASURED_FLAGS="--only cost")
+# make measured   measures the tables of docs/results/adapters on this adapter, into ADAPTER.md there (MEASURED_FLAGS="--only cost")
 # make pictures   every picture of README and docs but the window's, and the README's table (out/strip/compare.md), anew; on a quiet
 #              machine, for its times (PICTURES_EFFORT="--repeats 1 --points 1000 --rays 100" is a trial)
 # make check-tools   what is missing to build and run; installs nothing

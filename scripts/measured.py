@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Measures the tables of docs/measured.md on this machine's adapter and writes docs/measured/ADAPTER.md.
+"""Measures tables on the adapter of this machine and writes docs/results/adapters/ADAPTER.md.
 
 usage: measured.py UMBRAVOX [--adapter NAME] [--only SECTION,...] [--quick]
 Sections: errors, methods, bound, stability, tuned, cost, growth. All of them take hours on two cores with a software
-adapter, and minutes on a graphics card. The file is written after each section; --only keeps its other sections.
---quick uses few repeats and rays, as a test of the script, and only prints to the screen.
-The report of a section that fails is its error, and the other sections follow.
-UMBRAVOX_DATA is the folder of the scans (../shared/data); without scans only the built-in chest is measured.
+adapter, and minutes on a graphics card. The file is written after each section; --only leaves its other sections as they
+are. --quick takes fewer repeats and rays, to see that all runs, and prints to the screen alone.
+A section that fails says so in its place, and the others go on: a card on which something fails is worth a report.
+Scans are found where UMBRAVOX_DATA names them (../shared/data); without them the built-in chest stands for all.
 """
 import argparse, atexit, json, os, pathlib, re, shutil, subprocess, sys, tempfile, time
 
@@ -87,7 +87,7 @@ WORK = ["work_samples", "work_lookups", "work_loads", "work_cells", "work_pieces
 
 
 def errors():
-    """Planes of `osm` halve the error where matter is even; the regular march does not end where the cells do."""
+    """Error of `osm` by number of planes, and of `dsm` marched by cells and by samples."""
     tf = work / "even.json"
     tf.write_text(json.dumps({"name": "even", "points": [{"value": 0, "extinction": 0}, {"value": 1000, "extinction": 0.05}]}))
     rows = compare("phantom:slab", "--tf", tf, "--light", "dir:0.4,-0.5,0.75", "--size", "64x64", "--methods", "osm:bits=32,map=64,fit=volume,layers=8,16,32,64,128,256")
@@ -172,7 +172,7 @@ try:
 except (Failed, OSError) as why:
     sys.exit(f"measured.py: {why}")
 adapter = first["adapter"]
-path = root / "docs" / "measured" / (re.sub(r"[^A-Za-z0-9.]+", "-", adapter).strip("-") + ".md")
+path = root / "docs" / "results" / "adapters" / (re.sub(r"[^A-Za-z0-9.]+", "-", adapter).strip("-") + ".md")
 build = f"umbravox {first['version']}, revision {first['revision']} ({first['profile']}), driver {first['driver']}, {first['threads']} threads of the host, clock `{first['clock']}`"
 parts = {}
 if path.is_file() and not a.quick:
@@ -191,7 +191,7 @@ for name in chosen:
     if a.quick:
         print(parts[name] + "\n", flush=True)
         continue
-    head = f"# Measured on {adapter}\nWritten by `make measured`. Columns are those of [columns.md](../columns.md); times are ms, medians."
+    head = f"# Measured on {adapter}\nWritten by `make measured`. Columns are those of [columns.md](../../columns.md); times are ms, medians."
     path.parent.mkdir(exist_ok=True)
     path.with_suffix(".part").write_text("\n\n".join([head, *(parts[n] for n in sections if n in parts)]) + "\n")
     path.with_suffix(".part").replace(path)
