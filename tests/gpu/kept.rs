@@ -32,10 +32,7 @@ struct Session {
 impl Session {
     /// `None`, visibly, where there is no adapter.
     fn open(volume: &Arc<Volume>) -> Option<Self> {
-        let Some(renderer) = RENDERER.as_ref() else {
-            println!("skipped: no graphics adapter");
-            return None;
-        };
+        let renderer = renderer()?;
         let loaded = renderer.load(Arc::clone(volume)).unwrap();
         Some(Self { renderer, loaded, kept: Kept::new(Forced::NOTHING), shown: None })
     }
