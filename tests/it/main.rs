@@ -20,4 +20,5 @@ mod report_browser;
 mod rooms;
 mod shaders;
 mod strands;
+mod style;
 mod transfer_tables;
