@@ -210,7 +210,7 @@ fn a_table_that_is_cancelled_leaves_its_journal_and_goes_on_from_there() {
 }
 
 #[test]
-fn bad_settings_and_folders_are_said_beside_their_fields() {
+fn bad_settings_and_folders_show_errors_beside_their_fields() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=none"]) else { return };
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("file");

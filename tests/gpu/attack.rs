@@ -24,12 +24,12 @@ fn search(tries: usize, compress: &'static str) {
 }
 
 #[test]
-fn no_scene_breaks_the_promise() {
+fn no_scene_violates_the_error_bound() {
     search(attack::setting("ATTACK_TRIES", SIZES.bound_search_scenes), "greedy");
 }
 
 #[test]
-fn no_scene_breaks_the_promise_of_the_fewest_nodes() {
+fn no_scene_violates_the_error_bound_with_the_fewest_nodes() {
     search(attack::setting("ATTACK_TRIES", SIZES.bound_search_scenes) / 4, "optimal");
 }
 
@@ -70,7 +70,7 @@ fn fault(renderer: &Arc<Renderer>, attack: &Attack, method: &str, rng: &mut Rng)
 }
 
 #[test]
-fn methods_without_a_promise_end_and_give_a_transmittance() {
+fn methods_without_an_error_bound_end_with_a_transmittance() {
     let Some(gpu) = common::gpu() else { return };
     let renderer = Arc::new(Renderer::live(gpu, f64::INFINITY));
     let mut rng = Rng::with_seed(attack::setting("ATTACK_SEED", 1) as u64);

@@ -127,7 +127,7 @@ fn marches_by_samples_and_pictures_differ_by_rounding_alone() {
 }
 
 #[test]
-fn what_no_folding_holds_is_refused_in_numbers() {
+fn volumes_beyond_folding_are_refused_with_sizes() {
     let Some(small) = small_device() else { return };
     let refused = small.load(waves([65, 64, 64], true)).err().unwrap();
     assert!(refused.why.contains("65 x 64 x 64") && refused.why.contains("64 x 64 x 64"), "{refused}");

@@ -108,7 +108,7 @@ fn everything_at_once() {
 }
 
 #[test]
-fn what_is_not_in_view_needs_no_shadows() {
+fn points_outside_the_view_need_no_shadows() {
     let volume = phantom("shell:40");
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);
     let Some(setup) = Setup::open(&volume, &ramp) else { return };
@@ -129,7 +129,7 @@ fn what_is_not_in_view_needs_no_shadows() {
 }
 
 #[test]
-fn shading_counts_where_it_is_asked_for() {
+fn shading_counts_only_when_enabled() {
     // The forced gradients must not be mistaken for a shading that was asked for, nor the other way round.
     let volume = phantom("shell:40");
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);

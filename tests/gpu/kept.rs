@@ -164,7 +164,7 @@ fn a_light_that_goes_back_finds_its_map() {
 }
 
 #[test]
-fn of_several_lights_only_the_one_that_moves_is_built_again() {
+fn only_the_moved_light_is_built_again() {
     let mut state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
     let light = |x, y, z| LightSource::from(Light::Directional { toward: DVec3::new(x, y, z) });
@@ -254,7 +254,7 @@ fn shadows_wait_until_something_needs_them() {
 }
 
 #[test]
-fn what_fails_leaves_the_old_in_place() {
+fn a_failed_update_keeps_the_old_state() {
     let state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
     session.show(&state);

@@ -117,7 +117,7 @@ fn one_function_under_many_names_is_itself() {
 
 /// What is promised of light rays holds through many labels.
 #[test]
-fn promises_hold() {
+fn error_bounds_are_satisfied() {
     let volume = labelled(&phantom("thorax:48"), blocks);
     for tf in functions() {
         let Some(setup) = Setup::open(&volume, &tf) else { return };
@@ -194,7 +194,7 @@ fn functions_side_by_side_are_skipped_without_loss() {
 
 /// Hidden bricks are not marched.
 #[test]
-fn what_is_hidden_costs_nothing() {
+fn hidden_labels_cost_nothing() {
     let volume = labelled(&phantom("thorax:64"), |[i, ..]| u16::from(i < 32));
     let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
     let Some(all) = Setup::open(&volume, &ramp) else { return };

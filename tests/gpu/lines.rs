@@ -186,7 +186,7 @@ fn curls_hold_the_same_matter_drawn_into_a_map() {
 }
 
 #[test]
-fn what_has_no_strands_is_refused_in_words() {
+fn volumes_without_strands_are_refused() {
     let Some(setup) = Setup::open(&phantom("slab:16"), &extinction(&[(0.0, 0.0), (1000.0, 0.1)])) else {
         return;
     };

@@ -126,7 +126,7 @@ fn tiles_without_bricks_are_left_out() {
 
 /// Random points of what a camera sees lie within the texels of a map fitted to that, one texel from its rim or more.
 #[test]
-fn a_map_of_a_view_covers_what_is_seen() {
+fn a_map_of_a_view_covers_the_visible_points() {
     let (volume, active) = chest();
     let mut random = Rng::with_seed(3);
     let whole = Camera::framing(&volume, DVec3::Z, 40.0);

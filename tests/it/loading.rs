@@ -139,7 +139,7 @@ fn a_cancel_ends_the_reading_and_keeps_nothing() {
 }
 
 #[test]
-fn what_is_cancelled_before_it_begins_does_not_begin() {
+fn a_cancelled_reading_does_not_begin() {
     let dir = tempfile::tempdir().unwrap();
     let mut sources: Vec<String> =
         files(dir.path(), 24).iter().map(|p| p.to_str().unwrap().to_owned()).collect();

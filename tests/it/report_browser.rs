@@ -146,7 +146,7 @@ fn pictures_that_are_broken_do_not_count() {
 }
 
 #[test]
-fn what_matters_is_in_sight_and_every_column_when_asked() {
+fn main_columns_are_visible_and_all_on_request() {
     let script = "
         // A row with many settings, and one with much to say.
         const long = 'dsm epsilon=0.005 prefilter=5 march=samples step=0.5 filter=bilinear fit=view map=512';
@@ -200,7 +200,7 @@ fn headings_sort_numbers_as_numbers_with_gaps_last() {
 }
 
 #[test]
-fn nothing_is_asked_of_the_network() {
+fn no_request_goes_to_the_network() {
     // The policy holds even against script that tries.
     let script = "
         const p = new Image();

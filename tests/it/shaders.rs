@@ -218,7 +218,7 @@ fn every_shader_composes_validates_and_translates_for_every_driver() {
 }
 
 #[test]
-fn what_is_asked_for_twice_is_composed_with_all_of_it() {
+fn combined_requests_are_composed_together() {
     let variants = variants();
     let has = |names: &[&str], live: bool| {
         variants.iter().any(|(v, l)| *l == live && names.iter().all(|n| v.defs.contains(n)))

@@ -223,7 +223,7 @@ fn nothing_is_cut_covered_or_unreadable_in_windows_over_the_view() {
 }
 
 #[test]
-fn nothing_is_cut_covered_or_unreadable_with_parts_and_strands() {
+fn nothing_is_cut_covered_or_unreadable_with_labels_and_strands() {
     let dir = tempfile::tempdir().unwrap();
     let name =
         "a-scan-with-a-long-name-of-someone-who-keeps-the-date-and-the-kernel-in-it-2024-03-17-b70f.nii";

@@ -50,7 +50,7 @@ fn a_papers_claims_on_a_scene_of_ones_own() {
 }
 
 #[test]
-fn what_is_not_there_is_refused() {
+fn bad_command_lines_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
     for (args, why) in [

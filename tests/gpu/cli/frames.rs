@@ -50,7 +50,7 @@ fn flag(name: &str, v: DVec3) -> String {
 }
 
 #[test]
-fn what_is_no_turn_is_refused_in_a_line() {
+fn bad_sequences_are_refused_in_a_line() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::create_dir(dir.path().join("taken_0002.png")).unwrap();
     for (flags, output, said) in [
@@ -315,7 +315,7 @@ fn an_interruption_leaves_whole_files_alone() {
 
 #[cfg(unix)]
 #[test]
-fn what_nohup_has_it_ignore_is_ignored() {
+fn signals_ignored_by_nohup_stay_ignored() {
     if !common::has_adapter() {
         return;
     }

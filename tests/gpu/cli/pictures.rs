@@ -105,7 +105,7 @@ fn write_halves(path: &Path) {
 }
 
 #[test]
-fn flags_about_parts_are_refused_in_a_line() {
+fn bad_clip_planes_and_labels_are_refused_in_a_line() {
     let dir = tempfile::tempdir().unwrap();
     write_halves(&dir.path().join("halves.nii.gz"));
     let planes: Vec<String> = (0..9).map(|i| format!("--clip=1,0,0,{i}")).collect();

@@ -111,7 +111,7 @@ fn planted_bytes_and_times_decide_and_the_closest_is_chosen() {
 }
 
 #[test]
-fn what_no_setting_can_do_is_said() {
+fn impossible_budgets_are_reported() {
     let volume = Arc::new(load(&VolumeSpec::new("phantom:slab:8")).unwrap());
     let methods = parse_list("none;osm:map=16").unwrap();
     let budgets = [Budget::Bytes(5)];

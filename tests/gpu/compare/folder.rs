@@ -176,7 +176,7 @@ fn shell_words(line: &str) -> Vec<String> {
 
 #[test]
 #[cfg(unix)]
-fn an_interrupt_says_what_is_kept_and_how_to_go_on() {
+fn an_interrupt_reports_how_to_resume() {
     use std::process::{Command, Stdio};
     use std::time::{Duration, Instant};
     if !common::has_adapter() {

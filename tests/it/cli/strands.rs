@@ -109,7 +109,7 @@ fn files_of_tracks_are_volumes_and_are_voxelised() {
 }
 
 #[test]
-fn strands_stand_in_a_volume_and_in_what_is_kept_of_it() {
+fn strands_are_drawn_in_a_volume_and_written_to_the_scene_file() {
     let dir = tempfile::tempdir().unwrap();
     let here = dir.path();
     fs::write(here.join("a.obj"), "v -60 0 -40\nv 0 10 0\nv 60 0 40\nl 1 2 3\nl 2\n").unwrap();
@@ -175,7 +175,7 @@ fn strands_that_cannot_stand_in_a_volume_are_refused() {
 }
 
 #[test]
-fn what_cannot_be_voxelised_is_refused() {
+fn unfit_strands_are_not_voxelised() {
     let dir = tempfile::tempdir().unwrap();
     stdout(dir.path(), &["phantom", "hair-straight:50", "-o", "x.hair"]);
     let mut bytes = fs::read(dir.path().join("x.hair")).unwrap();

@@ -54,7 +54,7 @@ fn presets_are_listed_and_exported() {
 }
 
 #[test]
-fn other_programs_files_are_converted_and_said() {
+fn files_of_other_programs_are_converted_and_reported() {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("a.vp"), VP).unwrap();
     fs::write(dir.path().join("b.json"), PARAVIEW).unwrap();

@@ -112,7 +112,7 @@ fn independent_implementation() {
 
 /// Labels end half-way between voxels, and planes wherever they are: summed as they are defined, point by point.
 #[test]
-fn midpoint_sums_of_parts() {
+fn midpoint_sums_of_intervals() {
     const STEPS: usize = 40_000;
     let whole = rough_volume(oblique());
     let [nx, ny, nz] = whole.dims();

@@ -150,7 +150,7 @@ fn strands_are_shaded_by_their_directions() {
 
 /// At the edge of the volume the value is clamped: outside its voxels nothing changes across that axis.
 #[test]
-fn gradients_at_edges_and_in_flat_parts() {
+fn gradients_at_edges_and_in_flat_regions() {
     let volume =
         volume([8, 8, 8], DAffine3::IDENTITY, |i, j, _| if i < 4.0 { 7.0 / 3.0 } else { 2.0 * i + j });
     let tf = extinction(&[(0.0, 0.1)]);
@@ -173,7 +173,7 @@ fn gradients_at_edges_and_in_flat_parts() {
 
 /// The weighted mean over seen points is the mean over the picture.
 #[test]
-fn seen_points_are_distributed_as_the_camera_sees() {
+fn visible_points_are_distributed_like_camera_rays() {
     let volume = rough_volume(oblique());
     let quantities: [fn(DVec3) -> f64; 3] =
         [|x| x.x, |x| (x.z / 3.0).sin(), |x| f64::from(u8::from(x.y > 35.0))];

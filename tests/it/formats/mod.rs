@@ -146,7 +146,7 @@ fn zarr_that_cannot_be_read_is_refused_in_words() {
 }
 
 #[test]
-fn damaged_chunks_are_told_by_their_checksums() {
+fn checksums_reveal_damaged_chunks() {
     for (name, file) in [("v3_checked.zarr", "c/0/0/0"), ("v3_sharded.zarr", "c/0/0/0")] {
         let (_home, path) = store(name);
         let mut bytes = std::fs::read(path.join(file)).unwrap();
@@ -205,7 +205,7 @@ fn lists_lead_nowhere_else_and_to_whole_files() {
 }
 
 #[test]
-fn images_in_folders_of_a_store_are_found_or_said() {
+fn images_in_folders_of_a_store_are_found_or_reported() {
     let (_home, image) = store("two.ome.zarr");
     let around = tempfile::tempdir().unwrap();
     common::copy(&image, &around.path().join("0"));

@@ -92,7 +92,7 @@ fn senseless_dimensions() {
 }
 
 #[test]
-fn what_is_not_nifti() {
+fn files_that_are_not_nifti_are_refused() {
     let folder = Folder::new();
     let mut dicom = vec![0; 128];
     dicom.extend(b"DICM and more");

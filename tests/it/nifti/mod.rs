@@ -222,7 +222,7 @@ fn quaternions() {
 }
 
 #[test]
-fn oblique_sheared_and_flipped_sforms_are_kept() {
+fn oblique_sheared_and_flipped_sforms_are_preserved() {
     let rows = [[0.5, 0.25, -0.125, 10.0], [-0.75, 2.0, 0.5, -20.0], [0.125, 0.0, -3.0, 30.0]];
     let volume = read(&NiftiBytes::new([2, 2, 2]).with(|f| f.srow = rows)).unwrap();
     for (axis, row) in rows.iter().enumerate() {
@@ -262,7 +262,7 @@ fn broken_forms_are_passed_over_with_a_warning() {
 }
 
 #[test]
-fn units_other_than_mm_are_said_and_numbers_kept() {
+fn units_other_than_mm_give_a_warning() {
     for (units, said) in [(0, false), (2, false), (1, true), (3, true), (3 | 8, true)] {
         let volume = read(&NiftiBytes::new([2, 2, 2]).with(|f| f.xyzt_units = units)).unwrap();
         assert_eq!(volume.spacing_mm(), [1.0, 2.0, 3.0]);
@@ -310,7 +310,7 @@ fn frames() {
 }
 
 #[test]
-fn gzip_is_told_from_the_content() {
+fn content_decides_about_gzip() {
     let folder = Folder::new();
     let bytes = NiftiBytes::new([3, 3, 3]).bytes();
     for (name, content) in [("a.nii", gzip(&bytes)), ("b.nii.gz", bytes.clone()), ("c.nii.gz", gzip(&bytes))]

@@ -126,7 +126,7 @@ fn upward_shaders(files: &[(String, String)]) -> Vec<String> {
 
 /// A small crate with one violation of every kind in it.
 #[test]
-fn a_planted_violation_is_seen() {
+fn planted_violations_are_found() {
     let files = |list: &[(&str, &str)]| -> Vec<(String, String)> {
         list.iter().map(|(path, text)| (path.to_string(), text.to_string())).collect()
     };

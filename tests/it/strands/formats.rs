@@ -75,7 +75,7 @@ fn both_byte_orders_say_the_same() {
 }
 
 #[test]
-fn what_a_user_should_know_is_said() {
+fn notable_contents_are_reported() {
     let warnings = |name: &str| read_strands(&folder().join(name)).unwrap().warnings().to_vec();
     assert_eq!(warnings("little.tck"), ["1 lines of fewer than two points were left out"]);
     assert_eq!(warnings("ras.trk"), Vec::<String>::new());
@@ -96,7 +96,7 @@ fn what_a_user_should_know_is_said() {
 }
 
 #[test]
-fn a_file_is_told_by_its_content_before_its_name() {
+fn content_decides_the_format_before_the_name() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["little.tck", "big.trk", "binary4.vtk", "default.vtp"] {
         for other in ["a.hair", "a.obj", "a.dat", "a"] {
@@ -137,7 +137,7 @@ fn headers_of_slicer_turn_two_axes_about() {
 }
 
 #[test]
-fn more_segments_than_hair_files_count_are_held_and_not_written() {
+fn more_segments_than_hair_files_count_are_not_written() {
     let mut text = String::new();
     (0..70_000).for_each(|i| text += &format!("v {i} 0 0\n"));
     text += "l";
@@ -326,7 +326,7 @@ fn compressed(blocks: u64, block: u64, packed: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn what_claims_to_unpack_to_more_than_it_can_is_not_unpacked() {
+fn impossible_unpacked_sizes_are_refused() {
     // A MiB of zeros, packed.
     let mut packer = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
     std::io::Write::write_all(&mut packer, &vec![0; 1 << 20]).unwrap();

@@ -3,7 +3,7 @@
 use umbravox::strands::{StrandSet, StrandVolume};
 
 #[test]
-fn every_set_has_exactly_the_segments_asked_for_and_is_the_same_every_time() {
+fn every_set_is_reproducible_with_the_requested_segments() {
     for set in StrandSet::ALL {
         for segments in [1, 2, 11, 128, 129, 5000, 40_001] {
             let strands = set.build(segments).unwrap();
