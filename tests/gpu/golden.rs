@@ -18,7 +18,7 @@ const FEATURES: [(&str, &[&str]); 10] = [
     ("filter", &["--shadow=dsm:filter=nearest,map=24"]),
     ("labels", &["--labels=labels.nrrd", "--label-tf=2=ct"]),
     ("labels-hidden", &["--labels=labels.nrrd", "--hide=1"]),
-    ("light-point", &["--light=point:60,-220,120"]),
+    ("light-point", &["--light=point:60,220,120"]),
     ("light-two", &["--light=dir:0,1,1", "--light=point:200,0,300,color=#ff8040,intensity=0.5"]),
     ("mesh", &["--mesh=mesh.obj,color=#8090a0"]),
     ("samples", &["--shadow=dsm:march=samples"]),
@@ -40,9 +40,9 @@ fn write_files(folder: &Path) {
     let labels = "NRRD0005\ntype: uchar\ndimension: 3\nsizes: 2 1 1\nspace: right-anterior-superior\n\
         space directions: (500,0,0) (0,1000,0) (0,0,1000)\nspace origin: (-250,0,0)\nencoding: ascii\n\n1 2\n";
     fs::write(folder.join("labels.nrrd"), labels).unwrap();
-    let mesh = "v -60 -150 -40\nv 60 -150 -40\nv 0 -150 60\nv 0 0 0\nf 1 2 3\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    let mesh = "v -60 150 -40\nv 60 150 -40\nv 0 150 60\nv 0 0 0\nf 1 2 3\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
     fs::write(folder.join("mesh.obj"), mesh).unwrap();
-    fs::write(folder.join("strands.obj"), "v -150 -100 -60\nv 0 -170 0\nv 150 -100 60\nl 1 2 3\n").unwrap();
+    fs::write(folder.join("strands.obj"), "v -150 100 -60\nv 0 170 0\nv 150 100 60\nl 1 2 3\n").unwrap();
 }
 
 /// How a picture differs from the golden one; `None` within the tolerance.
