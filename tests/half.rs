@@ -1,4 +1,4 @@
-//! What adding a method takes, held against the example: its folders and its line of the registry, and it is
+//! Steps to add a method, checked on the example: with its folders and its line of the registry it is
 //! everywhere (`docs/adding-a-method.md`).
 
 #[path = "common/mod.rs"]

@@ -28,7 +28,7 @@ use umbravox::render::DisplayTexture;
 /// Long enough for a busy machine without a GPU.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// Of the window, points.
+/// Size of the window, points.
 pub const SIZE: egui::Vec2 = egui::vec2(1200.0, 800.0);
 
 /// An open window without a screen, and the device that its pictures are on.

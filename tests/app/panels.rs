@@ -1,4 +1,4 @@
-//! What the panels show: strands, flicker, and that nothing is cut at their edges.
+//! Panels: strands, flicker, and that nothing is cut at their edges.
 
 use super::Bench;
 use eframe::egui::{self, Modifiers, vec2};

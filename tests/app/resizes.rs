@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 /// Slow enough to be refining when the next size comes.
 const SCENE: [&str; 4] = ["phantom:thorax:64", "--shadow=rays", "--tf=bone", "--clean"];
 const LAST: [u32; 2] = [1100, 740];
-/// Of the window, as far as the view reaches in any case: side panel, menus and editor show times.
+/// Pixels that belong to the view in any layout; side panel, menus and editor show times.
 const VIEW: [u32; 4] = [0, 40, 700, 440];
 
 /// Runs `view` with a script under an X server of its own; `None`, said aloud, where there is none.

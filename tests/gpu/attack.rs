@@ -45,7 +45,7 @@ fn layered_method(rng: &mut Rng) -> String {
     format!("{name}:{split},layers={},map={}", one_of(rng, &["1", "7", "32"]), rng.u32(2..40))
 }
 
-/// What is wrong with a method on a scene.
+/// Fault of a method on a scene, or `None`.
 fn fault(renderer: &Arc<Renderer>, attack: &Attack, method: &str, rng: &mut Rng) -> Option<String> {
     let clock = Instant::now();
     let volume = Arc::new(attack.volume());

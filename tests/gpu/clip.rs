@@ -77,7 +77,7 @@ fn a_clipped_homogeneous_medium_has_its_depth() {
     checks::answers_are(&setup, light, &points, &wanted, &methods);
 }
 
-/// What is promised of light rays is promised of clipped volumes, and holds.
+/// Error bounds of light rays hold for clipped volumes too.
 #[test]
 fn error_bounds_are_satisfied() {
     let whole = phantom("thorax:48");

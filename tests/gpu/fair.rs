@@ -1,4 +1,4 @@
-//! What makes methods comparable: planes where a split says they are, saturation, what filters average, whose rays a
+//! Conditions that make methods comparable: planes where a split says they are, saturation, what filters average, whose rays a
 //! kernel is judged by, lookups for each sample.
 
 use super::bound::along_light_rays;

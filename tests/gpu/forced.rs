@@ -1,4 +1,4 @@
-//! What a plan leaves out, forced back on: the omission is gone, and no picture changes.
+//! Skipped work that is forced on again: nothing is skipped any more, and no picture changes.
 
 use super::*;
 use umbravox::render::Omittable;
@@ -51,7 +51,7 @@ fn cases(volume: &Arc<Volume>, range: [f64; 2]) -> Vec<Case> {
     ]
 }
 
-/// What was left out before it was forced.
+/// Work that was skipped before it was forced.
 fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) -> Vec<Omittable> {
     let mut seen = Vec::new();
     for Case { what, volume, tf, methods, edit } in cases(volume, range) {

@@ -1,4 +1,4 @@
-//! What an edit makes stale, row by row, and that what is kept is still right.
+//! Dependents of each kind of edit: stale data is built again, the rest is kept and still right.
 
 use super::*;
 use umbravox::render::{AskedFor, Change, INVALIDATES, Kept, LoadedVolume, Serving, Stage, Work};
@@ -37,7 +37,7 @@ impl Session {
         Some(Self { renderer, loaded, kept: Kept::new(Forced::NOTHING), shown: None })
     }
 
-    /// What changed, what was made, and the picture if it is another one.
+    /// Changes, stages that ran, and the picture if it is another one.
     fn show(&mut self, state: &State) -> (Vec<Change>, Vec<Stage>, Option<Array3<f32>>) {
         let (mut work, mut made, mut changes) = (Work::default(), Vec::new(), Vec::new());
         if !Arc::ptr_eq(&self.loaded.volume, &state.volume) {

@@ -88,7 +88,7 @@ impl Setup {
         Self::forced(volume, tf, Forced::NOTHING)
     }
 
-    /// The same with work forced back on.
+    /// Opens a volume with skipped work forced on.
     fn forced(volume: &Arc<Volume>, tf: &TransferFunction, forced: Forced) -> Option<Self> {
         Some(Self {
             session: Session::on(renderer()?, Arc::clone(volume), tf, forced).unwrap(),

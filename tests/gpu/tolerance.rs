@@ -6,10 +6,10 @@ pub const SKIPPING: f64 = 1e-5;
 
 /// rms over RGBA of a picture by `rays` against the exact one: eye steps of half a voxel. What the project promises.
 pub const RAYS_PICTURE_RMS: f64 = 0.005;
-/// The same by `dsm:epsilon=0.005`: map texels as large as voxels blur the edges of shadows. What the project
+/// Error of `dsm:epsilon=0.005` likewise: map texels as large as voxels blur the edges of shadows. What the project
 /// promises.
 pub const DSM_PICTURE_RMS: f64 = 0.015;
-/// The same by `rays` with surfaces shaded: in 32 x 24 pixels the gradient at a jump is seen by few of them.
+/// Error of `rays` with shaded surfaces likewise: in 32 x 24 pixels the gradient at a jump is seen by few of them.
 pub const SHADED_PICTURE_RMS: f64 = 0.02;
 
 /// A map's transmittance never rises, but float32 texel coordinates of points of one ray differ by up to 1e-5 of a
@@ -24,7 +24,7 @@ pub const RANGE: f64 = 1e-6;
 /// Rows of a world turned by 90 degrees are other float32 numbers: what rounding of positions (1e-5 voxels) makes
 /// of a picture through a function of slope 1 per voxel.
 pub const TURNED: f64 = 1e-3;
-/// The same where the filter keeps 8 bits of a weight: values are off by a 512th of what neighbours differ by
+/// Tolerance where the filter keeps 8 bits of a weight: values are off by a 512th of what neighbours differ by
 /// (0.02 on an NVIDIA H100).
 pub const TURNED_IN_8_BITS: f64 = 0.05;
 

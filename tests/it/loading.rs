@@ -41,7 +41,7 @@ fn spec(source: &str) -> VolumeSpec {
     spec
 }
 
-/// What a window does: everything but the picture, watched from another thread.
+/// Reading as the window does it: everything but the picture, watched from another thread.
 fn watched(
     source: &str,
     mut each: impl FnMut(&Loading, ReadingProgress),

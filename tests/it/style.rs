@@ -93,7 +93,7 @@ fn long_functions(text: &str) -> Vec<String> {
 #[test]
 fn doc_comments_open_with_their_subject() {
     let mut offenders = Vec::new();
-    for (name, text) in files(&["src", "python/src"], "rs") {
+    for (name, text) in files(&["src", "python/src", "tests"], "rs") {
         offenders.extend(riddles(&text, &["///", "//!"]).iter().map(|found| format!("{name}:{found}")));
     }
     for (name, text) in files(&["shaders"], "wgsl") {

@@ -1,4 +1,4 @@
-//! What reading takes: at most one and a half times the bytes of the voxels that come of it, counted by an allocator.
+//! Peak memory of reading: at most one and a half times the bytes of the voxels, counted by an allocator.
 //!
 //! A program of its own, whose tests run one after the other: memory is counted for the whole process.
 

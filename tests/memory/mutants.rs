@@ -13,7 +13,7 @@ use umbravox::open::{VolumeSpec, load};
 use umbravox::transfer::TransferFunction;
 use umbravox::{strands, transfer};
 
-/// What a file is of, and so what reads it.
+/// Kind of a file, which selects its reader.
 #[derive(Clone, Copy)]
 enum Of {
     Volume,
@@ -41,9 +41,9 @@ impl Of {
 struct Seed {
     of: Of,
     kind: &'static str,
-    /// What is opened, in a folder of copies.
+    /// File that is opened, in a folder of copies.
     opened: &'static str,
-    /// What is damaged of it.
+    /// File that is damaged.
     damaged: &'static str,
 }
 
@@ -240,14 +240,14 @@ fn peak_bytes() -> Option<u64> {
     line.trim().strip_suffix(" kB")?.trim().parse::<u64>().ok().map(|kb| kb << 10)
 }
 
-/// What became of the mutants of one seed.
+/// Results of the mutants of one seed.
 #[derive(Default)]
 struct Counts {
     tried: AtomicUsize,
     read: AtomicUsize,
 }
 
-/// What all threads know of each other.
+/// State that all threads share.
 struct Run {
     seeds: Vec<&'static Seed>,
     counts: Vec<Counts>,

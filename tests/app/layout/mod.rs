@@ -35,7 +35,7 @@ fn inspected_windows() -> Vec<(Vec2, f32)> {
     others.iter().take(SIZES.window_sizes - 1).chain([smallest]).copied().collect()
 }
 
-/// What is wrong, with where.
+/// Faults, each with its place.
 #[derive(Default)]
 struct Found(Vec<String>);
 
@@ -114,7 +114,7 @@ impl Bench {
 
 /// Cheap to draw at any size.
 const CHEAP: [&str; 3] = ["--step=4", "--shading=none", "--shadow=none"];
-/// As long as a method's name gets.
+/// Longest texts of methods.
 const LONG: [&str; 2] =
     ["dsm:epsilon=0.0123,map=32,prefilter=5,precompress=off", "osm:map=32,layers=12,slicing=density"];
 
@@ -252,7 +252,7 @@ fn nothing_is_cut_covered_or_unreadable_with_labels_and_strands() {
     found.assert_none();
 }
 
-/// What is elided says the whole under the pointer.
+/// An elided text has its whole text as a tooltip.
 #[test]
 fn elided_text_is_shown_whole_under_the_pointer() {
     let dir = tempfile::tempdir().unwrap();
@@ -275,7 +275,7 @@ fn elided_text_is_shown_whole_under_the_pointer() {
     }
 }
 
-/// What this file looks for is found where it is.
+/// Planted faults are found.
 #[test]
 fn faults_that_are_planted_are_found() {
     let plant = |ui: &mut egui::Ui| {

@@ -50,7 +50,7 @@ pub struct Attack {
     pub compress: &'static str,
 }
 
-/// What came of it.
+/// Result of one scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
     pub report: BandReport,

@@ -12,7 +12,7 @@ pub fn setting(name: &str, usual: usize) -> usize {
     std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
-/// What a search has found.
+/// Results of a search.
 #[derive(Default)]
 pub struct Found {
     pub tries: usize,
@@ -41,7 +41,7 @@ impl Found {
     }
 }
 
-/// Of all tries, one in so many is the start of a climb.
+/// Tries per climb.
 const STARTS_A_CLIMB: usize = 20;
 
 /// So many scenes with one compression of maps, half of them at random, half climbing from the worst.

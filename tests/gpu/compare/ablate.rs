@@ -1,4 +1,4 @@
-//! What `--ablate` writes.
+//! Files of `--ablate`.
 
 use super::run;
 use crate::common;

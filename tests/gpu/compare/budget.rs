@@ -19,7 +19,7 @@ use umbravox::shadow::{
     BuildContext, Entry, Key, Lookup, Marker, Method, ShadowMap, Style, Value, parse, parse_list,
 };
 
-/// Of bytes, and of the time to build, a level.
+/// Levels of bytes and of build times.
 const LEVEL_BYTES: u64 = 1000;
 const LEVEL_MS: f64 = 400.0;
 

@@ -25,7 +25,7 @@ const METHODS: &str = "none;rays;dsm:map=64,epsilon=0.06,0.02";
 /// When to end a table.
 enum End {
     Never,
-    /// As soon as a step of that kind starts, for the n-th time.
+    /// Cancels when a step of one kind starts for the n-th time.
     At(StepKind, usize),
 }
 

@@ -21,11 +21,11 @@ use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::Volume;
 
 const DELAY_MS: f64 = 250.0;
-/// Of the first builds: the one that errors are measured on, and the warm-up.
+/// First builds: the one that errors are measured on, and the warm-up.
 const FIRST_DELAY_MS: f64 = 4000.0;
 const FIRST_BUILDS: usize = 2;
 
-/// What is wrong with a planted method.
+/// Fault of a planted method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
     /// It builds late, and a map of twice the extinction: every transmittance is squared.

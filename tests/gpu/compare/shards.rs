@@ -39,7 +39,7 @@ fn sweep<'a>(folder: &Path, out: &'a str, more: &[&'a str]) -> String {
     done(folder, &[&args[..], &EFFORT, more].concat())
 }
 
-/// What does not depend on how fast the machine was.
+/// Columns that do not depend on the speed of the machine.
 fn errors(table: &Path) -> Vec<String> {
     let of = |row: &HashMap<String, String>| {
         ["scene", "method", "params", "point_err_rms", "ray_err_max", "image_rmse", "bound_held"]

@@ -1,4 +1,4 @@
-//! What must not change the answer, or change it in a known way.
+//! Invariances of the exact reference, and changes with a known answer.
 
 use super::*;
 use umbravox::exact::ExactField;
@@ -26,7 +26,7 @@ fn reversed_and_split() {
     }
 }
 
-/// The same field stored along other axes, and turned in the world.
+/// Field stored along other axes and rotated in the world.
 #[test]
 fn rotated_by_90_degrees() {
     let turn = DAffine3::from_cols(DVec3::Y, DVec3::NEG_X, DVec3::Z, DVec3::new(4.0, -2.0, 1.0));

@@ -1,4 +1,4 @@
-//! What the camera sees: points and pictures.
+//! Visible points and pictures.
 
 use super::*;
 use std::f64::consts::PI;

@@ -86,7 +86,7 @@ fn files_of_other_writers_are_read_as_their_libraries_read_them() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// What `info` says of a folder, and how: in one line.
+/// Message of `info` about a folder, which is one line.
 fn refusal(name: &str, flags: ReadFlags) -> String {
     let error = read(name, flags).unwrap_err();
     assert_eq!(error.exit_status(), 2, "{error}");
@@ -114,7 +114,7 @@ fn store(name: &str) -> (tempfile::TempDir, PathBuf) {
     (home, path)
 }
 
-/// What reading a store says where one of its files has other words in it.
+/// Message of reading a store in which one file's text is replaced.
 fn zarr_refusal(name: &str, file: &str, from: &str, to: &str) -> String {
     let (_home, path) = store(name);
     let text = std::fs::read_to_string(path.join(file)).unwrap();

@@ -1,4 +1,4 @@
-//! What is written is read again with the same values in the same places, whatever the volume.
+//! Written volumes are read again with the same values in the same places.
 
 use glam::{DAffine3, DMat3, DVec3, EulerRot};
 use ndarray::Array3;

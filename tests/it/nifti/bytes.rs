@@ -47,7 +47,7 @@ impl NiftiBytes {
         }
     }
 
-    /// The same as NIfTI-2.
+    /// Turns the header into NIfTI-2.
     pub fn version_2(mut self) -> Self {
         self.version = 2;
         self.magic = b"n+2\0\r\n\x1a\n".to_vec();

@@ -1,4 +1,4 @@
-//! What the files of a crate import, read from their tokens: `use` trees, paths in code and in macros.
+//! Imports of a crate's files, read from their tokens: `use` trees, paths in code and in macros.
 
 use super::{FRONT_DOORS, ROOMS};
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 type Module = Vec<String>;
 
-/// What one file says about others.
+/// References of one file to others.
 #[derive(Default)]
 struct Source {
     /// Names of the modules that it declares with `mod NAME;`.

@@ -21,7 +21,7 @@ fn bytes_of(name: &str) -> Vec<u8> {
     fs::read(folder().join(name)).unwrap()
 }
 
-/// What others read from every file.
+/// Contents that other programs read from every file.
 fn expected() -> BTreeMap<String, Points> {
     serde_json::from_slice(&bytes_of("points.json")).unwrap()
 }

@@ -7,7 +7,7 @@ use umbravox::strands::{Kernel, StrandGrid, StrandSet, Strands, VoxelisedStrands
 
 const BOTH: [Kernel; 2] = [Kernel::Box, Kernel::Tent];
 
-/// Of `u u^T`: `xx, yy, zz, xy, xz, yz`.
+/// Components of `u u^T`: `xx, yy, zz, xy, xz, yz`.
 fn product(u: DVec3) -> [f64; 6] {
     [u.x * u.x, u.y * u.y, u.z * u.z, u.x * u.y, u.x * u.z, u.y * u.z]
 }
