@@ -28,6 +28,8 @@ folder=$(cd "$folder" && pwd)
 # The tests look for the program there, from another folder.
 export CARGO_TARGET_DIR="${folder%/python}"
 cargo=${CARGO:-cargo}
+# Python itself offers its symbols; maturin sets it too.
+export PYO3_BUILD_EXTENSION_MODULE=1
 # Prints packages of pyproject.toml: what the module and its tests import.
 packages=$("$python" - <<'END'
 import json, re
@@ -57,7 +59,7 @@ if [[ ${UMBRAVOX_TESTS:-} == full ]]; then
     "$folder/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps "$folder"/wheels/*.whl
 else
     # One build for all: the features are those of `make test`.
-    PYO3_BUILD_EXTENSION_MODULE=1 "$cargo" build --locked --workspace --lib --bins --tests
+    "$cargo" build --locked --workspace --lib --bins --tests
     # shellcheck disable=SC2086
     environment "$folder/venv" $packages
     rm -rf "$folder/module"
@@ -67,7 +69,7 @@ else
     export PYTHONPATH=$folder/module
 fi
 # The program with the same features as the module: other features add columns to tables.
-"$cargo" test --locked --workspace --no-run --test it
+"$cargo" test --locked --no-run --test it
 # Beside no source that could be imported in its place.
 cd python/tests
 "$folder/venv/bin/python" -m pytest -q -rs -p no:cacheprovider "$@"

@@ -37,8 +37,8 @@ if [[ $run == quick ]]; then
     step "compile" "$cargo" test --locked --no-run --lib --test it
     step "run" "$cargo" test --locked --no-fail-fast --lib --test it -- --show-output
 else
-    step "compile" "$cargo" test --locked --workspace --no-run
-    step "run" "$cargo" test --locked --workspace --no-fail-fast -- --show-output
+    step "compile" "$cargo" test --locked --no-run
+    step "run" "$cargo" test --locked --no-fail-fast -- --show-output
     step "Python module" scripts/python.sh
 fi
 if [[ $run == full ]]; then
