@@ -139,8 +139,8 @@ pub struct Sizes {
     pub window_sizes: usize,
     /// Resizes of the real window while a picture refines.
     pub window_resizes: u32,
-    /// Shaders are translated for Metal, Direct3D and SPIR-V with every one of so many distinct modules.
-    pub translated_shader_stride: usize,
+    /// One of so many distinct shaders is composed, validated and translated.
+    pub shader_stride: usize,
 }
 
 /// Small sizes for the desk, full ones in CI (`UMBRAVOX_TESTS=full`).
@@ -153,7 +153,7 @@ pub static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
             damaged_files: 300,
             window_sizes: 7,
             window_resizes: 50,
-            translated_shader_stride: 1,
+            shader_stride: 1,
         }
     } else {
         Sizes {
@@ -162,7 +162,7 @@ pub static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
             damaged_files: 40,
             window_sizes: 2,
             window_resizes: 12,
-            translated_shader_stride: 8,
+            shader_stride: 8,
         }
     }
 });

@@ -1,13 +1,11 @@
 //! Every tolerance of the device's tests, with its reason.
 
-/// Pictures with and without brick skipping: samples sit on one lattice, so only sums of zeros may differ. What the
-/// project promises.
+/// Pictures with and without brick skipping: samples sit on one lattice, so only sums of zeros may differ. A published tolerance.
 pub const SKIPPING: f64 = 1e-5;
 
-/// rms over RGBA of a picture by `rays` against the exact one: eye steps of half a voxel. What the project promises.
+/// rms over RGBA of a picture by `rays` against the exact one: eye steps of half a voxel. A published tolerance.
 pub const RAYS_PICTURE_RMS: f64 = 0.005;
-/// Error of `dsm:epsilon=0.005` likewise: map texels as large as voxels blur the edges of shadows. What the project
-/// promises.
+/// Error of `dsm:epsilon=0.005` likewise: map texels as large as voxels blur the edges of shadows. A published tolerance.
 pub const DSM_PICTURE_RMS: f64 = 0.015;
 /// Error of `rays` with shaded surfaces likewise: in 32 x 24 pixels the gradient at a jump is seen by few of them.
 pub const SHADED_PICTURE_RMS: f64 = 0.02;
@@ -28,9 +26,9 @@ pub const TURNED: f64 = 1e-3;
 /// (0.02 on an NVIDIA H100).
 pub const TURNED_IN_8_BITS: f64 = 0.05;
 
-/// Layers at every sample converge to the exact curve. What the project promises.
+/// Layers at every sample converge to the exact curve. A published tolerance.
 pub const LAYERS_EVERYWHERE: f64 = 0.01;
-/// Optical depth of a point behind everything. What the project promises.
+/// Optical depth of a point behind everything. A published tolerance.
 pub const FULL_DEPTH: f64 = 1e-3;
 
 /// Work that is forced back on changes rounding alone.
