@@ -1,5 +1,6 @@
 # make demo    build, then compare the shadow methods on the built-in chest phantom
-# make test    every test, those of the Python module too
+# make quick   the library's unit tests and the tests without a device: for the inner loop
+# make test    every test, the slow ones at a small size, those of the Python module too; UMBRAVOX_TESTS=full for full size
 # make python  the Python module: its wheel is built, installed into a fresh virtual environment and tested
 # make adapters   the device's tests, the stability suite and the search on every software Vulkan that is there
 # make lint    formatting and clippy, as CI runs them
@@ -29,7 +30,7 @@ XVFB := xvfb-run -a -s "-screen 0 1600x1000x24"
 XVFB_LARGE := xvfb-run -a -s "-screen 0 3840x2160x24"
 SIZES ?= 640x480@1 900x560@1 900x560@2 1280x720@1 1280x720@2 1920x1080@1 1920x1080@2
 
-.PHONY: demo test python adapters lint bench shots sizes measured pictures setup check-tools
+.PHONY: demo quick test python adapters lint bench shots sizes measured pictures setup check-tools
 
 demo: setup
 	$(CARGO) build --release --locked
@@ -40,17 +41,17 @@ demo: setup
 	@echo "report:   $(DEMO_DIR)/report.html, all of this in one file"
 	@echo "pictures: $(DEMO_DIR)/picture_*.png, differences from rays: $(DEMO_DIR)/difference_*.png"
 
-# What passing tests print is shown too: the lines that say what was skipped. Last, what adding a method takes.
+quick: setup
+	CARGO="$(CARGO)" scripts/test.sh quick
+
 test: setup
-	$(CARGO) test --locked $(TEST_FLAGS) -- --show-output
-	$(CARGO) test --locked --features half --test half
-	CARGO="$(CARGO)" scripts/python.sh
+	CARGO="$(CARGO)" scripts/test.sh
 
 python: setup
-	CARGO="$(CARGO)" scripts/python.sh
+	CARGO="$(CARGO)" UMBRAVOX_TESTS=full scripts/python.sh
 
 adapters:
-	@scripts/setup.sh --second
+	@scripts/setup.sh --tests
 	CARGO="$(CARGO)" scripts/adapters.sh
 
 lint:

@@ -15,7 +15,7 @@ fn vessels() -> TransferFunction {
 
 fn bricks(criterion: &mut Criterion) {
     let mut sources = vec![("thorax", "phantom:thorax".to_string())];
-    sources.extend(common::scan("CT_AVM").map(|scan| ("CT_AVM", scan.display().to_string())));
+    sources.extend(common::scan_if_present("CT_AVM").map(|scan| ("CT_AVM", scan.display().to_string())));
     for (name, source) in sources {
         let volume = match load(&VolumeSpec::new(source)) {
             Ok(volume) => volume,

@@ -17,7 +17,7 @@ use umbravox::volume::Volume;
 const RAYS: usize = 2_000;
 
 fn volume() -> Volume {
-    let spec = common::scan("CT_AVM")
+    let spec = common::scan_if_present("CT_AVM")
         .map_or_else(VolumeSpec::default, |scan| VolumeSpec::new(scan.to_string_lossy()));
     println!("volume: {}", spec.source);
     load(&spec).expect("the volume loads")

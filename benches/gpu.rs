@@ -16,7 +16,7 @@ use umbravox::transfer::{PairTable, TransferTables};
 
 fn stages(criterion: &mut Criterion) {
     let mut sources = vec![("thorax", "phantom:thorax:128".to_string())];
-    sources.extend(common::scan("CT_AVM").map(|scan| ("CT_AVM", scan.display().to_string())));
+    sources.extend(common::scan_if_present("CT_AVM").map(|scan| ("CT_AVM", scan.display().to_string())));
     for (name, source) in sources {
         let volume = Arc::new(load(&VolumeSpec::new(source)).expect("the volume loads"));
         let tf = presets::resolve("vessels", &volume).expect("a preset").tf;

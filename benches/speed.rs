@@ -163,7 +163,7 @@ fn main() -> ExitCode {
     };
     let words = |text: &str| text.split(' ').map(str::to_owned).collect::<Vec<_>>();
     let scan = |name: &str, tf: String, camera: &str| {
-        let volume = common::scan(name)?.display().to_string();
+        let volume = common::scan_if_present(name)?.display().to_string();
         Some((name.to_owned(), [vec![volume, "--tf".into(), tf], words(camera)].concat()))
     };
     let vessels = ramp("CT_AVM.json", [(190.0, 0.0), (310.0, 0.3)]);

@@ -1,45 +1,75 @@
 #!/usr/bin/env bash
-# Builds the Python module's wheel, installs it into a fresh virtual environment, and runs its tests there: against the
-# command line, which it builds too, against figures of an independent program, and the notebook of examples/.
-# Where there is no Python that could, it says `skipped:` and why.
+# Tests the Python module: against the command line, against figures of an independent program, and the notebook of
+# examples/. By default the module that `make test` has compiled is imported from a folder, into an environment that is
+# kept; with UMBRAVOX_TESTS=full its wheel is built and installed into a fresh environment.
+# Without a Python that could, it fails, unless UMBRAVOX_NO_PYTHON=1.
 # usage: python.sh [PYTEST ARGUMENTS]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-skip() {
-    echo "skipped: the Python module is not tested: $1"
-    exit 0
+missing() {
+    if [[ ${UMBRAVOX_NO_PYTHON:-} == 1 ]]; then
+        echo "skipped: python-module: $1"
+        exit 0
+    fi
+    echo "error: the Python module cannot be tested: $1" >&2
+    echo "hint: install Python 3.10 or later with venv; UMBRAVOX_NO_PYTHON=1 skips these tests" >&2
+    exit 1
 }
 
 python=${PYTHON:-python3}
-command -v "$python" >/dev/null || skip "there is no $python"
-"$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || skip "$("$python" --version) is older than 3.10"
-"$python" -c 'import venv, ensurepip' 2>/dev/null || skip "$python has no venv (Debian: apt-get install python3-venv)"
+command -v "$python" >/dev/null || missing "there is no $python"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || missing "$("$python" --version) is older than 3.10"
+"$python" -c 'import venv, ensurepip' 2>/dev/null || missing "$python has no venv (Debian: apt-get install python3-venv)"
 
 folder=${CARGO_TARGET_DIR:-target}/python
 mkdir -p "$folder"
 folder=$(cd "$folder" && pwd)
 # The tests look for the program there, from another folder.
 export CARGO_TARGET_DIR="${folder%/python}"
-rm -rf "$folder/wheels" "$folder/venv"
-
-# What builds it is kept from one run to the next.
-tools=$folder/tools
-[[ -x $tools/bin/maturin ]] || {
-    "$python" -m venv "$tools"
-    "$tools/bin/pip" install --quiet --disable-pip-version-check "maturin>=1.9,<2" ||
-        skip "pip cannot fetch maturin, which builds it"
+cargo=${CARGO:-cargo}
+# Python itself offers its symbols; maturin sets it too.
+export PYO3_BUILD_EXTENSION_MODULE=1
+# Prints packages of pyproject.toml: what the module and its tests import.
+packages=$("$python" - <<'END'
+import json, re
+text = open("pyproject.toml").read()
+lists = [re.search(rf"^{key} = (\[.*\])$", text, re.M)[1] for key in ("dependencies", "test")]
+print("\n".join(name for found in lists for name in json.loads(found)))
+END
+)
+# usage: environment FOLDER PACKAGE...   a virtual environment; one of the same packages is kept
+environment() {
+    local at=$1
+    shift
+    [[ -x $at/bin/python && $(cat "$at/packages" 2>/dev/null) == "$*" ]] && return
+    rm -rf "$at"
+    "$python" -m venv "$at"
+    "$at/bin/pip" install --quiet --disable-pip-version-check "$@" || missing "pip cannot fetch $*"
+    echo "$*" >"$at/packages"
 }
-# Not pip's isolated build, which would fetch maturin again each time.
-"$tools/bin/maturin" build --release --locked --interpreter "$python" --out "$folder/wheels"
-wheel=$(ls "$folder"/wheels/*.whl)
 
-"$python" -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check "${wheel}[test]" ||
-    skip "pip cannot fetch what its tests need"
-# The program of the same features as the wheel: what lies there may be of others (its tables then have other columns).
-# Together with a test, so that nothing is compiled twice for the features of what only tests need.
-"${CARGO:-cargo}" test --locked --no-run --test cli_readme
+if [[ ${UMBRAVOX_TESTS:-} == full ]]; then
+    environment "$folder/tools" "maturin>=1.9,<2"
+    rm -rf "$folder/wheels" "$folder/venv"
+    # Not pip's isolated build, which would fetch maturin again each time. Optimised like the tests, not like a release.
+    "$folder/tools/bin/maturin" build --profile dev --locked --interpreter "$python" --out "$folder/wheels"
+    # shellcheck disable=SC2086
+    environment "$folder/venv" $packages
+    "$folder/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps "$folder"/wheels/*.whl
+else
+    # One build for all: the features are those of `make test`.
+    "$cargo" build --locked --workspace --lib --bins --tests
+    # shellcheck disable=SC2086
+    environment "$folder/venv" $packages
+    rm -rf "$folder/module"
+    mkdir -p "$folder/module"
+    cp -r python/umbravox "$folder/module/"
+    cp "$CARGO_TARGET_DIR/debug/lib_umbravox.so" "$folder/module/umbravox/_umbravox.abi3.so"
+    export PYTHONPATH=$folder/module
+fi
+# The program with the same features as the module: other features add columns to tables.
+"$cargo" test --locked --no-run --test it
 # Beside no source that could be imported in its place.
 cd python/tests
 "$folder/venv/bin/python" -m pytest -q -rs -p no:cacheprovider "$@"

@@ -1,18 +1,19 @@
 #!/usr/bin/env bash
 # Checks for what building and running need: cargo, a C linker, a Vulkan driver. On Debian and Ubuntu as root it
 # installs what is missing; elsewhere it says exactly what to install and fails.
-# usage: setup.sh [--check] [--window] [--second]    --check never installs; --window adds what X11 windows need, and
-# Xvfb; --second a second software Vulkan (SwiftShader, which Debian ships with chromium) and SPIR-V's validator
+# usage: setup.sh [--check] [--window] [--tests]    --check never installs; --window adds what X11 windows need, and Xvfb;
+# --tests adds that, a browser, SPIR-V's validator, and a second software Vulkan (SwiftShader, which Debian ships with
+# chromium)
 set -euo pipefail
 
 install=yes
 window=no
-second=no
+tests=no
 for argument; do
     case $argument in
     --check) install=no ;;
     --window) window=yes ;;
-    --second) second=yes ;;
+    --tests) tests=yes window=yes ;;
     *) echo "setup: unknown argument $argument" >&2 && exit 1 ;;
     esac
 done
@@ -62,7 +63,7 @@ if [[ $window == yes ]]; then
         library "lib${pair%%:*}.so" || missing+=("${pair##*:}")
     done
 fi
-if [[ $second == yes ]]; then
+if [[ $tests == yes ]]; then
     [[ -e /usr/lib/chromium/vk_swiftshader_icd.json ]] || missing+=(chromium)
     command -v spirv-val >/dev/null || missing+=(spirv-tools)
 fi

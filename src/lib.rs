@@ -67,4 +67,11 @@ pub mod strands;
 pub mod transfer;
 pub mod volume;
 
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;
+// tests/common names this crate as the other tests know it.
+#[cfg(test)]
+extern crate self as umbravox;
+
 pub use error::{Error, Result};

@@ -1,4 +1,7 @@
-"""What tests share: a small volume, the program, real scans. Where something is not there a test says `skipped:` and why."""
+"""A small volume, the program and real scans for all tests.
+
+A test whose requirement is missing fails, unless a variable says that it is not expected on this machine (tests/common).
+"""
 
 import os
 import subprocess
@@ -26,18 +29,22 @@ FUNCTION = {
 }
 
 
-def skip(why):
-    print(f"skipped: {why}")
+def missing(variable, why):
+    """Skips the test where `variable` is 1, and fails it elsewhere."""
+    if os.environ.get(variable) != "1":
+        pytest.fail(f"{why}; {variable}=1 skips the tests that need it", pytrace=False)
     pytest.skip(why)
 
 
 @pytest.fixture(scope="session")
 def adapter():
-    """Whether there is a graphics adapter."""
+    """Skips tests that need a graphics adapter where none is expected."""
     try:
         uv.Scene("phantom:slab:8").render(size=(2, 2))
     except uv.RunError as e:
-        skip(str(e))
+        if "no graphics adapter" not in str(e):
+            raise
+        missing("UMBRAVOX_NO_GPU", str(e))
 
 
 def small():
@@ -56,12 +63,12 @@ def scene():
 
 @pytest.fixture(scope="session")
 def program():
-    """Runs the command line; the test is skipped where it is not built."""
+    """Runs the command line."""
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
     named = [Path(os.environ["UMBRAVOX_PROGRAM"])] if "UMBRAVOX_PROGRAM" in os.environ else []
     found = [p for p in named + [target / "debug" / "umbravox", target / "release" / "umbravox"] if p.exists()]
     if not found:
-        skip("the program is not built: cargo build")
+        pytest.fail("the program is not built: cargo build", pytrace=False)
 
     def run(*line):
         return subprocess.run([found[0], *map(str, line)], capture_output=True, text=True, timeout=600)

@@ -42,7 +42,6 @@ def test_layouts_in_memory_do_not_matter():
 
 
 def test_images_of_nibabel_have_their_affine():
-    nibabel = pytest.importorskip("nibabel", reason="skipped: no nibabel")
     voxels, affine = small()
     image = nibabel.Nifti1Image(voxels, affine)
     np.testing.assert_array_equal(depths(image), depths(voxels, affine))

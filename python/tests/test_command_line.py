@@ -70,7 +70,6 @@ def test_pictures_have_the_same_bytes(arguments, program, adapter, tmp_path):
 
 
 def test_pictures_on_the_screen_are_those_of_the_file(adapter, tmp_path):
-    image = pytest.importorskip("matplotlib.image")
     picture = uv.render("phantom:thorax:24", size=(32, 24))
     uv.write_picture(tmp_path / "x.png", picture)
     assert np.array_equal(np.round(255 * image.imread(tmp_path / "x.png")[..., :3]), uv.srgb8(picture))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import DATA, FUNCTION, ROOT, skip, small
+from conftest import DATA, FUNCTION, ROOT, missing, small
 
 import umbravox as uv
 
@@ -33,9 +33,10 @@ def test_optical_depths_are_those_of_an_independent_program(scene):
 
 def test_real_scans_agree_with_the_oracle(tmp_path):
     volume = DATA / "CT_AVM.nii.gz"
-    if not ORACLE.exists() or not volume.exists():
-        skip("no oracle beside the repository (UMBRAVOX_ORACLE_RAYS), or no CT_AVM")
-    pytest.importorskip("nibabel", reason="skipped: the oracle needs nibabel")
+    if not volume.exists():
+        missing("UMBRAVOX_NO_SCANS", f"there is no {volume}")
+    if not ORACLE.exists():
+        pytest.skip("there is no oracle beside the repository (UMBRAVOX_ORACLE_RAYS)")
     function = {**FUNCTION, "points": [{**p, "value": 4 * p["value"] - 100} for p in FUNCTION["points"]]}
     scene = uv.Scene(volume, tf=function)
     affine, shape = scene.volume.affine, scene.volume.shape

@@ -4,7 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+import nbclient
+import nbformat
 from conftest import ROOT
 
 import umbravox as uv
@@ -27,15 +28,12 @@ def test_the_types_know_every_argument():
 
 
 def test_the_types_are_those_of_the_module():
-    pytest.importorskip("mypy", reason="skipped: mypy checks the types")
     line = [sys.executable, "-m", "mypy.stubtest", "umbravox", "--ignore-missing-stub", "--allowlist", "/dev/null"]
     told = subprocess.run(line, capture_output=True, text=True, cwd=ROOT / "python" / "tests")
     assert told.returncode == 0, told.stdout + told.stderr
 
 
 def test_the_notebook_runs(adapter, tmp_path):
-    nbformat = pytest.importorskip("nbformat", reason="skipped: nbclient runs the notebook")
-    nbclient = pytest.importorskip("nbclient", reason="skipped: nbclient runs the notebook")
     notebook = nbformat.read(ROOT / "examples" / "shadow_errors.ipynb", as_version=4)
     nbformat.validate(notebook)
     done = nbclient.NotebookClient(notebook, timeout=900, resources={"metadata": {"path": tmp_path}}).execute()

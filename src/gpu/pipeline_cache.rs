@@ -69,21 +69,17 @@ impl Drop for PipelineStore {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Gpu;
     use super::*;
+    use crate::common;
 
     #[test]
-    fn a_saved_cache_is_read_again_and_a_damaged_one_is_replaced() {
-        let Ok(gpu) = Gpu::open(None) else {
-            println!("skipped: there is no graphics adapter");
-            return;
-        };
+    fn what_is_kept_is_read_again_and_rubbish_is_not_believed() {
+        let Some(gpu) = common::gpu() else { return };
         let dir = tempfile::tempdir().unwrap();
         let folder = dir.path().join("new");
         let open = || PipelineStore::open_in(&folder, &gpu.device, &gpu.info);
         let Some(first) = open() else {
-            println!("skipped: the adapter has no pipeline cache");
-            return;
+            return common::skip("the adapter has no pipeline cache");
         };
         assert_eq!(first.stored, None);
         let file = first.file.clone();

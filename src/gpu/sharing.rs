@@ -85,6 +85,7 @@ impl Sharing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::common;
     use crate::gpu::Gpu;
 
     #[test]
@@ -108,11 +109,8 @@ mod tests {
     }
 
     #[test]
-    fn errors_belong_to_the_thread_whose_call_failed() {
-        let gpu = match Gpu::open(None) {
-            Ok(gpu) => gpu,
-            Err(e) => return println!("skipped: {e}"),
-        };
+    fn an_error_is_of_the_thread_whose_call_failed() {
+        let Some(gpu) = common::gpu() else { return };
         let fail = |gpu: &Gpu| {
             let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::STORAGE;
             let size = 16;

@@ -173,7 +173,7 @@ fn escape_leaves_the_topmost_alone() {
 }
 
 #[test]
-fn the_probe_says_what_a_promise_speaks_of() {
+fn the_probe_names_the_terms_of_the_error_bound() {
     for (spec, promises) in [("dsm:map=64", true), ("rays", true), ("bom:map=64", false), ("none", false)] {
         let shadow = format!("--shadow={spec}");
         let Some(mut bench) = Bench::open(&["phantom:thorax:32", &shadow]) else { return };
@@ -198,7 +198,7 @@ fn the_probe_says_what_a_promise_speaks_of() {
 }
 
 #[test]
-fn what_is_opened_without_a_word_has_no_shading() {
+fn shading_is_off_by_default() {
     let Some(mut bench) = Bench::empty() else { return };
     bench.app().model.open_source("phantom:sphere:16");
     bench.settle();

@@ -59,6 +59,7 @@ fn csv_rows(folder: &Path) -> Vec<Row> {
     rows.map(|row| Row::from_texts(&row.unwrap()).unwrap()).collect()
 }
 
+// Long: one session in the window, each step of which needs the table of the steps before.
 #[test]
 fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=dsm:map=64"]) else { return };
@@ -209,7 +210,7 @@ fn a_table_that_is_cancelled_leaves_its_journal_and_goes_on_from_there() {
 }
 
 #[test]
-fn bad_settings_and_folders_are_said_beside_their_fields() {
+fn bad_settings_and_folders_show_errors_beside_their_fields() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=none"]) else { return };
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("file");

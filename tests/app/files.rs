@@ -124,7 +124,7 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
 }
 
 #[test]
-fn what_cannot_be_opened_is_said_and_the_old_volume_stays() {
+fn a_file_that_does_not_open_leaves_the_old_volume_and_a_message() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=none"]) else { return };
     let picture = bench.pixels();
     let dir = tempfile::tempdir().unwrap();

@@ -11,7 +11,7 @@ use umbravox::transfer::TransferFunction;
 const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
 
 #[test]
-fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_it_back() {
+fn a_dragged_point_changes_picture_and_file_and_can_be_undone() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let before = bench.app().model.document.clone().unwrap();
     let picture = bench.pixels();
@@ -44,7 +44,7 @@ fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_i
 }
 
 #[test]
-fn an_edit_does_no_more_than_it_must() {
+fn an_edit_rebuilds_only_its_dependents() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let range = bench.app().model.document.as_ref().unwrap().volume.value_range();
     // A colour: tables, but no shadow work.
@@ -79,7 +79,7 @@ fn an_edit_does_no_more_than_it_must() {
 }
 
 #[test]
-fn methods_are_switched_by_their_list_and_a_bad_value_is_said_beside_it() {
+fn methods_are_switched_by_their_list_and_bad_values_show_errors() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let shadowed = brightness(&bench.pixels());
     bench.click("method");
@@ -121,7 +121,7 @@ fn the_split_view_shows_two_methods() {
 }
 
 #[test]
-fn the_light_and_the_camera_follow_the_hand() {
+fn drags_move_the_light_and_the_camera() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let before = bench.app().model.document.as_ref().unwrap().scene.clone();
     let center = bench.app().model.view.unwrap().center();
@@ -153,7 +153,7 @@ fn a_probe_while_a_picture_is_refined_leaves_it_whole() {
 }
 
 #[test]
-fn a_click_probes_what_is_seen_there() {
+fn a_click_probes_the_visible_point() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:32", "--tf=uniform", "--shadow=rays"]) else {
         return;
     };

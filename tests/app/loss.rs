@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use umbravox::app::curve::Edit;
 
 #[test]
-fn what_was_open_goes_on_on_another_device() {
+fn a_lost_device_is_replaced_and_the_scene_continues() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--shadow=dsm:map=64"]) else { return };
     bench.app().model.edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
     bench.app().model.look_from(2);
@@ -40,7 +40,7 @@ fn what_was_open_goes_on_on_another_device() {
 }
 
 #[test]
-fn where_no_device_can_be_had_the_scene_is_kept() {
+fn the_scene_survives_without_a_device() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--tf=uniform", "--shadow=none"]) else {
         return;
     };

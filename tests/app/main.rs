@@ -2,6 +2,8 @@
 #![cfg(feature = "gui")]
 
 mod asking;
+#[path = "../common/mod.rs"]
+mod common;
 mod comparison;
 mod cube;
 mod difference;
@@ -20,14 +22,13 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::time::{Duration, Instant};
 use umbravox::app::{App, Purpose, Settings, With};
-use umbravox::gpu::Gpu;
 use umbravox::open::SceneArgs;
 use umbravox::render::DisplayTexture;
 
 /// Long enough for a busy machine without a GPU.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// Of the window, points.
+/// Size of the window, points.
 pub const SIZE: egui::Vec2 = egui::vec2(1200.0, 800.0);
 
 /// An open window without a screen, and the device that its pictures are on.
@@ -49,13 +50,7 @@ impl Bench {
 
     /// Opens nothing.
     pub fn empty() -> Option<Self> {
-        let gpu = match Gpu::open(None) {
-            Ok(gpu) => gpu,
-            Err(e) => {
-                println!("skipped: {e}");
-                return None;
-            }
-        };
+        let gpu = common::gpu()?;
         let (device, queue) = (gpu.device.clone(), gpu.queue.clone());
         let app = App::new(gpu, &egui::Context::default(), Settings::default()).unwrap();
         let harness =

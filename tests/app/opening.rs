@@ -32,7 +32,7 @@ fn drop_files(bench: &mut Bench, paths: &[&Path]) {
 }
 
 #[test]
-fn what_is_dropped_is_opened_by_what_it_is() {
+fn dropped_files_open_by_their_kind() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
     let dir = tempfile::tempdir().unwrap();
     let source = |app: &App| app.model.document.as_ref().unwrap().spec.source.clone();

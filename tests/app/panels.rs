@@ -1,4 +1,4 @@
-//! What the panels show: strands, flicker, and that nothing is cut at their edges.
+//! Panels: strands, flicker, and that nothing is cut at their edges.
 
 use super::Bench;
 use eframe::egui::{self, Modifiers, vec2};
@@ -184,7 +184,7 @@ fn nothing_in_the_side_panel_is_cut() {
 }
 
 #[test]
-fn of_points_that_overlap_the_one_under_the_hand_is_taken() {
+fn overlapping_points_yield_the_one_under_the_pointer() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--shadow=none"]) else { return };
     let document = bench.app().model.document.clone().unwrap();
     let range = document.volume.value_range();

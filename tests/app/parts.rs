@@ -1,4 +1,4 @@
-//! What of a volume is shown: clip planes with handles, and the labels of a segmentation.
+//! Visible regions of a volume: clip planes with handles, and labels of a segmentation.
 
 use super::Bench;
 use eframe::egui::{Modifiers, vec2};

@@ -30,7 +30,7 @@ fn presets_are_shown_on_this_volume_and_chosen_by_a_click() {
 }
 
 #[test]
-fn other_programs_files_are_loaded_and_an_asked_opacity_is_kept_once() {
+fn files_of_other_programs_load_and_opacity_is_rescaled_once() {
     let line = ["phantom:thorax:32", "--tf=bone", "--shadow=none", "--opacity-scale=2"];
     let Some(mut bench) = Bench::open(&line) else { return };
     let dir = tempfile::tempdir().unwrap();

@@ -1,15 +1,14 @@
 //! The real window, resized again and again while its picture refines.
 
+use crate::common::{self, Requirement, SIZES};
 use std::fmt::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use umbravox::gpu::Gpu;
 
 /// Slow enough to be refining when the next size comes.
 const SCENE: [&str; 4] = ["phantom:thorax:64", "--shadow=rays", "--tf=bone", "--clean"];
 const LAST: [u32; 2] = [1100, 740];
-const RESIZES: u32 = 50;
-/// Of the window, as far as the view reaches in any case: side panel, menus and editor show times.
+/// Pixels that belong to the view in any layout; side panel, menus and editor show times.
 const VIEW: [u32; 4] = [0, 40, 700, 440];
 
 /// Runs `view` with a script under an X server of its own; `None`, said aloud, where there is none.
@@ -25,13 +24,13 @@ fn replay(script: &str, folder: &Path) -> Option<()> {
         .stdin(Stdio::null())
         .output();
     let Ok(run) = run else {
-        println!("skipped: there is no xvfb-run");
+        Requirement::Window.missing("there is no xvfb-run");
         return None;
     };
     let said = String::from_utf8_lossy(&run.stderr);
     // Xvfb is a package of its own, and so are the libraries that a window opens.
     if said.contains("command not found") || said.contains("cannot open the window") {
-        println!("skipped: {said}");
+        Requirement::Window.missing(&said);
         return None;
     }
     assert!(run.status.success(), "{said}");
@@ -46,15 +45,15 @@ fn view(path: &Path) -> image::RgbImage {
 }
 
 #[test]
-fn fifty_resizes_while_a_picture_refines_alarm_nobody_and_end_in_the_right_picture() {
-    if let Err(e) = Gpu::open(None) {
-        return println!("skipped: {e}");
+fn resizes_while_a_picture_refines_alarm_nobody_and_end_in_the_right_picture() {
+    if !common::has_adapter() {
+        return;
     }
     let dir = tempfile::tempdir().unwrap();
     let (resized, fresh) = (dir.path().join("resized.png"), dir.path().join("fresh.png"));
     let [width, height] = LAST;
     let mut script = String::from("window 900 640\npause 1\n");
-    for i in 1..RESIZES {
+    for i in 1..SIZES.window_resizes {
         writeln!(script, "resize {} {}\npause 0.1", 800 + i * 37 % 500, 600 + i * 53 % 300).unwrap();
     }
     writeln!(script, "resize {width} {height}\npause 0.3\nsilent\nsettle\nsilent").unwrap();

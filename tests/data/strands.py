@@ -2,7 +2,7 @@
 """Files of strands made by other people's writers, and what their own readers say of them: tests/data/strands/.
 
 usage: strands.py
-Needs numpy, nibabel (5.4) and vtk (9.7): `pip install nibabel vtk`. Run once; the results are committed, and `tests/strands/formats.rs`
+Needs numpy, nibabel (5.4) and vtk (9.7): `pip install nibabel vtk`. Run once; the results are committed, and `tests/it/strands/formats.rs`
 holds this program's readers against `points.json`, which has the points of every line of every file, world mm.
 """
 import json

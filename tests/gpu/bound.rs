@@ -81,7 +81,7 @@ fn thorax() {
 
 /// Opacity 0 takes nothing, whatever a driver's compiler makes of its logarithm.
 #[test]
-fn what_has_no_extinction_takes_no_light() {
+fn samples_with_zero_extinction_do_not_attenuate_light() {
     let volume = phantom("thorax:32");
     let Some(setup) = Setup::open(&volume, &opacity(&[(200.0, 0.0), (900.0, 0.9)])) else { return };
     let light = Light::Directional { toward: DVec3::new(0.4, -0.5, 0.75) };

@@ -1,10 +1,10 @@
-//! What is checked of whatever a volume is made of: promises, known answers, pictures.
+//! Checks of any kind of volume: error bounds, known answers, pictures.
 
 use super::*;
 use crate::bound::along_light_rays;
 use umbravox::scene::{Shading, Skip};
 
-/// What `rays` and `dsm` promise of light rays holds under every light; `what` says of what.
+/// Checks the error bounds of `rays` and `dsm` under every light; `what` names the volume.
 pub fn promises_hold(setup: &Setup, what: &str) {
     for (place, light) in lights(setup.volume()) {
         for method in ["rays", "dsm:epsilon=0.005,map=64", "dsm:epsilon=0.02,compress=optimal,map=64"] {

@@ -34,7 +34,7 @@ fn cuts(volume: &Volume) -> Vec<(&'static str, Vec<ClipPlane>)> {
 
 /// Through one extinction everywhere, transmittance is the exponential of the way through what is kept.
 #[test]
-fn an_even_medium_is_as_deep_as_what_is_kept_of_it() {
+fn a_clipped_homogeneous_medium_has_its_depth() {
     let n = 24usize;
     let volume = Arc::new(volume_of(Array3::<u8>::from_elem((n, n, n), 100).into(), DAffine3::IDENTITY));
     let sigma = 0.07;
@@ -77,9 +77,9 @@ fn an_even_medium_is_as_deep_as_what_is_kept_of_it() {
     checks::answers_are(&setup, light, &points, &wanted, &methods);
 }
 
-/// What is promised of light rays is promised of clipped volumes, and holds.
+/// Error bounds of light rays hold for clipped volumes too.
 #[test]
-fn promises_hold() {
+fn error_bounds_are_satisfied() {
     let whole = phantom("thorax:48");
     for (what, planes) in cuts(&whole) {
         for (n, tf) in transfer_functions([-900.0, 1200.0]).iter().enumerate() {
@@ -123,7 +123,7 @@ fn pictures_are_exact_and_skipping_changes_nothing() {
 
 /// Bricks that are clipped away are not marched, and a volume of which nothing is kept is empty.
 #[test]
-fn what_is_clipped_away_costs_nothing() {
+fn clipped_regions_cost_nothing() {
     let whole = phantom("thorax:64");
     let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
     let center = whole.corners_mm().iter().sum::<DVec3>() / 8.0;

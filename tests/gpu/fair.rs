@@ -1,4 +1,4 @@
-//! What makes methods comparable: planes where a split says they are, saturation, what filters average, whose rays a
+//! Conditions that make methods comparable: planes where a split says they are, saturation, what filters average, whose rays a
 //! kernel is judged by, lookups for each sample.
 
 use super::bound::along_light_rays;
@@ -112,7 +112,7 @@ fn stored_optical_depth_saturates() {
 
 /// Half way between a lit texel and a dark one, the mean of optical depths is dark and that of transmittances half lit.
 #[test]
-fn what_filters_average_is_a_setting() {
+fn filters_average_transmittance_or_depth() {
     let value = |(_, _, i)| if i < 16 { 0.0 } else { 1000.0 };
     let volume = volume_of(Voxels::F32(Array3::from_shape_fn((8, 32, 32), value)), DAffine3::IDENTITY);
     let tf = extinction(&[(500.0, 0.0), (500.0, 2.0)]);

@@ -1,9 +1,9 @@
 //! A grid longer than the adapter's 3-D textures: the same pictures and shadows, folded.
 
-use crate::{RENDERER, extinction, volume_of};
+use crate::{extinction, renderer, volume_of};
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, OnceLock};
 use umbravox::gpu::Gpu;
 use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::{Light, Scene, Shading};
@@ -15,8 +15,13 @@ use umbravox::volume::{Labels, Volume, Voxels};
 const LIMIT: u32 = 64;
 
 /// A device that was asked for less than its adapter can.
-static SMALL: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| {
-    let renderer = RENDERER.as_ref()?;
+fn small_device() -> Option<&'static Arc<Renderer>> {
+    static SMALL: OnceLock<Arc<Renderer>> = OnceLock::new();
+    let renderer = renderer()?;
+    Some(SMALL.get_or_init(|| limited(renderer)))
+}
+
+fn limited(renderer: &Renderer) -> Arc<Renderer> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
     let same = |a: &wgpu::Adapter| a.get_info().name == renderer.gpu().info.name;
@@ -24,8 +29,8 @@ static SMALL: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| {
     let mut descriptor = Gpu::device_descriptor(&adapter);
     descriptor.required_limits.max_texture_dimension_3d = LIMIT;
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    Some(Arc::new(Renderer::new(Gpu::from_parts(&adapter, device, queue))))
-});
+    Arc::new(Renderer::new(Gpu::from_parts(&adapter, device, queue)))
+}
 
 /// Waves with a grain, over an oblique grid.
 fn waves([nx, ny, nz]: [usize; 3], half: bool) -> Arc<Volume> {
@@ -45,10 +50,7 @@ fn sessions(volume: &Arc<Volume>) -> Option<[Session; 2]> {
 }
 
 fn sessions_through(volume: &Arc<Volume>, tf: &TransferFunction) -> Option<[Session; 2]> {
-    let (Some(whole), Some(small)) = (RENDERER.as_ref(), SMALL.as_ref()) else {
-        println!("skipped: no graphics adapter");
-        return None;
-    };
+    let (whole, small) = (renderer()?, small_device()?);
     let on = |renderer| Session::on(renderer, Arc::clone(volume), tf, DisabledOptimizations::NONE).unwrap();
     let [whole, small] = [on(whole), on(small)];
     assert!(!whole.loaded.on_device.fold.is_folded() && small.loaded.on_device.fold.is_folded());
@@ -125,8 +127,8 @@ fn marches_by_samples_and_pictures_differ_by_rounding_alone() {
 }
 
 #[test]
-fn what_no_folding_holds_is_refused_in_numbers() {
-    let Some(small) = SMALL.as_ref() else { return };
+fn volumes_beyond_folding_are_refused_with_sizes() {
+    let Some(small) = small_device() else { return };
     let refused = small.load(waves([65, 64, 64], true)).err().unwrap();
     assert!(refused.why.contains("65 x 64 x 64") && refused.why.contains("64 x 64 x 64"), "{refused}");
     assert_eq!(refused.exit_status(), 2);

@@ -1,4 +1,4 @@
-//! What a plan leaves out, forced back on: the omission is gone, and no picture changes.
+//! Skipped work that is forced on again: nothing is skipped any more, and no picture changes.
 
 use super::*;
 use clap::ValueEnum;
@@ -52,7 +52,7 @@ fn cases(volume: &Arc<Volume>, range: [f64; 2]) -> Vec<Case> {
     ]
 }
 
-/// What was left out before it was forced.
+/// Work that was skipped before it was forced.
 fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) -> Vec<Optimization> {
     let mut seen = Vec::new();
     for Case { what, volume, tf, methods, edit } in cases(volume, range) {
@@ -85,8 +85,8 @@ fn forcing_changes_nothing(volume: &Arc<Volume>, range: [f64; 2], name: &str) ->
 fn forcing_phantoms() {
     let mut seen = forcing_changes_nothing(&phantom("thorax:96"), [-900.0, 1200.0], "thorax");
     seen.extend(forcing_changes_nothing(&phantom("shell:64"), [0.0, 1000.0], "shell"));
-    let never: Vec<_> = Optimization::value_variants().iter().filter(|o| !seen.contains(o)).collect();
-    assert!(RENDERER.is_none() || never.is_empty(), "nothing was left out by {never:?}");
+    let never: Vec<_> = Optimization::ALL.into_iter().filter(|o| !seen.contains(o)).collect();
+    assert!(renderer().is_none() || never.is_empty(), "nothing was left out by {never:?}");
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn everything_at_once() {
 }
 
 #[test]
-fn what_is_not_in_view_needs_no_shadows() {
+fn points_outside_the_view_need_no_shadows() {
     let volume = phantom("shell:40");
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);
     let Some(setup) = Setup::open(&volume, &ramp) else { return };
@@ -132,7 +132,7 @@ fn what_is_not_in_view_needs_no_shadows() {
 }
 
 #[test]
-fn shading_counts_where_it_is_asked_for() {
+fn shading_counts_only_when_enabled() {
     // The forced gradients must not be mistaken for a shading that was asked for, nor the other way round.
     let volume = phantom("shell:40");
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);

@@ -1,4 +1,4 @@
-//! What must not change the answer: skipping, repetition, turning the world, sizes.
+//! Invariances: skipping, repetition, rotation of the world, sizes.
 
 use super::*;
 use umbravox::scene::{Camera, Skip};

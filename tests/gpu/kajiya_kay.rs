@@ -156,7 +156,7 @@ fn lights_add_up_and_skipping_changes_nothing() {
 }
 
 #[test]
-fn what_is_not_of_strands_is_refused() {
+fn other_volumes_than_strands_are_refused() {
     let volume = phantom("sphere:16");
     let Some(setup) = Setup::open(&volume, &extinction(&[(0.0, 0.1)])) else { return };
     let scene = Scene { shading: Shading::KajiyaKay, ..setup.scene(8, 8) };

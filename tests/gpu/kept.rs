@@ -1,4 +1,4 @@
-//! What an edit makes stale, row by row, and that what is kept is still right.
+//! Dependents of each kind of edit: stale data is built again, the rest is kept and still right.
 
 use super::*;
 use umbravox::engine::{Change, INVALIDATES, MapCoverage, ReusePolicy, ShadowCache, Stage, Work};
@@ -33,15 +33,12 @@ struct Session {
 impl Session {
     /// `None`, visibly, where there is no adapter.
     fn open(volume: &Arc<Volume>) -> Option<Self> {
-        let Some(renderer) = RENDERER.as_ref() else {
-            println!("skipped: no graphics adapter");
-            return None;
-        };
+        let renderer = renderer()?;
         let loaded = renderer.load(Arc::clone(volume)).unwrap();
         Some(Self { renderer, loaded, kept: ShadowCache::new(DisabledOptimizations::NONE), shown: None })
     }
 
-    /// What changed, what was made, and the picture if it is another one.
+    /// Changes, stages that ran, and the picture if it is another one.
     fn show(&mut self, state: &State) -> (Vec<Change>, Vec<Stage>, Option<Array3<f32>>) {
         let (mut work, mut made, mut changes) = (Work::default(), Vec::new(), Vec::new());
         if !Arc::ptr_eq(&self.loaded.volume, &state.volume) {
@@ -168,7 +165,7 @@ fn a_light_that_goes_back_finds_its_map() {
 }
 
 #[test]
-fn of_several_lights_only_the_one_that_moves_is_built_again() {
+fn only_the_moved_light_is_built_again() {
     let mut state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
     let light = |x, y, z| LightSource::from(Light::Directional { toward: DVec3::new(x, y, z) });
@@ -258,7 +255,7 @@ fn shadows_wait_until_something_needs_them() {
 }
 
 #[test]
-fn what_fails_leaves_the_old_in_place() {
+fn a_failed_update_keeps_the_old_state() {
     let state = State::first();
     let Some(mut session) = Session::open(&state.volume) else { return };
     session.show(&state);

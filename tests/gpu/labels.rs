@@ -27,7 +27,7 @@ fn blocks([i, j, k]: [usize; 3]) -> u16 {
     [0, 7, 300, 9][((i / 3) * 5 + (j / 3) * 3 + (k / 3) * 7 + (i / 3) * (k / 3)) % 4]
 }
 
-/// The same values through several functions, and one label hidden: by opacity, and by extinction.
+/// Values seen through several functions, with one label hidden: by opacity, and by extinction.
 fn functions() -> [TransferFunction; 3] {
     let [ramp, jumps, peaks] = transfer_functions([-900.0, 1200.0]);
     let steps = opacity(&[(-200.0, 0.0), (-100.0, 0.04), (40.0, 0.04), (40.0, 0.2), (900.0, 0.6)]);
@@ -87,7 +87,7 @@ fn labels_without_rules_change_nothing() {
     assert!(largest_difference(&exact[0], &exact[1]) < 1e-6);
 }
 
-/// The same function for every label is the function itself, wherever its label ends.
+/// One function for every label gives the picture without labels.
 #[test]
 fn one_function_under_many_names_is_itself() {
     let volume = phantom("thorax:48");
@@ -115,9 +115,9 @@ fn one_function_under_many_names_is_itself() {
     }
 }
 
-/// What is promised of light rays holds through many labels.
+/// Error bounds of light rays hold through many labels.
 #[test]
-fn promises_hold() {
+fn error_bounds_are_satisfied() {
     let volume = labelled(&phantom("thorax:48"), blocks);
     for tf in functions() {
         let Some(setup) = Setup::open(&volume, &tf) else { return };
@@ -170,7 +170,7 @@ fn eye_rays_see_thin_corners() {
     }
 }
 
-/// What is skipped has no extinction in a table of several functions either, whose bins are wide.
+/// Skipped bricks have no extinction in wide tables of several functions either.
 #[test]
 fn functions_side_by_side_are_skipped_without_loss() {
     let ramp = Array3::from_shape_fn((20, 20, 40), |(k, j, i)| (i * 6 + (j * k) % 5) as u8);
@@ -194,7 +194,7 @@ fn functions_side_by_side_are_skipped_without_loss() {
 
 /// Hidden bricks are not marched.
 #[test]
-fn what_is_hidden_costs_nothing() {
+fn hidden_labels_cost_nothing() {
     let volume = labelled(&phantom("thorax:64"), |[i, ..]| u16::from(i < 32));
     let [ramp, ..] = transfer_functions([-900.0, 1200.0]);
     let Some(all) = Setup::open(&volume, &ramp) else { return };

@@ -32,7 +32,7 @@ fn opacity_maps_converge() {
 }
 
 #[test]
-fn slices_lie_where_they_are_said_to() {
+fn slices_lie_at_their_reported_depths() {
     let Some(setup) = Setup::open(&phantom("slab"), &ramp(0.05)) else { return };
     let error =
         |slicing: &str| ray_err_max(&setup, &format!("osm:layers=4,slicing={slicing},bits=32,map=32"), ABOVE);
@@ -197,7 +197,7 @@ fn deep_opacity_has_no_bands_at_the_lit_side() {
 }
 
 #[test]
-fn what_lies_behind_the_last_layer() {
+fn lookups_behind_the_last_layer() {
     let Some(setup) = Setup::open(&phantom("slab"), &ramp(0.05)) else { return };
     let depth = |method: &str, z: f64| -> f64 {
         let map = setup.shadow(method, ABOVE);

@@ -164,7 +164,7 @@ fn parts_of_a_picture_add_up_alike() {
 }
 
 #[test]
-fn as_many_structures_as_lights_that_shine_are_asked_for() {
+fn one_structure_per_shining_light() {
     let [ramp, ..] = transfer_functions([0.0, 1000.0]);
     let volume = phantom("sphere");
     let Some(setup) = Setup::open(&volume, &ramp) else { return };

@@ -160,7 +160,7 @@ fn joints_within_a_texel_cast_no_shadow_of_their_own() {
     }
 }
 
-/// Curls hold the same matter drawn into a map as spread over voxels; `tests/compare/strands.rs` holds them against cylinders.
+/// Curls hold the same matter drawn into a map as spread over voxels; `tests/gpu/compare/strands.rs` holds them against cylinders.
 #[test]
 fn curls_hold_the_same_matter_drawn_into_a_map() {
     let strands = StrandSet::Curly.build(20_000).unwrap();
@@ -187,7 +187,7 @@ fn curls_hold_the_same_matter_drawn_into_a_map() {
 }
 
 #[test]
-fn what_has_no_strands_is_refused_in_words() {
+fn volumes_without_strands_are_refused() {
     let Some(setup) = Setup::open(&phantom("slab:16"), &extinction(&[(0.0, 0.0), (1000.0, 0.1)])) else {
         return;
     };

@@ -1,17 +1,21 @@
 //! The device's path from end to end: against the exact reference, invariances, extreme volumes.
 //!
-//! All tests share one device; where there is no adapter each says `skipped: no graphics adapter`.
+//! Most tests share one device.
 
+mod attack;
 mod bound;
 mod checks;
+mod cli;
 mod clip;
 #[path = "../common/mod.rs"]
 mod common;
+mod compare;
 mod degenerate;
 mod exact_pictures;
 mod fair;
 mod folded;
 mod forced;
+mod golden;
 mod invariance;
 mod kajiya_kay;
 mod kept;
@@ -25,8 +29,12 @@ mod mesh;
 mod nodes;
 mod parts;
 mod pool;
+#[path = "../common/program.rs"]
+mod program;
 mod rivals;
 mod samples;
+#[path = "../common/attack/mod.rs"]
+mod scenes;
 mod shading;
 mod strands;
 mod tolerance;
@@ -36,7 +44,7 @@ mod view;
 
 use glam::{DAffine3, DVec3};
 use ndarray::Array3;
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, OnceLock};
 use umbravox::exact::ExactField;
 use umbravox::gpu::Gpu;
 use umbravox::open::{VolumeSpec, load};
@@ -46,18 +54,21 @@ use umbravox::shadow::{self, ShadowMap};
 use umbravox::transfer::{Quantity, TransferFunction};
 use umbravox::volume::{Provenance, Scaling, Volume, Voxels};
 
-/// Opened once: compiling pipelines takes longer than most tests.
-static RENDERER: LazyLock<Option<Arc<Renderer>>> = LazyLock::new(|| match Gpu::open(None) {
-    Ok(gpu) => Some(Arc::new(Renderer::new(gpu))),
-    Err(e) if e.what == "no graphics adapter" => None,
-    Err(e) => panic!("{e}"),
-});
+/// Device of all tests; `None` and a visible line where no adapter is expected.
+fn renderer() -> Option<&'static Arc<Renderer>> {
+    // Opened once: compiling pipelines takes longer than most tests.
+    static RENDERER: OnceLock<Arc<Renderer>> = OnceLock::new();
+    if RENDERER.get().is_none() {
+        let gpu = common::gpu()?;
+        RENDERER.get_or_init(|| Arc::new(Renderer::new(gpu)));
+    }
+    RENDERER.get()
+}
 
 /// NVIDIA's driver finds no adapter for the 31st instance of a process.
 #[test]
-fn devices_are_opened_and_dropped_as_often_as_asked() {
-    if RENDERER.is_none() {
-        println!("skipped: no graphics adapter");
+fn forty_devices_open_one_after_the_other() {
+    if renderer().is_none() {
         return;
     }
     for n in 0..40 {
@@ -77,19 +88,18 @@ impl Setup {
         Self::forced(volume, tf, DisabledOptimizations::NONE)
     }
 
-    /// The same with work forced back on.
+    /// Opens a volume with skipped work forced on.
     fn forced(volume: &Arc<Volume>, tf: &TransferFunction, forced: DisabledOptimizations) -> Option<Self> {
-        let Some(renderer) = RENDERER.as_ref() else {
-            println!("skipped: no graphics adapter");
-            return None;
-        };
-        Some(Self { session: Session::on(renderer, Arc::clone(volume), tf, forced).unwrap(), tf: tf.clone() })
+        Some(Self {
+            session: Session::on(renderer()?, Arc::clone(volume), tf, forced).unwrap(),
+            tf: tf.clone(),
+        })
     }
 
     /// Whether the adapter's filter weighs neighbours in float32, as software adapters do: graphics cards keep 8 bits of a
     /// weight.
     fn weighs_finely(&self) -> bool {
-        RENDERER.as_ref().is_some_and(|r| r.gpu().info.device_type == wgpu::DeviceType::Cpu)
+        renderer().is_some_and(|r| r.gpu().info.device_type == wgpu::DeviceType::Cpu)
     }
 
     fn volume(&self) -> &Volume {

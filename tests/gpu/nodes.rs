@@ -67,7 +67,7 @@ fn nodes_lie_where_the_matter_is() {
 }
 
 #[test]
-fn what_has_no_nodes_says_so() {
+fn methods_without_nodes_report_none() {
     let Some(setup) = Setup::open(&phantom("slab:16"), &extinction(&[(0.0, 0.1)])) else { return };
     let light = lights(setup.volume())[0].1;
     for method in ["none", "rays", "osm:map=32,layers=4", "dom:map=32"] {

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_map_in_parts_is_the_map_at_once() {
+fn a_map_built_in_several_submissions_is_the_same() {
     let volume = phantom("thorax:72");
     let [_, jumps, _] = transfer_functions([-900.0, 1200.0]);
     let Some(whole) = Setup::open(&volume, &jumps) else { return };

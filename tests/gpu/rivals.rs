@@ -89,7 +89,7 @@ fn fourier_over_a_texels_own_range_is_exact_for_an_even_slab() {
     }
 }
 
-/// What the paper says of the method, and what `stability` prints: around a surface the series rings, before and behind it.
+/// Ringing that the paper and `stability` report: around a surface the series rings, before and behind it.
 #[test]
 fn fourier_rings_around_a_surface() {
     // Faint matter at both ends, so that the map's range is the whole depth.
@@ -224,7 +224,7 @@ fn opaque_slabs_keep_their_slope() {
     }
 }
 
-/// Of matter spread evenly the bounds are known: `1 / sum of (2 k + 1) P_k(0)^2` of it lies in the middle at most.
+/// Bounds of evenly spread matter are known: `1 / sum of (2 k + 1) P_k(0)^2` of it lies in the middle at most.
 #[test]
 fn moments_of_an_even_slab_are_those_of_the_paper() {
     let Some(setup) = Setup::open(&slabs(&[[0.0, 1.0]]), &even(0.01)) else { return };
@@ -336,7 +336,7 @@ fn filters_cross_the_edges_of_tiles() {
     }
 }
 
-/// What every map here has in common: nothing in front of matter, all of it behind, and a better answer with more numbers.
+/// Properties of every map here: nothing in front of matter, all of it behind, and a better answer with more numbers.
 #[test]
 fn more_numbers_say_more() {
     let thorax = opacity(&[(-200.0, 0.0), (600.0, 0.1)]);

@@ -92,7 +92,7 @@ fn steps_longer_than_bricks_leap_over_no_active_one() {
 
 /// Thin matter behind a peak that is millions of times as dense, in the function's values: sums must not swallow it.
 #[test]
-fn little_extinction_beside_a_tall_peak_is_kept() {
+fn little_extinction_beside_a_tall_peak_survives() {
     let ramp = Array3::from_shape_fn((16, 16, 24), |(_, _, i)| 0.2 + 0.03 * i as f32);
     let volume = Arc::new(volume_of(Voxels::F32(ramp), DAffine3::IDENTITY));
     for peak in [1.0, 1e3, 1e6] {

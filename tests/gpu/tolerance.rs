@@ -1,15 +1,13 @@
 //! Every tolerance of the device's tests, with its reason.
 
-/// Pictures with and without brick skipping: samples sit on one lattice, so only sums of zeros may differ. What the
-/// project promises.
+/// Pictures with and without brick skipping: samples sit on one lattice, so only sums of zeros may differ. A published tolerance.
 pub const SKIPPING: f64 = 1e-5;
 
-/// rms over RGBA of a picture by `rays` against the exact one: eye steps of half a voxel. What the project promises.
+/// rms over RGBA of a picture by `rays` against the exact one: eye steps of half a voxel. A published tolerance.
 pub const RAYS_PICTURE_RMS: f64 = 0.005;
-/// The same by `dsm:epsilon=0.005`: map texels as large as voxels blur the edges of shadows. What the project
-/// promises.
+/// Error of `dsm:epsilon=0.005` likewise: map texels as large as voxels blur the edges of shadows. A published tolerance.
 pub const DSM_PICTURE_RMS: f64 = 0.015;
-/// The same by `rays` with surfaces shaded: in 32 x 24 pixels the gradient at a jump is seen by few of them.
+/// Error of `rays` with shaded surfaces likewise: in 32 x 24 pixels the gradient at a jump is seen by few of them.
 pub const SHADED_PICTURE_RMS: f64 = 0.02;
 
 /// A map's transmittance never rises, but float32 texel coordinates of points of one ray differ by up to 1e-5 of a
@@ -24,13 +22,13 @@ pub const RANGE: f64 = 1e-6;
 /// Rows of a world turned by 90 degrees are other float32 numbers: what rounding of positions (1e-5 voxels) makes
 /// of a picture through a function of slope 1 per voxel.
 pub const TURNED: f64 = 1e-3;
-/// The same where the filter keeps 8 bits of a weight: values are off by a 512th of what neighbours differ by
+/// Tolerance where the filter keeps 8 bits of a weight: values are off by a 512th of what neighbours differ by
 /// (0.02 on an NVIDIA H100).
 pub const TURNED_IN_8_BITS: f64 = 0.05;
 
-/// Layers at every sample converge to the exact curve. What the project promises.
+/// Layers at every sample converge to the exact curve. A published tolerance.
 pub const LAYERS_EVERYWHERE: f64 = 0.01;
-/// Optical depth of a point behind everything. What the project promises.
+/// Optical depth of a point behind everything. A published tolerance.
 pub const FULL_DEPTH: f64 = 1e-3;
 
 /// Work that is forced back on changes rounding alone.

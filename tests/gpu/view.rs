@@ -25,7 +25,7 @@ fn cameras(volume: &Volume) -> [Camera; 3] {
 }
 
 #[test]
-fn what_the_picture_shows_is_right_and_finer_than_across_the_volume() {
+fn a_map_of_the_view_is_finer_than_one_of_the_volume() {
     let volume = phantom("thorax:96");
     let tf = opacity(&[(-200.0, 0.0), (400.0, 0.4)]);
     let Some(setup) = Setup::open(&volume, &tf) else { return };

@@ -86,27 +86,3 @@ impl VectorMap for AdaptiveShadowMap {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::parse_list;
-
-    #[test]
-    fn every_key_is_read_and_shown() {
-        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
-        assert_eq!(shown("avsm"), ["nodes=8"]);
-        assert_eq!(shown("avsm:nodes=4,16,bits=16,map=64"), ["nodes=4 bits=16", "nodes=16 bits=16"]);
-    }
-
-    #[test]
-    fn what_is_out_of_range_is_refused_by_name() {
-        for (text, why) in [
-            ("avsm:nodes=5", "expected 4|6|8|12|16|24|32"),
-            ("avsm:epsilon=0.1", "there is: nodes, bits, from, march, step, map, fit, filter, lookup"),
-        ] {
-            let error = parse_list(text).unwrap_err();
-            assert!(error.to_string().contains(why), "{error}");
-            assert_eq!(error.exit_status(), 2);
-        }
-    }
-}

@@ -90,29 +90,3 @@ impl VectorMap for DensityClusters {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::parse_list;
-
-    #[test]
-    fn every_key_is_read_and_shown() {
-        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
-        assert_eq!(shown("clusters"), ["clusters=4"]);
-        assert_eq!(
-            shown("clusters:clusters=2,iterations=1,4,bits=32,map=64"),
-            ["clusters=2 bits=32", "clusters=2 iterations=4 bits=32"]
-        );
-    }
-
-    #[test]
-    fn what_is_out_of_range_is_refused_by_name() {
-        for (text, why) in
-            [("clusters:clusters=17", "expected 1..16"), ("clusters:iterations=3", "expected 1|2|4|8")]
-        {
-            let error = parse_list(text).unwrap_err();
-            assert!(error.to_string().contains(why), "{error}");
-            assert_eq!(error.exit_status(), 2);
-        }
-    }
-}

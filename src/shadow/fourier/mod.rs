@@ -125,32 +125,3 @@ impl VectorMap for FourierOpacityMap {
         Curve::Rings
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::parse_list;
-
-    #[test]
-    fn every_key_is_read_and_shown() {
-        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
-        assert_eq!(shown("fourier"), ["terms=7"]);
-        assert_eq!(
-            shown("fourier:terms=3,15,damping=lanczos,bits=32,map=64"),
-            ["terms=3 damping=lanczos bits=32", "terms=15 damping=lanczos bits=32"]
-        );
-        assert_eq!(shown("fourier:range=texel"), ["terms=7 range=texel"]);
-    }
-
-    #[test]
-    fn what_is_out_of_range_is_refused_by_name() {
-        for (text, why) in [
-            ("fourier:terms=0", "expected 1..31"),
-            ("fourier:bits=8", "expected 16|32"),
-            ("fourier:damping=gauss", "expected none|lanczos"),
-        ] {
-            let error = parse_list(text).unwrap_err();
-            assert!(error.to_string().contains(why), "{error}");
-            assert_eq!(error.exit_status(), 2);
-        }
-    }
-}

@@ -298,32 +298,8 @@ impl Method for LightVolume {
 
 #[cfg(test)]
 mod tests {
-    use super::super::parse_list;
     use super::*;
     use crate::gpu::assert_layout;
-
-    #[test]
-    fn every_key_is_read_and_shown() {
-        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
-        assert_eq!(shown("lightvolume"), ["scale=2 build=gather"]);
-        assert_eq!(
-            shown("lightvolume:scale=1,1.5,build=sweep,bits=8,average=depth"),
-            ["scale=1 build=sweep bits=8 average=depth", "scale=1.5 build=sweep bits=8 average=depth"]
-        );
-    }
-
-    #[test]
-    fn what_is_out_of_range_is_refused_by_name() {
-        for (text, why) in [
-            ("lightvolume:scale=0.4", "expected 0.5..64"),
-            ("lightvolume:build=both", "expected gather|sweep"),
-            ("lightvolume:map=64", "there is: scale, build, bits, average, march, step, lookup"),
-        ] {
-            let error = parse_list(text).unwrap_err();
-            assert!(error.to_string().contains(why), "{error}");
-            assert_eq!(error.exit_status(), 2);
-        }
-    }
 
     #[test]
     fn uniforms_have_one_layout() {

@@ -180,32 +180,3 @@ impl VectorMap for MomentMap {
         Curve::Stays
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::parse_list;
-
-    #[test]
-    fn every_key_is_read_and_shown() {
-        let shown = |text: &str| parse_list(text).unwrap().iter().map(|m| m.params()).collect::<Vec<_>>();
-        assert_eq!(shown("moments"), ["moments=6"]);
-        assert_eq!(
-            shown("moments:moments=4,8,basis=trigonometric,beta=0.5,map=64"),
-            ["moments=4 basis=trigonometric beta=0.5", "moments=8 basis=trigonometric beta=0.5"]
-        );
-        assert_eq!(shown("moments:bits=16"), ["moments=6 bits=16"]);
-    }
-
-    #[test]
-    fn what_is_out_of_range_is_refused_by_name() {
-        for (text, why) in [
-            ("moments:moments=5", "expected 4|6|8"),
-            ("moments:beta=2", "expected 0..1"),
-            ("moments:bias=-1", "expected 0..10000"),
-        ] {
-            let error = parse_list(text).unwrap_err();
-            assert!(error.to_string().contains(why), "{error}");
-            assert_eq!(error.exit_status(), 2);
-        }
-    }
-}

@@ -8,6 +8,7 @@ mod texts;
 mod widgets;
 
 use super::{Bench, scene_args};
+use crate::common::SIZES;
 use crate::comparison::little;
 use eframe::egui::{self, Event, Key, Vec2, vec2};
 use egui_kittest::Harness;
@@ -18,7 +19,7 @@ use umbravox::measure::error_map::Quantity;
 use umbravox::scene::Light;
 
 /// Points, and pixels a point. The last one is the least that the window may have.
-const SIZES: [(Vec2, f32); 7] = [
+const WINDOWS: [(Vec2, f32); 7] = [
     (vec2(900.0, 560.0), 1.0),
     (vec2(900.0, 560.0), 2.0),
     (vec2(1280.0, 720.0), 1.0),
@@ -28,7 +29,13 @@ const SIZES: [(Vec2, f32); 7] = [
     (vec2(640.0, 480.0), 1.0),
 ];
 
-/// What is wrong, with where.
+/// Windows of every state: the first ones, and always the smallest.
+fn inspected_windows() -> Vec<(Vec2, f32)> {
+    let (smallest, others) = WINDOWS.split_last().expect("a constant list");
+    others.iter().take(SIZES.window_sizes - 1).chain([smallest]).copied().collect()
+}
+
+/// Faults, each with its place.
 #[derive(Default)]
 struct Found(Vec<String>);
 
@@ -64,7 +71,7 @@ impl Bench {
 
     /// Looks at what is shown, at every size; text in both themes at the first.
     fn look(&mut self, state: &str, found: &mut Found) {
-        for (size, pixels_per_point) in SIZES {
+        for &(size, pixels_per_point) in &inspected_windows() {
             self.resize(size, pixels_per_point);
             let place = format!("{state}, {} x {} at {pixels_per_point}", size.x, size.y);
             assert!(widgets::count(&self.harness) > 20, "{place}: hardly anything is shown");
@@ -74,7 +81,7 @@ impl Bench {
             let view = view.filter(|view| probe.is_some() && view.width() > 500.0 && view.height() > 250.0);
             found.at(&place, widgets::faults(&mut self.harness, view));
         }
-        self.resize(SIZES[0].0, SIZES[0].1);
+        self.resize(WINDOWS[0].0, WINDOWS[0].1);
         for dark in [false, true] {
             self.app().model.settings.dark = dark;
             self.harness.run_steps(3);
@@ -107,7 +114,7 @@ impl Bench {
 
 /// Cheap to draw at any size.
 const CHEAP: [&str; 3] = ["--step=4", "--shading=none", "--shadow=none"];
-/// As long as a method's name gets.
+/// Longest texts of methods.
 const LONG: [&str; 2] =
     ["dsm:epsilon=0.0123,map=32,prefilter=5,precompress=off", "osm:map=32,layers=12,slicing=density"];
 
@@ -115,7 +122,7 @@ const LONG: [&str; 2] =
 fn nothing_is_cut_covered_or_unreadable_around_a_volume() {
     let Some(mut bench) = Bench::open(&[&["phantom:thorax:32"], &CHEAP[..]].concat()) else { return };
     let mut found = Found::default();
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     bench.look("plain", &mut found);
 
     // A point of the curve is chosen, a light is at a point, and there are others.
@@ -131,7 +138,7 @@ fn nothing_is_cut_covered_or_unreadable_around_a_volume() {
     document.remove_light();
     document.remove_light();
 
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     bench.choose(LONG[0], None);
     bench.app().model.settings.slices = true;
     bench.look("slices", &mut found);
@@ -139,13 +146,13 @@ fn nothing_is_cut_covered_or_unreadable_around_a_volume() {
 
     bench.choose(LONG[0], Some(LONG[1]));
     bench.look("split", &mut found);
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     bench.settle();
     bench.app().difference.shows = Some(Quantity::Light);
     bench.wait_for("a heat map", |app| app.difference.found.is_some());
     bench.look("difference", &mut found);
     bench.app().difference.shows = None;
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     let view = bench.app().model.view.unwrap();
     bench.settle();
     bench.click_at(view.center());
@@ -172,7 +179,7 @@ fn nothing_is_cut_covered_or_unreadable_around_a_volume() {
 fn nothing_is_cut_covered_or_unreadable_in_windows_over_the_view() {
     let Some(mut bench) = Bench::open(&[&["phantom:thorax:32"], &CHEAP[..]].concat()) else { return };
     let mut found = Found::default();
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     bench.press(Key::F1);
     bench.look("help", &mut found);
     bench.press(Key::F1);
@@ -187,7 +194,7 @@ fn nothing_is_cut_covered_or_unreadable_in_windows_over_the_view() {
         bench.look(menu, &mut found);
         if menu == "File" {
             for inner in ["Built-in", "Recent"] {
-                bench.resize(SIZES[0].0, 1.0);
+                bench.resize(WINDOWS[0].0, 1.0);
                 bench.harness.get_by_label_contains(inner).hover();
                 bench.harness.run_steps(6);
                 bench.look(inner, &mut found);
@@ -206,7 +213,7 @@ fn nothing_is_cut_covered_or_unreadable_in_windows_over_the_view() {
     bench.resize(vec2(1920.0, 1080.0), 1.0);
     bench.ask_for_little(&folder, &little(), "1");
     bench.look("comparison", &mut found);
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     bench.reach("Start");
     bench.look("comparison that runs", &mut found);
     bench.wait_for("the table", |app| app.windows.comparison.outcome().is_some());
@@ -216,7 +223,7 @@ fn nothing_is_cut_covered_or_unreadable_in_windows_over_the_view() {
 }
 
 #[test]
-fn nothing_is_cut_covered_or_unreadable_with_parts_and_strands() {
+fn nothing_is_cut_covered_or_unreadable_with_labels_and_strands() {
     let dir = tempfile::tempdir().unwrap();
     let name =
         "a-scan-with-a-long-name-of-someone-who-keeps-the-date-and-the-kernel-in-it-2024-03-17-b70f.nii";
@@ -226,26 +233,26 @@ fn nothing_is_cut_covered_or_unreadable_with_parts_and_strands() {
     let line = [&["phantom:thorax:32", labels.as_str(), "--label-tf=1=skin"], &CHEAP[..]].concat();
     let Some(mut bench) = Bench::open(&line) else { return };
     let mut found = Found::default();
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     for side in ["Anterior", "Left", "Superior"] {
         bench.reach(&format!("clip from {side}"));
     }
     assert_eq!(bench.app().model.document.as_ref().unwrap().tf.clip.len(), 3);
     bench.look("labels and planes", &mut found);
 
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     bench.open_line(&[&["phantom:hair-curly:300", "--resolution=16"], &CHEAP[..]].concat());
     bench.harness.get_by_label("strands resolution").scroll_to_me();
     bench.harness.run_steps(3);
     bench.type_into("strands resolution", "99999");
     bench.look("strands", &mut found);
-    bench.resize(SIZES[0].0, 1.0);
+    bench.resize(WINDOWS[0].0, 1.0);
     bench.open_line(&[&[file.to_str().unwrap()], &CHEAP[..]].concat());
     bench.look("a long name", &mut found);
     found.assert_none();
 }
 
-/// What is elided says the whole under the pointer.
+/// An elided text has its whole text as a tooltip.
 #[test]
 fn elided_text_is_shown_whole_under_the_pointer() {
     let dir = tempfile::tempdir().unwrap();
@@ -268,7 +275,7 @@ fn elided_text_is_shown_whole_under_the_pointer() {
     }
 }
 
-/// What this file looks for is found where it is.
+/// Planted faults are found.
 #[test]
 fn faults_that_are_planted_are_found() {
     let plant = |ui: &mut egui::Ui| {

@@ -71,7 +71,7 @@ impl Painted {
         })
     }
 
-    /// What is painted at a place before `order`: over a picture it may be anything.
+    /// Colour painted at a place before `order`; over a picture it may be any colour.
     fn below(&self, order: usize, at: Pos2, ground: Color32, view: Option<Rect>) -> Vec<Color32> {
         let anything = || vec![Color32::BLACK, Color32::WHITE];
         let mut backs = vec![ground];
@@ -117,7 +117,7 @@ fn is_inside([a, b, c]: [Pos2; 3], p: Pos2) -> bool {
     sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0)
 }
 
-/// Of a convex polygon.
+/// Tells whether a convex polygon contains a point.
 fn is_inside_polygon(corners: &[Pos2], p: Pos2) -> bool {
     let fans = corners.windows(2).skip(1);
     corners.first().is_some_and(|first| fans.into_iter().any(|edge| is_inside([*first, edge[0], edge[1]], p)))

@@ -21,7 +21,7 @@ struct Widget {
     id: Id,
     layer: LayerId,
     rect: Rect,
-    /// What its panel lets through.
+    /// Part of a widget that its panel shows.
     seen: Rect,
     sense: Sense,
     name: String,
@@ -35,7 +35,7 @@ impl Widget {
     }
 }
 
-/// What each widget says of itself to screen readers; spaces, panels and grounds of areas say nothing.
+/// Roles that widgets report to screen readers; spaces, panels and backgrounds of areas report none.
 pub fn meanings<S>(harness: &Harness<'_, S>) -> HashMap<NodeId, (Role, String)> {
     let means = harness.root().children_recursive().filter_map(|node| {
         let node = node.accesskit_node();
@@ -82,7 +82,7 @@ pub fn count<S>(harness: &Harness<'_, S>) -> usize {
     widgets(harness).len()
 }
 
-/// What is cut, covered or beyond the window; `view` is where windows are that belong over it alone.
+/// Widgets that are cut, covered or outside the window. Floating windows belong over `view` alone.
 pub fn faults<S>(harness: &mut Harness<'_, S>, view: Option<Rect>) -> Vec<String> {
     let mut faults = overlaps(harness);
     faults.extend(out_of_the_window(harness));
@@ -186,7 +186,7 @@ fn out_of_the_window<S>(harness: &Harness<'_, S>) -> Vec<String> {
     beyond.map(|(layer, rect)| format!("{layer:?} {rect} is beyond the window")).collect()
 }
 
-/// What belongs over the view covers no panel.
+/// Floating windows over the view cover no panel.
 fn out_of_the_view<S>(harness: &Harness<'_, S>, view: Rect) -> Vec<String> {
     let over = widgets(harness).into_iter().filter(|w| w.layer.order == Order::Middle && !is_border(w));
     let outside = over.filter(|w| w.seen.is_positive() && !view.expand(SLACK).contains_rect(w.seen));

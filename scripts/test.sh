@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# Runs the tests and prints a summary: what ran, what failed, how many tests were skipped and why, how long it took.
+# usage: test.sh [quick|test|full]    quick: the library's unit tests and the tests without a device; test (the default):
+# every test, the slow ones at a small size; full: every test at full size, the example method and every software Vulkan
+set -euo pipefail
+cd "$(dirname "$0")/.."
+run=${1:-test}
+cargo=${CARGO:-cargo}
+target=${CARGO_TARGET_DIR:-target}
+[[ $run != full ]] || export UMBRAVOX_TESTS=full
+mkdir -p "$target"
+log=$target/tests.log
+: >"$log"
+
+# Hides what passing tests print, but for the lines that say what was skipped. Whatever stands below `failures:` is shown.
+shown() {
+    perl -ne '
+        BEGIN { $| = 1 }
+        if (/^failures:$/) { ($failing, $passing) = (1, 0) }
+        if (/^test result:/) { ($failing, $passing) = (0, 0) }
+        if (/^successes:$/ && !$failing) { $passing = 1 }
+        next if !$failing && !/^skipped:/ && ($passing || /^$/ || /^test .* \.\.\. ok$/ || /^running \d+ test/
+            || /^ +(Compiling|Checking|Downloading|Downloaded|Executable|Fresh) /);
+        print'
+}
+
+status=0
+times=()
+step() {
+    local name=$1 start=$SECONDS
+    shift
+    "$@" 2>&1 | tee -a "$log" | shown || status=1
+    times+=("$((SECONDS - start)) s $name")
+}
+
+if [[ $run == quick ]]; then
+    step "compile" "$cargo" test --locked --no-run --lib --test it
+    step "run" "$cargo" test --locked --no-fail-fast --lib --test it -- --show-output
+else
+    step "compile" "$cargo" test --locked --no-run
+    step "run" "$cargo" test --locked --no-fail-fast -- --show-output
+    step "Python module" scripts/python.sh
+fi
+if [[ $run == full ]]; then
+    step "example method" "$cargo" test --locked --features half --test half -- --show-output
+    TESTED=llvmpipe step "software adapters" scripts/adapters.sh
+fi
+
+echo
+echo "summary:"
+# Each test program; the last line is that of the Python module's tests.
+grep -E '^(     Running|   Doc-tests|test result:|[0-9]+ (passed|failed))' "$log" || true
+grep -E '^(test .* (\.\.\. FAILED|has failed)|FAILED |ERROR |error: )' "$log" | sort -u || true
+printf '%s\n' "${times[@]}"
+# A run that skipped tests must not look complete. A test may say several times what it lacks.
+perl -ne '
+    $tests{$1}++ if /^skipped: ([^ ]+): /;
+    $python += $1 if /^SKIPPED \[(\d+)\]/;
+    END { printf "skipped: %d tests\n", keys(%tests) + $python }' "$log"
+exit "$status"

@@ -1,0 +1,110 @@
+//! Search for scenes that break the error bound.
+
+use super::Attack;
+use fastrand::Rng;
+use std::sync::Arc;
+use umbravox::gpu::Gpu;
+use umbravox::render::Renderer;
+use umbravox::shadow::Bound;
+
+/// A number from the environment, or the usual one.
+pub fn setting(name: &str, usual: usize) -> usize {
+    std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(usual)
+}
+
+/// Results of a search.
+#[derive(Default)]
+pub struct Found {
+    pub tries: usize,
+    pub depths: usize,
+    /// Depths that only neighbouring curves explain.
+    pub limited: usize,
+    /// The worst depth's distance to the edge of its band, as a share of the bound; above 0 is outside.
+    pub nearest: f64,
+    /// Means of rays that the adapter ended.
+    pub refused: usize,
+    /// Scenes that break the promise, or of which it promises less than is asked.
+    pub broken: Vec<String>,
+    pub adapter: String,
+    pub seconds: f64,
+}
+
+impl Found {
+    pub fn summary(&self) -> String {
+        let Self { tries, depths, limited, nearest, refused, adapter, seconds, .. } = self;
+        format!(
+            "{tries} scenes on {adapter}, {depths} depths, {limited} of them limited by float32, the nearest to its \
+            edge {nearest:.4} of the bound, {refused} refused by the adapter, {} broken, {seconds:.0} s\n{}",
+            self.broken.len(),
+            self.broken[..self.broken.len().min(12)].join("\n")
+        )
+    }
+}
+
+/// Tries per climb.
+const STARTS_A_CLIMB: usize = 20;
+
+/// So many scenes with one compression of maps, half of them at random, half climbing from the worst.
+pub fn search(gpu: Gpu, tries: usize, seed: u64, compress: &'static str) -> Found {
+    let mut found = Found { adapter: gpu.info.name.clone(), nearest: f64::NEG_INFINITY, ..Found::default() };
+    // Values that change from scene to scene are read as storage: llvmpipe would compile anew for each.
+    let renderer = Arc::new(Renderer::live(gpu, f64::INFINITY));
+    let clock = std::time::Instant::now();
+    let mut rng = Rng::with_seed(seed);
+    let climbs = (tries / 2 / STARTS_A_CLIMB).max(1);
+    let mut worst: Vec<(f64, Attack)> = Vec::new();
+    for start in 0..tries / 2 {
+        let attack = Attack { compress, ..Attack::random(&mut rng) };
+        let nearness = found.attempt(&renderer, &attack, &format!("start {start}"));
+        worst.push((nearness, attack));
+        if worst.len() > 2 * climbs {
+            worst.sort_by(|a, b| b.0.total_cmp(&a.0));
+            worst.truncate(climbs);
+        }
+    }
+    worst.sort_by(|a, b| b.0.total_cmp(&a.0));
+    worst.truncate(climbs);
+    let steps = (tries - tries / 2) / worst.len().max(1);
+    for (climb, (mut nearness, mut attack)) in worst.into_iter().enumerate() {
+        for step in 0..steps {
+            let next = attack.changed(&mut rng);
+            let reached = found.attempt(&renderer, &next, &format!("climb {climb} step {step}"));
+            if reached > nearness {
+                (nearness, attack) = (reached, next);
+            }
+        }
+    }
+    found.seconds = clock.elapsed().as_secs_f64();
+    found
+}
+
+impl Found {
+    /// Runs one scene; how near it comes to the edge of its band.
+    fn attempt(&mut self, renderer: &Arc<Renderer>, attack: &Attack, what: &str) -> f64 {
+        let outcome = match attack.run(renderer) {
+            Ok(outcome) => outcome,
+            // Nine marches a step are more than a software adapter may let a thread take: it says so.
+            Err(e) if attack.prefilter.is_some_and(|n| n > 1) && e.to_string().contains("did not end") => {
+                self.refused += 1;
+                return f64::NEG_INFINITY;
+            }
+            Err(e) => {
+                self.broken.push(format!("{what}: {e}\n  {}", attack.shown()));
+                return f64::NEG_INFINITY;
+            }
+        };
+        let Bound { transmittance, depth_mm, .. } = outcome.bound;
+        let nearness = outcome.margin() / transmittance;
+        self.tries += 1;
+        self.depths += outcome.report.depths;
+        self.limited += outcome.report.limited;
+        self.nearest = self.nearest.max(nearness);
+        // The lattice of means is half a step wide, as it says.
+        let deep = attack.prefilter.is_none_or(|n| n == 1) && depth_mm > 0.25 * outcome.min_spacing_mm;
+        let wide = transmittance > attack.epsilon + 0.005 || deep;
+        if !outcome.held() || wide {
+            self.broken.push(format!("{what}: {outcome:?}\n  {}", attack.shown()));
+        }
+        nearness
+    }
+}

@@ -1,0 +1,66 @@
+//! `umbravox claims`, run as a user runs it: one paper on a small scene.
+
+use crate::common;
+use crate::program::{refused, umbravox};
+use std::collections::HashMap;
+use std::fs;
+use umbravox::replication::claims::all;
+
+const SCENE: &str =
+    "volume = \"phantom:sphere:16\"\ntf = \"engine\"\nsize = \"32x32\"\nstep = 1\nlight = \"dir:1,-0.6,0\"\n";
+
+#[test]
+fn a_papers_claims_on_a_scene_of_ones_own() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
+    let args =
+        ["claims", "--paper", "neumann", "--scene", "ball.toml", "--repeats", "1", "-o", "out", "--json"];
+    let output = umbravox(dir.path(), &args);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
+
+    let mut reader = csv::Reader::from_path(dir.path().join("out/claims.csv")).unwrap();
+    let columns = "paper,where,claim,claimed,measured,holds,scene,note";
+    assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>().join(","), columns);
+    let rows: Vec<HashMap<String, String>> = reader.deserialize().map(|r| r.unwrap()).collect();
+    let claims = all().unwrap().into_iter().filter(|c| c.paper == "Kim and Neumann 2001").count();
+    assert_eq!(rows.len(), claims, "a row a claim and scene");
+    for row in &rows {
+        assert_eq!(row["paper"], "Kim and Neumann 2001");
+        assert!(["yes", "partly", "no", ""].contains(&row["holds"].as_str()), "{row:?}");
+        let tried = !row["holds"].is_empty();
+        assert_eq!(tried, !row["measured"].is_empty(), "{row:?}");
+        assert!(!tried || row["scene"].starts_with("ball"), "{row:?}");
+        assert!(!row["note"].is_empty(), "{row:?}");
+    }
+    let of = |claim: &str| rows.iter().find(|r| r["claim"].contains(claim)).unwrap();
+    let kappa = of("kappa");
+    assert!(kappa["measured"].contains("kappa: 5.5") && kappa["holds"] == "yes", "{kappa:?}");
+    assert_eq!(of("memory requirement")["holds"], "no", "all maps are kept");
+
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), rows.len());
+    assert_eq!(json[0]["where"], rows[0]["where"]);
+    let page = fs::read_to_string(dir.path().join("out/claims.md")).unwrap();
+    assert!(page.contains("## Kim and Neumann 2001") && page.contains("phantom:sphere:16"), "{page}");
+    assert_eq!(fs::read_dir(dir.path().join("out")).unwrap().count(), 2);
+}
+
+#[test]
+fn bad_command_lines_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("ball.toml"), SCENE).unwrap();
+    for (args, why) in [
+        (vec!["--paper", "lokovic", "-o", "out"], "known papers: Kim and Neumann 2001"),
+        (vec!["--scene", "none.toml", "-o", "out"], "none.toml"),
+        (vec!["--scene", "ball.toml", "--scene", "ball.toml", "-o", "out"], "two scenes are named ball"),
+        (vec!["-o", "ball.toml"], "not a folder"),
+        (vec!["--repeats", "0", "-o", "out"], "--repeats"),
+    ] {
+        let error = refused(dir.path(), &[vec!["claims"], args].concat());
+        assert!(error.contains(why), "{error}");
+    }
+}

@@ -1,0 +1,7 @@
+//! Commands that need a device, run as a user runs them.
+
+mod claims;
+mod curve;
+mod frames;
+mod pictures;
+mod stability;

@@ -1,0 +1,75 @@
+//! `umbravox stability`, run as a user runs it, on a few cases.
+
+use crate::common;
+use crate::program::{refused, umbravox};
+use std::collections::HashMap;
+
+#[test]
+fn picked_cases_give_a_row_a_method() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let output = umbravox(
+        dir.path(),
+        &[
+            "stability",
+            "-o",
+            "out",
+            "--case",
+            "grid-one-brick,nan,epsilon-0.5",
+            "--methods",
+            "none;dsm:map=32",
+            "--json",
+        ],
+    );
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
+
+    let mut reader = csv::Reader::from_path(dir.path().join("out/stability.csv")).unwrap();
+    let columns = "case,method,params,status,ray_err_max,bound,monotone_violations,out_of_range,non_finite,build_ms,bytes,note";
+    assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>().join(","), columns);
+    let rows: Vec<HashMap<String, String>> = reader.deserialize().map(|r| r.unwrap()).collect();
+    let named: Vec<_> =
+        rows.iter().map(|r| format!("{} {} {}", r["case"], r["method"], r["params"])).collect();
+    let expected = [
+        "grid-one-brick none ",
+        "grid-one-brick dsm epsilon=0.02 map=32",
+        "nan none ",
+        "nan dsm epsilon=0.02 map=32",
+        "epsilon-0.5 dsm epsilon=0.5 map=32",
+    ];
+    assert_eq!(named, expected);
+    for row in &rows {
+        assert_eq!((row["status"].as_str(), row["non_finite"].as_str()), ("ok", "0"), "{row:?}");
+        let error: f64 = row["ray_err_max"].parse().unwrap();
+        match row["bound"].parse::<f64>() {
+            Ok(bound) => assert!(error < 2.0 * bound && row["bytes"] != "0", "{row:?}"),
+            Err(_) => assert!(row["method"] == "none" && error > 0.2 && row["bytes"] == "0", "{row:?}"),
+        }
+    }
+
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), rows.len());
+    let summary = std::fs::read_to_string(dir.path().join("out/stability.md")).unwrap();
+    assert!(summary.contains("5 rows: 5 ok"), "{summary}");
+    assert_eq!(std::fs::read_dir(dir.path().join("out")).unwrap().count(), 2);
+}
+
+#[test]
+fn bad_command_lines_are_refused_before_anything_is_made() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("file"), "x").unwrap();
+    let refuse = |args: &[&str]| refused(dir.path(), &[&["stability"], args].concat());
+    assert!(refuse(&["-o", "out", "--case", "nonsense"]).contains("light-inside"), "it says what there is");
+    assert!(refuse(&["-o", "out", "--methods", "dsm:epsilon=2"]).contains("--methods"));
+    assert!(refuse(&["-o", "file"]).contains("not a folder"));
+    let held = dir.path().join("held");
+    std::fs::create_dir(&held).unwrap();
+    std::fs::write(held.join("stability.csv"), "case\n").unwrap();
+    assert!(refuse(&["-o", "held"]).contains("it holds stability.csv already"));
+    std::fs::write(held.join("claims.csv"), "paper\n").unwrap();
+    assert!(refused(dir.path(), &["claims", "-o", "held"]).contains("it holds claims.csv already"));
+    assert_eq!(std::fs::read_to_string(held.join("claims.csv")).unwrap(), "paper\n");
+    assert!(refuse(&[]).contains("--output"));
+}

@@ -1,0 +1,38 @@
+//! `umbravox compare`, run as a user runs it, on tiny phantoms; and its measuring, with planted delays and errors.
+
+mod ablate;
+mod budget;
+mod cancel;
+mod folder;
+mod lights;
+mod planted;
+mod resume;
+mod shards;
+mod strands;
+mod table;
+
+use crate::program::umbravox;
+use std::collections::HashMap;
+use std::path::Path;
+use umbravox::measure::table::COLUMNS;
+
+/// Extinction that rises slowly with the value, and not at once to opaque.
+pub const TF: &str =
+    r#"{"name": "haze", "points": [{"value": 200, "extinction": 0}, {"value": 1000, "extinction": 0.1}]}"#;
+
+/// Runs in `folder` and gives stdout.
+fn run(folder: &Path, args: &[&str]) -> String {
+    std::fs::write(folder.join("tf.json"), TF).unwrap();
+    let output = umbravox(folder, args);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{args:?}: {stderr}");
+    assert!(stderr.contains("compare.csv") && !stderr.contains("failed"), "{stderr}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn read_csv(path: &Path) -> Vec<HashMap<String, String>> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    let names: Vec<_> = COLUMNS.iter().map(|c| c.name).collect();
+    assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), names);
+    reader.deserialize().map(|row| row.unwrap()).collect()
+}

@@ -1,0 +1,7 @@
+//! Commands, run as a user runs them.
+
+mod files;
+mod fit;
+mod flags;
+mod strands;
+mod tf;

@@ -1,0 +1,204 @@
+//! `tf list`, `tf export` and `tf convert`; other programs' files, units and opacity on the command line.
+
+use crate::common;
+use crate::program::{refused, umbravox};
+use std::fs;
+use std::path::Path;
+use umbravox::transfer::TransferFunction;
+use umbravox::transfer::presets::PRESETS;
+
+const VP: &str = "1\n1\n0.9\n0.1\n0.2\n10\n6 -100 0 300 0.25 900 1\n4 0 0.5 255 1\n8 -100 0 0 0 900 1 1 1\n";
+const PARAVIEW: &str = r#"[{"ColorSpace": "Lab", "Name": "Bones",
+    "Points": [-100, 0, 0.5, 0, 300, 0.25, 0.5, 0, 900, 1, 0.5, 0], "RGBPoints": [-100, 0, 0, 0, 900, 1, 1, 1]}]"#;
+
+/// Runs what must work; gives stdout and stderr.
+fn done(folder: &Path, args: &[&str]) -> (String, String) {
+    let output = umbravox(folder, args);
+    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(output.status.success(), "{args:?}: {err}");
+    (out, err)
+}
+
+/// Optical depths of one ray across a volume.
+fn depth(folder: &Path, args: &[&str]) -> (f64, String) {
+    fs::write(folder.join("rays.txt"), "-500 1 2 500 2 1\n").unwrap();
+    let (out, err) = done(folder, &[&["probe"], args, &["--rays", "rays.txt"]].concat());
+    let line = out.lines().find(|l| l.starts_with(|c: char| c.is_ascii_digit())).unwrap().to_owned();
+    (line.split_whitespace().next().unwrap().parse().unwrap(), err)
+}
+
+#[test]
+fn presets_are_listed_and_exported() {
+    let dir = tempfile::tempdir().unwrap();
+    let (text, _) = done(dir.path(), &["tf", "list"]);
+    let json: serde_json::Value =
+        serde_json::from_str(&done(dir.path(), &["tf", "list", "--json"]).0).unwrap();
+    assert_eq!(json.as_array().unwrap().len(), PRESETS.len());
+    for (preset, listed) in PRESETS.iter().zip(json.as_array().unwrap()) {
+        assert!(text.contains(preset.about) && listed["name"] == preset.name, "{}", preset.name);
+        assert_eq!(listed["points"], preset.transfer_function().points.len());
+        let path = dir.path().join(format!("{}.json", preset.name));
+        let (out, err) = done(dir.path(), &["tf", "export", preset.name, "-o", path.to_str().unwrap()]);
+        assert_eq!((out.as_str(), err.as_str()), ("", ""));
+        assert_eq!(TransferFunction::read(&path).unwrap(), preset.transfer_function());
+    }
+    // A preset and its file are one thing on every volume, in HU, in fractions, of strands.
+    for (volume, preset) in
+        [("phantom:thorax:16", "bone"), ("phantom:thorax:16", "engine"), ("phantom:thorax:16", "uniform")]
+    {
+        let file = format!("{preset}.json");
+        let [of_file, of_preset] =
+            [file.as_str(), preset].map(|tf| depth(dir.path(), &[volume, "--tf", tf]).0);
+        assert!(of_preset > 0.0 && of_file == of_preset, "{preset}: {of_file} {of_preset}");
+    }
+}
+
+#[test]
+fn files_of_other_programs_are_converted_and_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("a.vp"), VP).unwrap();
+    fs::write(dir.path().join("b.json"), PARAVIEW).unwrap();
+    let (out, err) = done(dir.path(), &["tf", "convert", "a.vp", "-o", "a.json", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((json["from"].as_str(), json["to"].as_str()), (Some("vp"), Some("umbravox")));
+    assert_eq!(json["warnings"].as_array().unwrap().len(), 3);
+    assert!(err.lines().all(|l| l.starts_with("warning: ")) && err.contains("gradient opacity"), "{err}");
+    let own = TransferFunction::read(&dir.path().join("a.json")).unwrap();
+    assert!((own.amount(100.0) - 0.125).abs() < 1e-9 && own.name == "a");
+    // The file itself is the same function wherever a transfer function is taken, and says the same.
+    let converted = depth(dir.path(), &["phantom:thorax:16", "--tf", "a.json"]);
+    let (itself, said) = depth(dir.path(), &["phantom:thorax:16", "--tf", "a.vp"]);
+    assert!(itself > 0.0 && itself == converted.0, "{itself} {}", converted.0);
+    assert_eq!(said.lines().filter(|l| l.starts_with("warning: ")).count(), 3, "{said}");
+    let (paraview, said) = depth(dir.path(), &["phantom:thorax:16", "--tf", "b.json"]);
+    assert!(
+        (paraview / itself - 1.0).abs() < 1e-12 && said.contains("L*a*b*"),
+        "{paraview} {itself}: {said}"
+    );
+    for (to, output) in [("paraview", "c.json"), ("vp", "c.vp")] {
+        done(dir.path(), &["tf", "convert", "a.json", "--to", to, "-o", output]);
+        let (again, _) = depth(dir.path(), &["phantom:thorax:16", "--tf", output]);
+        assert!((again / itself - 1.0).abs() < 2e-3, "{to}: {again} {itself}");
+    }
+    done(dir.path(), &["tf", "export", "engine", "--range", "-10,300", "-o", "e.vp"]);
+    let engine = fs::read_to_string(dir.path().join("e.vp")).unwrap();
+    assert!(engine.lines().nth(6).unwrap().starts_with("16 27.19"), "0.12 of -10 to 300 is 27.2: {engine}");
+}
+
+#[test]
+fn bad_conversions_are_refused_and_leave_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("a.vp"), VP).unwrap();
+    fs::write(dir.path().join("broken.vp"), "1\n1\n").unwrap();
+    for (args, why) in [
+        (&["tf"][..], "none is given"),
+        (&["tf", "export", "boen", "-o", "a.json"], "none of that name"),
+        (&["tf", "export", "bone", "-o", "a.txt"], ".json"),
+        (&["tf", "export", "bone", "-o", "gone/a.json"], "no folder"),
+        (&["tf", "export", "bone", "-o", "a.vp.json"], "not written"),
+        (&["tf", "export", "bone", "-o", "a.json", "--to", "inviwo"], "not one of its values"),
+        (&["tf", "export", "bone", "-o", "a.json", "--range", "1,2"], "not `fraction`"),
+        (&["tf", "export", "engine", "-o", "b.vp"], "--range"),
+        (&["tf", "export", "engine", "-o", "b.vp", "--range", "2,1"], "the second greater"),
+        (&["tf", "convert", "gone.vp", "-o", "a.json"], "No such file"),
+        (&["tf", "convert", "broken.vp", "-o", "a.json"], "line 3"),
+        (&["render", "--tf", "broken.vp", "-o", "a.png"], "line 3"),
+        (&["render", "--opacity-scale", "0", "-o", "a.png"], "from 1e-6 to 1e6"),
+        (&["render", "--units", "HU", "-o", "a.png"], "not one of its values"),
+    ] {
+        let error = refused(dir.path(), args);
+        assert!(error.contains(why), "{args:?}: {error}");
+    }
+}
+
+#[test]
+fn opacity_scale_is_a_factor_of_optical_depth() {
+    let dir = tempfile::tempdir().unwrap();
+    for tf in ["bone", "ct", "hair"] {
+        let (one, _) = depth(dir.path(), &["phantom:thorax:16", "--tf", tf]);
+        for factor in [0.125, 3.0] {
+            let scale = factor.to_string();
+            let args = ["phantom:thorax:16", "--tf", tf, "--opacity-scale", &scale];
+            let (scaled, _) = depth(dir.path(), &args);
+            assert!((scaled / one / factor - 1.0).abs() < 1e-12, "{tf} {factor}: {scaled} {one}");
+            // As a key of a scene file, too.
+            let text =
+                format!("volume = 'phantom:thorax:16'\ntf = '{tf}'\nopacity-scale = {factor}\nunits = 'hu'");
+            fs::write(dir.path().join("s.toml"), text).unwrap();
+            assert_eq!(depth(dir.path(), &["--scene", "s.toml"]).0, scaled);
+        }
+    }
+}
+
+#[test]
+fn small_volumes_show_something_and_a_note_says_by_what_factor() {
+    let dir = tempfile::tempdir().unwrap();
+    let voxels: Vec<u8> = (0..32 * 32 * 32).map(|i| (i % 251) as u8).collect();
+    fs::write(dir.path().join("v_32x32x32_u8.raw"), voxels).unwrap();
+    let across = |spacing: &str, more: &[&str]| {
+        let line = ["v_32x32x32_u8.raw", "--spacing", spacing, "--tf", "engine"];
+        fs::write(dir.path().join("rays.txt"), "-500 -500 -500 500 500 500\n").unwrap();
+        let args = [&["probe"], &line[..], more, &["--rays", "rays.txt"]].concat();
+        let (out, err) = done(dir.path(), &args);
+        let line = out.lines().find(|l| l.starts_with(|c: char| c.is_ascii_digit())).unwrap().to_owned();
+        (line.split_whitespace().next().unwrap().parse::<f64>().unwrap(), err)
+    };
+    let (full, said) = across("1,1,1", &[]);
+    assert!(!said.contains("--opacity-scale"), "{said}");
+    // 400 mm by the diagonal, to three digits.
+    for (spacing, factor) in [("0.1,0.1,0.1", 72.2), ("0.01,0.01,0.01", 722.0)] {
+        let (plain, said) = across(spacing, &["--opacity-scale", "1"]);
+        assert!(!said.contains("--opacity-scale"), "{said}");
+        let (scaled, said) = across(spacing, &[]);
+        assert!(said.contains(&format!("{factor} times")) && said.contains("--opacity-scale 1"), "{said}");
+        assert!((scaled / plain / factor - 1.0).abs() < 1e-9, "{spacing}: {scaled} {plain}");
+        assert!(plain < 0.11 * full);
+    }
+}
+
+#[test]
+fn info_says_what_values_are_taken_for_and_why() {
+    let dir = tempfile::tempdir().unwrap();
+    let (text, _) = done(dir.path(), &["info", "phantom:thorax:16"]);
+    assert!(text.contains("taken as     HU (built in)"), "{text}");
+    // Counts of 16 bits that no scanner of HU makes.
+    let voxels: Vec<u8> = (0..4096u32).flat_map(|i| ((762 + i) as u16).to_le_bytes()).collect();
+    fs::write(dir.path().join("v_16x16x16_u16.raw"), voxels).unwrap();
+    let (text, _) = done(dir.path(), &["info", "v_16x16x16_u16.raw"]);
+    assert!(text.contains("not HU (") && text.contains("no air about -1000; told from the values"), "{text}");
+    for (units, taken, by_values) in
+        [(None, "fraction", true), (Some("hu"), "HU", false), (Some("fraction"), "fraction", false)]
+    {
+        let mut args = vec!["info", "v_16x16x16_u16.raw", "--json"];
+        args.extend(units.iter().flat_map(|units| ["--units", units]));
+        let json: serde_json::Value = serde_json::from_str(&done(dir.path(), &args).0).unwrap();
+        assert_eq!((&json["units"], &json["units_guessed"]), (&taken.into(), &by_values.into()), "{units:?}");
+    }
+    let line = ["v_16x16x16_u16.raw", "--spacing", "1,1,1"];
+    let (_, said) = depth(dir.path(), &line);
+    assert!(said.contains("preset `engine`") && said.contains("--units hu"), "{said}");
+    let (_, said) = depth(dir.path(), &[&line[..], &["--units", "hu"]].concat());
+    assert_eq!(said, "", "what was asked for needs no note");
+}
+
+#[test]
+fn real_scans_are_taken_for_what_they_are() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, units, said) in [
+        ("CT_AVM", "HU", "scales its 8 bits"),
+        ("CT_pitch", "fraction", "span too little"),
+        ("engine", "fraction", "span too little"),
+    ] {
+        let Some(path) = common::scan(name) else { continue };
+        let path = path.to_str().unwrap();
+        let json: serde_json::Value =
+            serde_json::from_str(&done(dir.path(), &["info", path, "--json"]).0).unwrap();
+        assert!(
+            json["units"] == units && json["units_why"].as_str().unwrap().contains(said),
+            "{name}: {json}"
+        );
+        // None is far from the size of a body.
+        let (_, err) = depth(dir.path(), &[path]);
+        assert!(!err.contains("times as high"), "{name}: {err}");
+    }
+}

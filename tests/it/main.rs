@@ -1,0 +1,24 @@
+//! Tests that need no graphics device: file formats, the float64 reference, strands, shaders as text, commands, the
+//! repository itself.
+
+mod bricks;
+mod cli;
+#[path = "../common/mod.rs"]
+mod common;
+mod exact;
+mod formats;
+mod light_space;
+mod loading;
+mod methods;
+mod nifti;
+mod phantom;
+#[path = "../common/program.rs"]
+mod program;
+mod raw;
+mod readme;
+mod report_browser;
+mod rooms;
+mod shaders;
+mod strands;
+mod style;
+mod transfer_tables;

@@ -1,0 +1,247 @@
+//! Every shader composes and validates without a device, whatever a flag, a method's settings or an adapter asks for.
+
+use crate::common::{self, Requirement, SIZES};
+use rayon::prelude::*;
+use std::collections::hash_map::DefaultHasher;
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::hash::{Hash, Hasher};
+use std::io::Write;
+use std::process::{Command, Stdio};
+use umbravox::field::marches_cells;
+use umbravox::gpu::{ShaderVariant, compose, shader_paths};
+use umbravox::render::shaders;
+use umbravox::shadow::{Entry, Kind, METHODS, Method, When, parse_list};
+use wgpu::naga::{self, back};
+
+/// Settings whose code stands apart from all others': each is tried with the defaults of the rest.
+const ALONE: [&str; 5] = ["lookup", "average", "march", "compress", "from"];
+
+/// Whether a key is to be combined with all others: one that always has an effect, or has one on every march.
+fn is_common(when: When) -> bool {
+    matches!(when, When::Always | When::Unless("from", _))
+}
+
+/// Every combination of a method's words, with few and many of what it counts.
+fn settings(entry: &Entry) -> Vec<Box<dyn Method>> {
+    let values = |kind: Kind| match kind {
+        Kind::Choice(names) => names.iter().map(|n| n.to_string()).collect(),
+        // Records are packed by how many layers there are; sides of maps make no other shader, nor do numbers.
+        // Other counts are constants of their shaders.
+        Kind::Whole { least, most } if most <= 512 => {
+            let few = if most == 512 { 9 } else { 3 };
+            (least..least + few).map(|n| n.to_string()).collect()
+        }
+        Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => Vec::new(),
+    };
+    let keys = entry.keys.iter().filter(|k| is_common(k.when) && !ALONE.contains(&k.name));
+    let keys = keys.map(|k| (k.name, values(k.kind))).filter(|(_, v)| !v.is_empty());
+    let mut keys: Vec<(&str, Vec<String>)> = keys.collect();
+    let alone = entry.keys.iter().filter(|k| ALONE.contains(&k.name));
+    let alone = alone.map(|k| format!("{}:{}={}", entry.name, k.name, values(k.kind).join(",")));
+    let mut specs: Vec<String> = alone.collect();
+    // One value at a time: a list has a largest length.
+    match keys.pop() {
+        Some((first, values)) => {
+            let rest: String =
+                keys.iter().map(|(name, values)| format!(",{name}={}", values.join(","))).collect();
+            specs.extend(values.iter().map(|v| format!("{}:{first}={v}{rest}", entry.name)));
+        }
+        None => specs.push(entry.name.into()),
+    }
+    specs.iter().flat_map(|spec| parse_list(spec).unwrap()).collect()
+}
+
+/// Everything that scenes and settings can ask for, each under all that adapters and transfer functions add. The flag says
+/// that uniforms are read as storage.
+fn variants() -> Vec<(ShaderVariant, bool)> {
+    let mut wanted: HashSet<ShaderVariant> = shaders(None).into_iter().collect();
+    for entry in METHODS {
+        for method in settings(entry) {
+            wanted.extend(method.passes());
+            wanted.extend(shaders(method.lookup().as_ref()));
+        }
+    }
+    let mut wanted: Vec<_> = wanted.into_iter().collect();
+    wanted.sort_by_cached_key(|variant| format!("{variant:?}"));
+    let mut list = Vec::new();
+    for variant in wanted {
+        let search: &[&[&str]] = if marches_cells(&variant) { &[&[], &["MANY_BREAKPOINTS"]] } else { &[&[]] };
+        for more in search {
+            for adapter in [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS"]] {
+                let variant = variant.clone().defs([*more, adapter].concat());
+                // Folding a texture does not change what is bound.
+                list.push((variant.clone().defs(["FOLDED"]), false));
+                list.extend([(variant.clone(), false), (variant, true)]);
+            }
+        }
+    }
+    list
+}
+
+/// Text of a file below `shaders/`.
+fn source(path: &str) -> String {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders").join(path);
+    std::fs::read_to_string(file).unwrap()
+}
+
+/// Lines of a shader that its definitions select.
+fn selected(text: &str, defs: &[&str]) -> String {
+    let mut open = Vec::new();
+    let mut lines = String::new();
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        let (directive, name) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+        match directive {
+            "#ifdef" => open.push(defs.contains(&name)),
+            "#ifndef" => open.push(!defs.contains(&name)),
+            "#else" => *open.last_mut().unwrap() ^= true,
+            "#endif" => drop(open.pop()),
+            _ if open.iter().all(|selected| *selected) => lines.extend([line, "\n"]),
+            _ => {}
+        }
+    }
+    lines
+}
+
+/// One variant of each text: most settings of a method do not change most of its shaders.
+fn distinct(mut variants: Vec<(ShaderVariant, bool)>) -> Vec<(ShaderVariant, bool)> {
+    let files: HashMap<&str, String> = shader_paths().into_iter().map(|path| (path, source(path))).collect();
+    let mut texts = HashSet::new();
+    let mut requests = HashSet::new();
+    variants.retain(|(variant, live)| {
+        let paths = || variant.modules.iter().chain([&variant.entry]);
+        let used = |name: &str| paths().any(|path| files[path].contains(name));
+        let mut defs: Vec<_> = variant.defs.iter().copied().filter(|def| used(def)).collect();
+        defs.sort_unstable();
+        let constants: Vec<_> =
+            variant.constants.iter().filter(|c| used(&format!("#{{{}}}", c.name()))).collect();
+        let rest = format!("{live} {constants:?}");
+        if !requests.insert((variant.entry, variant.modules.clone(), defs.clone(), rest.clone())) {
+            return false;
+        }
+        let mut hasher = DefaultHasher::new();
+        rest.hash(&mut hasher);
+        paths().for_each(|path| selected(&files[path], &defs).hash(&mut hasher));
+        texts.insert(hasher.finish())
+    });
+    variants
+}
+
+/// Composes a variant and validates the module.
+fn validated(variant: &ShaderVariant, live: bool) -> (naga::Module, naga::valid::ModuleInfo) {
+    let module = compose(variant, live).unwrap_or_else(|e| panic!("{variant:?}: {e}"));
+    let mut validator = naga::valid::Validator::new(
+        naga::valid::ValidationFlags::all(),
+        // Half floats packed in words, which every adapter but OpenGL's older ones has.
+        naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32,
+    );
+    let info =
+        validator.validate(&module).unwrap_or_else(|e| panic!("{variant:?}: {}", e.emit_to_string("")));
+    assert_eq!(module.entry_points.len(), 1, "{variant:?}");
+    for (_, global) in module.global_variables.iter() {
+        let moves = global.binding.is_some_and(|b| b.group > 0);
+        let uniform = global.space == naga::AddressSpace::Uniform;
+        assert!(!(live && moves && uniform), "{:?} of {variant:?}", global.name);
+    }
+    (module, info)
+}
+
+/// Writes a module as each kind of driver gets it. None of these drivers is on the machine that tests.
+fn translate(
+    variant: &ShaderVariant,
+    module: &naga::Module,
+    info: &naga::valid::ModuleInfo,
+    spirv_val: bool,
+) {
+    let fail = |driver: &str, e: &dyn std::fmt::Display| -> ! { panic!("{driver} of {variant:?}: {e}") };
+    let words = back::spv::write_vec(module, info, &back::spv::Options::default(), None)
+        .unwrap_or_else(|e| fail("SPIR-V", &e));
+    if spirv_val {
+        let mut run = Command::new("spirv-val")
+            .args(["--target-env", "vulkan1.1"])
+            .stdin(Stdio::piped())
+            .stderr(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+        run.stdin.take().unwrap().write_all(&bytes).unwrap();
+        let output = run.wait_with_output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        if !output.status.success() {
+            fail("SPIR-V", &String::from_utf8_lossy(&said));
+        }
+    }
+    // The slot in which wgpu binds the lengths of buffers.
+    let resources = back::msl::EntryPointResources { sizes_buffer: Some(30), ..Default::default() };
+    let metal = back::msl::Options {
+        lang_version: (2, 4),
+        per_entry_point_map: [(module.entry_points[0].name.clone(), resources)].into(),
+        fake_missing_bindings: true,
+        ..Default::default()
+    };
+    let (metal_text, _) =
+        back::msl::write_string(module, info, &metal, &back::msl::PipelineOptions::default())
+            .unwrap_or_else(|e| fail("MSL", &e));
+    let mut direct_text = String::new();
+    let direct = back::hlsl::Options::default();
+    back::hlsl::Writer::new(&mut direct_text, &direct, &Default::default())
+        .write(module, info, None)
+        .unwrap_or_else(|e| fail("HLSL", &e));
+    assert!(metal_text.contains("kernel void") && direct_text.contains("numthreads"), "{variant:?}");
+}
+
+#[test]
+fn every_shader_composes_validates_and_translates_for_every_driver() {
+    let spirv_val = common::starts("spirv-val");
+    if !spirv_val {
+        Requirement::SpirvVal.missing("there is no spirv-val");
+    }
+    let start = std::time::Instant::now();
+    let variants = variants();
+    let count = variants.len();
+    let distinct = distinct(variants);
+    println!("{} distinct shaders of {count} variants, {:?}", distinct.len(), start.elapsed());
+    let tried: Vec<_> = distinct.iter().step_by(SIZES.shader_stride).collect();
+    tried.par_iter().for_each(|(variant, live)| {
+        let (module, info) = validated(variant, *live);
+        translate(variant, &module, &info, spirv_val);
+    });
+    println!("{} of them tried, {:?}", tried.len(), start.elapsed());
+    let used: BTreeSet<_> =
+        distinct.iter().flat_map(|(v, _)| v.modules.iter().chain([&v.entry])).copied().collect();
+    // The example method is compiled under its own feature only.
+    let compiled = |p: &&str| cfg!(feature = "half") || !p.starts_with("shadow/half/");
+    let unused: Vec<_> = shader_paths().into_iter().filter(compiled).filter(|p| !used.contains(p)).collect();
+    assert!(unused.is_empty(), "no variant is made of {unused:?}");
+}
+
+#[test]
+fn combined_requests_are_composed_together() {
+    let variants = variants();
+    let has = |names: &[&str], live: bool| {
+        variants.iter().any(|(v, l)| *l == live && names.iter().all(|n| v.defs.contains(n)))
+    };
+    for live in [false, true] {
+        assert!(has(&["ONE_COLOR", "SHADOWS", "BLINN_PHONG", "SKIP_BRICKS"], live));
+        assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "RESUMABLE"], live));
+        assert!(has(&["MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS", "WORDS_2"], live));
+    }
+    assert!(has(&["FOLDED", "MANUAL_TRILINEAR", "MANY_BREAKPOINTS", "SPLIT_ROWS"], false));
+}
+
+#[test]
+fn a_number_that_two_files_know_comes_from_the_host() {
+    let mut homes = BTreeMap::<String, BTreeSet<&str>>::new();
+    for path in shader_paths() {
+        let text = source(path);
+        let constants = text.lines().filter_map(|l| l.strip_prefix("const ")?.split_once(':'));
+        for (name, rest) in constants.filter(|(_, rest)| !rest.contains("#{")) {
+            assert!(rest.contains('='), "{path}: {name}");
+            homes.entry(name.into()).or_default().insert(path);
+        }
+    }
+    assert!(homes.len() > 10, "{homes:?}");
+    let shared: Vec<_> = homes.iter().filter(|(_, paths)| paths.len() > 1).collect();
+    assert!(shared.is_empty(), "{shared:?}");
+}
