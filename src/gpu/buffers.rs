@@ -26,7 +26,7 @@ pub fn table_texture<T: Pod>(
     texels: &[T],
 ) -> Result<wgpu::TextureView> {
     gpu.check_texture(label, [width, height])?;
-    let [padded_width, padded_height] = [width, height].map(|side| steady_side(gpu, side));
+    let [padded_width, padded_height] = [width, height].map(|side| gpu.texture_side(side));
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width: padded_width, height: padded_height, depth_or_array_layers: 1 },
@@ -58,7 +58,7 @@ pub fn store_texture(
     gpu.check_texture(label, [width, height])?;
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
-        size: wgpu::Extent3d { width, height: steady_side(gpu, height), depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width, height: gpu.texture_side(height), depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
@@ -92,15 +92,6 @@ pub fn clamp_sampler(gpu: &Gpu, filter: wgpu::FilterMode) -> wgpu::Sampler {
         min_filter: filter,
         ..Default::default()
     })
-}
-
-/// A side with room for `side` texels that is no power of two, where the adapter's textures go on so far.
-///
-/// llvmpipe compiles a shader anew, for half a second, when a side of its textures becomes a power of two or ceases to be
-/// one, as the sides of shadow maps do while a hand moves.
-pub fn steady_side(gpu: &Gpu, side: u32) -> u32 {
-    let padded = if side.is_power_of_two() { (side + 1).max(3) } else { side };
-    if padded <= gpu.device.limits().max_texture_dimension_2d { padded } else { side }
 }
 
 /// Storage buffers, refused where the adapter cannot bind them.

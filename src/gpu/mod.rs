@@ -7,6 +7,7 @@ mod kernels;
 #[cfg(test)]
 mod layout;
 mod pipeline_cache;
+pub mod quirks;
 mod shaders;
 mod sharing;
 mod timing;
@@ -15,8 +16,7 @@ mod watch;
 
 pub use bindings::{Group, Slot};
 pub use buffers::{
-    StorageBuffer, clamp_sampler, copy_rows, read_back, steady_side, store_texture, table_texture,
-    uniform_buffer,
+    StorageBuffer, clamp_sampler, copy_rows, read_back, store_texture, table_texture, uniform_buffer,
 };
 pub use device::{DeviceLoss, Gpu, texture_side};
 pub use kernels::Kernels;
