@@ -74,7 +74,7 @@ const FAINT_INTERVAL: f32 = 0.05;
 const SPLITS_SEGMENTS: bool = false;
 const SURFACE_OVER: f32 = 0.0;
 const INTERVAL_STEPS: u32 = 1u;
-const MAX_SEGMENTS: u32 = 0u;
+const MAX_SEGMENTS: u32 = 1u;
 #endif
 // Segments with a larger optical depth than THICKEST_PART are split into parts of LIT_DEPTH. A part of which the eye sees less
 // than a quarter may be thicker by up to UNSEEN_PART.
@@ -165,7 +165,7 @@ struct LightInterval {
     end: f32,
     depth: f32,
     visible: f32,
-    // Emitted light, and that times the shading factor. Without shadows `color` is the light that arrives at the eye.
+    // Emitted light, and that times the shading factor.
     color: vec3<f32>,
     shaded: vec3<f32>,
     // Length of the parts of a thick segment; FAR for others.
@@ -236,21 +236,27 @@ fn direct_light() -> f32 {
 }
 #endif
 
-// Adds the light that a segment or a surface emits to an interval.
-fn add_emission(interval: ptr<function, LightInterval>, emitted: vec3<f32>, shading: f32) {
+// Adds the light that a segment or a surface emits to an interval; without shadows, to the color of the pixel.
+fn add_emission(
+    interval: ptr<function, LightInterval>,
+    color: ptr<function, vec3<f32>>,
+    emitted: vec3<f32>,
+    shading: f32,
+) {
 #ifdef SHADOWS
     (*interval).color += emitted;
 #ifdef SHADED
     (*interval).shaded += emitted * shading;
 #endif
 #else
-    (*interval).color += emitted * (frame.ambient + direct_light() * shading);
+    *color += emitted * (frame.ambient + direct_light() * shading);
 #endif
 }
 
 // Adds the next part of the segment that is hit to an interval; `left` is the transmittance to the eye.
 fn accumulate_segment(
     interval: ptr<function, LightInterval>,
+    color: ptr<function, vec3<f32>>,
     march: ptr<function, RayMarch>,
     left: ptr<function, f32>,
     ray: Ray,
@@ -273,9 +279,9 @@ fn accumulate_segment(
         (*interval).visible += *left * alpha;
         *left *= 1.0 - alpha;
 #ifdef SHADING
-        add_emission(interval, emitted, shading_factor(ray.o + 0.5 * (begin + part.end) * ray.d, ray.d));
+        add_emission(interval, color, emitted, shading_factor(ray.o + 0.5 * (begin + part.end) * ray.d, ray.d));
 #else
-        add_emission(interval, emitted, 1.0);
+        add_emission(interval, color, emitted, 1.0);
 #endif
         // Skipping decides whether a part without extinction is met at all: the interval must not depend on it.
         if SPLITS_SEGMENTS && depth > 0.0 {
@@ -285,13 +291,14 @@ fn accumulate_segment(
             (*interval).segments += 1u;
         }
         let full = (*interval).segments >= MAX_SEGMENTS || (*interval).visible >= COMPLETE_INTERVAL;
-        (*interval).complete = full || *left < EYE_OVER;
+        (*interval).complete = SPLITS_SEGMENTS && (full || *left < EYE_OVER);
     }
 }
 
 // Advances the ray until the interval is complete, the ray ends, or INTERVAL_STEPS iterations are taken.
 fn accumulate_interval(
     interval: ptr<function, LightInterval>,
+    color: ptr<function, vec3<f32>>,
     march: ptr<function, RayMarch>,
     left: ptr<function, f32>,
     ray: Ray,
@@ -303,21 +310,21 @@ fn accumulate_interval(
             advance(march, ray);
             // An interval ends with the extinction or with the ray.
             (*interval).complete = (*interval).segments > 0u && (!(*march).hit || (*march).segment_start != (*interval).end);
-            if (*march).hit && !(*interval).complete { accumulate_segment(interval, march, left, ray); }
-            count_iteration(march);
+            if (*march).hit && !(*interval).complete { accumulate_segment(interval, color, march, left, ray); }
+            if SPLITS_SEGMENTS { count_iteration(march); }
         }
         let over = !((*march).hit || (*march).marching) && (*interval).segments == 0u;
         if (*interval).complete || over || steps >= INTERVAL_STEPS { break; }
     }
 }
 
+#ifdef SHADOWS
 // The light at a depth of the eye ray, as last looked up.
 struct KnownLight {
     t: f32,
     light: f32,
 }
 
-#ifdef SHADOWS
 // Returns the mean light over an optical depth in which the transmittance from the light goes from a to b as an exponential of
 // the optical depth to the eye: exact through any layered medium, whatever the step.
 fn mean_light(a: f32, b: f32, depth: f32) -> f32 {
@@ -357,19 +364,6 @@ fn light_interval(
         *known = KnownLight((*interval).end, light);
     }
 }
-#else
-// Adds the light that arrives at the eye from a complete interval to `color`, and empties the interval.
-fn light_interval(
-    interval: ptr<function, LightInterval>,
-    known: ptr<function, KnownLight>,
-    color: ptr<function, vec3<f32>>,
-    ray: Ray,
-) {
-    *color += (*interval).color;
-    (*interval).color = vec3<f32>(0.0);
-    (*interval).segments = 0u;
-    (*interval).complete = false;
-}
 #endif
 
 @compute @workgroup_size(#{PICTURE_SIDE}, #{PICTURE_SIDE})
@@ -405,7 +399,9 @@ fn raycast(
     }
 #endif
     var interval = LightInterval(0u, 0.0, 0.0, 0.0, 0.0, vec3<f32>(0.0), vec3<f32>(0.0), FAR, false);
+#ifdef SHADOWS
     var known = KnownLight(-FAR, 1.0);
+#endif
     var lookups = 0u;
     var interrupted = false;
     loop {
@@ -413,11 +409,13 @@ fn raycast(
             interrupted = true;
             break;
         }
-        accumulate_interval(&interval, &march, &left, ray);
+        accumulate_interval(&interval, &color, &march, &left, ray);
+#ifdef SHADOWS
         if interval.complete {
             light_interval(&interval, &known, &color, ray);
             lookups += 1u;
         }
+#endif
         var over = !interval.complete && interval.segments == 0u && (left < EYE_OVER || !(march.hit || march.marching));
 #ifdef MESH
         // The surface behind the volume is an interval without length.
@@ -425,11 +423,13 @@ fn raycast(
             surface.met = false;
             interval.start = surface.z;
             interval.end = surface.z;
-            add_emission(&interval, left * surface.color, surface.cosine);
+            add_emission(&interval, &color, left * surface.color, surface.cosine);
+            left = 0.0;
+#ifdef SHADOWS
             interval.segments = 1u;
             interval.complete = true;
-            left = 0.0;
             over = false;
+#endif
         }
 #endif
         if over { break; }
