@@ -112,45 +112,241 @@ fn extrema(c: vec4<f32>) -> vec2<f32> {
     return vec2<f32>(min(roots.x, roots.y), max(roots.x, roots.y));
 }
 
-// Marches the ray o + z d (grid space, d per mm) over the depths [z_from, z_to].
-// Long: the loops share their state, and llvmpipe of Mesa 22.3 crashes on branches in functions of their own.
-fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) {
+// A light ray in a frame in which it ascends along all axes: axes along which it descends are mirrored about whole bricks, so
+// that bricks stay bricks.
+struct AscendingRay {
+    // The ray itself, grid space, d per mm.
+    o: vec3<f32>,
+    d: vec3<f32>,
+    mirrored: vec3<bool>,
+    moves: vec3<bool>,
+    ascending_o: vec3<f32>,
+    ascending_d: vec3<f32>,
+    inv_ascending_d: vec3<f32>,
+    // A cell of the frame is the cell first_cell + sense * cell of the grid.
+    first_cell: vec3<i32>,
+    sense: vec3<i32>,
+    last_cell: vec3<i32>,
+    // Depths between which it is marched, mm.
+    start: f32,
+    end: f32,
+}
+
+struct CellMarch {
+    // The next cell, and the depth at which the ray enters it.
+    z: f32,
+    cell: vec3<i32>,
+    // The end of the ray is not reached; every step leaves a cell for good.
+    marching: bool,
+    cells_left: i32,
+    // Values of the last cell if `known`, and the axis along which the ray left it.
+    values: Cell,
+    known: bool,
+    along: vec3<bool>,
+    // Chord of the present cell, the cubic along it, and the parameter and value up to which it is integrated.
+    chord_z: f32,
+    chord_mm: f32,
+    c: vec4<f32>,
+    u: f32,
+    value: f32,
+    // Borders between labels on the chord, and the shift of the label at u.
+    borders: vec3<f32>,
+    shift: f32,
+    // Pieces that the cell may still be cut into.
+    pieces_left: u32,
+}
+
+// A stretch of a chord on which the ordinate of the transfer function is a linear function of a monotone cubic.
+struct Stretch {
+    // The cubic of the shown values.
+    shown: vec4<f32>,
+    end: f32,
+    end_value: f32,
+    // Interval of the transfer function.
+    j: u32,
+    // A piece of length h strays from its chord by at most (h bend)^2 / 8 times its transmittance.
+    bend: f32,
+}
+
+fn ascending_ray(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> AscendingRay {
     let inv_d = safe_inverse(d);
     let span = clipped_span(o, d, box_span(o, inv_d, d, field.active_lo, field.active_hi));
-    let end = min(span.y, z_to);
-    let moves = abs(d) >= vec3<f32>(1e-20);
     let top = vec3<i32>(field.size);
-    // Axes along which the ray descends are mirrored about whole bricks, so that bricks stay bricks and the ray ascends along
-    // all axes.
     let mirrored = d < vec3<f32>(0.0);
     let whole = ((top + BRICK_CELLS) >> BRICK_SHIFT) * BRICK_CELLS;
-    let first_cell = select(vec3<i32>(0), whole - 1, mirrored);
-    let sense = select(vec3<i32>(1), vec3<i32>(-1), mirrored);
-    let ascending_o = select(o, vec3<f32>(whole) - o, mirrored);
-    let ascending_d = abs(d);
-    let inv_ascending_d = abs(inv_d);
-    let last_cell = select(top, whole - 1, mirrored);
-    // Every step leaves a cell for good.
-    var cells_left = top.x + top.y + top.z + 3;
+    return AscendingRay(
+        o,
+        d,
+        mirrored,
+        abs(d) >= vec3<f32>(1e-20),
+        select(o, vec3<f32>(whole) - o, mirrored),
+        abs(d),
+        abs(inv_d),
+        select(vec3<i32>(0), whole - 1, mirrored),
+        select(vec3<i32>(1), vec3<i32>(-1), mirrored),
+        select(top, whole - 1, mirrored),
+        max(span.x, z_from),
+        min(span.y, z_to),
+    );
+}
+
+fn start_cells(ray: AscendingRay) -> CellMarch {
+    let top = vec3<i32>(field.size);
+    let cell = clamp(vec3<i32>(floor(ray.ascending_o + ray.start * ray.ascending_d)), ray.last_cell - top, ray.last_cell);
+    var march: CellMarch;
+    march.z = ray.start;
+    march.cell = cell;
+    march.marching = ray.start < ray.end;
+    march.cells_left = top.x + top.y + top.z + 3;
+    march.along = vec3<bool>(false, false, true);
+    march.u = 1.0;
+    return march;
+}
+
+// Starts the chord of the present cell, which ends at the depth `exit` and the point p.
+fn start_chord(march: ptr<function, CellMarch>, ray: AscendingRay, p: vec3<f32>, exit: f32) {
+    let corner = vec3<f32>((*march).cell);
+    let f = clamp(ray.ascending_o + (*march).z * ray.ascending_d - corner, vec3<f32>(0.0), vec3<f32>(1.0));
+    let e = clamp(p - corner, vec3<f32>(0.0), vec3<f32>(1.0)) - f;
+    (*march).c = chord_cubic((*march).values, f, e);
+    (*march).chord_z = (*march).z;
+    (*march).chord_mm = exit - (*march).z;
+    (*march).u = 0.0;
+    (*march).value = (*march).c.x;
+    (*march).borders = label_borders(f, e);
+    (*march).shift = UNKNOWN_SHIFT;
+    // Each stretch passes each interval, is shortened where opacity nears 1, and has short pieces and pieces that span a share of
+    // a whole ray.
+    let short_pieces = u32(min((*march).chord_mm / (SHORT_PIECE * field.min_spacing_mm), 1e6));
+    (*march).pieces_left = MAX_STRETCHES * field.intervals * u32(SHORTENINGS) + short_pieces + MAX_THICK_PIECES;
+}
+
+// Advances the ray by one cell, or skips to the exit of the cube of empty bricks. A cell with extinction starts a chord.
+fn step_cell(march: ptr<function, CellMarch>, ray: AscendingRay) {
+    let cell = (*march).cell;
+    let grid_cell = ray.first_cell + ray.sense * cell;
+    let distance = brick_distance_at(grid_cell >> BRICK_SHIFT);
+    let past = select(cell + 1, ((cell >> BRICK_SHIFT) + distance) * BRICK_CELLS, distance > 0);
+    let exits = select(vec3<f32>(FAR), (vec3<f32>(past) - ray.ascending_o) * ray.inv_ascending_d, ray.moves);
+    let exit = max(min(min(exits.x, exits.y), min(exits.z, ray.end)), (*march).z);
+    let p = ray.ascending_o + exit * ray.ascending_d;
+    if distance == 0 {
+        (*march).values = next_cell_values((*march).values, grid_cell, ray.mirrored, (*march).along, (*march).known);
+        count_work(CELLS, select(0u, 1u, (*march).known));
+        let lo4 = min((*march).values.lo, (*march).values.hi);
+        let hi4 = max((*march).values.lo, (*march).values.hi);
+        let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));
+        let greatest = max(max(hi4.x, hi4.y), max(hi4.z, hi4.w));
+        let visible = greatest > field.first_value && least < field.last_value;
+        if (*march).known && exit > (*march).z && visible { start_chord(march, ray, p, exit); }
+    }
+    if distance > 0 || (*march).known {
+        (*march).z = exit;
+        // The ray leaves by a known face; rounding must not move it back, on this or another axis.
+        let inner = clamp(vec3<i32>(floor(p)), cell, past - 1);
+        let leaves = exits <= vec3<f32>(exit);
+        (*march).cell = select(select(cell, inner, ray.moves), past, leaves);
+        // Past an edge, a corner or empty bricks no values are known.
+        (*march).known = distance == 0 && !(leaves.x && leaves.y) && !(leaves.z && (leaves.x || leaves.y));
+        (*march).along = select(vec3<bool>(false, false, true), leaves, (*march).known);
+        (*march).cells_left -= 1;
+        (*march).marching = exit < ray.end && all((*march).cell <= ray.last_cell) && (*march).cells_left >= 0;
+    } else {
+        // The nearer face is known now: the next step takes the cell.
+        (*march).known = true;
+    }
+}
+
+// Returns the first value from `value` to `end_value` at which a new interval of the transfer function starts, or `end_value`.
+fn next_breakpoint(value: f32, end_value: f32) -> f32 {
+    let nodes = nodes_between(value, end_value);
+    var node = end_value;
+    for (var k = 3; k >= 0; k--) {
+        let v = interval_start(nodes[k]);
+        if nodes[k] < MORE_NODES && (v - value) * (v - end_value) < 0.0 { node = v; }
+    }
+#ifdef MANY_BREAKPOINTS
+    // More breakpoints than the table holds: the next one ahead ends the interval of the value.
+    if nodes.w == MORE_NODES {
+        let here = interval_at(value);
+        let falling = select(here, here - 1u, interval_start(here) >= value && here > 0u);
+        let v = select(interval_start(falling), interval_start(here + 1u), end_value > value);
+        node = select(end_value, v, (v - value) * (v - end_value) < 0.0);
+    }
+#endif
+    return node;
+}
+
+// Returns the next stretch of the chord.
+fn next_stretch(march: ptr<function, CellMarch>, ray: AscendingRay) -> Stretch {
+    let u = (*march).u;
+    let chord_mm = (*march).chord_mm;
+    // The monotone stretch ahead, nearest to voxels of one label, and the first breakpoint on it.
+    let cuts = extrema((*march).c);
+    let extremum = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
+    let turn = next_label_border((*march).borders, u, extremum);
+    let shift = label_shift(ray.o + ((*march).chord_z + 0.5 * (u + turn) * chord_mm) * ray.d);
+    let shown = shifted_cubic((*march).c, shift);
+    if shift != (*march).shift {
+        (*march).shift = shift;
+        (*march).value = cubic(shown, u);
+    }
+    let value = (*march).value;
+    let turn_value = cubic(shown, turn);
+    var end = turn;
+    var end_value = next_breakpoint(value, turn_value);
+    if end_value != turn_value { end = crossing(shown, u, turn, value, turn_value, end_value); }
+    let j = interval_at(0.5 * (value + end_value));
+    var ends = ordinates_in(j, vec4<f32>(value, end_value, value, value));
+    // Opacity that nears 1 makes a logarithm too steep for the quadrature.
+    for (var k = 0; k < SHORTENINGS; k++) {
+        if !uneven(ends, (end - u) * chord_mm) { break; }
+        // For a linear value this share changes the transmitted light by nearly the factor of 2. Where the value begins flat the
+        // share is far too small, hence the lower limit; halving at least ends the loop.
+        let twice = select(0.5, 1.0, ends.transmitted.y > ends.transmitted.x);
+        let share = clamp(0.98 * twice * ends.transmitted.x / abs(ends.transmitted.y - ends.transmitted.x), 0.0625, 0.5);
+        end = max(u + share * (end - u), min(u + LEAST_PIECE, end));
+        end_value = cubic(shown, end);
+        ends = ordinates_in(j, vec4<f32>(value, end_value, value, value));
+    }
+
+    // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a stretch of the cubic
+    // is a parabola, which lies between its Bernstein coefficients.
+    let sigmas = extinction_of(ends);
+    let sigma = max(sigmas.x, sigmas.y);
+    let slope_a = cubic_slope(shown, u);
+    let steepness = max(
+        max(abs(slope_a), abs(slope_a + (end - u) * (shown.z + 3.0 * u * shown.w))),
+        abs(cubic_slope(shown, end)),
+    );
+    let rise = extinction_slope(j, min(ends.transmitted.x, ends.transmitted.y)) * steepness / chord_mm;
+    return Stretch(shown, end, end_value, j, sqrt(sigma * sigma + rise) * chord_mm);
+}
+
+// Passes the next piece of a stretch to the sink; returns whether the ray ends.
+fn take_piece(sink: ptr<function, Sink>, march: ptr<function, CellMarch>, stretch: Stretch) -> bool {
+    let u = (*march).u;
+    let chord_z = (*march).chord_z;
+    let chord_mm = (*march).chord_mm;
+    let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + stretch.end * chord_mm);
     let short_mm = SHORT_PIECE * field.min_spacing_mm;
-    // The next cell, and the depth at which the ray enters it.
-    var z = max(span.x, z_from);
-    var cell = clamp(vec3<i32>(floor(ascending_o + z * ascending_d)), last_cell - top, last_cell);
-    var marching = z < end;
-    // Values of the last cell if `known`, and the axis along which the ray left it.
-    var values = Cell(vec4<f32>(0.0), vec4<f32>(0.0));
-    var known = false;
-    var along = vec3<bool>(false, false, true);
-    // The chord of the present cell, the cubic along it, and the parameter and value up to which it is integrated.
-    var chord_z = 0.0;
-    var chord_mm = 0.0;
-    var c = vec4<f32>(0.0);
-    var u = 1.0;
-    var value = 0.0;
-    var borders = vec3<f32>(2.0);
-    var shift = UNKNOWN_SHIFT;
-    // Pieces that the cell may still be cut into, and pieces of the whole ray.
-    var pieces_left = 0u;
+    let parts = ceil((stretch.end - u) * min(stretch.bend / reach, chord_mm / short_mm));
+    let piece_end = select(stretch.end, u + (stretch.end - u) / parts, parts > 1.0);
+    let h = piece_end - u;
+    let at = u + h * GAUSS_POINTS;
+    let c = stretch.shown;
+    let mean = dot(GAUSS_WEIGHTS, extinction_in(stretch.j, c.x + at * (c.y + at * (c.z + at * c.w))));
+    (*march).u = piece_end;
+    (*march).pieces_left -= 1u;
+    count_work(PIECES, 1u);
+    return sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm);
+}
+
+// Marches the ray o + z d (grid space, d per mm) over the depths [z_from, z_to].
+fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) {
+    let ray = ascending_ray(o, d, z_from, z_to);
+    var state = start_cells(ray);
+    // Pieces of the whole ray.
     var pieces = 0u;
     var done = false;
     // A cell or the ray has more pieces than it may have.
@@ -159,146 +355,29 @@ fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_t
         var steps = 0u;
         loop {
             steps += 1u;
-            if u >= 1.0 && marching {
-                let distance = brick_distance_at((first_cell + sense * cell) >> BRICK_SHIFT);
-                // Advances the ray by one cell, or skips to the exit of the cube of empty bricks.
-                let past = select(cell + 1, ((cell >> BRICK_SHIFT) + distance) * BRICK_CELLS, distance > 0);
-                let exits = select(vec3<f32>(FAR), (vec3<f32>(past) - ascending_o) * inv_ascending_d, moves);
-                let exit = max(min(min(exits.x, exits.y), min(exits.z, end)), z);
-                let p = ascending_o + exit * ascending_d;
-                if distance == 0 {
-                    values = next_cell_values(values, first_cell + sense * cell, mirrored, along, known);
-                    count_work(CELLS, select(0u, 1u, known));
-                    let lo4 = min(values.lo, values.hi);
-                    let hi4 = max(values.lo, values.hi);
-                    let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));
-                    let greatest = max(max(hi4.x, hi4.y), max(hi4.z, hi4.w));
-                    if known && exit > z && greatest > field.first_value && least < field.last_value {
-                        let f = clamp(ascending_o + z * ascending_d - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0));
-                        let e = clamp(p - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0)) - f;
-                        c = chord_cubic(values, f, e);
-                        chord_z = z;
-                        chord_mm = exit - z;
-                        u = 0.0;
-                        value = c.x;
-                        borders = label_borders(f, e);
-                        shift = UNKNOWN_SHIFT;
-                        // Each stretch passes each interval, is shortened where opacity nears 1, and has short pieces and
-                        // pieces that span a share of a whole ray.
-                        let short_pieces = u32(min(chord_mm / short_mm, 1e6));
-                        pieces_left = MAX_STRETCHES * field.intervals * u32(SHORTENINGS) + short_pieces + MAX_THICK_PIECES;
-                    }
-                }
-                if distance > 0 || known {
-                    z = exit;
-                    // The ray leaves by a known face; rounding must not move it back, on this or another axis.
-                    let inner = clamp(vec3<i32>(floor(p)), cell, past - 1);
-                    let leaves = exits <= vec3<f32>(exit);
-                    let next = select(select(cell, inner, moves), past, leaves);
-                    // Past an edge, a corner or empty bricks no values are known.
-                    known = distance == 0 && !(leaves.x && leaves.y) && !(leaves.z && (leaves.x || leaves.y));
-                    along = select(vec3<bool>(false, false, true), leaves, known);
-                    cell = next;
-                    marching = z < end && all(cell <= last_cell);
-                    cells_left -= 1;
-                    marching = marching && cells_left >= 0;
-                } else {
-                    // The nearer face is known now: the next step takes the cell.
-                    known = true;
-                }
-            }
-            if u < 1.0 || !marching || steps >= STEPS_TOGETHER { break; }
+            if state.u >= 1.0 && state.marching { step_cell(&state, ray); }
+            if state.u < 1.0 || !state.marching || steps >= STEPS_TOGETHER { break; }
         }
-        if u >= 1.0 {
-            if !marching {
+        if state.u >= 1.0 {
+            if !state.marching {
                 done = true;
                 break;
             }
             continue;
         }
-
-        // The monotone stretch ahead, nearest to voxels of one label, and the first breakpoint on it.
-        let cuts = extrema(c);
-        let turn = next_label_border(
-            borders, u, select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0));
-        let new_shift = label_shift(o + (chord_z + 0.5 * (u + turn) * chord_mm) * d);
-        let shown = shifted_cubic(c, new_shift);
-        if new_shift != shift {
-            shift = new_shift;
-            value = cubic(shown, u);
-        }
-        let turn_value = cubic(shown, turn);
-        var stretch_end = turn;
-        var end_value = turn_value;
-        let nodes = nodes_between(value, turn_value);
-        var node = 0.0;
-        var crosses = false;
-        for (var k = 3; k >= 0; k--) {
-            let v = interval_start(nodes[k]);
-            if nodes[k] < MORE_NODES && (v - value) * (v - turn_value) < 0.0 {
-                node = v;
-                crosses = true;
-            }
-        }
-#ifdef MANY_BREAKPOINTS
-        // More breakpoints than the table holds: the next one ahead ends the value's own interval.
-        if nodes.w == MORE_NODES {
-            let here = interval_at(value);
-            let falling = select(here, here - 1u, interval_start(here) >= value && here > 0u);
-            node = select(interval_start(falling), interval_start(here + 1u), turn_value > value);
-            crosses = (node - value) * (node - turn_value) < 0.0;
-        }
-#endif
-        if crosses {
-            stretch_end = crossing(shown, u, turn, value, turn_value, node);
-            end_value = node;
-        }
-        let j = interval_at(0.5 * (value + end_value));
-        var ends = ordinates_in(j, vec4<f32>(value, end_value, value, value));
-        // Opacity that nears 1 makes a logarithm too steep for the quadrature.
-        for (var k = 0; k < SHORTENINGS; k++) {
-            if !uneven(ends, (stretch_end - u) * chord_mm) { break; }
-            // For a linear value this share changes the transmitted light by nearly the factor of 2. Where the value begins
-            // flat the share is far too small, hence the lower limit; halving at least ends the loop.
-            let twice = select(0.5, 1.0, ends.transmitted.y > ends.transmitted.x);
-            let share = clamp(0.98 * twice * ends.transmitted.x / abs(ends.transmitted.y - ends.transmitted.x), 0.0625, 0.5);
-            stretch_end = max(u + share * (stretch_end - u), min(u + LEAST_PIECE, stretch_end));
-            end_value = cubic(shown, stretch_end);
-            ends = ordinates_in(j, vec4<f32>(value, end_value, value, value));
-        }
-
-        // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a
-        // stretch of the cubic is a parabola, which lies between its Bernstein coefficients.
-        let sigmas = extinction_of(ends);
-        let sigma = max(sigmas.x, sigmas.y);
-        let slope_a = cubic_slope(shown, u);
-        let steepness = max(
-            max(abs(slope_a), abs(slope_a + (stretch_end - u) * (shown.z + 3.0 * u * shown.w))),
-            abs(cubic_slope(shown, stretch_end)),
-        );
-        let rise = extinction_slope(j, min(ends.transmitted.x, ends.transmitted.y)) * steepness / chord_mm;
-        let bend = sqrt(sigma * sigma + rise) * chord_mm;
+        let stretch = next_stretch(&state, ray);
         loop {
-            let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + stretch_end * chord_mm);
-            let parts = ceil((stretch_end - u) * min(bend / reach, chord_mm / short_mm));
-            let piece_end = select(stretch_end, u + (stretch_end - u) / parts, parts > 1.0);
-            let h = piece_end - u;
-            let at = u + h * GAUSS_POINTS;
-            let mean = dot(GAUSS_WEIGHTS, extinction_in(j, shown.x + at * (shown.y + at * (shown.z + at * shown.w))));
-            done = sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm);
-            u = piece_end;
-            count_work(PIECES, 1u);
-            pieces_left -= 1u;
+            done = take_piece(sink, &state, stretch);
             pieces += 1u;
-            if done || u >= stretch_end || pieces_left == 0u { break; }
+            if done || state.u >= stretch.end || state.pieces_left == 0u { break; }
         }
         if done { break; }
-        value = end_value;
-        u = select(u, 1.0, u > 1.0 - LEAST_PIECE);
-        if pieces_left == 0u || pieces > MAX_PIECES {
+        state.value = stretch.end_value;
+        state.u = select(state.u, 1.0, state.u > 1.0 - LEAST_PIECE);
+        if state.pieces_left == 0u || pieces > MAX_PIECES {
             too_many = true;
-            u = 1.0;
+            state.u = 1.0;
         }
     }
-    if !done || too_many || cells_left < 0 { report_iteration_limit(); }
+    if !done || too_many || state.cells_left < 0 { report_iteration_limit(); }
 }
