@@ -100,6 +100,15 @@ impl VectorMap for AdaptiveShadowMap {
 #[cfg(test)]
 mod tests {
     use super::super::parse_list;
+    use super::AvsmParams;
+    use crate::gpu::wgsl_layout;
+
+    #[test]
+    fn uniforms_match_their_shaders() {
+        let (_, members) = wgsl_layout(&parse_list("avsm").unwrap()[0].passes()[0], "AvsmParams");
+        let offset = std::mem::offset_of!(AvsmParams, longest_depth);
+        assert_eq!(members, [("longest_depth".to_string(), offset)]);
+    }
 
     #[test]
     fn every_key_is_read_and_shown() {

@@ -194,6 +194,14 @@ impl VectorMap for MomentMap {
 #[cfg(test)]
 mod tests {
     use super::super::parse_list;
+    use super::MomentParams;
+    use crate::gpu::assert_layout;
+
+    #[test]
+    fn uniforms_match_their_shaders() {
+        let passes = parse_list("moments:basis=trigonometric").unwrap()[0].passes();
+        assert_layout!(&passes[0], "MomentParams", MomentParams: biased_moments, beta, bias, largest_angle);
+    }
 
     #[test]
     fn every_key_is_read_and_shown() {
