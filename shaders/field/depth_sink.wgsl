@@ -1,26 +1,26 @@
-// Sink that only adds up the optical depth of a stretch of ray.
+// Sink that adds up the optical depth of a ray.
 #define_import_path umbravox::sink
 
-#import umbravox::sums::{Sum, empty_sum, with_part}
+#import umbravox::sums::{Sum, empty_sum, add_term}
 
 struct Sink {
     optical_depth: Sum,
 }
 
-// Nobody looks inside a piece.
 const FAR: f32 = #{FAR};
-// Beyond this the transmittance is nothing to a picture (1e-6).
+// Optical depth that ends the ray: its transmittance is below 1e-6.
 const ENOUGH_DEPTH: f32 = 13.8;
 
 fn start_sink() -> Sink {
     return Sink(empty_sum());
 }
 
+// The course inside a piece does not matter.
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
     return FAR;
 }
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
-    (*sink).optical_depth = with_part((*sink).optical_depth, depth);
+    (*sink).optical_depth = add_term((*sink).optical_depth, depth);
     return (*sink).optical_depth.total > ENOUGH_DEPTH;
 }

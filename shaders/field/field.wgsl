@@ -1,4 +1,4 @@
-// The scalar field on the device: values, bricks and their distances. No transfer function in here.
+// The scalar field on the device: values, bricks and their distances, without the transfer function.
 //
 // Grid space: g = index + 1, so that cell c = floor(g) interpolates the voxels c - 1 and c (clamped to the edge), the
 // domain is [0.5, n + 0.5]^3 and brick b holds the cells BRICK_CELLS b .. BRICK_CELLS (b + 1) - 1.
@@ -7,7 +7,7 @@
 #import umbravox::work::{count_work, SAMPLES, LOADS}
 
 const BRICK_CELLS: i32 = #{BRICK_CELLS};
-// log2 of it.
+// log2(BRICK_CELLS).
 const BRICK_SHIFT: vec3<u32> = vec3<u32>(#{BRICK_SHIFT});
 const FAR: f32 = #{FAR};
 
@@ -21,8 +21,8 @@ struct Field {
     intervals: u32,
     // Grid-space box of the active bricks, clipped to the domain.
     active_lo: vec3<f32>,
-    // Values at or below this one have no extinction, nor have those at or above `last_value`; with LABELS whatever the
-    // label, as the volume has them.
+    // Values at or below `first_value`, or at or above `last_value`, have no extinction, whatever the label. These are values
+    // of the volume, without the shift of a label.
     first_value: f32,
     active_hi: vec3<f32>,
     last_value: f32,
@@ -33,13 +33,13 @@ struct Field {
     table_per_value: f32,
     // 1 / reference length (1/mm) where opacity is given, 0 where extinction is.
     inv_reference_length: f32,
-    // Linear RGB of everything with extinction, where that is one colour (ONE_COLOR).
+    // Linear RGB of the only colour (ONE_COLOR).
     color_r: f32,
     color_g: f32,
     color_b: f32,
-    // With LABELS a value without extinction, behind all functions.
+    // A value without extinction, behind the functions of all labels (LABELS).
     hidden_value: f32,
-    // Planes n·g >= d in grid space, as (n, d): what is kept. Those beyond the last keep everything. Read with CLIP.
+    // Half-spaces n·g >= d in grid space, as (n, d), that clipping keeps (CLIP). Unused entries keep everything.
     clip: array<vec4<f32>, #{MOST_CLIP_PLANES}>,
 #ifdef FOLDED
     fold: Fold,
@@ -47,12 +47,12 @@ struct Field {
 }
 
 #ifdef FOLDED
-// The grid is longer than a texture may be: tiles of it lie side by side in one (src/field/fold.rs).
+// Layout of a grid that is longer than a texture may be: tiles of the grid lie side by side (src/field/fold.rs).
 struct Fold {
-    // Voxels from a tile to the next, and tiles, along each axis of the grid.
+    // Voxels from one tile to the next, and number of tiles, along each axis of the grid.
     period: vec3<i32>,
     tiles: vec3<i32>,
-    // Tiles along each axis of the texture, texels from one to the next, and of these the ones before its first voxel.
+    // Tiles along each axis of the texture, texels from one tile to the next, and texels in front of its first voxel.
     placed: vec3<i32>,
     stride: vec3<i32>,
     margin: vec3<i32>,
@@ -64,7 +64,7 @@ struct Fold {
 @group(0) @binding(0) var<uniform> field: Field;
 @group(0) @binding(1) var volume: texture_3d<f32>;
 @group(0) @binding(2) var linear_clamp: sampler;
-// Chebyshev distance of each brick to the nearest active one, in bricks: 0 is active.
+// Chebyshev distance of each brick to the nearest active one, in bricks; 0 for active bricks.
 @group(0) @binding(3) var brick_distance: texture_3d<u32>;
 
 // The eight values that a cell interpolates, x fastest: lo = z - 1 layer, hi = z layer; (x-y-, x+y-, x-y+, x+y+).
@@ -74,7 +74,7 @@ struct Cell {
 }
 
 #ifdef FOLDED
-// From the voxels that lie between `low` and the next one along each axis to their texels.
+// Returns the offset from voxel to texel for the voxel `low` and the next ones along each axis.
 fn tile_offset(low: vec3<i32>) -> vec3<i32> {
     let tile = min(low / field.fold.period, field.fold.tiles - 1);
     let number = tile.x + field.fold.tiles.x * (tile.y + field.fold.tiles.y * tile.z);
@@ -85,7 +85,16 @@ fn tile_offset(low: vec3<i32>) -> vec3<i32> {
 }
 #endif
 
-// The texels of the two voxels between which a cell lies.
+// Returns the texel of a voxel.
+fn voxel_texel(voxel: vec3<i32>) -> vec3<i32> {
+#ifdef FOLDED
+    return voxel + tile_offset(voxel);
+#else
+    return voxel;
+#endif
+}
+
+// Texels of the lowest and the highest voxel of a cell.
 struct CellEnds {
     low: vec3<i32>,
     high: vec3<i32>,
@@ -124,17 +133,17 @@ fn cell_values(cell: vec3<i32>) -> Cell {
     );
 }
 
-// The values of a cell that lies one further along an axis (`along`) than one whose values are known, both as seen with
-// some axes mirrored: four of them are the same, and four are read, on the face that is farther along. Where nothing is
-// known yet those of the nearer face are read (not `held`): asked again, all eight are there.
-fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: vec3<bool>, held: bool) -> Cell {
+// Returns the values of a cell that follows the cell with the values `before` along the axis `along`; some axes may be
+// mirrored. Four values are shared, and the four on the farther face are read. If the shared ones are not known, this reads
+// those of the nearer face instead, and a second call with `known` completes the cell.
+fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: vec3<bool>, known: bool) -> Cell {
     count_work(LOADS, 4u);
     let ends = ends_of_cell(cell);
     let low = ends.low;
     let high = ends.high;
     let near = select(low, high, mirrored);
     let far = select(high, low, mirrored);
-    let plane = select(near, far, held);
+    let plane = select(near, far, known);
     let a = select(near, plane, along);
     let b = select(far, plane, along);
     let face = vec4<f32>(
@@ -145,15 +154,15 @@ fn next_cell_values(before: Cell, cell: vec3<i32>, mirrored: vec3<bool>, along: 
     );
     let lo = before.lo;
     let hi = before.hi;
-    let kept = select(select(hi, vec4<f32>(lo.zw, hi.zw), along.y), vec4<f32>(lo.yw, hi.yw), along.x);
-    let lo_x = vec4<f32>(kept.x, face.x, kept.y, face.y);
-    let hi_x = vec4<f32>(kept.z, face.z, kept.w, face.w);
-    let lo_y = vec4<f32>(kept.xy, face.xy);
-    let hi_y = vec4<f32>(kept.zw, face.zw);
-    return Cell(select(select(kept, lo_y, along.y), lo_x, along.x), select(select(face, hi_y, along.y), hi_x, along.x));
+    let retained = select(select(hi, vec4<f32>(lo.zw, hi.zw), along.y), vec4<f32>(lo.yw, hi.yw), along.x);
+    let lo_x = vec4<f32>(retained.x, face.x, retained.y, face.y);
+    let hi_x = vec4<f32>(retained.z, face.z, retained.w, face.w);
+    let lo_y = vec4<f32>(retained.xy, face.xy);
+    let hi_y = vec4<f32>(retained.zw, face.zw);
+    return Cell(select(select(retained, lo_y, along.y), lo_x, along.x), select(select(face, hi_y, along.y), hi_x, along.x));
 }
 
-// The field at a grid-space point inside the domain.
+// Returns the field at a grid-space point inside the domain.
 fn value_at(g: vec3<f32>) -> f32 {
     count_work(SAMPLES, 1u);
 #ifdef MANUAL_TRILINEAR
@@ -180,9 +189,9 @@ fn brick_distance_at(brick: vec3<i32>) -> i32 {
     return i32(textureLoad(brick_distance, brick, 0).x);
 }
 
-// What clip planes keep of the span of the line o + t d; entry > exit where that is nothing.
+// Clips a span of the ray o + t d to the clip planes; entry > exit if nothing remains.
 fn clipped_span(o: vec3<f32>, d: vec3<f32>, span: vec2<f32>) -> vec2<f32> {
-    var kept = span;
+    var clipped = span;
 #ifdef CLIP
     for (var i = 0u; i < #{MOST_CLIP_PLANES}; i++) {
         let plane = field.clip[i];
@@ -191,24 +200,24 @@ fn clipped_span(o: vec3<f32>, d: vec3<f32>, span: vec2<f32>) -> vec2<f32> {
         let moves = abs(rise) >= 1e-20;
         let at = -above / select(1.0, rise, moves);
         let never = !moves && above < 0.0;
-        kept.x = select(kept.x, max(kept.x, select(at, FAR, never)), never || (moves && rise > 0.0));
-        kept.y = select(kept.y, min(kept.y, select(at, -FAR, never)), never || (moves && rise < 0.0));
+        clipped.x = select(clipped.x, max(clipped.x, select(at, FAR, never)), never || (moves && rise > 0.0));
+        clipped.y = select(clipped.y, min(clipped.y, select(at, -FAR, never)), never || (moves && rise < 0.0));
     }
 #endif
-    return kept;
+    return clipped;
 }
 
-// 1 / d with a finite stand-in where d vanishes.
+// Returns 1 / d, finite also for d = 0.
 fn safe_inverse(d: vec3<f32>) -> vec3<f32> {
     let tiny = abs(d) < vec3<f32>(1e-20);
     return select(1.0 / d, vec3<f32>(FAR), tiny);
 }
 
-// Entry and exit parameter of the line o + t d with a box; entry > exit where it misses.
+// Returns entry and exit of the ray o + t d with a box; entry > exit if it misses.
 fn box_span(o: vec3<f32>, inv_d: vec3<f32>, d: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>) -> vec2<f32> {
     let a = (lo - o) * inv_d;
     let b = (hi - o) * inv_d;
-    // A ray parallel to a slab is inside it for ever or never.
+    // A ray parallel to a slab is always or never inside it.
     let parallel = abs(d) < vec3<f32>(1e-20);
     let outside = (o < lo) | (o > hi);
     let near = select(min(a, b), select(vec3<f32>(-FAR), vec3<f32>(FAR), outside), parallel);

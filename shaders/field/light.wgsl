@@ -1,16 +1,16 @@
-// Light space: where a grid-space point falls in the map and how deep it lies, and the ray of a texel.
+// Light space: the projection of grid-space points to texels and depths of the map, and the ray of a texel.
 //
-// Light frame: millimetres (a, b, h), h away from the light; depth z is the distance along the ray, mm:
+// The light frame has coordinates (a, b, h) in mm, h away from the light. Depth z is the distance along the ray, mm:
 //   orthographic (light at infinity)  z = h
 //   perspective                       z = distance to the light - light_distance, formed without cancellation
 //   octahedral (light inside or near) z = distance to the light
-// The same mapping in f64 is src/field/light_space.rs.
+// src/field/light_space has the same mapping in f64.
 #define_import_path umbravox::light
 
 const PERSPECTIVE: u32 = #{PERSPECTIVE};
 const OCTAHEDRAL: u32 = #{OCTAHEDRAL};
 
-// The projection of a map and the step along its rays; a method's own numbers are at binding 1.
+// The projection of a map and the step along its rays; the parameters of the method are at binding 1.
 struct LightSpace {
     // Rows of the affine map to the light frame from grid space.
     frame_from_grid_a: vec4<f32>,
@@ -28,15 +28,15 @@ struct LightSpace {
     // Texel coordinate (centres at whole numbers) = plane coordinate * scale + offset.
     texel_scale: vec2<f32>,
     texel_offset: vec2<f32>,
-    // Depths between which all active bricks lie, mm: from depth_start_mm on, depth_range_mm long.
+    // All active bricks lie in the range of depths that begins at depth_start_mm and is depth_range_mm long.
     depth_start_mm: f32,
     depth_range_mm: f32,
-    // Distance of samples along a ray, mm, where light rays are marched by regular ones.
+    // Distance of samples along a light ray, mm, with `march=samples`.
     step_mm: f32,
     padding: f32,
 }
 
-// Every pipeline has a light, also those whose method has no map: shading asks where it is.
+// Bound in every pipeline, also for methods without a map: shading reads the position of the light.
 @group(1) @binding(0) var<uniform> light: LightSpace;
 
 struct LightPoint {
@@ -64,7 +64,7 @@ fn direction_from_octahedral(p: vec2<f32>) -> vec3<f32> {
     return normalize(vec3<f32>(select(folded, p, z >= 0.0), z));
 }
 
-// Where a grid-space point lies.
+// Returns texel and depth of a grid-space point.
 fn light_point(g: vec3<f32>) -> LightPoint {
     let g4 = vec4<f32>(g, 1.0);
     let a = dot(light.frame_from_grid_a, g4);
@@ -85,7 +85,7 @@ fn light_point(g: vec3<f32>) -> LightPoint {
     return LightPoint(plane * light.texel_scale + light.texel_offset, z);
 }
 
-// The ray through texel coordinates.
+// Returns the ray through texel coordinates.
 fn light_ray(texel: vec2<f32>) -> LightRay {
     let plane = (texel - light.texel_offset) / light.texel_scale;
     var start = vec3<f32>(plane, 0.0);
@@ -106,29 +106,29 @@ fn light_ray(texel: vec2<f32>) -> LightRay {
     );
 }
 
-// The way from a point to the light.
+// Direction and distance from a point to the light.
 struct TowardLight {
     // Grid units per mm.
     d: vec3<f32>,
-    // How far the light is, mm.
+    // Distance, mm.
     mm: f32,
 }
 
-// The way to the light from any grid-space point, also from one behind the light, where its map has no texels.
+// Returns direction and distance from a grid-space point to the light; the point may lie behind the light, outside its map.
 fn toward_light(g: vec3<f32>) -> TowardLight {
     let g4 = vec4<f32>(g, 1.0);
-    let place = vec3<f32>(
+    let position = vec3<f32>(
         dot(light.frame_from_grid_a, g4),
         dot(light.frame_from_grid_b, g4),
         dot(light.frame_from_grid_h, g4) + light.light_distance,
     );
     let is_point = light.projection == PERSPECTIVE || light.projection == OCTAHEDRAL;
-    let mm = select(place.z, length(place), is_point);
-    let w = select(vec3<f32>(0.0, 0.0, 1.0), place / max(mm, 1e-20), is_point);
+    let mm = select(position.z, length(position), is_point);
+    let w = select(vec3<f32>(0.0, 0.0, 1.0), position / max(mm, 1e-20), is_point);
     return TowardLight(-(w.x * light.grid_per_a + w.y * light.grid_per_b + w.z * light.grid_per_h), mm);
 }
 
-// The depth at which everything that can cast a shadow has been passed, mm.
+// Returns the depth behind everything that can cast a shadow, mm.
 fn depth_end_mm() -> f32 {
     return light.depth_start_mm + light.depth_range_mm;
 }

@@ -1,62 +1,51 @@
-// The light march that every shadow method shares: cell by cell through the active bricks of one ray.
+// Light march of all shadow methods: cell by cell through the active bricks of one ray.
 //
-// Inside a cell the value along the ray is a cubic, which is formed exactly; it is cut at its extrema and where it
-// passes a breakpoint of the transfer function, found through the pre-compressed table (Hadwiger et al. 2006, 3.2) and
-// placed on the cubic. Between cuts extinction is a straight function of a monotone cubic, which four-point
-// Gauss integrates exactly, or the logarithm of one, which it integrates well where opacity does not near 1 too fast. How
-// short pieces are beyond that is derived in docs/bound.md.
+// Inside a cell the value along the ray is a cubic, which is formed exactly. It is cut at its extrema and where it passes a
+// breakpoint of the transfer function, which the pre-compressed table finds (Hadwiger et al. 2006, 3.2). Between cuts the
+// ordinate of the transfer function is a linear function of a monotone cubic. Four-point Gauss integrates extinction exactly,
+// and its logarithm from opacity well if opacity does not near 1 too fast. docs/bound.md derives how short pieces have to be.
 //
 // The sink, a module that defines `umbravox::sink`, takes the pieces. It offers
-//   struct Sink                                     what one ray has gathered
+//   struct Sink                                     the state of one ray
 //   fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool
-//       takes the optical depth between two depths (mm); pieces come in the order of the march, none overlap, stretches
-//       without extinction may be left out or come with depth 0; true ends the ray
+//       takes the optical depth between two depths (mm). Pieces come in the order of the march and do not overlap; stretches
+//       without extinction may be skipped or come with depth 0. The result true ends the ray.
 //   fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32
-//       the optical depth, of a smooth stretch between two depths (mm), whose chord is straight enough for the sink
-//       where it stands; FAR where it does not look inside
+//       the largest optical depth of a smooth stretch between two depths (mm) whose chord is straight enough for the sink;
+//       FAR if the course inside a piece does not matter
 //
-// Control flow: one inner loop walks to the next cell with extinction, another takes a stretch in pieces, the outer one
-// is a single stretch a turn. Lanes of a subgroup then wait for each other only there, and what is expensive stands in the
-// program once. Loops end at their last line, as in `umbravox::walk`. That is why `march` is one long function: its loops
-// share their state, and llvmpipe of Mesa 22.3 has crashed on branches that were moved into functions of their own.
+// Control flow: one inner loop advances to the next cell with extinction, another takes the pieces of a stretch, and the
+// outer loop takes one stretch in each iteration. Lanes of a subgroup wait for each other only there, and expensive code
+// stands in the program once. Loops exit at their last line, as in `umbravox::ray_march`.
 #define_import_path umbravox::march
 
 #import umbravox::field::{field, Cell, next_cell_values, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
-#import umbravox::transfer::{interval_start, interval_at, extinction_in, amounts_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
-#ifdef LABELS
-#import umbravox::labels::{shift_at, is_hidden}
-#endif
+#import umbravox::transfer::{interval_start, interval_at, extinction_in, ordinates_in, extinction_of, extinction_slope, uneven, nodes_between, MORE_NODES}
+#import umbravox::labels::{label_shift, shifted_cubic, label_borders, next_label_border, UNKNOWN_SHIFT, CUTS_BY_LABEL}
+#import umbravox::quirks::STEPS_TOGETHER
 #import umbravox::sink::{Sink, sink_piece, longest_depth}
-#import umbravox::watch::ran_out
+#import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_work, CELLS, PIECES}
 
-// Of Gauss and Legendre on [0, 1], exact to the seventh degree.
+// Gauss-Legendre quadrature on [0, 1], exact to the seventh degree.
 const GAUSS_POINTS = vec4<f32>(#{GAUSS_OUTER}, #{GAUSS_INNER}, 1.0 - #{GAUSS_INNER}, 1.0 - #{GAUSS_OUTER});
 const GAUSS_WEIGHTS = vec4<f32>(#{OUTER_WEIGHT}, #{INNER_WEIGHT}, #{INNER_WEIGHT}, #{OUTER_WEIGHT});
-// Cells that a lane walks through before those of its subgroup that have found something go on (best of 2, 4 and no
-// limit on llvmpipe).
-const WALK_STEPS: u32 = 4u;
-// Newton's steps at least halve the way to a root, also where the cubic is flat: enough for every bit of a float32.
+// Steps of Newton's method, each of which at least halves the interval: enough for every bit of a float32.
 const ROOT_STEPS: i32 = 40;
-// Value, as a share of what the stretch holds, to which a breakpoint is found.
+// Error in value at a breakpoint, as a share of the largest value of the stretch.
 const ROOT_TOLERANCE: f32 = #{ROOT_TOLERANCE};
-// A chord's share below which a piece is not worth its own turn.
+// Share of a chord below which a piece is not taken by itself.
 const LEAST_PIECE: f32 = 1e-6;
-// Length below which a piece is straight enough, in smallest voxel spacings: a stated depth of the bound.
+// Length below which a piece is straight enough, in smallest voxel spacings: a depth tolerance of the error bound.
 const SHORT_PIECE: f32 = #{SHORT_PIECE};
-// Shortenings, by half at least, of a piece over which opacity nears 1: enough for all that float32 knows of it.
+// Times that a piece over which opacity nears 1 is shortened, by half at least: enough for every bit of a float32.
 const SHORTENINGS: i32 = 40;
-
-// Parts of one cell beyond those that are counted one by one: their depths add up to no more than a ray's.
-const MOST_PARTS: u32 = 512u;
-// Stretches of a cell's chord, at the most: between extrema, and with LABELS between middles.
-#ifdef LABELS
-const STRETCHES: u32 = 6u;
-#else
-const STRETCHES: u32 = 3u;
-#endif
-// Pieces of a ray whose sums are as good as is promised.
-const MOST_PIECES: u32 = #{MOST_PIECES};
+// Pieces of one cell beyond those that are counted one by one: their optical depths add up to at most that of the ray.
+const MAX_THICK_PIECES: u32 = 512u;
+// Stretches of a cell's chord: between extrema, and between labels.
+const MAX_STRETCHES: u32 = 3u * CUTS_BY_LABEL;
+// Pieces of a ray whose sum satisfies the error bound.
+const MAX_PIECES: u32 = #{MOST_PIECES};
 
 // c.x + u (c.y + u (c.z + u c.w))
 fn cubic(c: vec4<f32>, u: f32) -> f32 {
@@ -67,7 +56,7 @@ fn cubic_slope(c: vec4<f32>, u: f32) -> f32 {
     return c.y + u * (2.0 * c.z + 3.0 * u * c.w);
 }
 
-// The value along a cell's chord from f to f + e (cell coordinates in [0, 1]).
+// Returns the value along the chord of a cell from f to f + e (cell coordinates in [0, 1]).
 fn chord_cubic(cell: Cell, f: vec3<f32>, e: vec3<f32>) -> vec4<f32> {
     let c0 = cell.lo.x;
     let cx = cell.lo.y - cell.lo.x;
@@ -87,7 +76,7 @@ fn chord_cubic(cell: Cell, f: vec3<f32>, e: vec3<f32>) -> vec4<f32> {
     );
 }
 
-// Where the cubic, monotone from a to b with the values va and vb there, passes v.
+// Returns where the cubic, monotone from a to b with the values va and vb there, passes v.
 fn crossing(c: vec4<f32>, a: f32, b: f32, va: f32, vb: f32, v: f32) -> f32 {
     var lo = a;
     var hi = b;
@@ -106,7 +95,7 @@ fn crossing(c: vec4<f32>, a: f32, b: f32, va: f32, vb: f32, v: f32) -> f32 {
     return clamp(u, a, b);
 }
 
-// Extrema of the cubic inside (0, 1), ascending; 2 stands for none.
+// Returns the extrema of the cubic inside (0, 1), ascending; 2 stands for none.
 fn extrema(c: vec4<f32>) -> vec2<f32> {
     let a = 3.0 * c.w;
     let b = c.z;
@@ -123,216 +112,272 @@ fn extrema(c: vec4<f32>) -> vec2<f32> {
     return vec2<f32>(min(roots.x, roots.y), max(roots.x, roots.y));
 }
 
-// Marches the ray o + z d (grid space, d per mm) over the depths [z_from, z_to].
-fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) {
+// A light ray in a frame in which it ascends along all axes: axes along which it descends are mirrored about whole bricks, so
+// that bricks stay bricks.
+struct AscendingRay {
+    // The ray itself, grid space, d per mm.
+    o: vec3<f32>,
+    d: vec3<f32>,
+    mirrored: vec3<bool>,
+    moves: vec3<bool>,
+    ascending_o: vec3<f32>,
+    ascending_d: vec3<f32>,
+    inv_ascending_d: vec3<f32>,
+    // A cell of the frame is the cell first_cell + sense * cell of the grid.
+    first_cell: vec3<i32>,
+    sense: vec3<i32>,
+    last_cell: vec3<i32>,
+    // Depths between which it is marched, mm.
+    start: f32,
+    end: f32,
+}
+
+struct CellMarch {
+    // The next cell, and the depth at which the ray enters it.
+    z: f32,
+    cell: vec3<i32>,
+    // The end of the ray is not reached; every step leaves a cell for good.
+    marching: bool,
+    cells_left: i32,
+    // Values of the last cell if `known`, and the axis along which the ray left it.
+    values: Cell,
+    known: bool,
+    along: vec3<bool>,
+    // Chord of the present cell, the cubic along it, and the parameter and value up to which it is integrated.
+    chord_z: f32,
+    chord_mm: f32,
+    c: vec4<f32>,
+    u: f32,
+    value: f32,
+    // Borders between labels on the chord, and the shift of the label at u.
+    borders: vec3<f32>,
+    shift: f32,
+    // Pieces that the cell may still be cut into.
+    pieces_left: u32,
+}
+
+// A stretch of a chord on which the ordinate of the transfer function is a linear function of a monotone cubic.
+struct Stretch {
+    // The cubic of the shown values.
+    shown: vec4<f32>,
+    end: f32,
+    end_value: f32,
+    // Interval of the transfer function.
+    j: u32,
+    // A piece of length h strays from its chord by at most (h bend)^2 / 8 times its transmittance.
+    bend: f32,
+}
+
+fn ascending_ray(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> AscendingRay {
     let inv_d = safe_inverse(d);
     let span = clipped_span(o, d, box_span(o, inv_d, d, field.active_lo, field.active_hi));
-    let end = min(span.y, z_to);
-    let moves = abs(d) >= vec3<f32>(1e-20);
     let top = vec3<i32>(field.size);
-    // From here on in a frame whose axes all go with the ray: those along which it goes down are mirrored about whole
-    // bricks, so that bricks stay bricks.
     let mirrored = d < vec3<f32>(0.0);
     let whole = ((top + BRICK_CELLS) >> BRICK_SHIFT) * BRICK_CELLS;
-    let first_cell = select(vec3<i32>(0), whole - 1, mirrored);
-    let sense = select(vec3<i32>(1), vec3<i32>(-1), mirrored);
-    let from_o = select(o, vec3<f32>(whole) - o, mirrored);
-    let way = abs(d);
-    let inv_way = abs(inv_d);
-    let last_cell = select(top, whole - 1, mirrored);
-    // Every step leaves a cell for good, and on each axis the ray goes one way.
-    var cells_left = top.x + top.y + top.z + 3;
-    let short_mm = SHORT_PIECE * field.min_spacing_mm;
-    // Where the walk stands: the cell not yet looked at, and the depth at which the ray enters it.
-    var z = max(span.x, z_from);
-    var cell = clamp(vec3<i32>(floor(from_o + z * way)), last_cell - top, last_cell);
-    var walking = z < end;
-    // Values of the cell that the ray comes from, and the axis along which it does; `held` where they are known.
-    var values = Cell(vec4<f32>(0.0), vec4<f32>(0.0));
-    var held = false;
-    var along = vec3<bool>(false, false, true);
-    // The cell that is being taken apart: its chord's start and length, the cubic, and how far it is done.
-    var chord_z = 0.0;
-    var chord_mm = 0.0;
-    var c = vec4<f32>(0.0);
-    var u = 1.0;
-    var value = 0.0;
-#ifdef LABELS
-    // Where the chord passes half-way between two voxels on each axis, 2 where it does not; and what is added to its values.
-    var middles = vec3<f32>(2.0);
-    var shift = 0.0;
+    return AscendingRay(
+        o,
+        d,
+        mirrored,
+        abs(d) >= vec3<f32>(1e-20),
+        select(o, vec3<f32>(whole) - o, mirrored),
+        abs(d),
+        abs(inv_d),
+        select(vec3<i32>(0), whole - 1, mirrored),
+        select(vec3<i32>(1), vec3<i32>(-1), mirrored),
+        select(top, whole - 1, mirrored),
+        max(span.x, z_from),
+        min(span.y, z_to),
+    );
+}
+
+fn start_cells(ray: AscendingRay) -> CellMarch {
+    let top = vec3<i32>(field.size);
+    let cell = clamp(vec3<i32>(floor(ray.ascending_o + ray.start * ray.ascending_d)), ray.last_cell - top, ray.last_cell);
+    var march: CellMarch;
+    march.z = ray.start;
+    march.cell = cell;
+    march.marching = ray.start < ray.end;
+    march.cells_left = top.x + top.y + top.z + 3;
+    march.along = vec3<bool>(false, false, true);
+    march.u = 1.0;
+    return march;
+}
+
+// Starts the chord of the present cell, which ends at the depth `exit` and the point p.
+fn start_chord(march: ptr<function, CellMarch>, ray: AscendingRay, p: vec3<f32>, exit: f32) {
+    let corner = vec3<f32>((*march).cell);
+    let f = clamp(ray.ascending_o + (*march).z * ray.ascending_d - corner, vec3<f32>(0.0), vec3<f32>(1.0));
+    let e = clamp(p - corner, vec3<f32>(0.0), vec3<f32>(1.0)) - f;
+    (*march).c = chord_cubic((*march).values, f, e);
+    (*march).chord_z = (*march).z;
+    (*march).chord_mm = exit - (*march).z;
+    (*march).u = 0.0;
+    (*march).value = (*march).c.x;
+    (*march).borders = label_borders(f, e);
+    (*march).shift = UNKNOWN_SHIFT;
+    // Each stretch passes each interval, is shortened where opacity nears 1, and has short pieces and pieces that span a share of
+    // a whole ray.
+    let short_pieces = u32(min((*march).chord_mm / (SHORT_PIECE * field.min_spacing_mm), 1e6));
+    (*march).pieces_left = MAX_STRETCHES * field.intervals * u32(SHORTENINGS) + short_pieces + MAX_THICK_PIECES;
+}
+
+// Advances the ray by one cell, or skips to the exit of the cube of empty bricks. A cell with extinction starts a chord.
+fn step_cell(march: ptr<function, CellMarch>, ray: AscendingRay) {
+    let cell = (*march).cell;
+    let grid_cell = ray.first_cell + ray.sense * cell;
+    let distance = brick_distance_at(grid_cell >> BRICK_SHIFT);
+    let past = select(cell + 1, ((cell >> BRICK_SHIFT) + distance) * BRICK_CELLS, distance > 0);
+    let exits = select(vec3<f32>(FAR), (vec3<f32>(past) - ray.ascending_o) * ray.inv_ascending_d, ray.moves);
+    let exit = max(min(min(exits.x, exits.y), min(exits.z, ray.end)), (*march).z);
+    let p = ray.ascending_o + exit * ray.ascending_d;
+    if distance == 0 {
+        (*march).values = next_cell_values((*march).values, grid_cell, ray.mirrored, (*march).along, (*march).known);
+        count_work(CELLS, select(0u, 1u, (*march).known));
+        let lo4 = min((*march).values.lo, (*march).values.hi);
+        let hi4 = max((*march).values.lo, (*march).values.hi);
+        let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));
+        let greatest = max(max(hi4.x, hi4.y), max(hi4.z, hi4.w));
+        let visible = greatest > field.first_value && least < field.last_value;
+        if (*march).known && exit > (*march).z && visible { start_chord(march, ray, p, exit); }
+    }
+    if distance > 0 || (*march).known {
+        (*march).z = exit;
+        // The ray leaves by a known face; rounding must not move it back, on this or another axis.
+        let inner = clamp(vec3<i32>(floor(p)), cell, past - 1);
+        let leaves = exits <= vec3<f32>(exit);
+        (*march).cell = select(select(cell, inner, ray.moves), past, leaves);
+        // Past an edge, a corner or empty bricks no values are known.
+        (*march).known = distance == 0 && !(leaves.x && leaves.y) && !(leaves.z && (leaves.x || leaves.y));
+        (*march).along = select(vec3<bool>(false, false, true), leaves, (*march).known);
+        (*march).cells_left -= 1;
+        (*march).marching = exit < ray.end && all((*march).cell <= ray.last_cell) && (*march).cells_left >= 0;
+    } else {
+        // The nearer face is known now: the next step takes the cell.
+        (*march).known = true;
+    }
+}
+
+// Returns the first value from `value` to `end_value` at which a new interval of the transfer function starts, or `end_value`.
+fn next_breakpoint(value: f32, end_value: f32) -> f32 {
+    let nodes = nodes_between(value, end_value);
+    var node = end_value;
+    for (var k = 3; k >= 0; k--) {
+        let v = interval_start(nodes[k]);
+        if nodes[k] < MORE_NODES && (v - value) * (v - end_value) < 0.0 { node = v; }
+    }
+#ifdef MANY_BREAKPOINTS
+    // More breakpoints than the table holds: the next one ahead ends the interval of the value.
+    if nodes.w == MORE_NODES {
+        let here = interval_at(value);
+        let falling = select(here, here - 1u, interval_start(here) >= value && here > 0u);
+        let v = select(interval_start(falling), interval_start(here + 1u), end_value > value);
+        node = select(end_value, v, (v - value) * (v - end_value) < 0.0);
+    }
 #endif
-    // The cubic of the values as they are seen: those of the volume, or shifted to their label's function.
-    var seen = vec4<f32>(0.0);
-    // Pieces that the cell may still be cut into.
-    var pieces_left = 0u;
+    return node;
+}
+
+// Returns the next stretch of the chord.
+fn next_stretch(march: ptr<function, CellMarch>, ray: AscendingRay) -> Stretch {
+    let u = (*march).u;
+    let chord_mm = (*march).chord_mm;
+    // The monotone stretch ahead, nearest to voxels of one label, and the first breakpoint on it.
+    let cuts = extrema((*march).c);
+    let extremum = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
+    let turn = next_label_border((*march).borders, u, extremum);
+    let shift = label_shift(ray.o + ((*march).chord_z + 0.5 * (u + turn) * chord_mm) * ray.d);
+    let shown = shifted_cubic((*march).c, shift);
+    if shift != (*march).shift {
+        (*march).shift = shift;
+        (*march).value = cubic(shown, u);
+    }
+    let value = (*march).value;
+    let turn_value = cubic(shown, turn);
+    var end = turn;
+    var end_value = next_breakpoint(value, turn_value);
+    if end_value != turn_value { end = crossing(shown, u, turn, value, turn_value, end_value); }
+    let j = interval_at(0.5 * (value + end_value));
+    var ends = ordinates_in(j, vec4<f32>(value, end_value, value, value));
+    // Opacity that nears 1 makes a logarithm too steep for the quadrature.
+    for (var k = 0; k < SHORTENINGS; k++) {
+        if !uneven(ends, (end - u) * chord_mm) { break; }
+        // For a linear value this share changes the transmitted light by nearly the factor of 2. Where the value begins flat the
+        // share is far too small, hence the lower limit; halving at least ends the loop.
+        let twice = select(0.5, 1.0, ends.transmitted.y > ends.transmitted.x);
+        let share = clamp(0.98 * twice * ends.transmitted.x / abs(ends.transmitted.y - ends.transmitted.x), 0.0625, 0.5);
+        end = max(u + share * (end - u), min(u + LEAST_PIECE, end));
+        end_value = cubic(shown, end);
+        ends = ordinates_in(j, vec4<f32>(value, end_value, value, value));
+    }
+
+    // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a stretch of the cubic
+    // is a parabola, which lies between its Bernstein coefficients.
+    let sigmas = extinction_of(ends);
+    let sigma = max(sigmas.x, sigmas.y);
+    let slope_a = cubic_slope(shown, u);
+    let steepness = max(
+        max(abs(slope_a), abs(slope_a + (end - u) * (shown.z + 3.0 * u * shown.w))),
+        abs(cubic_slope(shown, end)),
+    );
+    let rise = extinction_slope(j, min(ends.transmitted.x, ends.transmitted.y)) * steepness / chord_mm;
+    return Stretch(shown, end, end_value, j, sqrt(sigma * sigma + rise) * chord_mm);
+}
+
+// Passes the next piece of a stretch to the sink; returns whether the ray ends.
+fn take_piece(sink: ptr<function, Sink>, march: ptr<function, CellMarch>, stretch: Stretch) -> bool {
+    let u = (*march).u;
+    let chord_z = (*march).chord_z;
+    let chord_mm = (*march).chord_mm;
+    let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + stretch.end * chord_mm);
+    let short_mm = SHORT_PIECE * field.min_spacing_mm;
+    let parts = ceil((stretch.end - u) * min(stretch.bend / reach, chord_mm / short_mm));
+    let piece_end = select(stretch.end, u + (stretch.end - u) / parts, parts > 1.0);
+    let h = piece_end - u;
+    let at = u + h * GAUSS_POINTS;
+    let c = stretch.shown;
+    let mean = dot(GAUSS_WEIGHTS, extinction_in(stretch.j, c.x + at * (c.y + at * (c.z + at * c.w))));
+    (*march).u = piece_end;
+    (*march).pieces_left -= 1u;
+    count_work(PIECES, 1u);
+    return sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm);
+}
+
+// Marches the ray o + z d (grid space, d per mm) over the depths [z_from, z_to].
+fn march(sink: ptr<function, Sink>, o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) {
+    let ray = ascending_ray(o, d, z_from, z_to);
+    var state = start_cells(ray);
     // Pieces of the whole ray.
     var pieces = 0u;
-    // The ray was marched to its end: some adapters end loops that they find long, and say nothing.
     var done = false;
-    // A cell, or the ray, has taken more pieces than it may.
-    var over = false;
+    // A cell or the ray has more pieces than it may have.
+    var too_many = false;
     loop {
         var steps = 0u;
         loop {
             steps += 1u;
-            if u >= 1.0 && walking {
-                let distance = brick_distance_at((first_cell + sense * cell) >> BRICK_SHIFT);
-                // Through one cell, or out of the cube of bricks that are known to be empty.
-                let past = select(cell + 1, ((cell >> BRICK_SHIFT) + distance) * BRICK_CELLS, distance > 0);
-                let exits = select(vec3<f32>(FAR), (vec3<f32>(past) - from_o) * inv_way, moves);
-                let exit = max(min(min(exits.x, exits.y), min(exits.z, end)), z);
-                let p = from_o + exit * way;
-                if distance == 0 {
-                    values = next_cell_values(values, first_cell + sense * cell, mirrored, along, held);
-                    count_work(CELLS, select(0u, 1u, held));
-                    let lo4 = min(values.lo, values.hi);
-                    let hi4 = max(values.lo, values.hi);
-                    let least = min(min(lo4.x, lo4.y), min(lo4.z, lo4.w));
-                    let most = max(max(hi4.x, hi4.y), max(hi4.z, hi4.w));
-                    if held && exit > z && most > field.first_value && least < field.last_value {
-                        let f = clamp(from_o + z * way - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0));
-                        let e = clamp(p - vec3<f32>(cell), vec3<f32>(0.0), vec3<f32>(1.0)) - f;
-                        c = chord_cubic(values, f, e);
-                        chord_z = z;
-                        chord_mm = exit - z;
-                        u = 0.0;
-                        value = c.x;
-#ifdef LABELS
-                        let halves = (0.5 - f) / select(e, vec3<f32>(1.0), e == vec3<f32>(0.0));
-                        let inside = (e != vec3<f32>(0.0)) & (halves > vec3<f32>(0.0)) & (halves < vec3<f32>(1.0));
-                        middles = select(vec3<f32>(2.0), halves, inside);
-                        shift = -FAR;
-#endif
-                        // Intervals, each gone through in every stretch and shortened where opacity nears 1, and
-                        // parts that are short or span a share of a whole ray.
-                        let short_parts = u32(min(chord_mm / short_mm, 1e6));
-                        pieces_left = STRETCHES * field.intervals * u32(SHORTENINGS) + short_parts + MOST_PARTS;
-                    }
-                }
-                if distance > 0 || held {
-                    z = exit;
-                    // On the face that is left the next cell is known; rounding must not put it back, there or
-                    // anywhere.
-                    let inner = clamp(vec3<i32>(floor(p)), cell, past - 1);
-                    let leaves = exits <= vec3<f32>(exit);
-                    let next = select(select(cell, inner, moves), past, leaves);
-                    // Past an edge or a corner, and after a leap, nothing is known.
-                    held = distance == 0 && !(leaves.x && leaves.y) && !(leaves.z && (leaves.x || leaves.y));
-                    along = select(vec3<bool>(false, false, true), leaves, held);
-                    cell = next;
-                    walking = z < end && all(cell <= last_cell);
-                    cells_left -= 1;
-                    walking = walking && cells_left >= 0;
-                } else {
-                    // The nearer face is known now: the next turn takes the cell.
-                    held = true;
-                }
-            }
-            if u < 1.0 || !walking || steps >= WALK_STEPS { break; }
+            if state.u >= 1.0 && state.marching { step_cell(&state, ray); }
+            if state.u < 1.0 || !state.marching || steps >= STEPS_TOGETHER { break; }
         }
-        if u >= 1.0 {
-            if !walking {
+        if state.u >= 1.0 {
+            if !state.marching {
                 done = true;
                 break;
             }
             continue;
         }
-
-        // The monotone stretch ahead, and the first breakpoint on it.
-        let cuts = extrema(c);
-#ifdef LABELS
-        var turn = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
-        let ahead = select(vec3<f32>(1.0), middles, middles > vec3<f32>(u));
-        turn = min(turn, min(ahead.x, min(ahead.y, ahead.z)));
-        // All of the stretch lies nearest to one voxel.
-        let new_shift = shift_at(o + (chord_z + 0.5 * (u + turn) * chord_mm) * d);
-        if new_shift != shift {
-            shift = new_shift;
-            seen = select(
-                vec4<f32>(c.x + shift, c.yzw),
-                vec4<f32>(field.hidden_value, 0.0, 0.0, 0.0),
-                is_hidden(shift),
-            );
-            value = cubic(seen, u);
-        }
-        let turn_value = cubic(seen, turn);
-#else
-        let turn = select(select(1.0, cuts.y, cuts.y > u && cuts.y < 1.0), cuts.x, cuts.x > u && cuts.x < 1.0);
-        seen = c;
-        let turn_value = cubic(seen, turn);
-#endif
-        var stretch_end = turn;
-        var end_value = turn_value;
-        let nodes = nodes_between(value, turn_value);
-        var node = 0.0;
-        var crosses = false;
-        for (var k = 3; k >= 0; k--) {
-            let v = interval_start(nodes[k]);
-            if nodes[k] < MORE_NODES && (v - value) * (v - turn_value) < 0.0 {
-                node = v;
-                crosses = true;
-            }
-        }
-#ifdef MANY_BREAKPOINTS
-        // More breakpoints than the table holds: the next one ahead ends the value's own interval.
-        if nodes.w == MORE_NODES {
-            let here = interval_at(value);
-            let falling = select(here, here - 1u, interval_start(here) >= value && here > 0u);
-            node = select(interval_start(falling), interval_start(here + 1u), turn_value > value);
-            crosses = (node - value) * (node - turn_value) < 0.0;
-        }
-#endif
-        if crosses {
-            stretch_end = crossing(seen, u, turn, value, turn_value, node);
-            end_value = node;
-        }
-        let j = interval_at(0.5 * (value + end_value));
-        var ends = amounts_in(j, vec4<f32>(value, end_value, value, value));
-        // Opacity that nears 1 makes a logarithm too steep for the quadrature.
-        for (var k = 0; k < SHORTENINGS; k++) {
-            if !uneven(ends, (stretch_end - u) * chord_mm) { break; }
-            // Were the value straight, this would change it by nearly the factor. Where it begins flat that is far too
-            // little, hence the limit; halving at least ends it.
-            let twice = select(0.5, 1.0, ends.lacking.y > ends.lacking.x);
-            let kept = clamp(0.98 * twice * ends.lacking.x / abs(ends.lacking.y - ends.lacking.x), 0.0625, 0.5);
-            stretch_end = max(u + kept * (stretch_end - u), min(u + LEAST_PIECE, stretch_end));
-            end_value = cubic(seen, stretch_end);
-            ends = amounts_in(j, vec4<f32>(value, end_value, value, value));
-        }
-
-        // A chord of length h strays from T exp(-depth) by at most T h^2 (sigma^2 + dsigma/dz) / 8. The slope of a
-        // stretch of the cubic is a parabola, which lies between its Bernstein coefficients.
-        let sigmas = extinction_of(ends);
-        let sigma = max(sigmas.x, sigmas.y);
-        let slope_a = cubic_slope(seen, u);
-        let steepness = max(
-            max(abs(slope_a), abs(slope_a + (stretch_end - u) * (seen.z + 3.0 * u * seen.w))),
-            abs(cubic_slope(seen, stretch_end)),
-        );
-        let rise = extinction_slope(j, min(ends.lacking.x, ends.lacking.y)) * steepness / chord_mm;
-        let bend = sqrt(sigma * sigma + rise) * chord_mm;
+        let stretch = next_stretch(&state, ray);
         loop {
-            let reach = longest_depth(sink, chord_z + u * chord_mm, chord_z + stretch_end * chord_mm);
-            let parts = ceil((stretch_end - u) * min(bend / reach, chord_mm / short_mm));
-            let piece_end = select(stretch_end, u + (stretch_end - u) / parts, parts > 1.0);
-            let h = piece_end - u;
-            let at = u + h * GAUSS_POINTS;
-            let mean = dot(GAUSS_WEIGHTS, extinction_in(j, seen.x + at * (seen.y + at * (seen.z + at * seen.w))));
-            done = sink_piece(sink, chord_z + u * chord_mm, chord_z + piece_end * chord_mm, mean * h * chord_mm);
-            u = piece_end;
-            count_work(PIECES, 1u);
-            pieces_left -= 1u;
+            done = take_piece(sink, &state, stretch);
             pieces += 1u;
-            if done || u >= stretch_end || pieces_left == 0u { break; }
+            if done || state.u >= stretch.end || state.pieces_left == 0u { break; }
         }
         if done { break; }
-        value = end_value;
-        u = select(u, 1.0, u > 1.0 - LEAST_PIECE);
-        if pieces_left == 0u || pieces > MOST_PIECES {
-            over = true;
-            u = 1.0;
+        state.value = stretch.end_value;
+        state.u = select(state.u, 1.0, state.u > 1.0 - LEAST_PIECE);
+        if state.pieces_left == 0u || pieces > MAX_PIECES {
+            too_many = true;
+            state.u = 1.0;
         }
     }
-    if !done || over || cells_left < 0 { ran_out(); }
+    if !done || too_many || state.cells_left < 0 { report_iteration_limit(); }
 }

@@ -1,4 +1,4 @@
-// The layout table of a tiled map (Hadwiger et al. 2006, 3.4): where a texel's record lies.
+// The layout table of a tiled map (Hadwiger et al. 2006, 3.4), which leads from a texel to its record.
 #define_import_path umbravox::tile_table
 
 #import umbravox::light::{light, OCTAHEDRAL}
@@ -7,18 +7,17 @@
 const TILE: u32 = #{TILE};
 const NO_TILE: u32 = #{NO_TILE};
 
-// One texel for each tile: its first record, or NO_TILE where it holds no active brick. The records of a tile lie side by
-// side.
+// The first record of each tile, or NO_TILE for tiles without active bricks. The records of a tile lie side by side.
 @group(1) @binding(2) var tile_table: texture_2d<u32>;
 
-// The record of a texel, NO_TILE where it has none.
+// Returns the record of a texel, or NO_TILE.
 fn record_of(texel: vec2<u32>) -> u32 {
     count_work(LOADS, 1u);
     let first = textureLoad(tile_table, texel / TILE, 0).x;
     return select(first + (texel.y % TILE) * TILE + texel.x % TILE, NO_TILE, first == NO_TILE);
 }
 
-// A texel that may lie outside the map: an octahedral map goes on at the mirrored place of the same edge.
+// Wraps a texel that may lie outside the map: an octahedral map continues at the mirrored position on the same edge.
 fn wrapped_texel(texel: vec2<i32>) -> vec2<u32> {
     let last = i32(light.map_size) - 1;
     var t = texel;

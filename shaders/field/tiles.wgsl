@@ -1,7 +1,7 @@
-// The texel of a thread in a pass over tiles: a workgroup a tile of the list, a thread a texel.
+// The texel of a thread in a pass over tiles: one workgroup for each tile of the list, one thread for each texel.
 #define_import_path umbravox::tiles
 
-#import umbravox::dispatch::spread
+#import umbravox::quirks::workgroup_item
 #import umbravox::light::light
 #import umbravox::tile_table::TILE
 
@@ -9,17 +9,17 @@
 @group(2) @binding(0) var<storage, read> tile_list: array<u32>;
 
 struct TileTexel {
-    // False for workgroups past the list, and for texels of a tile at the border that lie outside the map.
+    // False for workgroups past the list, and for texels of a border tile that lie outside the map.
     inside: bool,
     texel: vec2<u32>,
-    // Place of the tile in this dispatch's list, and of the texel in that.
-    place: u32,
+    // Index of the texel by the order of the list.
+    index: u32,
 }
 
 fn tile_texel(group: vec3<u32>, groups: vec3<u32>, local: vec3<u32>) -> TileTexel {
-    let index = spread(group.y * groups.x + group.x, groups.x * groups.y);
-    let tile = tile_list[min(index, arrayLength(&tile_list) - 1u)];
+    let item = workgroup_item(group.y * groups.x + group.x, groups.x * groups.y);
+    let tile = tile_list[min(item, arrayLength(&tile_list) - 1u)];
     let texel = vec2<u32>(tile % light.tiles_across, tile / light.tiles_across) * TILE + local.xy;
-    let inside = index < arrayLength(&tile_list) && all(texel < vec2<u32>(light.map_size));
-    return TileTexel(inside, texel, (index * TILE + local.y) * TILE + local.x);
+    let inside = item < arrayLength(&tile_list) && all(texel < vec2<u32>(light.map_size));
+    return TileTexel(inside, texel, (item * TILE + local.y) * TILE + local.x);
 }

@@ -1,7 +1,8 @@
-// The transfer function on the device, over texel values (what the volume texture holds).
+// The transfer function on the device, over the values that the volume texture holds.
 #define_import_path umbravox::transfer
 
 #import umbravox::field::field
+#import umbravox::labels::CUTS_BY_LABEL
 #import umbravox::work::{count_work, LOADS}
 
 const MAX_OPACITY: f32 = #{MAX_OPACITY};
@@ -10,27 +11,27 @@ const TABLE_BINS: u32 = #{TABLE_BINS};
 const PAIR_BINS: u32 = #{PAIR_BINS};
 const LN_2: f32 = 0.6931472;
 const SQRT_HALF_BITS: u32 = 0x3f3504f3u;
-// Optical depth of which a tenth may be lost each time that opacity nears 1, over a whole ray.
+// Optical depth of a whole ray of which a tenth may be lost each time that opacity nears 1.
 const UNEVEN_DEPTH: f32 = #{UNEVEN_DEPTH};
 const MORE_NODES: u32 = #{MORE_NODES};
 const MAX_INTERVALS: u32 = #{MAX_INTERVALS};
 
 struct IntervalTable {
-    // (start value, amount at the start, slope of the amount, 1 - amount at the start); interval 0 is everything below
+    // (start value, ordinate at the start, slope of the ordinate, 1 - ordinate at the start); interval 0 is everything below
     // the next one.
     intervals: array<vec4<f32>, #{MAX_INTERVALS}>,
     // The interval at the lower end of each value bin, four bins a vector.
     of_bin: array<vec4<u32>, #{VALUE_BIN_VECTORS}>,
 }
 
-// Small tables are uniforms and large ones textures: on software adapters storage buffers are read lane by lane.
+// Small tables are uniforms and large ones textures: software adapters read storage buffers lane by lane.
 @group(0) @binding(4) var<uniform> interval_table: IntervalTable;
 // Integrals over the value up to each bin edge: extinction times colour (rgb), extinction (w). Not with ONE_COLOR.
 @group(0) @binding(5) var integrals: texture_2d<f32>;
 // Pre-compressed visibility: up to four interval starts at which it bends between two values, four u16 in a pair.
 @group(0) @binding(6) var pair_nodes: texture_2d<u32>;
-// Integrals of extinction alone over the value, a texel a bin: up to the bin, what float32 has rounded off that, what the
-// bin adds.
+// Integrals of extinction over the value, one texel for each bin: up to the bin, the rounding error of that in float32, and
+// the integral over the bin.
 @group(0) @binding(8) var extinction_bins: texture_2d<f32>;
 
 fn interval_start(j: u32) -> f32 {
@@ -48,88 +49,84 @@ fn interval_at(value: f32) -> u32 {
     return j;
 }
 
-// -log(1 - a) for opacities a and what they lack of 1, to a few units in the last place: `log` itself is off by 2^-21 near
-// 1, which is much beside small opacities.
-fn absorbance(a: vec4<f32>, lacking: vec4<f32>) -> vec4<f32> {
-    // lacking = m 2^k with m from sqrt(1/2) to sqrt(2), whose logarithm is 2 atanh((m - 1) / (m + 1)).
-    let bits = bitcast<vec4<u32>>(lacking);
+// Returns -log(1 - a) for opacities a and `transmitted` = 1 - a, to a few units in the last place. `log` itself is off by
+// 2^-21 near 1, which is large beside small opacities.
+fn absorbance(a: vec4<f32>, transmitted: vec4<f32>) -> vec4<f32> {
+    // transmitted = m 2^k with m from sqrt(1/2) to sqrt(2), whose logarithm is 2 atanh((m - 1) / (m + 1)).
+    let bits = bitcast<vec4<u32>>(transmitted);
     let biased = (bits + (0x3f800000u - SQRT_HALF_BITS)) >> vec4<u32>(23u);
     let m = bitcast<vec4<f32>>(bits + ((127u - biased) << vec4<u32>(23u)));
     let short = select(1.0 - m, a, biased == vec4<u32>(127u));
     let t = short / (2.0 - short);
     let s = t * t;
     let series = 2.0 * t * (1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s * (1.0 / 9.0)))));
-    // Counted in integers: NVIDIA's compiler makes of (127 - x) LN_2 a 127 LN_2 - x LN_2, which leaves 1.4e-6 of opacity 0.
+    // The difference is one of integers: NVIDIA's compiler turns (127 - x) LN_2 into 127 LN_2 - x LN_2, which gives opacity 0
+    // an extinction of 1.4e-6.
     return series + vec4<f32>(vec4<i32>(127) - vec4<i32>(biased)) * LN_2;
 }
 
-// What the transfer function gives at values inside the interval j: its extinction (1/mm) or opacity, and in the latter
-// case the share of light that opacity lets through (else 1).
-struct Amounts {
-    given: vec4<f32>,
-    lacking: vec4<f32>,
+// Ordinates of the transfer function at four values: extinction (1/mm) or opacity, as its file gives it. For opacity,
+// `transmitted` is the share of light that passes a reference length, else 1.
+struct Ordinates {
+    ordinate: vec4<f32>,
+    transmitted: vec4<f32>,
 }
 
-fn amounts_in(j: u32, values: vec4<f32>) -> Amounts {
+// Returns the ordinates at values inside the interval j.
+fn ordinates_in(j: u32, values: vec4<f32>) -> Ordinates {
     let piece = interval_table.intervals[j];
-    let risen = piece.z * (values - piece.x);
-    let given = max(piece.y + risen, vec4<f32>(0.0));
+    let rise = piece.z * (values - piece.x);
+    let ordinate = max(piece.y + rise, vec4<f32>(0.0));
     let opacity = field.inv_reference_length > 0.0;
-    return Amounts(
-        select(given, min(given, vec4<f32>(MAX_OPACITY)), opacity),
-        select(vec4<f32>(1.0), clamp(piece.w - risen, vec4<f32>(1.0 - MAX_OPACITY), vec4<f32>(1.0)), opacity),
+    return Ordinates(
+        select(ordinate, min(ordinate, vec4<f32>(MAX_OPACITY)), opacity),
+        select(vec4<f32>(1.0), clamp(piece.w - rise, vec4<f32>(1.0 - MAX_OPACITY), vec4<f32>(1.0)), opacity),
     );
 }
 
-// Extinction (1/mm) of amounts.
-fn extinction_of(amounts: Amounts) -> vec4<f32> {
+// Returns the extinction (1/mm) of ordinates.
+fn extinction_of(at: Ordinates) -> vec4<f32> {
     let per_mm = field.inv_reference_length;
-    return select(amounts.given, absorbance(amounts.given, amounts.lacking) * per_mm, per_mm > 0.0);
+    return select(at.ordinate, absorbance(at.ordinate, at.transmitted) * per_mm, per_mm > 0.0);
 }
 
-// Extinction (1/mm) at values inside the interval j.
+// Returns the extinction (1/mm) at values inside the interval j.
 fn extinction_in(j: u32, values: vec4<f32>) -> vec4<f32> {
-    return extinction_of(amounts_in(j, values));
+    return extinction_of(ordinates_in(j, values));
 }
 
-// Extinction's steepest change with the value inside the interval j (1/mm per value), where opacity lets through the
-// share `least` at least.
+// Returns the steepest slope of extinction with the value inside the interval j (1/mm per value); with opacity, at least the
+// share `least` of light is transmitted.
 fn extinction_slope(j: u32, least: f32) -> f32 {
-    // No branch on a uniform: llvmpipe of Mesa 22.3 crashes where there are many.
     let per_mm = field.inv_reference_length;
     return abs(interval_table.intervals[j].z) * select(1.0, per_mm / least, per_mm > 0.0);
 }
 
-// Whether the share of light that opacity lets through changes by more than a factor of 2 between two values (of four
-// amounts the first two), over a stretch on which that matters: four-point Gauss errs by less than 1.3e-3 of a stretch
-// where it does not (docs/bound.md).
-fn uneven(ends: Amounts, length_mm: f32) -> bool {
-    let least = min(ends.lacking.x, ends.lacking.y);
-    // -log(x) is at most (1 - x) / sqrt(x), and for an x of 2^k or more -k log(2).
+// Returns whether the transmitted share changes by more than a factor of 2 between the first two ordinates, over a stretch
+// on which that matters. Otherwise four-point Gauss errs by less than 1.3e-3 of the stretch (docs/bound.md).
+fn uneven(ends: Ordinates, length_mm: f32) -> bool {
+    let least = min(ends.transmitted.x, ends.transmitted.y);
+    // -log(x) is at most (1 - x) / sqrt(x), and at most -k log(2) for x >= 2^k.
     let powers = f32(127 - i32(bitcast<u32>(least) >> 23u)) * LN_2;
-    let most_depth = min((1.0 - least) * inverseSqrt(least), powers) * field.inv_reference_length * length_mm;
-    // A ray comes near opacity 1 no more often than in each interval of three stretches of each cell, six with labels.
-#ifdef LABELS
-    let often = 2.0 * f32(field.size.x + field.size.y + field.size.z) * f32(field.intervals);
-#else
-    let often = f32(field.size.x + field.size.y + field.size.z) * f32(field.intervals);
-#endif
-    return (max(ends.lacking.x, ends.lacking.y) > 2.0 * least) & (most_depth * often > UNEVEN_DEPTH);
+    let max_depth = min((1.0 - least) * inverseSqrt(least), powers) * field.inv_reference_length * length_mm;
+    // Opacity nears 1 at most once in each interval of each monotone stretch of each cell.
+    let often = f32(CUTS_BY_LABEL) * f32(field.size.x + field.size.y + field.size.z) * f32(field.intervals);
+    return (max(ends.transmitted.x, ends.transmitted.y) > 2.0 * least) & (max_depth * often > UNEVEN_DEPTH);
 }
 
 fn extinction_at(value: f32) -> f32 {
     return extinction_in(interval_at(value), vec4<f32>(value)).x;
 }
 
-// The bin of the integrals that a value falls into, and how far into it.
+// Returns the position of a value among the bins of the integrals.
 fn table_place(value: f32) -> f32 {
     return clamp((value - field.table_origin) * field.table_per_value, 0.0, f32(TABLE_BINS));
 }
 
-// The integral of extinction over all values up to one, and extinction there.
+// Integral of extinction over all values up to one, and the extinction there.
 struct Integral {
     sum: f32,
-    // Beside the sum: a tall peak before a bin takes nothing from what little the bin adds.
+    // Remainder, kept apart so that a large sum does not round off small bins.
     rest: f32,
     slope: f32,
 }
@@ -139,13 +136,13 @@ fn integral_at(value: f32) -> Integral {
     let i = min(u32(x), TABLE_BINS - 1u);
     count_work(LOADS, 1u);
     let bin = textureLoad(extinction_bins, vec2<u32>(i, 0u), 0).xyz;
-    // Written so that it is exact where the integrals are equal: no extinction must stay none.
+    // This form is exact for equal integrals: zero extinction must stay zero.
     return Integral(bin.x, bin.y + bin.z * (x - f32(i)), bin.z * field.table_per_value);
 }
 
-// Mean extinction (1/mm) over a stretch on which the value goes linearly from a to b.
+// Returns the mean extinction (1/mm) of a segment on which the value goes linearly from a to b.
 fn mean_between(a: f32, b: f32, at_a: Integral, at_b: Integral) -> f32 {
-    // Below half a bin the difference of integrals is mostly rounding: the bins' own slopes stand in.
+    // Below half a bin the difference of integrals is mostly rounding; the slopes of the bins replace it.
     let short = abs(b - a) * field.table_per_value < 0.5;
     let apart = ((at_b.sum - at_a.sum) + (at_b.rest - at_a.rest)) / select(b - a, 1.0, short);
     return max(select(apart, 0.5 * (at_a.slope + at_b.slope), short), 0.0);
@@ -158,12 +155,13 @@ fn color_integral_at(value: f32) -> ColorIntegral {
     return integral_at(value);
 }
 
-// Mean extinction (w, 1/mm) and extinction-weighted colour (rgb) over a stretch on which the value goes linearly from a to b.
+// Returns mean extinction (w, 1/mm) and extinction-weighted colour (rgb) of a segment on which the value goes linearly from a
+// to b.
 fn mean_color(a: f32, b: f32, at_a: ColorIntegral, at_b: ColorIntegral) -> vec4<f32> {
     return vec4<f32>(field.color_r, field.color_g, field.color_b, 1.0) * mean_between(a, b, at_a, at_b);
 }
 #else
-// As Integral, of extinction times colour (rgb) and extinction (w).
+// Integral of extinction times colour (rgb) and of extinction (w) over all values up to one, and the integrand there.
 struct ColorIntegral {
     sum: vec4<f32>,
     slope: vec4<f32>,
@@ -189,8 +187,8 @@ fn pair_bin(value: f32) -> u32 {
     return u32(clamp((value - field.bin_origin) * field.bins_per_value * (f32(PAIR_BINS) / f32(VALUE_BINS)), 0.0, f32(PAIR_BINS - 1u)));
 }
 
-// Four interval indices in the order in which a value going from a to b meets them: above MORE_NODES past the last,
-// MORE_NODES in the last place where there are more than the table holds.
+// Returns the indices of four intervals in the order in which a value going from a to b meets their starts. Indices above
+// MORE_NODES fill the rest; MORE_NODES in the last place says that there are more than the table holds.
 fn nodes_between(a: f32, b: f32) -> vec4<u32> {
     count_work(LOADS, 1u);
     let packed = textureLoad(pair_nodes, vec2<u32>(pair_bin(b), pair_bin(a)), 0);

@@ -1,15 +1,17 @@
-// Loops that reach their bound, which follows from sizes: the host reads how many did, and refuses what they made.
+// Loops that reach their iteration limit, which follows from sizes: the host rejects results of passes with such loops.
+//
+// Software adapters end long loops without an error, so that callers also report loops that ended early.
 #define_import_path umbravox::watch
 
 struct Watched {
-    overruns: atomic<u32>,
+    loops_at_limit: atomic<u32>,
     // Sums of umbravox::work, low and high word of each.
     work: array<atomic<u32>, #{WORK_WORDS}>,
 }
 
 @group(0) @binding(7) var<storage, read_write> watched: Watched;
 
-// A loop has reached its bound: what it makes is not to be used.
-fn ran_out() {
-    atomicAdd(&watched.overruns, 1u);
+// Reports a loop that has not reached its end: the host must not use the result.
+fn report_iteration_limit() {
+    atomicAdd(&watched.loops_at_limit, 1u);
 }

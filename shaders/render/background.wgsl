@@ -1,4 +1,4 @@
-// The background, in tiles of a picture in which nothing can show.
+// Fills tiles of a picture that show only the background.
 
 #import umbravox::frame::{frame, picture, tiles, pixel_of}
 

@@ -1,4 +1,4 @@
-// Encodes a band of a finished picture, linear light, as sRGB for the screen.
+// Encodes a band of a finished picture (linear light) as sRGB for the screen.
 
 struct Band {
     size: vec2<u32>,

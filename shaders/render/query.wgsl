@@ -1,4 +1,4 @@
-// Points in, transmittance from the light to each out, by the very lookup that pictures use.
+// Looks the transmittance from the light up at a list of points, with the lookup of pictures.
 
 #import umbravox::method::transmittance
 

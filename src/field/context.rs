@@ -2,14 +2,11 @@
 
 use super::{DeviceTransfer, LightSpace, MapShape, March, PoolSizes, TilePace, View};
 use crate::error::{Error, Result};
+use crate::gpu::quirks::MAX_LIGHT_SAMPLES;
 use crate::gpu::{Gpu, Group, Kernels, ShaderVariant, Slot, Span, uniform_buffer};
 use crate::scene::Light;
 use crate::strands::{Strands, VoxelisedStrands};
 use crate::volume::Volume;
-
-/// Most regular samples of a light ray: software adapters end a thread's loops after 65,536 iterations in all, and a sample
-/// takes up to 8.
-const MOST_LIGHT_SAMPLES: f64 = 8192.0;
 
 /// A volume under a light on a device.
 #[derive(Clone, Copy)]
@@ -43,7 +40,7 @@ impl BuildContext<'_> {
         let active = &self.transfer.active;
         let mut space = LightSpace::fit(self.volume, active, self.light, shape, self.view);
         if let March::Samples { step } = shape.march {
-            let shortest = space.depth_range_mm() / MOST_LIGHT_SAMPLES;
+            let shortest = space.depth_range_mm() / f64::from(MAX_LIGHT_SAMPLES);
             space.step_mm = (step * self.volume.min_spacing_mm()).max(shortest);
         }
         space

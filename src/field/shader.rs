@@ -11,13 +11,13 @@ use crate::volume::{BRICK_CELLS, MOST_LABELS};
 /// The modules that march light rays: cell by cell, by regular samples, and from segment to segment of strands.
 const MARCH_CELLS: &str = "field/march.wgsl";
 const MARCH_SAMPLES: &str = "field/march_samples.wgsl";
-const MARCH_LINES: &str = "field/march_lines.wgsl";
+const MARCH_STRANDS: &str = "field/march_strands.wgsl";
 /// Where what strands do to the rays of texels is bound in group 2.
 pub(super) const LINES_BINDING: u32 = 15;
-/// The module that walks along lines by regular samples.
-const WALK: &str = "field/walk.wgsl";
+/// The module that marches along rays by regular samples.
+const RAY_MARCH: &str = "field/ray_march.wgsl";
 
-/// Defined where walks leap over bricks without extinction.
+/// Defined if marches by regular samples skip bricks without extinction.
 const SKIP_BRICKS: &str = "SKIP_BRICKS";
 
 /// The sink that only adds up optical depth.
@@ -96,7 +96,7 @@ pub fn field_shader(entry: &'static str) -> ShaderVariant {
     let modules = [
         "field/watch.wgsl",
         "field/work.wgsl",
-        "field/dispatch.wgsl",
+        "field/quirks.wgsl",
         "field/field.wgsl",
         "field/labels.wgsl",
         "field/transfer.wgsl",
@@ -118,15 +118,15 @@ impl ShaderVariant {
         let shader = self.modules(&["field/sums.wgsl", sink]);
         match march {
             March::Cells => shader.modules(&[MARCH_CELLS]),
-            March::Samples { .. } => shader.modules(&[WALK, MARCH_SAMPLES]).defs([SKIP_BRICKS]),
-            March::Lines => shader.modules(&[MARCH_LINES]),
+            March::Samples { .. } => shader.modules(&[RAY_MARCH, MARCH_SAMPLES]).defs([SKIP_BRICKS]),
+            March::Lines => shader.modules(&[MARCH_STRANDS]),
         }
     }
 
-    /// With walks along lines by regular samples, which leap over bricks without extinction or do not.
+    /// Adds marches along rays by regular samples, which may skip bricks without extinction.
     #[must_use]
-    pub fn with_walk(self, skip_bricks: bool) -> Self {
-        self.modules(&[WALK]).defs(skip_bricks.then_some(SKIP_BRICKS))
+    pub fn with_ray_march(self, skip_bricks: bool) -> Self {
+        self.modules(&[RAY_MARCH]).defs(skip_bricks.then_some(SKIP_BRICKS))
     }
 
     /// With the march cell by cell and the sink that only adds up optical depth.

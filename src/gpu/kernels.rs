@@ -1,5 +1,6 @@
 //! Compute pipelines of one device: compiled at first use, run and timed.
 
+use super::quirks::SOFTWARE_ADAPTER;
 use super::{Gpu, Group, PassTimer, PipelineStore, ShaderVariant, Slot, Span, Work, compose, read_back};
 use crate::error::{Error, Result};
 use std::collections::HashMap;
@@ -22,12 +23,13 @@ pub struct Kernels {
 }
 
 impl Kernels {
-    /// Wraps a device. With `live`, uniforms of groups 1 and 2 are bound as read-only storage. A software adapter (lavapipe)
-    /// compiles the values of uniforms into its code: a picture is faster, but the first picture under another light is
-    /// hundreds of milliseconds slower.
+    /// `live`: a software adapter binds uniforms of groups 1 and 2 as read-only storage. llvmpipe compiles the values of
+    /// uniforms into its code, which makes a picture faster, but the first one under every other light slower by hundreds of
+    /// milliseconds.
     pub fn new(gpu: Gpu, live: bool) -> Self {
         let timer = PassTimer::new(&gpu);
         let store = PipelineStore::open(&gpu.device, &gpu.info);
+        let live = live && gpu.is_software();
         Self { gpu, timer, store, live, counting: AtomicBool::new(false), pipelines: Mutex::default() }
     }
 
@@ -54,6 +56,9 @@ impl Kernels {
         let mut variant = variant.clone();
         if !self.gpu.filters_float32 {
             variant.defs.push("MANUAL_TRILINEAR");
+        }
+        if self.gpu.is_software() {
+            variant.defs.push(SOFTWARE_ADAPTER);
         }
         if self.counting.load(Ordering::Relaxed) {
             variant.defs.push("COUNT_WORK");

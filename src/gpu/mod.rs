@@ -8,6 +8,7 @@ mod kernels;
 #[cfg(test)]
 mod layout_tests;
 mod pipeline_cache;
+pub mod quirks;
 mod shaders;
 mod sharing;
 mod textures;

@@ -120,7 +120,7 @@ pub fn shader_paths() -> Vec<&'static str> {
         folders.extend(folder.dirs());
         paths.extend(folder.files().filter_map(|f| f.path().to_str()));
     }
-    paths.retain(|p| !p.starts_with("app/"));
+    paths.retain(|p| p.ends_with(".wgsl") && !p.starts_with("app/"));
     paths.sort_unstable();
     paths
 }

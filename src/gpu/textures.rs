@@ -58,7 +58,7 @@ pub fn table_texture<T: Pod>(
     texels: &[T],
 ) -> Result<wgpu::TextureView> {
     gpu.check_texture(label, [width, height])?;
-    let sides = [steady_side(gpu, width), steady_side(gpu, height), 1];
+    let sides = [gpu.texture_side(width), gpu.texture_side(height), 1];
     let table = texture(gpu, label, format, TextureDimension::D2, sides, TextureUsages::empty());
     write_texels(gpu, &table, [0; 3], [width, height, 1], texels);
     Ok(table.create_view(&Default::default()))
@@ -75,7 +75,7 @@ pub fn store_texture(
     [width, height]: [u32; 2],
 ) -> Result<wgpu::TextureView> {
     gpu.check_texture(label, [width, height])?;
-    let sides = [width, steady_side(gpu, height), 1];
+    let sides = [width, gpu.texture_side(height), 1];
     let usage = TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC;
     let stored = texture(gpu, label, format, TextureDimension::D2, sides, usage);
     gpu.take_error()?;
@@ -101,15 +101,6 @@ pub fn clamp_sampler(gpu: &Gpu, filter: wgpu::FilterMode) -> wgpu::Sampler {
         min_filter: filter,
         ..Default::default()
     })
-}
-
-/// Smallest side of at least `side` texels that is no power of two, within the adapter's limit.
-///
-/// llvmpipe recompiles a shader, for half a second, when a side of a texture becomes a power of two or stops being one. The
-/// sides of shadow maps do so while the user moves the light.
-fn steady_side(gpu: &Gpu, side: u32) -> u32 {
-    let padded = if side.is_power_of_two() { (side + 1).max(3) } else { side };
-    if padded <= gpu.device.limits().max_texture_dimension_2d { padded } else { side }
 }
 
 /// 3-D texture that shaders read and the host writes; its sides are not checked.

@@ -204,7 +204,8 @@ impl Renderer {
         while first_column < width {
             let Some(budget) = pixels.take().or_else(|| pacing.pixels_next()) else { return Ok(false) };
             let columns = pixels_to_columns(budget, rows).min(width - first_column);
-            let (tiles, cast) = caster.tiles.part([first_column, first_row], [columns, rows]);
+            let (tiles, cast) =
+                caster.tiles.part([first_column, first_row], [columns, rows], self.gpu().is_software());
             let left_out = tiles.len() as u32 - cast;
             let tiles = StorageBuffer::from_slice(self.gpu(), "tiles of the picture", &tiles)?;
             let mut part: Option<Span> = None;

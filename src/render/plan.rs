@@ -271,7 +271,7 @@ fn raycast_shader(
         .modules(if shading.is_of_strands() { &["render/strand.wgsl"] } else { &[] })
         .constants(CONSTANTS)
         .defs(shading_defs(shading).iter().copied())
-        .with_walk(skip_bricks)
+        .with_ray_march(skip_bricks)
         .defs(one_color.then_some("ONE_COLOR"))
         .defs(light_factor.then_some("LIGHT_FACTOR"))
 }

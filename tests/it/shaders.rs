@@ -67,7 +67,7 @@ fn variants() -> Vec<(ShaderVariant, bool)> {
     for variant in wanted {
         let search: &[&[&str]] = if marches_cells(&variant) { &[&[], &["MANY_BREAKPOINTS"]] } else { &[&[]] };
         for more in search {
-            for adapter in [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS"]] {
+            for adapter in [&[][..], &["MANUAL_TRILINEAR", "CLIP", "LABELS", "SOFTWARE_ADAPTER"]] {
                 let variant = variant.clone().defs([*more, adapter].concat());
                 // Folding a texture does not change what is bound.
                 list.push((variant.clone().defs(["FOLDED"]), false));

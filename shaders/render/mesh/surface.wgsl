@@ -1,4 +1,4 @@
-// The surface that an eye ray ends at.
+// The surface at which an eye ray ends.
 #define_import_path umbravox::surface
 
 #import umbravox::frame::frame
@@ -7,23 +7,23 @@
 #import umbravox::field::FAR
 
 struct Surface {
-    // Depth on the ray, mm; FAR where there is none.
+    // Depth on the ray, mm; FAR if there is none.
     z: f32,
-    // Of the angle between the light and the side that is seen; 0 where the light is on the other side.
+    // Cosine between the light and the normal of the visible side; 0 if the light is on the other side.
     cosine: f32,
     // Linear RGB.
     color: vec3<f32>,
     met: bool,
 }
 
-// The first surface on o + z d (grid space) behind the eye's depth.
+// Returns the first surface on o + z d (grid space) behind the depth of the eye.
 fn surface_along(o: vec3<f32>, d: vec3<f32>, eye_mm: f32) -> Surface {
     let hit = mesh_hit(o, d, eye_mm, FAR, false);
     let met = hit.triangle != NO_TRIANGLE;
     let triangle = select(0u, hit.triangle, met);
     let to_world = mat3x3<f32>(frame.world_x, frame.world_y, frame.world_z);
     let normal = mesh_normal(triangle);
-    let seen = select(normal, -normal, dot(normal, to_world * d) > 0.0);
+    let visible = select(normal, -normal, dot(normal, to_world * d) > 0.0);
     let toward = normalize(to_world * toward_light(o + hit.z * d).d);
-    return Surface(hit.z, max(dot(seen, toward), 0.0), mesh_color(triangle), met);
+    return Surface(hit.z, max(dot(visible, toward), 0.0), mesh_color(triangle), met);
 }

@@ -1,17 +1,17 @@
-// Opaque triangles in grid space, and rays through the tree of boxes over them.
+// Opaque triangles in grid space, and the traversal of a bounding volume hierarchy over them.
 //
-// The tree is a list that is gone through without a stack: what is in a box follows it, and every node says where to go on
-// where its box is missed, and after a triangle. Rays meet triangles by signs of edge functions about the ray (Woop, Benthin
-// and Wald 2013): both triangles of an edge decide alike, so that no ray slips through between them.
+// The hierarchy is a list that needs no stack: the content of a box follows it, and every node names the next node for rays
+// that miss its box, and after a triangle. Triangles are tested by the signs of edge functions about the ray (Woop, Benthin
+// and Wald 2013): both triangles of an edge decide alike, so that no ray passes between them.
 #define_import_path umbravox::mesh
 
 #import umbravox::field::FAR
-#import umbravox::watch::ran_out
+#import umbravox::watch::report_iteration_limit
 #import umbravox::work::{count_work, LOADS}
 
 struct Node {
     lo: vec3<f32>,
-    // The triangle's number, or NO_TRIANGLE for a box.
+    // Index of the triangle, or NO_TRIANGLE for a box.
     triangle: u32,
     hi: vec3<f32>,
     next: u32,
@@ -32,29 +32,29 @@ const NO_TRIANGLE: u32 = #{NO_TRIANGLE};
 @group(3) @binding(1) var<storage, read> mesh_triangles: array<Triangle>;
 
 struct MeshHit {
-    // Depth along the ray, mm; FAR where nothing is met.
+    // Depth along the ray, mm; FAR for no hit.
     z: f32,
     triangle: u32,
 }
 
-// Unit normal in world space, by the order of the corners.
+// Returns the unit normal in world space, by the order of the corners.
 fn mesh_normal(triangle: u32) -> vec3<f32> {
     let t = mesh_triangles[triangle];
     return vec3<f32>(t.a.w, t.b.w, t.c.w);
 }
 
-// Linear RGB of a triangle.
+// Returns the linear RGB colour of a triangle.
 fn mesh_color(triangle: u32) -> vec3<f32> {
     return mesh_triangles[triangle].color.rgb;
 }
 
-// Along the axes of a ray, the one that it goes along most being the third.
+// Permutes the axes so that `axis`, along which the ray advances most, becomes the third.
 fn along_ray(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v.xyz, v.zxy, axis == 1u), v.yzx, axis == 0u);
 }
 
-// Twice the area of the triangle of the origin, p and q, by sign: edge(q, p) is -edge(p, q) to the bit, since both come to
-// one order. A compiler may fuse one product of the difference, and so round p before q otherwise than q before p.
+// Returns twice the signed area of the triangle of the origin, p and q. Both points are ordered first, so that edge(q, p) is
+// -edge(p, q) to the bit also if the compiler fuses one product of the difference.
 fn edge(p: vec2<f32>, q: vec2<f32>) -> f32 {
     let turned = p.x > q.x || (p.x == q.x && p.y > q.y);
     let a = select(p, q, turned);
@@ -63,15 +63,15 @@ fn edge(p: vec2<f32>, q: vec2<f32>) -> f32 {
     return select(area, -area, turned);
 }
 
-// The nearest triangle on o + z d between two depths; `any`: whichever comes first in the list.
-fn mesh_hit(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32, any_will_do: bool) -> MeshHit {
+// Returns the nearest triangle on o + z d between two depths; with `any_hit`, the first hit in the list.
+fn mesh_hit(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32, any_hit: bool) -> MeshHit {
     let size = abs(d);
     let axis = select(select(2u, 1u, size.y >= size.z), 0u, size.x >= size.y && size.x >= size.z);
     let turned = along_ray(d, axis);
     let shear = vec3<f32>(turned.xy, 1.0) / turned.z;
     // Finite where the ray does not move along an axis.
     let inv_d = 1.0 / select(d, vec3<f32>(1e-20), size < vec3<f32>(1e-20));
-    var found = MeshHit(FAR, NO_TRIANGLE);
+    var hit = MeshHit(FAR, NO_TRIANGLE);
     var to = z_to;
     let nodes = arrayLength(&mesh_nodes);
     var at = 0u;
@@ -99,14 +99,13 @@ fn mesh_hit(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32, any_will_do: boo
             let one_side = all(edges >= vec3<f32>(0.0)) || all(edges <= vec3<f32>(0.0));
             let z = dot(edges, vec3<f32>(p.z, q.z, r.z)) * shear.z / select(sum, 1.0, sum == 0.0);
             if one_side && sum != 0.0 && z > z_from && z < to {
-                found = MeshHit(z, node.triangle);
+                hit = MeshHit(z, node.triangle);
                 to = z;
             }
         }
         at = select(node.next, at + 1u, is_box && !missed);
-        if at >= nodes || (any_will_do && found.triangle != NO_TRIANGLE) { break; }
+        if at >= nodes || (any_hit && hit.triangle != NO_TRIANGLE) { break; }
     }
-    // Some adapters end loops that they find long, and say nothing.
-    if at < nodes && !(any_will_do && found.triangle != NO_TRIANGLE) { ran_out(); }
-    return found;
+    if at < nodes && !(any_hit && hit.triangle != NO_TRIANGLE) { report_iteration_limit(); }
+    return hit;
 }

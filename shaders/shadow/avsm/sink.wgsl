@@ -1,12 +1,12 @@
-// Sink that keeps a fixed number of nodes of the visibility function of one ray (Salvi et al. 2010, 3.2).
+// Sink that computes a fixed number of nodes of the visibility function of one ray (Salvi et al. 2010, 3.2).
 //
-// A piece is appended as one node, or as two where nothing lay before it. Where that is more than there is room for, the
-// inner node goes whose loss changes the area under the curve least: that of the triangle with its neighbours, which stay
-// where they are.
+// A piece adds one node, or two after a gap. If there are too many nodes, the inner node is removed that changes the area
+// under the curve least, which is the area of the triangle with its neighbours. The neighbours do not move.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
-#import umbravox::vectors::own
+#import umbravox::vectors::vector_map
+#import umbravox::avsm::params
 
 const NODES: u32 = #{NODES};
 
@@ -16,21 +16,21 @@ struct Sink {
     longest_depth: f32,
 }
 
-// Depth as a share of the map's range, and transmittance; two more than are kept.
+// Depth as a share of the map's range, and transmittance; two more nodes than are stored.
 var<private> nodes: array<vec2<f32>, #{NODES} + 2>;
 var<private> count: u32;
 
-fn start_sink(turn: u32) -> Sink {
+fn start_sink(march: u32) -> Sink {
     count = 0u;
-    return Sink(0.0, own.a.x);
+    return Sink(0.0, params.longest_depth);
 }
 
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
     return (*sink).longest_depth;
 }
 
-// Takes out inner nodes until there is room for two more.
-fn make_room() {
+// Removes inner nodes until there is room for two more.
+fn remove_nodes() {
     loop {
         if count <= NODES { break; }
         var least = 1u;
@@ -62,25 +62,25 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     if count == 0u || share > nodes[min(max(count, 1u), NODES + 2u) - 1u].x {
         append(z_from, exp(-(*sink).optical_depth));
     }
-    (*sink).optical_depth += min(depth, own.most_depth);
+    (*sink).optical_depth += min(depth, vector_map.max_depth);
     let half = exp(-0.5 * (*sink).optical_depth);
-    (*sink).longest_depth = own.a.x / half;
+    (*sink).longest_depth = params.longest_depth / half;
     append(z_to, half * half);
-    make_room();
-    return (*sink).optical_depth >= own.most_depth;
+    remove_nodes();
+    return (*sink).optical_depth >= vector_map.max_depth;
 }
 
 fn finish() {}
 
-fn met_something() -> bool {
+fn met_extinction() -> bool {
     return count > 0u;
 }
 
-// Behind the last node nothing changes.
+// Returns a node; the curve is level behind the last.
 fn node(i: u32) -> vec2<f32> {
     return select(vec2<f32>(2.0, nodes[max(count, 1u) - 1u].y), nodes[min(i, NODES - 1u)], i < count);
 }
 
-fn vector_of(v: u32) -> vec4<f32> {
+fn stored_vector(v: u32) -> vec4<f32> {
     return vec4<f32>(node(2u * v), node(2u * v + 1u));
 }

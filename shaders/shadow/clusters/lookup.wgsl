@@ -1,4 +1,4 @@
-// `clusters`: optical depth of clusters of matter along the light, each spread evenly around its mean (Mertens et al. 2004).
+// `clusters`: lookup in density clusters, each spread evenly around its mean (Mertens et al. 2004).
 #define_import_path umbravox::texel_curve
 
 #import umbravox::light::light
@@ -6,9 +6,9 @@
 #import umbravox::vectors_read::vector_at
 
 const CLUSTERS: u32 = #{CLUSTERS};
-// An even distribution reaches so many spreads to each side: the square root of 3.
+// Half width of an even distribution in standard deviations: the square root of 3.
 const REACH: f32 = 1.73205080756888;
-// Half of the thinnest cluster, as a share of the map's depth.
+// Half width of the thinnest cluster, as a share of the map's range of depths.
 const THINNEST: f32 = 1e-6;
 
 fn texel_transmittance(texel: vec2<u32>, z: f32) -> f32 {

@@ -1,15 +1,15 @@
-// Builds a tiled deep shadow map: a workgroup a tile, a thread a texel.
+// Builds a tiled deep shadow map: one workgroup for each tile, one thread for each texel.
 
 #import umbravox::field::{field, brick_distance_at, safe_inverse, box_span, clipped_span, BRICK_CELLS, BRICK_SHIFT, FAR}
-#import umbravox::labels::seen_value_at
+#import umbravox::labels::labeled_value_at
 #import umbravox::transfer::extinction_at
 #import umbravox::light::{light, light_ray}
 #import umbravox::work::add_work
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
 #import umbravox::dsm_nodes::{start_writer, push, finish}
-#import umbravox::dsm_rows::cut_short
-#import umbravox::dsm_layout::{own, DEPTH_STEPS, MOST_LATTICE_STEPS}
+#import umbravox::dsm_rows::report_cut_ray
+#import umbravox::dsm_layout::{params, DEPTH_STEPS, MAX_LATTICE_STEPS}
 #ifdef MARCHES
 #import umbravox::march::march
 #import umbravox::sink::start_sink
@@ -18,28 +18,28 @@
 const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 
 #ifndef MARCHES
-// Optical depth between two depths by the trapezoid rule over point samples of the extinction (`precompress=off`).
+// Returns the optical depth between two depths by the trapezoid rule over point samples of extinction (`precompress=off`).
 fn sampled_depth(o: vec3<f32>, d: vec3<f32>, z_from: f32, z_to: f32) -> f32 {
     let size = vec3<f32>(field.size);
     let span = clipped_span(o, d, box_span(o, safe_inverse(d), d, vec3<f32>(0.5), size + 0.5));
     let a = max(z_from, span.x);
     let b = min(z_to, span.y);
     if !(a < b) { return 0.0; }
-    return 0.5 * (b - a) * (extinction_at(seen_value_at(o + a * d)) + extinction_at(seen_value_at(o + b * d)));
+    return 0.5 * (b - a) * (extinction_at(labeled_value_at(o + a * d)) + extinction_at(labeled_value_at(o + b * d)));
 }
 #endif
 
 #ifndef WHOLE_CURVE
-// Depth up to which the ray from z on crosses only inactive bricks (z itself where it is in an active one).
+// Returns the depth up to which the ray from z on crosses only inactive bricks; z inside an active one.
 fn next_active(o: vec3<f32>, d: vec3<f32>, z: f32, z_end: f32) -> f32 {
     let inv_d = safe_inverse(d);
     let span = box_span(o, inv_d, d, field.active_lo, field.active_hi);
     if span.x >= min(span.y, z_end) { return z_end; }
     var at = max(z, span.x);
     let forward = d > vec3<f32>(0.0);
-    // Each turn leaves a brick; where rounding puts it back for longer than that, marching from here loses nothing.
+    // Each iteration leaves a brick. If rounding prevents that, marching from z is correct, too.
     let bricks = i32(field.size.x + field.size.y + field.size.z) / BRICK_CELLS + 6;
-    for (var turn = 0; turn < bricks; turn++) {
+    for (var i = 0; i < bricks; i++) {
         if at >= min(span.y, z_end) { return z_end; }
         let cell = clamp(vec3<i32>(floor(o + at * d)), vec3<i32>(0), vec3<i32>(field.size));
         let brick = cell >> BRICK_SHIFT;
@@ -47,41 +47,41 @@ fn next_active(o: vec3<f32>, d: vec3<f32>, z: f32, z_end: f32) -> f32 {
         if distance == 0 { return at; }
         let face = select((brick - (distance - 1)) * BRICK_CELLS, (brick + distance) * BRICK_CELLS, forward);
         let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - o) * inv_d, abs(d) >= vec3<f32>(1e-20));
-        // A hair past the face, so that rounding does not stop the walk; regular sampling has no finer promise.
+        // Slightly past the face, so that rounding does not stop the loop; regular sampling is not more precise.
         at = max(min(exits.x, min(exits.y, exits.z)), at) + 1e-3 * field.min_spacing_mm;
     }
     return max(z, span.x);
 }
 
 fn tap_offset(tap: u32) -> vec2<f32> {
-    if own.taps == 9u { return (vec2<f32>(f32(tap % 3u), f32(tap / 3u)) - 1.0) / 3.0; }
-    if own.taps == 5u && tap > 0u {
+    if params.taps == 9u { return (vec2<f32>(f32(tap % 3u), f32(tap / 3u)) - 1.0) / 3.0; }
+    if params.taps == 5u && tap > 0u {
         return vec2<f32>(f32((tap - 1u) & 1u), f32((tap - 1u) >> 1u)) * 0.5 - 0.25;
     }
     return vec2<f32>(0.0);
 }
 
-// The mean of `taps` visibility functions on a regular lattice of depths.
+// Computes the mean of `taps` visibility functions on a regular lattice of depths.
 fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
     var depths: array<f32, 9>;
     for (var tap = 0u; tap < 9u; tap++) { depths[tap] = 0.0; }
-    // Lattice steps done: the lattice is the same whatever is skipped.
+    // Lattice steps done; the lattice does not depend on what is skipped.
     var k = 0.0;
     var over = false;
-    for (var turn = 0u; turn <= MOST_LATTICE_STEPS; turn++) {
+    for (var i = 0u; i <= MAX_LATTICE_STEPS; i++) {
         var resume = z_end;
-        for (var tap = 0u; tap < own.taps; tap++) {
+        for (var tap = 0u; tap < params.taps; tap++) {
             let ray = light_ray(texel + tap_offset(tap));
-            resume = min(resume, next_active(ray.o, ray.d, z_start + k * own.step_mm, z_end));
+            resume = min(resume, next_active(ray.o, ray.d, z_start + k * params.step_mm, z_end));
         }
         over = resume >= z_end;
         if over { break; }
-        k = max(k, floor((resume - z_start) / own.step_mm));
-        let z = z_start + k * own.step_mm;
-        let z_next = z_start + (k + 1.0) * own.step_mm;
+        k = max(k, floor((resume - z_start) / params.step_mm));
+        let z = z_start + k * params.step_mm;
+        let z_next = z_start + (k + 1.0) * params.step_mm;
         var mean = 0.0;
         var step_depth = 0.0;
-        for (var tap = 0u; tap < own.taps; tap++) {
+        for (var tap = 0u; tap < params.taps; tap++) {
             let ray = light_ray(texel + tap_offset(tap));
 #ifdef MARCHES
             var sink = start_sink();
@@ -94,7 +94,7 @@ fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
             step_depth += depth;
             mean += exp(-depths[tap]);
         }
-        mean /= f32(own.taps);
+        mean /= f32(params.taps);
         if step_depth > 0.0 {
             push(z, z_next, mean);
             over = mean < exp(-OPAQUE_DEPTH);
@@ -102,7 +102,7 @@ fn regular_curve(texel: vec2<f32>, z_start: f32, z_end: f32) {
         }
         k += 1.0;
     }
-    if !over { cut_short(); }
+    if !over { report_cut_ray(); }
 }
 #endif
 
@@ -115,7 +115,7 @@ fn build(
     let here = tile_texel(group, groups, local);
     if !here.inside { return; }
     let texel = vec2<f32>(here.texel);
-    let z_end = light.depth_start_mm + DEPTH_STEPS / own.depth_steps_per_mm;
+    let z_end = light.depth_start_mm + DEPTH_STEPS / params.depth_steps_per_mm;
     start_writer(record_of(here.texel));
 #ifdef WHOLE_CURVE
     let ray = light_ray(texel);

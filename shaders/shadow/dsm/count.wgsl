@@ -1,8 +1,8 @@
-// Counts the nodes of each texel of a tiled deep shadow map: what Hadwiger et al. 2006 show per tile in Figure 5.
+// Counts the nodes of each texel of a tiled deep shadow map (Hadwiger et al. 2006, Figure 5 shows them by tile).
 
 #import umbravox::light::light
 #import umbravox::tile_table::{record_of, NO_TILE}
-#import umbravox::dsm_layout::{row_texel, NO_ROW, FILLER, MOST_ROWS}
+#import umbravox::dsm_layout::{row_texel, NO_ROW, FILLER, MAX_ROWS}
 
 @group(1) @binding(3) var node_rows: texture_2d<u32>;
 // First texel (row by row) that this dispatch counts.
@@ -17,13 +17,13 @@ fn count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     let texel = vec2<u32>(index % light.map_size, index / light.map_size);
     if texel.y >= light.map_size { return; }
     var row = record_of(texel);
-    // A tile without rows is told apart from one whose texels meet nothing.
+    // Tiles without rows differ from tiles whose texels meet nothing.
     if row == NO_TILE {
         counts[i] = NO_TILE;
         return;
     }
     var nodes = 0u;
-    for (var rows = 0u; rows < MOST_ROWS; rows++) {
+    for (var rows = 0u; rows < MAX_ROWS; rows++) {
         let head = textureLoad(node_rows, row_texel(row), 0);
         let tail = textureLoad(node_rows, row_texel(row) + vec2<u32>(1u, 0u), 0);
         let in_head = select(vec4<u32>(0u), vec4<u32>(1u), (head >> vec4<u32>(16u)) < vec4<u32>(FILLER));

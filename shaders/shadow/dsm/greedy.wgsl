@@ -1,16 +1,16 @@
 // Greedy compression of one texel's visibility function (Lokovic & Veach 2000, 3.2; Hadwiger et al. 2006, 3.3).
 //
-// The slope taken is never positive, so the stored function never rises.
+// The slope is never positive, so the stored function never rises.
 #define_import_path umbravox::dsm_nodes
 
 #import umbravox::light::light
-#import umbravox::watch::ran_out
-#import umbravox::dsm_layout::own
+#import umbravox::watch::report_iteration_limit
+#import umbravox::dsm_layout::params
 #import umbravox::dsm_rows::{start_rows, nodes_stored, store_node, finish_rows}
 
 const STEEPEST: f32 = 1e30;
-// Turns of a push: the first node, then for the gap and for the piece the end of a line and what follows it.
-const MOST_TURNS: i32 = 8;
+// Iterations of a push: the first node, then the end of a line and its successor for the gap and for the piece.
+const MAX_ITERATIONS: i32 = 8;
 
 struct Writer {
     // Start of the current line (the last node) and the slopes that keep it within epsilon.
@@ -23,7 +23,7 @@ struct Writer {
     last_t: f32,
 }
 
-// This thread's writer: naga passes no pointers to parts of variables, so it has a place of its own.
+// The writer of this thread: naga passes no pointers to parts of variables.
 var<private> writer: Writer;
 
 fn start_writer(row: u32) {
@@ -33,44 +33,44 @@ fn start_writer(row: u32) {
 
 // Stores a node and starts a new line there.
 fn emit(z: f32, t: f32) {
-    // The line goes on from what was stored, so that rounding does not add up.
-    writer.origin_t = store_node((z - light.depth_start_mm) * own.depth_steps_per_mm, t);
+    // The line starts at the stored transmittance, so that rounding errors do not add up.
+    writer.origin_t = store_node((z - light.depth_start_mm) * params.depth_steps_per_mm, t);
     writer.origin_z = z;
     writer.slope_lo = -STEEPEST;
     writer.slope_hi = STEEPEST;
 }
 
 fn line_end() -> f32 {
-    // The middle of the window; its lower end where that is darkness, so that opaque things cast full shadows.
+    // The middle of the window, or its lower end near darkness, so that opaque matter casts full shadows.
     let middle = 0.5 * (writer.slope_lo + writer.slope_hi);
-    let slope = min(select(middle, writer.slope_lo, writer.last_t < own.epsilon), 0.0);
+    let slope = min(select(middle, writer.slope_lo, writer.last_t < params.epsilon), 0.0);
     return clamp(writer.origin_t + slope * (writer.last_z - writer.origin_z), 0.0, writer.origin_t);
 }
 
-// The curve falls to t between the depths z_from and z_to; it is level from its last point to z_from.
+// Adds a piece of the curve: level from its last point to z_from, then falling to t at z_to.
 fn push(z_from: f32, z_to: f32, t: f32) {
-    // A turn stores at most one node: the first of all, the end of a line whose window has closed, or a vertical step.
+    // An iteration stores at most one node: the first, the end of a line whose window has closed, or a vertical step.
     var gap = z_from > writer.last_z;
-    var turns_left = MOST_TURNS;
+    var iterations_left = MAX_ITERATIONS;
     loop {
-        if turns_left == 0 {
-            ran_out();
+        if iterations_left == 0 {
+            report_iteration_limit();
             break;
         }
-        turns_left -= 1;
+        iterations_left -= 1;
         let z = select(z_to, z_from, gap);
         let level = select(t, writer.last_t, gap);
         let dz = z - writer.origin_z;
         let first = nodes_stored() == 0u;
-        let upright = dz * own.depth_steps_per_mm < 1e-3;
-        let lo = max(writer.slope_lo, (max(level - own.epsilon, 0.0) - writer.origin_t) / max(dz, 1e-12));
-        let hi = min(writer.slope_hi, (level + own.epsilon - writer.origin_t) / max(dz, 1e-12));
+        let vertical = dz * params.depth_steps_per_mm < 1e-3;
+        let lo = max(writer.slope_lo, (max(level - params.epsilon, 0.0) - writer.origin_t) / max(dz, 1e-12));
+        let hi = min(writer.slope_hi, (level + params.epsilon - writer.origin_t) / max(dz, 1e-12));
         let fresh = writer.slope_hi == STEEPEST;
-        let closed = lo > hi && !fresh && !upright;
-        let step = upright && abs(level - writer.origin_t) > own.epsilon;
+        let closed = lo > hi && !fresh && !vertical;
+        let step = vertical && abs(level - writer.origin_t) > params.epsilon;
         let store = first || closed || step;
         let done = !(first || closed);
-        if done && !upright {
+        if done && !vertical {
             writer.slope_lo = lo;
             writer.slope_hi = max(hi, lo);
         }
@@ -87,7 +87,7 @@ fn push(z_from: f32, z_to: f32, t: f32) {
     }
 }
 
-// Ends the last line and fills the row.
+// Ends the last line, and fills the row.
 fn finish() {
     if nodes_stored() > 0u && writer.last_z > writer.origin_z { emit(writer.last_z, line_end()); }
     finish_rows(writer.origin_t);

@@ -4,18 +4,18 @@
 #import umbravox::light::{light, light_point}
 #import umbravox::work::{count_work, LOADS}
 #import umbravox::tile_table::{record_of, wrapped_texel, NO_TILE}
-#import umbravox::dsm_layout::{own, row_texel, NO_ROW, FILLER, DEPTH_STEPS, MOST_ROWS}
+#import umbravox::dsm_layout::{params, row_texel, NO_ROW, FILLER, DEPTH_STEPS, MAX_ROWS}
 
-// Two texels a row: seven nodes and the link to the next row.
+// Rows of two texels: seven nodes and the link to the next row.
 @group(1) @binding(3) var node_rows: texture_2d<u32>;
 
-// One texel's visibility function: its first row, and the first four nodes of it.
+// Visibility function of one texel: its first row, and the first four nodes.
 struct Texel {
     row: u32,
     head: vec4<u32>,
 }
 
-// The last step that a lookup asks for: half a step past the map's end, before the filler.
+// Largest depth of a lookup in steps: half a step past the end of the map, in front of the filler.
 const LAST_STEP: f32 = DEPTH_STEPS + 0.5;
 
 fn texel_at(texel: vec2<u32>) -> Texel {
@@ -31,29 +31,29 @@ struct Around {
     after: u32,
 }
 
-// With four more nodes, of which the first ones have been passed.
+// Narrows the search by four more nodes, of which `passed` lie in front of the depth.
 fn narrowed(before: u32, nodes: vec4<u32>, passed: vec4<bool>) -> Around {
     let first = select(select(select(before, nodes.x, passed.x), nodes.y, passed.y), nodes.z, passed.z);
     let next = select(select(select(nodes.w, nodes.z, !passed.z), nodes.y, !passed.y), nodes.x, !passed.x);
     return Around(select(first, nodes.w, passed.w), next);
 }
 
-// Transmittance stored for one texel at a depth in steps.
+// Returns the transmittance of one texel at a depth in steps.
 fn texel_transmittance(texel: Texel, step: f32) -> f32 {
     let limit = u32(step);
     var row = texel.row;
     var passed = (texel.head >> vec4<u32>(16u)) <= vec4<u32>(limit);
-    // Before the first node all light arrives.
+    // All light arrives before the first node.
     let outside = !passed.x || row == NO_ROW;
     var around = narrowed(FILLER, texel.head, passed);
-    // Linear search by half rows, without branches inside one: rows are short, and few texels have a second.
+    // Linear search by half rows, without branches inside them: rows are short, and few texels have a second one.
     var searching = passed.w && row != NO_ROW;
     var tail = true;
-    for (var turn = 1u; turn < 2u * MOST_ROWS; turn++) {
+    for (var half_row = 1u; half_row < 2u * MAX_ROWS; half_row++) {
         let words = textureLoad(node_rows, row_texel(row) + vec2<u32>(select(0u, 1u, tail), 0u), 0);
         if searching {
             count_work(LOADS, 1u);
-            // The last word of a row is the link to the next.
+            // The last word of a row links to the next.
             let nodes = select(words, words.xyzz, tail);
             passed = (nodes >> vec4<u32>(16u)) <= vec4<u32>(limit);
             around = narrowed(around.before, nodes, passed);
@@ -70,11 +70,11 @@ fn texel_transmittance(texel: Texel, step: f32) -> f32 {
     return select(stored, 1.0, outside);
 }
 
-// Transmittance from the light to a grid-space point.
+// Returns the transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
-    let step = clamp((p.z + own.depth_offset_mm - light.depth_start_mm) * own.depth_steps_per_mm, 0.0, LAST_STEP);
-    // Nothing with extinction lies between the light and what its map does not cover.
+    let step = clamp((p.z + params.depth_offset_mm - light.depth_start_mm) * params.depth_steps_per_mm, 0.0, LAST_STEP);
+    // Nothing with extinction lies outside the map.
     let last = f32(light.map_size) - 0.5;
     if !(all(p.texel >= vec2<f32>(-0.5)) && all(p.texel <= vec2<f32>(last))) { return 1.0; }
 #ifdef FILTER_BILINEAR
@@ -85,20 +85,20 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let c = texel_at(wrapped_texel(base + vec2<i32>(0, 1)));
     let d = texel_at(wrapped_texel(base + vec2<i32>(1, 1)));
     let weights = vec4<f32>((1.0 - w.x) * (1.0 - w.y), w.x * (1.0 - w.y), (1.0 - w.x) * w.y, w.x * w.y);
-    // The surface that the light meets first lies at another depth in each texel of a slanted wall: the functions are
-    // laid over each other there before they are averaged, or the wall would shadow itself by halves.
+    // On a slanted surface the first depth differs between texels. The functions are aligned at their first depths before they
+    // are averaged, or the surface would shadow itself.
     let starts = vec4<u32>(a.head.x, b.head.x, c.head.x, d.head.x) >> vec4<u32>(16u);
     let first = vec4<f32>(starts);
-    let meets = starts < vec4<u32>(FILLER);
-    let nearest = select(vec4<f32>(1e9), first, meets);
-    let farthest = select(vec4<f32>(-1e9), first, meets);
+    let filled = starts < vec4<u32>(FILLER);
+    let nearest = select(vec4<f32>(1e9), first, filled);
+    let farthest = select(vec4<f32>(-1e9), first, filled);
     let spread = max(max(farthest.x, farthest.y), max(farthest.z, farthest.w))
         - min(min(nearest.x, nearest.y), min(nearest.z, nearest.w));
-    let share = select(vec4<f32>(0.0), weights, meets);
+    let share = select(vec4<f32>(0.0), weights, filled);
     let here = dot(share, first) / max(dot(share, vec4<f32>(1.0)), 1e-6);
-    // Further behind, other things decide; the shift fades so slowly that depths keep their order.
-    let fade = clamp(1.0 - (step - here) / (4.0 * own.same_surface_steps), 0.0, 1.0);
-    let shift = select(vec4<f32>(0.0), (first - here) * fade, meets & vec4<bool>(spread < own.same_surface_steps));
+    // The alignment fades with depth, so slowly that depths keep their order.
+    let fade = clamp(1.0 - (step - here) / (4.0 * params.same_surface_steps), 0.0, 1.0);
+    let shift = select(vec4<f32>(0.0), (first - here) * fade, filled & vec4<bool>(spread < params.same_surface_steps));
     let steps = clamp(step + shift, vec4<f32>(0.0), vec4<f32>(LAST_STEP));
     return dot(weights, vec4<f32>(
         texel_transmittance(a, steps.x),

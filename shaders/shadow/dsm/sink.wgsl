@@ -1,11 +1,11 @@
-// Sink that hands the visibility function of one ray to the compression, piece by piece.
+// Sink that passes the visibility function of one ray to the compression, piece by piece.
 #define_import_path umbravox::sink
 
 #import umbravox::dsm_nodes::push
-#import umbravox::dsm_layout::own
-#import umbravox::sums::{Sum, empty_sum, with_part}
+#import umbravox::dsm_layout::params
+#import umbravox::sums::{Sum, empty_sum, add_term}
 
-// Optical depth at which the ray is over (a stated term of the bound).
+// Optical depth at which the ray ends (a term of the error bound).
 const OPAQUE_DEPTH: f32 = #{OPAQUE_DEPTH};
 
 struct Sink {
@@ -15,7 +15,7 @@ struct Sink {
 }
 
 fn start_sink() -> Sink {
-    return Sink(empty_sum(), own.longest_depth);
+    return Sink(empty_sum(), params.longest_depth);
 }
 
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
@@ -24,9 +24,9 @@ fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
     if depth <= 0.0 { return false; }
-    (*sink).optical_depth = with_part((*sink).optical_depth, depth);
+    (*sink).optical_depth = add_term((*sink).optical_depth, depth);
     let half = exp(-0.5 * (*sink).optical_depth.total);
-    (*sink).longest_depth = own.longest_depth / half;
+    (*sink).longest_depth = params.longest_depth / half;
     push(z_from, z_to, half * half);
     return (*sink).optical_depth.total > OPAQUE_DEPTH;
 }

@@ -1,18 +1,18 @@
-// Writes the depth steps of every node of some texels, for checks of all nodes.
+// Lists the depth steps of all nodes of some texels, for tests of the error bound.
 
 #import umbravox::light::light
 #import umbravox::tile_table::{record_of, NO_TILE}
-#import umbravox::dsm_layout::{row_texel, NO_ROW, FILLER, MOST_ROWS}
+#import umbravox::dsm_layout::{row_texel, NO_ROW, FILLER, MAX_ROWS}
 
 @group(1) @binding(3) var node_rows: texture_2d<u32>;
-// The texel (row by row) and the place of its first node's step, a pair a thread.
+// For each thread, the texel (row by row) and the index of the step of its first node.
 @group(2) @binding(0) var<storage, read> texels: array<vec2<u32>>;
 @group(2) @binding(1) var<storage, read_write> steps: array<u32>;
 
-fn put(place: u32, word: u32) -> u32 {
+fn put(index: u32, word: u32) -> u32 {
     let step = word >> 16u;
-    if step < FILLER && place < arrayLength(&steps) { steps[place] = step; }
-    return place + select(0u, 1u, step < FILLER);
+    if step < FILLER && index < arrayLength(&steps) { steps[index] = step; }
+    return index + select(0u, 1u, step < FILLER);
 }
 
 @compute @workgroup_size(#{LINE_THREADS})
@@ -22,12 +22,12 @@ fn list(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     let index = texels[i].x;
     var row = record_of(vec2<u32>(index % light.map_size, index / light.map_size));
     if row == NO_TILE { return; }
-    var place = texels[i].y;
-    for (var rows = 0u; rows < MOST_ROWS; rows++) {
+    var next = texels[i].y;
+    for (var rows = 0u; rows < MAX_ROWS; rows++) {
         let head = textureLoad(node_rows, row_texel(row), 0);
         let tail = textureLoad(node_rows, row_texel(row) + vec2<u32>(1u, 0u), 0);
-        for (var n = 0u; n < 4u; n++) { place = put(place, head[n]); }
-        for (var n = 0u; n < 3u; n++) { place = put(place, tail[n]); }
+        for (var n = 0u; n < 4u; n++) { next = put(next, head[n]); }
+        for (var n = 0u; n < 3u; n++) { next = put(next, tail[n]); }
         row = tail.w;
         if row == NO_ROW { break; }
     }

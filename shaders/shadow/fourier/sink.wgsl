@@ -1,46 +1,45 @@
-// Sink that gathers the Fourier coefficients of extinction along one ray (Jansen & Bavoil 2010).
+// Sink that computes the Fourier coefficients of extinction along one ray (Jansen & Bavoil 2010).
 //
 // A piece of optical depth d, spread evenly between the shares s0 and s1 of the map's depth, adds to a_k and b_k twice
 // d times the mean of cos(2 pi k s) and sin(2 pi k s): those of its middle times sin(k h) / (k h), h being pi (s1 - s0).
-// With TEXEL_RANGE shares are of the texel's own range, from where its ray first meets matter to where it is over: a first
-// march finds it.
+// With TEXEL_RANGE shares refer to the range of the texel, from the first matter to the end of the ray, which a first march
+// finds.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
-#import umbravox::vectors::{own, VECTORS}
+#import umbravox::vectors::{vector_map, VECTORS}
 
 const TERMS: u32 = #{TERMS};
 const PI: f32 = 3.14159265358979;
-// Nobody looks inside a piece.
 const FAR: f32 = #{FAR};
 
 struct Sink {
     optical_depth: f32,
 }
 
-// a_0, then a_k and b_k in pairs; one term fills what the last vector has left over.
+// a_0, then a_k and b_k in pairs; one more term may fill the last vector.
 var<private> sums: array<vec4<f32>, VECTORS>;
-var<private> gathered: f32;
-// Depths that shares are of, mm: where they begin, and how many there are.
+var<private> total_depth: f32;
+// Range of depths to which shares refer, mm: its start and length.
 var<private> range_start: f32;
 var<private> range_mm: f32;
 #ifdef TEXEL_RANGE
-var<private> seeking: bool;
+var<private> finding_range: bool;
 var<private> range_end: f32;
-// The shortest range, mm: a ray that meets a single face.
+// The shortest range, mm, as for a ray that meets a single face.
 const LEAST_RANGE: f32 = 1e-3;
 #endif
 
-fn start_sink(turn: u32) -> Sink {
+fn start_sink(march: u32) -> Sink {
 #ifdef TEXEL_RANGE
-    seeking = turn == 0u;
+    finding_range = march == 0u;
     range_mm = max(range_end - range_start, LEAST_RANGE);
 #else
     range_start = light.depth_start_mm;
     range_mm = light.depth_range_mm;
 #endif
     for (var v = 0u; v < VECTORS; v++) { sums[v] = vec4<f32>(0.0); }
-    gathered = 0.0;
+    total_depth = 0.0;
     return Sink(0.0);
 }
 
@@ -54,51 +53,51 @@ fn times(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
     if !(depth > 0.0) { return false; }
-    let d = min(depth, own.most_depth - (*sink).optical_depth);
-    // Where the ray is over, so is the piece.
+    let d = min(depth, vector_map.max_depth - (*sink).optical_depth);
+    // The piece ends with the ray.
     let z_end = z_from + (z_to - z_from) * (d / depth);
 #ifdef TEXEL_RANGE
-    if seeking {
+    if finding_range {
         range_start = select(range_start, z_from, (*sink).optical_depth == 0.0);
         range_end = z_end;
         (*sink).optical_depth += d;
-        gathered = (*sink).optical_depth;
-        return (*sink).optical_depth >= own.most_depth;
+        total_depth = (*sink).optical_depth;
+        return (*sink).optical_depth >= vector_map.max_depth;
     }
 #endif
     let middle = PI * (z_from + z_end - 2.0 * range_start) / range_mm;
     let half = PI * (z_end - z_from) / range_mm;
-    let turn = vec2<f32>(cos(middle), sin(middle));
+    let rotation = vec2<f32>(cos(middle), sin(middle));
     let widening = vec2<f32>(cos(half), sin(half));
     var at = vec2<f32>(1.0, 0.0);
     var wide = vec2<f32>(1.0, 0.0);
     for (var v = 0u; v < VECTORS; v++) {
-        // Two terms a vector, the first of all being a_0 (and b_0, which is none).
+        // Two terms a vector; the first is a_0 with b_0 = 0.
         let even = at;
         let k = f32(2u * v);
         let share = select(wide.y / max(k * half, 1e-30), 1.0 - k * k * half * half / 6.0, k * half < 0.05);
-        at = times(at, turn);
+        at = times(at, rotation);
         wide = times(wide, widening);
         let next = (k + 1.0) * half;
         let next_share = select(wide.y / max(next, 1e-30), 1.0 - next * next / 6.0, next < 0.05);
         sums[v] += 2.0 * d * vec4<f32>(even * share, at * next_share);
-        at = times(at, turn);
+        at = times(at, rotation);
         wide = times(wide, widening);
     }
     (*sink).optical_depth += d;
-    gathered = (*sink).optical_depth;
-    return (*sink).optical_depth >= own.most_depth;
+    total_depth = (*sink).optical_depth;
+    return (*sink).optical_depth >= vector_map.max_depth;
 }
 
 fn finish() {}
 
-fn met_something() -> bool {
-    return gathered > 0.0;
+fn met_extinction() -> bool {
+    return total_depth > 0.0;
 }
 
-fn vector_of(v: u32) -> vec4<f32> {
+fn stored_vector(v: u32) -> vec4<f32> {
 #ifdef TEXEL_RANGE
-    // The range, as shares of the map's, stands where the term after the last would.
+    // The range, as shares of the map's, takes the place of the term after the last.
     let range = vec2<f32>(range_start - light.depth_start_mm, range_mm) / light.depth_range_mm;
     let last = (TERMS & 1u) == 0u;
     let with_range = select(vec4<f32>(range, 0.0, 0.0), vec4<f32>(sums[v].xy, range), last);

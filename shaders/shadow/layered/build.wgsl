@@ -1,17 +1,17 @@
-// Builds a layered map: a workgroup a tile, a thread a texel.
+// Builds a layered map: one workgroup for each tile, one thread for each texel.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
 #import umbravox::work::add_work
 #import umbravox::tiles::tile_texel
 #import umbravox::tile_table::record_of
-#import umbravox::layers::own
+#import umbravox::layers::params
 #import umbravox::march::march
-#import umbravox::sink::{Sink, start_writer, seek_end, met_something, finish}
+#import umbravox::sink::{Sink, start_writer, find_end, met_extinction, finish}
 
 struct Stage {
-    // Texels whose ray meets extinction.
+    // Number of texels whose ray meets extinction.
     texels_hit: atomic<u32>,
-    // Side of a region in texels, regions a side, and the split that each region has chosen.
+    // Side of a region in texels, regions on each side of the map, and the row of the split of each region.
     region_texels: u32,
     regions_across: u32,
     rows: array<u32>,
@@ -35,21 +35,22 @@ fn build(
     start_writer(record_of(here.texel), row);
     let ray = light_ray(vec2<f32>(here.texel));
     let z_end = depth_end_mm();
-    var sink = Sink(0.0, own.longest_depth);
+    var sink = Sink(0.0, params.longest_depth);
 #ifdef ENDS
-    // Once from behind for the end, once from the light for the layers: a loop, so that the march stands here once.
-    for (var turn = 0u; turn < 2u; turn++) {
-        let behind = turn == 0u;
-        seek_end(behind);
+    // One march towards the light finds the end, one from the light fills the layers. The loop keeps the code of the march in
+    // the program once.
+    for (var number = 0u; number < 2u; number++) {
+        let behind = number == 0u;
+        find_end(behind);
         let first = select(light.depth_start_mm, -z_end, behind);
         let to = select(z_end, -light.depth_start_mm, behind);
         march(&sink, ray.o, select(ray.d, -ray.d, behind), first, to);
-        if !met_something() { break; }
+        if !met_extinction() { break; }
     }
 #else
     march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);
 #endif
     finish(sink.optical_depth);
-    if met_something() { atomicAdd(&stage.texels_hit, 1u); }
+    if met_extinction() { atomicAdd(&stage.texels_hit, 1u); }
     add_work();
 }

@@ -1,71 +1,71 @@
-// Where a layered map keeps what: its records, and the planes between its layers.
+// Layout of a layered map: its records, and the planes between its layers.
 //
-// A texel's record is a run of bits: start and end depth (as far as the method has them) and the row of its own
-// split, then one slot a layer with the optical depth down to the layer's far plane. A layered map's planes lie at
-// shares of its texel's extent: 0 at the start, 1 at the end.
+// The record of a texel is a sequence of bits: start and end depth (if the method has them), the row of its split (if texels
+// have one), then one slot for each layer with the optical depth at its far plane. Planes lie at shares of the extent of the
+// texel: 0 at the start, 1 at the end.
 #define_import_path umbravox::layers
 
 #import umbravox::work::{count_work, LOADS}
 
 // Texels across the texture of records.
 const RECORD_TEXTURE_WIDTH: u32 = #{RECORD_TEXTURE_WIDTH};
-// Stretches of a tabulated split.
+// Bins of a tabulated split.
 const SPLIT_BINS: u32 = #{SPLIT_BINS};
 
-struct Own {
-    // Layers a texel; the first slot of a record that holds one.
+struct Params {
+    // Layers of a texel, and the first slot of a record that holds a layer.
     layers: u32,
     first_slot: u32,
-    // Blocks a record, words a block less one, and the bits of a slot index that lie inside a block.
+    // Blocks of a record, words of a block - 1, and the bits of a slot index inside a block.
     record_blocks: u32,
     block_mask: u32,
     block_slot_shift: u32,
-    // Bits of a stored depth; 32 is a float.
+    // Bits of a stored depth; 32 for a float.
     header_bits: u32,
-    // Planes that get the optical depth where they lie; those behind get all of it.
+    // Planes that hold the optical depth at their position; those behind hold all of it.
     planes_passed: u32,
     // Exponent of a split that is not tabulated.
     split_exponent: f32,
-    // Depth that the layers span where a texel has no end of its own, mm.
+    // Depth of all layers if texels store no end, mm.
     reach_mm: f32,
     depth_steps_per_mm: f32,
-    // Optical depth of the greatest 8-bit value.
+    // Optical depth of the largest 8-bit value.
     kappa: f32,
-    // Optical depth whose chord stays within the tolerance at transmittance 1: pieces that hold a plane are no deeper.
+    // Optical depth whose chord stays within the tolerance at transmittance 1: the limit of pieces that hold a plane.
     longest_depth: f32,
-    // Neighbouring texels whose first depths differ by less see the same surface, mm.
+    // Difference of start depths, mm, up to which neighbouring texels see the same surface.
     same_surface_mm: f32,
-    // Texels a side that are averaged, and that a lookup reads.
+    // Texels on each side that are averaged, and that a lookup reads.
     kernel: u32,
     filter_side: u32,
-    // Optical depth that stands for more, too: means of neighbouring texels stay in order.
-    most_depth: f32,
+    // Largest stored optical depth, which stands for larger ones too: means of neighbouring texels stay in order.
+    max_depth: f32,
 }
 
-@group(1) @binding(1) var<uniform> own: Own;
+@group(1) @binding(1) var<uniform> params: Params;
 #ifdef SPLIT_TABLE
-// Two rows a split: the layer coordinate at the edges of SPLIT_BINS bins, and the place of every plane.
+// Two rows for each split: the layer coordinate at the edges of SPLIT_BINS bins, and the position of every plane.
 @group(1) @binding(4) var splits: texture_2d<f32>;
 #endif
 
-// Where a block (one texel of the texture: 1, 2 or 4 words) of a record lies.
-fn block_place(record: u32, block: u32) -> vec2<u32> {
-    let index = record * own.record_blocks + block;
+// Returns the texel of a block (1, 2 or 4 words) of a record.
+fn block_texel(record: u32, block: u32) -> vec2<u32> {
+    let index = record * params.record_blocks + block;
     return vec2<u32>(index % RECORD_TEXTURE_WIDTH, index / RECORD_TEXTURE_WIDTH);
 }
 
-// The bit of a record at which the row of its own split stands: behind its depths.
+// Returns the bit of a record at which the row of its split begins, behind its depths.
 fn split_row_bit() -> u32 {
 #ifdef ENDS
-    return 2u * own.header_bits;
+    return 2u * params.header_bits;
 #else
-    return own.header_bits;
+    return params.header_bits;
 #endif
 }
 
-// The layer coordinate of a share of the extent: 0 at the start, k at plane k. `row` picks one of several splits.
+// Returns the layer coordinate of a share of the extent: 0 at the start, k at plane k. `row` selects one of several splits.
 fn layer_at(row: u32, share: f32) -> f32 {
-    let layers = f32(own.layers);
+    let layers = f32(params.layers);
 #ifdef SPLIT_TABLE
     let bin = share * f32(SPLIT_BINS);
     let i = min(u32(bin), SPLIT_BINS - 1u);
@@ -77,22 +77,22 @@ fn layer_at(row: u32, share: f32) -> f32 {
     // The inverse of plane_at: k (k + 1) = share layers (layers + 1).
     return 0.5 * (sqrt(1.0 + 4.0 * share * layers * (layers + 1.0)) - 1.0);
 #else
-    return layers * pow(max(share, 1e-30), 1.0 / own.split_exponent);
+    return layers * pow(max(share, 1e-30), 1.0 / params.split_exponent);
 #endif
 #endif
 }
 
-// The share of the extent at which plane k lies.
+// Returns the share of the extent at which plane k lies.
 fn plane_at(row: u32, k: u32) -> f32 {
 #ifdef SPLIT_TABLE
     count_work(LOADS, 1u);
     return textureLoad(splits, vec2<u32>(k, 2u * row + 1u), 0).x;
 #else
-    let layers = f32(own.layers);
+    let layers = f32(params.layers);
 #ifdef SPLIT_GROWING
     return f32(k) * f32(k + 1u) / (layers * (layers + 1.0));
 #else
-    return pow(f32(k) / layers, own.split_exponent);
+    return pow(f32(k) / layers, params.split_exponent);
 #endif
 #endif
 }

@@ -1,33 +1,32 @@
-// `dom` and `bom`: lookup in an opacity map whose layers follow each texel's own depths (Yuksel & Keyser 2008, 3;
-// the thesis on bounding opacity maps, 5).
+// `dom` and `bom`: lookup in an opacity map with layers that follow the depths of each texel (Yuksel & Keyser 2008, 3;
+// Voicu 2011, 5).
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point}
 #import umbravox::tile_table::{record_of, wrapped_texel}
-#import umbravox::layers::own
-#import umbravox::layers_read::{Extent, extent_of, place_of, optical_depth_at}
+#import umbravox::layers::params
+#import umbravox::layers_read::{Extent, extent_of, layer_point, optical_depth_at}
 
-// Optical depth of one texel at depth z, its layers lying between the given depths.
+// Returns the optical depth of one texel at depth z; its layers lie between `start` and `end`.
 fn texel_depth(record: u32, extent: Extent, start: f32, end: f32, z: f32) -> f32 {
-    if !extent.meets || z <= start { return 0.0; }
-    return optical_depth_at(record, place_of(extent.row, start, end, z));
+    if !extent.filled || z <= start { return 0.0; }
+    return optical_depth_at(record, layer_point(extent.row, start, end, z));
 }
 
-// Depths of neighbouring texels as a filter gives them where they are close enough to be one surface, and as they are
-// where they are not.
-fn filtered(depths: vec4<f32>, weights: vec4<f32>, meets: vec4<bool>) -> vec4<f32> {
-    let near = select(vec4<f32>(1e30), depths, meets);
-    let far = select(vec4<f32>(-1e30), depths, meets);
+// Filters depths of neighbouring texels that are close enough to be one surface; others stay as they are.
+fn filtered(depths: vec4<f32>, weights: vec4<f32>, filled: vec4<bool>) -> vec4<f32> {
+    let near = select(vec4<f32>(1e30), depths, filled);
+    let far = select(vec4<f32>(-1e30), depths, filled);
     let spread = max(max(far.x, far.y), max(far.z, far.w)) - min(min(near.x, near.y), min(near.z, near.w));
-    let share = select(vec4<f32>(0.0), weights, meets);
-    let mean = dot(share, select(vec4<f32>(0.0), depths, meets)) / max(dot(share, vec4<f32>(1.0)), 1e-6);
-    return select(depths, vec4<f32>(mean), vec4<bool>(spread < own.same_surface_mm));
+    let share = select(vec4<f32>(0.0), weights, filled);
+    let mean = dot(share, select(vec4<f32>(0.0), depths, filled)) / max(dot(share, vec4<f32>(1.0)), 1e-6);
+    return select(depths, vec4<f32>(mean), vec4<bool>(spread < params.same_surface_mm));
 }
 
-// Transmittance from the light to a grid-space point.
+// Returns the transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
-    // Nothing with extinction lies between the light and what its map does not cover.
+    // Nothing with extinction lies outside the map.
     let last = f32(light.map_size) - 0.5;
     if any(p.texel < vec2<f32>(-0.5)) || any(p.texel > vec2<f32>(last)) { return 1.0; }
 #ifdef FILTER_BILINEAR
@@ -42,13 +41,13 @@ fn transmittance(g: vec3<f32>) -> f32 {
     let at_b = extent_of(b);
     let at_c = extent_of(c);
     let at_d = extent_of(d);
-    let meets = vec4<bool>(at_a.meets, at_b.meets, at_c.meets, at_d.meets) & (weights > vec4<f32>(0.0));
-    if !any(meets) { return 1.0; }
-    let starts = filtered(vec4<f32>(at_a.start, at_b.start, at_c.start, at_d.start), weights, meets);
+    let filled = vec4<bool>(at_a.filled, at_b.filled, at_c.filled, at_d.filled) & (weights > vec4<f32>(0.0));
+    if !any(filled) { return 1.0; }
+    let starts = filtered(vec4<f32>(at_a.start, at_b.start, at_c.start, at_d.start), weights, filled);
 #ifdef ENDS
-    let ends = filtered(vec4<f32>(at_a.end, at_b.end, at_c.end, at_d.end), weights, meets);
+    let ends = filtered(vec4<f32>(at_a.end, at_b.end, at_c.end, at_d.end), weights, filled);
 #else
-    let ends = starts + own.reach_mm;
+    let ends = starts + params.reach_mm;
 #endif
     let depths = vec4<f32>(
         texel_depth(a, at_a, starts.x, ends.x, p.z),

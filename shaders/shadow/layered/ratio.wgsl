@@ -1,20 +1,20 @@
-// How much new each layer of a deep or bounding opacity map would show, for eleven ratios of the hybrid split: from a
-// coarse map with many layers, which stands for the exact curves.
+// Choice of the ratio of the hybrid split among eleven (Voicu 2011, 5.2.3 and 7), by how the opacity changes between layers. A
+// coarse map with many layers approximates the exact curves.
 //
-// An image of the thesis is the opacity 1 - T of every texel at one plane.
+// An image in Voicu 2011 is the opacity 1 - T of every texel at one plane.
 
 #import umbravox::light::light
 #import umbravox::tile_table::record_of
-#import umbravox::layers_read::{Extent, extent_of, place_of, optical_depth_at}
+#import umbravox::layers_read::{Extent, extent_of, layer_point, optical_depth_at}
 
 const RATIOS: u32 = #{RATIOS};
 
 // The planes 1 to K of every ratio, as shares of the extent.
 @group(2) @binding(0) var<storage, read> planes: array<f32>;
 
-// Opacity of a record at a plane of the map to be.
+// Returns the opacity of a record at a plane of the final map.
 fn opacity(record: u32, extent: Extent, plane: f32) -> f32 {
-    return 1.0 - exp(-optical_depth_at(record, place_of(extent.row, 0.0, 1.0, plane)));
+    return 1.0 - exp(-optical_depth_at(record, layer_point(extent.row, 0.0, 1.0, plane)));
 }
 
 #ifdef PER_REGION
@@ -27,24 +27,23 @@ struct Stage {
 
 @group(2) @binding(1) var<storage, read_write> stage: Stage;
 
-// The ratio of a region: the one whose greatest step of opacity between neighbouring planes is least. Within a
-// layer the exact curve and the stored one both lie between the layer's ends, so this step is the most that they
-// can differ by.
+// Chooses the ratio of a region: the one with the smallest largest step of opacity between neighbouring planes. Inside a layer
+// both the exact and the stored curve lie between their values at its ends, so this step bounds their difference.
 @compute @workgroup_size(8, 8)
 fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= vec2<u32>(light.map_size)) { return; }
     let record = record_of(id.xy);
     let extent = extent_of(record);
     let layers = arrayLength(&planes) / RATIOS;
-    // Where the region's own ray meets nothing, the middle.
+    // The middle ratio if the ray of the region meets nothing.
     var best = RATIOS / 2u;
     var best_step = 2.0;
     var ratio = 0u;
     var k = 0u;
     var before = 0.0;
     var step = 0.0;
-    for (var turn = 0u; turn < RATIOS * layers; turn++) {
-        if !extent.meets { break; }
+    for (var i = 0u; i < RATIOS * layers; i++) {
+        if !extent.filled { break; }
         let here = opacity(record, extent, planes[ratio * layers + k]);
         step = max(step, here - before);
         before = here;
@@ -63,8 +62,8 @@ fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     stage.rows[id.y * light.map_size + id.x] = best;
 }
 #else
-// Sums over the texels of the images k and k + 1 of a ratio: image k, its square, the product of both, and the
-// absolute difference of both in 8 bits.
+// Sums over the texels of the images k and k + 1 of a ratio: image k, its square, the product of both, and the absolute
+// difference of both in 8 bits.
 @group(2) @binding(1) var<storage, read_write> sums: array<vec4<f32>>;
 
 const THREADS: u32 = 256u;
@@ -80,7 +79,7 @@ fn compare(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id
     for (var i = local.x; i < light.map_size * light.map_size; i += THREADS) {
         let record = record_of(vec2<u32>(i % light.map_size, i / light.map_size));
         let extent = extent_of(record);
-        if extent.meets {
+        if extent.filled {
             let a = opacity(record, extent, plane);
             let b = opacity(record, extent, next);
             sum += vec4<f32>(a, a * a, a * b, (round(255.0 * b) - round(255.0 * a)) / 255.0);

@@ -1,5 +1,5 @@
-// The depth pass of the papers, which finds where each light ray first meets extinction. The build's march meets that
-// place before it needs it, and so this runs only where it is forced.
+// Depth pass of the papers, which finds the first extinction on each light ray. The march of the build passes that point before
+// it needs it, so this pass runs only with `--no-skip`.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
 #import umbravox::tiles::tile_texel
@@ -20,5 +20,5 @@ fn find_starts(
     let ray = light_ray(vec2<f32>(here.texel));
     var sink = Sink(depth_end_mm());
     march(&sink, ray.o, ray.d, light.depth_start_mm, depth_end_mm());
-    starts_mm[here.place] = sink.start_mm;
+    starts_mm[here.index] = sink.start_mm;
 }

@@ -1,4 +1,4 @@
-// Sink that ends a ray where it first meets extinction.
+// Sink that ends a ray at its first extinction.
 #define_import_path umbravox::sink
 
 struct Sink {
@@ -6,7 +6,6 @@ struct Sink {
 }
 
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
-    // Nobody looks inside a piece.
     return 1e30;
 }
 

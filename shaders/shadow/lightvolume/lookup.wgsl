@@ -1,4 +1,4 @@
-// Looks a light volume up: what its filter makes of the eight nodes around a point.
+// `lightvolume`: lookup in a light volume by a filter over the eight nodes around a point.
 #define_import_path umbravox::method
 
 #import umbravox::field::{field, brick_distance_at, safe_inverse, box_span, BRICK_CELLS, BRICK_SHIFT, FAR}
@@ -10,10 +10,10 @@
 #ifndef BITS_32
 @group(1) @binding(4) var linear: sampler;
 #endif
-// Past the face of a brick, in voxels.
+// Distance past the face of a brick, in voxels.
 const PAST_FACE: f32 = 1e-3;
 
-// What the filter makes of the nodes around a grid-space point.
+// Returns the filtered value at a grid-space point.
 fn filtered_at(g: vec3<f32>) -> f32 {
     let at = lattice_coordinates(g);
 #ifdef BITS_32
@@ -33,25 +33,24 @@ fn filtered_at(g: vec3<f32>) -> f32 {
 #endif
 }
 
-// Transmittance from the light to a grid-space point.
+// Returns the transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
-    // Nodes are known around active bricks. As much light arrives in empty space as at the first active brick on the way
-    // to the light.
-    let way = toward_light(g);
-    let inv_d = safe_inverse(way.d);
-    let span = box_span(g, inv_d, way.d, field.active_lo, field.active_hi);
-    let end = min(span.y, way.mm);
-    let moves = abs(way.d) >= vec3<f32>(1e-20);
-    let forward = way.d > vec3<f32>(0.0);
-    // A point on a face is in the brick that lies ahead, on whichever side rounding puts it.
+    // Nodes exist around active bricks only. The light in empty space equals that at the first active brick towards the light.
+    let to_light = toward_light(g);
+    let inv_d = safe_inverse(to_light.d);
+    let span = box_span(g, inv_d, to_light.d, field.active_lo, field.active_hi);
+    let end = min(span.y, to_light.mm);
+    let moves = abs(to_light.d) >= vec3<f32>(1e-20);
+    let forward = to_light.d > vec3<f32>(0.0);
+    // A point on a face belongs to the brick ahead, whatever the rounding.
     let ahead = select(vec3<f32>(0.0), select(vec3<f32>(-PAST_FACE), vec3<f32>(PAST_FACE), forward), moves);
     var t = max(span.x, 0.0);
     var at = g;
     var meets = false;
-    // Every leap leaves a brick for good.
-    var leaps_left = i32(field.size.x + field.size.y + field.size.z);
+    // Every skip leaves a brick for good.
+    var skips_left = i32(field.size.x + field.size.y + field.size.z);
     loop {
-        at = g + t * way.d;
+        at = g + t * to_light.d;
         let cell = vec3<i32>(floor(at + ahead));
         let brick = clamp(cell, vec3<i32>(0), vec3<i32>(field.size)) >> BRICK_SHIFT;
         let distance = brick_distance_at(brick);
@@ -59,8 +58,8 @@ fn transmittance(g: vec3<f32>) -> f32 {
         let face = select((brick - (distance - 1)) * BRICK_CELLS, (brick + distance) * BRICK_CELLS, forward);
         let exits = select(vec3<f32>(FAR), (vec3<f32>(face) - g) * inv_d, moves);
         t = max(min(exits.x, min(exits.y, exits.z)), t);
-        leaps_left -= 1;
-        if meets || t > end || leaps_left <= 0 { break; }
+        skips_left -= 1;
+        if meets || t > end || skips_left <= 0 { break; }
     }
     return select(1.0, transmittance_of(filtered_at(at)), meets);
 }

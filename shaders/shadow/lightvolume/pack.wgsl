@@ -1,4 +1,4 @@
-// Packs some layers of a light volume into words, as they are copied to a texture of fewer bits: a thread a word.
+// Packs layers of a light volume into the words of a texture of fewer bits: one thread for each word.
 
 #import umbravox::lattice::lattice
 

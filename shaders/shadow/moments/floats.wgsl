@@ -1,8 +1,8 @@
-// Moments kept as 32-bit floats: the filter's mean of them.
+// Filtered moments that are stored as 32-bit floats.
 #define_import_path umbravox::moment_vectors
 
 #import umbravox::vectors::VECTORS
-#import umbravox::vectors_read::{Place, vector_of}
+#import umbravox::vectors_read::{AtlasPoint, filtered_vector}
 
 struct Moments {
     // Optical depth, then the moments times it, one after another.
@@ -11,8 +11,8 @@ struct Moments {
     third: vec4<f32>,
 }
 
-fn moments_of(place: Place) -> Moments {
+fn moments_of(point: AtlasPoint) -> Moments {
     var third = vec4<f32>(0.0);
-    if VECTORS > 2u { third = vector_of(place, 2u); }
-    return Moments(vector_of(place, 0u), vector_of(place, 1u), third);
+    if VECTORS > 2u { third = filtered_vector(point, 2u); }
+    return Moments(filtered_vector(point, 0u), filtered_vector(point, 1u), third);
 }

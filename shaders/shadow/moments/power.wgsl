@@ -1,24 +1,24 @@
-// What share of a distribution on [-1, 1] lies in front of a depth, as far as its power moments say (Muenstermann et al.
+// Bounds of the share of a distribution on [-1, 1] that lies in front of a depth, from its power moments (Muenstermann et al.
 // 2018, 4; Tari et al. 2005).
 //
-// Among all distributions with these moments the one with matter at the depth itself and at as few others as possible says
-// least and most: its weights in front of the depth are the least share, and with that at the depth the greatest. Its other
-// places are the roots of the kernel polynomial K(x0, x) = sum of p_k(x0) p_k(x) / D_k, p_k being the monic orthogonal
-// polynomials of the moments and D_k their norms; a place's weight is 1 / K(x, x).
+// The canonical distribution with these moments has matter at the depth itself and at as few other points as possible. Its
+// weight in front of the depth is the least share, and with the weight at the depth the greatest. Its other points are the
+// roots of the kernel polynomial K(x0, x) = sum of p_k(x0) p_k(x) / D_k, p_k being the monic orthogonal polynomials of the
+// moments and D_k their norms. The weight of a point is 1 / K(x, x).
 //
-// Written out without loops: software adapters count the turns of all loops of a ray together.
+// There are no loops: software adapters limit the iterations of all loops of a ray together.
 #define_import_path umbravox::moment_share
 
-#import umbravox::vectors::own
+#import umbravox::moments::params
 #import umbravox::real_roots::real_roots
 
-// Norms below this are rounding.
+// Norms below this are rounding errors.
 const LEAST_NORM: f32 = #{LEAST_NORM};
-// A place further away than this has no weight.
+// A point farther away than this has no weight.
 const FARTHEST: f32 = 1e3;
 
-// The unit lower triangle of the moments' Hankel matrix, row by row from the second, and one over the norms of p_1 to p_4;
-// that of p_0 is 1.
+// Unit lower triangle of the Hankel matrix of the moments, row by row from the second, and the inverse norms of p_1 to p_4;
+// the norm of p_0 is 1.
 struct Basis {
     row_b: f32,
     row_c: vec2<f32>,
@@ -31,7 +31,7 @@ fn inverse_norm(norm: f32) -> f32 {
     return 1.0 / max(norm, LEAST_NORM);
 }
 
-// From b_1 to b_4 and b_5 to b_8, those beyond the last being 0.
+// Returns the basis of the moments b_1 to b_4 and b_5 to b_8; moments beyond the last are 0.
 fn basis_of(b: vec4<f32>, more: vec4<f32>) -> Basis {
     let d1 = max(b.y - b.x * b.x, LEAST_NORM);
     let l21 = (b.z - b.y * b.x) / d1;
@@ -57,7 +57,7 @@ fn basis_of(b: vec4<f32>, more: vec4<f32>) -> Basis {
 #endif
 }
 
-// p_1 to p_4 at x.
+// Returns p_1 to p_4 at x.
 fn polynomials(basis: Basis, x: f32) -> vec4<f32> {
     let p1 = x - basis.row_b;
     let p2 = x * x - basis.row_c.x - basis.row_c.y * p1;
@@ -70,34 +70,34 @@ fn kernel_of(basis: Basis, p: vec4<f32>) -> f32 {
     return 1.0 + dot(p * p, basis.inverse_norms);
 }
 
-// Weight of the place that a root stands for, and whether it lies in front.
+// Returns the weight of the point of a root, and the same weight if it lies in front, else 0.
 fn weight_of(basis: Basis, x: f32, t: f32) -> vec2<f32> {
     let counts = abs(t) * FARTHEST > 1.0;
-    let place = x + 1.0 / select(1.0, t, counts);
-    let weight = select(0.0, 1.0 / kernel_of(basis, polynomials(basis, place)), counts);
+    let point = x + 1.0 / select(1.0, t, counts);
+    let weight = select(0.0, 1.0 / kernel_of(basis, polynomials(basis, point)), counts);
     return vec2<f32>(weight, select(0.0, weight, t < 0.0));
 }
 
-// The share in front of a depth share, `own.a.x` of the way from the least to the greatest. `b`: optical depth and the
-// moments times it, from the first vector on.
+// Returns the share in front of a depth share, `params.beta` of the way from the least to the greatest. The vectors hold the
+// optical depth and the moments times it.
 fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_share: f32) -> f32 {
     let scale = 1.0 / first.x;
-    let wide = vec4<f32>(0.0, own.b.x, 0.0, own.b.y);
-    let wider = vec4<f32>(0.0, own.b.z, 0.0, own.b.w);
-    let b = mix(vec4<f32>(first.yzw, second.x) * scale, wide, own.a.y);
-    let more = mix(vec4<f32>(second.yzw, third.x) * scale, wider, own.a.y);
+    let wide = vec4<f32>(0.0, params.biased_moments.x, 0.0, params.biased_moments.y);
+    let wider = vec4<f32>(0.0, params.biased_moments.z, 0.0, params.biased_moments.w);
+    let b = mix(vec4<f32>(first.yzw, second.x) * scale, wide, params.bias);
+    let more = mix(vec4<f32>(second.yzw, third.x) * scale, wider, params.bias);
     let basis = basis_of(b, more);
     let x = 2.0 * depth_share - 1.0;
     let p = polynomials(basis, x);
     let here = kernel_of(basis, p);
-    // K(x, .) by powers, from the first on.
+    // Coefficients of K(x, .), from the first power on.
     let h = p * basis.inverse_norms;
     let c4 = h.w;
     let c3 = h.z - basis.row_e.w * c4;
     let c2 = h.y - basis.row_d.z * c3 - basis.row_e.z * c4;
     let c1 = h.x - basis.row_c.y * c2 - basis.row_d.y * c3 - basis.row_e.y * c4;
-    // By powers of y = (its argument) - x, and then of t = 1 / y: the roots are finite, since none lies at x, and the
-    // leading coefficient is K(x, x), which is largest.
+    // Coefficients in y = (argument) - x, and then in t = 1 / y: the roots are finite, since none lies at x, and the leading
+    // coefficient K(x, x) is the largest.
     let shifted = vec4<f32>(
         c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * 4.0 * c4)),
         c2 + x * (3.0 * c3 + x * 6.0 * c4),
@@ -112,5 +112,5 @@ fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_sha
     weights += weight_of(basis, x, roots.w);
 #endif
 #endif
-    return clamp((weights.y + own.a.x / here) / (weights.x + 1.0 / here), 0.0, 1.0);
+    return clamp((weights.y + params.beta / here) / (weights.x + 1.0 / here), 0.0, 1.0);
 }

@@ -1,12 +1,12 @@
-// The roots of a polynomial with real ones only, of degree two, three or four.
+// Roots of a polynomial of degree two, three or four that has real roots only.
 #define_import_path umbravox::real_roots
 
-// Steps of Laguerre's iteration, which on such polynomials converges from anywhere, with the third power in the end.
+// Steps of Laguerre's method, which converges from any start on such polynomials, in the end cubically.
 const LAGUERRE_STEPS: i32 = 7;
 
 fn quadratic_roots(b: f32, c: f32) -> vec2<f32> {
     let root = sqrt(max(0.25 * b * b - c, 0.0));
-    // The larger one without cancellation, the other by their product.
+    // The larger root without cancellation, the other by their product.
     let larger = -0.5 * b - select(-root, root, b >= 0.0);
     return vec2<f32>(larger, select(c / larger, 0.0, larger == 0.0));
 }
@@ -30,24 +30,24 @@ fn quartic_roots(a: f32, b: f32, c: f32, d: f32) -> vec4<f32> {
         let below = slope + select(-root, root, slope >= 0.0);
         t -= select(4.0 * value / below, 0.0, below == 0.0);
     }
-    // What is left without that root.
+    // Division by that root leaves a cubic.
     let p = a + t;
     let q = b + t * p;
     return vec4<f32>(cubic_roots(p, q, c + t * q), t);
 }
 
-// A step further than this, of a root's own size and 1, is no mending but a double root's.
+// Longest step, as a share of the root and 1: longer ones come from double roots.
 const LONGEST_STEP: f32 = 0.1;
 
-// One step of Newton's for each root: closed forms are as exact as the largest root, and others may be far smaller.
-fn mended(roots: vec4<f32>, c: array<f32, 5>) -> vec4<f32> {
+// Refines each root by one step of Newton's method: closed forms are as exact as the largest root, and others may be far smaller.
+fn refined(roots: vec4<f32>, c: array<f32, 5>) -> vec4<f32> {
     let value = (((c[4] * roots + c[3]) * roots + c[2]) * roots + c[1]) * roots + c[0];
     let slope = ((4.0 * c[4] * roots + 3.0 * c[3]) * roots + 2.0 * c[2]) * roots + c[1];
     let step = value / select(slope, vec4<f32>(1.0), slope == vec4<f32>(0.0));
     return roots - select(vec4<f32>(0.0), step, abs(step) < LONGEST_STEP * (1.0 + abs(roots)));
 }
 
-// The roots of t^n + c.x t^(n-1) + c.y t^(n-2) + ..., n of which are roots and the others 0.
+// Returns the n roots of t^n + c.x t^(n-1) + c.y t^(n-2) + ..., followed by zeros.
 fn real_roots(c: vec4<f32>) -> vec4<f32> {
 #ifdef DEGREE_2
     return vec4<f32>(quadratic_roots(c.x, c.y), 0.0, 0.0);
@@ -59,6 +59,6 @@ fn real_roots(c: vec4<f32>) -> vec4<f32> {
     let all = array<f32, 5>(c.w, c.z, c.y, c.x, 1.0);
     let roots = quartic_roots(c.x, c.y, c.z, c.w);
 #endif
-    return mended(mended(roots, all), all);
+    return refined(refined(roots, all), all);
 #endif
 }

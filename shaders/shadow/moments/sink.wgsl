@@ -1,12 +1,14 @@
-// Sink that gathers the moments of the matter along one ray (Muenstermann et al. 2018, 3): its optical depth, and the means
-// over it of powers of the depth or of points on the unit circle.
+// Sink that computes the moments of the matter along one ray (Muenstermann et al. 2018, 3): the optical depth, and the means
+// over it of powers of the depth, or of points on the unit circle.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
-#import umbravox::vectors::{own, VECTORS}
+#import umbravox::vectors::vector_map
+#ifdef TRIGONOMETRIC
+#import umbravox::moments::params
+#endif
 
 const MOMENTS: u32 = #{MOMENTS};
-// Nobody looks inside a piece.
 const FAR: f32 = #{FAR};
 
 struct Sink {
@@ -16,7 +18,7 @@ struct Sink {
 // Optical depth, then the moments times it.
 var<private> sums: array<f32, #{MOMENTS} + 1>;
 
-fn start_sink(turn: u32) -> Sink {
+fn start_sink(march: u32) -> Sink {
     for (var k = 0u; k <= MOMENTS; k++) { sums[k] = 0.0; }
     return Sink(0.0);
 }
@@ -27,16 +29,16 @@ fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
     if !(depth > 0.0) { return false; }
-    let d = min(depth, own.most_depth - (*sink).optical_depth);
+    let d = min(depth, vector_map.max_depth - (*sink).optical_depth);
     let from_share = (z_from - light.depth_start_mm) / light.depth_range_mm;
-    // Where the ray is over, so is the piece.
+    // The piece ends with the ray.
     let z_end = z_from + (z_to - z_from) * (d / depth);
     let to_share = (z_end - light.depth_start_mm) / light.depth_range_mm;
     sums[0] += d;
 #ifdef TRIGONOMETRIC
-    // The mean of e^(i k phi) over the piece: that of its middle times sin(k h) / (k h).
-    let middle = 0.5 * own.a.z * (from_share + to_share);
-    let half = 0.5 * own.a.z * (to_share - from_share);
+    // The mean of e^(i k phi) over the piece is that at its middle times sin(k h) / (k h).
+    let middle = 0.5 * params.largest_angle * (from_share + to_share);
+    let half = 0.5 * params.largest_angle * (to_share - from_share);
     for (var k = 1u; 2u * k <= MOMENTS; k++) {
         let x = f32(k) * half;
         let narrowing = select(sin(x) / max(x, 1e-30), 1.0 - x * x / 6.0, x < 0.05);
@@ -56,21 +58,21 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     }
 #endif
     (*sink).optical_depth += d;
-    return (*sink).optical_depth >= own.most_depth;
+    return (*sink).optical_depth >= vector_map.max_depth;
 }
 
-fn met_something() -> bool {
+fn met_extinction() -> bool {
     return sums[0] > 0.0;
 }
 
 #ifdef WORDS
-// Optical depth and moments as `umbravox::moment_vectors` has them, two of these a word.
+// Optical depth, and two moments in each other word, as `umbravox::moment_vectors` reads them.
 var<private> words: array<u32, #{MOMENTS} / 2 + 1>;
 
 fn finish() {
     let scale = 1.0 / max(sums[0], 1e-30);
 #ifndef TRIGONOMETRIC
-    // Means of T_k by those of powers: T_k = 2 x T_(k-1) - T_(k-2), coefficient by coefficient.
+    // Means of the Chebyshev polynomials T_k from those of powers: T_k = 2 x T_(k-1) - T_(k-2), coefficient by coefficient.
     var before = array<f32, #{MOMENTS} + 1>();
     var here = array<f32, #{MOMENTS} + 1>();
     before[0] = 1.0;
@@ -99,7 +101,7 @@ fn word(i: u32) -> u32 {
     return select(0u, words[min(i, MOMENTS / 2u)], i <= MOMENTS / 2u);
 }
 
-fn vector_of(v: u32) -> vec4<u32> {
+fn stored_vector(v: u32) -> vec4<u32> {
     return vec4<u32>(word(4u * v), word(4u * v + 1u), word(4u * v + 2u), word(4u * v + 3u));
 }
 #else
@@ -109,7 +111,7 @@ fn number(i: u32) -> f32 {
     return select(0.0, sums[min(i, MOMENTS)], i <= MOMENTS);
 }
 
-fn vector_of(v: u32) -> vec4<f32> {
+fn stored_vector(v: u32) -> vec4<f32> {
     return vec4<f32>(number(4u * v), number(4u * v + 1u), number(4u * v + 2u), number(4u * v + 3u));
 }
 #endif

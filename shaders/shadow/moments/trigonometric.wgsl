@@ -1,16 +1,17 @@
-// As `power.wgsl`, of a distribution on the unit circle by its trigonometric moments (Muenstermann et al. 2018, 4).
+// Bounds of the share of a distribution on the unit circle that lies in front of a depth, from its trigonometric moments
+// (Muenstermann et al. 2018, 4); the counterpart of `power.wgsl`.
 //
-// Depths lie at angles from 0 to `own.a.z`; between that and the full circle no matter lies, and a place that is found
+// Depths lie at angles from 0 to `params.largest_angle`; no matter lies between that and the full circle. A point that is found
 // there counts as in front by how near it is to the full circle. Complex numbers are vectors of real and imaginary part.
 #define_import_path umbravox::moment_share
 
-#import umbravox::vectors::own
+#import umbravox::moments::params
 #import umbravox::real_roots::real_roots
 
 const LEAST_NORM: f32 = #{LEAST_NORM};
 const FULL: f32 = 6.28318530717959;
 
-// The unit lower triangle of the moments' Toeplitz matrix and one over the norms of p_1 to p_4; that of p_0 is 1.
+// Unit lower triangle of the Toeplitz matrix of the moments, and the inverse norms of p_1 to p_4; the norm of p_0 is 1.
 struct Basis {
     b_a: vec2<f32>,
     c_a: vec2<f32>,
@@ -96,27 +97,27 @@ fn kernel_of(basis: Basis, p: Polynomials) -> f32 {
     return 1.0 + dot(squares, basis.inverse_norms);
 }
 
-// Weight of the place that a root stands for, and how much of it lies in front.
+// Returns the weight of the point of a root, and how much of it lies in front.
 fn weight_of(basis: Basis, z: vec2<f32>, angle: f32, t: f32) -> vec2<f32> {
-    let place = vec2<f32>(t * t - 1.0, 2.0 * t) / (t * t + 1.0);
-    let weight = 1.0 / kernel_of(basis, polynomials(basis, times(z, place)));
+    let point = vec2<f32>(t * t - 1.0, 2.0 * t) / (t * t + 1.0);
+    let weight = 1.0 / kernel_of(basis, polynomials(basis, times(z, point)));
     let reached = angle + 2.0 * atan2(1.0, t);
-    return vec2<f32>(weight, weight * clamp((reached - own.a.z) / (FULL - own.a.z), 0.0, 1.0));
+    return vec2<f32>(weight, weight * clamp((reached - params.largest_angle) / (FULL - params.largest_angle), 0.0, 1.0));
 }
 
 fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_share: f32) -> f32 {
-    let scale = (1.0 - own.a.y) / first.x;
+    let scale = (1.0 - params.bias) / first.x;
     let basis = basis_of(
         first.yz * scale,
         vec2<f32>(first.w, second.x) * scale,
         second.yz * scale,
         vec2<f32>(second.w, third.x) * scale,
     );
-    let angle = own.a.z * depth_share;
+    let angle = params.largest_angle * depth_share;
     let z = vec2<f32>(cos(angle), sin(angle));
     let p = polynomials(basis, z);
     let here = kernel_of(basis, p);
-    // K(z, .) by powers, each times that power of z.
+    // Coefficients of K(z, .), each times that power of z.
     let norms = basis.inverse_norms;
     let z2 = times(z, z);
     let c4 = conjugate(p.fourth) * norms.w;
@@ -158,5 +159,5 @@ fn share_before(first: vec4<f32>, second: vec4<f32>, third: vec4<f32>, depth_sha
     weights += weight_of(basis, z, angle, roots.w);
 #endif
 #endif
-    return clamp((weights.y + own.a.x / here) / (weights.x + 1.0 / here), 0.0, 1.0);
+    return clamp((weights.y + params.beta / here) / (weights.x + 1.0 / here), 0.0, 1.0);
 }

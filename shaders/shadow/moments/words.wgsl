@@ -1,12 +1,12 @@
-// Moments kept in 16 bits each: the filter's mean of what texels hold.
+// Filtered moments that are stored in 16 bits each.
 //
-// A texel's first word is its optical depth, a float; the others hold two moments each, from -1 to 1 in even steps: as they
-// are on the circle, and of powers the means of Chebyshev's polynomials, from which powers follow with positive weights that
-// add up to one, so that no step grows.
+// The first word of a texel is its optical depth, a float. The others hold two moments each, in even steps from -1 to 1. Power
+// moments are stored as means of Chebyshev polynomials: powers follow with positive weights that add up to one, so that no
+// rounding error grows.
 #define_import_path umbravox::moment_vectors
 
 #import umbravox::vectors::VECTORS
-#import umbravox::vectors_read::{Place, words_at}
+#import umbravox::vectors_read::{AtlasPoint, words_at}
 
 struct Moments {
     // Optical depth, then the moments times it, one after another.
@@ -15,7 +15,7 @@ struct Moments {
     third: vec4<f32>,
 }
 
-// Powers from the first to the eighth, by the means of T_1 to T_8.
+// Returns the means of powers 1 to 8 from those of T_1 to T_8.
 fn powers_of(a: vec4<f32>, b: vec4<f32>) -> array<vec4<f32>, 2> {
     return array<vec4<f32>, 2>(
         vec4<f32>(
@@ -51,12 +51,12 @@ fn moments_at(texel: vec2<u32>) -> Moments {
     );
 }
 
-fn moments_of(place: Place) -> Moments {
+fn moments_of(point: AtlasPoint) -> Moments {
 #ifdef FILTER_BILINEAR
-    let base = floor(place.texel);
-    let w = place.texel - base;
+    let base = floor(point.texel);
+    let w = point.texel - base;
     var sum = Moments(vec4<f32>(0.0), vec4<f32>(0.0), vec4<f32>(0.0));
-    // A loop, so that a texel is read in one place of the program.
+    // A loop, so that the code of the read stands in the program once.
     for (var i = 0u; i < 4u; i++) {
         let corner = vec2<u32>(i & 1u, i >> 1u);
         let sides = select(1.0 - w, w, corner == vec2<u32>(1u));
@@ -67,6 +67,6 @@ fn moments_of(place: Place) -> Moments {
     }
     return sum;
 #else
-    return moments_at(vec2<u32>(round(place.texel)));
+    return moments_at(vec2<u32>(round(point.texel)));
 #endif
 }

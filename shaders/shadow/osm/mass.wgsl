@@ -1,11 +1,11 @@
-// The optical mass of the volume by depth, over rays spread over the map: what slicing by density divides evenly.
+// Optical mass of the volume by depth, over rays spread over the map, for `slicing=density` and `slicing=lit`.
 
 #import umbravox::light::{light, light_ray, depth_end_mm}
 #import umbravox::work::add_work
 #import umbravox::march::march
 #import umbravox::sink::{Sink, store_bin}
 
-// Rays a side; one stands for a block of texels.
+// Rays on each side; one stands for a block of texels.
 const MASS_RAYS: u32 = #{MASS_RAYS};
 
 @compute @workgroup_size(8, 8)

@@ -1,34 +1,34 @@
-// Sink that adds up by depth, in fixed point, the optical mass of one ray or, with WEIGH_LIGHT, the light that it loses.
+// Sink that adds the optical mass of one ray, or with WEIGH_LIGHT the light that it loses, to bins of depth in fixed point.
 #define_import_path umbravox::sink
 
 #import umbravox::light::light
 #ifdef WEIGH_LIGHT
-#import umbravox::layers::own
+#import umbravox::layers::params
 #endif
 
 const MASS_BINS: u32 = #{SPLIT_BINS};
-// A step of the fixed point, and the most that a ray may give to a bin: 2^32 is out of reach of 2^14 rays.
+// Steps of the fixed point, and the largest mass of a ray in a bin: 2^14 rays stay below 2^32.
 const MASS_STEPS: f32 = 32768.0;
-const MOST_MASS: f32 = 7.9;
+const MAX_MASS: f32 = 7.9;
 
 @group(2) @binding(0) var<storage, read_write> mass: array<atomic<u32>, #{SPLIT_BINS}>;
 
 struct Sink {
-    // The bin that is being filled, and its mass so far.
+    // The present bin, and its mass so far.
     bin: u32,
     depth: f32,
-    // Of the ray so far.
+    // Optical depth of the ray so far.
     optical_depth: f32,
 }
 
 fn longest_depth(sink: ptr<function, Sink>, z_from: f32, z_to: f32) -> f32 {
-    // A bin takes its share of a piece by length.
+    // A piece is divided among bins by length, whatever its course.
     return 1e30;
 }
 
 fn store_bin(bin: u32, depth: f32) {
-    // Rounded up: the planes begin at the first bin with mass, and thin matter in front of it would cast no shadow.
-    if depth > 0.0 { atomicAdd(&mass[bin], u32(ceil(min(depth, MOST_MASS) * MASS_STEPS))); }
+    // Rounded up: planes begin at the first bin with mass, and thin matter in front of it would cast no shadow.
+    if depth > 0.0 { atomicAdd(&mass[bin], u32(ceil(min(depth, MAX_MASS) * MASS_STEPS))); }
 }
 
 fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> bool {
@@ -36,7 +36,6 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
     let per_mm = f32(MASS_BINS) / light.depth_range_mm;
     let begin = (z_from - light.depth_start_mm) * per_mm;
     let end = (z_to - light.depth_start_mm) * per_mm;
-    // A piece gives every bin that it crosses its share.
     let first = u32(clamp(begin, 0.0, f32(MASS_BINS - 1u)));
     let last = max(u32(clamp(end, 0.0, f32(MASS_BINS - 1u))), first);
     for (var bin = first; bin <= last; bin++) {
@@ -46,20 +45,19 @@ fn sink_piece(sink: ptr<function, Sink>, z_from: f32, z_to: f32, depth: f32) -> 
             (*sink).depth = 0.0;
         }
         let share = (min(end, f32(bin + 1u)) - max(begin, f32(bin))) / max(end - begin, 1e-12);
-        // A piece inside one bin may be too short for float32 to say how long it is.
+        // The length of a piece inside one bin may be below the resolution of float32.
         let rise = min(depth, 1e30) * select(clamp(share, 0.0, 1.0), 1.0, first == last);
 #ifdef WEIGH_LIGHT
-        // A whole ray's light is as much as a bin can take.
+        // The light of a whole ray is the largest mass of a bin.
         let lost = select(1.0 - exp(-rise), rise, rise < 1e-3);
-        (*sink).depth += MOST_MASS * exp(-(*sink).optical_depth) * lost;
+        (*sink).depth += MAX_MASS * exp(-(*sink).optical_depth) * lost;
 #else
         (*sink).depth += rise;
 #endif
         (*sink).optical_depth += rise;
     }
 #ifdef WEIGH_LIGHT
-    // No light is left to lose.
-    return (*sink).optical_depth > own.most_depth;
+    return (*sink).optical_depth > params.max_depth;
 #else
     return false;
 #endif

@@ -1,15 +1,15 @@
-// `rays`: a shadow ray per sample, marched cell by cell to the light.
+// `rays`: a shadow ray for each lookup, marched cell by cell to the light.
 #define_import_path umbravox::method
 
 #import umbravox::light::{light, light_point, light_ray}
 #import umbravox::march::march
 #import umbravox::sink::start_sink
 
-// Transmittance from the light to a grid-space point.
+// Returns the transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
     let d = light_ray(p.texel).d;
-    // Walked from the point towards the light: away from where it matters least, towards the end of the ray.
+    // The march starts at the point, where errors matter most, and ends at the light.
     var sink = start_sink();
     march(&sink, g, -d, 0.0, p.z + light.light_distance);
     return exp(-sink.optical_depth.total);

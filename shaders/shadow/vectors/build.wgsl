@@ -1,4 +1,5 @@
-// Builds a map of vectors: a workgroup a tile, a thread a texel. The method's sink gathers them along the texel's ray.
+// Builds a map of vectors: one workgroup for each tile, one thread for each texel. The sink of the method computes the vectors
+// along the ray of the texel.
 
 #import umbravox::light::{light, light_ray, depth_end_mm, OCTAHEDRAL}
 #import umbravox::work::add_work
@@ -6,26 +7,25 @@
 #import umbravox::tile_table::{TILE, NO_TILE}
 #import umbravox::vectors::{VECTORS, TILE_SIDE, tile_corner, first_record}
 #import umbravox::march::march
-#import umbravox::sink::{start_sink, finish, met_something, vector_of}
+#import umbravox::sink::{start_sink, finish, met_extinction, stored_vector}
 
-// Texels whose ray meets extinction.
+// Number of texels whose ray meets extinction.
 @group(2) @binding(2) var<storage, read_write> texels_hit: atomic<u32>;
 
-// Stores the vectors at a place of the map, which may lie one texel outside of it, in every tile that holds it or has it
-// in its margin.
-fn store_at(place: vec2<i32>) {
+// Stores the vectors of a texel, which may lie one texel outside the map, in every tile that has it inside or in its margin.
+fn store_at(texel: vec2<i32>) {
     let side = i32(TILE);
-    let home = place >> vec2<u32>(#{TILE_SHIFT});
+    let home = texel >> vec2<u32>(#{TILE_SHIFT});
     for (var i = 0; i < 9; i++) {
         let tile = home + vec2<i32>(i % 3, i / 3) - 1;
-        let inside = place - tile * side;
-        let held = all(inside >= vec2<i32>(-1)) && all(inside <= vec2<i32>(side));
-        if held && all(tile >= vec2<i32>(0)) && all(tile < vec2<i32>(i32(light.tiles_across))) {
+        let inside = texel - tile * side;
+        let stored = all(inside >= vec2<i32>(-1)) && all(inside <= vec2<i32>(side));
+        if stored && all(tile >= vec2<i32>(0)) && all(tile < vec2<i32>(i32(light.tiles_across))) {
             let first = first_record(vec2<u32>(tile));
             if first != NO_TILE {
                 let corner = tile_corner(first) + vec2<u32>(inside + 1);
                 for (var v = 0u; v < VECTORS; v++) {
-                    textureStore(atlas, corner + vec2<u32>(0u, v * TILE_SIDE), vector_of(v));
+                    textureStore(atlas, corner + vec2<u32>(0u, v * TILE_SIDE), stored_vector(v));
                 }
             }
         }
@@ -52,28 +52,28 @@ fn build(
     if !here.inside { return; }
     let ray = light_ray(vec2<f32>(here.texel));
     let z_end = depth_end_mm();
-#ifdef TURNS
-    // More than one march a ray, in a loop, so that the march stands here once.
-    for (var turn = 0u; turn < #{TURNS}; turn++) {
+#ifdef MARCHES
+    // A loop, so that the code of the march stands in the program once.
+    for (var number = 0u; number < #{MARCHES}; number++) {
 #ifdef FROM_BEHIND
-        // The first is from behind.
-        let behind = turn == 0u;
+        // The first march goes towards the light.
+        let behind = number == 0u;
 #else
         let behind = false;
 #endif
-        var sink = start_sink(turn);
+        var sink = start_sink(number);
         march(&sink, ray.o, select(ray.d, -ray.d, behind), select(light.depth_start_mm, -z_end, behind),
             select(z_end, -light.depth_start_mm, behind));
-        if !met_something() { break; }
+        if !met_extinction() { break; }
     }
 #else
     var sink = start_sink(0u);
     march(&sink, ray.o, ray.d, light.depth_start_mm, z_end);
 #endif
     finish();
-    if met_something() {
+    if met_extinction() {
         atomicAdd(&texels_hit, 1u);
-        // Beyond an edge of the map the edge goes on; an octahedral map goes on at the mirrored place of the same edge.
+        // Texels outside the map repeat its edge; an octahedral map continues at the mirrored position on the same edge.
         let texel = vec2<i32>(here.texel);
         let last = i32(light.map_size) - 1;
         let octahedral = light.projection == OCTAHEDRAL;
@@ -81,9 +81,9 @@ fn build(
             let step = vec2<i32>(i % 3, i / 3) - 1;
             let leaves = (step != vec2<i32>(0)) & (texel == select(vec2<i32>(0), vec2<i32>(last), step > vec2<i32>(0)));
             if all(leaves | (step == vec2<i32>(0))) {
-                let place = texel + step;
+                let neighbour = texel + step;
                 let mirrored = vec2<bool>(octahedral && leaves.y, octahedral && leaves.x);
-                store_at(select(place, last - place, mirrored));
+                store_at(select(neighbour, last - neighbour, mirrored));
             }
         }
     }

@@ -1,20 +1,20 @@
-// Lookup of methods whose vectors cannot be averaged: the transmittances of the texels around a point are.
+// Lookup of methods whose vectors cannot be averaged: it averages the transmittances of the texels around a point.
 #define_import_path umbravox::method
 
 #import umbravox::light::light_point
-#import umbravox::vectors_read::place_of
+#import umbravox::vectors_read::atlas_point
 #import umbravox::texel_curve::texel_transmittance
 
-// Transmittance from the light to a grid-space point.
+// Returns the transmittance from the light to a grid-space point.
 fn transmittance(g: vec3<f32>) -> f32 {
     let p = light_point(g);
-    let place = place_of(p);
-    if place.lit { return 1.0; }
+    let point = atlas_point(p);
+    if point.lit { return 1.0; }
 #ifdef FILTER_BILINEAR
-    let base = floor(place.texel);
-    let w = place.texel - base;
+    let base = floor(point.texel);
+    let w = point.texel - base;
     var sum = 0.0;
-    // A loop, so that the curve is read in one place of the program.
+    // A loop, so that the code of the lookup stands in the program once.
     for (var i = 0u; i < 4u; i++) {
         let corner = vec2<u32>(i & 1u, i >> 1u);
         let sides = select(1.0 - w, w, corner == vec2<u32>(1u));
@@ -22,6 +22,6 @@ fn transmittance(g: vec3<f32>) -> f32 {
     }
     return sum;
 #else
-    return texel_transmittance(vec2<u32>(round(place.texel)), p.z);
+    return texel_transmittance(vec2<u32>(round(point.texel)), p.z);
 #endif
 }

@@ -1,17 +1,17 @@
 //! `avsm`: adaptive volumetric shadow maps.
 //!
-//! Salvi, Vidimče, Lauritzen and Lefohn 2010, *Adaptive Volumetric Shadow Maps*. A texel keeps `N` nodes of its ray's
-//! transmittance, whatever the ray meets; where there would be more, the inner node goes whose loss changes the area under
-//! the curve least, and its neighbours stay. Memory is bounded and the error is not: the counterpart of `dsm`.
+//! Salvi, Vidimče, Lauritzen and Lefohn 2010, *Adaptive Volumetric Shadow Maps*. A texel stores `N` nodes of the transmittance of
+//! its ray. If there are more, the inner node is removed that changes the area under the curve least, and its neighbours stay.
+//! Memory is bounded and the error is not, in contrast to `dsm`.
 //!
-//! It is the march's own polyline (cell by cell within 0.0023 of the curve, with 32 bits) as long as the nodes suffice.
+//! With enough nodes of 32 bits it is the polyline of the march, within 0.0023 of the curve.
 //!
 //! Deviations from the paper, and why:
-//! * Pieces arrive in the order of the march, and are appended; the paper inserts what rasterisation brings in any order.
-//! * Pieces are as short as `dsm` wants them, since chords are straight; the paper's segments are as they are drawn.
-//! * The transmittances of four texels are averaged (`filter=bilinear`), as in the paper; `dsm` also lays their surfaces
-//!   over each other. With `filter=nearest` their difference is the compression's.
-//! * A ray is over where 2^-11 of the light is left, as in every map here.
+//! * Pieces arrive in the order of the march, and are appended; the paper inserts rasterised segments in any order.
+//! * Pieces are as short as those of `dsm`, since chords are straight; the paper's segments are as long as drawn.
+//! * The transmittances of four texels are averaged (`filter=bilinear`), as in the paper; `dsm` also aligns their surfaces. With
+//!   `filter=nearest` both methods differ by the compression only.
+//! * A ray ends at a transmittance of 2^-11, as in every map here.
 
 use super::method::Entry;
 use super::settings::{
@@ -20,8 +20,9 @@ use super::settings::{
 };
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
-use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
+use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
+use bytemuck::{Pod, Zeroable};
 
 settings! {
     /// Settings of an adaptive volumetric shadow map.
@@ -60,29 +61,52 @@ pub(super) static ENTRY: Entry = Entry {
         map=64,96,128,192,256,384,512,768,1024",
 };
 
+/// `AvsmParams` of `shaders/shadow/avsm/params.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct AvsmParams {
+    longest_depth: f32,
+    padding: [f32; 7],
+}
+
 impl VectorMap for AdaptiveShadowMap {
-    fn line(&self) -> &'static Entry {
+    fn entry(&self) -> &'static Entry {
         &ENTRY
     }
 
-    fn settings(&self) -> Vec<Value> {
+    fn values(&self) -> Vec<Value> {
         self.to_values()
     }
 
-    fn recipe(&self) -> Recipe {
-        Recipe {
+    fn descriptor(&self) -> VectorMapDescriptor {
+        let params = AvsmParams { longest_depth: longest_depth(), padding: [0.0; 7] };
+        VectorMapDescriptor {
             vectors: self.nodes / 2,
-            numbers_are: Numbers::floats(self.bits),
+            storage: VectorStorage::floats(self.bits),
             filter: self.filter,
             linear: false,
             shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
             constants: vec![Constant::unsigned("NODES", self.nodes)],
             defs: Vec::new(),
-            turns: None,
+            marches: None,
             sink: "shadow/avsm/sink.wgsl",
-            lookup: &["shadow/avsm/lookup.wgsl", TEXELS_FILTER],
-            asked_by: self.lookup,
-            numbers: [[longest_depth(), 0.0, 0.0, 0.0], [0.0; 4]],
+            lookup: &["shadow/avsm/lookup.wgsl", TRANSMITTANCE_FILTER],
+            lookup_mode: self.lookup,
+            params: Some(("shadow/avsm/params.wgsl", bytemuck::cast(params))),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+    use super::AvsmParams;
+    use crate::gpu::wgsl_layout;
+
+    #[test]
+    fn uniforms_match_their_shaders() {
+        let (_, members) = wgsl_layout(&parse_list("avsm").unwrap()[0].passes()[0], "AvsmParams");
+        let offset = std::mem::offset_of!(AvsmParams, longest_depth);
+        assert_eq!(members, [("longest_depth".to_string(), offset)]);
     }
 }

@@ -1,28 +1,28 @@
 //! `bom`: bounding opacity maps.
 //!
-//! Voicu 2011, *Real-time volumetric shadows for dynamic rendering* (the thesis on bounding opacity maps), chapter
-//! 5, an extension of Yuksel and Keyser 2008. Symbols: `z_0` and `z_1` the depths at which matter begins and ends
-//! in a texel, `K` layers from `z_0 + d_(k-1)` to `z_0 + d_k`, `z_0 + d_K = z_1`.
+//! Voicu 2011, *Real-time volumetric shadows for dynamic rendering*, chapter 5, an extension of Yuksel and Keyser 2008. Symbols:
+//! `z_0` and `z_1` are the depths at which matter begins and ends in a texel; `K` layers lie from `z_0 + d_(k-1)` to `z_0 + d_k`,
+//! with `z_0 + d_K = z_1`.
 //!
 //! Deviations from the thesis, and why:
-//! * Two marches in one pass instead of three passes: one from behind that stops at the first matter, which is
-//!   `z_1`, and one from the light, which meets `z_0` before the layers.
+//! * Two marches in one pass replace three passes: one towards the light, which ends at the first matter, `z_1`, and one from the
+//!   light, which passes `z_0` before the layers.
 //! * A lookup is linear between the two planes around it; the thesis reads one layer.
-//! * The interval `[1, N]` of the logarithm is `log_size`, 256 by default: no size of the lookup texture is stated, and the
-//!   appendix's own rounding of `log2` to a whole number is not followed.
+//! * The interval `[1, N]` of the logarithm is `log_size`: the thesis states no size of the lookup texture, and the appendix's
+//!   rounding of `log2` to a whole number is not followed.
 //! * The lookup texture of the hybrid split (5.2.2, 5.2.3, sections 7 and 9 of its appendix) has 1024 bins of float32
-//!   instead of 8 bits, and a second row with the planes themselves, which the build cuts at.
-//! * `split=auto` chooses as 5.2.3 does, from eleven ratios over whole images, but on the device and from a coarse
-//!   map. Images are opacities `1 - T`, not rounded to 8 bits: rounded images of few levels look unlike each other
-//!   (`measure=difference` does round). Two images without contrast count as fully correlated.
-//! * `split=texel` is chapter 7's splitting texture, a ratio for every region of 4 x 4 texels. The sum of absolute
-//!   differences that it proposes telescopes on a single ray, whose opacity never falls; what is chosen is the
-//!   ratio whose greatest step between neighbouring planes is least, which bounds the error.
+//!   instead of 8 bits, and a second row with the planes, at which the build cuts.
+//! * `split=auto` chooses among eleven ratios over whole images, as 5.2.3 does, but on the device and from a coarse map. Images are
+//!   opacities `1 - T`, not rounded to 8 bits, since rounded images of few levels are less correlated (`measure=difference` rounds).
+//!   Two images without contrast are fully correlated.
+//! * `split=texel` is the splitting texture of chapter 7, a ratio for every region of 4 x 4 texels. Its sum of absolute differences
+//!   telescopes on a single ray, whose opacity never falls. So the ratio is chosen whose largest step between neighbouring planes
+//!   is least, which bounds the error.
 //! * Depths are rounded away from the light; `filter=bilinear` as in `dom`, ends like starts.
 
 use super::layered::{
-    AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, Layering, MEASURE_KEY,
-    Measure, RATIO_KEY, Recipe, Record, Split, split_key,
+    AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
+    MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::settings::{
@@ -94,11 +94,11 @@ impl BoundingOpacityMap {
         Layering { layers, split, ratio, log_size, measure }
     }
 
-    fn recipe(&self, split: Split) -> Recipe {
+    fn layered_map(&self, split: Split) -> LayeredMap {
         let Self { layers, bits, depth_bits, filter, average, .. } = *self;
         let record = Record { layers, bits, depths: 2, depth_bits, own_split: self.layering().by_texel() };
         let shape = self.shape();
-        Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, average, kernel: 1, shape }
+        LayeredMap { record, split, reach: 0.0, last_takes_rest: true, filter, average, kernel: 1, shape }
     }
 }
 
@@ -112,16 +112,20 @@ impl Method for BoundingOpacityMap {
     }
 
     fn lookup(&self) -> Option<Lookup> {
-        Some(self.recipe(self.layering().any()).lookup("shadow/layered/lookup.wgsl").asked_by(self.lookup))
+        Some(
+            self.layered_map(self.layering().any())
+                .lookup("shadow/layered/lookup.wgsl")
+                .asked_by(self.lookup),
+        )
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
         let layering = self.layering();
-        layering.passes(&self.recipe(layering.any()))
+        layering.passes(&self.layered_map(layering.any()))
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let built = self.layering().build(context, |split| self.recipe(split))?;
+        let built = self.layering().build(context, |split| self.layered_map(split))?;
         Ok(built.into_map(context, self))
     }
 }

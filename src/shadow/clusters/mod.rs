@@ -1,19 +1,18 @@
 //! `clusters`: density clustering.
 //!
 //! Mertens, Kautz, Bekaert and Van Reeth 2004, *A Self-Shadow Algorithm for Dynamic Hair using Density Clustering*, with
-//! which Yuksel and Keyser 2008 compare. What a light ray meets is gathered in `k` clusters by depth, each with its optical
-//! depth, its mean and its spread (standard deviation); a cluster's matter is taken to lie evenly within `sqrt(3)` spreads
-//! of its mean.
+//! with which Yuksel and Keyser 2008 compare. The matter along a light ray forms `k` clusters by depth, each with its optical depth,
+//! mean and standard deviation. The matter of a cluster is taken to lie evenly within `sqrt(3)` standard deviations of its mean.
 //!
 //! It is exact for as many even slabs as there are clusters, each nearest to another mean.
 //!
 //! Deviations from the paper, and why:
-//! * A piece of the march is a stretch, whose own spread counts, and goes to the cluster nearest to its middle; the paper's
-//!   fragments are points.
-//! * The marches that find where matter ends and those that gather are one pass; `iterations` beyond one give every piece
-//!   to the nearest mean of the march before.
-//! * Clusters of neighbouring texels are not the same matter, and so transmittances are averaged (`filter=bilinear`).
-//! * A ray is over where 2^-11 of the light is left, as in every map here; the range of depths is that of all matter.
+//! * A piece of the march is a stretch, whose standard deviation counts, and belongs to the cluster nearest to its middle; the
+//!   paper's fragments are points.
+//! * One pass finds the end of matter and forms the clusters; each further iteration assigns every piece to the nearest mean of the
+//!   march before.
+//! * Clusters of neighbouring texels differ, so transmittances are averaged (`filter=bilinear`).
+//! * A ray ends at a transmittance of 2^-11, as in every map here; the range of depths is that of all matter.
 
 use super::method::Entry;
 use super::settings::{
@@ -21,7 +20,7 @@ use super::settings::{
     MarchBy, STEP_KEY, Value, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
+use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
 
 settings! {
@@ -64,29 +63,29 @@ pub(super) static ENTRY: Entry = Entry {
 };
 
 impl VectorMap for DensityClusters {
-    fn line(&self) -> &'static Entry {
+    fn entry(&self) -> &'static Entry {
         &ENTRY
     }
 
-    fn settings(&self) -> Vec<Value> {
+    fn values(&self) -> Vec<Value> {
         self.to_values()
     }
 
-    fn recipe(&self) -> Recipe {
-        Recipe {
+    fn descriptor(&self) -> VectorMapDescriptor {
+        VectorMapDescriptor {
             vectors: (3 * self.clusters).div_ceil(4),
-            numbers_are: Numbers::floats(self.bits),
+            storage: VectorStorage::floats(self.bits),
             filter: self.filter,
             linear: false,
             shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
             constants: vec![Constant::unsigned("CLUSTERS", self.clusters)],
-            // The first march looks for where matter ends.
+            // The first march finds the end of matter.
             defs: vec!["FROM_BEHIND"],
-            turns: Some(1 + self.iterations),
+            marches: Some(1 + self.iterations),
             sink: "shadow/clusters/sink.wgsl",
-            lookup: &["shadow/clusters/lookup.wgsl", TEXELS_FILTER],
-            asked_by: self.lookup,
-            numbers: [[0.0; 4]; 2],
+            lookup: &["shadow/clusters/lookup.wgsl", TRANSMITTANCE_FILTER],
+            lookup_mode: self.lookup,
+            params: None,
         }
     }
 }

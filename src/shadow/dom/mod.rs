@@ -1,26 +1,25 @@
 //! `dom`: deep opacity maps.
 //!
-//! Yuksel and Keyser 2008, *Deep Opacity Maps*. Symbols: `z_0` the depth at which matter begins in a texel, `d_k`
+//! Yuksel and Keyser 2008, *Deep Opacity Maps*. Symbols: `z_0` is the depth at which matter begins in a texel, `d_k`
 //! (`0 <= k <= K`) the depth from there to the far side of layer `k`, the same for every texel; `d_0 = 0`.
 //!
 //! Deviations from the paper, and why:
-//! * One pass instead of two: the march meets `z_0` before anything that lies behind it. It is the start of the first
-//!   exact piece with extinction, not the depth of a drawn line.
+//! * One pass replaces two: the march passes `z_0` before the layers. `z_0` is the start of the first exact piece with extinction,
+//!   not the depth of a drawn line.
 //! * "Linearly increasing layer sizes" are read as `d_k - d_(k-1)` proportional to `k`, so `d_k = d_K k (k + 1) /
-//!   (K (K + 1))` (`split=growing`; the splits of `bom` can be had as well). The paper sets sizes by hand, a scene at a
-//!   time, so that layers "cover the illuminated part", and states no `d_K`; `spread` is its share of the map's depth
-//!   range, a quarter by default.
-//! * Behind the last layer, the paper's three ways (section 3): `beyond=extend` counts what lies there in the last
-//!   layer, so that it shadows itself; `ignore` leaves it out, so that it casts no shadow; `cover` makes the layers
-//!   so large that the last one ends behind the volume, whatever `spread` says.
-//! * The start is stored in a channel with the layers, in as many bits as asked for (`depth_bits`), and rounded away
-//!   from the light, so that whatever lies in front of matter is fully lit.
-//! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, where the four
-//!   depths are close enough to be one surface; elsewhere each texel's layers start at its own `z_0`.
+//!   (K (K + 1))` (`split=growing`; the splits of `bom` exist, too). The paper sets sizes by hand for each scene, so that layers
+//!   "cover the illuminated part", and states no `d_K`; `spread` is its share of the map's range of depths.
+//! * The paper has three treatments of matter behind the last layer (section 3): `beyond=extend` adds it to the last layer, so that
+//!   it shadows itself; `ignore` skips it, so that it casts no shadow; `cover` enlarges the layers so that the last one ends behind
+//!   the volume, whatever `spread`.
+//! * The start is stored with the layers, in `depth_bits` bits, and rounded away from the light, so that points in front of matter
+//!   are fully lit.
+//! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, if the four depths are close
+//!   enough to be one surface; otherwise the layers of each texel start at its `z_0`.
 
 use super::layered::{
-    AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, Layering, MEASURE_KEY,
-    Measure, RATIO_KEY, Recipe, Record, Split, split_key,
+    AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
+    MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::settings::{
@@ -33,13 +32,13 @@ use crate::field::{BuildContext, MapShape};
 use crate::gpu::ShaderVariant;
 
 choices! {
-    /// What becomes of matter behind the last layer.
+    /// Treatment of matter behind the last layer.
     pub enum Beyond {
-        /// It counts in the last layer.
+        /// It is part of the last layer.
         Extend = "extend",
         /// It casts no shadow.
         Ignore = "ignore",
-        /// There is none: the layers reach behind everything.
+        /// The layers reach behind all matter.
         Cover = "cover",
     }
 }
@@ -117,12 +116,11 @@ impl DeepOpacityMap {
         Layering { layers, split, ratio, log_size, measure }
     }
 
-    fn recipe(&self, split: Split) -> Recipe {
+    fn layered_map(&self, split: Split) -> LayeredMap {
         let Self { layers, bits, depth_bits, filter, average, .. } = *self;
-        Recipe {
+        LayeredMap {
             record: Record { layers, bits, depths: 1, depth_bits, own_split: self.layering().by_texel() },
             split,
-            // The layers of `cover` reach behind everything, whatever `spread` says.
             reach: if self.beyond == Beyond::Cover { 1.0 } else { self.spread },
             last_takes_rest: self.beyond != Beyond::Ignore,
             filter,
@@ -143,16 +141,20 @@ impl Method for DeepOpacityMap {
     }
 
     fn lookup(&self) -> Option<Lookup> {
-        Some(self.recipe(self.layering().any()).lookup("shadow/layered/lookup.wgsl").asked_by(self.lookup))
+        Some(
+            self.layered_map(self.layering().any())
+                .lookup("shadow/layered/lookup.wgsl")
+                .asked_by(self.lookup),
+        )
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
         let layering = self.layering();
-        layering.passes(&self.recipe(layering.any()))
+        layering.passes(&self.layered_map(layering.any()))
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let built = self.layering().build(context, |split| self.recipe(split))?;
+        let built = self.layering().build(context, |split| self.layered_map(split))?;
         Ok(built.into_map(context, self))
     }
 }

@@ -1,4 +1,4 @@
-//! How many nodes each texel of a deep shadow map has, read back only when asked for (Hadwiger et al. 2006, Figure 5).
+//! Numbers of nodes of the texels of a deep shadow map (Hadwiger et al. 2006, Figure 5), read back on request.
 
 use super::layout::{self, DEPTH_STEPS, NAME};
 use crate::error::{Error, Result};
@@ -7,20 +7,20 @@ use crate::gpu::{Kernels, ShaderVariant, Slot, StorageBuffer, read_back};
 use crate::shadow::method::ShadowMap;
 use ndarray::Array2;
 
-/// Texels counted in one dispatch, which bounds the buffers.
+/// Texels counted in one dispatch, which limits the size of buffers.
 const TEXELS_AT_ONCE: usize = 1 << 22;
 
-/// Nodes by texel, and which tiles are stored at all.
+/// Number of nodes of each texel, and the stored tiles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NodeMap {
-    /// Rows by columns of texels; 0 where a texel meets nothing or its tile is left out.
+    /// Rows by columns of texels; 0 for texels that meet nothing, or whose tile is skipped.
     pub nodes: Array2<u32>,
     /// Rows by columns of tiles of [`TILE`] texels a side.
     pub stored: Array2<bool>,
 }
 
 impl NodeMap {
-    /// From a value a texel, row by row, [`NO_TILE`] where there is none.
+    /// Creates a map from one value for each texel, row by row, or [`NO_TILE`].
     fn from_counts(map_size: u32, counts: Vec<u32>) -> Result<Self> {
         let (side, across) = (map_size as usize, map_size.div_ceil(TILE) as usize);
         let broken =
@@ -32,7 +32,7 @@ impl NodeMap {
         Ok(Self { nodes, stored })
     }
 
-    /// The most nodes of any texel of each tile: the layers that the paper's blocks must hold there.
+    /// Returns the largest number of nodes in each tile: the layers of a block of the paper.
     pub fn most_by_tile(&self) -> Array2<u32> {
         let tile = TILE as usize;
         let mut most = Array2::zeros(self.stored.dim());
@@ -43,7 +43,7 @@ impl NodeMap {
         most
     }
 
-    /// How many texels have 0, 1, 2, ... nodes, up to the largest number there is.
+    /// Returns the number of texels with 0, 1, 2, ... nodes.
     pub fn histogram(&self) -> Vec<u64> {
         let most = self.nodes.iter().copied().max().unwrap_or(0);
         let mut texels = vec![0; most as usize + 1];
@@ -56,7 +56,7 @@ pub(super) fn shader() -> ShaderVariant {
     layout::shader("shadow/dsm/count.wgsl")
 }
 
-/// Counts the nodes of a built deep shadow map; `None` for a structure that has none.
+/// Counts the nodes of a deep shadow map; `None` for other methods.
 ///
 /// # Errors
 /// A lost device, or one out of memory.
@@ -71,12 +71,14 @@ pub fn node_map(kernels: &Kernels, transfer: &DeviceTransfer, shadow: &ShadowMap
     for first in (0..texels).step_by(TEXELS_AT_ONCE) {
         let here = TEXELS_AT_ONCE.min(texels - first);
         let start = StorageBuffer::from_slice(gpu, "first texel", &[first as u32; 4])?;
-        let found = StorageBuffer::zeroed(gpu, "nodes by texel", here as u64 * 4)?;
-        let stage =
-            [(0, Slot::read(start.as_entire_binding())), (1, Slot::read_write(found.as_entire_binding()))];
+        let node_counts = StorageBuffer::zeroed(gpu, "nodes by texel", here as u64 * 4)?;
+        let stage = [
+            (0, Slot::read(start.as_entire_binding())),
+            (1, Slot::read_write(node_counts.as_entire_binding())),
+        ];
         let groups = [transfer.group(), &shadow.group, &kernels.group("node count", &stage)];
         kernels.run("node count", &shader(), &groups, line_of_workgroups(here))?;
-        counts.extend(read_back::<u32>(gpu, &found, here)?);
+        counts.extend(read_back::<u32>(gpu, &node_counts, here)?);
     }
     NodeMap::from_counts(map_size, counts).map(Some)
 }
@@ -85,8 +87,7 @@ pub(super) fn steps_shader() -> ShaderVariant {
     layout::shader("shadow/dsm/steps.wgsl")
 }
 
-/// Depths (mm, in the order of the light) of every node of the given texels `[column, row]`; `None` for a structure that
-/// has none.
+/// Returns the depths (mm, from the light on) of all nodes of the given texels `[column, row]`; `None` for other methods.
 ///
 /// # Errors
 /// A lost device, or one out of memory.
@@ -109,18 +110,20 @@ pub fn node_depths(
             places.push([row * space.map_size + column, total]);
             total += count;
         }
-        let asked = StorageBuffer::from_slice(gpu, "texels", &places)?;
-        let found = StorageBuffer::zeroed(gpu, "steps of nodes", u64::from(total) * 4)?;
-        let stage =
-            [(0, Slot::read(asked.as_entire_binding())), (1, Slot::read_write(found.as_entire_binding()))];
+        let requests = StorageBuffer::from_slice(gpu, "texels", &places)?;
+        let node_steps = StorageBuffer::zeroed(gpu, "steps of nodes", u64::from(total) * 4)?;
+        let stage = [
+            (0, Slot::read(requests.as_entire_binding())),
+            (1, Slot::read_write(node_steps.as_entire_binding())),
+        ];
         let groups = [transfer.group(), &shadow.group, &kernels.group("steps of nodes", &stage)];
         kernels.run("steps of nodes", &steps_shader(), &groups, line_of_workgroups(places.len()))?;
-        let steps = read_back::<u32>(gpu, &found, total as usize)?;
+        let steps = read_back::<u32>(gpu, &node_steps, total as usize)?;
         let mut rest = &steps[..];
         for count in counts {
-            let (own, others) = rest.split_at(count as usize);
+            let (texel_steps, others) = rest.split_at(count as usize);
             rest = others;
-            depths.push(own.iter().map(|s| space.z_range[0] + f64::from(*s) * mm_a_step).collect());
+            depths.push(texel_steps.iter().map(|s| space.z_range[0] + f64::from(*s) * mm_a_step).collect());
         }
     }
     Ok(Some(depths))

@@ -4,34 +4,30 @@
 //! Lokovic and Veach 2000. Symbols: `epsilon` is the paper's error bound on transmittance.
 //!
 //! Deviations from the paper, and why:
-//! * One compute pass builds the map. The paper's passes of eight nodes each become rows of seven nodes and a link:
-//!   every texel of a tile that holds active bricks has a first row, further rows come from a pool shared by all tiles
-//!   (an atomic counter), so that one long texel does not lengthen its whole tile. Where the pool runs out it is made as
-//!   large as the count says, and the tiles that it was too small for are built again.
+//! * One compute pass builds the map. The paper's passes of eight nodes each become rows of seven nodes and a link. Every texel
+//!   of a tile with active bricks has a first row; further rows come from a pool that all tiles share, so that one long texel
+//!   does not lengthen its whole tile. If the pool is too small, it grows, and the tiles that lack rows are built again.
 //! * Rays are marched cell by cell instead of at regular steps: inside a cell the field along a ray is a cubic, and the
-//!   pre-compressed table tells at which values visibility bends; no peak or grazing touch is stepped over. `march=samples`
-//!   has the paper's steps, with the integrals of extinction between two of them instead of that table.
-//! * The stored slope is clamped to be no more than zero, which never leaves the window: output is monotone.
-//! * `filter=bilinear` lays the four functions over each other at the depth where each first meets extinction (where
-//!   these are close enough to be one surface) before it averages them: without that, slanted lit walls shadow
-//!   themselves. On rays through texel centres it changes nothing, and so neither the promise.
-//! * A node is 4 bytes: 16-bit depth within the map's range and 16-bit transmittance.
-//! * `compress=optimal` stores the fewest nodes instead (Imai and Iri 1986, *An optimal algorithm for approximating a
-//!   piecewise linear function*; 1988, *Polygonal approximations of a curve*): of all functions that begin where extinction
-//!   does, stay within `epsilon` of the polyline that the march hands in, and are level behind their last node. That is
-//!   exact while a hull of the tunnel has no more than 10 corners; beyond, lines are the longest of a tunnel made narrower,
-//!   which keeps the promise. `docs/bound.md` has the proof, `tests/gpu/tunnel.rs` the distance from the least.
-//! * `precompress=off` samples at regular steps with point samples of the extinction, as the paper's Figure 3 (left).
+//!   pre-compressed table gives the values at which visibility bends, so that no peak is missed. `march=samples` takes the
+//!   paper's steps, with the integrals of extinction between two of them.
+//! * The stored slope is at most zero, which never leaves the window: the stored function is monotone.
+//! * `filter=bilinear` aligns the four functions at their first depths, if these are close enough to be one surface, before it
+//!   averages them: otherwise slanted lit surfaces shadow themselves. Rays through texel centres, and so the error bound, do
+//!   not depend on it.
+//! * A node has 4 bytes: 16-bit depth within the map's range and 16-bit transmittance.
+//! * `compress=optimal` stores the fewest nodes (Imai and Iri 1986, *An optimal algorithm for approximating a piecewise linear
+//!   function*; 1988, *Polygonal approximations of a curve*) among the functions that begin with extinction, stay within
+//!   `epsilon` of the polyline of the march, and are level behind their last node. This is exact for hulls of up to 10 corners.
+//!   For larger hulls the tunnel is narrowed, which satisfies the error bound. `docs/bound.md` has the proof,
+//!   `tests/gpu/tunnel.rs` the distance from the minimum.
+//! * `precompress=off` takes point samples of extinction at regular steps, as the paper's Figure 3 (left).
 
 mod count;
 mod layout;
 
 pub use count::{NodeMap, node_depths, node_map};
 
-use layout::{
-    DEPTH_STEPS, MOST_LATTICE_STEPS, MOST_MARCHES, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES,
-    UPRIGHT_STEPS, shader,
-};
+use layout::{DEPTH_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, UPRIGHT_STEPS, shader};
 
 use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
 use super::settings::{
@@ -42,32 +38,33 @@ use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};
 use crate::field::{BuildContext, DEPTH_SINK, LightSpace, March, TILE_TEXELS, TileMarch};
+use crate::gpu::quirks::{MAX_LATTICE_MARCHES, MAX_LATTICE_STEPS};
 use crate::gpu::{
     Gpu, ShaderVariant, Slot, Span, StorageBuffer, copy_rows, read_back, store_texture, uniform_buffer,
 };
 use bytemuck::{Pod, Zeroable};
 
-/// Transmittance at which a ray is taken to be over (`OPAQUE_DEPTH` of the shaders).
-const OVER: f64 = 1.0 / 2048.0;
-/// Rounding to 16 bits, once at a line's start and once at its end.
+/// Transmittance at which a ray ends (`OPAQUE_DEPTH` of the shaders).
+const RAY_END: f64 = 1.0 / 2048.0;
+/// Rounding to 16 bits at both ends of a line.
 const STORAGE: f64 = 1.0 / 65535.0;
 
 choices! {
-    /// How the curve becomes nodes.
+    /// Compression of the curve to nodes.
     pub enum Compress {
-        /// Line after line, each from where the last one ended.
+        /// Line after line, each from the end of the last.
         Greedy = "greedy",
-        /// The fewest nodes, not bound to lie on the curve.
+        /// The fewest nodes, which need not lie on the curve.
         Optimal = "optimal",
     }
 }
 
 choices! {
-    /// Whether the light march uses the pre-compressed table.
+    /// Use of the pre-compressed table by the light march.
     pub enum Precompress {
-        /// It does: every cell exactly.
+        /// Every cell is marched exactly.
         Table = "table",
-        /// Regular point samples instead.
+        /// Regular point samples.
         Off = "off",
     }
 }
@@ -133,10 +130,10 @@ pub(super) static ENTRY: Entry = Entry {
         map=64,96,128,192,256,384,512,768,1024",
 };
 
-/// `Own` of `shaders/shadow/dsm/layout.wgsl`.
+/// `Params` of `shaders/shadow/dsm/layout.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Own {
+struct DsmParams {
     epsilon: f32,
     longest_depth: f32,
     step_mm: f32,
@@ -166,29 +163,28 @@ impl DeepShadowMap {
         self.from.march(self.march, self.step)
     }
 
-    /// Sub-texel rays; strands are drawn into whole texels.
+    /// Sub-texel rays of a texel; strands are drawn into whole texels.
     fn taps_a_texel(&self) -> u32 {
         if self.from == DrawnFrom::Lines { 1 } else { self.prefilter }
     }
 
-    /// With a single ray: the whole curve goes to the compression as it comes.
+    /// Whether the march passes the curve of a single ray to the compression.
     fn whole_curve(&self) -> bool {
         self.from == DrawnFrom::Lines || self.precompress == Precompress::Table && self.taps_a_texel() == 1
     }
 
-    /// Distance of the regular lattice, mm; half a step where means of exact curves are taken, so that the lattice itself
-    /// stays within half a step of depth. It is longer where a ray would have more steps than software adapters let a
-    /// loop take, as where voxels are far longer than they are wide.
+    /// Distance of the regular lattice, mm. It is half a step for means of exact curves, so that the lattice errs by at most half
+    /// a step in depth, and longer if a ray had too many steps ([`quirks`](crate::gpu::quirks)), as for very anisotropic voxels.
     fn lattice_mm(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> f64 {
         let (share, most) = match self.precompress {
-            Precompress::Table => (0.5, MOST_MARCHES),
-            Precompress::Off => (1.0, MOST_LATTICE_STEPS),
+            Precompress::Table => (0.5, MAX_LATTICE_MARCHES),
+            Precompress::Off => (1.0, MAX_LATTICE_STEPS),
         };
         let shortest = light_space.depth_range_mm() / f64::from(most / self.taps_a_texel());
         (share * self.step * context.volume.min_spacing_mm()).max(shortest)
     }
 
-    /// The promise; `docs/bound.md` derives its terms.
+    /// Returns the error bound; `docs/bound.md` derives its terms.
     fn bound(&self, context: &BuildContext<'_>, light_space: &LightSpace) -> Option<Bound> {
         if self.precompress == Precompress::Off || self.march() != March::Cells {
             return None;
@@ -200,7 +196,7 @@ impl DeepShadowMap {
             (0.0, self.lattice_mm(context, light_space))
         };
         let march = march_bound(context, light_space);
-        // A point on a texel's ray weighs in its neighbours by as much as its texel coordinates are rounded.
+        // Rounded texel coordinates of a point on a texel's ray give its neighbours a weight.
         let rounding = light_space.rounding(context.volume, context.transfer.clips);
         let neighbours = match self.filter {
             Filter::Bilinear => rounding.texels,
@@ -212,7 +208,7 @@ impl DeepShadowMap {
         };
         let steps_mm = steps * light_space.depth_range_mm() / f64::from(DEPTH_STEPS);
         Some(Bound {
-            transmittance: march.transmittance + self.epsilon + chord + OVER + STORAGE + 2.0 * neighbours,
+            transmittance: march.transmittance + self.epsilon + chord + RAY_END + STORAGE + 2.0 * neighbours,
             depth_mm: march.depth_mm + steps_mm + lattice_mm + self.offset.abs() * spacing,
             from_light_mm: rounding.from_light_mm,
             ..march
@@ -236,10 +232,10 @@ impl DeepShadowMap {
         }
     }
 
-    fn own(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Own {
+    fn params_on_device(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> DsmParams {
         let spacing = context.volume.min_spacing_mm();
         let steps_per_mm = f64::from(DEPTH_STEPS) / tiles.light_space.depth_range_mm();
-        Own {
+        DsmParams {
             epsilon: self.epsilon as f32,
             longest_depth: longest_depth(),
             step_mm: self.lattice_mm(context, &tiles.light_space) as f32,
@@ -253,47 +249,47 @@ impl DeepShadowMap {
         }
     }
 
-    /// Builds some tiles (`None`: all) into the pool of rows that `own` says; `counters` holds what is in use already.
+    /// Builds some tiles (`None` for all) into the pool of rows; `counters` holds the rows in use.
     fn fill(
         &self,
         context: &BuildContext<'_>,
         tiles: &TileMarch<'_>,
         some: Option<&[usize]>,
-        own: &Own,
-        (nodes, asked): (&wgpu::TextureView, &wgpu::Buffer),
+        params: &DsmParams,
+        (nodes, requested): (&wgpu::TextureView, &wgpu::Buffer),
         counters: Counters,
     ) -> Result<(Span, Counters)> {
         let gpu = context.gpu();
-        let own = uniform_buffer(gpu, "deep shadow map", own);
+        let params = uniform_buffer(gpu, "deep shadow map", params);
         let counters = StorageBuffer::from_slice(gpu, "deep shadow map counters", &[counters])?;
         let stage = [
             (1, Slot::store(nodes, NODE_FORMAT)),
             (2, Slot::read_write(counters.as_entire_binding())),
-            (3, Slot::read_write(asked.as_entire_binding())),
+            (3, Slot::read_write(requested.as_entire_binding())),
         ];
-        let own = [(1, context.kernels.uniform(&own))];
+        let params = [(1, context.kernels.uniform(&params))];
         let (label, shader) = ("deep shadow map build", self.build_shader());
         let ran = match some {
-            None => tiles.run(label, &shader, &own, &stage),
-            Some(places) => tiles.run_again(places, label, &shader, &own, &stage),
+            None => tiles.run(label, &shader, &params, &stage),
+            Some(places) => tiles.run_again(places, label, &shader, &params, &stage),
         };
-        let limited =
-            "software adapters limit loops: fewer pre-filter taps or a longer step will do, or march=samples";
+        let hint =
+            "software adapters limit loops: use fewer pre-filter taps, a longer step, or march=samples";
         let many = self.taps_a_texel() > 1 && self.march == MarchBy::Cells;
-        let span = ran.map_err(|e| if many { e.hint(limited) } else { e })?;
+        let span = ran.map_err(|e| if many { e.hint(hint) } else { e })?;
         let counters = read_back::<Counters>(gpu, &counters, 1)?[0];
         if counters.texels_cut > 0 {
-            let why = format!("the adapter ended {} light rays before they were done", counters.texels_cut);
-            return Err(Error::runtime("cannot build the deep shadow map", self.params(), why).hint(limited));
+            let why = format!("the adapter ended {} light rays early", counters.texels_cut);
+            return Err(Error::runtime("cannot build the deep shadow map", self.params(), why).hint(hint));
         }
         Ok((span, counters))
     }
 }
 
-/// A pool of so many rows, in whole lines of the texture; a map without tiles keeps one.
-fn pool_of(gpu: &Gpu, own: &mut Own, rows: u32) -> Result<wgpu::TextureView> {
-    own.pool_rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
-    let size = [NODE_TEXTURE_WIDTH, own.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
+/// Creates a pool of at least `rows` rows, in whole lines of the texture.
+fn create_pool(gpu: &Gpu, params: &mut DsmParams, rows: u32) -> Result<wgpu::TextureView> {
+    params.pool_rows = rows.max(1).next_multiple_of(NODE_TEXTURE_WIDTH / 2);
+    let size = [NODE_TEXTURE_WIDTH, params.pool_rows / (NODE_TEXTURE_WIDTH / 2)];
     store_texture(gpu, "deep shadow map nodes", NODE_FORMAT, size)
 }
 
@@ -323,42 +319,43 @@ impl Method for DeepShadowMap {
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.fit.shape(self.map, self.march()))?;
-        let mut own = self.own(context, &tiles);
-        // As many rows as the build before has needed, and some more since the light has moved. Before the first one a
-        // quarter more than texels does for most scenes; the counter says what this one needs.
+        let mut params = self.params_on_device(context, &tiles);
+        // The rows of the last build, and some more since the light has moved. At first a quarter more than texels suffices for
+        // most scenes.
         let settings = format!("{self:?}");
         let known = context.pool_sizes.last(&settings);
-        let more = |share: f64| (share * 1.125 * f64::from(own.tile_rows)) as u32 + own.tile_rows / 64;
-        let pool_rows = own.tile_rows + known.map_or(own.tile_rows / 4, more);
-        let mut nodes = pool_of(gpu, &mut own, pool_rows)?;
-        let asked = StorageBuffer::zeroed(gpu, "rows asked for", 8 * u64::from(tiles.built))?;
+        let more = |share: f64| (share * 1.125 * f64::from(params.tile_rows)) as u32 + params.tile_rows / 64;
+        let pool_rows = params.tile_rows + known.map_or(params.tile_rows / 4, more);
+        let mut nodes = create_pool(gpu, &mut params, pool_rows)?;
+        let requested = StorageBuffer::zeroed(gpu, "requested rows", 8 * u64::from(tiles.built))?;
         let (mut device, counters) =
-            self.fill(context, &tiles, None, &own, (&nodes, &asked), Counters::zeroed())?;
+            self.fill(context, &tiles, None, &params, (&nodes, &requested), Counters::zeroed())?;
         let mut overflow_rows = counters.overflow_rows;
         let mut pool_growths = 0;
-        if own.tile_rows + overflow_rows > own.pool_rows {
-            // What is built stays; tiles that the pool was too small for are built again, behind it.
-            let rows = read_back::<[u32; 2]>(gpu, &asked, tiles.built as usize)?;
+        if params.tile_rows + overflow_rows > params.pool_rows {
+            // Built tiles stay; tiles that lack rows are built again, behind the pool.
+            let rows = read_back::<[u32; 2]>(gpu, &requested, tiles.built as usize)?;
             let short: Vec<usize> = (0..rows.len()).filter(|place| rows[*place][1] > 0).collect();
             let missing: u32 = short.iter().map(|place| rows[*place][0]).sum();
-            let before = own.pool_rows;
-            let larger = pool_of(gpu, &mut own, before + missing)?;
+            let before = params.pool_rows;
+            let larger = create_pool(gpu, &mut params, before + missing)?;
             copy_rows(gpu, &nodes, &larger, before / (NODE_TEXTURE_WIDTH / 2))?;
             nodes = larger;
-            let used = Counters { overflow_rows: before - own.tile_rows, ..Zeroable::zeroed() };
-            let (took, counted) = self.fill(context, &tiles, Some(&short), &own, (&nodes, &asked), used)?;
+            let used = Counters { overflow_rows: before - params.tile_rows, ..Zeroable::zeroed() };
+            let (took, counted) =
+                self.fill(context, &tiles, Some(&short), &params, (&nodes, &requested), used)?;
             device = device.plus(took);
             overflow_rows = counted.overflow_rows;
             pool_growths = 1;
-            if own.tile_rows + overflow_rows > own.pool_rows {
-                let why = "tiles that were built again asked for more rows than the first time";
+            if params.tile_rows + overflow_rows > params.pool_rows {
+                let why = "tiles that were built again requested more rows than at first";
                 return Err(Error::runtime("cannot build the deep shadow map", self.params(), why));
             }
         }
-        let share = f64::from(counters.overflow_rows) / f64::from(own.tile_rows.max(1));
+        let share = f64::from(counters.overflow_rows) / f64::from(params.tile_rows.max(1));
         context.pool_sizes.learn(settings, share);
-        let used_rows = own.tile_rows + overflow_rows;
-        let uniform = uniform_buffer(gpu, "deep shadow map", &own);
+        let used_rows = params.tile_rows + overflow_rows;
+        let uniform = uniform_buffer(gpu, "deep shadow map", &params);
         let left_out = tiles.tiles - tiles.built;
         Ok(ShadowMap {
             method: NAME,
@@ -370,7 +367,7 @@ impl Method for DeepShadowMap {
             report: BuildReport {
                 host_ms: 0.0,
                 device: Some(device),
-                bytes: u64::from(own.pool_rows) * ROW_BYTES + tiles.table_bytes(),
+                bytes: u64::from(params.pool_rows) * ROW_BYTES + tiles.table_bytes(),
                 bytes_used: u64::from(used_rows) * ROW_BYTES + tiles.table_bytes(),
                 guessed: known.is_none(),
                 nodes_total: Some(u64::from(counters.nodes_total)),
@@ -397,11 +394,11 @@ mod tests {
     use crate::gpu::assert_layout;
 
     #[test]
-    fn structs_have_one_layout() {
+    fn uniforms_match_their_shaders() {
         let build = DeepShadowMap::default().build_shader();
         assert_layout!(&build, "Counters", Counters: overflow_rows, nodes_total, nodes_max, texels_hit, texels_cut,
             texels_narrowed);
-        assert_layout!(&build, "Own", Own: epsilon, longest_depth, step_mm, tile_rows, pool_rows, taps,
+        assert_layout!(&build, "Params", DsmParams: epsilon, longest_depth, step_mm, tile_rows, pool_rows, taps,
             depth_offset_mm, depth_steps_per_mm, same_surface_steps);
     }
 }

@@ -1,22 +1,22 @@
 //! `fourier`: Fourier opacity maps.
 //!
 //! Jansen and Bavoil 2010, *Fourier Opacity Mapping*. Extinction along a light ray, over the share `s` of the map's depth,
-//! is kept as the first terms of its Fourier series, `a_0 / 2 + sum of a_k cos(2 pi k s) + b_k sin(2 pi k s)`; optical
-//! depth is the series' integral. The coefficients are sums over what the ray meets, in any order, so that they may be
-//! blended and filtered.
+//! is stored as the first terms of its Fourier series, `a_0 / 2 + sum of a_k cos(2 pi k s) + b_k sin(2 pi k s)`; optical
+//! depth is the integral of the series. The coefficients are sums over the matter along the ray, in any order, so that they can
+//! be blended and filtered.
 //!
-//! It is exact for a medium of its own terms and rings around everything sharper: transmittance is not monotone, and may
-//! exceed 1 where the integral dips below 0. That is part of the method, and is left as it is.
+//! It is exact for extinction that is such a series, and rings around everything sharper: transmittance is not monotone, and
+//! exceeds 1 where the integral is negative. This is part of the method.
 //!
 //! Deviations from the paper, and why:
-//! * A piece of the march is a stretch and not a point: its coefficients are the means over it, in closed form.
-//! * `damping=lanczos` weighs term `k` of `n` with `sin(x) / x`, `x = pi k / (n + 1)`, which rings less and blurs more;
-//!   it is ours.
-//! * `range=map` counts depth over the map's range, which holds the active bricks, for all texels alike. `range=texel` counts it
-//!   over each texel's own, from where its ray meets matter to where it is over, which a march of its own finds first: the terms
-//!   are then spent on matter. Such series have no mean, and so transmittances are filtered, by the program.
-//! * A ray is over where 2^-11 of the light is left, as in every map here: what lies behind does not ring.
-//! * Texels are filtered by the hardware with `bits=16`; 32-bit floats, which not every adapter filters, by the program.
+//! * A piece of the march is a stretch, not a point: its coefficients are the means over it, in closed form.
+//! * `damping=lanczos`, which the paper does not have, weighs term `k` of `n` with `sin(x) / x`, `x = pi k / (n + 1)`: it rings less
+//!   and blurs more.
+//! * `range=map` expands the series over the map's range of depths, for all texels. `range=texel` expands it over the extent of the
+//!   matter of each texel, which a first march finds, so that all terms describe matter. Such series cannot be averaged, so the
+//!   shader filters transmittances.
+//! * A ray ends at a transmittance of 2^-11, as in every map here: matter behind does not ring.
+//! * The hardware filters texels of `bits=16`; the shader filters 32-bit floats, which not every adapter filters.
 
 use super::method::{Curve, Entry};
 use super::settings::{
@@ -24,16 +24,17 @@ use super::settings::{
     MarchBy, STEP_KEY, Value, choices, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
+use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
 
 const MAP_LOOKUP: &[&str] = &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"];
-const TEXEL_LOOKUP: &[&str] = &["shadow/fourier/series.wgsl", "shadow/fourier/texel.wgsl", TEXELS_FILTER];
+const TEXEL_LOOKUP: &[&str] =
+    &["shadow/fourier/series.wgsl", "shadow/fourier/texel.wgsl", TRANSMITTANCE_FILTER];
 
 choices! {
-    /// How terms are weighed.
+    /// Weights of the terms.
     pub enum Damping {
-        /// All alike, as in the paper.
+        /// All 1, as in the paper.
         None = "none",
         /// By Lanczos' sigma factors.
         Lanczos = "lanczos",
@@ -41,11 +42,11 @@ choices! {
 }
 
 choices! {
-    /// Depths that the series is over.
+    /// Range of depths of the series.
     pub enum SeriesRange {
-        /// The map's.
+        /// That of the map.
         Map = "map",
-        /// Each texel's own.
+        /// That of the matter of each texel.
         Texel = "texel",
     }
 }
@@ -92,36 +93,36 @@ pub(super) static ENTRY: Entry = Entry {
 };
 
 impl VectorMap for FourierOpacityMap {
-    fn line(&self) -> &'static Entry {
+    fn entry(&self) -> &'static Entry {
         &ENTRY
     }
 
-    fn settings(&self) -> Vec<Value> {
+    fn values(&self) -> Vec<Value> {
         self.to_values()
     }
 
-    fn recipe(&self) -> Recipe {
-        let own_range = self.range == SeriesRange::Texel;
+    fn descriptor(&self) -> VectorMapDescriptor {
+        let texel_range = self.range == SeriesRange::Texel;
         let defs =
-            [(self.damping == Damping::Lanczos).then_some("LANCZOS"), own_range.then_some("TEXEL_RANGE")];
-        Recipe {
-            // Two terms a vector, the constant being one of them, and a range another.
-            vectors: (self.terms + u32::from(own_range)) / 2 + 1,
-            numbers_are: Numbers::floats(self.bits),
+            [(self.damping == Damping::Lanczos).then_some("LANCZOS"), texel_range.then_some("TEXEL_RANGE")];
+        VectorMapDescriptor {
+            // Two terms for each vector; the constant counts as one, and so does a range.
+            vectors: (self.terms + u32::from(texel_range)) / 2 + 1,
+            storage: VectorStorage::floats(self.bits),
             filter: self.filter,
-            linear: !own_range,
+            linear: !texel_range,
             shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
             constants: vec![Constant::unsigned("TERMS", self.terms)],
             defs: defs.into_iter().flatten().collect(),
-            turns: own_range.then_some(2),
+            marches: texel_range.then_some(2),
             sink: "shadow/fourier/sink.wgsl",
-            lookup: if own_range { TEXEL_LOOKUP } else { MAP_LOOKUP },
-            asked_by: self.lookup,
-            numbers: [[0.0; 4]; 2],
+            lookup: if texel_range { TEXEL_LOOKUP } else { MAP_LOOKUP },
+            lookup_mode: self.lookup,
+            params: None,
         }
     }
 
-    fn shape_of_curve(&self) -> Curve {
+    fn curve(&self) -> Curve {
         Curve::Rings
     }
 }

@@ -1,5 +1,5 @@
-//! `half`: light behind anything is a fixed share of it; the method that `docs/adding-a-method.md` adds and removes,
-//! compiled under the feature of its name alone.
+//! `half`: a fixed share of the light behind the first surface; the example of `docs/adding-a-method.md`, compiled with the
+//! feature `half`.
 
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
@@ -46,8 +46,8 @@ impl Method for Half {
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
         let map = without_map(self, context);
         let light = context.light_uniform(&map.light_space);
-        let own = uniform_buffer(context.gpu(), "half", &[self.share as f32, 0.0, 0.0, 0.0]);
-        let slots = [(0, context.kernels.uniform(&light)), (1, context.kernels.uniform(&own))];
+        let params = uniform_buffer(context.gpu(), "half", &[self.share as f32, 0.0, 0.0, 0.0]);
+        let slots = [(0, context.kernels.uniform(&light)), (1, context.kernels.uniform(&params))];
         Ok(ShadowMap { group: Group::new(context.gpu(), "half", &slots), ..map })
     }
 }

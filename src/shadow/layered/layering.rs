@@ -1,7 +1,7 @@
-//! How the layers of `dom` and `bom` share the extent of a texel, and a build that may have to choose it first.
+//! Splits of the extent of a texel among the layers of `dom` and `bom`, and builds that choose one first.
 
 use super::ratio::{self, Measure, REGION_TEXELS, all_splits, choose, choose_by_region, hybrid};
-use super::{Built, NO_DEPTH_PASS, Recipe, Split};
+use super::{Built, LayeredMap, NO_DEPTH_PASS, Split};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TileMarch};
 use crate::gpu::ShaderVariant;
@@ -9,7 +9,7 @@ use crate::shadow::method::PassLeftOut;
 use crate::shadow::settings::{Key, When, choices};
 
 choices! {
-    /// How layers share a texel's extent.
+    /// Split of the extent of a texel among layers.
     pub enum LayerSplit {
         /// Evenly.
         Linear = "linear",
@@ -19,14 +19,14 @@ choices! {
         Log = "log",
         /// Between linear and logarithmic.
         Hybrid = "hybrid",
-        /// By the hybrid ratio that suits the whole map.
+        /// By a hybrid ratio that is chosen for the whole map.
         Auto = "auto",
-        /// By the hybrid ratio that suits each region.
+        /// By a hybrid ratio that is chosen for each region.
         Texel = "texel",
     }
 }
 
-/// The key of the split; the methods differ in its default.
+/// Key of the split; methods differ in its default.
 pub const fn split_key(default: &'static str) -> Key {
     Key::choice(
         LayerSplit::NAMES,
@@ -56,7 +56,7 @@ pub const MEASURE_KEY: Key = Key::choice(
 const NO_SEARCH: PassLeftOut =
     PassLeftOut { what: "search for the ratio", why: "a single layer is not split", optional: None };
 
-/// How many layers share an extent, and how.
+/// Number and split of layers.
 #[derive(Debug, Clone, Copy)]
 pub struct Layering {
     pub layers: u32,
@@ -67,7 +67,7 @@ pub struct Layering {
 }
 
 impl Layering {
-    /// The split where nothing has to be chosen.
+    /// Split that needs no choice.
     fn plain(&self) -> Option<Split> {
         match self.split {
             LayerSplit::Linear => Some(Split::Power(1.0)),
@@ -78,35 +78,35 @@ impl Layering {
         }
     }
 
-    /// Whether texels state the row of their own split.
+    /// Whether each texel stores the row of its split.
     pub fn by_texel(&self) -> bool {
         self.split == LayerSplit::Texel && self.layers > 1
     }
 
-    /// The split as far as shaders go.
+    /// Split that leads to the same shaders.
     pub fn any(&self) -> Split {
         self.plain().unwrap_or(Split::Tables(Vec::new()))
     }
 
-    /// Every pass that a build with such a recipe may run.
-    pub fn passes(&self, recipe: &Recipe) -> Vec<ShaderVariant> {
-        let mut passes = vec![recipe.build_shader(), super::depth_pass_shader(recipe.shape.march)];
-        passes.extend(ratio::shaders(recipe));
+    /// Every pass that a build of such a map may run.
+    pub fn passes(&self, layered_map: &LayeredMap) -> Vec<ShaderVariant> {
+        let mut passes = vec![layered_map.build_shader(), super::depth_pass_shader(layered_map.shape.march)];
+        passes.extend(ratio::shaders(layered_map));
         passes
     }
 
-    /// Builds a map, whose split may have to be chosen first.
+    /// Builds a map, and chooses its split first if necessary.
     ///
     /// # Errors
     /// A map that the adapter cannot hold.
     pub fn build<'a>(
         &self,
         context: &BuildContext<'a>,
-        recipe: impl Fn(Split) -> Recipe,
+        layered_map: impl Fn(Split) -> LayeredMap,
     ) -> Result<Built<'a>> {
-        let mut shape = recipe(self.any()).shape;
+        let mut shape = layered_map(self.any()).shape;
         if self.split == LayerSplit::Texel {
-            // The map of its regions has to be able to cover the same.
+            // The map of regions must cover the same.
             let least = REGION_TEXELS * MapShape::LEAST_WITH_BORDER;
             shape.fits_view &= shape.texels.is_none_or(|texels| texels >= least);
         }
@@ -117,7 +117,7 @@ impl Layering {
             (None, LayerSplit::Texel) => {
                 let (rows, took) = choose_by_region(
                     context,
-                    &recipe(self.any()),
+                    &layered_map(self.any()),
                     self.log_size,
                     tiles.light_space.map_size,
                 )?;
@@ -125,7 +125,8 @@ impl Layering {
                 Split::Tables(all_splits(self.log_size))
             }
             (None, _) => {
-                let (row, chosen, took) = choose(context, &recipe(self.any()), self.log_size, self.measure)?;
+                let (row, chosen, took) =
+                    choose(context, &layered_map(self.any()), self.log_size, self.measure)?;
                 let (ratio, correlation) = (chosen.ratio, chosen.correlation);
                 tracing::info!(
                     "split: ratio {ratio:.1}, correlation {correlation:.4} over {} layers",
@@ -135,7 +136,7 @@ impl Layering {
                 Split::Tables(vec![all_splits(self.log_size).swap_remove(row as usize)])
             }
         };
-        let mut built = recipe(split).build(context, tiles, regions.as_ref())?;
+        let mut built = layered_map(split).build(context, tiles, regions.as_ref())?;
         built.after(search);
         built.report.split_choice = choice;
         if matches!(self.split, LayerSplit::Auto | LayerSplit::Texel) && search.is_none() {

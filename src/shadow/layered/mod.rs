@@ -1,19 +1,18 @@
-//! Layered maps: what `osm`, `dom` and `bom` share.
+//! Layered maps, which `osm`, `dom` and `bom` share.
 //!
-//! All three keep the optical depth at planes across each texel's light ray, and read it linearly between them;
-//! they differ in where the planes lie. They share one build (`shaders/shadow/layered/build.wgsl`, a thread a texel,
-//! which cuts the march's exact pieces at the planes), one packing ([`record::Record`]) and one way of splitting a
-//! depth ([`split::Split`]); `dom` and `bom` also what chooses it ([`layering::Layering`]).
+//! All three store the optical depth at planes across the light ray of each texel, and interpolate linearly between them; they
+//! differ in the positions of the planes. They share one build (`shaders/shadow/layered/build.wgsl`, a thread for each texel,
+//! which cuts the exact pieces of the march at the planes), one packing ([`record::Record`]) and the splits of a range of depths
+//! ([`split::Split`]). `dom` and `bom` also share the choice of a split ([`layering::Layering`]).
 //!
-//! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along
-//! the light ray, and what filters average, as theirs do. A texel's layers lie side by side, since a lookup reads
-//! two neighbouring ones; tiles without active bricks have no records.
+//! The papers accumulate opacities of primitives, `Ω`, and take `exp(-κ Ω)`; here `Ω` is the optical depth along the light ray.
+//! Filters average `Ω`, as theirs do. The layers of a texel lie side by side, since a lookup reads two neighbouring ones. Tiles
+//! without active bricks have no records.
 //!
-//! Stored optical depth saturates at [`OPAQUE_DEPTH`], or at `κ` where 8 bits hold it. Averaging `Ω` then stays steady:
-//! where neighbouring texels' optical depths differ by `D`, the rounding of a point's texel coordinates (1e-6 to 1e-5 of
-//! a texel) moves the mean by up to `1e-5 D`, and transmittance along a ray may rise by as much. What is averaged is a
-//! setting ([`Average`]): the mean of optical depths is dominated by the darkest texel, and so widens the shadow of an
-//! opaque edge.
+//! Stored optical depth saturates at [`OPAQUE_DEPTH`], or at `κ` in 8 bits, which keeps means of `Ω` steady. If the optical depths
+//! of neighbouring texels differ by `D`, rounded texel coordinates (1e-6 to 1e-5 of a texel) move the mean by up to `1e-5 D`, and
+//! transmittance along a ray may rise by as much. [`Average`] selects what filters average: the darkest texel dominates the mean of
+//! optical depths, which widens the shadow of an opaque edge.
 
 mod layering;
 mod ratio;
@@ -40,14 +39,14 @@ use crate::gpu::{
 use bytemuck::{Pod, Zeroable};
 use record::RECORD_TEXTURE_WIDTH;
 
-/// The pass of which `dom` and `bom` have no need here.
+/// Depth pass of the papers, which `dom` and `bom` do not need here.
 const NO_DEPTH_PASS: PassLeftOut = PassLeftOut {
     what: "depth pass",
     why: "the march meets the start before the layers",
     optional: Some(Optimization::DepthPass),
 };
 
-/// Keys that several layered maps have.
+/// Range of the number of layers.
 pub(super) const LAYERS: [u32; 2] = [1, 512];
 pub(super) const BITS_KEY: Key = Key::choice(
     &["8", "16", "32"],
@@ -61,7 +60,7 @@ pub(super) const DEPTH_BITS_KEY: Key = Key::choice(
 );
 
 choices! {
-    /// What of neighbouring texels is averaged.
+    /// Quantity that filters average among neighbouring texels.
     pub enum Average {
         /// Optical depth, as in the papers.
         Depth = "depth",
@@ -83,27 +82,27 @@ const CONSTANTS: &[Constant] = &[
 ];
 const READ: &str = "shadow/layered/read.wgsl";
 
-/// What one layered map is to be.
-pub(super) struct Recipe {
+/// Description of a layered map.
+pub(super) struct LayeredMap {
     pub record: Record,
     pub split: Split,
-    /// Depth that the layers span where texels store no end, as a share of the map's depth range.
+    /// Depth of all layers if texels store no end, as a share of the map's range of depths.
     pub reach: f64,
-    /// Whether the last layer gets what lies behind it too.
+    /// The last layer also contains what lies behind it.
     pub last_takes_rest: bool,
     pub filter: Filter,
-    /// What filters and kernels average.
+    /// Quantity that filters and kernels average.
     pub average: Average,
-    /// Texels a side that a lookup averages.
+    /// Texels on each side that a lookup averages.
     pub kernel: u32,
-    /// Of the map, and how its light rays are marched.
+    /// Size and fit of the map, and march of its light rays.
     pub shape: MapShape,
 }
 
-/// `Own` of `shaders/shadow/layered/layout.wgsl`.
+/// `Params` of `shaders/shadow/layered/layout.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(super) struct Own {
+pub(super) struct LayeredParams {
     layers: u32,
     first_slot: u32,
     record_blocks: u32,
@@ -119,56 +118,56 @@ pub(super) struct Own {
     same_surface_mm: f32,
     kernel: u32,
     filter_side: u32,
-    most_depth: f32,
+    max_depth: f32,
 }
 
-/// A built map, before it is put behind a lookup.
+/// A built map without its lookup.
 pub(super) struct Built<'a> {
     pub tiles: TileMarch<'a>,
     pub report: BuildReport,
-    own: wgpu::Buffer,
+    params: wgpu::Buffer,
     splits: Option<wgpu::TextureView>,
     records: wgpu::TextureView,
 }
 
-/// A variant that knows how records are laid out.
+/// Returns a variant with the layout of records.
 pub(super) fn shader(entry: &'static str) -> ShaderVariant {
     field_shader(entry).with_tile_table().modules(&["shadow/layered/layout.wgsl"]).constants(CONSTANTS)
 }
 
-/// The papers' depth pass, which nothing here reads.
+/// Returns the depth pass of the papers, whose result is not used.
 fn depth_pass_shader(march: March) -> ShaderVariant {
     let start = shader("shadow/layered/start.wgsl").modules(&["field/tiles.wgsl"]);
     start.with_march(march, "shadow/layered/start_sink.wgsl")
 }
 
-impl Recipe {
-    /// A variant that reads records.
+impl LayeredMap {
+    /// Returns a variant that reads records.
     pub fn read_shader(&self, entry: &'static str) -> ShaderVariant {
         shader(entry).modules(&[READ]).defs(self.record.read_defs()).defs(self.split.def())
     }
 
-    /// The lookup that a module offers.
+    /// Returns the lookup of a module.
     pub fn lookup(&self, module: &'static str) -> Lookup {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let average = (self.average == Average::Transmittance).then_some("AVERAGE_TRANSMITTANCE");
         Lookup::new(self.read_shader("").modules(&[module]).defs(bilinear).defs(average))
     }
 
-    /// The pass that marches.
+    /// Returns the pass that marches.
     pub fn build_shader(&self) -> ShaderVariant {
         let shader = shader("shadow/layered/build.wgsl").modules(&["field/tiles.wgsl"]);
         let shader = shader.defs(self.record.write_defs()).defs(self.split.def());
         shader.with_march(self.shape.march, "shadow/layered/sink.wgsl")
     }
 
-    /// The numbers of a map.
-    pub fn own(&self, light_space: &LightSpace) -> Own {
+    /// Returns the parameters of a map.
+    pub fn params(&self, light_space: &LightSpace) -> LayeredParams {
         let record = self.record;
         let range_mm = light_space.depth_range_mm();
-        // The optical depth at which d bits end: exp(-kappa) = 2^-d.
+        // The largest optical depth in d bits: exp(-kappa) = 2^-d.
         let kappa = record.bits as f32 * std::f32::consts::LN_2;
-        Own {
+        LayeredParams {
             layers: record.layers,
             first_slot: record.first_slot(),
             record_blocks: record.blocks(),
@@ -184,11 +183,11 @@ impl Recipe {
             same_surface_mm: (STEEPEST_SURFACE * light_space.texel_mm()) as f32,
             kernel: self.kernel,
             filter_side: self.kernel + u32::from(self.filter == Filter::Bilinear),
-            most_depth: if record.bits == 8 { kappa } else { OPAQUE_DEPTH },
+            max_depth: if record.bits == 8 { kappa } else { OPAQUE_DEPTH },
         }
     }
 
-    /// Size and values of the texture of tabulated splits, two rows each.
+    /// Returns size and values of the texture of tabulated splits, two rows each.
     fn split_rows(&self) -> Option<([u32; 2], Vec<f32>)> {
         let Split::Tables(splits) = &self.split else { return None };
         let width = (SPLIT_BINS + 1).max(self.record.layers as usize + 1);
@@ -200,8 +199,8 @@ impl Recipe {
         Some(([width as u32, 2 * splits.len() as u32], values))
     }
 
-    /// Builds the map over tiles. `stage` holds what the build reads and counts: its first word is the texels hit; `None`
-    /// where texels choose no split of their own.
+    /// Builds the map. The first word of `stage` counts the texels hit, the others are the splits of regions; `None` if texels have
+    /// no splits.
     ///
     /// # Errors
     /// A map that the adapter cannot hold.
@@ -217,20 +216,20 @@ impl Recipe {
         let splits =
             rows.as_ref().map(|(size, rows)| table_texture(gpu, "splits of layers", format, *size, rows));
         let splits = splits.transpose()?;
-        let own = uniform_buffer(gpu, "layered map", &self.own(&tiles.light_space));
+        let params = uniform_buffer(gpu, "layered map", &self.params(&tiles.light_space));
         let count = u64::from(tiles.records());
         let size = self.record.texture_size(count);
         let records = store_texture(gpu, "layered shadow map", self.record.format(), size)?;
-        let own_stage = StorageBuffer::zeroed(gpu, "layered map stage", 16)?;
-        let stage = stage.unwrap_or(&own_stage);
+        let no_stage = StorageBuffer::zeroed(gpu, "layered map stage", 16)?;
+        let stage = stage.unwrap_or(&no_stage);
 
-        let mut built = Built { tiles, report: BuildReport::default(), own, splits, records };
+        let mut built = Built { tiles, report: BuildReport::default(), params, splits, records };
         let store = (1, Slot::store(&built.records, self.record.format()));
         let counted = (2, Slot::read_write(stage.as_entire_binding()));
         let slots = built.slots(context);
-        let own_slots = &slots[1..];
+        let map_slots = &slots[1..];
         let mut device =
-            built.tiles.run("layered map build", &self.build_shader(), own_slots, &[store, counted])?;
+            built.tiles.run("layered map build", &self.build_shader(), map_slots, &[store, counted])?;
         let with_depth_pass =
             self.record.depths > 0 && context.transfer.disabled.has(Optimization::DepthPass);
         if with_depth_pass {
@@ -239,7 +238,7 @@ impl Recipe {
             device = device.plus(built.tiles.run(
                 "depth pass",
                 &depth_pass_shader(self.shape.march),
-                own_slots,
+                map_slots,
                 &stage,
             )?);
         }
@@ -250,7 +249,7 @@ impl Recipe {
             if self.record.depths > 0 && !with_depth_pass { &[NO_DEPTH_PASS] } else { &[] };
         built.report = BuildReport {
             device: Some(device),
-            // Whole lines of the texture, as they are allocated.
+            // Whole lines of the texture are allocated.
             bytes: self.record.texture_bytes(count) + other_bytes,
             bytes_used: count * self.record.bytes() + other_bytes,
             texels_hit: Some(u64::from(read_back::<u32>(gpu, stage, 1)?[0])),
@@ -265,26 +264,26 @@ impl Recipe {
 }
 
 impl Built<'_> {
-    /// Slots of group 1: the records, which a build leaves out, first.
+    /// Slots of group 1; the first are the records, which a build does not read.
     fn slots(&self, context: &BuildContext<'_>) -> Vec<(u32, Slot<'_>)> {
-        let mut slots = vec![(3, Slot::words(&self.records)), (1, context.kernels.uniform(&self.own))];
+        let mut slots = vec![(3, Slot::words(&self.records)), (1, context.kernels.uniform(&self.params))];
         slots.extend(self.splits.as_ref().map(|splits| (4, Slot::floats(splits))));
         slots
     }
 
-    /// Group 1 of what reads the map.
+    /// Group 1 of passes and lookups that read the map.
     pub fn group(&self, context: &BuildContext<'_>) -> Group {
         self.tiles.group("layered map", &self.slots(context))
     }
 
-    /// Adds what was done on the device before the build.
+    /// Adds the device time of a pass before the build.
     pub fn after(&mut self, before: Option<Span>) {
         if let (Some(build), Some(before)) = (self.report.device, before) {
             self.report.device = Some(before.plus(build));
         }
     }
 
-    /// The map of a method.
+    /// Completes the map of a method.
     pub fn into_map(self, context: &BuildContext<'_>, method: &dyn Method) -> ShadowMap {
         ShadowMap {
             method: method.name(),
@@ -304,8 +303,8 @@ mod tests {
     use crate::shadow::settings::Fit;
 
     #[test]
-    fn numbers_of_a_map_have_one_layout() {
-        let recipe = Recipe {
+    fn uniforms_match_their_shaders() {
+        let layered_map = LayeredMap {
             record: Record { layers: 3, bits: 16, depths: 1, depth_bits: 16, own_split: false },
             split: Split::Growing,
             reach: 1.0,
@@ -315,8 +314,8 @@ mod tests {
             kernel: 1,
             shape: Fit::Volume.shape(Some(64), March::Cells),
         };
-        assert_layout!(&recipe.build_shader(), "Own", Own: layers, first_slot, record_blocks, block_mask,
+        assert_layout!(&layered_map.build_shader(), "Params", LayeredParams: layers, first_slot, record_blocks, block_mask,
             block_slot_shift, header_bits, planes_passed, split_exponent, reach_mm, depth_steps_per_mm, kappa,
-            longest_depth, same_surface_mm, kernel, filter_side, most_depth);
+            longest_depth, same_surface_mm, kernel, filter_side, max_depth);
     }
 }

@@ -1,40 +1,39 @@
-//! Choosing the ratio of the hybrid split (the thesis on bounding opacity maps, 5.2.3, 5.2.4 and 7), for maps whose
-//! layers begin with matter, whether or not they end with it.
+//! Choice of the ratio of the hybrid split (Voicu 2011, 5.2.3, 5.2.4 and 7), for maps whose layers begin with matter.
 //!
-//! The thesis renders the map with each of eleven ratios, reads the images back and compares neighbouring ones.
-//! Here a coarse map with many layers is made once and stands for the exact curves; the sums over its texels are
-//! taken on the device, and only they are read (16 bytes a layer and ratio).
+//! The thesis renders the map with each of eleven ratios, reads the images back and compares neighbouring ones. Here a coarse map
+//! with many layers approximates the exact curves. The device sums over its texels, and only the sums are read back (16 bytes for
+//! each layer and ratio).
 
-use super::{Average, Built, Recipe, Record, Split, SplitTable};
+use super::{Average, Built, LayeredMap, Record, Split, SplitTable};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
 use crate::shadow::method::SplitChoice;
 use crate::shadow::settings::{Filter, choices};
 
-/// Ratios 0, 0.1, ... 1.
+/// Number of the ratios 0, 0.1, ... 1.
 pub const RATIOS: u32 = 11;
-/// Layers of the coarse map, and texels a side where one ratio is chosen for all.
+/// Layers of the coarse map, and its texels on each side if one ratio is chosen for the whole map.
 const CURVE_LAYERS: u32 = 128;
 const CURVE_MAP: u32 = 64;
-/// How close its planes are in front.
+/// Logarithmic size of its split.
 const CURVE_LOG_SIZE: f64 = 256.0;
-/// Texels a side of a region that chooses its own ratio.
+/// Texels on each side of a region that chooses its ratio.
 pub const REGION_TEXELS: u32 = 4;
 
 choices! {
-    /// What layers shall have least, or most, of.
+    /// Measure by which a ratio is chosen.
     pub enum Measure {
         /// Least correlation between neighbouring layers (Equation 5.2.3.1), the mean over all pairs.
         Correlation = "correlation",
-        /// Greatest sum of absolute differences between neighbouring layers. Opacity never falls from one plane to the
-        /// next, so that this sum telescopes: what is chosen is the ratio with least in the first layer. On 8-bit
-        /// images, as there, ratios that leave it equally empty tie, and the most linear of them is taken.
+        /// Greatest sum of absolute differences between neighbouring layers. Opacity never falls from one plane to the next, so that
+        /// this sum telescopes: the ratio with the least in the first layer is chosen. On 8-bit images, as in the thesis, ratios
+        /// with equally empty first layers tie, and the most linear of them is chosen.
         Difference = "difference",
     }
 }
 
-/// The split at a ratio from linear (0) to logarithmic (1), the logarithm over `[1, log_size]`.
+/// Returns the split at a ratio from linear (0) to logarithmic (1), the logarithm over `[1, log_size]`.
 pub fn hybrid(ratio: f64, log_size: f64) -> SplitTable {
     let log = |x: f64| (1.0 + (log_size - 1.0) * x).log2() / log_size.log2();
     SplitTable::of(|x| (1.0 - ratio) * x + ratio * log(x))
@@ -44,17 +43,17 @@ fn ratio_of(row: u32) -> f64 {
     f64::from(row) / f64::from(RATIOS - 1)
 }
 
-/// The splits of all ratios.
+/// Returns the splits of all ratios.
 pub fn all_splits(log_size: f64) -> Vec<SplitTable> {
     (0..RATIOS).map(|row| hybrid(ratio_of(row), log_size)).collect()
 }
 
-/// The coarse map whose records stand for the exact curves, over the extents of the map to be.
-fn curve_recipe(map: &Recipe) -> Recipe {
+/// Returns the coarse map that approximates the exact curves, over the extents of the final map.
+fn coarse_map(map: &LayeredMap) -> LayeredMap {
     let depths = map.record.depths;
-    Recipe {
+    LayeredMap {
         record: Record { layers: CURVE_LAYERS, bits: 16, depths, depth_bits: 32, own_split: false },
-        // Planes are needed wherever one of the ratios may put them: closest near the start.
+        // Any ratio may place planes near the start.
         split: Split::Tables(vec![hybrid(0.5, CURVE_LOG_SIZE)]),
         reach: map.reach,
         last_takes_rest: map.last_takes_rest,
@@ -65,15 +64,15 @@ fn curve_recipe(map: &Recipe) -> Recipe {
     }
 }
 
-fn curves<'a>(context: &BuildContext<'a>, recipe: &Recipe, map: u32) -> Result<Built<'a>> {
-    let shape = MapShape { texels: Some(map), ..recipe.shape };
-    curve_recipe(recipe).build(context, TileMarch::fit(context, shape)?, None)
+fn curves<'a>(context: &BuildContext<'a>, layered_map: &LayeredMap, map: u32) -> Result<Built<'a>> {
+    let shape = MapShape { texels: Some(map), ..layered_map.shape };
+    coarse_map(layered_map).build(context, TileMarch::fit(context, shape)?, None)
 }
 
-/// The passes of a search: for a whole map, and by region.
-pub fn shaders(recipe: &Recipe) -> [ShaderVariant; 2] {
+/// Returns the passes of a search for a whole map, and by region.
+pub fn shaders(layered_map: &LayeredMap) -> [ShaderVariant; 2] {
     let constants = [Constant::unsigned("RATIOS", RATIOS)];
-    let whole = curve_recipe(recipe).read_shader("shadow/layered/ratio.wgsl").constants(&constants);
+    let whole = coarse_map(layered_map).read_shader("shadow/layered/ratio.wgsl").constants(&constants);
     [whole.clone(), whole.defs(["PER_REGION"])]
 }
 
@@ -99,55 +98,61 @@ fn pass(
     context.run("split ratio", shader, groups, [across, down, 1])
 }
 
-/// Device time of both.
-fn time(built: &Built<'_>, search: Span) -> Span {
+/// Returns the device time of the coarse map and the search.
+fn device_time(built: &Built<'_>, search: Span) -> Span {
     built.report.device.map_or(search, |build| build.plus(search))
 }
 
-/// The ratio for a whole map of a recipe, with the device's time.
+/// Chooses one ratio for a whole map; returns it with the device time.
 pub fn choose(
     context: &BuildContext<'_>,
-    recipe: &Recipe,
+    layered_map: &LayeredMap,
     log_size: f64,
     measure: Measure,
 ) -> Result<(u32, SplitChoice, Span)> {
-    let (gpu, layers) = (context.gpu(), recipe.record.layers);
-    let curves = curves(context, recipe, CURVE_MAP)?;
+    let (gpu, layers) = (context.gpu(), layered_map.record.layers);
+    let curves = curves(context, layered_map, CURVE_MAP)?;
     let count = (RATIOS * layers) as usize;
     let stage = StorageBuffer::zeroed(gpu, "sums over layers", 16 * count as u64)?;
-    let span = pass(context, (layers, log_size), &curves, &stage, &shaders(recipe)[0], [layers, RATIOS])?;
+    let span =
+        pass(context, (layers, log_size), &curves, &stage, &shaders(layered_map)[0], [layers, RATIOS])?;
     let sums = read_back::<[f32; 4]>(gpu, &stage, count)?;
     let (row, correlation) = best(&sums, layers as usize, f64::from(CURVE_MAP).powi(2), measure);
-    Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, time(&curves, span)))
+    Ok((row, SplitChoice { ratio: ratio_of(row), correlation }, device_time(&curves, span)))
 }
 
-/// A buffer for the build in which the device has put the ratio of every region, with the device's time.
+/// Chooses the ratio of every region; returns them in the buffer that the build reads, with the device time.
 pub fn choose_by_region(
     context: &BuildContext<'_>,
-    recipe: &Recipe,
+    layered_map: &LayeredMap,
     log_size: f64,
     map: u32,
 ) -> Result<(wgpu::Buffer, Span)> {
-    let layers = recipe.record.layers;
+    let layers = layered_map.record.layers;
     let regions = map.div_ceil(REGION_TEXELS);
-    let curves = curves(context, recipe, regions)?;
+    let curves = curves(context, layered_map, regions)?;
     let mut words = vec![0, REGION_TEXELS, regions];
     words.resize(3 + (regions * regions) as usize, 0);
     let stage = StorageBuffer::from_slice(context.gpu(), "ratios of regions", &words)?;
-    let span =
-        pass(context, (layers, log_size), &curves, &stage, &shaders(recipe)[1], [regions.div_ceil(8); 2])?;
-    Ok((stage, time(&curves, span)))
+    let span = pass(
+        context,
+        (layers, log_size),
+        &curves,
+        &stage,
+        &shaders(layered_map)[1],
+        [regions.div_ceil(8); 2],
+    )?;
+    Ok((stage, device_time(&curves, span)))
 }
 
-/// The best ratio's row, and the mean correlation of neighbouring layers there. `sums` holds, a ratio and layer,
-/// the sums over `texels` texels of `I_k`, `I_k^2`, `I_k I_(k+1)` and `|I_(k+1) - I_k|`; of equal ratios the most
-/// linear is best.
+/// Returns the row of the best ratio, and the mean correlation of its neighbouring layers. `sums` holds, for each ratio and layer,
+/// the sums over all texels of `I_k`, `I_k^2`, `I_k I_(k+1)` and `|I_(k+1) - I_k|`. Of equal ratios the most linear is best.
 fn best(sums: &[[f32; 4]], layers: usize, texels: f64, measure: Measure) -> (u32, f64) {
     let mut best = (0, 1.0, f64::INFINITY);
     for (row, sums) in (0..).zip(sums.chunks(layers)) {
         let pairs = sums.windows(2).map(|w| correlation(w[0], w[1], texels));
         let correlation = if layers > 1 { pairs.sum::<f64>() / (layers - 1) as f64 } else { 1.0 };
-        // The last layer has none behind it: its own difference is 0.
+        // The difference of the last layer is 0.
         let difference: f64 = sums.iter().map(|s| f64::from(s[3])).sum();
         tracing::debug!(
             "ratio {:.1}: correlation {correlation:.4}, difference {difference:.1}",
@@ -164,7 +169,7 @@ fn best(sums: &[[f32; 4]], layers: usize, texels: f64, measure: Measure) -> (u32
     (best.0, best.1)
 }
 
-/// Correlation of two images from sums in one pass (5.2.4); images without contrast show nothing new.
+/// Returns the correlation of two images from sums in one pass (5.2.4); 1 for images without contrast.
 fn correlation(a: [f32; 4], b: [f32; 4], texels: f64) -> f64 {
     let [sum_a, square_a, product, _] = a.map(f64::from);
     let [sum_b, square_b, ..] = b.map(f64::from);

@@ -1,19 +1,19 @@
-//! How one texel's layers are packed: the sizes that `shaders/shadow/layered/layout.wgsl` reads and writes by.
+//! Packing of the layers of a texel, as in `shaders/shadow/layered/layout.wgsl`.
 
-/// Texels across the texture of records.
+/// Width of the texture of records in texels.
 pub const RECORD_TEXTURE_WIDTH: u32 = 8192;
 
-/// One texel's record: depths and the row of its own split first, then a slot a layer.
+/// Record of a texel: depths and the row of its split, then one slot for each layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Record {
     pub layers: u32,
     /// Bits of an optical depth: 8 (a share of `kappa`), 16 or 32 (floats).
     pub bits: u32,
-    /// Depths stored a texel: 0, 1 (start) or 2 (start and end).
+    /// Depths of a texel: 0, 1 (start) or 2 (start and end).
     pub depths: u32,
-    /// Bits of each: 8 or 16 (steps of the map's range) or 32 (float, mm).
+    /// Bits of a depth: 8 or 16 (steps of the map's range) or 32 (float, mm).
     pub depth_bits: u32,
-    /// Whether a texel states the row of its own split, in 8 bits.
+    /// Each texel stores the row of its split, in 8 bits.
     pub own_split: bool,
 }
 
@@ -27,15 +27,15 @@ impl Record {
         ((self.first_slot() + self.layers) * self.bits).div_ceil(32)
     }
 
-    /// Words of a texel of the texture: the most of 4, 2 and 1 that a record fills without a rest, but enough for
-    /// what comes before the layers, which is read as one.
+    /// Words of a texel of the texture: the largest of 4, 2 and 1 that divides a record, but enough for the header, which is read
+    /// at once.
     pub fn block_words(self) -> u32 {
         let header = (self.first_slot() * self.bits).div_ceil(32).next_power_of_two();
         let fits = |words: &u32| self.words().is_multiple_of(*words);
         [4, 2, 1].into_iter().find(fits).unwrap_or(1).max(header)
     }
 
-    /// Texels of the texture that a record takes.
+    /// Texels of the texture for each record.
     pub fn blocks(self) -> u32 {
         self.words().div_ceil(self.block_words())
     }
@@ -44,8 +44,7 @@ impl Record {
         4 * u64::from(self.block_words()) * u64::from(self.blocks())
     }
 
-    /// Words of unsigned integers: WebGPU's storage textures have no 8-bit or 16-bit single channels, and no
-    /// adapter has to filter or blend these.
+    /// Format of unsigned integers: storage textures of WebGPU have no single channels of 8 or 16 bits, and nothing filters them.
     pub fn format(self) -> wgpu::TextureFormat {
         match self.block_words() {
             1 => wgpu::TextureFormat::R32Uint,
@@ -54,7 +53,7 @@ impl Record {
         }
     }
 
-    /// Size of a texture of so many records; at least one line.
+    /// Size of a texture with room for `records`; at least one line.
     pub fn texture_size(self, records: u64) -> [u32; 2] {
         let blocks = (records * u64::from(self.blocks())).max(1);
         let lines = blocks.div_ceil(u64::from(RECORD_TEXTURE_WIDTH));
@@ -67,7 +66,7 @@ impl Record {
         u64::from(width) * u64::from(height) * 4 * u64::from(self.block_words())
     }
 
-    /// Definitions for shaders that write, and for those that read.
+    /// Definitions for shaders that write records.
     pub fn write_defs(self) -> Vec<&'static str> {
         let mut defs = self.read_defs();
         defs.extend(match self.block_words() {
@@ -79,6 +78,7 @@ impl Record {
         defs
     }
 
+    /// Definitions for shaders that read records.
     pub fn read_defs(self) -> Vec<&'static str> {
         let mut defs = Vec::new();
         defs.extend((self.depths > 1).then_some("ENDS"));
@@ -91,9 +91,9 @@ impl Record {
         defs
     }
 
-    /// Steps that stored depths divide the map's range into; 1 for floats, which have none.
+    /// Steps of stored depths in the map's range; 1 for floats.
     pub fn depth_steps(self) -> f64 {
-        // The first stands for none, and the last for the end.
+        // The first step stands for no depth, the last for the end.
         if self.depth_bits < 32 { (1_u64 << self.depth_bits) as f64 - 2.0 } else { 1.0 }
     }
 }
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_are_no_larger_than_what_is_in_them() {
+    fn records_are_no_larger_than_their_content() {
         let record =
             |layers, bits, depths, depth_bits| Record { layers, bits, depths, depth_bits, own_split: false };
         // Three layers and a depth are four channels (Yuksel & Keyser 2008, 3).
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!((own.first_slot(), own.block_words(), own.blocks(), own.bytes()), (3, 2, 9, 72));
         assert_eq!(own.texture_size(0), [8192, 1]);
         assert_eq!(own.texture_size(512 * 512), [8192, 288]);
-        // What comes before the layers is one block, even where that wastes some.
+        // The header is one block, even if that wastes some bits.
         let exact = Record { own_split: true, ..record(2, 8, 2, 32) };
         assert_eq!((exact.first_slot(), exact.block_words(), exact.bytes()), (9, 4, 16));
     }

@@ -1,20 +1,21 @@
-//! Where the planes between layers lie, as shares of the depth that the layers span.
+//! Positions of the planes between layers, as shares of the range of depths of the layers.
 
-/// Stretches of a tabulated split.
+/// Bins of a tabulated split.
 pub const SPLIT_BINS: usize = 1024;
 
-/// How layers share a depth.
+/// Split of a range of depths among layers.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Split {
     /// Plane `k` of `K` at the share `(k / K)^exponent`.
     Power(f64),
     /// The k-th layer is k times as thick as the first.
     Growing,
-    /// Tables, one of which a map or a texel uses.
+    /// Tables, from which a map or a texel selects one.
     Tables(Vec<SplitTable>),
 }
 
 impl Split {
+    /// Definition for shaders.
     pub fn def(&self) -> Option<&'static str> {
         match self {
             Self::Power(_) => None,
@@ -24,18 +25,17 @@ impl Split {
     }
 }
 
-/// A split as a table: the share of the layers that lie in front of each of `SPLIT_BINS + 1` evenly spaced depths.
+/// Tabulated split: the share of the layers in front of each of `SPLIT_BINS + 1` evenly spaced depths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplitTable(Vec<f64>);
 
 impl SplitTable {
-    /// Of a function that rises from 0 at 0 to 1 at 1.
+    /// Tabulates a function that rises from 0 at 0 to 1 at 1.
     pub fn of(share_of_layers: impl Fn(f64) -> f64) -> Self {
         Self((0..=SPLIT_BINS).map(|i| share_of_layers(i as f64 / SPLIT_BINS as f64)).collect())
     }
 
-    /// Equal shares of a mass that is given by depth: planes are close where there is much. Evenly spaced without
-    /// mass.
+    /// Places planes at equal shares of a mass that is given by depth; evenly spaced without mass.
     pub fn of_mass(mass: &[u32]) -> Self {
         let total: f64 = mass.iter().map(|m| f64::from(*m)).sum();
         if total == 0.0 || mass.len() != SPLIT_BINS {
@@ -50,14 +50,14 @@ impl SplitTable {
         Self(shares)
     }
 
-    /// Layer coordinates at the edges of the bins, and the planes 0 to `layers`.
+    /// Returns the layer coordinates at the edges of the bins, and the planes 0 to `layers`.
     pub fn rows(&self, layers: u32) -> [Vec<f32>; 2] {
         let count = f64::from(layers);
         let coordinates = self.0.iter().map(|s| (s * count) as f32).collect();
         [coordinates, (0..=layers).map(|k| self.plane(f64::from(k) / count) as f32).collect()]
     }
 
-    /// The depth in front of which a share of the layers lies; 0 where they begin.
+    /// Returns the depth in front of which a share of the layers lies.
     fn plane(&self, share: f64) -> f64 {
         let bins = SPLIT_BINS as f64;
         if share <= 0.0 {

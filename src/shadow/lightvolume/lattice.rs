@@ -1,4 +1,4 @@
-//! Where the nodes of a light volume lie, which of them a gather marches from, and in which order a sweep goes over them.
+//! Lattice of a light volume: positions of nodes, blocks of a gather, and slices of a sweep.
 
 use crate::field::{ActiveBricks, BuildContext, grid_from_world};
 use crate::scene::Light;
@@ -6,26 +6,26 @@ use crate::volume::BRICK_CELLS;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, UVec3};
 
-/// Nodes a side of a block.
+/// Nodes on each side of a block.
 pub const BLOCK: u32 = 4;
-/// Bits of a block's number along an axis.
+/// Bits of the coordinate of a block along an axis.
 const BLOCK_BITS: u32 = 10;
 
-/// Nodes `scale` voxels apart along each axis of the grid, over the box of the active bricks; two at least along each.
+/// Nodes `scale` voxels apart along each axis of the grid, over the box of the active bricks; at least two along each axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lattice {
-    /// Grid-space place of the first.
+    /// Grid-space position of the first node.
     pub first: DVec3,
-    /// Grid units from one to the next.
+    /// Grid units from one node to the next.
     pub scale: f64,
-    /// Along each axis.
+    /// Nodes along each axis.
     pub counts: UVec3,
 }
 
-/// `Step` of `shaders/shadow/lightvolume/sweep.wgsl`.
+/// `SweepStep` of `shaders/shadow/lightvolume/sweep.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
-pub struct Step {
+pub struct SweepStep {
     pub axis: u32,
     pub slice: u32,
     pub down: u32,
@@ -34,7 +34,7 @@ pub struct Step {
 }
 
 impl Lattice {
-    /// Around the active bricks; its first node lies on a voxel.
+    /// Covers the active bricks; the first node lies on a voxel.
     pub fn around(active: &ActiveBricks, dims: [usize; 3], scale: f64) -> Self {
         // Grid space counts voxels from 1.
         let [lo, hi] = active.index_box(dims).unwrap_or_default().map(|index| index + 1.0);
@@ -43,12 +43,12 @@ impl Lattice {
         Self { first, scale, counts: counts.max(UVec3::splat(2)) }
     }
 
-    /// How many.
+    /// Number of nodes.
     pub fn nodes(&self) -> u64 {
         self.counts.to_array().iter().map(|n| u64::from(*n)).product()
     }
 
-    /// The blocks with a node next to an active brick, as `shaders/shadow/lightvolume/gather.wgsl` reads them.
+    /// Returns the blocks with a node next to an active brick, as `shaders/shadow/lightvolume/gather.wgsl` reads them.
     pub fn blocks(&self, active: &ActiveBricks) -> Vec<u32> {
         let counts = (self.counts + (BLOCK - 1)) / BLOCK;
         let mut wanted = vec![false; counts.to_array().iter().map(|n| *n as usize).product()];
@@ -77,10 +77,9 @@ impl Lattice {
         (0..).zip(&wanted).filter(|(_, wanted)| **wanted).map(|(number, _)| name(number)).collect()
     }
 
-    /// The slices of every sweep that light needs, each in the order in which light goes through them: one sweep from a
-    /// light at infinity, along the axis that it goes along most; from a point, one for each side of a cube around it that
-    /// sees nodes.
-    pub fn steps(&self, context: &BuildContext<'_>) -> Vec<Step> {
+    /// Returns the slices of every sweep, in the order of the light. A light at infinity has one sweep, along the axis along which it
+    /// mainly travels; a point light has one for each side of a cube around it that faces nodes.
+    pub fn steps(&self, context: &BuildContext<'_>) -> Vec<SweepStep> {
         let grid_from_world = grid_from_world(context.volume);
         let counts = self.counts.to_array();
         match context.light {
@@ -97,12 +96,12 @@ impl Lattice {
         }
     }
 
-    /// The sweep away from a light at a place of the lattice along an axis, up or `down`; nothing where no node lies closer
-    /// to that axis than to the others.
-    fn side(&self, light: DVec3, axis: usize, down: bool) -> Vec<Step> {
+    /// Returns the sweep away from a point light along an axis, up or `down`; empty if no node lies closer to that axis than to the
+    /// others.
+    fn side(&self, light: DVec3, axis: usize, down: bool) -> Vec<SweepStep> {
         let last = (self.counts - 1).as_dvec3().to_array();
         let light = light.to_array();
-        // On the device the light's place is rounded.
+        // The device rounds the position of the light.
         let slack = 1e-3;
         let reach = if down { light[axis] } else { last[axis] - light[axis] };
         let aside = |other: usize| (-light[other]).max(light[other] - last[other]).max(0.0);
@@ -118,9 +117,9 @@ impl Lattice {
     }
 }
 
-/// Slices along an axis, from the light on.
-fn sweep(axis: usize, down: bool, slices: std::ops::Range<u32>, whole: bool) -> Vec<Step> {
-    let step = |(i, slice): (u32, u32)| Step {
+/// Returns slices along an axis, from the light on.
+fn sweep(axis: usize, down: bool, slices: std::ops::Range<u32>, whole: bool) -> Vec<SweepStep> {
+    let step = |(i, slice): (u32, u32)| SweepStep {
         axis: axis as u32,
         slice,
         down: u32::from(down),
@@ -143,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn sides_are_swept_that_see_nodes() {
+    fn sides_that_face_nodes_are_swept() {
         let lattice = lattice([10, 20, 30]);
         let slices = |light: [f64; 3], axis, down| {
             lattice.side(light.into(), axis, down).iter().map(|s| s.slice).collect::<Vec<_>>()

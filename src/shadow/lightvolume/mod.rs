@@ -1,21 +1,21 @@
 //! `lightvolume`: a light volume.
 //!
-//! What most volume renderers do: the light that arrives is kept in a volume of its own, on a coarser lattice, and filtered
-//! like any other (Behrens and Ratering 1998, *Adding Shadows to a Texture-Based Volume Renderer*). It has no texels of the
-//! light's and so no aliasing in the light's projection; what it has not is anything sharper than its nodes.
+//! As in most volume renderers, a volume on a coarser lattice stores the light that arrives, and is filtered like any other
+//! (Behrens and Ratering 1998, *Adding Shadows to a Texture-Based Volume Renderer*). Nothing aliases in the projection of the light,
+//! but shadows are no sharper than the lattice.
 //!
-//! * `build=gather` marches from every node to the light: exact there, and each ray is as long as its way.
-//! * `build=sweep` goes through slices away from the light, as the paper and half-angle slicing (Kniss et al. 2003, *A Model
-//!   for Volume Lighting and Modeling*) do: what arrives at a node is what arrived where its ray passes the slice before,
-//!   filtered among four nodes, and what lies between. A ray is marched once over, and light spreads from slice to slice.
+//! * `build=gather` marches from every node to the light, which is exact at nodes.
+//! * `build=sweep` advances through slices away from the light, as the paper and half-angle slicing (Kniss et al. 2003, *A Model for
+//!   Volume Lighting and Modeling*) do. The light at a node is the light where its ray passes the slice before, filtered among four
+//!   nodes, attenuated between the slices. Each ray is marched once, but filtering spreads the light from slice to slice.
 //!
 //! Deviations from the papers, and why:
-//! * Slices lie across the grid's axis that light goes along most, not across the light or halfway to the eye: nodes are
-//!   then fixed, and stay when the camera moves. A point light has up to six sweeps, one for each side of a cube around it.
-//! * What lies between two slices is marched as for every method here, where the papers blend one texture slice.
-//! * The lattice covers the active bricks; between empty ones a lookup goes on to the first active brick on the way to the
-//!   light, so that a gather marches from nodes next to active bricks alone.
-//! * 8 bits are the papers'; 16-bit and 32-bit floats are there besides.
+//! * Slices lie across the axis of the grid along which light mainly travels, not across the light or halfway to the eye: nodes do
+//!   not move with the camera. A point light has up to six sweeps, one for each side of a cube around it.
+//! * The space between two slices is marched as for every method here; the papers blend one texture slice.
+//! * The lattice covers the active bricks. In empty space a lookup continues to the first active brick towards the light, so that a
+//!   gather marches only from nodes next to active bricks.
+//! * 8 bits are the papers'; 16-bit and 32-bit floats exist, too.
 
 mod lattice;
 
@@ -34,7 +34,7 @@ use bytemuck::{Pod, Zeroable};
 use lattice::{BLOCK, Lattice};
 
 choices! {
-    /// How it is made.
+    /// Build of the light volume.
     pub enum LightBuild {
         /// A march from every node.
         Gather = "gather",
@@ -77,19 +77,19 @@ pub(super) static ENTRY: Entry = Entry {
 
 /// Bytes of packed layers that are copied at a time.
 const PACKED_BYTES: u64 = 1 << 24;
-/// What copies from buffers to textures want rows to begin at, bytes.
+/// Alignment of rows in copies from buffers to textures, bytes.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
-/// Nodes a side of the shaders' other workgroups.
+/// Nodes on each side of a workgroup of the other shaders.
 const SQUARE: u32 = 8;
 
 /// `Lattice` of `shaders/shadow/lightvolume/lattice.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Own {
+struct LatticeParams {
     first: [f32; 3],
     scale: f32,
     counts: [u32; 3],
-    most_depth: f32,
+    max_depth: f32,
 }
 
 /// `Layers` of `shaders/shadow/lightvolume/pack.wgsl`.
@@ -101,18 +101,18 @@ struct Layers {
     row_words: u32,
 }
 
-/// What is built with: the lattice, and what all passes bind of it.
-struct Making<'a> {
+/// Lattice and uniforms of all passes of a build.
+struct LatticePasses<'a> {
     context: &'a BuildContext<'a>,
     lattice: Lattice,
     light: wgpu::Buffer,
-    own: wgpu::Buffer,
+    params: wgpu::Buffer,
 }
 
-impl Making<'_> {
+impl LatticePasses<'_> {
     fn group(&self, slots: &[(u32, Slot<'_>)]) -> crate::gpu::Group {
         let kernels = self.context.kernels;
-        let shared = [(0, kernels.uniform(&self.light)), (1, kernels.uniform(&self.own))];
+        let shared = [(0, kernels.uniform(&self.light)), (1, kernels.uniform(&self.params))];
         kernels.group("light volume", &[&shared, slots].concat())
     }
 }
@@ -121,7 +121,7 @@ impl LightVolume {
     fn shader(&self, entry: &'static str) -> ShaderVariant {
         let shader = field_shader(entry).modules(&["shadow/lightvolume/lattice.wgsl"]);
         let shader = shader.constants(&[Constant::unsigned("BLOCK", BLOCK)]);
-        let shader = shader.defs((self.average == Average::Depth).then_some("KEEPS_DEPTH"));
+        let shader = shader.defs((self.average == Average::Depth).then_some("STORES_DEPTH"));
         shader.defs((self.bits == 8).then_some("BITS_8"))
     }
 
@@ -141,8 +141,8 @@ impl LightVolume {
         self.shader("shadow/lightvolume/pack.wgsl")
     }
 
-    /// The optical depth that is kept at most: of 8 bits the one whose transmittance they tell from none.
-    fn most_depth(&self) -> f32 {
+    /// Largest stored optical depth; in 8 bits the largest that differs from darkness.
+    fn max_depth(&self) -> f32 {
         if self.bits == 8 { 8.0 * std::f32::consts::LN_2 } else { OPAQUE_DEPTH }
     }
 
@@ -155,19 +155,19 @@ impl LightVolume {
     }
 
     /// Marches from every node next to an active brick.
-    fn gather(&self, making: &Making<'_>, nodes: &VolumeTexture) -> Result<Span> {
-        let Making { context, lattice, .. } = making;
+    fn gather(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<Span> {
+        let LatticePasses { context, lattice, .. } = passes;
         let blocks = lattice.blocks(&context.transfer.active);
         let list = StorageBuffer::from_slice(context.gpu(), "blocks of a light volume", &blocks)?;
-        let group = making.group(&[]);
+        let group = passes.group(&[]);
         let stage = [(1, nodes.store_slot())];
         let list = (&list, blocks.len() as u32);
         context.run_over(list, "light volume gather", &self.gather_shader(), &group, &stage)
     }
 
-    /// Goes through slices away from the light.
-    fn sweep(&self, making: &Making<'_>, nodes: &VolumeTexture) -> Result<Span> {
-        let Making { context, lattice, .. } = making;
+    /// Advances through slices away from the light.
+    fn sweep(&self, passes: &LatticePasses<'_>, nodes: &VolumeTexture) -> Result<Span> {
+        let LatticePasses { context, lattice, .. } = passes;
         let gpu = context.gpu();
         let [x, y, z] = lattice.counts.to_array();
         let sides = [[y, z], [z, x], [x, y]];
@@ -184,12 +184,12 @@ impl LightVolume {
             (context.kernels.group("step of a sweep", &stage), [a, b, 1])
         });
         let steps: Vec<_> = steps.collect();
-        context.run_steps("light volume sweep", &self.sweep_shader(), &making.group(&[]), &steps)
+        context.run_steps("light volume sweep", &self.sweep_shader(), &passes.group(&[]), &steps)
     }
 
-    /// What lookups read: the nodes in as many bits as are asked for.
-    fn packed(&self, making: &Making<'_>, nodes: VolumeTexture) -> Result<(VolumeTexture, Span)> {
-        let Making { context, lattice, .. } = making;
+    /// Packs the nodes into `bits` bits, which lookups read.
+    fn packed(&self, passes: &LatticePasses<'_>, nodes: VolumeTexture) -> Result<(VolumeTexture, Span)> {
+        let LatticePasses { context, lattice, .. } = passes;
         if self.bits == 32 {
             return Ok((nodes, Span::default()));
         }
@@ -200,7 +200,7 @@ impl LightVolume {
         let at_once = (PACKED_BYTES / layer_bytes).clamp(1, u64::from(depth)) as u32;
         let words = StorageBuffer::zeroed(gpu, "packed light volume", layer_bytes * u64::from(at_once))?;
         let packed = VolumeTexture::new(gpu, "light volume", self.format(), lattice.counts.to_array())?;
-        let mut took = Span { gpu_ms: Some(0.0), wall_ms: 0.0 };
+        let mut total = Span { gpu_ms: Some(0.0), wall_ms: 0.0 };
         for first in (0..depth).step_by(at_once as usize) {
             let layers = Layers { first, count: at_once.min(depth - first), row_words: row_bytes / 4 };
             let buffer = uniform_buffer(gpu, "layers of a light volume", &layers);
@@ -214,13 +214,13 @@ impl LightVolume {
             let span = context.run(
                 "light volume pack",
                 &self.pack_shader(),
-                [&making.group(&[]), &stage],
+                [&passes.group(&[]), &stage],
                 groups,
             )?;
             packed.copy_layers(gpu, &words, row_bytes, first..first + layers.count);
-            took = took.plus(span);
+            total = total.plus(span);
         }
-        Ok((packed, took))
+        Ok((packed, total))
     }
 }
 
@@ -238,7 +238,6 @@ impl Method for LightVolume {
         Some(Lookup::new(shader.defs((self.bits == 32).then_some("BITS_32"))).asked_by(self.lookup))
     }
 
-    /// Nodes of neighbouring light rays are filtered together.
     fn curve(&self) -> Curve {
         Curve::Stays
     }
@@ -256,23 +255,23 @@ impl Method for LightVolume {
         let gpu = context.gpu();
         let lattice = Lattice::around(&context.transfer.active, context.volume.dims(), self.scale);
         let light_space = test_space(context, self.march());
-        let own = Own {
+        let params = LatticeParams {
             first: lattice.first.as_vec3().to_array(),
             scale: lattice.scale as f32,
             counts: lattice.counts.to_array(),
-            most_depth: self.most_depth(),
+            max_depth: self.max_depth(),
         };
-        let own = uniform_buffer(gpu, "light volume", &own);
-        let making = Making { context, lattice, light: context.light_uniform(&light_space), own };
+        let params = uniform_buffer(gpu, "light volume", &params);
+        let passes = LatticePasses { context, lattice, light: context.light_uniform(&light_space), params };
         let format = wgpu::TextureFormat::R32Float;
         let nodes = VolumeTexture::new(gpu, "light volume", format, lattice.counts.to_array())
             .map_err(|e| e.hint("a larger scale has fewer nodes"))?;
         let built = match self.build {
-            LightBuild::Gather => self.gather(&making, &nodes)?,
-            LightBuild::Sweep => self.sweep(&making, &nodes)?,
+            LightBuild::Gather => self.gather(&passes, &nodes)?,
+            LightBuild::Sweep => self.sweep(&passes, &nodes)?,
         };
-        let (volume, packing) = self.packed(&making, nodes)?;
-        // Not every adapter filters 32 bits, and the hardware's weights have fewer.
+        let (volume, packing) = self.packed(&passes, nodes)?;
+        // Not every adapter filters 32-bit floats, and the hardware's weights have fewer bits.
         let filtered = self.bits != 32;
         let sampler = clamp_sampler(gpu, wgpu::FilterMode::Linear);
         let mut slots = vec![(3, volume.slot(filtered))];
@@ -282,7 +281,7 @@ impl Method for LightVolume {
         let bytes = lattice.nodes() * u64::from(self.bits / 8);
         Ok(ShadowMap {
             method: ENTRY.name,
-            group: making.group(&slots),
+            group: passes.group(&slots),
             lookup: self.lookup(),
             light_space,
             report: BuildReport {
@@ -304,8 +303,8 @@ mod tests {
     #[test]
     fn uniforms_have_one_layout() {
         let volume = LightVolume::default();
-        assert_layout!(&volume.gather_shader(), "Lattice", Own: first, scale, counts, most_depth);
+        assert_layout!(&volume.gather_shader(), "Lattice", LatticeParams: first, scale, counts, max_depth);
         assert_layout!(&volume.pack_shader(), "Layers", Layers: first, count, row_words);
-        assert_layout!(&volume.sweep_shader(), "Step", lattice::Step: axis, slice, down, opening, whole);
+        assert_layout!(&volume.sweep_shader(), "SweepStep", lattice::SweepStep: axis, slice, down, opening, whole);
     }
 }

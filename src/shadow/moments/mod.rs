@@ -2,35 +2,34 @@
 //!
 //! Münstermann, Krumpen, Klein and Peters 2018, *Moment-Based Order-Independent Transparency*, and Peters, Münstermann,
 //! Wetzstein and Klein 2016, *Beyond Hard Shadows: Moment Shadow Maps for Single Scattering, Soft Shadows and Translucent
-//! Occluders*. A texel keeps the optical depth `b_0` of its ray and the first moments `b_1 ... b_n` of where that lies:
+//! Occluders*. A texel stores the optical depth `b_0` of its ray and the first moments `b_1 ... b_n` of its distribution by depth:
 //! means of powers of the depth, from -1 to 1 over the map's range (`basis=power`), or of points on the unit circle
-//! (`basis=trigonometric`, whose 2, 3 or 4 complex numbers are 4, 6 or 8 real ones). They are sums, and so may be blended
+//! (`basis=trigonometric`, whose 2, 3 or 4 complex numbers are 4, 6 or 8 real ones). They are sums, and so can be blended
 //! and filtered.
 //!
-//! Moments say of any depth how much of `b_0` lies in front of it at least and at most. Transmittance is that of a depth
-//! between these two, `beta` of the way (the paper's overestimation): with `basis=power` and `beta=0` never darker than the
-//! truth, with `beta=1` never lighter, but for rounding and bias; on the circle these are no bounds, since the zone in which
-//! it closes is counted in parts. It is exact for up to `n / 2` thin sheets.
+//! Moments bound the share of `b_0` in front of any depth from below and above. The optical depth used lies between these bounds,
+//! at the fraction `beta` (the paper's overestimation). With `basis=power`, `beta=0` is never darker than the exact transmittance
+//! and `beta=1` never lighter, but for rounding and bias. On the circle these are no bounds, since the zone in which it closes is
+//! counted in parts. The result is exact for up to `n / 2` thin sheets.
 //!
 //! Deviations from the papers, and why:
 //! * A piece of the march is a stretch and not a point: its moments are the means over it, in closed form.
-//! * The two bounds come from the weights of the canonical distribution (Tari et al. 2005), each from its kernel
-//!   polynomial, and not from an interpolating polynomial; they are positive and made to add up to one, so that
-//!   transmittance stays within `exp(-b_0)` and 1. Roots are taken relative to the depth that is asked for, where they are
-//!   finite; on the circle by the same code.
-//! * A place in the zone in which the circle closes (the paper's wrapping zone, a tenth of pi) counts by its angle.
-//! * In exact arithmetic transmittance falls with depth for powers, and may rise on the circle, where matter lies close to
-//!   an end of the range. In float32 it rises for powers too where matter is thin, since moments are then nearly those of
-//!   fewer sheets: by up to 0.04 in the worst of the `stability` cases.
-//! * Depth goes evenly over the map's range, as in the shadow maps of 2016; for transparency it is warped by its logarithm.
-//! * With `bits=16` a moment is kept in even steps from -1 to 1. The papers store powers after a matrix that was optimised for
-//!   rounding; here they are the means of Chebyshev's polynomials, from which powers follow with positive weights, and the
-//!   optical depth is a 32-bit float, as in the papers. Texels are filtered by the program, since core WebGPU stores no 16-bit
-//!   steps and not every adapter filters 32-bit floats.
-//! * `bias` is a factor to the paper's own: with 32-bit floats 5e-7, 5e-6 and 5e-5 for 4, 6 and 8 powers, 4e-7, 8e-7 and
+//! * The bounds follow from the weights of the canonical distribution (Tari et al. 2005), which come from its kernel polynomial,
+//!   not from an interpolating polynomial. They are positive and normalised to a sum of one, so that transmittance stays between
+//!   `exp(-b_0)` and 1. Roots are relative to the depth of the lookup, where they are finite, also on the circle.
+//! * A point in the zone in which the circle closes (the paper's wrapping zone, a tenth of pi) counts by its angle.
+//! * In exact arithmetic transmittance falls with depth for powers, and may rise on the circle if matter lies close to an end of the
+//!   range. In float32 it also rises for powers in thin matter, whose moments are nearly those of fewer sheets: by up to 0.04 in
+//!   the worst `stability` case.
+//! * Depth is linear over the map's range, as in the shadow maps of 2016; for transparency the paper warps it by a logarithm.
+//! * With `bits=16` a moment is stored in even steps from -1 to 1. The papers store powers after a matrix that was optimised for
+//!   rounding; here the means of Chebyshev polynomials are stored, from which powers follow with positive weights. The optical
+//!   depth is a 32-bit float, as in the papers. The shader filters texels, since core WebGPU stores no 16-bit steps and not every
+//!   adapter filters 32-bit floats.
+//! * `bias` is a factor to the paper's bias: with 32-bit floats 5e-7, 5e-6 and 5e-5 for 4, 6 and 8 powers, 4e-7, 8e-7 and
 //!   1.5e-6 for 2, 3 and 4 complex ones; with 16 bits 4e-4, 6.5e-4 and 8.5e-4 for complex
-//!   ones, and for powers a tenth of the papers' 6e-5, 6e-4 and 2.5e-3, since steps of Chebyshev's means are finer.
-//! * A ray is over where 2^-11 of the light is left, as in every map here.
+//!   ones, and for powers a tenth of the papers' 6e-5, 6e-4 and 2.5e-3, since steps of Chebyshev means are finer.
+//! * A ray ends at a transmittance of 2^-11, as in every map here.
 
 use super::method::{Curve, Entry};
 use super::settings::{
@@ -38,12 +37,13 @@ use super::settings::{
     MarchBy, STEP_KEY, Value, choices, settings,
 };
 use super::style::{Marker, Style};
-use super::vectors::{Numbers, Recipe, VectorMap};
+use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
+use bytemuck::{Pod, Zeroable};
 
-/// Norm of an orthogonal polynomial below which it is rounding.
+/// Norm of an orthogonal polynomial up to which it is a rounding error.
 const LEAST_NORM: f32 = 1e-11;
-/// Angle of the circle that holds no depths, in which it closes.
+/// Angle without depths, in which the circle closes.
 const CLOSING_ANGLE: f32 = 0.1 * std::f32::consts::PI;
 
 const ROOTS: &str = "shadow/moments/roots.wgsl";
@@ -54,7 +54,7 @@ const WORDS: &str = "shadow/moments/words.wgsl";
 const LOOKUP: &str = "shadow/moments/lookup.wgsl";
 
 choices! {
-    /// Of what a distribution's moments are means.
+    /// Functions of depth whose means are the moments.
     pub enum Basis {
         /// Powers of the depth.
         Power = "power",
@@ -106,10 +106,21 @@ pub(super) static ENTRY: Entry = Entry {
         map=64,96,128,192,256,384,512,768,1024",
 };
 
+/// `MomentParams` of `shaders/shadow/moments/params.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+struct MomentParams {
+    biased_moments: [f32; 4],
+    beta: f32,
+    bias: f32,
+    largest_angle: f32,
+    padding: f32,
+}
+
 impl MomentMap {
-    /// The bias at 1, and the even moments of the distribution towards which powers are biased.
+    /// Returns the paper's bias, and the even moments of the distribution towards which powers are biased.
     fn unit_bias(&self) -> (f64, [f32; 4]) {
-        let (of_floats, of_words, wide) = match (self.basis, self.moments) {
+        let (float_bias, word_bias, biased_moments) = match (self.basis, self.moments) {
             (Basis::Power, 4) => (5e-7, 6e-6, [0.375, 0.375, 0.0, 0.0]),
             (Basis::Power, 6) => (5e-6, 6e-5, [0.48, 0.451, 0.45, 0.0]),
             (Basis::Power, _) => (5e-5, 2.5e-4, [0.75, 0.676_666_7, 0.63, 0.600_303]),
@@ -117,36 +128,43 @@ impl MomentMap {
             (Basis::Trigonometric, 6) => (8e-7, 6.5e-4, [0.0; 4]),
             (Basis::Trigonometric, _) => (1.5e-6, 8.5e-4, [0.0; 4]),
         };
-        (if self.in_words() { of_words } else { of_floats }, wide)
+        (if self.in_words() { word_bias } else { float_bias }, biased_moments)
     }
 
-    /// Moments are kept in 16 bits.
+    /// Whether moments are stored in 16 bits.
     fn in_words(&self) -> bool {
         self.bits == 16
     }
 }
 
 impl VectorMap for MomentMap {
-    fn line(&self) -> &'static Entry {
+    fn entry(&self) -> &'static Entry {
         &ENTRY
     }
 
-    fn settings(&self) -> Vec<Value> {
+    fn values(&self) -> Vec<Value> {
         self.to_values()
     }
 
-    fn recipe(&self) -> Recipe {
-        let (bias, wide) = self.unit_bias();
+    fn descriptor(&self) -> VectorMapDescriptor {
+        let (bias, biased_moments) = self.unit_bias();
+        let params = MomentParams {
+            biased_moments,
+            beta: self.beta as f32,
+            bias: (self.bias * bias).min(1.0) as f32,
+            largest_angle: std::f32::consts::TAU - CLOSING_ANGLE,
+            padding: 0.0,
+        };
         let circle = self.basis == Basis::Trigonometric;
         let degree = match self.moments {
             4 => "DEGREE_2",
             6 => "DEGREE_3",
             _ => "DEGREE_4",
         };
-        Recipe {
-            // A word of optical depth and one of every two moments, or a number of each.
+        VectorMapDescriptor {
+            // One word for the optical depth and one for every two moments, or one number for each.
             vectors: if self.in_words() { self.moments / 2 + 1 } else { self.moments + 1 }.div_ceil(4),
-            numbers_are: if self.in_words() { Numbers::Words } else { Numbers::Single },
+            storage: if self.in_words() { VectorStorage::Words } else { VectorStorage::Single },
             filter: self.filter,
             linear: true,
             shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
@@ -155,7 +173,7 @@ impl VectorMap for MomentMap {
                 Constant::float("LEAST_NORM", LEAST_NORM),
             ],
             defs: [Some(degree), circle.then_some("TRIGONOMETRIC")].into_iter().flatten().collect(),
-            turns: None,
+            marches: None,
             sink: "shadow/moments/sink.wgsl",
             lookup: match (circle, self.in_words()) {
                 (true, false) => &[ROOTS, TRIGONOMETRIC, FLOATS, LOOKUP],
@@ -163,20 +181,25 @@ impl VectorMap for MomentMap {
                 (true, true) => &[ROOTS, TRIGONOMETRIC, WORDS, LOOKUP],
                 (false, true) => &[ROOTS, POWER, WORDS, LOOKUP],
             },
-            asked_by: self.lookup,
-            numbers: [
-                [
-                    self.beta as f32,
-                    (self.bias * bias).min(1.0) as f32,
-                    std::f32::consts::TAU - CLOSING_ANGLE,
-                    0.0,
-                ],
-                wide,
-            ],
+            lookup_mode: self.lookup,
+            params: Some(("shadow/moments/params.wgsl", bytemuck::cast(params))),
         }
     }
 
-    fn shape_of_curve(&self) -> Curve {
+    fn curve(&self) -> Curve {
         Curve::Stays
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse_list;
+    use super::MomentParams;
+    use crate::gpu::assert_layout;
+
+    #[test]
+    fn uniforms_match_their_shaders() {
+        let passes = parse_list("moments:basis=trigonometric").unwrap()[0].passes();
+        assert_layout!(&passes[0], "MomentParams", MomentParams: biased_moments, beta, bias, largest_angle);
     }
 }

@@ -1,4 +1,4 @@
-//! `none`: every point sees the light.
+//! `none`: no shadows.
 
 use super::method::{BuildReport, Entry, Lookup, Method, ShadowMap};
 use super::settings::Value;
@@ -6,7 +6,7 @@ use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, LightSpace, MapShape, March};
 
-/// `none`: every point sees the light.
+/// Method without shadows: all light reaches every point.
 #[derive(Debug, Clone, Copy)]
 pub struct NoShadows;
 
@@ -40,15 +40,15 @@ impl Method for NoShadows {
     }
 }
 
-/// Texels of the light space that methods without a map are tested on.
+/// Texels on each side of the light space in which methods without a map are tested.
 const TEST_MAP: u32 = 512;
 
-/// The light space of methods without a map, and how their light rays are marched.
+/// Returns the light space of methods without a map.
 pub(super) fn test_space(context: &BuildContext<'_>, march: March) -> LightSpace {
     context.light_space(MapShape { texels: Some(TEST_MAP), fits_view: false, reach: 1, march })
 }
 
-/// A structure of the light space alone.
+/// Returns a shadow structure with a light space and no map.
 pub(super) fn without_map(method: &dyn Method, context: &BuildContext<'_>) -> ShadowMap {
     let light_space = test_space(context, March::Cells);
     let light = context.light_uniform(&light_space);

@@ -1,22 +1,21 @@
 //! `osm`: opacity shadow maps.
 //!
-//! Kim and Neumann 2001, *Opacity Shadow Maps*. Symbols: `D_i` (`1 <= i <= N`) the depth of the i-th map, `D_0` the
+//! Kim and Neumann 2001, *Opacity Shadow Maps*. Symbols: `D_i` (`1 <= i <= N`) is the depth of the i-th map, `D_0` the
 //! least depth of the volume, `Ω` the opacity thickness stored at a texel of a map, `κ` the scale of stored
 //! opacities with `exp(-κ) = 2^-d` for `d` bits. `T = exp(-κ Ω)`, `Ω` linear between `D_(i-1)` and `D_i`.
 //!
 //! Deviations from the paper, and why:
-//! * A map's planes are spheres around a point light: depth is distance along the light ray, as for every method
-//!   here.
-//! * All maps are made in one pass by marching each texel's ray, not by drawing primitives once a map.
-//! * `slicing=density` is the paper's 1-D BSP carried to its end: planes at equal shares of the optical mass by
-//!   depth, weighed over 128 x 128 rays in 1024 bins, from the first bin in which one of them meets any: what is in
-//!   front of it and narrower than their spacing casts no shadow there. Mass that no light reaches counts as well;
-//!   `slicing=lit` weighs the light that is lost instead. `slicing=gamma` puts plane `i` at the share `(i / N)^2.2`.
-//! * Maps are stored together, since a ray caster asks for depths in any order; the paper keeps two at a time.
+//! * The planes of a point light are spheres: depth is distance along the light ray, as for every method here.
+//! * One pass that marches the ray of each texel makes all maps; the paper draws the primitives once for each map.
+//! * `slicing=density` is the limit of the paper's 1-D BSP: planes at equal shares of the optical mass by depth, summed over
+//!   128 x 128 rays in 1024 bins. Planes begin at the first bin with mass; matter in front of it that is narrower than the spacing
+//!   of rays casts no shadow there. Mass that no light reaches counts, too; `slicing=lit` sums the lost light instead.
+//!   `slicing=gamma` places plane `i` at the share `(i / N)^2.2`.
+//! * All maps are stored, since a ray caster looks depths up in any order; the paper stores two at a time.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 
 use super::layered::{
-    self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, Recipe, Record, SPLIT_BINS, Split, SplitTable,
+    self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitTable,
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
 use super::settings::{
@@ -30,19 +29,19 @@ use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back, 
 
 /// Exponent of `slicing=gamma`.
 const GAMMA: f64 = 2.2;
-/// Rays a side of the weighing pass, 8 a workgroup.
+/// Rays on each side of the pass that sums the optical mass.
 const MASS_RAYS: u32 = 128;
 
 choices! {
-    /// Where the planes lie.
+    /// Positions of the planes.
     pub enum Slicing {
         /// Evenly spaced.
         Uniform = "uniform",
-        /// At equal shares of the optical mass, whether or not light reaches it.
+        /// At equal shares of the optical mass, lit or not.
         Density = "density",
-        /// At equal shares of the light that is lost.
+        /// At equal shares of the lost light.
         Lit = "lit",
-        /// Further apart behind.
+        /// With a spacing that grows away from the light.
         Gamma = "gamma",
     }
 }
@@ -94,7 +93,7 @@ pub(super) static ENTRY: Entry = Entry {
         filter=nearest,bilinear,average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
-/// A single plane lies at the far end whatever lies before it.
+/// Pass that a single plane does not need.
 const NOT_WEIGHED: PassLeftOut =
     PassLeftOut { what: "weighing the volume", why: "a single plane lies at its far side", optional: None };
 
@@ -110,14 +109,14 @@ impl OpacityShadowMap {
         MapShape { reach: self.kernel.div_ceil(2), ..shape }
     }
 
-    fn recipe(&self, split: Split) -> Recipe {
+    fn layered_map(&self, split: Split) -> LayeredMap {
         let Self { layers, bits, filter, average, kernel, .. } = *self;
         let record = Record { layers, bits, depths: 0, depth_bits: 0, own_split: false };
         let shape = self.shape();
-        Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, shape }
+        LayeredMap { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, shape }
     }
 
-    /// The split where the volume need not be weighed.
+    /// Split that does not depend on the mass.
     fn plain_split(&self) -> Option<Split> {
         match self.slicing {
             Slicing::Uniform => Some(Split::Power(1.0)),
@@ -126,16 +125,16 @@ impl OpacityShadowMap {
         }
     }
 
-    /// Optical mass, or lost light, by depth, in fixed point.
+    /// Sums optical mass, or lost light, by depth, in fixed point.
     fn weigh(&self, context: &BuildContext<'_>, tiles: &TileMarch<'_>) -> Result<(Vec<u32>, Span)> {
         let gpu = context.gpu();
-        let own = self.recipe(Split::Power(1.0)).own(&tiles.light_space);
-        let own = uniform_buffer(gpu, "optical mass", &own);
+        let params = self.layered_map(Split::Power(1.0)).params(&tiles.light_space);
+        let params = uniform_buffer(gpu, "optical mass", &params);
         let mass = StorageBuffer::zeroed(gpu, "optical mass", 4 * SPLIT_BINS as u64)?;
         let mut stage = tiles.march_slots();
         stage.push((0, Slot::read_write(mass.as_entire_binding())));
         let groups = [
-            &tiles.group("optical mass", &[(1, context.kernels.uniform(&own))]),
+            &tiles.group("optical mass", &[(1, context.kernels.uniform(&params))]),
             &context.kernels.group("optical mass", &stage),
         ];
         let shader = mass_shader(self.shape().march, self.slicing == Slicing::Lit);
@@ -155,7 +154,7 @@ impl Method for OpacityShadowMap {
 
     fn lookup(&self) -> Option<Lookup> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        Some(self.recipe(split).lookup("shadow/osm/lookup.wgsl").asked_by(self.lookup))
+        Some(self.layered_map(split).lookup("shadow/osm/lookup.wgsl").asked_by(self.lookup))
     }
 
     fn taps(&self) -> Taps {
@@ -164,11 +163,11 @@ impl Method for OpacityShadowMap {
 
     fn passes(&self) -> Vec<ShaderVariant> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        let recipe = self.recipe(split);
+        let layered_map = self.layered_map(split);
         vec![
-            recipe.build_shader(),
-            mass_shader(recipe.shape.march, false),
-            mass_shader(recipe.shape.march, true),
+            layered_map.build_shader(),
+            mass_shader(layered_map.shape.march, false),
+            mass_shader(layered_map.shape.march, true),
         ]
     }
 
@@ -181,7 +180,7 @@ impl Method for OpacityShadowMap {
                 (Split::Tables(vec![SplitTable::of_mass(&mass)]), Some(span))
             }
         };
-        let mut built = self.recipe(split).build(context, tiles, None)?;
+        let mut built = self.layered_map(split).build(context, tiles, None)?;
         built.after(weighing);
         if matches!(self.slicing, Slicing::Density | Slicing::Lit) && weighing.is_none() {
             built.report.passes_left_out = &[NOT_WEIGHED];

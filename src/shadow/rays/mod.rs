@@ -1,4 +1,4 @@
-//! `rays`: a shadow ray per lookup.
+//! `rays`: a shadow ray for each lookup.
 
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
@@ -9,11 +9,10 @@ use crate::error::Result;
 use crate::field::{BuildContext, field_shader};
 
 settings! {
-    /// `rays`: a shadow ray per lookup, through the same cell-by-cell march that builds the maps; the yardstick of
-    /// pictures.
+    /// Settings of `rays`, which marches a shadow ray for each lookup as maps are built; the reference for pictures.
     ///
-    /// As with every method here up to four parts of an eye ray share their lookups (`shaders/render/raycast.wgsl`);
-    /// `lookup=each` is the shadow ray per sample of the literature.
+    /// Up to four segments of an eye ray share their lookups (`shaders/render/raycast.wgsl`), as with every method here;
+    /// `lookup=each` is the shadow ray for each sample of the literature.
     pub struct ShadowRays {
         /// How eye samples ask for light.
         lookup: Lookups = LOOKUP_KEY,

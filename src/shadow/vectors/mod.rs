@@ -1,13 +1,13 @@
-//! Maps that keep a fixed number of four-vectors a texel: what `fourier`, `moments`, `clusters` and `avsm` share. Each of
-//! them is a [`VectorMap`]: its settings, and the [`Recipe`] that they come to.
+//! Maps with a fixed number of four-vectors for each texel, which `fourier`, `moments`, `clusters` and `avsm` share. Each of them
+//! is a [`VectorMap`]: its settings, and the [`VectorMapDescriptor`] that follows from them.
 //!
-//! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread a texel, whose sink is the method's own) and one
-//! atlas of tiles. Every tile has a margin of one texel that repeats what its neighbours hold (324 instead of 256 texels),
-//! so that the hardware's filter, which `fourier` and `moments` are made for, never leaves a tile; tiles without active
-//! bricks take no memory, as in every map here.
+//! They share one build (`shaders/shadow/vectors/build.wgsl`, a thread for each texel, with a sink of the method) and one atlas
+//! of tiles. Every tile has a margin of one texel that repeats its neighbours (324 instead of 256 texels), so that the
+//! hardware's filter, for which `fourier` and `moments` are made, never leaves a tile. Tiles without active bricks take no
+//! memory, as in every map here.
 //!
-//! A ray is over at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`: what lies behind is not gathered. But for `avsm`, pieces
-//! of the march are whole stretches of a cell, whose matter is taken to be spread evenly.
+//! A ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. Pieces of the march are whole stretches of a cell, whose
+//! matter is taken to be spread evenly; `avsm` takes shorter pieces.
 
 use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
 use super::settings::{Filter, Lookups, Value};
@@ -19,27 +19,30 @@ use crate::gpu::{
 };
 use bytemuck::{Pod, Zeroable};
 
+/// Uniform of one method.
+pub type MethodParams = [f32; 8];
+/// Binding of [`MethodParams`] in group 1.
+const PARAMS_BINDING: u32 = 5;
 /// Texels a side of a tile with its margin.
 const TILE_SIDE: u32 = TILE + 2;
 /// Tiles across the textures of every adapter.
 const TILES_ACROSS: u32 = 8192 / TILE_SIDE;
 
-/// The module `umbravox::method` of methods whose vectors cannot be averaged: it averages the transmittances of
-/// `umbravox::texel_curve`.
-pub(super) const TEXELS_FILTER: &str = "shadow/vectors/filter.wgsl";
+/// The lookup of methods whose vectors cannot be averaged: it averages the transmittances of `umbravox::texel_curve`.
+pub(super) const TRANSMITTANCE_FILTER: &str = "shadow/vectors/filter.wgsl";
 
-/// Of what vectors are.
+/// Storage of a vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Numbers {
+pub enum VectorStorage {
     /// 16-bit floats.
     Half,
     /// 32-bit floats.
     Single,
-    /// 32-bit words that the method packs and unpacks itself.
+    /// 32-bit words, packed and unpacked by the method.
     Words,
 }
 
-impl Numbers {
+impl VectorStorage {
     /// Floats of 16 or 32 bits.
     pub fn floats(bits: u32) -> Self {
         if bits == 16 { Self::Half } else { Self::Single }
@@ -59,124 +62,125 @@ impl Numbers {
     }
 }
 
-/// What one map of vectors is to be.
-pub struct Recipe {
-    /// Four-vectors a texel.
+/// Description of a map of vectors.
+pub struct VectorMapDescriptor {
+    /// Four-vectors of a texel.
     pub vectors: u32,
-    /// What a vector is of.
-    pub numbers_are: Numbers,
-    /// How texels around a point are used.
+    /// Storage of a vector.
+    pub storage: VectorStorage,
+    /// Filter among the texels around a point.
     pub filter: Filter,
-    /// Whether a filter may take the vectors' means, as the hardware does.
+    /// Vectors may be averaged, as the hardware's filter does.
     pub linear: bool,
-    /// The map's, and how its light rays are marched.
+    /// Size and fit of the map, and march of its light rays.
     pub shape: MapShape,
-    /// Constants of the method's modules.
+    /// Constants of the modules of the method.
     pub constants: Vec<Constant>,
-    /// Definitions of the method's modules.
+    /// Definitions of the modules of the method.
     pub defs: Vec<&'static str>,
-    /// Marches a ray, where one does not do.
-    pub turns: Option<u32>,
-    /// The module `umbravox::sink`.
+    /// Marches for each ray, if the sink needs more than one.
+    pub marches: Option<u32>,
+    /// File of the module `umbravox::sink`.
     pub sink: &'static str,
-    /// The module `umbravox::method`, and those that it imports.
+    /// File of the module `umbravox::method`, behind those that it imports.
     pub lookup: &'static [&'static str],
-    /// The method's own numbers: `own.a` and `own.b`.
-    pub numbers: [[f32; 4]; 2],
-    /// How eye samples ask for light.
-    pub asked_by: Lookups,
+    /// Uniform of the method at [`PARAMS_BINDING`], and the file of the module that declares it.
+    pub params: Option<(&'static str, MethodParams)>,
+    /// Lookups of light by eye samples.
+    pub lookup_mode: Lookups,
 }
 
-/// What one such method has that others have not.
+/// A method whose map has a fixed number of vectors for each texel.
 pub trait VectorMap: std::fmt::Debug + Send + Sync {
-    /// As of [`Method::entry`].
-    fn line(&self) -> &'static Entry;
-    /// As of [`Method::values`].
-    fn settings(&self) -> Vec<Value>;
-    /// What its map is to be.
-    fn recipe(&self) -> Recipe;
-    /// As of [`Method::curve`].
-    fn shape_of_curve(&self) -> Curve {
+    /// Entry of the registry.
+    fn entry(&self) -> &'static Entry;
+    /// Values of the keys.
+    fn values(&self) -> Vec<Value>;
+    /// Map that follows from the settings.
+    fn descriptor(&self) -> VectorMapDescriptor;
+    /// Course of the transmittance along a light ray.
+    fn curve(&self) -> Curve {
         Curve::Falls
     }
 }
 
 impl<M: VectorMap> Method for M {
     fn entry(&self) -> &'static Entry {
-        self.line()
+        VectorMap::entry(self)
     }
 
     fn values(&self) -> Vec<Value> {
-        self.settings()
+        VectorMap::values(self)
     }
 
     fn lookup(&self) -> Option<Lookup> {
-        Some(self.recipe().lookup())
+        Some(self.descriptor().lookup())
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
-        vec![self.recipe().build_shader()]
+        vec![self.descriptor().build_shader()]
     }
 
     fn curve(&self) -> Curve {
-        self.shape_of_curve()
+        VectorMap::curve(self)
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        self.recipe().build(context, self.entry())
+        self.descriptor().build(context, VectorMap::entry(self))
     }
 }
 
-/// `Own` of `shaders/shadow/vectors/layout.wgsl`.
+/// `VectorMap` of `shaders/shadow/vectors/layout.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Own {
-    a: [f32; 4],
-    b: [f32; 4],
+struct VectorParams {
     inv_size: [f32; 2],
-    most_depth: f32,
+    max_depth: f32,
     tiles_across: u32,
 }
 
-impl Recipe {
+impl VectorMapDescriptor {
     fn shader(&self, entry: &'static str) -> ShaderVariant {
         let constants =
             [Constant::unsigned("VECTORS", self.vectors), Constant::unsigned("TILE_SHIFT", TILE.ilog2())];
         let shader = field_shader(entry).with_tile_table().modules(&["shadow/vectors/layout.wgsl"]);
-        let words = (self.numbers_are == Numbers::Words).then_some("WORDS");
+        let shader = match self.params {
+            Some((module, _)) => shader.modules(&[module]),
+            None => shader,
+        };
+        let words = (self.storage == VectorStorage::Words).then_some("WORDS");
         shader.constants(&constants).constants(&self.constants).defs(self.defs.iter().copied()).defs(words)
     }
 
-    /// The hardware filters what is linear and 16 bits wide; not every adapter filters 32.
+    /// Whether the hardware filters: not every adapter filters 32-bit floats.
     fn hardware_filter(&self) -> bool {
-        self.linear && self.numbers_are == Numbers::Half && self.filter == Filter::Bilinear
+        self.linear && self.storage == VectorStorage::Half && self.filter == Filter::Bilinear
     }
 
-    /// The pass that marches.
+    /// Shader of the pass that marches.
     fn build_shader(&self) -> ShaderVariant {
         let shader = self.shader("shadow/vectors/build.wgsl").modules(&["field/tiles.wgsl"]);
         let shader = shader
-            .defs((self.numbers_are == Numbers::Half).then_some("BITS_16"))
-            .defs(self.turns.map(|_| "TURNS"));
-        let turns = Constant::unsigned("TURNS", self.turns.unwrap_or(1));
-        shader.constants(&[turns]).with_march(self.shape.march, self.sink)
+            .defs((self.storage == VectorStorage::Half).then_some("BITS_16"))
+            .defs(self.marches.map(|_| "MARCHES"));
+        let marches = Constant::unsigned("MARCHES", self.marches.unwrap_or(1));
+        shader.constants(&[marches]).with_march(self.shape.march, self.sink)
     }
 
-    /// How the map is looked up.
     fn lookup(&self) -> Lookup {
         let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]).modules(self.lookup);
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let shader = shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER"));
-        Lookup::new(shader).asked_by(self.asked_by)
+        Lookup::new(shader).asked_by(self.lookup_mode)
     }
 
-    /// Bytes of a texel's vectors.
+    /// Bytes of the vectors of a texel.
     fn texel_bytes(&self) -> u64 {
-        u64::from(self.vectors) * self.numbers_are.bytes()
+        u64::from(self.vectors) * self.storage.bytes()
     }
 
-    /// Tiles across the atlas, and its sides in texels: as few rows as every adapter's textures are wide for, so that little
-    /// of the last stays empty, and nearly square where those are not high enough.
+    /// Returns the tiles across the atlas, and its sides in texels: as few rows as textures of every adapter allow, so that little
+    /// of the last row stays empty; nearly square if textures are not high enough.
     fn atlas(&self, tiles: u32) -> (u32, [u32; 2]) {
         let tiles = tiles.max(1);
         let wide = tiles.div_ceil(TILES_ACROSS);
@@ -194,46 +198,40 @@ impl Recipe {
         let gpu = context.gpu();
         let tiles = TileMarch::fit(context, self.shape)?;
         let (tiles_across, size) = self.atlas(tiles.built);
-        let atlas = store_texture(gpu, "shadow map of vectors", self.numbers_are.format(), size)?;
-        // Its sides are rounded up.
-        let held = atlas.texture().size();
-        let own = Own {
-            a: self.numbers[0],
-            b: self.numbers[1],
-            inv_size: [1.0 / held.width as f32, 1.0 / held.height as f32],
-            most_depth: OPAQUE_DEPTH,
+        let atlas = store_texture(gpu, "shadow map of vectors", self.storage.format(), size)?;
+        // The sides of the texture are rounded up.
+        let texels = atlas.texture().size();
+        let map_params = VectorParams {
+            inv_size: [1.0 / texels.width as f32, 1.0 / texels.height as f32],
+            max_depth: OPAQUE_DEPTH,
             tiles_across,
         };
-        let own = uniform_buffer(gpu, "map of vectors", &own);
+        let map_params = uniform_buffer(gpu, "map of vectors", &map_params);
+        let params = self.params.map(|(_, params)| uniform_buffer(gpu, "parameters of the method", &params));
         let hit = StorageBuffer::zeroed(gpu, "texels hit", 4)?;
-        let numbers = (1, context.kernels.uniform(&own));
-        let stage = [
-            (1, Slot::store(&atlas, self.numbers_are.format())),
-            (2, Slot::read_write(hit.as_entire_binding())),
-        ];
-        let span = tiles.run(
-            "map of vectors build",
-            &self.build_shader(),
-            std::slice::from_ref(&numbers),
-            &stage,
-        )?;
+        let mut slots = vec![(1, context.kernels.uniform(&map_params))];
+        slots.extend(params.as_ref().map(|params| (PARAMS_BINDING, context.kernels.uniform(params))));
+        let stage =
+            [(1, Slot::store(&atlas, self.storage.format())), (2, Slot::read_write(hit.as_entire_binding()))];
+        let span = tiles.run("map of vectors build", &self.build_shader(), &slots, &stage)?;
 
         let sampler = clamp_sampler(gpu, wgpu::FilterMode::Linear);
         let filtered = self.hardware_filter();
-        let sample_type = match self.numbers_are {
-            Numbers::Words => wgpu::TextureSampleType::Uint,
-            Numbers::Half | Numbers::Single => wgpu::TextureSampleType::Float { filterable: filtered },
+        let sample_type = match self.storage {
+            VectorStorage::Words => wgpu::TextureSampleType::Uint,
+            VectorStorage::Half | VectorStorage::Single => {
+                wgpu::TextureSampleType::Float { filterable: filtered }
+            }
         };
-        let mut slots =
-            vec![numbers, (3, Slot::texture(&atlas, sample_type, wgpu::TextureViewDimension::D2))];
+        slots.push((3, Slot::texture(&atlas, sample_type, wgpu::TextureViewDimension::D2)));
         if filtered {
             slots.push((4, Slot::sampler(&sampler, true)));
         }
         let left_out = tiles.tiles - tiles.built;
-        let texels = u64::from(size[0] * size[1] / self.vectors);
+        let texels_stored = u64::from(size[0] * size[1] / self.vectors);
         let report = BuildReport {
             device: Some(span),
-            bytes: texels * self.texel_bytes() + tiles.table_bytes(),
+            bytes: texels_stored * self.texel_bytes() + tiles.table_bytes(),
             bytes_used: u64::from(tiles.built * TILE_SIDE * TILE_SIDE) * self.texel_bytes()
                 + tiles.table_bytes(),
             texels_hit: Some(u64::from(read_back::<u32>(gpu, &hit, 1)?[0])),
@@ -261,30 +259,31 @@ mod tests {
     use crate::shadow::settings::Fit;
 
     #[test]
-    fn numbers_of_a_map_have_one_layout() {
-        let recipe = Recipe {
+    fn uniforms_match_their_shaders() {
+        let map = VectorMapDescriptor {
             vectors: 2,
-            numbers_are: Numbers::Half,
+            storage: VectorStorage::Half,
             filter: Filter::Bilinear,
             linear: true,
             shape: Fit::Volume.shape(Some(64), March::Cells),
             constants: vec![Constant::unsigned("TERMS", 3)],
             defs: Vec::new(),
-            turns: None,
+            marches: None,
             sink: "shadow/fourier/sink.wgsl",
             lookup: &["shadow/fourier/series.wgsl", "shadow/fourier/lookup.wgsl"],
-            numbers: [[0.0; 4]; 2],
-            asked_by: Lookups::Shared,
+            params: None,
+            lookup_mode: Lookups::Shared,
         };
-        assert_layout!(&recipe.build_shader(), "Own", Own: a, b, inv_size, most_depth, tiles_across);
-        assert_eq!(recipe.atlas(0), (1, [18, 36]));
-        assert_eq!(recipe.atlas(200), (200, [200 * 18, 2 * 18]));
-        assert_eq!(recipe.atlas(456), (228, [228 * 18, 2 * 2 * 18]));
-        let (across, sides) = recipe.atlas(300_000);
+        assert_layout!(&map.build_shader(), "VectorMap", VectorParams: inv_size, max_depth, tiles_across);
+        assert_eq!(map.atlas(0), (1, [18, 36]));
+        assert_eq!(map.atlas(200), (200, [200 * 18, 2 * 18]));
+        assert_eq!(map.atlas(456), (228, [228 * 18, 2 * 2 * 18]));
+        let (across, sides) = map.atlas(300_000);
         assert!(sides.iter().all(|side| *side < 16_384) && across * (sides[1] / 36) >= 300_000);
-        assert_eq!(recipe.texel_bytes(), 16);
+        assert_eq!(map.texel_bytes(), 16);
         assert!(
-            recipe.hardware_filter() && !Recipe { numbers_are: Numbers::Single, ..recipe }.hardware_filter()
+            map.hardware_filter()
+                && !VectorMapDescriptor { storage: VectorStorage::Single, ..map }.hardware_filter()
         );
     }
 }

@@ -8,6 +8,7 @@ use ndarray_npy::ReadNpyExt;
 use std::path::Path;
 use umbravox::files::color::{parse_hex, srgb8_from_linear};
 use umbravox::files::picture::read_exr;
+use umbravox::formats::write_volume;
 use umbravox::open::{VolumeSpec, load};
 use umbravox::volume::{Provenance, Scaling, Volume};
 

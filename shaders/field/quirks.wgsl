@@ -1,0 +1,32 @@
+// Tuning for software adapters (llvmpipe), which SOFTWARE_ADAPTER selects; src/gpu/quirks.rs lists what the host does for them.
+#define_import_path umbravox::quirks
+
+// Steps after which lanes that have hit something do not wait for the other lanes of their subgroup (best of 2, 4 and no
+// limit on llvmpipe).
+const STEPS_TOGETHER: u32 = 4u;
+
+#ifdef SOFTWARE_ADAPTER
+// Returns the work item of workgroup i of n. llvmpipe deals workgroups to its threads in contiguous shares, and neighbours
+// cost alike: this order spreads each share, of up to 16, over all of the work. It takes every second item first, and each
+// half in the same way, four times.
+fn workgroup_item(i: u32, n: u32) -> u32 {
+    var at = i;
+    var left = n;
+    var first = 0u;
+    var stride = 1u;
+    for (var halving = 0; halving < 4; halving++) {
+        let even = (left + 1u) / 2u;
+        let odd = at >= even;
+        at -= select(0u, even, odd);
+        left = select(even, left - even, odd);
+        first += select(0u, stride, odd);
+        stride *= 2u;
+    }
+    return first + at * stride;
+}
+#else
+// Returns the work item of workgroup i of n.
+fn workgroup_item(i: u32, n: u32) -> u32 {
+    return i;
+}
+#endif
