@@ -12,7 +12,7 @@ use super::resume::Resume;
 use super::settings::Settings;
 use super::theme;
 use crate::engine::messages::Event;
-use crate::engine::reading::Opened;
+use crate::engine::reading::OpenedVolume;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::transfer::formats;
@@ -100,7 +100,7 @@ impl App {
                 }
                 Event::Thumbnail(thumbnail) => self.presets.take(*thumbnail),
                 Event::Differences(found) => self.difference.take(*found),
-                Event::DifferenceUnfinished(request) => self.difference.ask_again(&request),
+                Event::DifferenceInterrupted(request) => self.difference.ask_again(&request),
                 Event::ExportProgress(share) => {
                     if let Some(exporting) = &mut model.exporting {
                         exporting.share = share;
@@ -117,7 +117,7 @@ impl App {
         self.model.forget_notes();
     }
 
-    fn take_volume(&mut self, opened: Opened) {
+    fn take_volume(&mut self, opened: OpenedVolume) {
         if !self.model.take_volume(opened) {
             return;
         }

@@ -2,7 +2,7 @@
 
 use super::curve::{Edit, History, apply};
 use crate::engine::method_choice::MethodChoice;
-use crate::engine::reading::{Beginning, Opened};
+use crate::engine::reading::{InitialState, OpenedVolume};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::presets::{self, Suiting};
@@ -57,7 +57,7 @@ pub struct Document {
 
 impl Document {
     /// Of a volume that has been opened, with what it begins with; methods are kept from the one before.
-    pub fn new(opened: Opened, begin: Beginning, [method, other]: [MethodChoice; 2]) -> Self {
+    pub fn new(opened: OpenedVolume, begin: InitialState, [method, other]: [MethodChoice; 2]) -> Self {
         let tf = Arc::new(begin.tf);
         Self {
             spec: opened.spec,
@@ -81,7 +81,7 @@ impl Document {
     }
 
     /// Takes other voxels of the same strands; all else stays as it is.
-    pub fn take_voxels(&mut self, opened: Opened) {
+    pub fn take_voxels(&mut self, opened: OpenedVolume) {
         self.spec = opened.spec;
         self.volume = opened.volume;
         self.strands = opened.strands;
@@ -93,13 +93,13 @@ impl Document {
     }
 
     /// Its volume, to be taken onto another device.
-    pub fn opened(&self) -> Opened {
-        Opened {
+    pub fn opened(&self) -> OpenedVolume {
+        OpenedVolume {
             spec: self.spec.clone(),
             volume: Arc::clone(&self.volume),
             strands: self.strands.clone(),
             histogram: Arc::clone(&self.histogram),
-            beginning: None,
+            initial: None,
             notes: Vec::new(),
         }
     }

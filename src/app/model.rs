@@ -8,9 +8,9 @@ use super::split::Split;
 use crate::engine::RenderThread;
 use crate::engine::mailbox::Wake;
 use crate::engine::messages::{
-    Aim, Event, Export, Exported, Frame, Job, ProbeRequest, ProbeResult, Subject, Wanted,
+    Event, Export, Exported, Frame, FrameRequest, FrameSettings, Job, ProbeRequest, ProbeResult, ProbeTarget,
 };
-use crate::engine::reading::{Beginning, Opened, Reading, With};
+use crate::engine::reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::check_output;
@@ -62,13 +62,13 @@ pub struct Model {
     /// What is open.
     pub document: Option<Document>,
     /// A volume that is being read.
-    pub reading: Option<Reading>,
+    pub reading: Option<ReadTask>,
     /// An export that is running.
     pub exporting: Option<Exporting>,
     /// The last finished picture.
     pub frame: Option<Frame>,
     /// What was asked of the render thread last, to ask for nothing twice.
-    pub asked: Option<Subject>,
+    pub asked: Option<FrameSettings>,
     /// The last picture is whole and of what is wanted.
     pub settled: bool,
     /// How the view is divided between two methods.
@@ -76,7 +76,7 @@ pub struct Model {
     /// The probe's last answer.
     pub probe: Option<ProbeResult>,
     /// What was shown when the probe was asked last.
-    probed: Option<Subject>,
+    probed: Option<FrameSettings>,
     /// The light along whose ray the probe last asked.
     probed_light: Option<Light>,
     /// What is said below the view.
@@ -227,9 +227,9 @@ impl Model {
     // Volumes on their way in.
 
     /// Starts to open a volume; the one that is open stays until the new one is there.
-    pub fn open(&mut self, spec: VolumeSpec, with: With) {
+    pub fn open(&mut self, spec: VolumeSpec, with: OpenMode) {
         let wake = Arc::clone(&self.wake);
-        match Reading::start(spec, with, move || wake()) {
+        match ReadTask::start(spec, with, move || wake()) {
             Ok(reading) => self.reading = Some(reading),
             Err(e) => self.fail(&e),
         }
@@ -239,7 +239,7 @@ impl Model {
     pub fn open_source(&mut self, source: &str) {
         if source.to_lowercase().ends_with(".toml") {
             match SceneSettings::read(Path::new(source)) {
-                Ok(settings) => self.open(settings.spec(), With::Settings(Box::new(settings))),
+                Ok(settings) => self.open(settings.spec(), OpenMode::Settings(Box::new(settings))),
                 Err(e) => self.fail(&e),
             }
         } else {
@@ -249,8 +249,8 @@ impl Model {
 
     fn open_as_is(&mut self, spec: VolumeSpec) {
         let with = match &self.document {
-            Some(document) => With::Scene(Box::new(document.scene.clone())),
-            None => With::Settings(Box::new(SceneSettings::of_volume(&spec))),
+            Some(document) => OpenMode::Scene(Box::new(document.scene.clone())),
+            None => OpenMode::Settings(Box::new(SceneSettings::of_volume(&spec))),
         };
         self.open(spec, with);
     }
@@ -262,7 +262,7 @@ impl Model {
 
     /// Hands what has been read on to the device.
     pub fn take_reading(&mut self) {
-        let Some(outcome) = self.reading.as_ref().and_then(Reading::poll) else { return };
+        let Some(outcome) = self.reading.as_ref().and_then(ReadTask::poll) else { return };
         self.reading = None;
         match outcome {
             Ok(opened) => self.push(Job::Upload(Box::new(opened))),
@@ -277,11 +277,11 @@ impl Model {
     }
 
     /// Shows a volume that is on the device now; `false` where it has to be read again.
-    pub fn take_volume(&mut self, mut opened: Opened) -> bool {
+    pub fn take_volume(&mut self, mut opened: OpenedVolume) -> bool {
         self.settings.opened(&opened.spec.source);
         let notes = std::mem::take(&mut opened.notes);
-        match (opened.beginning.take(), &mut self.document) {
-            (Some(beginning), _) => self.begin(opened, beginning),
+        match (opened.initial.take(), &mut self.document) {
+            (Some(initial), _) => self.begin(opened, initial),
             // It was open on a device that was lost.
             (None, Some(document)) if Arc::ptr_eq(&document.volume, &opened.volume) => {}
             (None, Some(document)) if document.spec.source == opened.spec.source => {
@@ -299,12 +299,12 @@ impl Model {
         true
     }
 
-    fn begin(&mut self, opened: Opened, mut beginning: Beginning) {
+    fn begin(&mut self, opened: OpenedVolume, mut initial: InitialState) {
         let old = self.document.take();
-        beginning.transparent.get_or_insert(old.as_ref().is_some_and(|d| d.transparent));
-        let method = beginning.method.take().or_else(|| old.as_ref().map(|d| d.method.clone()));
+        initial.transparent.get_or_insert(old.as_ref().is_some_and(|d| d.transparent));
+        let method = initial.method.take().or_else(|| old.as_ref().map(|d| d.method.clone()));
         let methods = [method, old.map(|d| d.other)].map(Option::unwrap_or_default);
-        self.document = Some(Document::new(opened, beginning, methods));
+        self.document = Some(Document::new(opened, initial, methods));
         self.frame = None;
     }
 
@@ -328,7 +328,7 @@ impl Model {
     /// Takes a picture.
     pub fn take_frame(&mut self, frame: Frame) {
         self.frames += 1;
-        self.settled = frame.whole && frame.revision == self.revision;
+        self.settled = frame.is_final && frame.revision == self.revision;
         self.frame = Some(frame);
     }
 
@@ -375,14 +375,14 @@ impl Model {
     }
 
     /// Probes what is seen along a ray, or a point.
-    pub fn probe(&mut self, aim: Aim) {
+    pub fn probe(&mut self, target: ProbeTarget) {
         let Some(document) = &self.document else { return };
         let light = document.light().light;
         self.probed_light = Some(light);
         let other = self.split.share.map(|_| &document.other).filter(|other| **other != document.method);
         let methods = std::iter::once(&document.method).chain(other).cloned();
         self.push(Job::Probe(ProbeRequest {
-            aim,
+            target,
             tf: Arc::clone(&document.tf),
             light,
             ambient: document.scene.ambient,
@@ -398,24 +398,24 @@ impl Model {
             return;
         }
         let other = self.split.share.map(|_| &document.other).filter(|other| other.method().is_ok());
-        let subject = Subject {
+        let settings = FrameSettings {
             tf: Arc::clone(&document.tf),
             methods: std::iter::once(&document.method).chain(other).cloned().collect(),
             scene: document.scene.clone(),
         };
-        if self.asked.as_ref() != Some(&subject) {
+        if self.asked.as_ref() != Some(&settings) {
             self.settled = false;
             self.revision += 1;
             let (since, revision) = (Instant::now(), self.revision);
-            self.thread.want(Wanted { subject: subject.clone(), since, revision });
-            self.asked = Some(subject);
+            self.thread.request_frame(FrameRequest { settings: settings.clone(), since, revision });
+            self.asked = Some(settings);
         }
         // The probe's curves follow once the hand rests.
         if let Some(point) = self.probe.as_ref().map(|p| p.point).filter(|_| self.settled) {
-            let differs = |(a, b): (&Subject, &Subject)| a.tf != b.tf || a.methods != b.methods;
+            let differs = |(a, b): (&FrameSettings, &FrameSettings)| a.tf != b.tf || a.methods != b.methods;
             let elsewhere = self.probed_light != Some(document.light().light);
             if self.probed.as_ref().zip(self.asked.as_ref()).is_some_and(|both| elsewhere || differs(both)) {
-                self.probe(Aim::Point(point));
+                self.probe(ProbeTarget::Point(point));
             }
             self.probed.clone_from(&self.asked);
         }

@@ -1,17 +1,18 @@
-//! What draws on one device.
+//! Renderer: pipelines of one device.
 
 use super::mesh::KeptMesh;
+use super::plan::needs_shadows;
 use crate::error::Result;
 use crate::field::{DeviceTransfer, Forced, LoadedVolume, TilePace, View};
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::{Light, LightSource, Scene};
-use crate::shadow::{BuildContext, Method, ShadowMap};
+use crate::shadow::{BuildContext, Method, NoShadows, ShadowMap};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Everything that draws on one device: its pipelines, and how long one submission may keep its queue.
+/// Pipelines of one device and the target duration of a submission.
 pub struct Renderer {
     pub(super) kernels: Kernels,
     tile_pace: TilePace,
@@ -19,7 +20,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// For pictures that take as long as they take.
+    /// Creates a renderer without a limit on the duration of a submission.
     pub fn new(gpu: Gpu) -> Self {
         Self {
             kernels: Kernels::new(gpu, false),
@@ -28,8 +29,8 @@ impl Renderer {
         }
     }
 
-    /// For a window whose light moves and whose own drawing goes through the same queue: shadow maps are built in
-    /// submissions of about `submission_ms`, and what moves is read as storage (see [`Kernels::new`]).
+    /// Creates a renderer for interactive use, whose queue the window shares. Shadow maps are built in submissions of
+    /// about `submission_ms`, and changing data is read as storage (see [`Kernels::new`]).
     pub fn live(gpu: Gpu, submission_ms: f64) -> Self {
         Self {
             kernels: Kernels::new(gpu, true),
@@ -69,7 +70,7 @@ impl Renderer {
         DeviceTransfer::new(self.gpu(), loaded, tf, forced)
     }
 
-    /// The same tables with the colours of `tf`, whose extinction must be theirs at all values that occur.
+    /// Copies tables with the colours of `tf`. Its extinction must be equal at all values that occur.
     ///
     /// # Errors
     /// A device out of memory.
@@ -82,7 +83,7 @@ impl Renderer {
         transfer.recolored(self.gpu(), loaded, tf)
     }
 
-    /// Builds a shadow structure; its report has all that this took, on the host and on the device.
+    /// Builds a shadow structure that is valid at every point. Its report includes host and device times.
     ///
     /// # Errors
     /// A structure that the adapter cannot hold.
@@ -93,14 +94,38 @@ impl Renderer {
         method: &dyn Method,
         light: Light,
     ) -> Result<ShadowMap> {
-        self.shadow_in(loaded, transfer, method, light, None)
+        self.build(loaded, transfer, method, light, None)
     }
 
-    /// The same for the pictures of a view: points outside of it may be looked up wrongly. `None` is as [`Self::shadow`].
+    /// Method that a scene's picture needs: [`NoShadows`] where no light can be blocked ([`needs_shadows`]).
+    pub fn effective_method<'m>(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        method: &'m dyn Method,
+        scene: &Scene,
+    ) -> &'m dyn Method {
+        if needs_shadows(scene, &loaded.volume, transfer).is_ok() { method } else { &NoShadows }
+    }
+
+    /// Builds the shadow structure of one light for the pictures of a scene, by its effective method. Lookups are valid in
+    /// the view only; `None` means all points.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::shadow`].
     pub fn shadow_in(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        method: &dyn Method,
+        (scene, light): (&Scene, Light),
+        view: Option<&View>,
+    ) -> Result<ShadowMap> {
+        let method = self.effective_method(loaded, transfer, method, scene);
+        self.build(loaded, transfer, method, light, view)
+    }
+
+    fn build(
         &self,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
@@ -114,16 +139,16 @@ impl Renderer {
         let (kernels, pace, strands) = (&self.kernels, &self.tile_pace, strands.as_deref());
         let context = BuildContext { kernels, pace, pool_sizes, volume, transfer, strands, light, view };
         let mut map = method.build(&context)?;
-        // Tables are made once for a transfer function, and have a time of their own.
+        // The table is made once per transfer function and is timed separately.
         let table_ms = transfer.march_table().filter(|_| !made_before).map_or(0.0, |table| table.table_ms);
         map.report.set_host_ms(start.elapsed().as_secs_f64() * 1e3 - table_ms);
         Ok(map)
     }
 
-    /// The same for each light of a scene that shines ([`Scene::shining`]), in their order.
+    /// Builds the shadow structure of each light that shines ([`Scene::shining`]), in their order.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Self::shadow`].
     pub fn shadows_in(
         &self,
         loaded: &LoadedVolume,
@@ -132,7 +157,8 @@ impl Renderer {
         scene: &Scene,
         view: Option<&View>,
     ) -> Result<Vec<ShadowMap>> {
-        let build = |source: LightSource| self.shadow_in(loaded, transfer, method, source.light, view);
+        let build =
+            |source: LightSource| self.shadow_in(loaded, transfer, method, (scene, source.light), view);
         scene.shining().into_iter().map(build).collect()
     }
 }

@@ -1,4 +1,4 @@
-//! Questions and what lies over the view: Enter confirms, Escape leaves the topmost, the probe says what is promised.
+//! Path prompts and windows over the view: Enter confirms, Escape closes the topmost; the probe describes error bounds.
 
 use super::Bench;
 use eframe::egui::{Key, vec2};
@@ -173,8 +173,8 @@ fn escape_leaves_the_topmost_alone() {
 }
 
 #[test]
-fn the_probe_says_what_a_promise_speaks_of() {
-    for (spec, promises) in [("dsm:map=64", true), ("rays", true), ("bom:map=64", false), ("none", false)] {
+fn the_probe_describes_the_error_bound() {
+    for (spec, has_bound) in [("dsm:map=64", true), ("rays", true), ("bom:map=64", false), ("none", false)] {
         let shadow = format!("--shadow={spec}");
         let Some(mut bench) = Bench::open(&["phantom:thorax:32", &shadow]) else { return };
         let center = bench.app().model.view.unwrap().center();
@@ -184,16 +184,19 @@ fn the_probe_says_what_a_promise_speaks_of() {
         let method = bench.app().model.probe.clone().unwrap().methods.remove(0);
         let name = spec.split(':').next().unwrap();
         let said = |bench: &Bench, text: &str| bench.harness.query_by_label_contains(text).is_some();
-        let Some(promise) = method.promise else {
-            assert!(!promises && said(&bench, &format!("{name} promises nothing")), "{spec}");
+        let Some(bound) = method.bound else {
+            assert!(!has_bound && said(&bench, &format!("{name} has no error bound")), "{spec}");
             continue;
         };
-        assert!(promises, "{spec}: {promise:?}");
+        assert!(has_bound, "{spec}: {bound:?}");
         let frame = bench.app().model.frame.clone().unwrap();
-        assert!(promise.bound.transmittance > 0.0 && frame.main.bound.is_some());
-        let nearest = promise.nearest.expect("a texel lies there");
-        assert!(nearest.kept && nearest.texels_away <= 0.5_f64.sqrt() + 1e-9, "{spec}: {nearest:?}");
-        assert!(said(&bench, &format!("{name} promises ±")) && said(&bench, "it is kept"), "{spec}");
+        assert!(bound.bound.transmittance > 0.0 && frame.main.bound.is_some());
+        let nearest = bound.nearest.expect("a texel lies there");
+        assert!(nearest.satisfied && nearest.texels_away <= 0.5_f64.sqrt() + 1e-9, "{spec}: {nearest:?}");
+        assert!(
+            said(&bench, &format!("Error bound of {name}: ±")) && said(&bench, "it is satisfied"),
+            "{spec}"
+        );
     }
 }
 

@@ -25,7 +25,7 @@ fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_i
     assert!(edited.points[last].amount < before.tf.points[last].amount, "the point went down");
     assert_ne!(bench.pixels(), picture);
     let frame = bench.app().model.frame.clone().unwrap();
-    assert!(frame.whole && frame.main.report.bytes > 0);
+    assert!(frame.is_final && frame.main.report.bytes > 0);
 
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("mine.json");
@@ -148,7 +148,7 @@ fn a_probe_while_a_picture_is_refined_leaves_it_whole() {
         bench.drag(middle, to, Modifiers::SHIFT);
         bench.click_at(middle);
         bench.settle();
-        assert!(bench.app().model.frame.as_ref().unwrap().whole);
+        assert!(bench.app().model.frame.as_ref().unwrap().is_final);
     }
 }
 

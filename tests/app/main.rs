@@ -19,7 +19,7 @@ use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::time::{Duration, Instant};
-use umbravox::app::{App, Purpose, Settings, With};
+use umbravox::app::{App, OpenMode, Purpose, Settings};
 use umbravox::gpu::Gpu;
 use umbravox::open::SceneArgs;
 use umbravox::render::DisplayTexture;
@@ -42,7 +42,7 @@ impl Bench {
     pub fn open(line: &[&str]) -> Option<Self> {
         let mut bench = Self::empty()?;
         let settings = scene_args(line).into_settings().unwrap();
-        bench.app().model.open(settings.spec(), With::Settings(Box::new(settings)));
+        bench.app().model.open(settings.spec(), OpenMode::Settings(Box::new(settings)));
         bench.settle();
         Some(bench)
     }

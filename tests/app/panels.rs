@@ -5,7 +5,7 @@ use eframe::egui::{self, Modifiers, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use std::time::Duration;
 use umbravox::app::curve::Edit;
-use umbravox::engine::method_choice::MethodChoice;
+use umbravox::engine::MethodChoice;
 use umbravox::files::loading::Loading;
 use umbravox::open::SceneSettings;
 use umbravox::scene::Shading;

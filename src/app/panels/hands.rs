@@ -4,7 +4,7 @@ use super::clip;
 use crate::app::camera;
 use crate::app::model::Model;
 use crate::app::split::Split;
-use crate::engine::messages::Aim;
+use crate::engine::messages::ProbeTarget;
 use crate::scene::Light;
 use eframe::egui::{self, Rect, vec2};
 
@@ -61,8 +61,8 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
             (p - rect.min) / rect.size() * vec2(scene.width as f32, scene.height as f32) - vec2(0.5, 0.5);
         let direction =
             scene.camera.ray_direction(f64::from(pixel.x), f64::from(pixel.y), scene.width, scene.height);
-        let aim = Aim::Ray { origin: scene.camera.eye, direction };
-        model.probe(aim);
+        let target = ProbeTarget::Ray { origin: scene.camera.eye, direction };
+        model.probe(target);
     }
 }
 

@@ -1,5 +1,6 @@
-//! What is seen: each panel paints its part of the window from the model, and changes it.
+//! Panels: each shows its part of the window from the model and edits it.
 
+mod browse;
 mod clip;
 pub mod comparison;
 mod cube;

@@ -56,7 +56,7 @@ pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, differen
     let Some(picture) = &model.frame else { return };
     let (w, h) = (picture.main.texture.width, picture.main.texture.height);
     let more = if rect.width() < 260.0 { " …" } else { ", refining …" };
-    let quality = format!("{w} x {h}{}", if picture.whole { "" } else { more });
+    let quality = format!("{w} x {h}{}", if picture.is_final { "" } else { more });
     let at = rect.right_bottom() - vec2(10.0, 10.0);
     shadowed_text(painter, at, Align2::RIGHT_BOTTOM, &quality, 11.5, theme::DIM_OVER_PICTURE);
     let shift = ui.input(|i| i.modifiers.shift);

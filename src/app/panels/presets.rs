@@ -2,7 +2,7 @@
 
 use super::parts::file_name;
 use crate::app::model::Model;
-use crate::app::paint::shown::{Place, shape};
+use crate::app::picture_shape::{Place, shape};
 use crate::engine::messages::{Job, Thumbnail, ThumbnailRequest};
 use crate::open::presets::{self, PRESETS, Preset};
 use crate::render::DisplayTexture;

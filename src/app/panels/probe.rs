@@ -3,7 +3,7 @@
 use super::parts::method_name;
 use crate::app::model::Model;
 use crate::app::theme;
-use crate::engine::messages::MethodCurve;
+use crate::engine::messages::{MethodCurve, NearestRay, ProbedBound};
 use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
 
@@ -49,7 +49,7 @@ pub fn show(context: &egui::Context, model: &mut Model) {
                 }
             });
             for curve in &probe.methods {
-                ui.add(egui::Label::new(egui::RichText::new(promise_in_words(curve)).weak()).wrap());
+                ui.add(egui::Label::new(egui::RichText::new(describe_bound(curve)).weak()).wrap());
             }
             let exact = ui.visuals().strong_text_color();
             let names = probe.methods.iter().map(|curve| method_name(&curve.spec)).collect::<Vec<_>>();
@@ -84,62 +84,55 @@ pub fn show(context: &egui::Context, model: &mut Model) {
     }
 }
 
-/// What a method promises, of what, and how it is kept close to the point: the error at the point itself may be larger.
-fn promise_in_words(curve: &MethodCurve) -> String {
-    let name = curve.spec.split(':').next().unwrap_or(&curve.spec);
-    let Some(promise) = curve.promise else {
-        return format!("{name} promises nothing with these settings: an error may be of any size.");
+/// Describes a method's error bound and its test near the point.
+fn describe_bound(curve: &MethodCurve) -> String {
+    let name = method_name(&curve.spec);
+    let Some(ProbedBound { bound, nearest }) = curve.bound else {
+        return format!("{name} has no error bound with these settings.");
     };
-    let bound = promise.bound;
-    let what = format!(
-        "{name} promises ± {:.4} within {:.3} mm of depth, on the light rays through the centres of its map's texels and \
-         not between them.",
+    let bound = format!(
+        "Error bound of {name}: ± {:.4} within {:.3} mm of depth, on light rays through texel centres, not between them.",
         bound.transmittance, bound.depth_mm
     );
-    let Some(nearest) = promise.nearest else { return format!("{what} No texel lies here.") };
-    let away = nearest.texels_away;
-    if nearest.kept {
-        let largest = nearest.largest;
-        format!(
-            "{what} On the nearest such ray, {away:.2} texels from here, it is kept: off by {largest:.4} at most at one \
-             depth, the shift in depth not allowed for."
-        )
-    } else {
-        format!(
-            "{what} On the nearest such ray, {away:.2} texels from here, it is not kept: please report this."
-        )
-    }
+    let Some(NearestRay { texels_away, largest, satisfied }) = nearest else {
+        return format!("{bound} No texel lies here.");
+    };
+    let result = match satisfied {
+        true => {
+            format!("satisfied; the largest error at one depth is {largest:.4}, without the depth tolerance.")
+        }
+        false => "not satisfied: please report this.".to_owned(),
+    };
+    format!("{bound} On the nearest such ray, {texels_away:.2} texels away, it is {result}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::messages::{NearestRay, ProbedPromise};
     use crate::shadow::Bound;
 
     #[test]
-    fn a_promise_is_said_of_what_it_speaks() {
-        let curve =
-            |promise| MethodCurve { spec: "dsm:map=64".into(), points: vec![], at_point: 0.5, promise };
+    fn the_error_bound_is_described_with_its_test() {
+        let curve = |bound| MethodCurve { spec: "dsm:map=64".into(), points: vec![], at_point: 0.5, bound };
         let words = |nearest| {
             let bound = Bound { transmittance: 0.0235, depth_mm: 0.31, ..Bound::default() };
-            promise_in_words(&curve(Some(ProbedPromise { bound, nearest })))
+            describe_bound(&curve(Some(ProbedBound { bound, nearest })))
         };
-        let ray = NearestRay { texels_away: 0.4, largest: 0.2, kept: true };
-        let kept = words(Some(ray));
+        let ray = NearestRay { texels_away: 0.4, largest: 0.2, satisfied: true };
+        let text = words(Some(ray));
         for part in [
-            "dsm promises ± 0.0235 within 0.310 mm",
+            "dsm: ± 0.0235 within 0.310 mm",
             "centres",
             "not between",
             "0.40 texels",
-            "kept",
+            "is satisfied",
             "0.2000",
         ] {
-            assert!(kept.contains(part), "{kept}");
+            assert!(text.contains(part), "{text}");
         }
-        assert!(words(Some(NearestRay { kept: false, ..ray })).contains("not kept"));
+        assert!(words(Some(NearestRay { satisfied: false, ..ray })).contains("not satisfied"));
         assert!(words(None).contains("No texel lies here"));
-        let nothing = promise_in_words(&curve(None));
-        assert!(nothing.contains("dsm promises nothing") && !nothing.contains('±'), "{nothing}");
+        let none = describe_bound(&curve(None));
+        assert!(none.contains("dsm has no error bound") && !none.contains('±'), "{none}");
     }
 }

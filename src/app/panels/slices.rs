@@ -5,7 +5,7 @@ use crate::app::document::Document;
 use crate::app::model::Model;
 use crate::app::panels::parts::shadowed_text;
 use crate::app::theme;
-use crate::engine::messages::Aim;
+use crate::engine::messages::ProbeTarget;
 use crate::volume::Volume;
 use eframe::egui::{self, Align2, Color32, Rect, Sense, Stroke, pos2, vec2};
 use glam::DVec3;
@@ -121,7 +121,7 @@ impl Slices {
                 egui::WidgetInfo::labeled(egui::Role::Image, true, format!("slice {}", plane + 1))
             });
             if self.follow(ui, &layout, &response, &mut new_window) {
-                model.probe(Aim::Point(volume.world_from_index().transform_point3(self.at)));
+                model.probe(ProbeTarget::Point(volume.world_from_index().transform_point3(self.at)));
             }
             response.on_hover_text_at_pointer(
                 "Drag: crosshair; wheel: through the slices; right drag: window and level",

@@ -2,7 +2,7 @@
 
 use crate::app::document::Document;
 use crate::app::model::Model;
-use crate::engine::reading::With;
+use crate::engine::reading::OpenMode;
 use crate::open::{StrandFlags, parse_resolution, parse_thickness_mm};
 use crate::strands::{DEFAULT_RESOLUTION, Kernel, RESOLUTIONS, STRANDS_FORMAT};
 use clap::ValueEnum;
@@ -87,7 +87,7 @@ impl StrandsForm {
         {
             let mut spec = document.spec.clone();
             spec.flags.strands = wanted;
-            model.open(spec, With::Again);
+            model.open(spec, OpenMode::Revoxelise);
         }
     }
 }

@@ -90,7 +90,7 @@ impl Times {
         let sides = || frame.sides();
         let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
         self.last_made = made.map(|ms| ms.is_some());
-        let waited = (!frame.whole || frame.work != Default::default()).then_some(frame.latency_ms);
+        let waited = (!frame.is_final || frame.work != Default::default()).then_some(frame.latency_ms);
         let nodes: Vec<u64> = sides().filter_map(|side| side.report.nodes_total).collect();
         let costs = [
             made[0],

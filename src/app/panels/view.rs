@@ -5,10 +5,10 @@ use super::parts::file_name;
 use super::slices::Slices;
 use super::{cube, flicker, hands, overlays};
 use crate::app::model::Model;
-use crate::app::paint::shown::{Place, shape as shown};
 use crate::app::panels::parts::tag;
+use crate::app::picture_shape::{Place, shape as shown};
 use crate::app::theme;
-use crate::engine::messages::Side;
+use crate::engine::messages::MethodFrame;
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Rect, Sense, Stroke, pos2, vec2};
 use eframe::egui_wgpu::RenderState;
 
@@ -91,7 +91,7 @@ fn pictures(
         let found = difference.found.as_ref().filter(|_| difference.shows.is_some())?;
         found.sides.get(side).map(|s| &s.texture)
     };
-    let shape = |side: usize, drawn: &Side| {
+    let shape = |side: usize, drawn: &MethodFrame| {
         let texture = errors(side).unwrap_or(&drawn.texture);
         shown(place, texture, Place::Side(side), state)
     };

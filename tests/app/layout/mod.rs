@@ -13,7 +13,7 @@ use eframe::egui::{self, Event, Key, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use umbravox::app::{Model, With};
-use umbravox::engine::method_choice::MethodChoice;
+use umbravox::engine::MethodChoice;
 use umbravox::measure::error_map::Quantity;
 use umbravox::scene::Light;
 
@@ -88,7 +88,7 @@ impl Bench {
     fn open_line(&mut self, line: &[&str]) {
         let settings = scene_args(line).into_settings().unwrap();
         let source = settings.spec().source;
-        self.app().model.open(settings.spec(), With::Settings(Box::new(settings)));
+        self.app().model.open(settings.spec(), OpenMode::Settings(Box::new(settings)));
         self.wait_for("opened", |app| app.model.document.as_ref().is_some_and(|d| d.spec.source == source));
         self.settle();
     }

@@ -1,7 +1,7 @@
 //! What to compare: methods, how much to measure, the picture's size and the folder.
 
+use crate::app::panels::browse::Browse;
 use crate::app::panels::parts::complaint;
-use crate::app::panels::prompt::dialog::{Answer, Dialog};
 use crate::error::{Error, Result};
 use crate::files::output::check_output_dir;
 use crate::measure::job::Effort;
@@ -57,8 +57,7 @@ pub struct Form {
     pub resume: bool,
     /// What is wrong with the folder, as of the last start or choice.
     pub folder_error: Option<Error>,
-    /// The system's dialog, while it is open.
-    dialog: Option<Dialog>,
+    browse: Browse,
 }
 
 impl Default for Form {
@@ -70,7 +69,7 @@ impl Default for Form {
             folder: "comparison".into(),
             resume: true,
             folder_error: None,
-            dialog: None,
+            browse: Browse::default(),
         }
     }
 }
@@ -105,7 +104,6 @@ impl Form {
 
     /// The fields; `view_size` is that of the view, in pixels.
     pub fn show(&mut self, ui: &mut egui::Ui, view_size: Option<[u32; 2]>) {
-        self.take_dialog();
         // What the names beside them leave.
         let field = (ui.available_width() - NAMES_WIDTH).clamp(120.0, 430.0);
         egui::Grid::new("families").num_columns(2).show(ui, |ui| {
@@ -164,10 +162,16 @@ impl Form {
                 if ui.add(edit).accessible_name("table folder").changed() {
                     self.folder_error = None;
                 }
-                if ui.add_enabled(self.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
-                    let title = "Folder for the comparison";
-                    self.dialog = Dialog::of_folder(title, Path::new(self.folder.trim()), ui.ctx());
-                    self.folder_error = self.dialog.is_none().then(no_dialog);
+                let dialog = || rfd::FileDialog::new().set_title("Folder for the comparison");
+                let path = self.folder.trim().to_owned();
+                if let Some(folder) =
+                    self.browse.show(ui, Path::new(&path), dialog, rfd::FileDialog::pick_folder)
+                {
+                    self.folder = folder;
+                    self.folder_error = None;
+                } else if std::mem::take(&mut self.browse.is_unavailable) {
+                    let why = "the system shows none; type the folder's name";
+                    self.folder_error = Some(Error::runtime("cannot choose a folder", "file dialog", why));
                 }
             });
             ui.end_row();
@@ -185,23 +189,6 @@ impl Form {
             ui.end_row();
         });
     }
-
-    fn take_dialog(&mut self) {
-        let Some(answer) = self.dialog.as_ref().and_then(Dialog::answer) else { return };
-        self.dialog = None;
-        match answer {
-            Answer::Chosen(path) => {
-                self.folder = path.display().to_string();
-                self.folder_error = None;
-            }
-            Answer::Cancelled => {}
-            Answer::NoDialog => self.folder_error = Some(no_dialog()),
-        }
-    }
-}
-
-fn no_dialog() -> Error {
-    Error::runtime("cannot choose a folder", "file dialog", "the system shows none; type the folder's name")
 }
 
 fn count(ui: &mut egui::Ui, value: &mut usize, range: RangeInclusive<i64>, name: &str, tooltip: &str) {

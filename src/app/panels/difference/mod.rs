@@ -5,7 +5,7 @@ mod exact;
 pub mod legend;
 
 use crate::app::model::Model;
-use crate::engine::messages::{DifferenceRequest, Differences, Job, Subject};
+use crate::engine::messages::{DifferenceRequest, Differences, FrameSettings, Job};
 use crate::measure::error_map::{ExactView, Quantity};
 use eframe::egui;
 use exact::{Computing, Question};
@@ -85,7 +85,9 @@ impl Difference {
 
     /// Asks the render thread to compare what is shown with the finest answer, unless that was asked last.
     fn compare(&mut self, model: &Model) {
-        let (Some(view), Some(Subject { tf, methods, .. })) = (&self.view, &model.asked) else { return };
+        let (Some(view), Some(FrameSettings { tf, methods, .. })) = (&self.view, &model.asked) else {
+            return;
+        };
         let logarithmic = self.logarithmic;
         let known = self.asked.as_ref().is_some_and(|asked| {
             Arc::ptr_eq(&asked.view, view) && asked.methods == *methods && asked.logarithmic == logarithmic

@@ -1,4 +1,4 @@
-//! Finished pictures in egui's render pass: the texture that the renderer drew into, stretched over the view.
+//! egui shape of a finished picture: the renderer's texture, stretched over a rectangle.
 
 use crate::render::DisplayTexture;
 use eframe::egui::{PaintCallbackInfo, Rect, Shape};
@@ -7,25 +7,25 @@ use eframe::wgpu;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-const SHADER: &str = include_str!("../../../shaders/app/window.wgsl");
+const SHADER: &str = include_str!("../../shaders/app/window.wgsl");
 
-/// Where in the window a picture is: each place keeps its own.
+/// Place of a picture in the window; each has its own bind group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Place {
-    /// Left or right of the split.
+    /// Left (0) or right (1) of the split.
     Side(usize),
-    /// In the list of presets.
+    /// Row of the list of presets.
     Preset(usize),
 }
 
-/// A picture to paint.
+/// Paint callback of one picture.
 struct Shown {
     texture: Arc<DisplayTexture>,
     place: Place,
     format: wgpu::TextureFormat,
 }
 
-/// What stays in egui's renderer from frame to frame.
+/// Pipeline and bind groups, stored in egui's renderer.
 struct Resources {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
@@ -33,7 +33,7 @@ struct Resources {
     groups: HashMap<Place, (Arc<DisplayTexture>, wgpu::BindGroup)>,
 }
 
-/// The shape that paints a texture over `rect`.
+/// Shape that paints a texture over `rect`.
 pub fn shape(rect: Rect, texture: &Arc<DisplayTexture>, place: Place, state: &RenderState) -> Shape {
     let shown = Shown { texture: Arc::clone(texture), place, format: state.target_format };
     Shape::Callback(Callback::new_paint_callback(rect, shown))
