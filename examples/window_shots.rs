@@ -103,6 +103,7 @@ fn replay(args: Args) -> Result<()> {
 }
 
 /// Running script.
+#[derive(Debug)]
 struct Script {
     steps: VecDeque<Step>,
     /// Frames and time since the start of the step.

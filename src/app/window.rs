@@ -25,7 +25,7 @@ pub struct Start {
 }
 
 /// Hook into the frames of the window, which can replace the user.
-pub trait FrameHook {
+pub trait FrameHook: Send {
     /// Initial size of the window, points; `None`: the last one.
     fn window_size(&self) -> Option<[f32; 2]>;
     /// Adds input before a frame.

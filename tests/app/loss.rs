@@ -1,11 +1,11 @@
-//! A graphics device that is lost.
+//! Loss of the graphics device.
 
 use super::Bench;
 use std::time::{Duration, Instant};
 use umbravox::app::curve::Edit;
 
 #[test]
-fn what_was_open_goes_on_on_another_device() {
+fn the_document_continues_on_another_device() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--shadow=dsm:map=64"]) else { return };
     bench.app().model.edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
     bench.app().model.look_from(2);
@@ -16,7 +16,7 @@ fn what_was_open_goes_on_on_another_device() {
     let start = Instant::now();
     while bench.app().model.lost().is_none() {
         let _ = bench.device.poll(eframe::wgpu::PollType::Poll);
-        // A hand that goes on moves nothing any more, and harms nothing.
+        // Input during the loss is ignored.
         bench.app().model.look_from(1);
         bench.harness.step();
         assert!(start.elapsed() < super::PATIENCE);
@@ -40,7 +40,7 @@ fn what_was_open_goes_on_on_another_device() {
 }
 
 #[test]
-fn where_no_device_can_be_had_the_scene_is_kept() {
+fn without_a_device_the_scene_is_saved() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--tf=uniform", "--shadow=none"]) else {
         return;
     };

@@ -1,4 +1,4 @@
-//! The window's widgets over the real renderer, without a window: what hands do is injected as events.
+//! Window tests on the real renderer without a native window: input is injected as events.
 #![cfg(feature = "gui")]
 
 mod asking;
@@ -6,12 +6,12 @@ mod comparison;
 mod cube;
 mod difference;
 mod files;
-mod hands;
 mod layout;
 mod loss;
+mod masks;
 mod opening;
 mod panels;
-mod parts;
+mod pointer;
 mod presets;
 mod resizes;
 
@@ -27,7 +27,7 @@ use umbravox::render::DisplayTexture;
 /// Long enough for a busy machine without a GPU.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// Of the window, points.
+/// Size of the window, points.
 pub const SIZE: egui::Vec2 = egui::vec2(1200.0, 800.0);
 
 /// An open window without a screen, and the device that its pictures are on.
@@ -38,7 +38,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Opens `line`, as on the command line of `view`; `None`, said aloud, where there is no adapter.
+    /// Opens a command line of `view`; `None`, visibly, where there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
         let mut bench = Self::empty()?;
         let settings = scene_args(line).into_settings().unwrap();
@@ -47,7 +47,7 @@ impl Bench {
         Some(bench)
     }
 
-    /// Opens nothing.
+    /// Opens an empty window.
     pub fn empty() -> Option<Self> {
         let gpu = match Gpu::open(None) {
             Ok(gpu) => gpu,
@@ -67,20 +67,20 @@ impl Bench {
         self.harness.state_mut()
     }
 
-    /// Asks for the path of a picture.
+    /// Opens the prompt for a picture.
     pub fn ask_export(&mut self) {
         let App { model, windows, .. } = self.app();
         windows.prompt.ask(model, Purpose::ExportPicture);
         self.harness.run_steps(2);
     }
 
-    /// Presses a key, and steps until what it does is shown.
+    /// Presses a key and steps until the effect is shown.
     pub fn press(&mut self, key: egui::Key) {
         self.harness.key_press(key);
         self.harness.run_steps(3);
     }
 
-    /// Steps until the picture is whole and of what is wanted.
+    /// Steps until the picture is final and current.
     pub fn settle(&mut self) {
         let start = Instant::now();
         self.harness.step();
@@ -93,11 +93,11 @@ impl Bench {
             assert!(start.elapsed() < PATIENCE, "no picture: {:?}", app.model.messages);
             std::thread::sleep(Duration::from_millis(10));
         }
-        // What came last is shown, too.
+        // One more frame shows the last result.
         self.harness.step();
     }
 
-    /// Steps until `done`; `what` is said where it takes too long.
+    /// Steps until `done`; `what` names a timeout.
     pub fn wait_for(&mut self, what: &str, done: impl Fn(&App) -> bool) {
         let start = Instant::now();
         while !done(self.harness.state()) {
@@ -105,11 +105,11 @@ impl Bench {
             assert!(start.elapsed() < PATIENCE, "{what}: {:?}", self.harness.state().model.messages);
             std::thread::sleep(Duration::from_millis(5));
         }
-        // What came last is shown, too.
+        // One more frame shows the last result.
         self.harness.run_steps(2);
     }
 
-    /// Presses, moves over a few frames and lets go.
+    /// Drags over several frames.
     pub fn drag(&mut self, from: Pos2, to: Pos2, modifiers: Modifiers) {
         let button =
             |pos, pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
@@ -127,7 +127,7 @@ impl Bench {
         self.harness.step();
     }
 
-    /// Clicks at a place.
+    /// Clicks at a position.
     pub fn click_at(&mut self, pos: Pos2) {
         let modifiers = Modifiers::NONE;
         self.harness.event(Event::PointerMoved(pos));
@@ -143,14 +143,14 @@ impl Bench {
         }
     }
 
-    /// Clicks the widget of that name.
+    /// Clicks the widget with an accessible name.
     pub fn click(&mut self, label: &str) {
         self.harness.get_by_label(label).click();
         self.harness.step();
         self.harness.step();
     }
 
-    /// Puts a text into the field of that name in place of what it holds.
+    /// Replaces the text of a field.
     pub fn type_into(&mut self, label: &str, text: &str) {
         self.harness.get_by_label(label).focus();
         self.harness.step();
@@ -160,7 +160,7 @@ impl Bench {
         self.harness.step();
     }
 
-    /// The picture as it is on screen: sRGB codes.
+    /// Picture on screen, sRGB codes.
     pub fn pixels(&self) -> Vec<u8> {
         let frame = self.harness.state().model.frame.as_ref().unwrap();
         self.read(&frame.main.texture)

@@ -1,4 +1,4 @@
-//! The real window, resized again and again while its picture refines.
+//! Native window under repeated resizes while its picture refines.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use umbravox::gpu::Gpu;
 const SCENE: [&str; 4] = ["phantom:thorax:64", "--shadow=rays", "--tf=bone", "--clean"];
 const LAST: [u32; 2] = [1100, 740];
 const RESIZES: u32 = 50;
-/// Of the window, as far as the view reaches in any case: side panel, menus and editor show times.
+/// Part of the window that is always the view: other panels show times.
 const VIEW: [u32; 4] = [0, 40, 700, 440];
 
 /// Path of the example `window_shots`, which is built here where only this test program was.
@@ -39,7 +39,7 @@ fn replay(script: &str, folder: &Path) -> Option<()> {
         return None;
     };
     let said = String::from_utf8_lossy(&run.stderr);
-    // Xvfb is a package of its own, and so are the libraries that a window opens.
+    // Xvfb and the window libraries are optional packages.
     if said.contains("command not found") || said.contains("cannot open the window") {
         println!("skipped: {said}");
         return None;
@@ -56,7 +56,7 @@ fn view(path: &Path) -> image::RgbImage {
 }
 
 #[test]
-fn fifty_resizes_while_a_picture_refines_alarm_nobody_and_end_in_the_right_picture() {
+fn fifty_resizes_during_refinement_end_in_the_right_picture() {
     if let Err(e) = Gpu::open(None) {
         return println!("skipped: {e}");
     }

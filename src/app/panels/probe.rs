@@ -1,19 +1,19 @@
-//! The probe's answer: transmittance against depth along the light ray, by the methods and exactly.
+//! Window of the probe: transmittance against depth along the light ray, exact and by method.
 
-use super::parts::method_name;
+use super::widgets::method_name;
 use crate::app::model::Model;
 use crate::app::theme;
 use crate::engine::messages::{MethodCurve, NearestRay, ProbedBound};
 use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
 
-/// Of the window.
+/// Title of the window.
 pub const TITLE: &str = "Probe";
 
-/// Of the curves, points.
-const LEAST_HEIGHT: f32 = 140.0;
+/// Minimum height of the plot, points.
+const MIN_HEIGHT: f32 = 140.0;
 
-/// Shows the answer while there is one.
+/// Shows the window while there is a result.
 pub fn show(context: &egui::Context, model: &mut Model) {
     let Some(probe) = &model.probe else { return };
     let units = model.document.as_ref().map_or("", |d| d.tf.units.as_str());
@@ -30,13 +30,13 @@ pub fn show(context: &egui::Context, model: &mut Model) {
             let colors = theme::colors(ui.visuals());
             let p = probe.point;
             ui.label(format!(
-                "{:.2}, {:.2}, {:.2} mm (RAS) · value {:.2} {units} · {:.2} mm into the light ray",
+                "{:.2}, {:.2}, {:.2} mm (RAS) · value {:.2} {units} · {:.2} mm along the light ray",
                 p.x, p.y, p.z, probe.value, probe.depth_mm
             ));
             egui::Grid::new("probe").num_columns(3).striped(true).spacing([18.0, 3.0]).show(ui, |ui| {
                 ui.weak("method");
                 ui.weak("T here").on_hover_text("Transmittance from the light to the point");
-                ui.weak("error").on_hover_text("T of the method less the exact one");
+                ui.weak("error").on_hover_text("T of the method minus the exact one");
                 ui.end_row();
                 ui.strong("exact");
                 ui.monospace(format!("{:.5}", probe.exact_at_point));
@@ -54,23 +54,23 @@ pub fn show(context: &egui::Context, model: &mut Model) {
             let exact = ui.visuals().strong_text_color();
             let names = probe.methods.iter().map(|curve| method_name(&curve.spec)).collect::<Vec<_>>();
             let same = names.len() == 2 && names[0] == names[1];
-            // All that is left below the figures, and enough to see a curve.
+            // Remaining height.
             let used = ui.cursor().top() - ui.min_rect().top();
-            let height = (ui.clip_rect().height() - used - 16.0).max(LEAST_HEIGHT);
+            let height = (ui.clip_rect().height() - used - 16.0).max(MIN_HEIGHT);
             Plot::new("transmittance")
                 .height(height)
-                // The last figure below the axis reaches beyond it.
+                // The last tick label extends beyond the axis.
                 .width(ui.available_width() - 14.0)
                 .legend(Legend::default())
                 .include_y(0.0)
                 .include_y(1.0)
-                .x_axis_label("depth from where the light comes in, mm")
+                .x_axis_label("depth along the light ray, mm")
                 .y_axis_label("T")
                 .allow_scroll(false)
                 .show(ui, |plot| {
                     for (i, curve) in probe.methods.iter().enumerate() {
                         let points = PlotPoints::from(curve.points.clone());
-                        // Settings stand above: over the curves there is no room for them.
+                        // The settings are above: the legend has no space for them.
                         let name = if same { curve.spec.as_str() } else { method_name(&curve.spec) };
                         plot.line(Line::new(name.to_owned(), points).color(colors.methods[i % 2]).width(2.0));
                     }

@@ -99,13 +99,13 @@ impl Prompt {
             ui.horizontal(|ui| {
                 done |= self.field(ui, &extensions);
                 let path = expanded(self.text.trim());
-                let file = split(&path).1.to_owned();
-                let dialog = || rfd::FileDialog::new().set_title(title).add_filter(kind, &extensions);
+                let dialog = || {
+                    let dialog = rfd::FileDialog::new().set_title(title).add_filter(kind, &extensions);
+                    if purpose.saves() { dialog.set_file_name(split(&path).1) } else { dialog }
+                };
                 let pick: Pick = if purpose.saves() { |d| d.save_file() } else { |d| d.pick_file() };
-                if let Some(path) =
-                    self.browse.show(ui, Path::new(&path), || dialog().set_file_name(&file), pick)
-                {
-                    self.text = path;
+                if let Some(path) = self.browse.show(ui, Path::new(&path), dialog, pick) {
+                    (self.text, self.select) = (path, true);
                     // An opened file needs no confirmation; a saved one has more options here.
                     done |= !purpose.saves();
                 }
@@ -147,12 +147,18 @@ impl Prompt {
         let mut selected = std::mem::take(&mut self.select).then(|| split(&self.text).0.to_owned());
         if selected.is_some() {
             ui.memory_mut(|m| m.request_focus(id));
-        } else if ui.memory(|m| m.has_focus(id))
-            && let Some(longer) = completed(&self.text, extensions)
-            && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab))
-        {
-            self.text = longer;
-            selected = Some(self.text.clone());
+        } else if ui.memory(|m| m.has_focus(id)) {
+            if ui.input_mut(|i| i.consume_key(Modifiers::SHIFT, Key::Tab)) {
+                ui.memory_mut(|m| m.move_focus(egui::FocusDirection::Previous));
+            } else if ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab)) {
+                match completed(&self.text, extensions) {
+                    Some(longer) => {
+                        selected = Some(longer.clone());
+                        self.text = longer;
+                    }
+                    None => ui.memory_mut(|m| m.move_focus(egui::FocusDirection::Next)),
+                }
+            }
         }
         if let Some(before) = selected {
             let [from, to] = [&before, &self.text].map(|text| CCursor::end_of_str(text));
@@ -161,7 +167,7 @@ impl Prompt {
             state.store(ui.ctx(), id);
         }
         let field = egui::TextEdit::singleline(&mut self.text).id(id).desired_width(410.0);
-        let field = ui.add(field.hint_text("path")).accessible_name("path");
+        let field = ui.add(field.hint_text("path").lock_focus(true)).accessible_name("path");
         field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter))
     }
 

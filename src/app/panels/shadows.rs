@@ -1,9 +1,9 @@
 //! Side panel section of the shadow methods: settings from the registry, and build reports.
 
 use super::difference::Difference;
-use super::flicker;
-use super::parts::complaint;
+use super::widgets::error_label;
 use crate::app::model::Model;
+use crate::app::split::RATES_HZ;
 use crate::engine::messages::MethodFrame;
 use crate::engine::method_choice::MethodChoice;
 use crate::shadow::{Key, Kind, METHODS};
@@ -28,7 +28,17 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
         && let Some(document) = &mut model.document
     {
         ui.indent("second", |ui| method_editor(ui, "second method", &mut document.other));
-        flicker::controls(model, ui);
+        ui.horizontal(|ui| {
+            let mut on = model.split.flickers();
+            let toggle = ui.checkbox(&mut on, "Flicker");
+            if toggle.on_hover_text("Alternates the two pictures over the whole view (F)").changed() {
+                model.split.set_flicker(on, ui.input(|i| i.time));
+            }
+            let rate = egui::DragValue::new(&mut model.settings.flicker_hz).range(RATES_HZ).speed(0.05);
+            ui.add(rate.max_decimals(2).suffix(" Hz"))
+                .on_hover_text("Changes per second, 0.5 to 8 Hz")
+                .accessible_name("flicker rate");
+        });
     }
     difference.choice(ui);
     let Some(frame) = &model.frame else { return };
@@ -94,7 +104,7 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
         choice.set_values(values);
     });
     if let Err(e) = choice.method() {
-        complaint(ui, &e);
+        error_label(ui, &e);
     }
 }
 

@@ -1,4 +1,4 @@
-//! Dragging, typing, switching, undoing.
+//! Pointer and keyboard: drags, text input, shortcuts, undo.
 
 use super::{Bench, brightness};
 use eframe::egui::{self, Modifiers, vec2};
@@ -11,11 +11,11 @@ use umbravox::transfer::TransferFunction;
 const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
 
 #[test]
-fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_it_back() {
+fn a_dragged_point_changes_picture_and_file_and_can_be_undone() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let before = bench.app().model.document.clone().unwrap();
     let picture = bench.pixels();
-    // The highest point that the histogram's range shows: no other is near it.
+    // The highest point in the histogram's range has no neighbour nearby.
     let range = before.volume.value_range();
     let last = before.tf.points.iter().rposition(|p| p.value < range[1]).unwrap();
     let grip = bench.harness.get_by_label(&format!("point {}", last + 1)).rect().center();
@@ -44,17 +44,17 @@ fn a_dragged_point_changes_the_picture_and_is_in_the_saved_file_and_undo_takes_i
 }
 
 #[test]
-fn an_edit_does_no_more_than_it_must() {
+fn an_edit_does_no_more_work_than_needed() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let range = bench.app().model.document.as_ref().unwrap().volume.value_range();
-    // A colour: tables, but no shadow work.
+    // A colour needs tables, but no shadow map.
     let picture = bench.pixels();
     bench.app().model.edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
     bench.settle();
     let work = bench.app().model.frame.as_ref().unwrap().work;
     assert!(work.table_ms.is_some() && work.build_ms.is_none(), "{work:?}");
     assert_ne!(bench.pixels(), picture);
-    // A point beyond every value: nothing at all, not even a picture.
+    // A point beyond every value needs nothing, not even a picture.
     bench.app().model.edit(Edit::Add { value: range[1] + 1000.0, amount: 0.0 });
     bench.settle();
     let (frames, unchanged) = (bench.app().model.frames, bench.app().model.unchanged);
@@ -72,14 +72,14 @@ fn an_edit_does_no_more_than_it_must() {
     );
     let now = (bench.app().model.frames, bench.app().model.unchanged);
     assert_eq!(now, (frames, unchanged + 1), "no voxel has such a value");
-    // The camera alone: no tables, no map.
+    // A camera change needs neither tables nor a map.
     bench.app().model.look_from(2);
     bench.settle();
     assert_eq!(bench.app().model.frame.as_ref().unwrap().work, Default::default());
 }
 
 #[test]
-fn methods_are_switched_by_their_list_and_a_bad_value_is_said_beside_it() {
+fn methods_are_selected_in_a_list_and_invalid_values_are_reported() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let shadowed = brightness(&bench.pixels());
     bench.click("method");
@@ -121,7 +121,7 @@ fn the_split_view_shows_two_methods() {
 }
 
 #[test]
-fn the_light_and_the_camera_follow_the_hand() {
+fn light_and_camera_follow_drags() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let before = bench.app().model.document.as_ref().unwrap().scene.clone();
     let center = bench.app().model.view.unwrap().center();
@@ -140,7 +140,7 @@ fn the_light_and_the_camera_follow_the_hand() {
 }
 
 #[test]
-fn a_probe_while_a_picture_is_refined_leaves_it_whole() {
+fn a_probe_during_refinement_leaves_the_final_picture() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     for turn in 0..4 {
         let middle = bench.app().model.view.unwrap().center();
@@ -153,7 +153,7 @@ fn a_probe_while_a_picture_is_refined_leaves_it_whole() {
 }
 
 #[test]
-fn a_click_probes_what_is_seen_there() {
+fn a_click_probes_the_visible_point() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:32", "--tf=uniform", "--shadow=rays"]) else {
         return;
     };
@@ -185,7 +185,7 @@ fn a_second_light_is_added_edited_moved_and_removed() {
     assert_eq!((two.len(), two[0]), (2, first[0]));
     assert!(brightness(&bench.pixels()) > brightness(&one), "two lights are brighter");
 
-    // The one that was added is edited, and hands move it alone.
+    // The new light is the edited one, and drags move it alone.
     bench.type_into("light intensity", "0.25");
     bench.settle();
     let center = bench.app().model.view.unwrap().center();
@@ -201,12 +201,12 @@ fn a_second_light_is_added_edited_moved_and_removed() {
     let back = lights(&mut bench);
     assert!(back[1] == moved[1] && back[0].light != first[0].light);
 
-    // A scene file holds both, to the last bit.
+    // A scene file contains both, to the last bit.
     let document = bench.app().model.document.clone().unwrap();
     let read = umbravox::open::SceneSettings::from_toml(&document.scene_text("ct").unwrap()).unwrap();
     assert_eq!(read.scene(&VisibleBounds::whole(&document.volume)).unwrap().lights, back);
 
-    // The picture is that of the command line.
+    // The command line draws the same picture.
     bench.click("light 2");
     bench.click("remove light");
     bench.settle();
