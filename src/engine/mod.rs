@@ -20,7 +20,7 @@ mod shadow_cache;
 pub use cached_session::{CachedSession, Prepared};
 pub use invalidation::{Change, INVALIDATES, Stage};
 pub use method_choice::MethodChoice;
-pub use reading::OpenMode;
+pub use reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 pub use render_thread::RenderThread;
 pub use rotation::{RotatedScene, Rotation};
 pub use shadow_cache::{MapCoverage, MapSource, ReusePolicy, ShadowCache, Work};

@@ -24,10 +24,13 @@ const ASSUMED_MM: f64 = 1.0;
 /// Volume that has been read, with its initial state.
 #[derive(Debug, Clone)]
 pub struct OpenedVolume {
+    /// Source and flags of the reading.
     pub spec: VolumeSpec,
+    /// Volume.
     pub volume: Arc<Volume>,
     /// Strands that the volume was made from.
     pub strands: Option<Arc<VoxelisedStrands>>,
+    /// Histogram of the values.
     pub histogram: Arc<Histogram>,
     /// `None`: everything but the volume stays.
     pub initial: Option<InitialState>,
@@ -38,6 +41,7 @@ pub struct OpenedVolume {
 /// State of the window after a volume was opened.
 #[derive(Debug, Clone)]
 pub struct InitialState {
+    /// Transfer function.
     pub tf: TransferFunction,
     /// Preset or file of `tf`.
     pub tf_source: String,
@@ -45,8 +49,9 @@ pub struct InitialState {
     pub suiting: Suiting,
     /// Segmentation and the functions of its labels.
     pub parts: PartFlags,
+    /// Camera, lights and picture settings.
     pub scene: Scene,
-    /// `None`: unchanged.
+    /// Shadow method; `None`: unchanged.
     pub method: Option<MethodChoice>,
     /// Whether pictures are written without their background; `None`: unchanged.
     pub transparent: Option<bool>,
@@ -65,8 +70,11 @@ pub enum OpenMode {
 
 /// Reading task; dropping it cancels the reading.
 pub struct ReadTask {
+    /// Path or name of the volume.
     pub source: String,
+    /// Start time.
     pub since: Instant,
+    /// Progress and cancellation.
     pub loading: Arc<Loading>,
     result: Receiver<Result<OpenedVolume>>,
 }

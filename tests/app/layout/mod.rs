@@ -11,7 +11,7 @@ use crate::comparison::little;
 use eframe::egui::{self, Event, Key, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use umbravox::app::{Model, With};
+use umbravox::app::{Model, OpenMode};
 use umbravox::engine::MethodChoice;
 use umbravox::measure::error_map::Quantity;
 use umbravox::scene::Light;
@@ -220,7 +220,7 @@ fn nothing_is_cut_covered_or_unreadable_with_masks_and_strands() {
     let name =
         "a-scan-with-a-long-name-of-someone-who-keeps-the-date-and-the-kernel-in-it-2024-03-17-b70f.nii";
     let file = dir.path().join(name);
-    super::parts::write_labels(&file);
+    super::masks::write_labels(&file);
     let labels = format!("--labels={}", file.display());
     let line = [&["phantom:thorax:32", labels.as_str(), "--label-tf=1=skin"], &CHEAP[..]].concat();
     let Some(mut bench) = Bench::open(&line) else { return };
@@ -251,7 +251,7 @@ fn elided_text_is_complete_in_its_tooltip() {
     let name =
         "a-scan-with-a-long-name-of-someone-who-keeps-the-date-and-the-kernel-in-it-2024-03-17-b70f.nii";
     let file = dir.path().join(name);
-    super::parts::write_labels(&file);
+    super::masks::write_labels(&file);
     let Some(mut bench) = Bench::open(&[&[file.to_str().unwrap()], &CHEAP[..]].concat()) else { return };
     bench.choose(LONG[0], Some(LONG[1]));
     bench.resize(vec2(640.0, 480.0), 1.0);
