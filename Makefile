@@ -17,6 +17,7 @@
 CARGO ?= cargo
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 UMBRAVOX := $(TARGET_DIR)/release/umbravox
+WINDOW_SHOTS := $(TARGET_DIR)/release/examples/window_shots
 DEMO_DIR ?= out/demo
 DEMO_FLAGS ?= phantom:thorax:64 --size 192x192 --repeats 2
 
@@ -65,25 +66,25 @@ bench: setup
 
 shots:
 	@scripts/setup.sh --window
-	$(CARGO) build --release --locked
+	$(CARGO) build --release --locked --example window_shots
 	@mkdir -p out/shots
-	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/shots.txt
+	$(XVFB) $(WINDOW_SHOTS) scripts/shots.txt $(SHOTS_VOLUME) --tf vessels --clean
 	@rm -rf out/shots/comparison
-	$(XVFB) $(UMBRAVOX) view phantom:thorax:64 --tf bone --clean --script scripts/parts.txt
+	$(XVFB) $(WINDOW_SHOTS) scripts/parts.txt phantom:thorax:64 --tf bone --clean
 	@cp out/shots/window-*.png docs/
-	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --clean --script scripts/drags.txt
-	$(XVFB) $(UMBRAVOX) view $(SHOTS_VOLUME) --tf vessels --shadow rays --clean --script scripts/resizes.txt
+	$(XVFB) $(WINDOW_SHOTS) scripts/drags.txt $(SHOTS_VOLUME) --tf vessels --clean
+	$(XVFB) $(WINDOW_SHOTS) scripts/resizes.txt $(SHOTS_VOLUME) --tf vessels --shadow rays --clean
 	@echo && cat out/shots/drags.tsv
 
 sizes:
 	@scripts/setup.sh --window
-	$(CARGO) build --release --locked
+	$(CARGO) build --release --locked --example window_shots
 	@mkdir -p out/sizes
 	@for size in $(SIZES); do \
 		points=$${size%@*} scale=$${size#*@}; \
 		sed "s/WIDTH/$${points%x*}/g; s/HEIGHT/$${points#*x}/g; s/SCALE/$$scale/g" scripts/sizes.txt >out/sizes/script.txt; \
-		WINIT_X11_SCALE_FACTOR=$$scale $(XVFB_LARGE) $(UMBRAVOX) view phantom:thorax:64 --tf bone --clean \
-			--script out/sizes/script.txt || exit 1; \
+		WINIT_X11_SCALE_FACTOR=$$scale $(XVFB_LARGE) $(WINDOW_SHOTS) out/sizes/script.txt \
+			phantom:thorax:64 --tf bone --clean || exit 1; \
 	done
 
 measured: setup

@@ -13,17 +13,16 @@ fn main() -> ExitCode {
 /// Opens the window.
 #[cfg(feature = "gui")]
 fn view(args: ViewArgs) -> Result<()> {
-    use umbravox::app::{Script, Start, run};
+    use umbravox::app::{Start, run};
     use umbravox::open::SceneArgs;
 
-    let script = args.script.as_deref().map(Script::read).transpose()?;
     let asked = args.scene != SceneArgs::default();
     let settings = args.scene.into_settings()?;
-    // Said before a window opens, as any other command would.
+    // Report invalid settings before a window opens.
     settings.method()?;
     let adapter = settings.adapter.clone();
     let scene = (asked || args.clean).then_some(settings);
-    run(Start { scene, adapter, clean: args.clean, script })
+    run(Start { scene, adapter, clean: args.clean, hook: None })
 }
 
 /// Refuses: this build has no window.

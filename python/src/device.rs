@@ -1,4 +1,4 @@
-//! Graphics adapters that are open, each once.
+//! Open graphics adapters, one device each.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,12 +8,12 @@ use umbravox::render::Renderer;
 
 static OPEN: Mutex<Option<HashMap<Option<String>, Arc<Renderer>>>> = Mutex::new(None);
 
-/// One for a table alone: no picture of another thread's is counted among the work that is measured.
+/// Opens a device for one comparison, so that pictures of other threads are not measured.
 pub fn own(name: Option<&str>) -> Result<Arc<Renderer>> {
     Ok(Arc::new(Renderer::new(Gpu::open(name)?)))
 }
 
-/// What draws on the adapter of that name (`None`: the fastest); opened once, and again where its device was lost.
+/// Renderer of an adapter by name (`None`: the fastest). Opened once, and again after its device was lost.
 pub fn renderer(name: Option<&str>) -> Result<Arc<Renderer>> {
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     let open = open.get_or_insert_default();

@@ -176,9 +176,9 @@ impl PyScene {
             asked.settings.shadow = Some(method.to_owned());
         }
         let found = self.done(py, |ending| {
-            self.stage.prepared(&asked, ending, MapCoverage::AnyPoint, |made| {
-                let [map] = made.maps[..] else { return Ok(vec![1.0; points.len()]) };
-                made.renderer.query(made.on_device, made.transfer()?, map, &points)
+            self.stage.prepared(&asked, ending, MapCoverage::AnyPoint, |prepared, _, _| {
+                let [map] = prepared.shadows[..] else { return Ok(vec![1.0; points.len()]) };
+                prepared.renderer.query(prepared.loaded, prepared.transfer, map, &points)
             })
         })?;
         Ok(shaped(py, found, shape)?)

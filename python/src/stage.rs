@@ -1,4 +1,4 @@
-//! What answers questions about a scene, and what it keeps on the device from one to the next. It knows no Python.
+//! Questions about a scene and the device state that they share, without Python types.
 
 use crate::arguments::Asked;
 use crate::attended::Ending;
@@ -6,7 +6,7 @@ use crate::device;
 use crate::volume::Held;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
-use umbravox::engine::{MapCoverage, ReusePolicy, ShadowCache, Work};
+use umbravox::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use umbravox::error::{Error, Result};
 use umbravox::exact::ExactField;
 use umbravox::files::loading::Loading;
@@ -14,37 +14,37 @@ use umbravox::open::asked::picture_texts;
 use umbravox::open::presets::{PRESETS, Scale};
 use umbravox::open::units::Units;
 use umbravox::open::{DEFAULT_SHADOW, Loaded, Remark, SceneSettings};
-use umbravox::render::{DeviceTransfer, LoadedVolume, Picture, Renderer};
+use umbravox::render::{Picture, Renderer};
 use umbravox::scene::{Camera, Scene};
-use umbravox::shadow::{BuildReport, ShadowMap};
+use umbravox::shadow::BuildReport;
 use umbravox::transfer::TransferFunction;
 use umbravox::volume::{DirectionMoments, Volume};
 
-/// Between two looks whether another question is answered.
+/// Interval between two attempts to lock the device state.
 const WAITING: Duration = Duration::from_millis(2);
-/// A part of a picture between two looks whether to go on, ms; all of a small picture is one.
+/// Duration of a band of a picture, after which cancellation is checked, ms.
 const PART_MS: f64 = 200.0;
 
-/// A volume, and what is kept of the questions about it. No answer depends on the questions before it.
+/// Volume and the state shared by the questions about it. No answer depends on the questions before it.
 pub struct Stage {
     pub held: Held,
     kit: Mutex<Kit>,
-    /// Apart from the rest, so that nobody waits for a picture to read them.
+    /// Locked separately, so that reading notes does not wait for a picture.
     told: Mutex<Told>,
 }
 
-/// What can be told of the questions so far.
+/// Notes and costs of the questions so far.
 #[derive(Default)]
 struct Told {
-    /// What the last picture took.
+    /// Cost of the last picture.
     last: Option<Cost>,
-    /// What was assumed, and nobody has been told of.
+    /// Assumptions not reported yet.
     untold: Vec<Remark>,
     notes: Vec<String>,
 }
 
 impl Told {
-    /// Each line once.
+    /// Adds a note unless it is known; returns whether it was added.
     fn note(&mut self, line: &str) -> bool {
         let is_new = !self.notes.iter().any(|note| note == line);
         if is_new {
@@ -54,24 +54,23 @@ impl Told {
     }
 }
 
-/// What is kept from one question to the next.
+/// Device state and the last look, reused by later questions.
 #[derive(Default)]
 struct Kit {
-    device: Option<(Arc<Renderer>, LoadedVolume)>,
+    session: Option<CachedSession>,
     looked: Option<Looked>,
 }
 
-/// A look at the volume.
+/// Transfer function and scene defaults for one set of settings.
 struct Looked {
     asked: Asked,
     loaded: Loaded,
-    kept: ShadowCache,
-    /// Settings, and the camera that they framed: looking for that takes longer than a small picture.
+    /// Settings of the camera and the camera framed for them: framing takes longer than a small picture.
     framed: Option<(SceneSettings, Camera)>,
 }
 
 impl Looked {
-    /// The scene of settings that look so.
+    /// Scene for settings with the same look.
     fn scene(&mut self, settings: &SceneSettings) -> Result<Scene> {
         let of_camera = SceneSettings {
             size: settings.size,
@@ -102,7 +101,7 @@ impl Looked {
     }
 }
 
-/// What a picture took.
+/// Cost of a picture.
 #[derive(Clone)]
 pub struct Cost {
     pub adapter: String,
@@ -113,23 +112,7 @@ pub struct Cost {
     pub left_out: Vec<String>,
 }
 
-/// What a picture, or a query, reads.
-pub struct Made<'a> {
-    pub renderer: &'a Renderer,
-    pub on_device: &'a LoadedVolume,
-    kept: &'a ShadowCache,
-    pub maps: Vec<&'a ShadowMap>,
-    pub scene: &'a Scene,
-    work: Work,
-}
-
-impl Made<'_> {
-    pub fn transfer(&self) -> Result<&DeviceTransfer> {
-        self.kept.transfer().ok_or_else(|| Error::runtime("cannot draw", "scene", "it has no tables"))
-    }
-}
-
-/// What the exact reference asks, apart from the scene, so that it is not held up meanwhile.
+/// Inputs of the exact reference, copied so that the lock is released meanwhile.
 pub struct Looks {
     volume: Arc<Volume>,
     tf: TransferFunction,
@@ -149,7 +132,7 @@ impl Looks {
 }
 
 impl Stage {
-    /// Nothing kept yet.
+    /// Creates a stage without device state.
     pub fn new(held: Held) -> Self {
         let mut told = Told::default();
         held.remarks.iter().for_each(|(_, text)| {
@@ -158,12 +141,12 @@ impl Stage {
         Self { held, kit: Mutex::default(), told: Mutex::new(told) }
     }
 
-    /// What was assumed, a line each.
+    /// Assumptions, one line each.
     pub fn notes(&self) -> Vec<String> {
         lock(&self.told).notes.clone()
     }
 
-    /// More of that.
+    /// Adds notes.
     pub fn note(&self, notes: &[String]) {
         let mut told = lock(&self.told);
         notes.iter().for_each(|line| {
@@ -171,17 +154,17 @@ impl Stage {
         });
     }
 
-    /// What was assumed since this was asked last.
+    /// Assumptions since the last call.
     pub fn take_untold(&self) -> Vec<Remark> {
         std::mem::take(&mut lock(&self.told).untold)
     }
 
-    /// What the last picture took.
+    /// Cost of the last picture.
     pub fn last(&self) -> Option<Cost> {
         lock(&self.told).last.clone()
     }
 
-    /// Looks at the volume, unless that look is kept, and asks something of it.
+    /// Passes the volume's look and scene to `ask`; the look is cached.
     pub fn looked_at<T>(
         &self,
         asked: &Asked,
@@ -194,7 +177,7 @@ impl Stage {
         ask(&looked.loaded, scene)
     }
 
-    /// What the exact reference is asked of.
+    /// Inputs of the exact reference, and the scene.
     pub fn exact(&self, asked: &Asked, ending: &Ending) -> Result<(Looks, Scene)> {
         self.looked_at(asked, ending, |loaded, scene| Ok((Looks::of(loaded, &scene)?, scene)))
     }
@@ -216,13 +199,15 @@ impl Stage {
                     told.untold.push((kind, text));
                 }
             }
-            let kept = ShadowCache::new(settings.disabled_optimizations()).serving_by(ReusePolicy::Same);
-            kit.looked = Some(Looked { asked: asked.clone(), loaded, kept, framed: None });
+            if let Some(session) = &mut kit.session {
+                session.reset(settings.disabled_optimizations());
+            }
+            kit.looked = Some(Looked { asked: asked.clone(), loaded, framed: None });
         }
         kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))
     }
 
-    /// What to say where nobody has said what an array's values are, and a preset was laid over them.
+    /// Warning about guessed units of an array under a preset.
     fn guess(&self, asked: &Asked, loaded: &Loaded) -> Option<Remark> {
         let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source && p.scale == Scale::Hounsfield);
         let said = self.held.read_by.is_some() || asked.settings.units.is_some() || asked.function.is_some();
@@ -238,12 +223,12 @@ impl Stage {
         Some(("warning", text))
     }
 
-    /// The kit, once nobody else uses it.
+    /// Waits for the device state.
     fn kit(&self, ending: &Ending) -> Result<MutexGuard<'_, Kit>> {
         loop {
             match self.kit.try_lock() {
                 Ok(kit) => return Ok(kit),
-                // What a question that failed half-way has left is as good as any.
+                // The state stays valid after a failed question.
                 Err(TryLockError::Poisoned(left)) => return Ok(left.into_inner()),
                 Err(TryLockError::WouldBlock) if ending.goes_on() => std::thread::sleep(WAITING),
                 Err(TryLockError::WouldBlock) => {
@@ -257,60 +242,60 @@ impl Stage {
         device::renderer(asked.settings.adapter.as_deref())
     }
 
-    /// Builds what a picture or a query reads, unless it is kept.
+    /// Prepares a picture or a query and passes it to `then` with its scene.
     pub fn prepared<T>(
         &self,
         asked: &Asked,
         ending: &Ending,
-        asked_for: MapCoverage,
-        then: impl FnOnce(Made<'_>) -> Result<T>,
+        coverage: MapCoverage,
+        then: impl FnOnce(Prepared<'_>, &Scene, Work) -> Result<T>,
     ) -> Result<T> {
         let mut kit = self.kit(ending)?;
         let renderer = self.renderer(asked)?;
-        // A device that was lost has taken all that was on it.
-        if kit.device.as_ref().is_some_and(|(kept, _)| !Arc::ptr_eq(kept, &renderer)) {
-            (kit.device, kit.looked) = (None, None);
+        // A lost device has lost everything on it.
+        if kit.session.as_ref().is_some_and(|session| !Arc::ptr_eq(&session.renderer, &renderer)) {
+            *kit = Kit::default();
         }
-        if kit.device.is_none() {
-            let on_device = renderer.load(Arc::clone(&self.held.volume))?;
-            kit.device = Some((renderer, on_device.with_strands(self.held.strands.clone())));
-        }
-        self.look(&mut kit, asked)?;
-        let Kit { device: Some((renderer, on_device)), looked: Some(looked) } = &mut *kit else {
-            return Err(Error::runtime("cannot draw", "scene", "nothing is looked at"));
-        };
+        let looked = self.look(&mut kit, asked)?;
+        let (forced, tf) = (looked.asked.settings.disabled_optimizations(), looked.loaded.tf.clone());
         let scene = looked.scene(&asked.settings)?;
+        if kit.session.is_none() {
+            // No answer depends on the questions before it.
+            let cache = ShadowCache::new(ShadowCache::INTERACTIVE, ReusePolicy::Exact);
+            let mut session = CachedSession::new(renderer, forced, cache);
+            session.load(Arc::clone(&self.held.volume), self.held.strands.clone())?;
+            kit.session = Some(session);
+        }
+        let none = || Error::runtime("cannot draw", "scene", "it has no device");
+        let session = kit.session.as_mut().ok_or_else(none)?;
         let mut work = Work::default();
-        looked.kept.set_transfer(renderer, on_device, &looked.loaded.tf, &mut work)?;
+        session.set_transfer(&tf, &mut work)?;
         let method = asked.settings.method()?;
-        let spec = asked.settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW);
-        looked.kept.prepare(renderer, on_device, (spec, method.as_ref()), (&scene, asked_for), &mut work)?;
-        let maps = looked.kept.shadows(spec, &scene).unwrap_or_default();
-        then(Made { renderer, on_device, kept: &looked.kept, maps, scene: &scene, work })
+        then(session.prepare(method.as_ref(), (&scene, coverage), &mut work)?, &scene, work)
     }
 
-    /// Draws a picture, in parts between which it can be ended.
+    /// Draws a picture in bands; it can be cancelled between them.
     pub fn drawn(&self, asked: &Asked, ending: &Ending) -> Result<Picture> {
-        self.prepared(asked, ending, MapCoverage::Picture, |made| {
-            let Made { renderer, on_device, maps, scene, work, .. } = &made;
-            let go_on = |_| ending.goes_on();
-            let drawn =
-                renderer.render_in_bands(on_device, made.transfer()?, maps.clone(), scene, PART_MS, go_on)?;
+        self.prepared(asked, ending, MapCoverage::Picture, |prepared, scene, work| {
+            let Prepared { renderer, loaded, transfer, shadows } = prepared;
+            let bytes = BuildReport::of_all(shadows.iter().copied()).bytes;
+            let proceed = |_| ending.goes_on();
+            let drawn = renderer.render_in_bands(loaded, transfer, shadows, scene, PART_MS, proceed)?;
             let picture = drawn.ok_or_else(|| Error::cancelled("picture"))?;
             let (frame_ms, clock) = picture.span.best();
             lock(&self.told).last = Some(Cost {
                 adapter: renderer.gpu().info.name.clone(),
                 clock: clock.to_string(),
-                work: *work,
+                work,
                 frame_ms,
-                bytes: BuildReport::of_all(maps.iter().copied()).bytes,
+                bytes,
                 left_out: picture.plan.left_out.iter().map(ToString::to_string).collect(),
             });
             Ok(picture)
         })
     }
 
-    /// The settings with nothing left to a default.
+    /// Settings with every default filled in.
     pub fn resolved(&self, asked: &Asked, ending: &Ending) -> Result<SceneSettings> {
         let settings = &asked.settings;
         let mut resolved = self.looked_at(asked, ending, |loaded, scene| {
@@ -320,7 +305,7 @@ impl Stage {
         Ok(resolved)
     }
 
-    /// What a picture file keeps as text.
+    /// Text chunks of a picture file.
     pub fn texts(&self, asked: &Asked, ending: &Ending) -> Result<Vec<(String, String)>> {
         let adapter = self.renderer(asked)?.gpu().info.name.clone();
         let is_of_files = self.held.is_of_files() && asked.function.is_none();
@@ -329,7 +314,7 @@ impl Stage {
     }
 }
 
-/// Held for moments alone.
+/// Locks for a moment only.
 fn lock(told: &Mutex<Told>) -> MutexGuard<'_, Told> {
     told.lock().unwrap_or_else(PoisonError::into_inner)
 }

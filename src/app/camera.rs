@@ -1,23 +1,23 @@
-//! What a hand does to the camera and the light.
+//! Camera and light movement from pointer drags.
 
 use crate::scene::{AxisView, Camera, Light};
 use glam::{DQuat, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
-/// How dragging turns the camera.
+/// Camera rotation of a drag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Orbit {
-    /// About the upright axis, and up and down: the horizon stays level.
+    /// About the up axis, and up and down: the horizon stays level.
     Turntable,
-    /// Freely, about the picture's own axes.
+    /// Freely about the axes of the picture.
     Trackball,
 }
 
-/// Closer to the upright axis a turntable does not go, radians.
+/// Minimum angle between the view direction and the up axis of a turntable, radians.
 const POLE_MARGIN: f64 = 0.01;
 
-/// Turns the camera about its target, radians to the right and down as the hand moves.
+/// Rotates the camera about its target by a drag to the right and down, radians.
 pub fn orbit(camera: &mut Camera, how: Orbit, right: f64, down: f64) {
     let frame = camera.frame();
     let offset = camera.eye - camera.target;
@@ -38,7 +38,7 @@ pub fn orbit(camera: &mut Camera, how: Orbit, right: f64, down: f64) {
     }
 }
 
-/// Moves the camera along the picture, in heights of the picture at the target.
+/// Translates the camera parallel to the picture, in picture heights at the target.
 pub fn pan(camera: &mut Camera, right: f64, down: f64) {
     let frame = camera.frame();
     let height = 2.0 * camera.eye.distance(camera.target) * (0.5 * camera.fov_deg.to_radians()).tan();
@@ -47,12 +47,12 @@ pub fn pan(camera: &mut Camera, right: f64, down: f64) {
     camera.target += shift;
 }
 
-/// Comes closer (`factor` below 1) or goes away; what lies under the cursor at the target's depth stays there. `cursor`
-/// is from the picture's middle, in half heights, y up.
+/// Zooms in (`factor` below 1) or out about the point under the cursor at the target's depth. `cursor` is relative to the
+/// picture centre, in half heights, y up.
 pub fn zoom(camera: &mut Camera, factor: f64, cursor: [f64; 2], radius_mm: f64) {
     let frame = camera.frame();
     let distance = camera.eye.distance(camera.target);
-    // Neither into the target nor so far that nothing is left to see.
+    // Neither into the target nor too far away to see anything.
     let factor = (distance * factor).clamp(1e-3 * radius_mm, 1e3 * radius_mm) / distance;
     let half = distance * (0.5 * camera.fov_deg.to_radians()).tan();
     let fixed = camera.target + half * (cursor[0] * frame.right + cursor[1] * frame.up);
@@ -60,19 +60,19 @@ pub fn zoom(camera: &mut Camera, factor: f64, cursor: [f64; 2], radius_mm: f64) 
     camera.target = fixed + factor * (camera.target - fixed);
 }
 
-/// Looks at the target from one of the six directions, from as far as now.
+/// Looks at the target from one of the six directions, at the current distance.
 pub fn look_from(camera: &mut Camera, view: &AxisView) {
     look_along(camera, view.away, view.up);
 }
 
-/// Looks at the target from the unit direction `away` of it, from as far as now.
+/// Looks at the target from the unit direction `away` of it, at the current distance.
 pub fn look_along(camera: &mut Camera, away: DVec3, up: DVec3) {
     let distance = camera.eye.distance(camera.target);
     camera.eye = camera.target + distance * away;
     camera.up = up;
 }
 
-/// Turns the light about the volume's middle as seen from the camera; a point light moves along the picture.
+/// Rotates a directional light about the volume centre; moves a point light parallel to the picture.
 pub fn drag_light(light: &mut Light, camera: &Camera, right: f64, down: f64) {
     let frame = camera.frame();
     match light {
@@ -87,7 +87,7 @@ pub fn drag_light(light: &mut Light, camera: &Camera, right: f64, down: f64) {
     }
 }
 
-/// The light on a disc as seen from the camera: the middle is behind the eye, half way out is square to the view, the
+/// Position of a light direction on a disc. The centre is behind the eye, half the radius is perpendicular to the view, the
 /// rim is behind the volume. `None` where `toward` has no direction.
 pub fn disc_from_direction(camera: &Camera, toward: DVec3) -> Option<[f64; 2]> {
     let frame = camera.frame();
@@ -98,7 +98,7 @@ pub fn disc_from_direction(camera: &Camera, toward: DVec3) -> Option<[f64; 2]> {
     Some(if across < 1e-9 { [angle, 0.0] } else { [angle * x / across, angle * y / across] })
 }
 
-/// The inverse of [`disc_from_direction`].
+/// Inverse of [`disc_from_direction`].
 pub fn direction_from_disc(camera: &Camera, [x, y]: [f64; 2]) -> DVec3 {
     let frame = camera.frame();
     let radius = x.hypot(y).min(1.0);
@@ -108,7 +108,7 @@ pub fn direction_from_disc(camera: &Camera, [x, y]: [f64; 2]) -> DVec3 {
     toward.normalize_or(DVec3::Z)
 }
 
-/// The anatomical letters of a direction, strongest first: `L`, `PS`, ...
+/// Anatomical letters of a direction, strongest first: `L`, `PS`, ...
 pub fn marks(direction: DVec3) -> String {
     let v = direction.normalize_or_zero();
     let mut axes = [(v.x, "R", "L"), (v.y, "A", "P"), (v.z, "S", "I")];
@@ -145,7 +145,7 @@ mod tests {
                 assert!(moved.frame().right.z.abs() < 1e-12);
             }
         }
-        // The picture follows the hand: dragged to the right, what was seen from the front turns to the right.
+        // The picture follows the pointer.
         let mut moved = camera();
         orbit(&mut moved, Orbit::Turntable, 0.1, 0.0);
         let front = camera().target + 0.5 * (camera().eye - camera().target);
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(marks(DVec3::new(0.1, -1.0, 0.6)), "PS");
         let mut front = camera();
         look_from(&mut front, &AXIS_VIEWS[0]);
-        // Seen from the front, the patient's right is on the picture's left.
+        // From the front, the patient's right is on the left.
         assert_eq!(marks(front.frame().right), "L");
     }
 }

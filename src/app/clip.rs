@@ -1,14 +1,14 @@
-//! Clip planes as hands see them: where they cut the volume's box, and how far a drag moves them.
+//! Geometry of clip planes: their intersection with the volume's box, and their handles.
 
 use crate::scene::AxisView;
 use crate::transfer::ClipPlane;
 use glam::DVec3;
 
-/// Edges of a box by the numbers of its corners, whose bits are the sides along x, y and z.
+/// Edges of a box by corner indices, whose bits are the sides along x, y and z.
 const EDGES: [[usize; 2]; 12] =
     [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
 
-/// The polygon in which a plane cuts a box, world mm; empty where it misses.
+/// Polygon of a plane within a box, world mm; empty where there is none.
 pub fn outline(corners: &[DVec3; 8], plane: &ClipPlane) -> Vec<DVec3> {
     let above = corners.map(|c| plane.normal.dot(c) - plane.offset_mm);
     let cut = |[a, b]: [usize; 2]| {
@@ -23,7 +23,7 @@ pub fn outline(corners: &[DVec3; 8], plane: &ClipPlane) -> Vec<DVec3> {
     points
 }
 
-/// Where a hand takes hold of a plane, world mm: the middle of what it cuts of the box, or beside the box where it misses.
+/// Handle of a plane, world mm: the centre of its polygon, or the nearest point to the box centre.
 pub fn handle(corners: &[DVec3; 8], plane: &ClipPlane) -> DVec3 {
     let points = outline(corners, plane);
     let on_plane = |p: DVec3| p + plane.normal * (plane.offset_mm - plane.normal.dot(p));
@@ -33,18 +33,18 @@ pub fn handle(corners: &[DVec3; 8], plane: &ClipPlane) -> DVec3 {
     }
 }
 
-/// A plane through the middle of a box that keeps what is away from a side.
+/// Plane through the centre of a box that keeps the half away from a side.
 pub fn from_side(corners: &[DVec3; 8], view: &AxisView) -> ClipPlane {
     through_middle(corners, -view.away)
 }
 
-/// A plane through the middle of a box with this normal.
+/// Plane through the centre of a box with a normal.
 pub fn through_middle(corners: &[DVec3; 8], normal: DVec3) -> ClipPlane {
     let normal = normal.normalize_or(DVec3::Z);
     ClipPlane { normal, offset_mm: normal.dot(corners.iter().sum::<DVec3>() / 8.0) }
 }
 
-/// Offsets between which a plane cuts the box, mm.
+/// Smallest and largest offset at which a plane cuts the box, mm.
 pub fn offsets_mm(corners: &[DVec3; 8], normal: DVec3) -> [f64; 2] {
     let along = corners.map(|c| normal.dot(c));
     [along.into_iter().fold(f64::INFINITY, f64::min), along.into_iter().fold(f64::NEG_INFINITY, f64::max)]
@@ -66,7 +66,7 @@ mod tests {
             let points = outline(&unit_box(), &plane);
             assert_eq!(points.len(), sides, "{text}");
             assert!(points.iter().all(|p| (plane.normal.dot(*p) - plane.offset_mm).abs() < 1e-12));
-            // Convex and in order: every turn is to the same side.
+            // Convex and in order: every turn has the same sign.
             let turn = |i: usize| {
                 let [a, b, c] = [0, 1, 2].map(|k| points[(i + k) % sides]);
                 (b - a).cross(c - b).dot(plane.normal)

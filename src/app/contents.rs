@@ -1,4 +1,4 @@
-//! The window's contents, apart from the window itself: the model and the panels, and how news reach them.
+//! Application without its native window: model, panels and events.
 
 use super::model::Model;
 use super::panels::difference::Difference;
@@ -7,12 +7,12 @@ use super::panels::slices::Slices;
 use super::panels::strands::StrandsForm;
 use super::panels::times::Times;
 use super::panels::windows::Windows;
-use super::panels::{editor, escape, flicker, help, keys, probe, side, top_bar, view};
+use super::panels::{editor, help, keys, probe, side, top_bar, view};
 use super::resume::Resume;
 use super::settings::Settings;
 use super::theme;
 use crate::engine::messages::Event;
-use crate::engine::reading::Opened;
+use crate::engine::reading::OpenedVolume;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::transfer::formats;
@@ -22,15 +22,15 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What the window shows and does.
+/// Application state.
 pub struct App {
-    /// What is open, and what is asked of other threads.
+    /// Document and requests to other threads.
     pub model: Model,
-    /// What is opened over the view.
+    /// Windows over the view.
     pub windows: Windows,
-    /// Heat maps of the shown methods' errors.
+    /// Heat maps of the methods' errors.
     pub difference: Difference,
-    /// Small pictures of the presets.
+    /// Thumbnails of the presets.
     pub presets: Presets,
     slices: Slices,
     strands: StrandsForm,
@@ -38,10 +38,10 @@ pub struct App {
 }
 
 impl App {
-    /// Starts the render thread on `gpu`; `context` is woken when there is news.
+    /// Starts the render thread on `gpu`; events wake `context`.
     ///
     /// # Errors
-    /// The system has no thread left.
+    /// The system cannot start a thread.
     pub fn new(gpu: Gpu, context: &egui::Context, settings: Settings) -> Result<Self> {
         let context = context.clone();
         Ok(Self {
@@ -55,16 +55,16 @@ impl App {
         })
     }
 
-    /// One frame of the interface. Without a `render_state` pictures are drawn but not shown (tests).
+    /// Shows one frame. Without a `render_state` pictures are drawn but not shown (tests).
     pub fn show(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
         self.take_news();
         let context = ui.ctx().clone();
-        self.windows.comparison.take_news(&mut self.model, &context);
+        self.windows.comparison.take_updates(&mut self.model, &context);
         let Self { model, windows, difference, presets, slices, strands, times } = self;
         theme::show(&context, model.settings.dark);
         take_dropped_files(model, &context);
         keys::shortcuts(&context, model, windows, difference);
-        escape::leave_topmost(&context, model, windows);
+        windows.close_topmost(&context, model);
         top_bar::show(ui, model, windows);
         side::show(ui, model, difference, strands, times);
         editor::show(ui, model, presets, &mut windows.prompt, render_state);
@@ -76,13 +76,15 @@ impl App {
         windows.typing = context.text_edit_focused();
         model.ask();
         difference.follow(model);
-        flicker::wake(model, &context);
+        if let Some((_, wait_s)) = model.flicker(&context) {
+            context.request_repaint_after(Duration::from_secs_f64(wait_s));
+        }
         if model.reading.is_some() {
             context.request_repaint_after(Duration::from_millis(100));
         }
     }
 
-    /// Takes what other threads have done.
+    /// Handles the events of other threads.
     fn take_news(&mut self) {
         self.model.take_reading();
         for event in self.model.events() {
@@ -100,7 +102,7 @@ impl App {
                 }
                 Event::Thumbnail(thumbnail) => self.presets.take(*thumbnail),
                 Event::Differences(found) => self.difference.take(*found),
-                Event::DifferenceUnfinished(request) => self.difference.ask_again(&request),
+                Event::DifferenceInterrupted(request) => self.difference.ask_again(&request),
                 Event::ExportProgress(share) => {
                     if let Some(exporting) = &mut model.exporting {
                         exporting.share = share;
@@ -117,7 +119,7 @@ impl App {
         self.model.forget_notes();
     }
 
-    fn take_volume(&mut self, opened: Opened) {
+    fn take_volume(&mut self, opened: OpenedVolume) {
         if !self.model.take_volume(opened) {
             return;
         }
@@ -128,16 +130,16 @@ impl App {
         self.slices.reset(document);
     }
 
-    /// Takes what is open, to go on with it on another device.
+    /// Takes the document, to continue on another device.
     pub fn into_resume(&mut self, why: String) -> Resume {
         let model = &mut self.model;
         let open = model.document.take().map(|d| (d, model.split, self.difference.only_choices()));
         Resume { why, settings: model.settings.clone(), open }
     }
 
-    /// Goes on with what was open on a device that was lost.
+    /// Continues after a device loss.
     pub fn resume(&mut self, resume: Resume) {
-        let said = format!("the graphics device was lost ({}); this is a new one", resume.why);
+        let said = format!("the graphics device was lost ({}); a new one is in use", resume.why);
         self.model.say(said, None, true);
         let Some((document, split, difference)) = resume.open else { return };
         self.model.split = split.without_flicker();
@@ -146,7 +148,7 @@ impl App {
     }
 }
 
-/// Opens what was dropped, by what it is.
+/// Opens a dropped file by its extension.
 fn take_dropped_files(model: &mut Model, context: &egui::Context) {
     let names = context.input(|i| {
         let path = |f: &egui::DroppedFileHandle| f.path().display().to_string();
@@ -154,7 +156,7 @@ fn take_dropped_files(model: &mut Model, context: &egui::Context) {
     });
     let Some(name) = names.first() else { return };
     if names.len() > 1 {
-        model.note(format!("{} files were dropped: only {name} was taken", names.len()));
+        model.note(format!("{} files were dropped: only {name} was opened", names.len()));
     }
     if formats::has_ending(Path::new(name)) {
         model.load_tf(name);

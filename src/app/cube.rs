@@ -1,28 +1,28 @@
-//! The orientation cube's geometry: which of its parts is where, as a camera sees it from far away. A face is divided into
-//! nine cells: its middle stands for its own direction, the others for those of the edges and corners that they lie at.
+//! Geometry of the orientation cube under a parallel projection. A face has nine cells: the centre for its own direction, the
+//! others for its edges and corners.
 //!
-//! Lengths are in halves of an edge, on screen x to the right and y up.
+//! Lengths are in half edges, on screen x to the right and y up.
 
 use crate::scene::{AXIS_VIEWS, CameraFrame};
 use glam::{DVec2, DVec3, IVec3};
 
-/// Where a face's middle cell ends.
+/// Half size of a face's centre cell.
 const MIDDLE: f64 = 0.7;
-/// A face that is turned away farther (the cosine) is not seen.
+/// Minimum cosine between a visible face and the view direction.
 const EDGE_ON: f64 = 1e-3;
 
-/// A cell that is seen.
+/// Visible cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
-    /// Of the place to look from: -1, 0 or 1 along each axis, RAS+.
+    /// View direction: -1, 0 or 1 along each axis, RAS+.
     pub away: IVec3,
-    /// Of its face, the same.
+    /// Direction of its face.
     pub face: IVec3,
-    /// Its corners on screen, around it.
+    /// Corners on screen, in order.
     pub corners: [DVec2; 4],
 }
 
-/// The two axes that a face extends along.
+/// Axes along a face.
 fn sides(face: IVec3) -> [IVec3; 2] {
     let across = [IVec3::X, IVec3::Y, IVec3::Z].map(|axis| (axis, (axis * face) == IVec3::ZERO));
     match across {
@@ -31,25 +31,25 @@ fn sides(face: IVec3) -> [IVec3; 2] {
     }
 }
 
-/// The faces that are seen, each as the direction that it faces, with the cosine of how far it is turned away.
+/// Visible faces by their directions, with the cosine to the view direction.
 pub fn faces(frame: &CameraFrame) -> impl Iterator<Item = (IVec3, f64)> {
     let away = -frame.forward;
     let facing = move |view: &crate::scene::AxisView| (view.away.as_ivec3(), view.away.dot(away));
     AXIS_VIEWS.iter().map(facing).filter(|(_, cosine)| *cosine > EDGE_ON)
 }
 
-/// A point of the cube on screen.
+/// Projection of a point.
 pub fn on_screen(frame: &CameraFrame, point: DVec3) -> DVec2 {
     DVec2::new(point.dot(frame.right), point.dot(frame.up))
 }
 
-/// The corners of a face, around it.
+/// Corners of a face, in order.
 pub fn outline(face: IVec3) -> [DVec3; 4] {
     let [u, v] = sides(face).map(|side| side.as_dvec3());
     [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(a, b)| face.as_dvec3() + a * u + b * v)
 }
 
-/// All cells that are seen.
+/// Visible cells.
 pub fn cells(frame: &CameraFrame) -> Vec<Cell> {
     let range = |i: i32| match i {
         -1 => [-1.0, -MIDDLE],
@@ -70,11 +70,11 @@ pub fn cells(frame: &CameraFrame) -> Vec<Cell> {
     cells
 }
 
-/// The direction that the cell at a place on screen stands for; `None` beside the cube.
+/// Direction of the cell at a point on screen; `None` beside the cube.
 pub fn hit(frame: &CameraFrame, at: DVec2) -> Option<IVec3> {
     faces(frame).find_map(|(face, _)| {
         let [u, v] = sides(face);
-        // The place is that of the face's middle and so much of both sides.
+        // Coordinates of the point along both sides of the face.
         let (p, a, b) = (
             at - on_screen(frame, face.as_dvec3()),
             on_screen(frame, u.as_dvec3()),
@@ -87,8 +87,7 @@ pub fn hit(frame: &CameraFrame, at: DVec2) -> Option<IVec3> {
     })
 }
 
-/// From the target to the eye, and what is up in the picture, for a direction of the cube: the anatomical view where there
-/// is one.
+/// Direction from the target to the eye and up vector for a direction of the cube; the anatomical view where there is one.
 pub fn view(away: IVec3) -> (DVec3, DVec3) {
     match AXIS_VIEWS.iter().find(|view| view.away.as_ivec3() == away) {
         Some(view) => (view.away, view.up),
@@ -96,7 +95,7 @@ pub fn view(away: IVec3) -> (DVec3, DVec3) {
     }
 }
 
-/// A direction in words: `anterior`, `anterior left superior`.
+/// Name of a direction: `anterior`, `anterior left superior`.
 pub fn name(away: IVec3) -> String {
     let parts = AXIS_VIEWS.iter().filter(|view| view.away.as_ivec3().dot(away) > 0);
     parts.map(|view| view.name.to_lowercase()).collect::<Vec<_>>().join(" ")
@@ -120,7 +119,7 @@ mod tests {
             assert_eq!(hit(&frame, DVec2::ZERO), Some(seen.away.as_ivec3()), "{}", seen.name);
             assert_eq!(view(seen.away.as_ivec3()), (seen.away, seen.up));
             assert_eq!(name(seen.away.as_ivec3()), seen.name.to_lowercase());
-            // Its corners are those of a square.
+            // The corners form a square.
             for corner in cells(&frame).iter().flat_map(|cell| cell.corners) {
                 assert!(corner.abs().max_element() <= 1.0 + 1e-12);
             }
@@ -140,7 +139,7 @@ mod tests {
             for cell in &cells {
                 let middle = cell.corners.iter().sum::<DVec2>() / 4.0;
                 let [a, b, _, d] = cell.corners;
-                // Too thin to hold its own middle.
+                // Too thin to contain its own centre.
                 if (b - a).perp_dot(d - a).abs() < 1e-6 {
                     continue;
                 }
@@ -148,7 +147,7 @@ mod tests {
                 hits += 1;
             }
             assert!(hits >= 9);
-            // The eye is on the side that is hit in the middle of the cube.
+            // The eye is on the side that is hit in the centre.
             assert!(hit(&frame, DVec2::ZERO).unwrap().as_dvec3().dot(away) > 0.0);
             assert_eq!(hit(&frame, DVec2::splat(3.0_f64.sqrt())), None);
         }
@@ -161,7 +160,7 @@ mod tests {
         assert_eq!(name(IVec3::new(-1, 1, 1)), "anterior left superior");
         let frame = frame(away, up);
         assert!(frame.right.z.abs() < 1e-12 && frame.right.is_finite());
-        // All three of its faces are seen, and it lies in the middle.
+        // All three of its faces are visible, and it lies in the centre.
         assert_eq!(faces(&frame).count(), 3);
         assert_eq!(hit(&frame, DVec2::new(0.0, 1e-6)), Some(IVec3::new(-1, 1, 1)));
     }

@@ -1,4 +1,4 @@
-//! Edits of a transfer function as a person makes them: every result is a function that its file could hold.
+//! Edits of a transfer function. Every result can be written to a file.
 
 use crate::files::color;
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
@@ -6,69 +6,69 @@ use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Steps that can be undone.
-const MOST_STEPS: usize = 200;
-/// Two edits of one kind within this time are one step of undo.
+/// Maximum number of undo steps.
+const MAX_STEPS: usize = 200;
+/// Edits of one kind within this time form one undo step.
 const ONE_EDIT: Duration = Duration::from_millis(700);
-/// Extinction at the top of the editor where a function gives extinction and none is higher, 1/mm.
-const LEAST_TOP: f64 = 1e-6;
+/// Minimum extinction at the top of the editor, 1/mm.
+const MIN_TOP: f64 = 1e-6;
 
-/// One edit.
+/// Edit of a transfer function.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Edit {
-    /// A point to a value and an amount; it stays between its neighbours.
+    /// Moves a point; it stays between its neighbours.
     Move {
-        /// Which point.
+        /// Index of the point.
         index: usize,
-        /// The scalar value.
+        /// Scalar value.
         value: f64,
         /// Opacity, or extinction in 1/mm.
         amount: f64,
     },
-    /// A new point; its colour is the one that the function has there.
+    /// Adds a point with the function's colour at its value.
     Add {
-        /// The scalar value.
+        /// Scalar value.
         value: f64,
         /// Opacity, or extinction in 1/mm.
         amount: f64,
     },
-    /// A point goes.
+    /// Removes a point.
     Remove {
-        /// Which point.
+        /// Index of the point.
         index: usize,
     },
-    /// Linear RGB, rounded to what a file holds.
+    /// Sets a colour, rounded to the precision of a file.
     Color {
-        /// Which point.
+        /// Index of the point.
         index: usize,
         /// Linear RGB, 0 to 1.
         color: [f64; 3],
     },
-    /// A point becomes a jump: a second one of its value, from the point's amount to `amount`.
+    /// Turns a point into a jump: adds a second point of its value.
     Jump {
-        /// Which point.
+        /// Index of the point.
         index: usize,
-        /// Beyond the jump: opacity, or extinction in 1/mm.
+        /// Opacity beyond the jump, or extinction in 1/mm.
         amount: f64,
     },
-    /// The extinction at every value, times a factor.
+    /// Scales the extinction at every value.
     Scale {
-        /// Above 0.
+        /// Positive factor.
         factor: f64,
     },
-    /// Every value shifted, and spread about the middle of the points.
+    /// Shifts all values, and scales them about the centre of the points.
     Window {
-        /// Added to every value.
+        /// Offset of every value.
         shift: f64,
-        /// Factor of the distance to the middle.
+        /// Factor of the distance to the centre.
         spread: f64,
     },
 }
 
-/// The function after an edit, or why it cannot be.
+/// Applies an edit.
 ///
 /// # Errors
-/// An edit that no file could hold, e.g. a third point of one value.
+/// A result that no file can hold, e.g. a third point of one value.
 pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'static str> {
     let mut tf = tf.clone();
     let highest = match tf.quantity {
@@ -90,7 +90,7 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
                 return Err("the value is not a finite number");
             }
             if tf.points.iter().filter(|p| p.value == value).count() > 1 {
-                return Err("there are two points of this value already");
+                return Err("there are already two points of this value");
             }
             let color = color::parse_hex(&color::to_hex(tf.color(value))).unwrap_or([1.0; 3]);
             let at = tf.points.partition_point(|p| p.value <= value);
@@ -98,7 +98,7 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
         }
         Edit::Remove { index } => {
             if tf.points.len() < 2 {
-                return Err("one point has to stay");
+                return Err("the last point cannot be removed");
             }
             if index >= tf.points.len() {
                 return Err("there is no such point");
@@ -112,7 +112,7 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
         Edit::Jump { index, amount } => {
             let point = *tf.points.get(index).ok_or("there is no such point")?;
             if tf.points.iter().filter(|p| p.value == point.value).count() > 1 {
-                return Err("there are two points of this value already");
+                return Err("there are already two points of this value");
             }
             tf.points.insert(index + 1, ControlPoint { amount: amount_of(amount), ..point });
         }
@@ -121,7 +121,7 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
             let highest = scaled.max_extinction(f64::NEG_INFINITY, f64::INFINITY);
             let length = scaled.reference_length_mm;
             if !(highest <= 1e30 && length > 0.0 && length <= 1e30) {
-                return Err("the extinction would leave what numbers can hold");
+                return Err("the extinction would be out of range");
             }
             return Ok(scaled);
         }
@@ -130,7 +130,7 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
             let middle = 0.5 * (first + last);
             let moved = tf.scale_values(|v| middle + shift + (v - middle) * spread.max(1e-3));
             if moved.points.iter().any(|p| !p.value.is_finite() || p.value.abs() > 1e30) {
-                return Err("the values would leave what numbers can hold");
+                return Err("the values would be out of range");
             }
             return Ok(moved);
         }
@@ -138,7 +138,7 @@ pub fn apply(tf: &TransferFunction, edit: Edit) -> Result<TransferFunction, &'st
     Ok(tf)
 }
 
-/// Values that a point can take between its neighbours; it may meet one of them (a jump), not two.
+/// Range of values of a point between its neighbours; it may coincide with one of them (a jump), not two.
 fn range_of(tf: &TransferFunction, index: usize) -> [f64; 2] {
     let value = |i: Option<usize>| i.and_then(|i| tf.points.get(i)).map(|p| p.value);
     let (before, before2) = (value(index.checked_sub(1)), value(index.checked_sub(2)));
@@ -149,27 +149,27 @@ fn range_of(tf: &TransferFunction, index: usize) -> [f64; 2] {
     if lo <= hi { [lo, hi] } else { [value(Some(index)).unwrap_or(0.0); 2] }
 }
 
-/// The amount at the top of the editor.
+/// Amount at the top of the editor.
 pub fn top_of(tf: &TransferFunction) -> f64 {
     match tf.quantity {
         Quantity::Opacity => 1.0,
-        Quantity::Extinction => 1.25 * tf.points.iter().map(|p| p.amount).fold(LEAST_TOP, f64::max),
+        Quantity::Extinction => 1.25 * tf.points.iter().map(|p| p.amount).fold(MIN_TOP, f64::max),
     }
 }
 
-/// How an amount lies on the vertical axis.
+/// Scale of the vertical axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AmountAxis {
-    /// As it is.
+    /// Linear scale.
     Linear,
-    /// Four decades below the top, and nothing at the bottom: low opacities are set finely.
+    /// Logarithmic scale of four decades, with zero at the bottom.
     Logarithmic,
 }
 
-/// Decades that the logarithmic axis shows.
+/// Decades of the logarithmic axis.
 const DECADES: f64 = 4.0;
-/// Share of the logarithmic axis below its lowest decade, where amounts go to nothing.
+/// Fraction of the logarithmic axis below its lowest decade, where amounts fall to zero.
 const FOOT: f64 = 0.06;
 
 impl AmountAxis {
@@ -184,7 +184,7 @@ impl AmountAxis {
         }
     }
 
-    /// The amount at a height; the inverse of [`Self::height`].
+    /// Amount at a height; inverse of [`Self::height`].
     pub fn amount(self, height: f64, top: f64) -> f64 {
         let height = height.clamp(0.0, 1.0);
         let lowest = 10_f64.powf(-DECADES);
@@ -196,7 +196,7 @@ impl AmountAxis {
     }
 }
 
-/// Functions that can be gone back to, and forward again.
+/// Undo history.
 #[derive(Debug, Clone, Default)]
 pub struct History {
     past: Vec<Arc<TransferFunction>>,
@@ -205,7 +205,7 @@ pub struct History {
 }
 
 impl History {
-    /// Notes the function before an edit, unless that goes on with the last one: a drag is one edit.
+    /// Records the function before an edit, unless the edit continues the last one, as in a drag.
     pub fn note_edit(&mut self, before: Arc<TransferFunction>, edit: Edit) {
         let kind = discriminant(&edit);
         let goes_on = self.last.is_some_and(|(last, when)| last == kind && when.elapsed() < ONE_EDIT);
@@ -215,37 +215,37 @@ impl History {
         self.last = Some((kind, Instant::now()));
     }
 
-    /// Notes the function before it is replaced.
+    /// Records the function before a replacement.
     pub fn note(&mut self, before: Arc<TransferFunction>) {
         self.last = None;
         if self.past.last().is_some_and(|last| **last == *before) {
             return;
         }
         self.past.push(before);
-        if self.past.len() > MOST_STEPS {
+        if self.past.len() > MAX_STEPS {
             self.past.remove(0);
         }
         self.future.clear();
     }
 
-    /// Whether there is something to take back.
+    /// Whether an edit can be undone.
     pub fn can_undo(&self) -> bool {
         !self.past.is_empty()
     }
 
-    /// Whether something was taken back.
+    /// Whether an edit can be redone.
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()
     }
 
-    /// Back to the function before the last edit.
+    /// Restores the function before the last edit.
     pub fn undo(&mut self, now: &mut Arc<TransferFunction>) {
         let Some(before) = self.past.pop() else { return };
         self.future.push(std::mem::replace(now, before));
         self.last = None;
     }
 
-    /// Forward to the function that was undone last.
+    /// Restores the function that was undone last.
     pub fn redo(&mut self, now: &mut Arc<TransferFunction>) {
         let Some(after) = self.future.pop() else { return };
         self.past.push(std::mem::replace(now, after));
@@ -258,7 +258,7 @@ mod tests {
     use super::*;
     use crate::transfer::presets::PRESETS;
 
-    /// Whatever is done to whatever function, its file would be read again.
+    /// Files of edited functions can be read again.
     #[test]
     fn every_edit_leaves_a_function_that_a_file_can_hold() {
         let mut seed = 7_u64;
@@ -270,7 +270,7 @@ mod tests {
             let mut tf = preset.transfer_function();
             for _ in 0..400 {
                 let index = (chance() * tf.points.len() as f64) as usize;
-                // Often exactly a value that another point has.
+                // Often exactly the value of another point.
                 let value = if chance() < 0.5 {
                     tf.points[(chance() * tf.points.len() as f64) as usize].value
                 } else {

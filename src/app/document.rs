@@ -1,8 +1,8 @@
-//! What a person works on: one volume with its transfer function, method and scene; what a scene file says of it.
+//! Document: a volume with its transfer function, method and scene, and its scene file.
 
 use super::curve::{Edit, History, apply};
 use crate::engine::method_choice::MethodChoice;
-use crate::engine::reading::{Beginning, Opened};
+use crate::engine::reading::{InitialState, OpenedVolume};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::presets::{self, Suiting};
@@ -16,48 +16,48 @@ use glam::{DQuat, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 
-/// An open volume and all that decides its picture.
+/// Open volume and the settings of its picture.
 #[derive(Debug, Clone)]
 pub struct Document {
-    /// Where the volume came from, and how it was read.
+    /// Source of the volume and the flags of its reading.
     pub spec: VolumeSpec,
-    /// The voxels.
+    /// Volume.
     pub volume: Arc<Volume>,
-    /// What they were made from, where that is strands.
+    /// Strands that the volume was made from.
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// How often each value occurs.
+    /// Histogram of the values.
     pub histogram: Arc<Histogram>,
-    /// The transfer function as it is now.
+    /// Current transfer function.
     pub tf: Arc<TransferFunction>,
-    /// The preset or file that the function was, and what it was then.
+    /// Preset or file of the function, and its content.
     pub tf_source: (String, Arc<TransferFunction>),
-    /// What was asked for of units and opacity, for presets and files that are read later.
+    /// Requested units and opacity scale, for presets and files loaded later.
     pub suiting: Suiting,
-    /// The segmentation and the functions of its labels, as they were asked for; what is hidden and clipped is said by `tf`.
+    /// Segmentation and the functions of its labels. Hidden labels and clip planes are in `tf`.
     pub parts: PartFlags,
-    /// What it was before, to be taken back.
+    /// Undo history of the transfer function.
     pub history: History,
-    /// The point of the function that is selected in the editor.
+    /// Point selected in the editor.
     pub selected: Option<usize>,
-    /// Values at the editor's left and right edge; `None`: all of the volume's.
+    /// Values at the editor's left and right edge; `None`: the range of the volume.
     pub value_window: Option<[f64; 2]>,
-    /// The shadow method.
+    /// Shadow method.
     pub method: MethodChoice,
-    /// The method on the right of the split.
+    /// Method on the right of the split.
     pub other: MethodChoice,
     /// Camera, lights and picture settings.
     pub scene: Scene,
-    /// Place of the light that hands move and the panel edits; see [`Self::chosen_light`].
+    /// Index of the edited light; see [`Self::chosen_light`].
     pub chosen: usize,
-    /// The camera that reset goes back to.
+    /// Camera that reset restores.
     pub home: Camera,
-    /// Pictures are written without their background, which is black then.
+    /// Whether pictures are written without their background.
     pub transparent: bool,
 }
 
 impl Document {
-    /// Of a volume that has been opened, with what it begins with; methods are kept from the one before.
-    pub fn new(opened: Opened, begin: Beginning, [method, other]: [MethodChoice; 2]) -> Self {
+    /// Creates a document from an opened volume and its initial state.
+    pub fn new(opened: OpenedVolume, begin: InitialState, [method, other]: [MethodChoice; 2]) -> Self {
         let tf = Arc::new(begin.tf);
         Self {
             spec: opened.spec,
@@ -80,34 +80,34 @@ impl Document {
         }
     }
 
-    /// Takes other voxels of the same strands; all else stays as it is.
-    pub fn take_voxels(&mut self, opened: Opened) {
+    /// Replaces the voxels of the same strands; everything else stays.
+    pub fn take_voxels(&mut self, opened: OpenedVolume) {
         self.spec = opened.spec;
         self.volume = opened.volume;
         self.strands = opened.strands;
         self.histogram = opened.histogram;
-        // A preset that is fitted to the values is another function now: the one that stays counts as edited.
+        // A preset fitted to the values changes: the current function then counts as edited.
         if let Ok(found) = presets::resolve_as(&self.tf_source.0, &self.volume, self.suiting) {
-            self.tf_source.1 = Arc::new(kept_parts(found.tf, &self.tf));
+            self.tf_source.1 = Arc::new(with_masks_of(found.tf, &self.tf));
         }
     }
 
-    /// Its volume, to be taken onto another device.
-    pub fn opened(&self) -> Opened {
-        Opened {
+    /// The volume, for another device.
+    pub fn opened(&self) -> OpenedVolume {
+        OpenedVolume {
             spec: self.spec.clone(),
             volume: Arc::clone(&self.volume),
             strands: self.strands.clone(),
             histogram: Arc::clone(&self.histogram),
-            beginning: None,
+            initial: None,
             notes: Vec::new(),
         }
     }
 
-    /// Edits the transfer function; edits of one kind in quick succession are one step of undo.
+    /// Edits the transfer function; successive edits of one kind are one undo step.
     ///
     /// # Errors
-    /// An edit that no file could hold.
+    /// A result that no file can hold.
     pub fn edit(&mut self, edit: Edit) -> std::result::Result<(), &'static str> {
         let tf = apply(&self.tf, edit)?;
         if tf != *self.tf {
@@ -117,44 +117,44 @@ impl Document {
         Ok(())
     }
 
-    /// Puts another transfer function in place, as one step of undo; clip planes and what is said of labels stay.
+    /// Replaces the transfer function as one undo step; clip planes and label rules stay.
     pub fn replace_tf(&mut self, tf: TransferFunction, source: String) {
         self.history.note(Arc::clone(&self.tf));
-        self.tf = Arc::new(kept_parts(tf, &self.tf));
+        self.tf = Arc::new(with_masks_of(tf, &self.tf));
         self.tf_source = (source, Arc::clone(&self.tf));
         self.selected = None;
     }
 
-    /// Whether the function differs from the preset or file that it came from.
+    /// Whether the function differs from its preset or file.
     pub fn tf_edited(&self) -> bool {
         !self.tf.is_same_function(&self.tf_source.1)
     }
 
-    /// Takes other clip planes, as a step of undo where one begins.
-    pub fn take_clip(&mut self, clip: Vec<ClipPlane>, begins: bool) {
+    /// Sets the clip planes; `begins` starts an undo step.
+    pub fn set_clip(&mut self, clip: Vec<ClipPlane>, begins: bool) {
         if clip != self.tf.clip {
-            self.take_parts(TransferFunction { clip, ..(*self.tf).clone() }, begins);
+            self.set_masks(TransferFunction { clip, ..(*self.tf).clone() }, begins);
         }
     }
 
-    /// Hides these labels and no others, as a step of undo.
+    /// Hides exactly these labels, as an undo step.
     pub fn hide_labels(&mut self, labels: Vec<u32>) {
         let mut rules: Vec<LabelRule> =
             self.tf.rules.iter().filter(|rule| rule.visibility != LabelVisibility::Hidden).cloned().collect();
         if !labels.is_empty() {
             rules.push(LabelRule { labels, visibility: LabelVisibility::Hidden });
         }
-        self.take_parts(TransferFunction { rules, ..(*self.tf).clone() }, true);
+        self.set_masks(TransferFunction { rules, ..(*self.tf).clone() }, true);
     }
 
-    fn take_parts(&mut self, tf: TransferFunction, begins: bool) {
+    fn set_masks(&mut self, tf: TransferFunction, begins: bool) {
         if begins {
             self.history.note(Arc::clone(&self.tf));
         }
         self.tf = Arc::new(tf);
     }
 
-    /// What of the volume is shown, as flags.
+    /// Flags of labels and clip planes.
     pub fn part_flags(&self) -> PartFlags {
         let hidden = self.tf.rules.iter().filter(|rule| rule.visibility == LabelVisibility::Hidden);
         let hidden: Vec<u32> = hidden.flat_map(|rule| rule.labels.iter().copied()).collect();
@@ -165,32 +165,32 @@ impl Document {
         }
     }
 
-    /// Middle of the volume, and the radius of the sphere around it; world mm.
+    /// Centre and radius of the bounding sphere, world mm.
     pub fn bounding_sphere(&self) -> (DVec3, f64) {
         let corners = self.volume.corners_mm();
         let center = corners.iter().sum::<DVec3>() / 8.0;
         (center, corners.iter().map(|c| c.distance(center)).fold(1e-6, f64::max))
     }
 
-    /// Frames what the transfer function shows, from the side that the camera looks from.
-    pub fn frame_seen(&mut self) {
+    /// Frames the visible part of the volume from the current direction.
+    pub fn frame_visible(&mut self) {
         let Scene { camera, width, height, .. } = self.scene;
         let seen = crate::render::VisibleBounds::of(&self.volume, &self.tf, self.scene.mesh.as_ref());
         let aspect = f64::from(width) / f64::from(height);
         self.scene.camera = seen.framed(camera.eye - camera.target, camera.up, camera.fov_deg, aspect);
     }
 
-    /// Place of the light that is edited, the last one where there are fewer.
+    /// Index of the edited light; the last one where there are fewer.
     pub fn chosen_light(&self) -> usize {
         self.chosen.min(self.scene.lights.len().saturating_sub(1))
     }
 
-    /// The light that is edited.
+    /// The edited light.
     pub fn light(&self) -> LightSource {
         self.scene.lights.get(self.chosen_light()).copied().unwrap_or_default()
     }
 
-    /// The same, to be changed.
+    /// The edited light, mutable.
     pub fn light_mut(&mut self) -> &mut LightSource {
         let place = self.chosen_light();
         if self.scene.lights.is_empty() {
@@ -199,8 +199,8 @@ impl Document {
         &mut self.scene.lights[place]
     }
 
-    /// Adds a light and edits it: white, at infinity, a third of a turn around the picture's upward axis from the one that
-    /// was edited, so that it shows. Does nothing where there are as many as can be drawn.
+    /// Adds a white directional light and selects it, rotated by 120 degrees about the picture's up axis. Does nothing at the
+    /// maximum number of lights.
     pub fn add_light(&mut self) {
         if self.scene.lights.len() >= Scene::MOST_LIGHTS {
             return;
@@ -216,7 +216,7 @@ impl Document {
         self.chosen = self.scene.lights.len() - 1;
     }
 
-    /// Removes the light that is edited, unless it is the only one.
+    /// Removes the edited light, unless it is the only one.
     pub fn remove_light(&mut self) {
         if self.scene.lights.len() > 1 {
             let place = self.chosen_light();
@@ -225,13 +225,12 @@ impl Document {
         }
     }
 
-    /// The scene as a file that `--scene` takes; `tf` is a preset or a path, or the file that an edited function was
-    /// written to.
+    /// Scene file for `--scene`; `tf` is a preset or a path.
     ///
     /// # Errors
     /// As [`SceneSettings::to_toml`].
     pub fn scene_text(&self, tf: &str) -> Result<String> {
-        // What was written has its opacity scaled already.
+        // A written function has its opacity scaled already.
         let as_loaded = tf == self.tf_source.0 && !self.tf_edited();
         let opacity_scale = self.suiting.opacity_scale.filter(|_| as_loaded);
         let settings = SceneSettings {
@@ -245,7 +244,7 @@ impl Document {
         settings.to_toml()
     }
 
-    /// Writes a scene file; a function that was edited goes into a `.json` beside it.
+    /// Writes a scene file; an edited function is written to a `.json` beside it.
     ///
     /// # Errors
     /// One of the files cannot be written.
@@ -262,8 +261,8 @@ impl Document {
     }
 }
 
-/// A function for the parts that another was for; the functions of labels become of its kind.
-fn kept_parts(tf: TransferFunction, before: &TransferFunction) -> TransferFunction {
+/// Copies clip planes and label rules to another function.
+fn with_masks_of(tf: TransferFunction, before: &TransferFunction) -> TransferFunction {
     let mut rules = before.rules.clone();
     for rule in &mut rules {
         if let LabelVisibility::Visible(own) = &mut rule.visibility {
@@ -273,7 +272,7 @@ fn kept_parts(tf: TransferFunction, before: &TransferFunction) -> TransferFuncti
     TransferFunction { rules, clip: before.clip.clone(), ..tf }
 }
 
-/// A shading's name on the command line.
+/// Name of a shading on the command line.
 pub fn name_of(shading: Shading) -> &'static str {
     match shading {
         Shading::None => "none",

@@ -1,4 +1,4 @@
-//! What is open, and what is asked of other threads. Nothing is painted here: panels show it and change it.
+//! State shared by the panels: the document and requests to other threads.
 
 use super::camera;
 use super::curve::Edit;
@@ -8,9 +8,9 @@ use super::split::Split;
 use crate::engine::RenderThread;
 use crate::engine::mailbox::Wake;
 use crate::engine::messages::{
-    Aim, Event, Export, Exported, Frame, Job, ProbeRequest, ProbeResult, Subject, Wanted,
+    Event, Export, Exported, Frame, FrameRequest, FrameSettings, Job, ProbeRequest, ProbeResult, ProbeTarget,
 };
-use crate::engine::reading::{Beginning, Opened, Reading, With};
+use crate::engine::reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::check_output;
@@ -19,83 +19,83 @@ use crate::gpu::{DeviceLoss, Gpu};
 use crate::open::{SceneSettings, VolumeSpec, presets};
 use crate::scene::AXIS_VIEWS;
 use crate::scene::{Light, Scene};
-use eframe::egui::Rect;
+use eframe::egui::{self, Rect};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a note stays.
+/// Time after which a note disappears.
 const NOTE_TIME: Duration = Duration::from_secs(8);
-/// Lines that are shown at once.
-const MOST_MESSAGES: usize = 5;
+/// Maximum number of messages.
+const MAX_MESSAGES: usize = 5;
 
-/// A line at the bottom of the view.
+/// Message at the bottom of the view.
 #[derive(Debug, Clone)]
 pub struct Message {
-    /// What happened.
+    /// Text.
     pub text: String,
-    /// A way out.
+    /// Hint.
     pub hint: Option<String>,
-    /// It stays until it is closed.
+    /// Errors stay until they are closed.
     pub is_error: bool,
     since: Instant,
 }
 
-/// An export that is running: its file and the share that is done.
+/// Running export.
 pub struct Exporting {
-    /// The file.
+    /// Output file.
     pub path: String,
-    /// Of the picture, 0 to 1.
+    /// Fraction that is done, 0 to 1.
     pub share: f32,
 }
 
-/// The window's state as far as more than one panel knows it.
+/// State shared by the panels.
 pub struct Model {
     thread: RenderThread,
-    /// Called by other threads when there is news.
+    /// Callback of other threads for new events.
     pub wake: Wake,
-    /// The graphics adapter's whole name.
+    /// Full name of the graphics adapter.
     pub adapter: String,
     loss: DeviceLoss,
-    /// What is remembered from one run to the next.
+    /// Saved settings.
     pub settings: Settings,
-    /// What is open.
+    /// Open document.
     pub document: Option<Document>,
-    /// A volume that is being read.
-    pub reading: Option<Reading>,
-    /// An export that is running.
+    /// Running reading task.
+    pub reading: Option<ReadTask>,
+    /// Running export.
     pub exporting: Option<Exporting>,
-    /// The last finished picture.
+    /// Last finished picture.
     pub frame: Option<Frame>,
-    /// What was asked of the render thread last, to ask for nothing twice.
-    pub asked: Option<Subject>,
-    /// The last picture is whole and of what is wanted.
+    /// Last requested picture, to avoid identical requests.
+    pub asked: Option<FrameSettings>,
+    /// Whether the last picture is final and current.
     pub settled: bool,
-    /// How the view is divided between two methods.
+    /// Division of the view between two methods.
     pub split: Split,
-    /// The probe's last answer.
+    /// Last result of the probe.
     pub probe: Option<ProbeResult>,
-    /// What was shown when the probe was asked last.
-    probed: Option<Subject>,
-    /// The light along whose ray the probe last asked.
+    /// Picture at the last probe request.
+    probed: Option<FrameSettings>,
+    /// Light of the last probe request.
     probed_light: Option<Light>,
-    /// What is said below the view.
+    /// Messages below the view.
     pub messages: Vec<Message>,
-    /// The view on screen, points.
+    /// Rectangle of the view, points.
     pub view: Option<Rect>,
-    /// Of what was wanted last.
+    /// Number of the last request.
     revision: u64,
-    /// Pictures that have come from the render thread.
+    /// Number of pictures received.
     pub frames: u64,
-    /// Times that a change turned out to reach no picture.
+    /// Number of changes that did not alter the picture.
     pub unchanged: u64,
 }
 
 impl Model {
-    /// Starts the render thread on `gpu`; `wake` is called when there is news.
+    /// Starts the render thread on `gpu`; events call `wake`.
     ///
     /// # Errors
-    /// The system has no thread left.
+    /// The system cannot start a thread.
     pub fn new(gpu: Gpu, wake: Wake, settings: Settings) -> Result<Self> {
         Ok(Self {
             adapter: gpu.info.name.clone(),
@@ -121,27 +121,27 @@ impl Model {
         })
     }
 
-    /// Says that something failed; what is shown stays.
+    /// Shows an error.
     pub fn fail(&mut self, error: &Error) {
         tracing::info!("{error}");
         self.say(error.to_string(), error.hint.clone(), true);
     }
 
-    /// Says something that leaves by itself.
+    /// Shows a note.
     pub fn note(&mut self, text: impl Into<String>) {
         self.say(text.into(), None, false);
     }
 
-    /// Says something; errors stay until they are closed.
+    /// Shows a message; errors stay until they are closed.
     pub fn say(&mut self, text: String, hint: Option<String>, is_error: bool) {
         self.messages.retain(|m| m.text != text);
         self.messages.push(Message { text, hint, is_error, since: Instant::now() });
-        if self.messages.len() > MOST_MESSAGES {
+        if self.messages.len() > MAX_MESSAGES {
             self.messages.remove(0);
         }
     }
 
-    /// Says that a file was written, or why not.
+    /// Reports the result of writing a file.
     fn say_saved(&mut self, path: &Path, outcome: Result<()>) {
         match outcome {
             Ok(()) => self.note(format!("saved {}", path.display())),
@@ -149,24 +149,24 @@ impl Model {
         }
     }
 
-    /// Whether the device is lost, and why.
+    /// Reason of the device loss; `None` where the device works.
     pub fn lost(&self) -> Option<String> {
         self.loss.reason()
     }
 
-    // The document.
+    // Document.
 
-    /// Edits the transfer function; edits of one kind in quick succession are one step of undo.
+    /// Edits the transfer function; successive edits of one kind are one undo step.
     pub fn edit(&mut self, edit: Edit) {
         if let Some(Err(why)) = self.document.as_mut().map(|d| d.edit(edit)) {
             self.note(why);
         }
     }
 
-    /// Takes a transfer function from a preset's name or a file.
+    /// Loads a transfer function by preset name or path.
     pub fn load_tf(&mut self, name_or_path: &str) {
         let Some(document) = &mut self.document else {
-            return self.note("open a volume first: a transfer function has no meaning without one");
+            return self.note("open a volume before a transfer function");
         };
         match presets::resolve_as(name_or_path, &document.volume, document.suiting) {
             Ok(found) => {
@@ -177,33 +177,33 @@ impl Model {
         }
     }
 
-    /// Writes the transfer function's file.
+    /// Writes the transfer function.
     pub fn save_tf(&mut self, path: &Path) {
         let Some(document) = &mut self.document else { return };
         let outcome = document.tf.write(path);
         if outcome.is_ok() {
             document.tf_source = (path.display().to_string(), Arc::clone(&document.tf));
-            // It is in what was written.
+            // The written function includes the scale.
             document.suiting.opacity_scale = None;
         }
         self.say_saved(path, outcome);
     }
 
-    /// Writes a scene file that the command line draws to the same pixels.
+    /// Writes a scene file for the command line.
     pub fn save_scene(&mut self, path: &Path) {
         let Some(document) = &self.document else { return };
         let outcome = document.write_scene(path);
         self.say_saved(path, outcome);
     }
 
-    /// Takes back the last edit of the transfer function.
+    /// Undoes the last edit of the transfer function.
     pub fn undo(&mut self) {
         if let Some(document) = &mut self.document {
             document.history.undo(&mut document.tf);
         }
     }
 
-    /// Does again what was taken back.
+    /// Redoes the last undone edit.
     pub fn redo(&mut self) {
         if let Some(document) = &mut self.document {
             document.history.redo(&mut document.tf);
@@ -217,29 +217,29 @@ impl Model {
         }
     }
 
-    /// Back to the camera that the volume was opened with.
+    /// Restores the initial camera.
     pub fn reset_camera(&mut self) {
         if let Some(document) = &mut self.document {
             document.scene.camera = document.home;
         }
     }
 
-    // Volumes on their way in.
+    // Opening of volumes.
 
-    /// Starts to open a volume; the one that is open stays until the new one is there.
-    pub fn open(&mut self, spec: VolumeSpec, with: With) {
+    /// Starts to open a volume; the current document stays until the new one is ready.
+    pub fn open(&mut self, spec: VolumeSpec, with: OpenMode) {
         let wake = Arc::clone(&self.wake);
-        match Reading::start(spec, with, move || wake()) {
+        match ReadTask::start(spec, with, move || wake()) {
             Ok(reading) => self.reading = Some(reading),
             Err(e) => self.fail(&e),
         }
     }
 
-    /// Opens another volume by its path or name, with the scene's light and settings.
+    /// Opens another volume by its path or name with the current light and settings.
     pub fn open_source(&mut self, source: &str) {
         if source.to_lowercase().ends_with(".toml") {
             match SceneSettings::read(Path::new(source)) {
-                Ok(settings) => self.open(settings.spec(), With::Settings(Box::new(settings))),
+                Ok(settings) => self.open(settings.spec(), OpenMode::Settings(Box::new(settings))),
                 Err(e) => self.fail(&e),
             }
         } else {
@@ -249,20 +249,20 @@ impl Model {
 
     fn open_as_is(&mut self, spec: VolumeSpec) {
         let with = match &self.document {
-            Some(document) => With::Scene(Box::new(document.scene.clone())),
-            None => With::Settings(Box::new(SceneSettings::of_volume(&spec))),
+            Some(document) => OpenMode::Scene(Box::new(document.scene.clone())),
+            None => OpenMode::Settings(Box::new(SceneSettings::of_volume(&spec))),
         };
         self.open(spec, with);
     }
 
-    /// What is being read, while it is.
+    /// Progress of the running reading.
     pub fn loading(&self) -> Option<Arc<Loading>> {
         self.reading.as_ref().map(|o| Arc::clone(&o.loading))
     }
 
-    /// Hands what has been read on to the device.
+    /// Sends a finished volume to the device.
     pub fn take_reading(&mut self) {
-        let Some(outcome) = self.reading.as_ref().and_then(Reading::poll) else { return };
+        let Some(outcome) = self.reading.as_ref().and_then(ReadTask::poll) else { return };
         self.reading = None;
         match outcome {
             Ok(opened) => self.push(Job::Upload(Box::new(opened))),
@@ -270,24 +270,24 @@ impl Model {
         }
     }
 
-    /// Goes on with what was open on a device that was lost.
+    /// Continues with the document of a lost device.
     pub fn resume(&mut self, document: Document) {
         self.push(Job::Upload(Box::new(document.opened())));
         self.document = Some(document);
     }
 
-    /// Shows a volume that is on the device now; `false` where it has to be read again.
-    pub fn take_volume(&mut self, mut opened: Opened) -> bool {
+    /// Shows an uploaded volume; `false` where it has to be read again.
+    pub fn take_volume(&mut self, mut opened: OpenedVolume) -> bool {
         self.settings.opened(&opened.spec.source);
         let notes = std::mem::take(&mut opened.notes);
-        match (opened.beginning.take(), &mut self.document) {
-            (Some(beginning), _) => self.begin(opened, beginning),
-            // It was open on a device that was lost.
+        match (opened.initial.take(), &mut self.document) {
+            (Some(initial), _) => self.begin(opened, initial),
+            // The document of a lost device.
             (None, Some(document)) if Arc::ptr_eq(&document.volume, &opened.volume) => {}
             (None, Some(document)) if document.spec.source == opened.spec.source => {
                 document.take_voxels(opened);
             }
-            // Something else was opened meanwhile: these are strands that nothing is known of any more.
+            // Another volume was opened meanwhile: the settings of these strands are gone.
             _ => {
                 self.open_as_is(opened.spec);
                 return false;
@@ -299,28 +299,28 @@ impl Model {
         true
     }
 
-    fn begin(&mut self, opened: Opened, mut beginning: Beginning) {
+    fn begin(&mut self, opened: OpenedVolume, mut initial: InitialState) {
         let old = self.document.take();
-        beginning.transparent.get_or_insert(old.as_ref().is_some_and(|d| d.transparent));
-        let method = beginning.method.take().or_else(|| old.as_ref().map(|d| d.method.clone()));
+        initial.transparent.get_or_insert(old.as_ref().is_some_and(|d| d.transparent));
+        let method = initial.method.take().or_else(|| old.as_ref().map(|d| d.method.clone()));
         let methods = [method, old.map(|d| d.other)].map(Option::unwrap_or_default);
-        self.document = Some(Document::new(opened, beginning, methods));
+        self.document = Some(Document::new(opened, initial, methods));
         self.frame = None;
     }
 
-    // The render thread.
+    // Render thread.
 
-    /// Asks the render thread for something besides the picture.
+    /// Requests a job of the render thread.
     pub fn push(&self, job: Job) {
         self.thread.push(job);
     }
 
-    /// What the render thread has said since the last time.
+    /// Events of the render thread since the last call.
     pub fn events(&self) -> Vec<Event> {
         self.thread.events()
     }
 
-    /// Whether the last picture is of full quality and of what is wanted now.
+    /// Whether the last picture is final and current, and nothing else runs.
     pub fn is_settled(&self) -> bool {
         self.reading.is_none() && self.exporting.is_none() && self.settled
     }
@@ -328,23 +328,23 @@ impl Model {
     /// Takes a picture.
     pub fn take_frame(&mut self, frame: Frame) {
         self.frames += 1;
-        self.settled = frame.whole && frame.revision == self.revision;
+        self.settled = frame.is_final && frame.revision == self.revision;
         self.frame = Some(frame);
     }
 
-    /// Takes that a change reached no picture.
+    /// Takes the message that a change did not alter the picture.
     pub fn take_unchanged(&mut self, revision: u64) {
         self.unchanged += 1;
         self.settled = revision == self.revision;
     }
 
-    /// Draws and writes a picture of any size, away from the window, with or without its background.
+    /// Requests a picture file of any size, with or without background.
     pub fn export(&mut self, path: &Path, [width, height]: [u32; 2], backdrop: Backdrop) {
         let Some(document) = &self.document else { return };
         if let Err(e) = check_output(path, PICTURE_EXTENSIONS) {
             return self.fail(&e);
         }
-        // What is to go over another background is drawn over black: nothing has to be taken away again.
+        // A transparent picture is drawn over black, so that nothing has to be removed.
         let background = match backdrop {
             Backdrop::Drawn => document.scene.background,
             Backdrop::LeftOut => [0.0; 3],
@@ -359,12 +359,12 @@ impl Model {
         self.exporting = Some(Exporting { path: path.display().to_string(), share: 0.0 });
     }
 
-    /// Ends the export that is running, soon.
+    /// Cancels the running export.
     pub fn cancel_export(&self) {
         self.thread.cancel_export();
     }
 
-    /// Takes how an export ended.
+    /// Takes the result of an export.
     pub fn take_exported(&mut self, exported: Exported) {
         self.exporting = None;
         match exported.result {
@@ -374,54 +374,60 @@ impl Model {
         }
     }
 
-    /// Probes what is seen along a ray, or a point.
-    pub fn probe(&mut self, aim: Aim) {
+    /// Requests a probe.
+    pub fn probe(&mut self, target: ProbeTarget) {
         let Some(document) = &self.document else { return };
         let light = document.light().light;
         self.probed_light = Some(light);
         let other = self.split.share.map(|_| &document.other).filter(|other| **other != document.method);
         let methods = std::iter::once(&document.method).chain(other).cloned();
         self.push(Job::Probe(ProbeRequest {
-            aim,
+            target,
             tf: Arc::clone(&document.tf),
             light,
             ambient: document.scene.ambient,
-            // A setting that is being typed has no answer.
+            // Invalid settings have no curve.
             methods: methods.filter(|m| m.method().is_ok()).collect(),
         }));
     }
 
-    /// Asks for a picture of what the document says now, unless that was asked last.
+    /// Requests the current picture, unless it was requested last.
     pub fn ask(&mut self) {
         let Some(document) = &self.document else { return };
         if document.method.method().is_err() {
             return;
         }
         let other = self.split.share.map(|_| &document.other).filter(|other| other.method().is_ok());
-        let subject = Subject {
+        let settings = FrameSettings {
             tf: Arc::clone(&document.tf),
             methods: std::iter::once(&document.method).chain(other).cloned().collect(),
             scene: document.scene.clone(),
         };
-        if self.asked.as_ref() != Some(&subject) {
+        if self.asked.as_ref() != Some(&settings) {
             self.settled = false;
             self.revision += 1;
             let (since, revision) = (Instant::now(), self.revision);
-            self.thread.want(Wanted { subject: subject.clone(), since, revision });
-            self.asked = Some(subject);
+            self.thread.request_frame(FrameRequest { settings: settings.clone(), since, revision });
+            self.asked = Some(settings);
         }
-        // The probe's curves follow once the hand rests.
+        // The probe's curves follow when the picture is final.
         if let Some(point) = self.probe.as_ref().map(|p| p.point).filter(|_| self.settled) {
-            let differs = |(a, b): (&Subject, &Subject)| a.tf != b.tf || a.methods != b.methods;
+            let differs = |(a, b): (&FrameSettings, &FrameSettings)| a.tf != b.tf || a.methods != b.methods;
             let elsewhere = self.probed_light != Some(document.light().light);
             if self.probed.as_ref().zip(self.asked.as_ref()).is_some_and(|both| elsewhere || differs(both)) {
-                self.probe(Aim::Point(point));
+                self.probe(ProbeTarget::Point(point));
             }
             self.probed.clone_from(&self.asked);
         }
     }
 
-    /// Lets notes leave by themselves; errors stay until they are closed.
+    /// Side of the split that flicker shows now, and the time until it changes, s.
+    pub fn flicker(&self, context: &egui::Context) -> Option<(usize, f64)> {
+        self.frame.as_ref()?.other.as_ref()?;
+        self.split.flicker_at(context.input(|i| i.time), self.settings.flicker_hz)
+    }
+
+    /// Removes old notes; errors stay until they are closed.
     pub fn forget_notes(&mut self) {
         self.messages.retain(|m| m.is_error || m.since.elapsed() < NOTE_TIME);
     }

@@ -1,5 +1,4 @@
-//! Going on after the graphics device was lost (a driver that was reset or updated, a card that was taken away): what was
-//! open is handed from one window to the next, on a new device; volumes are not read again.
+//! Recovery from a device loss: the document moves to a new window and device without reading the volume again.
 
 use super::document::Document;
 use super::panels::difference::Difference;
@@ -8,23 +7,23 @@ use super::split::Split;
 use crate::error::{Error, Result};
 use std::path::PathBuf;
 
-/// What was open when a device was lost.
+/// Document and settings at a device loss.
 pub struct Resume {
-    /// The driver's reason.
+    /// Reason given by the driver.
     pub why: String,
-    /// The window's.
+    /// Settings of the window.
     pub settings: Settings,
-    /// The document, how the view was divided, and whether errors were shown.
+    /// Document, split and heat map settings.
     pub open: Option<(Document, Split, Difference)>,
 }
 
 impl Resume {
-    /// The scene file that is kept where no new device can be had.
+    /// Scene file for the case that no device can be opened.
     pub fn kept_scene() -> Option<PathBuf> {
         Settings::path().map(|path| path.with_file_name("lost.toml"))
     }
 
-    /// Where no new device can be had: keeps the scene file in `path` and says so.
+    /// Writes the scene file to `path` where no device can be opened, and returns the error.
     pub fn give_up(&self, path: Option<PathBuf>) -> Error {
         let failed = Error::runtime("the graphics device was lost", "window", &self.why);
         match self.keep(path) {
@@ -37,7 +36,7 @@ impl Resume {
     fn keep(&self, path: Option<PathBuf>) -> Option<Result<PathBuf>> {
         let ((document, ..), path) = (self.open.as_ref()?, path?);
         if let Some(folder) = path.parent() {
-            // Where it cannot be made, writing says so.
+            // The write reports a missing folder.
             let _ = std::fs::create_dir_all(folder);
         }
         Some(document.write_scene(&path).map(|()| path))

@@ -1,31 +1,30 @@
-//! What the window remembers from one run to the next.
+//! Saved settings of the window.
 
 use super::camera::Orbit;
 use super::curve::AmountAxis;
 use super::split;
 use crate::files::output::write_whole;
 use serde::{Deserialize, Serialize};
-use std::env;
 use std::path::PathBuf;
 
-/// Volumes in the menu of recent ones.
-const MOST_RECENT: usize = 10;
+/// Maximum number of recent volumes.
+const MAX_RECENT: usize = 10;
 
-/// Kept in a TOML file of the user's settings folder.
+/// Settings in a TOML file of the user's configuration folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Settings {
     /// Inner size of the window, points.
     pub window: [f32; 2],
-    /// Light on dark.
+    /// Dark theme.
     pub dark: bool,
-    /// How dragging turns the camera.
+    /// Camera rotation of a drag.
     pub orbit: Orbit,
     /// The editor's vertical axis.
     pub amount_axis: AmountAxis,
-    /// Counts on a logarithmic scale.
+    /// Logarithmic counts of the histogram.
     pub log_histogram: bool,
-    /// Voxels weigh as much as the value changes there.
+    /// Histogram weighted by the gradient magnitude.
     pub gradient_histogram: bool,
     /// Slices beside the view.
     pub slices: bool,
@@ -33,13 +32,13 @@ pub struct Settings {
     pub marks: bool,
     /// The orientation cube.
     pub cube: bool,
-    /// Changes a second of the flicker.
+    /// Frequency of the flicker, changes per second.
     pub flicker_hz: f64,
-    /// Sources of volumes, the latest first.
+    /// Recent volumes, the latest first.
     pub recent: Vec<String>,
-    /// The folder of the file that was named last, with its separator at the end.
+    /// Folder of the last file, with a separator at the end.
     pub folder: String,
-    /// The scene that was open, as the text of a scene file.
+    /// Last scene, as a scene file.
     pub last_scene: String,
 }
 
@@ -64,20 +63,12 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// The file, where the system says where such files go.
+    /// Path of the settings file.
     pub fn path() -> Option<PathBuf> {
-        let var = |name: &str| env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-        let folder = if cfg!(windows) {
-            var("APPDATA")
-        } else if cfg!(target_os = "macos") {
-            var("HOME").map(|h| h.join("Library/Application Support"))
-        } else {
-            var("XDG_CONFIG_HOME").or_else(|| var("HOME").map(|h| h.join(".config")))
-        };
-        folder.map(|f| f.join("umbravox").join("window.toml"))
+        dirs::config_dir().map(|folder| folder.join("umbravox").join("window.toml"))
     }
 
-    /// What was kept; the defaults where nothing was, or what was is not understood.
+    /// Reads the settings; the defaults where there are none or they are invalid.
     pub fn read() -> Self {
         let text = Self::path().and_then(|path| std::fs::read_to_string(path).ok());
         let mut settings: Self = text.and_then(|t| toml::from_str(&t).ok()).unwrap_or_default();
@@ -85,11 +76,11 @@ impl Settings {
         if !split::RATES_HZ.contains(&settings.flicker_hz) {
             settings.flicker_hz = split::DEFAULT_RATE_HZ;
         }
-        settings.recent.truncate(MOST_RECENT);
+        settings.recent.truncate(MAX_RECENT);
         settings
     }
 
-    /// Keeps them; a folder that cannot be written is no reason to disturb anyone.
+    /// Writes the settings; a failure is only logged.
     pub fn write(&self) {
         let Some(path) = Self::path() else { return };
         let Ok(text) = toml::to_string(self) else { return };
@@ -101,10 +92,10 @@ impl Settings {
         }
     }
 
-    /// Puts a volume on top of the recent ones.
+    /// Adds a volume to the recent ones.
     pub fn opened(&mut self, source: &str) {
         self.recent.retain(|r| r != source);
         self.recent.insert(0, source.to_owned());
-        self.recent.truncate(MOST_RECENT);
+        self.recent.truncate(MAX_RECENT);
     }
 }

@@ -1,28 +1,27 @@
-//! The view divided between two methods: a line that is dragged, or both pictures in turn over the whole view (flicker).
-//! Both are finished; nothing is drawn for it.
+//! Split view of two methods: a movable line, or flicker between both pictures.
 
 use std::ops::RangeInclusive;
 
-/// Changes of the flicker a second.
+/// Range of the flicker frequency, changes per second.
 pub const RATES_HZ: RangeInclusive<f64> = 0.5..=8.0;
 pub const DEFAULT_RATE_HZ: f64 = 2.0;
 
-/// How the view is divided.
+/// Division of the view.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Split {
-    /// Where the line is, as a share of the view's width; `None`: one method fills the view.
+    /// Position of the line as a fraction of the view's width; `None`: one method fills the view.
     pub share: Option<f32>,
-    /// When flicker began, seconds of the interface's clock.
+    /// Start of the flicker, seconds of the interface's clock.
     flicker_since_s: Option<f64>,
 }
 
 impl Split {
-    /// Divides the view in the middle, or not at all.
+    /// Turns the split on, in the centre, or off.
     pub fn set(&mut self, on: bool) {
         *self = Self { share: on.then_some(0.5), flicker_since_s: self.flicker_since_s.filter(|_| on) };
     }
 
-    /// Turns flicker on, with the second picture that it needs, or off.
+    /// Turns flicker on, with the split that it needs, or off.
     pub fn set_flicker(&mut self, on: bool, now_s: f64) {
         self.flicker_since_s = on.then_some(now_s);
         if on {
@@ -30,18 +29,18 @@ impl Split {
         }
     }
 
-    /// The line alone: another window has another clock.
+    /// The split without flicker: another window has another clock.
     #[must_use]
     pub fn without_flicker(self) -> Self {
         Self { flicker_since_s: None, ..self }
     }
 
-    /// Whether the pictures are shown in turn.
+    /// Whether flicker is on.
     pub fn flickers(&self) -> bool {
         self.flicker_since_s.is_some()
     }
 
-    /// Which picture flicker shows at a time, 0 or 1, and how long until the other one is, seconds.
+    /// Picture that flicker shows at a time, 0 or 1, and the time until it changes, s.
     pub fn flicker_at(&self, now_s: f64, rate_hz: f64) -> Option<(usize, f64)> {
         self.share?;
         let changes = ((now_s - self.flicker_since_s?) * rate_hz).max(0.0);

@@ -1,35 +1,34 @@
-//! The window's surface, on a device that another thread draws with.
+//! Surface of the window, on a device that the render thread uses as well.
 //!
-//! eframe makes the surface anew as soon as the window has another size. wgpu does so only when the device is idle, and gives
-//! up where the render thread submits meanwhile; the surface then keeps the old size, and what is painted for the new one
-//! does not fit in. [`Surface`] sees that the window's own calls have failed, and lets eframe make the surface once more
-//! while the render thread is held back. What goes on failing is said.
+//! eframe reconfigures the surface when the window is resized. wgpu does so only on an idle device and fails while the render
+//! thread submits. The surface then keeps the old size and the frame does not fit. [`Surface`] detects the failed calls and
+//! lets eframe reconfigure the surface again while the render thread is paused. Persistent failures are reported.
 
 use crate::error::Error;
 use crate::gpu::{Gpu, Sharing, Uncaptured};
 use eframe::{egui, egui_wgpu::SurfaceConfig};
 
-/// Frames in a row whose failure is nobody's business yet.
-const MOST_FAILURES: u32 = 30;
+/// Number of failed frames in a row that is reported.
+const MAX_FAILURES: u32 = 30;
 
-/// Sees to it that the surface fits the window.
+/// Keeps the surface and the window the same size.
 pub struct Surface {
     sharing: Sharing,
     adapter: String,
     failures: Failures,
 }
 
-/// Frames that have failed in a row.
+/// Number of failed frames in a row.
 #[derive(Default)]
 struct Failures(u32);
 
-/// What is to be done about a frame.
+/// Reaction to a frame.
 #[derive(Debug, PartialEq, Eq)]
 enum Verdict {
     Fine,
-    /// Another one may do.
+    /// Try another frame.
     Again,
-    /// Another one, and a word.
+    /// Try another frame and report.
     Say(String),
 }
 
@@ -40,8 +39,8 @@ impl Failures {
             return Verdict::Fine;
         };
         self.0 = self.0.saturating_add(1);
-        // Once, and not with every frame.
-        if (error.out_of_memory && self.0 == 1) || self.0 == MOST_FAILURES {
+        // Report once, not with every frame.
+        if (error.out_of_memory && self.0 == 1) || self.0 == MAX_FAILURES {
             return Verdict::Say(error.why);
         }
         Verdict::Again
@@ -49,21 +48,21 @@ impl Failures {
 }
 
 impl Surface {
-    /// Of a window on this device.
+    /// Creates the state for a device.
     pub fn of(gpu: &Gpu) -> Self {
         let (sharing, adapter) = (gpu.sharing.clone(), gpu.info.name.clone());
         Self { sharing, adapter, failures: Failures::default() }
     }
 
-    /// Looks how the last frame went, before the next is painted: what there is to be said.
+    /// Checks the last frame before the next one; returns an error to report.
     pub fn before_frame(&mut self, context: &egui::Context, frame: &mut eframe::Frame) -> Option<Error> {
         let verdict = self.failures.judge(self.sharing.take_error());
         if verdict == Verdict::Fine {
             self.sharing.release();
             return None;
         }
-        // What goes on failing is not mended by holding the render thread back.
-        if self.failures.0 > MOST_FAILURES {
+        // Pausing the render thread does not help against persistent failures.
+        if self.failures.0 > MAX_FAILURES {
             self.sharing.release();
             return None;
         }
@@ -72,7 +71,7 @@ impl Surface {
         if let Some(config) = frame.wgpu_surface_config() {
             frame.set_wgpu_surface_config(changed(config));
         }
-        // Once more at least, to let the render thread go on.
+        // At least one more frame, to resume the render thread.
         context.request_repaint();
         match verdict {
             Verdict::Say(why) => Some(Error::runtime("the graphics device failed", &self.adapter, why)),
@@ -81,7 +80,7 @@ impl Surface {
     }
 }
 
-/// Of the same meaning to wgpu (2 is its default), but another one to egui, which makes the surface anew where it changes.
+/// Configuration that is equal for wgpu (2 is its default) but not for egui, which then reconfigures the surface.
 fn changed(config: SurfaceConfig) -> SurfaceConfig {
     let latency = config.desired_maximum_frame_latency;
     SurfaceConfig { desired_maximum_frame_latency: if latency.is_none() { Some(2) } else { None }, ..config }
@@ -99,15 +98,15 @@ mod tests {
     fn what_another_frame_mends_is_not_said_and_what_none_mends_is_said_once() {
         let mut failures = Failures::default();
         for _ in 0..3 {
-            for _ in 1..MOST_FAILURES {
+            for _ in 1..MAX_FAILURES {
                 assert_eq!(failures.judge(failed(false)), Verdict::Again);
             }
             assert_eq!(failures.judge(None), Verdict::Fine);
         }
-        let verdicts: Vec<Verdict> = (0..3 * MOST_FAILURES).map(|_| failures.judge(failed(false))).collect();
+        let verdicts: Vec<Verdict> = (0..3 * MAX_FAILURES).map(|_| failures.judge(failed(false))).collect();
         let said = verdicts.iter().filter(|v| matches!(v, Verdict::Say(_))).count();
         assert_eq!(said, 1);
-        assert_eq!(verdicts[MOST_FAILURES as usize - 1], Verdict::Say("it does not fit".into()));
+        assert_eq!(verdicts[MAX_FAILURES as usize - 1], Verdict::Say("it does not fit".into()));
         failures.judge(None);
         assert!(matches!(failures.judge(failed(true)), Verdict::Say(_)), "memory is said at once");
         assert_eq!(failures.judge(failed(true)), Verdict::Again);

@@ -1,30 +1,30 @@
-//! Colours of the window: every text has a contrast of at least [`LEAST_CONTRAST`] against what it lies on, also where it
-//! is dim or disabled, in both themes and over any picture.
+//! Colours of the window. Every text has a contrast of at least [`MIN_CONTRAST`], also dim or disabled, in both themes and
+//! over any picture.
 
 use eframe::egui::style::{NumberFormatter, ScrollStyle};
 use eframe::egui::{self, Color32, Theme, Visuals};
 use std::ops::RangeInclusive;
 
-/// What WCAG 2.1 (AA) asks of text.
-pub const LEAST_CONTRAST: f64 = 4.5;
+/// Contrast required by WCAG 2.1 (AA).
+pub const MIN_CONTRAST: f64 = 4.5;
 
-/// Behind text that lies over a picture.
+/// Background of text over a picture.
 pub const PLATE: Color32 = Color32::from_black_alpha(190);
 /// Text on a [`PLATE`].
 pub const OVER_PICTURE: Color32 = Color32::from_gray(235);
-/// Text on a [`PLATE`] that is not what one looks for.
+/// Less important text on a [`PLATE`].
 pub const DIM_OVER_PICTURE: Color32 = Color32::from_gray(205);
-/// Where no picture is yet.
+/// Background without a picture.
 pub const NO_PICTURE: Color32 = Color32::from_gray(12);
 
-/// Colours that egui has no name for.
+/// Colours that egui does not define.
 #[derive(Debug, Clone, Copy)]
 pub struct Colors {
-    /// Curves and names of the first and the second method.
+    /// Curves and names of both methods.
     pub methods: [Color32; 2],
-    /// The probed point, and the text beside its line.
+    /// Probed point and its text.
     pub probe: Color32,
-    /// The histogram's columns.
+    /// Bars of the histogram.
     pub histogram: Color32,
 }
 
@@ -39,18 +39,18 @@ const LIGHT: Colors = Colors {
     histogram: Color32::from_gray(205),
 };
 
-/// Those of the theme that is shown.
+/// Colours of the current theme.
 pub fn colors(visuals: &Visuals) -> &'static Colors {
     if visuals.dark_mode { &DARK } else { &LIGHT }
 }
 
-/// Shows one of the two themes, whose colours are told to egui the first time.
+/// Applies a theme.
 pub fn show(context: &egui::Context, dark: bool) {
     let told = egui::Id::unique("umbravox theme");
     if !context.data(|d| d.get_temp::<bool>(told).unwrap_or(false)) {
         for theme in [Theme::Dark, Theme::Light] {
             context.set_visuals_of(theme, visuals(theme));
-            // Bars beside what scrolls, not over it.
+            // Scroll bars beside the content, not over it.
             context.style_mut_of(theme, |style| {
                 style.spacing.scroll = scroll_bars();
                 style.number_formatter = NumberFormatter::new(number);
@@ -61,7 +61,7 @@ pub fn show(context: &egui::Context, dark: bool) {
     context.set_theme(if dark { Theme::Dark } else { Theme::Light });
 }
 
-/// As egui writes it, but that nothing is no negative number, which turned axes are full of.
+/// egui's number format, without a negative zero.
 fn number(x: f64, decimals: RangeInclusive<usize>) -> String {
     let text = egui::emath::format_with_decimals_in_range(x, decimals);
     match text.strip_prefix('-') {
@@ -100,12 +100,12 @@ fn visuals(theme: Theme) -> Visuals {
     v
 }
 
-/// A colour over another, as the window blends them: by sRGB codes.
+/// Blends a colour over another by sRGB codes, as the window does.
 pub fn over(color: Color32, back: Color32) -> Color32 {
     back.blend(color)
 }
 
-/// WCAG's contrast of two opaque colours, 1 to 21.
+/// Contrast of two opaque colours by WCAG, 1 to 21.
 pub fn contrast(text: Color32, back: Color32) -> f64 {
     let luminance = |c: Color32| {
         let [r, g, b] = [c.r(), c.g(), c.b()].map(|code| {
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn contrast_is_that_of_wcag() {
-        // The document's own example pairs.
+        // Examples of the standard.
         for (text, back, expected) in [
             (Color32::WHITE, Color32::BLACK, 21.0),
             (Color32::from_gray(0x77), Color32::WHITE, 4.48),
@@ -142,7 +142,7 @@ mod tests {
         }
     }
 
-    /// Text colours with the surfaces that they are drawn on.
+    /// Text colours and their backgrounds.
     fn pairs(v: &Visuals) -> Vec<(String, Color32, Color32)> {
         let colors = colors(v);
         let stripe = over(v.faint_bg_color, v.panel_fill);
@@ -167,7 +167,7 @@ mod tests {
         {
             let own = [("button", state.weak_bg_fill), ("box", state.bg_fill)];
             on(name, state.fg_stroke.color, &[&own[..], &plain].concat());
-            // Keys beside the entries of menus, which have no frame until a hand is over them.
+            // Shortcuts in menus have no frame until the pointer is over them.
             let entry = if name == "inactive" { v.window_fill } else { state.weak_bg_fill };
             on(&format!("key, {name}"), v.weak_text_color(), &[("entry", entry)]);
         }
@@ -188,8 +188,8 @@ mod tests {
             let never_disabled = ["active", "hovered", "open", "probe", "method"];
             for (name, text, back) in found {
                 let seen = contrast(text, back);
-                assert!(seen >= LEAST_CONTRAST, "{theme:?}: {name}: {seen:.2}");
-                // What is disabled fades, with what it lies on, into the panel.
+                assert!(seen >= MIN_CONTRAST, "{theme:?}: {name}: {seen:.2}");
+                // Disabled text fades with its background into the panel.
                 if never_disabled
                     .iter()
                     .any(|part| name.starts_with(part) || name.contains(&format!(", {part}")))
@@ -199,7 +199,7 @@ mod tests {
                 let [text, back] =
                     [text, back].map(|c| over(c.gamma_multiply(v.disabled_alpha), v.panel_fill));
                 let seen = contrast(text, back);
-                assert!(seen >= LEAST_CONTRAST, "{theme:?}: disabled {name}: {seen:.2}");
+                assert!(seen >= MIN_CONTRAST, "{theme:?}: disabled {name}: {seen:.2}");
             }
         }
     }
@@ -209,7 +209,7 @@ mod tests {
         for text in [OVER_PICTURE, DIM_OVER_PICTURE] {
             for picture in [Color32::BLACK, NO_PICTURE, Color32::from_gray(128), Color32::WHITE] {
                 let seen = contrast(text, over(PLATE, picture));
-                assert!(seen >= LEAST_CONTRAST, "{text:?} over {picture:?}: {seen:.2}");
+                assert!(seen >= MIN_CONTRAST, "{text:?} over {picture:?}: {seen:.2}");
             }
         }
     }

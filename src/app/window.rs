@@ -1,12 +1,10 @@
-//! The window itself: eframe's, on the device that pictures are drawn with.
+//! Native window on the device that draws the pictures.
 
 use super::contents::App;
-use super::paint::widgets::Widgets;
 use super::resume::Resume;
-use super::script::Script;
 use super::settings::Settings;
 use super::surface::Surface;
-use crate::engine::reading::With;
+use crate::engine::reading::OpenMode;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::open::SceneSettings;
@@ -14,46 +12,53 @@ use eframe::{egui, egui_wgpu, wgpu};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How the window starts.
-#[derive(Debug, Clone)]
+/// Start options of the window.
 pub struct Start {
-    /// What to open; `None` opens what was open last.
+    /// Scene to open; `None` opens the last one.
     pub scene: Option<SceneSettings>,
     /// Part of the adapter's name; `None`: the system's choice.
     pub adapter: Option<String>,
-    /// Neither read nor keep settings.
+    /// Neither read nor write settings.
     pub clean: bool,
-    /// Input to replay, after which the window closes.
-    pub script: Option<Script>,
+    /// Hook into every frame, for tests and screenshots.
+    pub hook: Option<Box<dyn FrameHook>>,
 }
 
-/// A scene file that was kept is no larger.
-const MAX_SCENE_BYTES: usize = 1 << 20;
+/// Hook into the frames of the window, which can replace the user.
+pub trait FrameHook: Send {
+    /// Initial size of the window, points; `None`: the last one.
+    fn window_size(&self) -> Option<[f32; 2]>;
+    /// Adds input before a frame.
+    fn input(&mut self, app: &App, context: &egui::Context, input: &mut egui::RawInput);
+    /// Runs before the interface of a frame; a result closes the window.
+    fn before_frame(&mut self, app: &mut App, frame: &eframe::Frame) -> Option<Result<()>>;
+    /// Runs after all widgets of a frame are laid out.
+    fn after_frame(&mut self, context: &egui::Context);
+}
 
-/// How a window ended.
+/// End of a window.
 enum Ended {
     Closed(Result<()>),
-    /// Its device was lost; the rest of a script goes on.
-    Lost(Box<Resume>, Option<Box<Script>>),
+    /// The device was lost; a hook continues in the next window.
+    Lost(Box<Resume>, Option<Box<dyn FrameHook>>),
 }
 
-/// What a window begins with.
+/// Initial content of a window.
 #[derive(Default)]
 struct Begin {
     settings: Settings,
     scene: Option<SceneSettings>,
-    script: Option<Script>,
+    hook: Option<Box<dyn FrameHook>>,
     resume: Option<Resume>,
 }
 
-/// A device that is lost sooner would be lost again and again.
-const LEAST_LIFE: Duration = Duration::from_secs(2);
-/// Nor is it worth while to begin for ever.
-const MOST_LOSSES: usize = 3;
+/// A device lost within this time counts as unusable.
+const MIN_LIFETIME: Duration = Duration::from_secs(2);
+/// Losses within a time after which the window gives up.
+const MAX_LOSSES: usize = 3;
 const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 
-/// Opens the window and returns when it is closed. Where its device is lost another window takes its place, with what
-/// was open.
+/// Opens the window and returns when it is closed. After a device loss a new window continues with the same document.
 ///
 /// # Errors
 /// No display, no adapter, a system that refuses the window, or a device that is lost again at once.
@@ -61,28 +66,27 @@ pub fn run(start: Start) -> Result<()> {
     let settings = if start.clean { Settings::default() } else { Settings::read() };
     let scene = start.scene.or_else(|| last_scene(&settings.last_scene));
     let mut begin =
-        Begin { settings, scene: Some(scene.unwrap_or_default()), script: start.script, resume: None };
+        Begin { settings, scene: Some(scene.unwrap_or_default()), hook: start.hook, resume: None };
     let mut losses: Vec<Instant> = Vec::new();
     loop {
         let since = Instant::now();
         match open(start.adapter.as_deref(), start.clean, begin)? {
             Ended::Closed(outcome) => return outcome,
-            Ended::Lost(resume, script) => {
+            Ended::Lost(resume, hook) => {
                 losses.retain(|lost| lost.elapsed() < LOSSES_WITHIN);
                 losses.push(Instant::now());
-                if since.elapsed() < LEAST_LIFE || losses.len() >= MOST_LOSSES {
+                if since.elapsed() < MIN_LIFETIME || losses.len() >= MAX_LOSSES {
                     return Err(resume.give_up(Resume::kept_scene()));
                 }
                 let settings = resume.settings.clone();
-                let script = script.map(|script| *script);
-                begin = Begin { settings, scene: None, script, resume: Some(*resume) };
+                begin = Begin { settings, scene: None, hook, resume: Some(*resume) };
             }
         }
     }
 }
 
 fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
-    let Begin { settings, scene, script, resume } = begin;
+    let Begin { settings, scene, hook, resume } = begin;
     let setup = egui_wgpu::WgpuSetupCreateNew {
         native_adapter_selector: adapter.map(select_by_name),
         device_descriptor: Arc::new(Gpu::device_descriptor),
@@ -92,10 +96,10 @@ fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
         viewport: egui::ViewportBuilder::default()
             .with_app_id("umbravox")
             .with_title("umbravox")
-            .with_inner_size(script.as_ref().and_then(Script::window).unwrap_or(settings.window))
+            .with_inner_size(hook.as_ref().and_then(|hook| hook.window_size()).unwrap_or(settings.window))
             .with_min_inner_size([640.0, 480.0])
             .with_drag_and_drop(true),
-        // Dithering costs a software adapter more than it shows.
+        // Dithering is slow on a software adapter.
         dithering: false,
         renderer: eframe::Renderer::Wgpu,
         wgpu_options: egui_wgpu::WgpuConfiguration {
@@ -105,22 +109,19 @@ fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
         ..Default::default()
     };
     let failed = |why: String| {
-        // Of winit's message only what went wrong, not where in its own sources that was noticed.
+        // winit's message without the location in its sources.
         let why = if why.contains(".rs:") { why.rsplit(": ").next().unwrap_or(&why) } else { &why };
         Error::runtime("cannot open the window", "display", why)
             .hint("a display is needed (DISPLAY or WAYLAND_DISPLAY); `render` and `compare` need none")
     };
-    // What ends a script badly is said once the window is gone.
+    // An error is reported after the window has closed.
     let outcome = Arc::new(Mutex::new(Ended::Closed(Ok(()))));
-    let theirs = Arc::clone(&outcome);
-    // Where no window comes, what was open is still here.
+    let reported = Arc::clone(&outcome);
+    // Where no window opens, the document is still here.
     let resume = Arc::new(Mutex::new(resume));
     let to_resume = Arc::clone(&resume);
     let create: eframe::AppCreator<'_> = Box::new(move |context| {
         let state = context.wgpu_render_state.as_ref().ok_or("the window has no wgpu device")?;
-        if let Some(widgets) = Widgets::for_software(state) {
-            context.egui_ctx.add_plugin(widgets);
-        }
         let gpu = Gpu::from_parts(&state.adapter, state.device.clone(), state.queue.clone());
         let surface = Surface::of(&gpu);
         let mut app = App::new(gpu, &context.egui_ctx, settings)?;
@@ -128,10 +129,10 @@ fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
             app.resume(resume);
         }
         if let Some(scene) = scene {
-            app.model.open(scene.spec(), With::Settings(Box::new(scene)));
+            app.model.open(scene.spec(), OpenMode::Settings(Box::new(scene)));
         }
         let kept = (!clean).then(Instant::now);
-        Ok(Box::new(Window { app, surface, kept, script, outcome: theirs, ended: false }))
+        Ok(Box::new(Window { app, surface, kept, hook, outcome: reported, ended: false }))
     });
     let ran = eframe::run_native("umbravox", options, create);
     if let (Err(_), Some(resume)) = (&ran, lock(&resume).take()) {
@@ -145,12 +146,12 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
     slot.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The scene that was kept, where it can still be read.
+/// Last scene of the settings, where it is valid.
 fn last_scene(text: &str) -> Option<SceneSettings> {
-    if text.is_empty() || text.len() > MAX_SCENE_BYTES { None } else { SceneSettings::from_toml(text).ok() }
+    if text.is_empty() { None } else { SceneSettings::from_toml(text).ok() }
 }
 
-/// The adapter whose name contains `name`, any case.
+/// Selects the adapter whose name contains `name`, in any case.
 fn select_by_name(name: &str) -> egui_wgpu::NativeAdapterSelectorMethod {
     let wanted = name.to_lowercase();
     Arc::new(move |adapters: &[wgpu::Adapter], _| {
@@ -160,26 +161,26 @@ fn select_by_name(name: &str) -> egui_wgpu::NativeAdapterSelectorMethod {
     })
 }
 
-/// The application as eframe sees it.
+/// Application of eframe.
 struct Window {
     app: App,
     surface: Surface,
-    /// When settings were kept last; `None`: never, as `--clean` says.
+    /// Time of the last write of the settings; `None` with `--clean`.
     kept: Option<Instant>,
-    script: Option<Script>,
+    hook: Option<Box<dyn FrameHook>>,
     outcome: Arc<Mutex<Ended>>,
-    /// The device is lost and the window on its way out.
+    /// The device is lost and the window is closing.
     ended: bool,
 }
 
 impl Window {
-    fn keep(&mut self, context: &egui::Context) {
+    fn write_settings(&mut self, context: &egui::Context) {
         let size = context.input(|i| i.viewport().inner_rect.map(|r| r.size()));
         if let Some(size) = size {
             self.app.model.settings.window = [size.x, size.y];
         }
         if let Some(document) = &self.app.model.document {
-            // A function that was edited lives in a file beside the settings.
+            // An edited function is written to a file beside the settings.
             let beside = Settings::path().map(|p| p.with_file_name("last.tf.json"));
             let tf = match beside.filter(|_| document.tf_edited()) {
                 Some(path) => document.tf.write(&path).ok().map(|()| path.display().to_string()),
@@ -193,15 +194,15 @@ impl Window {
     }
 }
 
-/// Between two times that settings are kept.
-const KEEP_EVERY: Duration = Duration::from_secs(20);
+/// Interval between two writes of the settings.
+const WRITE_INTERVAL: Duration = Duration::from_secs(20);
 
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut egui::Ui, frame: &mut eframe::Frame) {
         if let Some(why) = self.app.model.lost().filter(|_| !self.ended) {
             self.ended = true;
             let resume = Box::new(self.app.into_resume(why));
-            *lock(&self.outcome) = Ended::Lost(resume, self.script.take().map(Box::new));
+            *lock(&self.outcome) = Ended::Lost(resume, self.hook.take());
             ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
         }
         if self.ended {
@@ -210,40 +211,33 @@ impl eframe::App for Window {
         if let Some(e) = self.surface.before_frame(ui.ctx(), frame) {
             self.app.model.fail(&e);
         }
-        if let Some(script) = &mut self.script
-            && let Some(outcome) = script.after_frame(&mut self.app)
+        if let Some(hook) = &mut self.hook
+            && let Some(outcome) = hook.before_frame(&mut self.app, frame)
         {
             *lock(&self.outcome) = Ended::Closed(outcome);
-            self.script = None;
+            self.hook = None;
             ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
         }
-        if self.script.as_mut().is_some_and(Script::loses_device)
-            && let Some(state) = frame.wgpu_render_state()
-        {
-            state.device.destroy();
-            // A device that is destroyed, not lost, says so when it is next asked.
-            let _ = state.device.poll(wgpu::PollType::wait_indefinitely());
-        }
         self.app.show(ui, frame.wgpu_render_state());
-        if let Some(script) = &mut self.script {
-            script.look(ui.ctx());
+        if let Some(hook) = &mut self.hook {
+            hook.after_frame(ui.ctx());
         }
-        if self.kept.is_some_and(|when| when.elapsed() > KEEP_EVERY)
+        if self.kept.is_some_and(|when| when.elapsed() > WRITE_INTERVAL)
             || (self.kept.is_some() && ui.input(|i| i.viewport().close_requested()))
         {
-            self.keep(ui.ctx());
+            self.write_settings(ui.ctx());
             self.kept = Some(Instant::now());
         }
     }
 
-    /// The panels' own colour: they paint none, which spares a software adapter most of the window's pixels.
+    /// Panel colour: panels have no fill, which saves a software adapter most pixels of the window.
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
         visuals.panel_fill.to_normalized_gamma_f32()
     }
 
     fn raw_input_hook(&mut self, context: &egui::Context, input: &mut egui::RawInput) {
-        if let Some(script) = &mut self.script {
-            script.before_frame(&self.app, context, input);
+        if let Some(hook) = &mut self.hook {
+            hook.input(&self.app, context, input);
         }
     }
 }

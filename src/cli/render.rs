@@ -1,32 +1,33 @@
-//! `umbravox render`: one picture, or those of a turn.
+//! `umbravox render`: one picture, or the pictures of a rotation.
 
-use super::frames::{Drawer, Frame, FrameFlags, Texts};
+use super::frames::{FrameFlags, FrameRecord, RotationWriter, Texts};
 use super::told::{load, print_json, say};
-use crate::engine::{DrawnPicture, Sequence};
+use crate::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use crate::error::Result;
 use crate::files::animation::is_animation;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
-use crate::gpu::Clock;
+use crate::gpu::{Clock, Gpu};
 use crate::open::asked::picture_texts;
 use crate::open::{DEFAULT_SHADOW, Loaded, SceneArgs};
-use crate::render::{Omission, Session};
+use crate::render::{Omission, Picture, Renderer};
 use crate::scene::{LightSource, Scene};
-use crate::shadow::{Bound, BuildReport, Method, NoShadows, ShadowMap};
+use crate::shadow::{Bound, BuildReport, Method, ShadowMap};
 use clap::Args;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// Draw one picture, or those of a camera or of lights that turn
+/// Draw one picture, or a turntable or light sweep
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
     #[command(flatten)]
     pub frames: FrameFlags,
-    /// The picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity). With
-    /// --background none a .png has straight alpha, and .exr and .npy hold colours times opacity. A .png holds as text
-    /// the scene file that draws it. With --turntable or --light-sweep frame.png stands for frame_0000.png and so on, and
-    /// .apng and .gif are one animated file
+    /// Output picture: .png (8-bit sRGB), .exr or .npy (float32, height x width x 4, linear RGB and opacity). With
+    /// --background none, .png has straight alpha, and .exr and .npy have premultiplied colours. A .png contains the scene
+    /// file as a text chunk. With --turntable or --light-sweep, frame.png stands for frame_0000.png and so on; .apng and
+    /// .gif are one animated file
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -34,10 +35,10 @@ pub struct RenderArgs {
 /// Runs the command.
 ///
 /// # Errors
-/// Bad input, a failure of the device or disk, or an interruption between the pictures of a turn.
+/// Bad input, a failure of the device or disk, or an interruption between two pictures.
 pub fn run(args: RenderArgs) -> Result<()> {
-    let turn = args.frames.turn(&args.output)?;
-    if turn.is_none() {
+    let plan = args.frames.plan(&args.output)?;
+    if plan.is_none() {
         let hint = "--turntable and --light-sweep make one animated file";
         let animated = is_animation(&args.output);
         check_output(&args.output, PICTURE_EXTENSIONS)
@@ -46,30 +47,34 @@ pub fn run(args: RenderArgs) -> Result<()> {
     let settings = args.scene.into_settings()?;
     let method = settings.method()?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
-    turn.iter().try_for_each(|turn| turn.check(backdrop))?;
+    plan.iter().try_for_each(|plan| plan.check(backdrop))?;
     let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load(&settings)?;
-    let session = Session::open(settings.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
-        .with_strands(strands);
-    let adapter = session.renderer.gpu().info.name.clone();
+    let renderer = Arc::new(Renderer::new(Gpu::open(settings.adapter.as_deref())?));
+    let adapter = renderer.gpu().info.name.clone();
+    // Each picture has the pixels that it has alone, so a map is reused only where it would be built again.
+    let cache = ShadowCache::new(1, ReusePolicy::Exact);
+    let mut session = CachedSession::new(renderer, settings.disabled_optimizations(), cache);
+    session.load(volume, strands)?;
+    session.set_transfer(&tf, &mut Work::default())?;
     let texts = |scene: &Scene| -> Result<Texts> {
-        let mut whole = settings.resolved(scene, &tf_source, suiting)?;
-        whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
-        picture_texts(&adapter, Some(&whole))
+        let mut resolved = settings.resolved(scene, &tf_source, suiting)?;
+        resolved.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
+        picture_texts(&adapter, Some(&resolved))
     };
-    let mut sequence = Sequence::new(&session, method.as_ref());
-    let needed = needed_method(&session, &scene, method.as_ref());
-    let summary_of = |drawn: &DrawnPicture, shadows: &[&ShadowMap]| {
-        Summary::of(&args.output, &session, needed, (shadows, &scene), drawn)
+    let summary_of = |prepared: &Prepared<'_>, picture: &Picture| {
+        Summary::new(&args.output, prepared, method.as_ref(), &scene, picture)
     };
-    let summary = match &turn {
+    let summary = match &plan {
         None => {
-            let drawn = sequence.draw(&scene)?;
-            write_picture_with(&args.output, &drawn.picture.pixels, backdrop, &texts(&scene)?)?;
-            summary_of(&drawn, &sequence.shadows())
+            let extent = (&scene, MapCoverage::Picture);
+            let prepared = session.prepare(method.as_ref(), extent, &mut Work::default())?;
+            let picture = prepared.render(&scene)?;
+            write_picture_with(&args.output, &picture.pixels, backdrop, &texts(&scene)?)?;
+            summary_of(&prepared, &picture)
         }
-        Some(turn) => {
-            let drawer = Drawer { turn, backdrop, texts: &texts };
-            let (first, frames) = drawer.draw(&mut sequence, &scene, summary_of)?;
+        Some(plan) => {
+            let writer = RotationWriter { plan, backdrop, texts: &texts };
+            let (first, frames) = writer.write(&mut session, method.as_ref(), &scene, summary_of)?;
             Summary { frames: Some(frames), ..first }
         }
     };
@@ -82,15 +87,7 @@ pub fn run(args: RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// The method asked for, or none where no light can be kept from a sample: the map is then not even built.
-fn needed_method<'a>(session: &Session, scene: &Scene, method: &'a dyn Method) -> &'a dyn Method {
-    match session.needs_shadows(scene) {
-        Ok(()) => method,
-        Err(_) => &NoShadows,
-    }
-}
-
-/// What `--json` prints: of a turn the first picture's, and each picture in `frames`.
+/// Output of `--json`: values of the first picture, and a record of each picture of a rotation in `frames`.
 #[derive(Debug, serde::Serialize)]
 struct Summary {
     output: String,
@@ -114,41 +111,42 @@ struct Summary {
     pool_growths: u32,
     bound: Option<f64>,
     bound_depth_mm: Option<f64>,
-    lights: Vec<Lit>,
+    lights: Vec<LightCost>,
     left_out: Vec<Omission>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    frames: Option<Vec<Frame>>,
+    frames: Option<Vec<FrameRecord>>,
 }
 
-/// What one light that shines has cost.
+/// Cost of the shadow structure of one light.
 #[derive(Debug, serde::Serialize)]
-struct Lit {
+struct LightCost {
     light: LightSource,
     build_ms: f64,
     bytes: u64,
 }
 
 impl Summary {
-    fn of(
+    fn new(
         output: &Path,
-        session: &Session,
+        Prepared { renderer, loaded, transfer, shadows }: &Prepared<'_>,
         method: &dyn Method,
-        (shadows, scene): (&[&ShadowMap], &Scene),
-        DrawnPicture { picture, .. }: &DrawnPicture,
+        scene: &Scene,
+        picture: &Picture,
     ) -> Self {
+        let method = renderer.effective_method(loaded, transfer, method, scene);
         let (frame_ms, clock) = picture.span.best();
         let maps = || shadows.iter().copied();
         let (report, bound) = (BuildReport::of_all(maps()), Bound::of_all(maps()));
         Self {
             output: output.display().to_string(),
-            adapter: session.renderer.gpu().info.name.clone(),
+            adapter: renderer.gpu().info.name.clone(),
             method: method.name(),
             params: method.params(),
-            volume_tiles: session.loaded.on_device.fold.tiles(),
-            volume_texture: session.loaded.on_device.fold.sides(),
-            table_ms: session.transfer.table_ms,
-            march_table_ms: session.transfer.march_table().map(|t| t.table_ms),
-            classify_ms: session.transfer.classify_ms,
+            volume_tiles: loaded.on_device.fold.tiles(),
+            volume_texture: loaded.on_device.fold.sides(),
+            table_ms: transfer.table_ms,
+            march_table_ms: transfer.march_table().map(|t| t.table_ms),
+            classify_ms: transfer.classify_ms,
             build_ms: report.build_ms(),
             frame_ms,
             frame_wall_ms: picture.span.wall_ms,
@@ -161,7 +159,7 @@ impl Summary {
             pool_growths: report.pool_growths,
             bound: bound.map(|b| b.transmittance),
             bound_depth_mm: bound.map(|b| b.depth_mm),
-            lights: scene.shining().into_iter().zip(maps()).map(Lit::of).collect(),
+            lights: scene.shining().into_iter().zip(maps()).map(LightCost::new).collect(),
             left_out: picture.plan.left_out.clone(),
             frames: None,
         }
@@ -180,20 +178,20 @@ impl Summary {
         let built = format!("{:.1} ms, {:.2} MB", self.build_ms, self.bytes as f64 * 1e-6);
         say(format!("shadow method {} {}: {built}", self.method, self.params));
         if self.lights.len() > 1 {
-            for Lit { light, build_ms, bytes } in &self.lights {
+            for LightCost { light, build_ms, bytes } in &self.lights {
                 say(format!("light {}: {build_ms:.1} ms, {:.2} MB", light.text(), *bytes as f64 * 1e-6));
             }
         }
         say(format!("ray cast {:.1} ms", self.frame_ms));
         self.left_out.iter().for_each(|o| say(o.to_string()));
         if let Some(frames) = &self.frames {
-            say(Frame::explained(frames));
+            say(FrameRecord::summary(frames));
         }
     }
 }
 
-impl Lit {
-    fn of((light, shadow): (LightSource, &ShadowMap)) -> Self {
+impl LightCost {
+    fn new((light, shadow): (LightSource, &ShadowMap)) -> Self {
         Self { light, build_ms: shadow.report.build_ms(), bytes: shadow.report.bytes }
     }
 }

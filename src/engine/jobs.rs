@@ -1,12 +1,12 @@
-//! What the render thread does besides pictures on the screen: probes, presets' small pictures, exports.
+//! Jobs of the render thread besides pictures on the screen: probes, thumbnails of presets, exports.
 
-use super::device::OnDevice;
-use super::mailbox::Speaker;
+use super::cached_session::CachedSession;
+use super::mailbox::EventSender;
 use super::messages::{
-    Aim, Event, Export, MethodCurve, ProbeRequest, ProbeResult, Thumbnail, ThumbnailRequest,
+    Event, Export, MethodCurve, ProbeRequest, ProbeResult, ProbeTarget, Thumbnail, ThumbnailRequest,
 };
-use super::probe_bound;
-use crate::engine::{MapCoverage, Work};
+use super::probe_bound::test_bound;
+use super::shadow_cache::{MapCoverage, Work};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::picture::write_picture_with;
@@ -16,24 +16,24 @@ use crate::shadow::NoShadows;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Depths along the light ray at which a method is asked.
+/// Number of depths of a curve.
 const PROBE_DEPTHS: usize = 320;
-/// A pixel that stops less of the light than this shows nothing to probe.
-const LEAST_OPACITY: f64 = 0.004;
-/// While an export or a small picture is drawn, a submission keeps the queue no longer than about this.
+/// Minimum opacity of a pixel that can be probed.
+const MIN_OPACITY: f64 = 0.004;
+/// Target duration of one submission of an export or a thumbnail.
 const BAND_MS: f64 = 25.0;
 
-/// Answers a probe; says nothing where the ray meets nothing.
-pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -> Result<()> {
-    let Some(loaded) = &device.loaded else { return Ok(()) };
+/// Answers a probe; sends nothing where the ray hits nothing.
+pub fn probe(session: &mut CachedSession, request: &ProbeRequest, events: &EventSender) -> Result<()> {
+    let Some(loaded) = &session.loaded else { return Ok(()) };
     let volume = Arc::clone(&loaded.volume);
     let field = ExactField::new(&volume, &request.tf);
-    let point = match request.aim {
-        Aim::Point(point) => point,
-        Aim::Ray { origin, direction } => {
+    let point = match request.target {
+        ProbeTarget::Point(point) => point,
+        ProbeTarget::Ray { origin, direction } => {
             let seen = field
                 .visible_point_along(origin, direction, f64::INFINITY, 0.5)
-                .filter(|s| s.weight >= LEAST_OPACITY);
+                .filter(|s| s.weight >= MIN_OPACITY);
             let Some(seen) = seen else { return Ok(()) };
             seen.position
         }
@@ -51,20 +51,21 @@ pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -
     let mut points: Vec<DVec3> = depths.iter().map(|&z| start - toward * z).collect();
     points.push(point);
     let mut work = Work::default();
-    device.set_transfer(&request.tf, &mut work)?;
+    session.set_transfer(&request.tf, &mut work)?;
     let scene = Scene { ambient: request.ambient, ..Scene::framing(&volume).under(request.light.into()) };
     let mut methods = Vec::new();
     for choice in &request.methods {
-        let made = device.prepare(choice, (&scene, MapCoverage::AnyPoint), &mut work)?;
+        let method = choice.method()?;
+        let made = session.prepare(method, (&scene, MapCoverage::AnyPoint), &mut work)?;
         let Some(shadow) = made.shadows.first() else { continue };
         let found = made.renderer.query(made.loaded, made.transfer, shadow, &points)?;
         let at_point = found.last().copied().map_or(1.0, f64::from);
         let curve = depths.iter().zip(&found).map(|(&z, &t)| [z, f64::from(t)]).collect();
-        let promise = probe_bound::tried(&made, choice.method()?.taps(), &field, request.light, point)?;
-        methods.push(MethodCurve { spec: made.spec, points: curve, at_point, promise });
+        let bound = test_bound(&made, method.taps(), &field, request.light, point)?;
+        methods.push(MethodCurve { spec: choice.spec(), points: curve, at_point, bound });
     }
     let index = volume.index_from_world().transform_point3(point);
-    speaker.say(Event::Probed(Box::new(ProbeResult {
+    events.send(Event::Probed(Box::new(ProbeResult {
         point,
         value: volume.value_at(index),
         depth_mm: before_mm,
@@ -75,13 +76,13 @@ pub fn probe(device: &mut OnDevice, request: &ProbeRequest, speaker: &Speaker) -
     Ok(())
 }
 
-/// Draws a preset's picture, with tables of its own: those of the view stay.
-pub fn thumbnail(device: &OnDevice, request: ThumbnailRequest, speaker: &Speaker) -> Result<()> {
+/// Draws the thumbnail of a preset with its own tables; those of the view stay.
+pub fn thumbnail(session: &CachedSession, request: ThumbnailRequest, events: &EventSender) -> Result<()> {
     let ThumbnailRequest { index, tf, scene, volume } = request;
-    let Some(loaded) = device.loaded.as_ref().filter(|l| Arc::ptr_eq(&l.volume, &volume)) else {
+    let Some(loaded) = session.loaded.as_ref().filter(|l| Arc::ptr_eq(&l.volume, &volume)) else {
         return Ok(());
     };
-    let renderer = &device.renderer;
+    let renderer = &session.renderer;
     let transfer = renderer.transfer(loaded, &tf, DisabledOptimizations::NONE)?;
     let shadows = renderer.shadows_in(loaded, &transfer, &NoShadows, &scene, None)?;
     let texture = Arc::new(DisplayTexture::new(renderer.gpu(), scene.width, scene.height)?);
@@ -89,31 +90,31 @@ pub fn thumbnail(device: &OnDevice, request: ThumbnailRequest, speaker: &Speaker
     let screen = Screen { target: &texture, pace: &mut pace };
     let drawn = renderer.draw_to(screen, (loaded, &transfer), &shadows, &scene, || true)?;
     if drawn.is_some() {
-        speaker.say(Event::Thumbnail(Box::new(Thumbnail { index, scene, volume, texture })));
+        events.send(Event::Thumbnail(Box::new(Thumbnail { index, scene, volume, texture })));
     }
     Ok(())
 }
 
-/// Draws and writes a picture; `false` where `go_on` ended it, and then no file.
+/// Draws and writes a picture; `false` where `proceed` stopped it, and no file is written.
 pub fn export(
-    device: &mut OnDevice,
+    session: &mut CachedSession,
     export: &Export,
-    speaker: &Speaker,
-    go_on: impl Fn() -> bool,
+    events: &EventSender,
+    proceed: impl Fn() -> bool,
 ) -> Result<bool> {
-    if device.loaded.is_none() {
+    if session.loaded.is_none() {
         return Err(Error::runtime("cannot export", export.path.display(), "no volume is open"));
     }
     let mut work = Work::default();
-    device.set_transfer(&export.tf, &mut work)?;
-    let made = device.prepare(&export.method, (&export.scene, MapCoverage::Picture), &mut work)?;
+    session.set_transfer(&export.tf, &mut work)?;
+    let made = session.prepare(export.method.method()?, (&export.scene, MapCoverage::Picture), &mut work)?;
     let mut last = -1.0_f32;
     let go_on = |share: f32| {
         if share - last >= 0.01 {
             last = share;
-            speaker.say(Event::ExportProgress(share));
+            events.send(Event::ExportProgress(share));
         }
-        go_on()
+        proceed()
     };
     let (renderer, scene) = (made.renderer, &export.scene);
     let picture =

@@ -1,26 +1,26 @@
-//! What lies between the window and the render thread: the newest wish, work in order, and the way back.
+//! Queue between the window and the render thread: the newest picture request, jobs in order, and events back.
 
-use super::messages::{Event, Job, Wanted};
+use super::messages::{Event, FrameRequest, Job};
 use std::collections::VecDeque;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 #[derive(Default)]
 struct Slots {
-    wanted: Option<Wanted>,
+    frame: Option<FrameRequest>,
     jobs: VecDeque<Job>,
     quit: bool,
 }
 
 impl Slots {
-    fn has_news(&self) -> bool {
-        self.wanted.is_some() || self.quit || !self.jobs.is_empty()
+    fn has_requests(&self) -> bool {
+        self.frame.is_some() || self.quit || !self.jobs.is_empty()
     }
 }
 
-/// What is to be done, written by the window and read by the render thread.
+/// Requests from the window to the render thread.
 #[derive(Default)]
 pub struct Mailbox {
     slots: Mutex<Slots>,
@@ -28,29 +28,29 @@ pub struct Mailbox {
     pub cancel_export: AtomicBool,
 }
 
-/// What to do next.
+/// Next request.
 pub enum Next {
-    Draw(Wanted),
+    Draw(FrameRequest),
     Job(Job),
 }
 
 impl Mailbox {
     fn lock(&self) -> MutexGuard<'_, Slots> {
-        // A panic elsewhere leaves plain data that is as good as before.
+        // The slots are plain data and stay valid after a panic elsewhere.
         self.slots.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Asks for a picture; one that was asked for before and not begun is forgotten.
-    pub fn want(&self, wanted: Wanted) {
-        self.lock().wanted = Some(wanted);
+    /// Requests a picture; replaces a request that has not begun.
+    pub fn request_frame(&self, request: FrameRequest) {
+        self.lock().frame = Some(request);
         self.changed.notify_all();
     }
 
-    /// Asks for something else, done before the next picture.
+    /// Requests a job, which runs before the next picture.
     pub fn push(&self, job: Job) {
         {
             let mut slots = self.lock();
-            // The newest place, and the newest answer, is the one of interest.
+            // Only the newest probe and the newest comparison matter.
             if matches!(job, Job::Probe(_) | Job::Difference(_)) {
                 let kind = std::mem::discriminant(&job);
                 slots.jobs.retain(|j| std::mem::discriminant(j) != kind);
@@ -60,66 +60,53 @@ impl Mailbox {
         self.changed.notify_all();
     }
 
-    /// Ends the thread when it looks next.
+    /// Ends the render thread after its current request.
     pub fn quit(&self) {
         self.lock().quit = true;
         self.changed.notify_all();
     }
 
-    /// Whether something waits that makes a refinement pointless.
-    pub fn interrupted(&self) -> bool {
-        self.lock().has_news()
+    /// Whether a request is waiting, so that a refinement should stop.
+    pub fn has_requests(&self) -> bool {
+        self.lock().has_requests()
     }
 
-    /// Waits for `time`, or until something new is wanted: whether it is.
-    pub fn wait_for_news(&self, time: Duration) -> bool {
-        let until = Instant::now() + time;
-        let mut slots = self.lock();
-        while !slots.has_news() {
-            let Some(left) = until.checked_duration_since(Instant::now()).filter(|d| !d.is_zero()) else {
-                return false;
-            };
-            slots = self.changed.wait_timeout(slots, left).unwrap_or_else(PoisonError::into_inner).0;
-        }
-        true
+    /// Waits until a request arrives, at most for `time`; returns whether one did.
+    pub fn wait_for_request(&self, time: Duration) -> bool {
+        let idle = |slots: &mut Slots| !slots.has_requests();
+        let waited = self.changed.wait_timeout_while(self.lock(), time, idle);
+        waited.unwrap_or_else(PoisonError::into_inner).0.has_requests()
     }
 
-    /// Puts an unfinished wish back, unless there is a newer one.
-    pub fn want_again(&self, wanted: Wanted) {
-        self.lock().wanted.get_or_insert(wanted);
+    /// Puts an interrupted request back, unless there is a newer one.
+    pub fn restore(&self, request: FrameRequest) {
+        self.lock().frame.get_or_insert(request);
     }
 
-    /// Waits for something to do; `None`: the window has gone.
+    /// Waits for the next request; `None` after [`Self::quit`].
     pub fn next(&self) -> Option<Next> {
-        let mut slots = self.lock();
-        loop {
-            if slots.quit {
-                return None;
-            }
-            if let Some(job) = slots.jobs.pop_front() {
-                return Some(Next::Job(job));
-            }
-            if let Some(wanted) = slots.wanted.take() {
-                return Some(Next::Draw(wanted));
-            }
-            slots = self.changed.wait(slots).unwrap_or_else(PoisonError::into_inner);
+        let idle = |slots: &mut Slots| !slots.has_requests();
+        let mut slots = self.changed.wait_while(self.lock(), idle).unwrap_or_else(PoisonError::into_inner);
+        if slots.quit {
+            return None;
         }
+        slots.jobs.pop_front().map(Next::Job).or_else(|| slots.frame.take().map(Next::Draw))
     }
 }
 
-/// How another thread tells the window that there is something to take.
+/// Callback that makes the window look for events.
 pub type Wake = Arc<dyn Fn() + Send + Sync>;
 
-/// The render thread's mouth.
-pub struct Speaker {
-    pub send: Sender<Event>,
+/// Sender of the render thread's events.
+pub struct EventSender {
+    pub sender: Sender<Event>,
     pub wake: Wake,
 }
 
-impl Speaker {
-    pub fn say(&self, event: Event) {
-        // A window that has gone needs no news.
-        let _ = self.send.send(event);
+impl EventSender {
+    pub fn send(&self, event: Event) {
+        // A closed window receives nothing.
+        let _ = self.sender.send(event);
         (self.wake)();
     }
 }

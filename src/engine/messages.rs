@@ -1,8 +1,8 @@
-//! What the window and the render thread say to each other. Both sides import this; it imports neither.
+//! Messages between the window and the render thread.
 
-use crate::engine::Work;
-use crate::engine::method_choice::MethodChoice;
-use crate::engine::reading::Opened;
+use super::method_choice::MethodChoice;
+use super::reading::OpenedVolume;
+use super::shadow_cache::Work;
 use crate::error::{Error, Result};
 use crate::files::picture::Backdrop;
 use crate::measure::error_map::{ErrorMap, ExactView};
@@ -16,110 +16,110 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// All that decides a picture.
+/// Everything that determines a picture.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Subject {
+pub struct FrameSettings {
     pub tf: Arc<TransferFunction>,
-    /// The method, and a second one for the picture on the other side of the split.
+    /// The method, and in a split view the second one.
     pub methods: Vec<MethodChoice>,
-    /// Its width and height are the view's, in pixels.
+    /// Scene; its width and height are the view's, in pixels.
     pub scene: Scene,
 }
 
-/// The picture that the window wants to show.
+/// Request for a picture.
 #[derive(Debug, Clone)]
-pub struct Wanted {
-    pub subject: Subject,
-    /// When the hand did what this picture answers.
+pub struct FrameRequest {
+    pub settings: FrameSettings,
+    /// Time of the input that caused the request.
     pub since: Instant,
-    /// Rises with everything that is wanted.
+    /// Number of the request; later requests have larger ones.
     pub revision: u64,
 }
 
-/// Work besides pictures, in order.
+/// Request other than a picture. Jobs run in order.
 pub enum Job {
-    Upload(Box<Opened>),
+    Upload(Box<OpenedVolume>),
     Probe(ProbeRequest),
     Difference(Arc<DifferenceRequest>),
     Thumbnail(Box<ThumbnailRequest>),
     Export(Export),
 }
 
-/// What the render thread has to say.
+/// Message from the render thread.
 pub enum Event {
-    Uploaded(Box<Opened>),
+    Uploaded(Box<OpenedVolume>),
     Frame(Box<Frame>),
-    /// The change reached no picture: no voxel has the values that it concerns.
+    /// The change does not alter the picture: no voxel has the values concerned.
     Unchanged {
         revision: u64,
     },
     Probed(Box<ProbeResult>),
     Differences(Box<Differences>),
-    /// Something else came before the comparison was done.
-    DifferenceUnfinished(Arc<DifferenceRequest>),
+    /// Another request interrupted the comparison.
+    DifferenceInterrupted(Arc<DifferenceRequest>),
     Thumbnail(Box<Thumbnail>),
-    /// Share of the export that is done.
+    /// Fraction of the export that is done.
     ExportProgress(f32),
     Exported(Exported),
-    /// Something failed; what was shown before stays.
+    /// A request failed; the picture on screen stays.
     Failed(Error),
 }
 
-/// One method's part of a frame.
+/// Picture of one method.
 #[derive(Debug, Clone)]
-pub struct Side {
+pub struct MethodFrame {
     pub texture: Arc<DisplayTexture>,
-    /// The method as drawn, which is coarser than the one wanted while a hand moves.
+    /// The method as drawn; coarser than the requested one during interaction.
     pub spec: String,
     pub report: BuildReport,
     pub bound: Option<Bound>,
-    pub left_out: Vec<Omission>,
+    pub skipped: Vec<Omission>,
     pub frame_ms: f64,
 }
 
-/// A finished picture.
+/// Finished picture, or pair of pictures in a split view.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    pub main: Side,
-    pub other: Option<Side>,
-    /// Of full quality: nothing finer follows.
-    pub whole: bool,
+    pub main: MethodFrame,
+    pub other: Option<MethodFrame>,
+    /// Full quality: no refinement follows.
+    pub is_final: bool,
     pub work: Work,
-    /// From the hand's movement to the finished picture, ms.
+    /// Time from the input to the finished picture, ms.
     pub latency_ms: f64,
-    /// The longest that one submission kept the queue, ms.
+    /// Duration of the longest submission, ms.
     pub longest_band_ms: f64,
-    /// Of what was wanted.
+    /// Number of the request.
     pub revision: u64,
 }
 
 impl Frame {
-    /// Left and right of the split, or the only one.
-    pub fn sides(&self) -> impl Iterator<Item = &Side> {
+    /// Pictures from left to right.
+    pub fn sides(&self) -> impl Iterator<Item = &MethodFrame> {
         std::iter::once(&self.main).chain(&self.other)
     }
 }
 
-/// Where to probe.
+/// Target of a probe.
 #[derive(Debug, Clone)]
-pub enum Aim {
-    /// What is seen through a pixel's middle: along a ray from the eye, unit direction.
+pub enum ProbeTarget {
+    /// Point visible along a ray from the eye, unit direction.
     Ray { origin: DVec3, direction: DVec3 },
-    /// A point, world mm.
+    /// Point, world mm.
     Point(DVec3),
 }
 
-/// A question about one point.
+/// Request for the transmittance curves through one point.
 #[derive(Debug, Clone)]
 pub struct ProbeRequest {
-    pub aim: Aim,
+    pub target: ProbeTarget,
     pub tf: Arc<TransferFunction>,
     pub light: Light,
     pub ambient: f64,
     pub methods: Vec<MethodChoice>,
 }
 
-/// A method's answer along the light ray.
+/// Transmittance curve of a method along the light ray.
 #[derive(Debug, Clone)]
 pub struct MethodCurve {
     pub spec: String,
@@ -127,27 +127,27 @@ pub struct MethodCurve {
     pub points: Vec<[f64; 2]>,
     /// Transmittance at the point itself.
     pub at_point: f64,
-    /// What it promises, where it does.
-    pub promise: Option<ProbedPromise>,
+    /// Error bound, where the method has one.
+    pub bound: Option<ProbedBound>,
 }
 
-/// A promise, and how it is kept close to a point.
+/// Error bound, tested on one light ray near a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ProbedPromise {
+pub struct ProbedBound {
     pub bound: Bound,
-    /// On the light ray through the nearest texel's centre; `None` where the map has no texel.
+    /// Light ray through the nearest texel centre; `None` where the map has no texel.
     pub nearest: Option<NearestRay>,
 }
 
-/// The light ray through the centre of the texel that is nearest to a point.
+/// Test of an error bound on the light ray through the texel centre nearest to a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NearestRay {
-    /// From the point to it, in widths of a texel.
+    /// Distance from the point, in texel widths.
     pub texels_away: f64,
-    /// The largest difference of transmittance from the exact one at a depth of this ray.
+    /// Largest difference from the exact transmittance along the ray.
     pub largest: f64,
-    /// Whether the promise is kept at every depth that was tested.
-    pub kept: bool,
+    /// Whether the bound is satisfied at every tested depth.
+    pub satisfied: bool,
 }
 
 /// Transmittance against depth along the light ray through a point.
@@ -155,9 +155,9 @@ pub struct NearestRay {
 pub struct ProbeResult {
     /// World mm.
     pub point: DVec3,
-    /// The scalar value there.
+    /// Scalar value at the point.
     pub value: f64,
-    /// Depth of the point along its light ray, mm; 0 is where the ray comes to the volume (or leaves the light).
+    /// Depth of the point along its light ray, mm. Zero is where the ray enters the volume, or the point light.
     pub depth_mm: f64,
     /// Depth in mm and exact transmittance.
     pub exact: Vec<[f64; 2]>,
@@ -165,7 +165,7 @@ pub struct ProbeResult {
     pub methods: Vec<MethodCurve>,
 }
 
-/// Methods to compare with an exact answer.
+/// Request to compare methods with an exact picture.
 #[derive(Debug, Clone)]
 pub struct DifferenceRequest {
     pub view: Arc<ExactView>,
@@ -174,34 +174,34 @@ pub struct DifferenceRequest {
     pub logarithmic: bool,
 }
 
-/// One method's heat map.
+/// Heat map of one method.
 pub struct DifferenceSide {
     pub spec: String,
     pub map: ErrorMap,
     pub texture: Arc<DisplayTexture>,
 }
 
-/// The heat maps of the shown methods, on one scale.
+/// Heat maps of the methods in the view, on one scale.
 pub struct Differences {
     pub request: Arc<DifferenceRequest>,
-    /// Left and right of the split, or the only one.
+    /// Heat maps from left to right.
     pub sides: Vec<DifferenceSide>,
-    /// The errors at the scale's two ends.
+    /// Errors at the two ends of the scale.
     pub least: f32,
     pub largest: f32,
 }
 
-/// A preset's small picture, asked for.
+/// Request for the thumbnail of a preset.
 #[derive(Debug, Clone)]
 pub struct ThumbnailRequest {
-    /// Of [`crate::transfer::presets::PRESETS`].
+    /// Index into [`crate::transfer::presets::PRESETS`].
     pub index: usize,
     pub tf: TransferFunction,
     pub scene: Scene,
     pub volume: Arc<Volume>,
 }
 
-/// A preset's small picture.
+/// Thumbnail of a preset.
 pub struct Thumbnail {
     pub index: usize,
     pub scene: Scene,
@@ -209,18 +209,18 @@ pub struct Thumbnail {
     pub texture: Arc<DisplayTexture>,
 }
 
-/// A picture to write.
+/// Request to write a picture file.
 #[derive(Debug, Clone)]
 pub struct Export {
     pub path: PathBuf,
     pub tf: Arc<TransferFunction>,
     pub method: MethodChoice,
-    /// With the picture's own size.
+    /// Scene with the size of the exported picture.
     pub scene: Scene,
     pub backdrop: Backdrop,
 }
 
-/// How an export ended; `false`: it was cancelled.
+/// Result of an export; `false` where it was cancelled.
 pub struct Exported {
     pub path: PathBuf,
     pub result: Result<bool>,

@@ -1,45 +1,59 @@
-//! A shadow method and its settings as the registry describes them: what the shadows panel edits.
+//! Shadow method and setting texts as the window edits them.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::shadow::{self, Entry, METHODS, Method, spec};
+use std::sync::Arc;
 
-/// A method of the registry with a text for every key.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// Method of the registry with one text per setting, valid or not. The method is parsed once per edit.
+#[derive(Debug, Clone)]
 pub struct MethodChoice {
-    /// Its name in the registry.
+    /// Name in the registry.
     pub name: &'static str,
-    /// As many as the method has keys, in their order.
-    pub values: Vec<String>,
+    values: Vec<String>,
+    method: Result<Arc<dyn Method>>,
+}
+
+impl PartialEq for MethodChoice {
+    fn eq(&self, other: &Self) -> bool {
+        (self.name, &self.values) == (other.name, &other.values)
+    }
 }
 
 impl Default for MethodChoice {
-    /// The first of the registry.
     fn default() -> Self {
         Self::of(METHODS[0])
     }
 }
 
 impl MethodChoice {
-    /// A method with its defaults.
+    /// Method with its default settings.
     pub fn of(entry: &Entry) -> Self {
-        Self { name: entry.name, values: entry.keys.iter().map(|k| k.default.to_owned()).collect() }
+        Self::new(entry.name, entry.keys.iter().map(|k| k.default.to_owned()).collect())
     }
 
-    /// From `METHOD[:key=value,...]`.
+    fn new(name: &'static str, values: Vec<String>) -> Self {
+        let unparsed = Error::input("bad shadow method", name, "it is not parsed");
+        let mut choice = Self { name, values, method: Err(unparsed) };
+        choice.method = shadow::parse(&choice.spec()).map(Arc::from);
+        choice
+    }
+
+    /// Parses `METHOD[:key=value,...]`.
     ///
     /// # Errors
     /// As [`shadow::parse`].
     pub fn parse(text: &str) -> Result<Self> {
         shadow::parse(text)?;
         let spec = spec::parse_spec(text)?;
-        let mut choice =
-            METHODS.iter().find(|m| m.name == spec.name).map_or_else(Self::default, |entry| Self::of(entry));
-        for (key, values) in spec.params {
-            if let Some(value) = values.into_iter().next() {
-                choice.set(&key, value);
+        let entry = METHODS.iter().find(|m| m.name == spec.name).copied().unwrap_or(METHODS[0]);
+        let mut values = Self::of(entry).values;
+        for (value, key) in values.iter_mut().zip(entry.keys) {
+            let set = spec.params.iter().find(|(name, _)| name == key.name);
+            if let Some(text) = set.and_then(|(_, texts)| texts.first()) {
+                value.clone_from(text);
             }
         }
-        Ok(choice)
+        Ok(Self::new(entry.name, values))
     }
 
     /// The method's entry in the registry.
@@ -47,20 +61,25 @@ impl MethodChoice {
         METHODS.iter().find(|m| m.name == self.name).copied().unwrap_or(METHODS[0])
     }
 
-    /// The value of a key, where the method has it.
+    /// Texts of the settings, in the order of the entry's keys.
+    pub fn values(&self) -> &[String] {
+        &self.values
+    }
+
+    /// Replaces the texts of the settings.
+    pub fn set_values(&mut self, values: Vec<String>) {
+        if values != self.values {
+            *self = Self::new(self.name, values);
+        }
+    }
+
+    /// Text of a setting; `None` where the method does not have it.
     pub fn get(&self, key: &str) -> Option<&str> {
         let at = self.entry().keys.iter().position(|k| k.name == key)?;
         self.values.get(at).map(String::as_str)
     }
 
-    /// Sets a key, where the method has it.
-    pub fn set(&mut self, key: &str, value: String) {
-        if let Some(at) = self.entry().keys.iter().position(|k| k.name == key) {
-            self.values[at] = value;
-        }
-    }
-
-    /// `METHOD[:key=value,...]`, with what differs from the defaults.
+    /// `METHOD[:key=value,...]`, without defaults.
     pub fn spec(&self) -> String {
         let keys = self.entry().keys;
         let changed = keys.iter().zip(&self.values).filter(|(key, value)| key.default != value.as_str());
@@ -71,31 +90,28 @@ impl MethodChoice {
         }
     }
 
-    /// The method itself.
+    /// The parsed method.
     ///
     /// # Errors
     /// A value out of range.
-    pub fn method(&self) -> Result<Box<dyn Method>> {
-        shadow::parse(&self.spec())
+    pub fn method(&self) -> Result<&dyn Method> {
+        self.method.as_deref().map_err(Clone::clone)
     }
 
-    /// A cheaper one for while a hand moves: its keys' coarse values, and no more than `map` texels a side where it has
+    /// Cheaper variant for use during interaction: coarse values, and at most `map` texels a side where the method has
     /// `own` of them.
     #[must_use]
     pub fn coarse(&self, own: u32, map: u32) -> Self {
-        let mut coarse = self.clone();
-        for (key, value) in self.entry().keys.iter().zip(&mut coarse.values) {
-            if let Some(now) = key.parse(value) {
-                *value = key.coarser(now).to_string();
+        let coarse = self.entry().keys.iter().zip(&self.values).map(|(key, value)| {
+            if key.name == "map" && own > map {
+                return map.to_string();
             }
-        }
-        if own > map && self.get("map").is_some() {
-            coarse.set("map", map.to_string());
-        }
-        coarse
+            key.parse(value).map_or_else(|| value.clone(), |now| key.coarser(now).to_string())
+        });
+        Self::new(self.name, coarse.collect())
     }
 
-    /// Texels a side, where the method has a map: as set, or as many as maps have chosen for themselves.
+    /// Texels a side, or `chosen` where the map size is automatic; `None` where the method has no map.
     pub fn map(&self, chosen: u32) -> Option<u32> {
         self.get("map").map(|m| m.parse().unwrap_or(chosen))
     }
@@ -106,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_method_of_the_registry_comes_back_from_its_own_text() {
+    fn every_method_is_parsed_from_its_own_text() {
         for entry in METHODS {
             let choice = MethodChoice::of(entry);
             assert_eq!(choice.spec(), entry.name);
@@ -118,7 +134,7 @@ mod tests {
         assert_eq!(choice.spec(), "dsm:epsilon=0.01,map=256");
         assert_eq!(choice.map(512), Some(256));
         assert_eq!(choice.coarse(256, 128).map(512), Some(128));
-        assert_eq!(choice.coarse(256, 512).map(512), Some(256), "a coarser map is never a finer one");
+        assert_eq!(choice.coarse(256, 512).map(512), Some(256), "coarse maps are never finer");
         let choice = MethodChoice::parse("dsm").unwrap();
         assert_eq!((choice.map(300), choice.coarse(300, 512).map(300)), (Some(300), Some(300)));
         assert_eq!(choice.coarse(300, 192).map(300), Some(192));
@@ -126,9 +142,12 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_value_is_refused_with_its_reason() {
+    fn bad_values_are_refused_with_a_reason() {
         let mut choice = MethodChoice::parse("dsm").unwrap();
-        choice.set("epsilon", "-3".into());
+        let values = choice.entry().keys.iter().zip(choice.values());
+        let values = values.map(|(key, v)| if key.name == "epsilon" { "-3".into() } else { v.clone() });
+        let values = values.collect();
+        choice.set_values(values);
         assert!(choice.method().unwrap_err().to_string().contains("epsilon"));
         assert!(MethodChoice::parse("dsn").is_err());
     }

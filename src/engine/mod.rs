@@ -2,21 +2,25 @@
 //!
 //! The window, the Python module and the command line are its clients.
 
-mod device;
-#[allow(clippy::module_inception, reason = "renamed with the unification of the caches")]
-mod engine;
+mod cached_session;
 mod heat_map;
+mod invalidation;
 mod jobs;
-pub mod mailbox;
-pub mod messages;
-pub mod method_choice;
+pub(crate) mod mailbox;
+pub(crate) mod messages;
+pub(crate) mod method_choice;
 mod probe_bound;
+mod progressive;
 mod quality;
-pub mod reading;
+pub(crate) mod reading;
 mod render_thread;
-mod sequence;
+mod rotation;
 mod shadow_cache;
 
+pub use cached_session::{CachedSession, Prepared};
+pub use invalidation::{Change, INVALIDATES, Stage};
+pub use method_choice::MethodChoice;
+pub use reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
 pub use render_thread::RenderThread;
-pub use sequence::{DrawnPicture, Sequence, Turned, Turning};
-pub use shadow_cache::{Change, INVALIDATES, MapCoverage, ReusePolicy, ShadowCache, Stage, Work};
+pub use rotation::{RotatedScene, Rotation};
+pub use shadow_cache::{MapCoverage, MapSource, ReusePolicy, ShadowCache, Work};

@@ -1,7 +1,7 @@
-//! What a method promises, tried on the one light ray that it speaks of close to a point.
+//! Test of a method's error bound on the light ray nearest to a point.
 
-use super::device::Prepared;
-use super::messages::{NearestRay, ProbedPromise};
+use super::cached_session::Prepared;
+use super::messages::{NearestRay, ProbedBound};
 use crate::error::Result;
 use crate::exact::ExactField;
 use crate::measure::errors::RayTest;
@@ -9,30 +9,29 @@ use crate::scene::Light;
 use crate::shadow::Taps;
 use glam::{DVec2, DVec3};
 
-/// Depths of the ray that are tested, besides those around what it meets.
+/// Tested depths, besides those around the breakpoints of the ray.
 const DEPTHS: usize = 200;
 
-/// Tries the promise of what was prepared for one light, whose texels stand for `taps`, close to a point (world mm); `None`
-/// where nothing is promised.
+/// Tests the error bound near a point (world mm), for texels of `taps`; `None` where the method has no bound.
 ///
 /// # Errors
 /// A lost device.
-pub fn tried(
+pub fn test_bound(
     made: &Prepared<'_>,
     taps: Taps,
     field: &ExactField,
     light: Light,
     point: DVec3,
-) -> Result<Option<ProbedPromise>> {
+) -> Result<Option<ProbedBound>> {
     let Some(shadow) = made.shadows.first() else { return Ok(None) };
     let Some(bound) = shadow.bound else { return Ok(None) };
     let space = &shadow.light_space;
     let (at, _) = space.light_point(point);
     let center = at.round();
     let last = DVec2::splat(f64::from(space.map_size) - 1.0);
-    let is_there = center.cmpge(DVec2::ZERO).all() && center.cmple(last).all() && space.covers(center);
-    if !is_there {
-        return Ok(Some(ProbedPromise { bound, nearest: None }));
+    let is_in_map = center.cmpge(DVec2::ZERO).all() && center.cmple(last).all() && space.covers(center);
+    if !is_in_map {
+        return Ok(Some(ProbedBound { bound, nearest: None }));
     }
     let texels = [[center.x as u32, center.y as u32]];
     let test =
@@ -40,11 +39,11 @@ pub fn tried(
     let query = |points: &[DVec3]| made.renderer.query(made.loaded, made.transfer, shadow, points);
     let mut nearest = None;
     test.visit_asking(field, light, shadow, query, |report, _, _| {
-        nearest = report.ray_err_max().zip(report.held()).map(|(largest, kept)| NearestRay {
+        nearest = report.ray_err_max().zip(report.held()).map(|(largest, satisfied)| NearestRay {
             texels_away: at.distance(center),
             largest,
-            kept,
+            satisfied,
         });
     })?;
-    Ok(Some(ProbedPromise { bound, nearest }))
+    Ok(Some(ProbedBound { bound, nearest }))
 }

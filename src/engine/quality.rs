@@ -1,39 +1,39 @@
-//! How well a picture can be drawn in the time that a moving hand leaves, from what pictures have cost so far.
+//! Picture quality during interaction, chosen from the measured cost of earlier pictures.
 
-use super::device::OnDevice;
-use super::messages::Subject;
-use crate::engine::method_choice::MethodChoice;
+use super::cached_session::CachedSession;
+use super::messages::FrameSettings;
+use super::method_choice::MethodChoice;
 use crate::render::Pace;
 
-/// What a picture may take while a hand moves, shadow map included.
+/// Time budget of a picture during interaction, shadow map included.
 const MOVING_MS: f64 = 75.0;
-/// A whole picture that takes no longer is drawn at once.
-const AT_ONCE_MS: f64 = 90.0;
-/// Sides of a coarse map and divisors of a coarse picture: few, so that neighbouring pictures look alike.
+/// Full pictures up to this time are drawn without a coarse one before.
+const FAST_MS: f64 = 90.0;
+/// Sides of coarse maps and divisors of coarse pictures. Few values keep successive pictures similar.
 const MAP_SIDES: [u32; 7] = [512, 384, 256, 192, 128, 96, 64];
 const DIVISORS: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0];
-/// The eye-ray step is this much longer while a hand moves, and longer still where pixels alone would become too large.
+/// Factor of the eye-ray step during interaction; the larger one applies where pixels would become too large.
 const MOVING_STEP: f64 = 2.0;
-const LONGEST_MOVING_STEP: f64 = 5.0;
-/// Pixels so large ask for the longer step, and pixels so small for the shorter one.
+const MAX_MOVING_STEP: f64 = 5.0;
+/// Pixel sizes above and below which the step factor changes.
 const TOO_LARGE: f64 = 6.0;
 const SMALL_ENOUGH: f64 = 2.0;
 
-/// How a picture is drawn.
+/// Resolution, step and methods of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quality {
     pub width: u32,
     pub height: u32,
     pub step: f64,
-    /// For each of the two methods.
+    /// Methods, coarse or as requested.
     pub choices: Vec<MethodChoice>,
 }
 
 impl Quality {
-    /// All that is wanted.
-    pub fn whole(subject: &Subject) -> Self {
-        let scene = &subject.scene;
-        let choices = subject.methods.clone();
+    /// Full quality.
+    pub fn full(settings: &FrameSettings) -> Self {
+        let scene = &settings.scene;
+        let choices = settings.methods.clone();
         Self { width: scene.width, height: scene.height, step: scene.step, choices }
     }
 
@@ -42,24 +42,24 @@ impl Quality {
     }
 }
 
-/// What the last pictures have taught about this adapter and scene.
+/// Measured speeds of this adapter and scene.
 pub struct Speeds {
-    pub whole: Pace,
+    pub full: Pace,
     pub moving: Pace,
-    /// Milliseconds that a texel of a shadow map takes to build, by method and how light rays are marched.
+    /// Build time per texel, by method and marching mode.
     build_ms_per_texel: Vec<(String, f64)>,
-    /// Texels a side of the last map that chose them for itself.
+    /// Texels a side of the last map with an automatic size.
     chosen_map: u32,
-    /// How much longer the step is while a hand moves.
+    /// Current step factor during interaction.
     moving_step: f64,
 }
 
 impl Speeds {
-    /// Nothing is known yet; a submission keeps the queue no longer than about `submission_ms`.
+    /// Creates an estimator for submissions of about `submission_ms`.
     pub fn new(submission_ms: f64) -> Self {
         let pace = || Pace::new(submission_ms);
         Self {
-            whole: pace(),
+            full: pace(),
             moving: pace(),
             build_ms_per_texel: Vec::new(),
             chosen_map: MAP_SIDES[0],
@@ -67,8 +67,8 @@ impl Speeds {
         }
     }
 
-    /// Notes what a map of so many texels a side took to build.
-    pub fn learn_build(&mut self, choice: &MethodChoice, map: u32, ms: f64) {
+    /// Records the build time of a map of `map` texels a side.
+    pub fn record_build(&mut self, choice: &MethodChoice, map: u32, ms: f64) {
         let Some(set) = choice.map(0) else { return };
         if set == 0 {
             self.chosen_map = map;
@@ -86,10 +86,10 @@ impl Speeds {
         choice.map(self.chosen_map).unwrap_or(0)
     }
 
-    /// Milliseconds that maps of all lights would take to build, where they have to be; unknown before the first of its kind.
-    fn build_ms(&self, choice: &MethodChoice, subject: &Subject, device: &OnDevice) -> f64 {
+    /// Estimated time to build the missing maps of all lights.
+    fn build_ms(&self, choice: &MethodChoice, settings: &FrameSettings, session: &CachedSession) -> f64 {
         let map = self.map(choice);
-        let missing = device.missing(choice, &subject.scene) as f64;
+        let missing = choice.method().map_or(0, |method| session.missing(method, &settings.scene)) as f64;
         if map == 0 || missing == 0.0 {
             return 0.0;
         }
@@ -98,19 +98,19 @@ impl Speeds {
         known.map_or(MOVING_MS, |(_, ms)| missing * ms * f64::from(map) * f64::from(map))
     }
 
-    /// Whether a picture is expected to be done so soon that nothing coarser has to come before it.
-    pub fn at_once(&self, quality: &Quality, subject: &Subject, device: &OnDevice) -> bool {
-        let build_ms: f64 = quality.choices.iter().map(|c| self.build_ms(c, subject, device)).sum();
+    /// Whether a picture is expected soon enough to need no coarse one before it.
+    pub fn is_fast(&self, quality: &Quality, settings: &FrameSettings, session: &CachedSession) -> bool {
+        let build_ms: f64 = quality.choices.iter().map(|c| self.build_ms(c, settings, session)).sum();
         let pixels = quality.pixels() * quality.choices.len() as f64;
-        build_ms + pixels / self.whole.pixels_per_ms() <= AT_ONCE_MS
+        build_ms + pixels / self.full.pixels_per_ms() <= FAST_MS
     }
 
-    /// What can be drawn in the time that a moving hand leaves.
-    pub fn moving(&mut self, whole: &Quality, subject: &Subject, device: &OnDevice) -> Quality {
-        let count = whole.choices.len() as f64;
-        let build_ms = |choice: &MethodChoice| self.build_ms(choice, subject, device);
+    /// Quality that fits the time budget during interaction.
+    pub fn coarse(&mut self, full: &Quality, settings: &FrameSettings, session: &CachedSession) -> Quality {
+        let count = full.choices.len() as f64;
+        let build_ms = |choice: &MethodChoice| self.build_ms(choice, settings, session);
         let coarse = |choice: &MethodChoice| {
-            // What is made already is finer, and costs nothing.
+            // A cached map is finer and costs nothing.
             if build_ms(choice) == 0.0 {
                 return choice.clone();
             }
@@ -119,26 +119,26 @@ impl Speeds {
             let side = MAP_SIDES.iter().find(fits).copied().unwrap_or(MAP_SIDES[MAP_SIDES.len() - 1]);
             choice.coarse(own, side)
         };
-        let choices: Vec<MethodChoice> = whole.choices.iter().map(coarse).collect();
+        let choices: Vec<MethodChoice> = full.choices.iter().map(coarse).collect();
         let left_ms = (MOVING_MS - choices.iter().map(build_ms).sum::<f64>()).max(0.3 * MOVING_MS) / count;
-        let fits = |d: &&f64| whole.pixels() / (*d * *d) <= left_ms * self.moving.pixels_per_ms();
+        let fits = |d: &&f64| full.pixels() / (*d * *d) <= left_ms * self.moving.pixels_per_ms();
         let divisor = DIVISORS.iter().find(fits).copied().unwrap_or(DIVISORS[DIVISORS.len() - 1]);
         if divisor > TOO_LARGE {
-            self.moving_step = LONGEST_MOVING_STEP;
+            self.moving_step = MAX_MOVING_STEP;
         } else if divisor <= SMALL_ENOUGH {
             self.moving_step = MOVING_STEP;
         }
         let side = |n: u32| ((f64::from(n) / divisor).round() as u32).max(1);
         Quality {
-            width: side(whole.width),
-            height: side(whole.height),
-            step: (whole.step * self.moving_step).min(8.0).max(whole.step),
+            width: side(full.width),
+            height: side(full.height),
+            step: (full.step * self.moving_step).min(8.0).max(full.step),
             choices,
         }
     }
 }
 
-/// What costs alike: a method, with how it marches light rays.
+/// Name of the methods that share a build time: method and marching mode.
 fn kind(choice: &MethodChoice) -> String {
     format!("{} {}", choice.name, choice.get("march").unwrap_or_default())
 }

@@ -1,4 +1,4 @@
-//! Reading a volume away from the window: its voxels, their histogram, what suits it.
+//! Background reading of a volume: voxels, histogram and a suitable transfer function.
 
 use super::method_choice::MethodChoice;
 use crate::error::{Error, Result};
@@ -21,86 +21,94 @@ const HISTOGRAM_BINS: usize = 512;
 /// Diameter of strands that are opened without one, mm.
 const ASSUMED_MM: f64 = 1.0;
 
-/// A volume that has been read, with what was asked for beside it.
+/// Volume that has been read, with its initial state.
 #[derive(Debug, Clone)]
-pub struct Opened {
+pub struct OpenedVolume {
+    /// Source and flags of the reading.
     pub spec: VolumeSpec,
+    /// Volume.
     pub volume: Arc<Volume>,
-    /// What it was made from, where that is strands.
+    /// Strands that the volume was made from.
     pub strands: Option<Arc<VoxelisedStrands>>,
+    /// Histogram of the values.
     pub histogram: Arc<Histogram>,
-    /// `None`: everything but the volume stays as it is.
-    pub beginning: Option<Beginning>,
-    /// What was assumed, one line each.
+    /// `None`: everything but the volume stays.
+    pub initial: Option<InitialState>,
+    /// Assumptions, one line each.
     pub notes: Vec<String>,
 }
 
-/// What a volume begins with.
+/// State of the window after a volume was opened.
 #[derive(Debug, Clone)]
-pub struct Beginning {
+pub struct InitialState {
+    /// Transfer function.
     pub tf: TransferFunction,
-    /// The preset or file that `tf` is.
+    /// Preset or file of `tf`.
     pub tf_source: String,
-    /// What was asked for of units and opacity.
+    /// Requested units and opacity scale.
     pub suiting: Suiting,
-    /// The segmentation and the functions of its labels.
+    /// Segmentation and the functions of its labels.
     pub parts: PartFlags,
+    /// Camera, lights and picture settings.
     pub scene: Scene,
-    /// `None`: as before.
+    /// Shadow method; `None`: unchanged.
     pub method: Option<MethodChoice>,
-    /// Whether pictures are to be written without their background; `None`: as before.
+    /// Whether pictures are written without their background; `None`: unchanged.
     pub transparent: Option<bool>,
 }
 
-/// What a volume is opened with.
+/// Settings that a volume is opened with.
 #[derive(Debug, Clone)]
-pub enum With {
-    /// Exactly what a command line or a scene file says.
+pub enum OpenMode {
+    /// Settings of a command line or a scene file.
     Settings(Box<SceneSettings>),
-    /// Another volume in a window that is open: what suits it, but light, ambient and the like as they are.
+    /// Another volume in the open window: suitable defaults, but the current light and picture settings.
     Scene(Box<Scene>),
-    /// The same strands as other voxels: transfer function, camera, light and method stay as they are.
-    Again,
+    /// New voxels of the same strands; everything else stays.
+    Revoxelise,
 }
 
-/// A reading that is under way; it ends early once nobody waits for it any more.
-pub struct Reading {
+/// Reading task; dropping it cancels the reading.
+pub struct ReadTask {
+    /// Path or name of the volume.
     pub source: String,
+    /// Start time.
     pub since: Instant,
+    /// Progress and cancellation.
     pub loading: Arc<Loading>,
-    result: Receiver<Result<Opened>>,
+    result: Receiver<Result<OpenedVolume>>,
 }
 
-impl Reading {
-    /// Starts to read; `wake` is called when that is done.
+impl ReadTask {
+    /// Starts reading; `wake` is called at the end.
     ///
     /// # Errors
-    /// A request for no shadow method, or a system that has no thread left.
-    pub fn start(spec: VolumeSpec, with: With, wake: impl Fn() + Send + 'static) -> Result<Self> {
+    /// An invalid shadow method, or a system that cannot start a thread.
+    pub fn start(spec: VolumeSpec, with: OpenMode, wake: impl Fn() + Send + 'static) -> Result<Self> {
         let method = match &with {
-            // Bad settings are said at once, not after a long reading.
-            With::Settings(settings) => {
+            // Invalid settings are reported at once, not after a long reading.
+            OpenMode::Settings(settings) => {
                 Some(MethodChoice::parse(settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW))?)
             }
-            With::Scene(_) | With::Again => None,
+            OpenMode::Scene(_) | OpenMode::Revoxelise => None,
         };
         let (send, result) = channel();
         let source = spec.source.clone();
         let place = source.clone();
         let loading = Arc::new(Loading::default());
-        let theirs = Arc::clone(&loading);
+        let progress = Arc::clone(&loading);
         std::thread::Builder::new()
             .name("open".into())
             .spawn(move || {
-                let work = std::panic::AssertUnwindSafe(|| read(spec, with, method, &theirs));
+                let work = std::panic::AssertUnwindSafe(|| read(spec, with, method, &progress));
                 let outcome = std::panic::catch_unwind(work).unwrap_or_else(|_| {
                     Err(Error::runtime(
                         "cannot read volume",
                         place,
-                        "the program met a fault while reading it",
+                        "an internal error occurred while reading it",
                     ))
                 });
-                // Nobody waits any more once the opening was cancelled.
+                // The receiver is gone after a cancellation.
                 let _ = send.send(outcome);
                 wake();
             })
@@ -108,8 +116,8 @@ impl Reading {
         Ok(Self { source, since: Instant::now(), loading, result })
     }
 
-    /// What has been read; `None` while it is being read.
-    pub fn poll(&self) -> Option<Result<Opened>> {
+    /// Result; `None` while reading.
+    pub fn poll(&self) -> Option<Result<OpenedVolume>> {
         match self.result.try_recv() {
             Ok(outcome) => Some(outcome),
             Err(TryRecvError::Empty) => None,
@@ -120,70 +128,75 @@ impl Reading {
     }
 }
 
-impl Drop for Reading {
+impl Drop for ReadTask {
     fn drop(&mut self) {
         self.loading.cancel();
     }
 }
 
-fn read(mut spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Loading) -> Result<Opened> {
-    let (volume, strands, notes, beginning) = match with {
-        With::Again => {
+fn read(
+    mut spec: VolumeSpec,
+    with: OpenMode,
+    method: Option<MethodChoice>,
+    loading: &Loading,
+) -> Result<OpenedVolume> {
+    let (volume, strands, notes, initial) = match with {
+        OpenMode::Revoxelise => {
             let Read { volume, strands } = read_with(&spec, loading)?;
             let notes = volume.provenance.warnings.clone();
             (Arc::new(volume), strands, notes, None)
         }
-        With::Settings(settings) => {
+        OpenMode::Settings(settings) => {
             let Loaded { volume, strands, tf, tf_source, scene, remarks, .. } = settings.load(loading)?;
             let (transparent, suiting) = (Some(settings.is_transparent()), settings.suiting());
             let parts = settings.parts.clone();
-            let beginning = Beginning { tf, tf_source, suiting, parts, scene, method, transparent };
-            (volume, strands, texts(remarks), Some(beginning))
+            let initial = InitialState { tf, tf_source, suiting, parts, scene, method, transparent };
+            (volume, strands, texts(remarks), Some(initial))
         }
-        With::Scene(old) => {
+        OpenMode::Scene(old) => {
             let assumed = assume_thickness(&mut spec);
             let settings = SceneSettings::of_volume(&spec);
             let Loaded { volume, strands, tf, tf_source, scene, mut remarks, .. } = settings.load(loading)?;
             remarks.extend(assumed);
-            // Point lights and meshes are somewhere in the old one.
-            let lights = as_directions(&old, &scene);
-            let shading = suited_shading(old.shading, strands.is_some());
+            // Point lights and meshes belong to the old volume.
+            let lights = suitable_lights(&old, &scene);
+            let shading = suitable_shading(old.shading, strands.is_some());
             let scene = Scene { camera: scene.camera, lights, mesh: None, shading, ..*old };
             let suiting = Suiting::default();
             let parts = PartFlags::default();
-            let beginning = Beginning { tf, tf_source, suiting, parts, scene, method, transparent: None };
-            (volume, strands, texts(remarks), Some(beginning))
+            let initial = InitialState { tf, tf_source, suiting, parts, scene, method, transparent: None };
+            (volume, strands, texts(remarks), Some(initial))
         }
     };
     let histogram = Arc::new(Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?);
-    Ok(Opened { spec, volume, strands, histogram, beginning, notes })
+    Ok(OpenedVolume { spec, volume, strands, histogram, initial, notes })
 }
 
-/// Gives strands whose file has no thickness one, since a file that is dropped has no flags beside it, and says so.
+/// Assumes a thickness for strands without one, since a dropped file has no flags.
 fn assume_thickness(spec: &mut VolumeSpec) -> Option<Remark> {
-    let asked = &mut spec.flags.strands.thickness;
-    if asked.is_some() || spec.flags.raw.is_some() || !lacks_thickness(&spec.source) {
+    let thickness = &mut spec.flags.strands.thickness;
+    if thickness.is_some() || spec.flags.raw.is_some() || !lacks_thickness(&spec.source) {
         return None;
     }
-    *asked = Some(ASSUMED_MM);
-    let where_else = "Strands, at the side, takes another";
-    Some(("note", format!("{} has no thickness: {ASSUMED_MM} mm is assumed; {where_else}", spec.source)))
+    *thickness = Some(ASSUMED_MM);
+    let hint = "change it under Strands in the side panel";
+    Some(("note", format!("{} has no thickness: {ASSUMED_MM} mm is assumed; {hint}", spec.source)))
 }
 
 fn texts(remarks: Vec<Remark>) -> Vec<String> {
     remarks.into_iter().map(|(_, text)| text).collect()
 }
 
-/// A light at infinity suits any volume; a point light is somewhere in the old one.
-fn as_directions(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
-    let suited = |source: &LightSource| match source.light {
+/// Keeps directional lights; replaces point lights, which belong to the old volume.
+fn suitable_lights(scene: &Scene, framed: &Scene) -> Vec<LightSource> {
+    let suitable = |source: &LightSource| match source.light {
         Light::Directional { .. } => *source,
         Light::Point { .. } => LightSource { light: framed.light(), ..*source },
     };
-    scene.lights.iter().map(suited).collect()
+    scene.lights.iter().map(suitable).collect()
 }
 
-/// The shading, unless it is one of strands and the volume is not of any.
-pub fn suited_shading(shading: Shading, of_strands: bool) -> Shading {
-    if shading.is_of_strands() && !of_strands { Shading::None } else { shading }
+/// The shading, or none where it needs strands and the volume has none.
+pub fn suitable_shading(shading: Shading, has_strands: bool) -> Shading {
+    if shading.is_of_strands() && !has_strands { Shading::None } else { shading }
 }

@@ -1,9 +1,10 @@
-//! What draws: a thread that owns volume, tables and shadow maps, and draws the newest wanted picture into textures of
-//! the device that the window shares. The window never waits for it.
+//! Render thread: owns volume, tables and shadow maps, and draws into textures that the window shows.
+//!
+//! The window never waits for it.
 
-use super::engine::Engine;
-use super::mailbox::{Mailbox, Next, Speaker, Wake};
-use super::messages::{Event, Exported, Job, Wanted};
+use super::mailbox::{EventSender, Mailbox, Next, Wake};
+use super::messages::{Event, Exported, FrameRequest, Job};
+use super::progressive::ProgressiveRenderer;
 use super::{heat_map, jobs};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
@@ -13,7 +14,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 
-/// The window's end of the thread.
+/// Handle of the render thread.
 pub struct RenderThread {
     mailbox: Arc<Mailbox>,
     events: Receiver<Event>,
@@ -24,34 +25,34 @@ impl RenderThread {
     /// Starts the thread on a device.
     ///
     /// # Errors
-    /// The system has no thread left.
+    /// The system cannot start a thread.
     pub fn start(gpu: Gpu, wake: Wake) -> Result<Self> {
         let mailbox = Arc::new(Mailbox::default());
-        let (send, events) = channel();
-        let theirs = Arc::clone(&mailbox);
+        let (sender, events) = channel();
+        let requests = Arc::clone(&mailbox);
         let thread = std::thread::Builder::new()
             .name("render".into())
-            .spawn(move || run(gpu, &theirs, &Speaker { send, wake }))
+            .spawn(move || run(gpu, &requests, &EventSender { sender, wake }))
             .map_err(|e| Error::runtime("cannot start the render thread", "window", e))?;
         Ok(Self { mailbox, events, thread: Some(thread) })
     }
 
-    /// Asks for a picture; one that was asked for before and not begun is forgotten.
-    pub fn want(&self, wanted: Wanted) {
-        self.mailbox.want(wanted);
+    /// Requests a picture; replaces a request that has not begun.
+    pub fn request_frame(&self, request: FrameRequest) {
+        self.mailbox.request_frame(request);
     }
 
-    /// Asks for something else, done before the next picture.
+    /// Requests a job, which runs before the next picture.
     pub fn push(&self, job: Job) {
         self.mailbox.push(job);
     }
 
-    /// Ends the export that is running, soon.
+    /// Cancels the running export.
     pub fn cancel_export(&self) {
         self.mailbox.cancel_export.store(true, Ordering::Relaxed);
     }
 
-    /// What has been said since the last time.
+    /// Events since the last call.
     pub fn events(&self) -> Vec<Event> {
         self.events.try_iter().collect()
     }
@@ -67,44 +68,47 @@ impl Drop for RenderThread {
     }
 }
 
-fn run(gpu: Gpu, mailbox: &Mailbox, speaker: &Speaker) {
-    let mut engine = Engine::new(gpu);
+fn run(gpu: Gpu, mailbox: &Mailbox, events: &EventSender) {
+    let mut renderer = ProgressiveRenderer::new(gpu);
     while let Some(next) = mailbox.next() {
-        match catch_unwind(AssertUnwindSafe(|| work(&mut engine, next, mailbox, speaker))) {
+        match catch_unwind(AssertUnwindSafe(|| handle(&mut renderer, next, mailbox, events))) {
             Ok(Ok(())) => {}
-            Ok(Err(error)) => speaker.say(Event::Failed(error)),
+            Ok(Err(error)) => events.send(Event::Failed(error)),
             Err(_) => {
-                let why =
-                    "the picture's thread met a fault of the program; the volume has to be opened again";
-                speaker.say(Event::Failed(Error::runtime("cannot draw", "render thread", why)));
-                engine.forget();
+                let why = "an internal error occurred in the render thread; open the volume again";
+                events.send(Event::Failed(Error::runtime("cannot draw", "render thread", why)));
+                renderer.reset();
             }
         }
     }
 }
 
-fn work(engine: &mut Engine, next: Next, mailbox: &Mailbox, speaker: &Speaker) -> Result<()> {
+fn handle(
+    renderer: &mut ProgressiveRenderer,
+    next: Next,
+    mailbox: &Mailbox,
+    events: &EventSender,
+) -> Result<()> {
     let job = match next {
-        Next::Draw(wanted) => {
-            if !engine.show(&wanted, mailbox, speaker)? {
-                mailbox.want_again(wanted);
+        Next::Draw(request) => {
+            if !renderer.show(&request, mailbox, events)? {
+                mailbox.restore(request);
             }
             return Ok(());
         }
         Next::Job(job) => job,
     };
+    let session = &mut renderer.session;
     match job {
-        Job::Upload(opened) => engine.upload(opened, speaker),
-        Job::Probe(request) => jobs::probe(&mut engine.device, &request, speaker),
-        Job::Difference(request) => {
-            heat_map::compare(&mut engine.device, &request, || !mailbox.interrupted(), speaker)
-        }
-        Job::Thumbnail(request) => jobs::thumbnail(&engine.device, *request, speaker),
+        Job::Upload(opened) => renderer.upload(opened, events),
+        Job::Probe(request) => jobs::probe(session, &request, events),
+        Job::Difference(request) => heat_map::compare(session, &request, || !mailbox.has_requests(), events),
+        Job::Thumbnail(request) => jobs::thumbnail(session, *request, events),
         Job::Export(export) => {
             mailbox.cancel_export.store(false, Ordering::Relaxed);
-            let go_on = || !mailbox.cancel_export.load(Ordering::Relaxed);
-            let result = jobs::export(&mut engine.device, &export, speaker, go_on);
-            speaker.say(Event::Exported(Exported { path: export.path, result }));
+            let proceed = || !mailbox.cancel_export.load(Ordering::Relaxed);
+            let result = jobs::export(session, &export, events, proceed);
+            events.send(Event::Exported(Exported { path: export.path, result }));
             Ok(())
         }
     }

@@ -6,7 +6,7 @@ use super::stats::{Spread, image_difference};
 use super::timing::{StageTimes, Timing, Turns, clock_name, interleave};
 use crate::error::{Error, Result};
 use crate::render::{DisabledOptimizations, Omission, Optimization, Picture, View};
-use crate::shadow::{BuildReport, Method, NoShadows};
+use crate::shadow::{BuildReport, Method};
 use serde::Serialize;
 use std::cell::RefCell;
 use std::time::Instant;
@@ -172,9 +172,7 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
 fn run(job: &Job, method: &dyn Method, forced: DisabledOptimizations) -> Result<Run> {
     let (renderer, loaded) = (&job.session.renderer, &job.session.loaded);
     let transfer = renderer.transfer(loaded, job.tf, forced)?;
-    let needed = crate::render::needs_shadows(job.scene, job.volume, &transfer).is_ok();
     let start = Instant::now();
-    let method = if needed { method } else { &NoShadows };
     let view = View::of_shadows(job.scene);
     let shadows = renderer.shadows_in(loaded, &transfer, method, job.scene, view.as_ref())?;
     let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;

@@ -4,7 +4,7 @@ use super::timing::StageTimes;
 use crate::error::Result;
 use crate::render::Session;
 use crate::scene::Scene;
-use crate::shadow::{BuildReport, Method, NoShadows};
+use crate::shadow::{BuildReport, Method};
 use crate::strands::Strands;
 use crate::transfer::TransferFunction;
 use crate::volume::{DirectionMoments, Volume};
@@ -83,10 +83,8 @@ impl Job<'_> {
 
     /// One timed run of a method.
     pub fn timed(&self, method: &dyn Method) -> Result<StageTimes> {
-        // Where no light can be kept from a sample, that of `none` is built.
-        let needed = self.session.needs_shadows(self.scene).is_ok();
         let start = Instant::now();
-        let shadows = self.session.shadows_of(if needed { method } else { &NoShadows }, self.scene)?;
+        let shadows = self.session.shadows_of(method, self.scene)?;
         let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
         let frame = self.session.render(&shadows, self.scene)?.span;
         let report = BuildReport::of_all(&shadows);

@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::exact::ExactField;
 use crate::render::{Omission, Session, View};
 use crate::scene::{Light, Scene};
-use crate::shadow::{Bound, BuildReport, LightSpace, Method, NoShadows, ShadowMap};
+use crate::shadow::{Bound, BuildReport, LightSpace, Method, ShadowMap};
 use glam::DVec2;
 use ndarray::Array3;
 use std::time::Instant;
@@ -153,12 +153,11 @@ impl<'a> Reference<'a> {
         let needed = job.session.needs_shadows(job.scene);
         // A transfer function of its own tells which tables the method needs.
         let transfer = job.session.fresh_transfer(job.tf)?;
-        let used = if needed.is_ok() { method } else { &NoShadows };
         let Session { renderer, loaded, .. } = job.session;
         let build = || {
             // The small picture, whose sides are rounded, may be a little wider.
             let view = View::of_shadows(job.scene).map(|view| view.holding(&self.exact_picture.scene));
-            renderer.shadows_in(loaded, &transfer, used, job.scene, view.as_ref())
+            renderer.shadows_in(loaded, &transfer, method, job.scene, view.as_ref())
         };
         let start = Instant::now();
         let mut shadows = build()?;
@@ -211,7 +210,7 @@ impl<'a> Reference<'a> {
         let exact = &self.exact_picture;
         let kernels = renderer.kernels();
         let (drawn, picture_work) = kernels.counting_work(|| job.session.render(&shadows, &exact.scene))?;
-        let (_, build_work) = kernels.counting_work(|| job.session.shadows_of(used, job.scene))?;
+        let (_, build_work) = kernels.counting_work(|| job.session.shadows_of(method, job.scene))?;
         let pixels = u64::from(exact.scene.width) * u64::from(exact.scene.height);
         row.set_work((build_work, report.texels_built()), (picture_work, pixels));
         row.set_image_error(&image_error(drawn.pixels.view(), exact.pixels.view())?);

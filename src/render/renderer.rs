@@ -1,11 +1,12 @@
 //! Renderer of one device.
 
 use super::mesh::MeshCache;
+use super::plan::needs_shadows;
 use crate::error::Result;
 use crate::field::{DeviceTransfer, DisabledOptimizations, LoadedVolume, TilePace, View};
 use crate::gpu::{Gpu, Kernels};
 use crate::scene::{Light, LightSource, Scene};
-use crate::shadow::{BuildContext, Method, ShadowMap};
+use crate::shadow::{BuildContext, Method, NoShadows, ShadowMap};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use std::sync::Arc;
@@ -89,14 +90,38 @@ impl Renderer {
         method: &dyn Method,
         light: Light,
     ) -> Result<ShadowMap> {
-        self.shadow_in(loaded, transfer, method, light, None)
+        self.build(loaded, transfer, method, light, None)
     }
 
-    /// Builds a shadow structure for the pictures of a view: lookups outside it may be wrong. `None` covers everything.
+    /// Method that a scene's picture needs: [`NoShadows`] where no light can be blocked ([`needs_shadows`]).
+    pub fn effective_method<'m>(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        method: &'m dyn Method,
+        scene: &Scene,
+    ) -> &'m dyn Method {
+        if needs_shadows(scene, &loaded.volume, transfer).is_ok() { method } else { &NoShadows }
+    }
+
+    /// Builds the shadow structure of one light for the pictures of a scene, by its effective method. Lookups are valid in
+    /// the view only; `None` means all points.
     ///
     /// # Errors
-    /// The adapter cannot hold the structure.
+    /// As [`Self::shadow`].
     pub fn shadow_in(
+        &self,
+        loaded: &LoadedVolume,
+        transfer: &DeviceTransfer,
+        method: &dyn Method,
+        (scene, light): (&Scene, Light),
+        view: Option<&View>,
+    ) -> Result<ShadowMap> {
+        let method = self.effective_method(loaded, transfer, method, scene);
+        self.build(loaded, transfer, method, light, view)
+    }
+
+    fn build(
         &self,
         loaded: &LoadedVolume,
         transfer: &DeviceTransfer,
@@ -128,7 +153,8 @@ impl Renderer {
         scene: &Scene,
         view: Option<&View>,
     ) -> Result<Vec<ShadowMap>> {
-        let build = |source: LightSource| self.shadow_in(loaded, transfer, method, source.light, view);
+        let build =
+            |source: LightSource| self.shadow_in(loaded, transfer, method, (scene, source.light), view);
         scene.shining().into_iter().map(build).collect()
     }
 }

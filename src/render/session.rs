@@ -1,4 +1,4 @@
-//! A volume and a transfer function made ready on a device: what every drawing command works with.
+//! Volume and transfer function on a device, for the commands.
 
 use super::{
     DeviceTransfer, DisabledOptimizations, LightMaps, LoadedVolume, Picture, Renderer, needs_shadows,
@@ -14,13 +14,13 @@ use crate::volume::Volume;
 use glam::DVec3;
 use std::sync::Arc;
 
-/// One volume and one transfer function on one device.
+/// Volume and transfer function on one device.
 pub struct Session {
-    /// The device with its pipelines, which several sessions may share.
+    /// Device and pipelines; sessions may share them.
     pub renderer: Arc<Renderer>,
-    /// The volume, on the host and on the device.
+    /// Volume, on the host and on the device.
     pub loaded: LoadedVolume,
-    /// Its transfer function on the device.
+    /// Transfer function on the device.
     pub transfer: DeviceTransfer,
 }
 
@@ -39,7 +39,7 @@ impl Session {
         Self::on(&Arc::new(Renderer::new(Gpu::open(adapter)?)), volume, tf, forced)
     }
 
-    /// The same on a renderer that is open already.
+    /// Uploads the volume and makes the tables on an open renderer.
     ///
     /// # Errors
     /// A volume that it cannot hold.
@@ -54,13 +54,13 @@ impl Session {
         Ok(Self { renderer: Arc::clone(renderer), loaded, transfer })
     }
 
-    /// The same, knowing the strands that the volume was made from.
+    /// Adds the strands that the volume was made from.
     #[must_use]
     pub fn with_strands(self, strands: Option<Arc<VoxelisedStrands>>) -> Self {
         Self { loaded: self.loaded.with_strands(strands), ..self }
     }
 
-    /// Tables and bricks made anew, with the same work forced.
+    /// Makes the tables and classifies the bricks again.
     ///
     /// # Errors
     /// As [`Renderer::transfer`].
@@ -76,65 +76,60 @@ impl Session {
         needs_shadows(scene, &self.loaded.volume, &self.transfer)
     }
 
-    /// Builds a shadow structure that holds at every point; see [`Renderer::shadow`].
+    /// Builds a shadow structure that is valid at every point.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Renderer::shadow`].
     pub fn shadow(&self, method: &dyn Method, light: Light) -> Result<ShadowMap> {
         self.renderer.shadow(&self.loaded, &self.transfer, method, light)
     }
 
-    /// Builds a shadow structure for the picture of a scene, under one light; see [`Renderer::shadow_in`].
+    /// Builds the shadow structure of one light for the picture of a scene.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Renderer::shadow`].
     pub fn shadow_of(&self, method: &dyn Method, scene: &Scene, light: Light) -> Result<ShadowMap> {
         let view = View::of_shadows(scene);
-        self.renderer.shadow_in(&self.loaded, &self.transfer, method, light, view.as_ref())
+        self.renderer.shadow_in(&self.loaded, &self.transfer, method, (scene, light), view.as_ref())
     }
 
-    /// Builds the shadow structures for the picture of a scene: one for each light that shines, in their order.
+    /// Builds the shadow structure of each light that shines for the picture of a scene, in their order.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Renderer::shadow`].
     pub fn shadows_of(&self, method: &dyn Method, scene: &Scene) -> Result<Vec<ShadowMap>> {
-        self.renderer.shadows_in(
-            &self.loaded,
-            &self.transfer,
-            method,
-            scene,
-            View::of_shadows(scene).as_ref(),
-        )
+        let view = View::of_shadows(scene);
+        self.renderer.shadows_in(&self.loaded, &self.transfer, method, scene, view.as_ref())
     }
 
-    /// Renders a picture; see [`Renderer::render`].
+    /// Renders a picture.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Renderer::render`].
     pub fn render<'a>(&self, shadows: impl Into<LightMaps<'a>>, scene: &Scene) -> Result<Picture> {
         self.renderer.render(&self.loaded, &self.transfer, shadows, scene)
     }
 
-    /// Transmittance from the light to world points (mm); see [`Renderer::query`].
+    /// Transmittance from the light to world points (mm).
     ///
     /// # Errors
-    /// As there.
+    /// As [`Renderer::query`].
     pub fn query(&self, shadow: &ShadowMap, points_mm: &[DVec3]) -> Result<Vec<f32>> {
         self.renderer.query(&self.loaded, &self.transfer, shadow, points_mm)
     }
 
-    /// Nodes by texel of a deep shadow map; see [`node_map`].
+    /// Nodes per texel of a deep shadow map.
     ///
     /// # Errors
-    /// As there.
+    /// As [`node_map`].
     pub fn node_map(&self, shadow: &ShadowMap) -> Result<Option<NodeMap>> {
         node_map(self.renderer.kernels(), &self.transfer, shadow)
     }
 
-    /// Depths of every node of texels of a deep shadow map; see [`node_depths`].
+    /// Depths of the nodes of texels of a deep shadow map.
     ///
     /// # Errors
-    /// As there.
+    /// As [`node_depths`].
     pub fn node_depths(&self, shadow: &ShadowMap, texels: &[[u32; 2]]) -> Result<Option<Vec<Vec<f64>>>> {
         node_depths(self.renderer.kernels(), &self.transfer, shadow, texels)
     }

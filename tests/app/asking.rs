@@ -1,4 +1,4 @@
-//! Questions and what lies over the view: Enter confirms, Escape leaves the topmost, the probe says what is promised.
+//! Path prompts and windows over the view: Enter confirms, Escape closes the topmost; the probe describes error bounds.
 
 use super::Bench;
 use eframe::egui::{Key, vec2};
@@ -26,7 +26,7 @@ impl Bench {
 }
 
 #[test]
-fn enter_confirms_every_question() {
+fn enter_confirms_every_prompt() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
@@ -36,7 +36,7 @@ fn enter_confirms_every_question() {
         (Purpose::ExportPicture, "mine.png"),
     ] {
         bench.ask(purpose);
-        // Nothing is clicked: the cursor is in the field from the first.
+        // The field has the focus at the start.
         bench.harness.key_press_modifiers(eframe::egui::Modifiers::COMMAND, Key::A);
         bench.harness.step();
         bench.harness.event(eframe::egui::Event::Text(path(name).display().to_string()));
@@ -62,7 +62,7 @@ fn enter_confirms_every_question() {
     assert!(!bench.app().windows.prompt.is_open());
     bench.wait_for("the volume", |app| app.model.document.as_ref().unwrap().spec.source == "phantom:step:12");
 
-    // Where nothing is typed nothing is confirmed.
+    // An empty path is not confirmed.
     bench.ask(Purpose::OpenVolume);
     bench.type_into("path", " ");
     bench.press(Key::Enter);
@@ -71,7 +71,7 @@ fn enter_confirms_every_question() {
 }
 
 #[test]
-fn a_path_is_chosen_from_what_is_there_and_its_folder_remembered() {
+fn tab_completes_a_path_and_its_folder_is_remembered() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("scans");
@@ -79,57 +79,50 @@ fn a_path_is_chosen_from_what_is_there_and_its_folder_remembered() {
     for (name, size) in [("first.nii.gz", 8), ("second.nii.gz", 10)] {
         write_nifti(&Phantom::Step.build(size).unwrap(), &folder.join(name)).unwrap();
     }
-    std::fs::write(folder.join("notes.txt"), "none of these").unwrap();
-    let shown = |bench: &Bench, name: &str| bench.harness.query_by_label(name).is_some();
+    std::fs::write(folder.join("notes.txt"), "not a volume").unwrap();
     let opened = |bench: &mut Bench, name: &str| {
         assert!(!bench.app().windows.prompt.is_open());
         let source = folder.join(name).display().to_string();
         bench.wait_for(name, |app| app.model.document.as_ref().unwrap().spec.source == source);
         bench.settle();
     };
-    // Tab types the folder's name on, and it is listed.
+    let type_text = |bench: &mut Bench, text: &str| {
+        bench.harness.event(eframe::egui::Event::Text(text.to_owned()));
+        bench.harness.run_steps(2);
+    };
     bench.ask(Purpose::OpenVolume);
     bench.type_into("path", dir.path().join("sc").to_str().unwrap());
     bench.press(Key::Tab);
-    assert!(shown(&bench, "first.nii.gz") && shown(&bench, "second.nii.gz") && !shown(&bench, "notes.txt"));
-    // Down twice and Enter.
-    for key in [Key::ArrowDown, Key::ArrowDown, Key::Enter] {
+    type_text(&mut bench, "s");
+    for key in [Key::Tab, Key::Enter] {
         bench.press(key);
     }
     opened(&mut bench, "second.nii.gz");
-    // The next question begins where this one ended; a click chooses, and Enter confirms it.
+    // The next prompt starts in the same folder.
     bench.ask(Purpose::OpenVolume);
-    bench.click("first.nii.gz");
-    bench.harness.run_steps(2);
-    bench.press(Key::Enter);
-    opened(&mut bench, "first.nii.gz");
-    // What is typed narrows the list.
-    bench.ask(Purpose::OpenVolume);
-    // What is open stands in the top bar, too.
-    let places = |bench: &Bench, name: &str| bench.harness.query_all_by_label(name).count();
-    let before = places(&bench, "first.nii.gz");
-    bench.harness.event(eframe::egui::Event::Text("s".to_owned()));
-    bench.harness.run_steps(2);
-    assert!(shown(&bench, "second.nii.gz") && places(&bench, "first.nii.gz") == before - 1);
-    bench.press(Key::Escape);
-    // A picture is suggested there, too, and a folder of the list is gone into.
-    std::fs::create_dir(folder.join("pictures")).unwrap();
-    bench.ask(Purpose::ExportPicture);
-    for key in [Key::ArrowDown, Key::Enter] {
+    type_text(&mut bench, "f");
+    for key in [Key::Tab, Key::Enter] {
         bench.press(key);
     }
-    assert!(bench.app().windows.prompt.is_open(), "a folder is no file");
-    bench.harness.event(eframe::egui::Event::Text("a.png".to_owned()));
-    bench.harness.run_steps(2);
+    opened(&mut bench, "first.nii.gz");
+    // The suggested name is selected, so that typing replaces it.
+    bench.ask(Purpose::ExportPicture);
+    type_text(&mut bench, "a.png");
     bench.press(Key::Enter);
     bench.settle();
-    assert!(folder.join("pictures/a.png").is_file(), "{:?}", bench.errors());
+    assert!(folder.join("a.png").is_file(), "{:?}", bench.errors());
+    // Where nothing can be completed Tab moves the focus.
+    bench.ask(Purpose::OpenVolume);
+    bench.type_into("path", "nothing like this");
+    bench.press(Key::Tab);
+    assert!(!bench.harness.get_by_label("path").is_focused());
+    bench.press(Key::Escape);
+    assert!(!bench.app().windows.prompt.is_open());
 }
 
 #[test]
-fn escape_leaves_the_topmost_alone() {
+fn escape_closes_only_the_topmost() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
-    // The list leaves some of the probe free.
     bench.harness.set_size(vec2(2000.0, 1000.0));
     bench.settle();
     let center = bench.app().model.view.unwrap().center();
@@ -150,17 +143,17 @@ fn escape_leaves_the_topmost_alone() {
     }
     assert_eq!(open(&mut bench), [false; 4]);
 
-    // Of two windows the one that was touched last is on top.
+    // The window touched last is on top.
     bench.click_at(center);
     bench.wait_for("an answer", |app| app.model.probe.is_some());
     bench.press(Key::F1);
-    // In a corner that the list does not cover.
+    // In a corner that the list of keys does not cover.
     let probe = bench.harness.get_by_label("Probe").rect().left_top() + vec2(60.0, 12.0);
     bench.click_at(probe);
     bench.harness.run_steps(2);
     bench.press(Key::Escape);
     assert_eq!(open(&mut bench), [false, true, false, false]);
-    // A field that is typed into is left before anything else, and so is a list.
+    // A text field, or an open list, takes Escape first.
     bench.harness.get_by_label("method epsilon").focus();
     bench.harness.run_steps(2);
     bench.press(Key::Escape);
@@ -174,7 +167,7 @@ fn escape_leaves_the_topmost_alone() {
 
 #[test]
 fn the_probe_names_the_terms_of_the_error_bound() {
-    for (spec, promises) in [("dsm:map=64", true), ("rays", true), ("bom:map=64", false), ("none", false)] {
+    for (spec, has_bound) in [("dsm:map=64", true), ("rays", true), ("bom:map=64", false), ("none", false)] {
         let shadow = format!("--shadow={spec}");
         let Some(mut bench) = Bench::open(&["phantom:thorax:32", &shadow]) else { return };
         let center = bench.app().model.view.unwrap().center();
@@ -184,16 +177,19 @@ fn the_probe_names_the_terms_of_the_error_bound() {
         let method = bench.app().model.probe.clone().unwrap().methods.remove(0);
         let name = spec.split(':').next().unwrap();
         let said = |bench: &Bench, text: &str| bench.harness.query_by_label_contains(text).is_some();
-        let Some(promise) = method.promise else {
-            assert!(!promises && said(&bench, &format!("{name} promises nothing")), "{spec}");
+        let Some(bound) = method.bound else {
+            assert!(!has_bound && said(&bench, &format!("{name} has no error bound")), "{spec}");
             continue;
         };
-        assert!(promises, "{spec}: {promise:?}");
+        assert!(has_bound, "{spec}: {bound:?}");
         let frame = bench.app().model.frame.clone().unwrap();
-        assert!(promise.bound.transmittance > 0.0 && frame.main.bound.is_some());
-        let nearest = promise.nearest.expect("a texel lies there");
-        assert!(nearest.kept && nearest.texels_away <= 0.5_f64.sqrt() + 1e-9, "{spec}: {nearest:?}");
-        assert!(said(&bench, &format!("{name} promises ±")) && said(&bench, "it is kept"), "{spec}");
+        assert!(bound.bound.transmittance > 0.0 && frame.main.bound.is_some());
+        let nearest = bound.nearest.expect("a texel lies there");
+        assert!(nearest.satisfied && nearest.texels_away <= 0.5_f64.sqrt() + 1e-9, "{spec}: {nearest:?}");
+        assert!(
+            said(&bench, &format!("Error bound of {name}: ±")) && said(&bench, "it is satisfied"),
+            "{spec}"
+        );
     }
 }
 

@@ -61,7 +61,7 @@ fn csv_rows(folder: &Path) -> Vec<Row> {
 
 // Long: one session in the window, each step of which needs the table of the steps before.
 #[test]
-fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
+fn a_comparison_fills_the_table_and_its_folder() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=dsm:map=64"]) else { return };
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("made/for it");
@@ -102,7 +102,7 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
     assert!(bench.shows(report.to_str().unwrap()));
 
     // Figures stand under their headings, to the right edge.
-    for (heading, value) in [("error rms", rows[2].point_err_rms), ("frame ms", rows[2].frame_ms)] {
+    for (heading, value) in [("point_err_rms", rows[2].point_err_rms), ("frame_ms", rows[2].frame_ms)] {
         let above = bench.harness.get_by_label(&format!("sort by {heading}")).rect();
         let text = significant(value.unwrap(), 3);
         let figures = bench.harness.query_all_by_label(&text).map(|n| n.rect()).collect::<Vec<_>>();
@@ -111,7 +111,7 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
         assert!(figures.iter().any(under), "{heading} {above}: {text} {figures:?}");
     }
     // The report is opened by the system; where it does not, the path is said.
-    bench.app().windows.comparison.report.opener = |_| Err(std::io::Error::other("no browser is here"));
+    bench.app().windows.comparison.opener = |_| Err(std::io::Error::other("no browser is here"));
     bench.click("Open report");
     let said = format!("cannot open the report ({}): no browser is here", report.display());
     let start = Instant::now();
@@ -119,7 +119,7 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
         bench.harness.step();
         assert!(start.elapsed() < Duration::from_secs(20));
     }
-    bench.app().windows.comparison.report.opener = |path| match path.is_file() {
+    bench.app().windows.comparison.opener = |path| match path.is_file() {
         true => std::fs::rename(path, path.with_extension("opened")),
         false => Err(std::io::Error::other("that is no file")),
     };
@@ -158,7 +158,7 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
     assert_eq!(worst.method, "none");
     let top = |bench: &Bench, label: &str| bench.harness.get_by_label(label).rect().top();
     for (clicks, first, second) in [(1, "epsilon=0.05", "epsilon=0.1"), (2, "epsilon=0.1", "epsilon=0.05")] {
-        bench.click("sort by error rms");
+        bench.click("sort by point_err_rms");
         assert!(top(&bench, first) < top(&bench, second), "{clicks}");
     }
 
@@ -173,7 +173,7 @@ fn a_table_of_what_is_shown_appears_beside_the_picture_and_in_its_folder() {
 }
 
 #[test]
-fn a_table_that_is_cancelled_leaves_its_journal_and_goes_on_from_there() {
+fn a_cancelled_comparison_resumes_from_its_journal() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:24", "--shadow=none"]) else { return };
     let dir = tempfile::tempdir().unwrap();
     // More rounds than anyone waits for.
@@ -187,7 +187,7 @@ fn a_table_that_is_cancelled_leaves_its_journal_and_goes_on_from_there() {
     assert!(asked.elapsed() < Duration::from_secs(20), "{:?}", asked.elapsed());
     let outcome = bench.app().windows.comparison.outcome().unwrap();
     assert!(outcome.as_ref().is_err_and(|e| e.is_cancelled()), "{outcome:?}");
-    assert!(bench.shows("Cancelled at") && bench.shows("2 rows are kept"));
+    assert!(bench.shows("Cancelled at") && bench.shows("2 rows are in"));
     assert_eq!(bench.app().windows.comparison.rows().len(), 2, "what was measured is still shown");
     assert!(!dir.path().join("compare.csv").exists());
     let names = std::fs::read_dir(dir.path()).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap());

@@ -1,4 +1,4 @@
-//! The orientation cube.
+//! Orientation cube.
 
 use super::Bench;
 use eframe::egui::{Key, Modifiers, Pos2, vec2};
@@ -21,10 +21,10 @@ fn away(camera: &Camera) -> glam::DVec3 {
 }
 
 #[test]
-fn a_click_on_a_face_looks_from_there_and_a_drag_turns() {
+fn a_click_looks_from_a_face_and_a_drag_rotates() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let center = middle(&bench);
-    // The face in front stays in front, and is seen squarely from then on.
+    // The front face stays in front and becomes parallel to the picture.
     let before = camera(&mut bench);
     bench.click_at(center);
     let front = camera(&mut bench);
@@ -35,7 +35,7 @@ fn a_click_on_a_face_looks_from_there_and_a_drag_turns() {
     assert!((away(&front) - nearest.unwrap().away).length() < 1e-12);
     assert!((front.eye.distance(front.target) - before.eye.distance(before.target)).abs() < 1e-9);
     assert!(bench.app().model.probe.is_none(), "the view behind it was not clicked");
-    // From every side the face in front is that side's, and its right edge is half way to the next.
+    // The front face is that of the view; its right edge is half way to the next.
     for (i, view) in AXIS_VIEWS.iter().enumerate() {
         bench.app().model.look_from(i);
         bench.harness.run_steps(2);
@@ -46,7 +46,7 @@ fn a_click_on_a_face_looks_from_there_and_a_drag_turns() {
         let edge = (view.away + right).normalize();
         assert!((away(&camera(&mut bench)) - edge).length() < 1e-9, "{}", view.name);
     }
-    // Beside the cube a click does nothing, and a drag on it turns the view.
+    // A click beside the cube does nothing; a drag on the cube rotates the view.
     bench.app().model.look_from(0);
     bench.harness.run_steps(2);
     bench.click_at(center + vec2(30.0, 30.0));
@@ -69,7 +69,7 @@ fn it_can_be_hidden_and_covers_no_other_widget() {
         };
         let view = bench.app().model.view.unwrap();
         assert!(view.contains_rect(cube), "{view} {cube}");
-        // Letters in the middles of the borders stay free.
+        // Letters at the centres of the borders stay uncovered.
         for at in [view.center_top() + vec2(0.0, 10.0), view.right_center() - vec2(10.0, 0.0)] {
             assert!(!cube.expand(8.0).contains(at), "{at} {cube}");
         }

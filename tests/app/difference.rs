@@ -1,4 +1,4 @@
-//! Heat maps of the error against exact.
+//! Heat maps of the error.
 
 use super::Bench;
 use eframe::egui::Key;
@@ -6,11 +6,11 @@ use umbravox::measure::error_map::Quantity;
 use umbravox::scene::Shading;
 
 #[test]
-fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
+fn heat_maps_follow_methods_and_lights() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:32", "--tf=uniform", "--shadow=rays"]) else {
         return;
     };
-    // On the other side of the split no light is kept from anything.
+    // The second method has no shadows.
     bench.harness.key_press(Key::C);
     bench.settle();
     bench.harness.key_press(Key::D);
@@ -29,10 +29,10 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
     assert!(rays.max_abs < 0.005 && rays.count > 1000, "{rays:?}");
     assert!(none.rms > 0.1 && none.mean > 0.1, "it is too bright: {none:?}");
     assert!(found.largest > 0.5);
-    // Beside the sphere nothing is seen.
+    // Nothing is visible beside the sphere.
     assert!(found.sides[0].map.errors[[2, 2]].is_nan());
 
-    // Another light is another answer; the old one goes at once.
+    // Another light needs another exact picture; the old one disappears at once.
     let before = none;
     bench.app().model.document.as_mut().unwrap().scene.lights = vec![
         umbravox::scene::Light::Directional { toward: glam::DVec3::new(-1.0, 0.2, 0.1).normalize() }.into(),
@@ -44,7 +44,7 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
     let after = bench.app().difference.found.as_ref().unwrap().sides[1].map.stats.unwrap();
     assert_ne!(before.rms, after.rms);
 
-    // Another method is compared with the same answer.
+    // Another method is compared with the same exact picture.
     let answer = std::sync::Arc::as_ptr(&bench.app().difference.found.as_ref().unwrap().request.view);
     bench.harness.key_press(Key::X);
     bench.settle();
@@ -59,11 +59,11 @@ fn the_error_of_each_shown_method_is_mapped_and_follows_what_is_shown() {
 }
 
 #[test]
-fn pictures_are_compared_as_they_are_shaded() {
+fn picture_errors_include_shading() {
     let shown = ["phantom:sphere:16", "--tf=uniform", "--shadow=dsm:map=128", "--shading=lambert"];
     let Some(mut bench) = Bench::open(&shown) else { return };
     bench.app().difference.shows = Some(Quantity::Picture);
-    // The coarsest answer is enough; the finest would take a minute.
+    // The coarsest result is enough; the finest would take a minute.
     bench.wait_for("the coarsest heat map", |app| app.difference.found.is_some());
     let found = bench.app().difference.found.as_ref().unwrap();
     assert_eq!(found.request.view.scene.shading, Shading::Lambert);

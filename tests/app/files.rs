@@ -1,4 +1,4 @@
-//! Files in and out: what cannot be read, scenes that the command line draws alike, pictures.
+//! Input and output files: unreadable files, scenes of the command line, pictures.
 
 use super::Bench;
 use ndarray::Array3;
@@ -21,7 +21,7 @@ fn drawn_by_the_command_line(scene: &std::path::Path) -> Picture {
 }
 
 #[test]
-fn a_scene_file_is_drawn_to_the_very_pixels_of_the_window() {
+fn a_scene_file_draws_the_pixels_of_the_window() {
     let line = ["phantom:thorax:32", "--shadow=dsm:map=64,epsilon=0.03", "--light=dir:0.3,-0.2,0.7"];
     let Some(mut bench) = Bench::open(&line) else { return };
     let app = bench.app();
@@ -42,7 +42,7 @@ fn a_scene_file_is_drawn_to_the_very_pixels_of_the_window() {
     let exported = Array3::<f32>::read_npy(std::fs::File::open(&picture).unwrap()).unwrap();
     let drawn = drawn_by_the_command_line(&scene);
     assert_eq!(drawn.pixels, exported, "scene: {}", std::fs::read_to_string(&scene).unwrap());
-    // And what is on screen is that picture, encoded.
+    // The screen shows the same picture, encoded.
     let shown = bench.pixels();
     let off = shown.chunks(4).zip(exported.rows()).map(|(shown, linear)| {
         (0..3).map(|c| shown[c].abs_diff(srgb8_from_linear(f64::from(linear[c])))).max().unwrap()
@@ -59,7 +59,7 @@ fn a_scene_file_is_drawn_to_the_very_pixels_of_the_window() {
 }
 
 #[test]
-fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
+fn a_transparent_export_over_the_background_is_the_opaque_picture() {
     let line = ["phantom:thorax:32", "--shadow=dom:map=64", "--background=#3060c0"];
     let Some(mut bench) = Bench::open(&line) else { return };
     let dir = tempfile::tempdir().unwrap();
@@ -94,7 +94,7 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
         }
     }
     assert!(clear > 100 && solid > 100, "{clear} {solid}");
-    // The window's own picture keeps its background, and the dialog asks for either.
+    // The picture on screen keeps its background; the prompt offers both.
     assert_eq!(bench.app().model.document.as_ref().unwrap().scene.background, background);
     bench.ask_export();
     bench.click("Transparent");
@@ -103,7 +103,7 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
     bench.click("Export");
     bench.settle();
     assert_eq!(image::open(path).unwrap().color(), image::ColorType::Rgba8);
-    // Escape closes the dialog, with the cursor in its field or not.
+    // Escape closes the prompt, with or without focus in its field.
     for _ in 0..2 {
         bench.ask_export();
         bench.harness.step();
@@ -112,7 +112,7 @@ fn a_transparent_export_goes_over_the_background_to_the_picture_with_it() {
         bench.harness.run_steps(2);
         assert!(!bench.app().windows.prompt.is_open());
     }
-    // Enter in its field is the button.
+    // Enter in the field confirms.
     bench.ask_export();
     let path = dir.path().join("entered.png");
     bench.type_into("path", path.to_str().unwrap());
@@ -139,7 +139,7 @@ fn a_file_that_does_not_open_leaves_the_old_volume_and_a_message() {
         assert!(document.spec.source.starts_with("phantom:sphere"));
     }
     assert_eq!(bench.pixels(), picture);
-    // A transfer function that is none.
+    // An invalid transfer function.
     let tf = dir.path().join("broken.json");
     std::fs::write(&tf, "{\"points\": []}").unwrap();
     let before = bench.app().model.document.as_ref().unwrap().tf.clone();
@@ -147,7 +147,7 @@ fn a_file_that_does_not_open_leaves_the_old_volume_and_a_message() {
     bench.app().model.load_tf(tf.to_str().unwrap());
     assert!(bench.app().model.messages[0].text.contains("`points` is empty"));
     assert_eq!(bench.app().model.document.as_ref().unwrap().tf, before);
-    // A picture where none can be written.
+    // A picture in a folder that cannot be written.
     bench.app().model.messages.clear();
     bench.app().model.export(&dir.path().join("no/such/folder.png"), [8, 8], Backdrop::Drawn);
     assert!(bench.app().model.messages[0].is_error);
@@ -156,7 +156,7 @@ fn a_file_that_does_not_open_leaves_the_old_volume_and_a_message() {
 #[test]
 fn degenerate_volumes_open_and_can_be_edited() {
     let dir = tempfile::tempdir().unwrap();
-    // One voxel; one value; values that are not finite.
+    // One voxel, one value, non-finite values.
     let one = dir.path().join("one.raw");
     std::fs::write(&one, [7_u8]).unwrap();
     let Some(mut bench) = Bench::open(&[one.to_str().unwrap(), "--raw=1x1x1:u8"]) else { return };

@@ -1,4 +1,4 @@
-//! The window's widgets over the real renderer, without a window: what hands do is injected as events.
+//! Window tests on the real renderer without a native window: input is injected as events.
 #![cfg(feature = "gui")]
 
 mod asking;
@@ -8,12 +8,12 @@ mod comparison;
 mod cube;
 mod difference;
 mod files;
-mod hands;
 mod layout;
 mod loss;
+mod masks;
 mod opening;
 mod panels;
-mod parts;
+mod pointer;
 mod presets;
 mod resizes;
 
@@ -21,7 +21,7 @@ use eframe::egui::{self, Event, Modifiers, PointerButton, Pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::time::{Duration, Instant};
-use umbravox::app::{App, Purpose, Settings, With};
+use umbravox::app::{App, OpenMode, Purpose, Settings};
 use umbravox::open::SceneArgs;
 use umbravox::render::DisplayTexture;
 
@@ -39,16 +39,16 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Opens `line`, as on the command line of `view`; `None`, said aloud, where there is no adapter.
+    /// Opens a command line of `view`; `None`, visibly, where there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
         let mut bench = Self::empty()?;
         let settings = scene_args(line).into_settings().unwrap();
-        bench.app().model.open(settings.spec(), With::Settings(Box::new(settings)));
+        bench.app().model.open(settings.spec(), OpenMode::Settings(Box::new(settings)));
         bench.settle();
         Some(bench)
     }
 
-    /// Opens nothing.
+    /// Opens an empty window.
     pub fn empty() -> Option<Self> {
         let gpu = common::gpu()?;
         let (device, queue) = (gpu.device.clone(), gpu.queue.clone());
@@ -62,20 +62,20 @@ impl Bench {
         self.harness.state_mut()
     }
 
-    /// Asks for the path of a picture.
+    /// Opens the prompt for a picture.
     pub fn ask_export(&mut self) {
         let App { model, windows, .. } = self.app();
         windows.prompt.ask(model, Purpose::ExportPicture);
         self.harness.run_steps(2);
     }
 
-    /// Presses a key, and steps until what it does is shown.
+    /// Presses a key and steps until the effect is shown.
     pub fn press(&mut self, key: egui::Key) {
         self.harness.key_press(key);
         self.harness.run_steps(3);
     }
 
-    /// Steps until the picture is whole and of what is wanted.
+    /// Steps until the picture is final and current.
     pub fn settle(&mut self) {
         let start = Instant::now();
         self.harness.step();
@@ -88,11 +88,11 @@ impl Bench {
             assert!(start.elapsed() < PATIENCE, "no picture: {:?}", app.model.messages);
             std::thread::sleep(Duration::from_millis(10));
         }
-        // What came last is shown, too.
+        // One more frame shows the last result.
         self.harness.step();
     }
 
-    /// Steps until `done`; `what` is said where it takes too long.
+    /// Steps until `done`; `what` names a timeout.
     pub fn wait_for(&mut self, what: &str, done: impl Fn(&App) -> bool) {
         let start = Instant::now();
         while !done(self.harness.state()) {
@@ -100,11 +100,11 @@ impl Bench {
             assert!(start.elapsed() < PATIENCE, "{what}: {:?}", self.harness.state().model.messages);
             std::thread::sleep(Duration::from_millis(5));
         }
-        // What came last is shown, too.
+        // One more frame shows the last result.
         self.harness.run_steps(2);
     }
 
-    /// Presses, moves over a few frames and lets go.
+    /// Drags over several frames.
     pub fn drag(&mut self, from: Pos2, to: Pos2, modifiers: Modifiers) {
         let button =
             |pos, pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
@@ -122,7 +122,7 @@ impl Bench {
         self.harness.step();
     }
 
-    /// Clicks at a place.
+    /// Clicks at a position.
     pub fn click_at(&mut self, pos: Pos2) {
         let modifiers = Modifiers::NONE;
         self.harness.event(Event::PointerMoved(pos));
@@ -138,14 +138,14 @@ impl Bench {
         }
     }
 
-    /// Clicks the widget of that name.
+    /// Clicks the widget with an accessible name.
     pub fn click(&mut self, label: &str) {
         self.harness.get_by_label(label).click();
         self.harness.step();
         self.harness.step();
     }
 
-    /// Puts a text into the field of that name in place of what it holds.
+    /// Replaces the text of a field.
     pub fn type_into(&mut self, label: &str, text: &str) {
         self.harness.get_by_label(label).focus();
         self.harness.step();
@@ -155,7 +155,7 @@ impl Bench {
         self.harness.step();
     }
 
-    /// The picture as it is on screen: sRGB codes.
+    /// Picture on screen, sRGB codes.
     pub fn pixels(&self) -> Vec<u8> {
         let frame = self.harness.state().model.frame.as_ref().unwrap();
         self.read(&frame.main.texture)

@@ -1,4 +1,4 @@
-//! Volumes on their way in: dropped files, progress, and a cancel that ends the reading.
+//! Opening of volumes: dropped files, progress and cancellation.
 
 use super::Bench;
 use eframe::egui;
@@ -66,7 +66,7 @@ fn dropped_files_open_by_their_kind() {
     assert_eq!((document.method.name, document.scene.ambient), ("rays", 0.25));
     assert!(document.transparent && document.scene_text("ct").unwrap().contains("background = \"none\""));
 
-    // Broken ones: the reason is said, what was open stays.
+    // Broken files are reported and the old volume stays.
     let picture = bench.pixels();
     for (name, text, reason) in [
         ("broken.nii", "no volume at all", "NIfTI"),
@@ -82,7 +82,7 @@ fn dropped_files_open_by_their_kind() {
     }
     assert_eq!(bench.pixels(), picture);
 
-    // Tracks have no thickness, and a dropped file no flags: one is assumed, and that is said.
+    // Tracks without thickness get a default, with a note.
     let tracks = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/strands/little.tck");
     drop_files(&mut bench, &[&tracks]);
     bench.wait_for("tracks", |app| source(app).ends_with("little.tck"));
@@ -91,14 +91,14 @@ fn dropped_files_open_by_their_kind() {
     assert!(bench.app().model.messages.iter().any(|m| m.text.contains("1 mm is assumed")));
     bench.settle();
 
-    // Of several the first is taken, and that is said.
+    // Only the first of several files is opened, with a note.
     drop_files(&mut bench, &[&volume, &tf]);
     assert!(bench.app().model.messages.iter().any(|m| m.text.starts_with("2 files were dropped")));
     bench.wait_for("the first of two", |app| source(app) == name);
 }
 
 #[test]
-fn a_reading_shows_how_far_it_is_and_its_cancel_ends_it() {
+fn reading_shows_progress_and_can_be_cancelled() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
     bench.app().model.open_source("phantom:thorax:700");
     let loading = bench.app().model.loading().expect("it is being read");
@@ -114,7 +114,7 @@ fn a_reading_shows_how_far_it_is_and_its_cancel_ends_it() {
     bench.click("Cancel");
     let cancelled = Instant::now();
     assert!(bench.app().model.loading().is_none());
-    // The thread lets go of its end when it ends.
+    // The thread releases its volume at its end.
     while Arc::strong_count(&loading) > 1 {
         assert!(cancelled.elapsed() < Duration::from_secs(10), "it reads on");
         std::thread::sleep(Duration::from_millis(1));
@@ -125,7 +125,7 @@ fn a_reading_shows_how_far_it_is_and_its_cancel_ends_it() {
     let app = bench.app();
     assert!(app.model.messages.iter().all(|m| !m.is_error), "{:?}", app.model.messages);
     assert_eq!(app.model.document.as_ref().unwrap().spec.source, "phantom:sphere:16");
-    // Another one ends the first in the same way.
+    // Another volume cancels the first in the same way.
     bench.app().model.open_source("phantom:thorax:700");
     let first = bench.app().model.loading().unwrap();
     bench.app().model.open_source("phantom:step:12");

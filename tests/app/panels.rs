@@ -5,14 +5,14 @@ use eframe::egui::{self, Modifiers, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use std::time::Duration;
 use umbravox::app::curve::Edit;
-use umbravox::engine::method_choice::MethodChoice;
+use umbravox::engine::MethodChoice;
 use umbravox::files::loading::Loading;
 use umbravox::open::SceneSettings;
 use umbravox::scene::Shading;
 use umbravox::strands::Kernel;
 
 #[test]
-fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
+fn strands_are_voxelised_again_and_other_settings_stay() {
     let line = ["phantom:hair-curly:2000", "--resolution=24", "--shadow=dom:map=64"];
     let Some(mut bench) = Bench::open(&line) else { return };
     bench.app().model.look_from(2);
@@ -22,7 +22,7 @@ fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
     assert_eq!(before.volume.dims().into_iter().max(), Some(24));
     let picture = bench.pixels();
 
-    // Bad values are said beside the field, and nothing is done.
+    // Invalid values are reported beside their field.
     bench.type_into("strands resolution", "5000");
     assert!(bench.harness.query_by_label_contains("from 4 to 1024").is_some());
     bench.click("Voxelise again");
@@ -49,7 +49,7 @@ fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
     for key in ["resolution = 40", "kernel = \"tent\"", "thickness = 0.75"] {
         assert!(text.lines().any(|l| l == key), "{text}");
     }
-    // The scene file is that very volume with that very function.
+    // The scene file has the same volume and function.
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("scene.toml");
     bench.app().model.save_scene(&scene);
@@ -60,7 +60,7 @@ fn strands_are_voxelised_again_as_typed_and_all_else_stays() {
 }
 
 #[test]
-fn a_fitted_preset_that_stays_is_saved_as_it_stays() {
+fn a_fitted_preset_is_saved_unchanged() {
     let Some(mut bench) = Bench::open(&["phantom:hair-fur:600", "--resolution=16", "--shadow=none"]) else {
         return;
     };
@@ -77,7 +77,7 @@ fn a_fitted_preset_that_stays_is_saved_as_it_stays() {
 }
 
 #[test]
-fn only_strands_have_that_section() {
+fn only_strands_have_the_strands_section() {
     let Some(mut bench) = Bench::open(&["phantom:sphere:16", "--shadow=none"]) else { return };
     assert!(bench.harness.query_by_label("Voxelise again").is_none());
     bench.app().model.open_source("phantom:hair-fur:200");
@@ -87,7 +87,7 @@ fn only_strands_have_that_section() {
 }
 
 #[test]
-fn strands_alone_are_shaded_by_their_direction() {
+fn only_strands_have_kajiya_kay_shading() {
     let Some(mut bench) = Bench::open(&["phantom:hair-curly:2000", "--resolution=24", "--shadow=none"])
     else {
         return;
@@ -99,7 +99,7 @@ fn strands_alone_are_shaded_by_their_direction() {
     assert!(bench.pixels() != plain, "the same picture");
     let text = bench.app().model.document.as_ref().unwrap().scene_text("hair").unwrap();
     assert!(text.lines().any(|line| line == "shading = \"kajiya-kay\""), "{text}");
-    // Strands keep it, and anything else has none of it.
+    // Strands keep the shading; other volumes drop it.
     for (source, shading) in
         [("phantom:hair-fur:200", Shading::KajiyaKay), ("phantom:sphere:16", Shading::None)]
     {
@@ -115,7 +115,7 @@ fn strands_alone_are_shaded_by_their_direction() {
 }
 
 #[test]
-fn flicker_shows_the_two_pictures_in_turn_and_draws_none() {
+fn flicker_alternates_two_pictures_without_drawing() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--shadow=dsm:map=64"]) else { return };
     bench.app().model.settings.flicker_hz = 1.0;
     bench.harness.key_press(egui::Key::F);
@@ -124,7 +124,7 @@ fn flicker_shows_the_two_pictures_in_turn_and_draws_none() {
     let (frames, frame) = (bench.app().model.frames, bench.app().model.frame.clone().unwrap());
     let other = frame.other.unwrap().spec;
     assert_eq!((frame.main.spec.as_str(), other.as_str()), ("dsm:map=64", "none"));
-    // Steps are 0.25 s of the interface's clock: at 1 Hz four of them to a change.
+    // A step is 0.25 s of the interface's clock: four per change at 1 Hz.
     let (mut shown, mut delays) = (Vec::new(), Vec::new());
     for _ in 0..40 {
         bench.harness.step();
@@ -134,14 +134,14 @@ fn flicker_shows_the_two_pictures_in_turn_and_draws_none() {
         let delay = bench.harness.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
         delays.push(delay);
     }
-    // The panel has grown by the second method: its scroll bar may move once more.
+    // The second method makes the panel longer, so its scroll bar may move once.
     let due = |d: &Duration| *d > Duration::from_millis(1) && *d <= Duration::from_secs(1);
     assert!(delays[4..].iter().all(due), "{delays:?} {:?}", bench.harness.ctx.repaint_causes());
     let runs: Vec<usize> = shown.chunk_by(|a, b| a == b).map(<[bool]>::len).collect();
     assert!(runs[1..runs.len() - 1].iter().all(|n| *n == 4), "{runs:?}");
     assert!(runs.len() >= 10, "{runs:?}");
     assert_eq!(bench.app().model.frames, frames, "nothing was drawn for it");
-    // Off again: the wipe is back, and nobody is woken.
+    // Without flicker the split line is back and nothing wakes the interface.
     bench.harness.key_press(egui::Key::F);
     bench.harness.run_steps(4);
     assert!(bench.harness.query_by_label_contains("shown: ").is_none());
@@ -153,7 +153,7 @@ fn nothing_is_cut(bench: &Bench, what: &str) {
     let view = bench.harness.state().model.view.unwrap();
     let mut seen = 0;
     for node in bench.harness.root().children_recursive() {
-        // The tree's own root has no place.
+        // The root of the tree has no rectangle.
         let Some(rect) = node.accesskit_node().raw_bounds() else { continue };
         let (left, right) = (rect.x0 as f32, rect.x1 as f32);
         if left >= view.right() && rect.height() < 400.0 {
@@ -177,7 +177,7 @@ fn nothing_in_the_side_panel_is_cut() {
         document.other = MethodChoice::parse("dom:map=96,layers=12").unwrap();
         bench.app().model.split.share = Some(0.5);
         bench.settle();
-        // Layout settles a frame after its contents.
+        // The layout settles one frame after its contents.
         bench.harness.run_steps(4);
         nothing_is_cut(&bench, spec);
     }
@@ -190,7 +190,7 @@ fn overlapping_points_yield_the_one_under_the_pointer() {
     let range = document.volume.value_range();
     let first = document.tf.points.iter().rposition(|p| p.value < range[1]).unwrap();
     let beside = document.tf.points[first];
-    // A second point four screen points to the right of the first: later ones used to lie on top of earlier ones.
+    // A second point four screen points to the right of the first.
     let width = bench.harness.get_by_label("opacity curve").rect().width();
     let value = beside.value + 4.0 * 1.04 * (range[1] - range[0]) / f64::from(width);
     bench.app().model.edit(Edit::Add { value, amount: beside.amount });
@@ -204,7 +204,7 @@ fn overlapping_points_yield_the_one_under_the_pointer() {
     bench.click_at(left - vec2(3.0, 0.0));
     bench.harness.step();
     assert!(selected(&bench, first + 1));
-    // The selected one stays the one that is meant, a little beyond the other's middle, too.
+    // The selected point is preferred a little beyond the centre of the other.
     bench.drag(right, right + vec2(0.0, 20.0), Modifiers::NONE);
     assert!(selected(&bench, first + 1));
     let tf = bench.app().model.document.clone().unwrap().tf;

@@ -1,4 +1,4 @@
-//! The list of presets with its pictures.
+//! List of presets with thumbnails.
 
 use super::Bench;
 use umbravox::app::curve::Edit;
@@ -6,7 +6,7 @@ use umbravox::transfer::TransferFunction;
 use umbravox::transfer::presets::PRESETS;
 
 #[test]
-fn presets_are_shown_on_this_volume_and_chosen_by_a_click() {
+fn presets_have_thumbnails_and_are_loaded_by_a_click() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--tf=bone", "--shadow=none"]) else { return };
     let (work, picture) = (bench.app().model.frames, bench.pixels());
     bench.click("preset");

@@ -1,8 +1,8 @@
-//! The real window, resized again and again while its picture refines.
+//! Native window under repeated resizes while its picture refines.
 
 use crate::common::{self, Requirement, SIZES};
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// Slow enough to be refining when the next size comes.
@@ -11,15 +11,25 @@ const LAST: [u32; 2] = [1100, 740];
 /// Pixels that belong to the view in any layout; side panel, menus and editor show times.
 const VIEW: [u32; 4] = [0, 40, 700, 440];
 
-/// Runs `view` with a script under an X server of its own; `None`, said aloud, where there is none.
+/// Path of the example `window_shots`, which is built here where only this test program was.
+fn window_shots() -> PathBuf {
+    let folder = Path::new(env!("CARGO_BIN_EXE_umbravox")).parent().unwrap().join("examples");
+    let path = folder.join("window_shots");
+    if !path.is_file() {
+        let build = ["build", "--locked", "--example", "window_shots"];
+        assert!(Command::new(env!("CARGO")).args(build).status().unwrap().success());
+    }
+    path
+}
+
+/// Replays a script in the window under an X server; `None`, visibly, where there is none.
 fn replay(script: &str, folder: &Path) -> Option<()> {
     let file = folder.join("script.txt");
     std::fs::write(&file, script).unwrap();
     let run = Command::new("xvfb-run")
-        .args(["-a", "-s", "-screen 0 1400x1000x24", env!("CARGO_BIN_EXE_umbravox"), "view"])
+        .args(["-a", "-s", "-screen 0 1400x1000x24"])
+        .args([&window_shots(), &file])
         .args(SCENE)
-        .arg("--script")
-        .arg(&file)
         .env_remove("WAYLAND_DISPLAY")
         .stdin(Stdio::null())
         .output();
@@ -28,7 +38,7 @@ fn replay(script: &str, folder: &Path) -> Option<()> {
         return None;
     };
     let said = String::from_utf8_lossy(&run.stderr);
-    // Xvfb is a package of its own, and so are the libraries that a window opens.
+    // Xvfb and the window libraries are optional packages.
     if said.contains("command not found") || said.contains("cannot open the window") {
         Requirement::Window.missing(&said);
         return None;

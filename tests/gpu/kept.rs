@@ -1,8 +1,9 @@
-//! Dependents of each kind of edit: stale data is built again, the rest is kept and still right.
+//! Stages that each edit invalidates, and the reuse of tables and shadow maps.
 
 use super::*;
-use umbravox::engine::{Change, INVALIDATES, MapCoverage, ReusePolicy, ShadowCache, Stage, Work};
-use umbravox::render::LoadedVolume;
+use umbravox::engine::{
+    CachedSession, Change, INVALIDATES, MapCoverage, ReusePolicy, ShadowCache, Stage, Work,
+};
 use umbravox::scene::{Camera, LightSource};
 
 /// A scene that is edited.
@@ -22,31 +23,36 @@ impl State {
     }
 }
 
-/// A volume on the device and what is kept of its pictures.
+/// Session under test, with the last state shown.
 struct Session {
-    renderer: &'static Renderer,
-    loaded: LoadedVolume,
-    kept: ShadowCache,
+    cached: CachedSession,
+    volume: Arc<Volume>,
     shown: Option<State>,
 }
 
 impl Session {
-    /// `None`, visibly, where there is no adapter.
     fn open(volume: &Arc<Volume>) -> Option<Self> {
-        let renderer = renderer()?;
-        let loaded = renderer.load(Arc::clone(volume)).unwrap();
-        Some(Self { renderer, loaded, kept: ShadowCache::new(DisabledOptimizations::NONE), shown: None })
+        Self::with_reuse(volume, ReusePolicy::Covering)
     }
 
-    /// Changes, stages that ran, and the picture if it is another one.
+    /// `None`, visibly, where there is no adapter.
+    fn with_reuse(volume: &Arc<Volume>, reuse: ReusePolicy) -> Option<Self> {
+        let renderer = renderer()?;
+        let cache = ShadowCache::new(ShadowCache::INTERACTIVE, reuse);
+        let mut cached = CachedSession::new(Arc::clone(renderer), DisabledOptimizations::NONE, cache);
+        cached.load(Arc::clone(volume), None).unwrap();
+        Some(Self { cached, volume: Arc::clone(volume), shown: None })
+    }
+
+    /// Changes, stages that ran, and the picture if it is new.
     fn show(&mut self, state: &State) -> (Vec<Change>, Vec<Stage>, Option<Array3<f32>>) {
         let (mut work, mut made, mut changes) = (Work::default(), Vec::new(), Vec::new());
-        if !Arc::ptr_eq(&self.loaded.volume, &state.volume) {
+        if !Arc::ptr_eq(&self.volume, &state.volume) {
             *self = Self::open(&state.volume).unwrap();
             changes.push(Change::Volume);
             made.push(Stage::Upload);
         }
-        let change = self.kept.set_transfer(self.renderer, &self.loaded, &state.tf, &mut work).unwrap();
+        let change = self.cached.set_transfer(&state.tf, &mut work).unwrap();
         if let Some(shown) = &self.shown {
             changes.extend(change);
             changes.extend(Change::between_scenes(&shown.scene, &state.scene));
@@ -55,19 +61,13 @@ impl Session {
         made.extend(work.classify_ms.map(|_| Stage::Tables));
         made.extend(work.table_ms.filter(|_| work.classify_ms.is_none()).map(|_| Stage::Colors));
         let method = shadow::parse(state.method).unwrap();
-        let named = (state.method, method.as_ref());
-        changes.extend(self.kept.change_of_view(&self.loaded, state.method, &state.scene));
-        let asked = (&state.scene, MapCoverage::Picture);
-        self.kept.prepare(self.renderer, &self.loaded, named, asked, &mut work).unwrap();
-        made.extend(work.build_ms.map(|_| Stage::Shadows));
+        changes.extend(self.cached.change_of_view(method.as_ref(), &state.scene));
+        let extent = (&state.scene, MapCoverage::Picture);
         let stale = self.shown.is_none() || changes.iter().any(|c| c.invalidates(Stage::Frame));
         self.shown = Some(state.clone());
-        (changes, made, stale.then(|| self.picture(state)))
-    }
-
-    fn picture(&self, state: &State) -> Array3<f32> {
-        let maps = self.kept.shadows(state.method, &state.scene).unwrap();
-        self.renderer.render(&self.loaded, self.kept.transfer().unwrap(), maps, &state.scene).unwrap().pixels
+        let prepared = self.cached.prepare(method.as_ref(), extent, &mut work).unwrap();
+        made.extend(work.build_ms.map(|_| Stage::Shadows));
+        (changes, made, stale.then(|| prepared.render(&state.scene).unwrap().pixels))
     }
 }
 
@@ -171,8 +171,8 @@ fn only_the_moved_light_is_built_again() {
     let light = |x, y, z| LightSource::from(Light::Directional { toward: DVec3::new(x, y, z) });
     state.scene.lights = (0..6).map(|i| light(1.0, f64::from(i), 0.5)).collect();
     session.show(&state);
-    let built =
-        |session: &Session, state: &State| session.kept.missing(&session.loaded, state.method, &state.scene);
+    let method = shadow::parse(state.method).unwrap();
+    let built = |session: &Session, state: &State| session.cached.missing(method.as_ref(), &state.scene);
     assert_eq!(built(&session, &state), 0, "six are kept at once");
     for i in 0..12 {
         state.scene.lights[3] = light(-1.0, 0.5, 0.1 * f64::from(i));
@@ -209,7 +209,7 @@ fn a_map_serves_the_views_that_it_covers() {
     // A map for the picture is none for every point, and one for every point does for a picture that shows all.
     state.scene.camera = zoomed;
     session.show(&state);
-    for (spec, asked, built) in [
+    for (spec, coverage, built) in [
         ("dsm:map=64,epsilon=0.1", MapCoverage::AnyPoint, true),
         ("dsm:map=64,epsilon=0.1", MapCoverage::Picture, true),
         ("dsm:map=64,epsilon=0.1,fit=volume", MapCoverage::Picture, true),
@@ -217,12 +217,8 @@ fn a_map_serves_the_views_that_it_covers() {
     ] {
         let method = shadow::parse(spec).unwrap();
         let mut work = Work::default();
-        let (renderer, loaded) = (session.renderer, &session.loaded);
-        session
-            .kept
-            .prepare(renderer, loaded, (spec, method.as_ref()), (&state.scene, asked), &mut work)
-            .unwrap();
-        assert_eq!(work.build_ms.is_some(), built, "{spec} {asked:?}");
+        session.cached.prepare(method.as_ref(), (&state.scene, coverage), &mut work).unwrap();
+        assert_eq!(work.build_ms.is_some(), built, "{spec} {coverage:?}");
     }
 }
 
@@ -262,22 +258,21 @@ fn a_failed_update_keeps_the_old_state() {
     // More points than the device's tables hold.
     let points: Vec<_> = (0..3000).map(|i| (200.0 + f64::from(i), 0.1 * f64::from(i % 2))).collect();
     let mut work = Work::default();
-    let refused = session.kept.set_transfer(session.renderer, &session.loaded, &opacity(&points), &mut work);
+    let refused = session.cached.set_transfer(&opacity(&points), &mut work);
     assert!(refused.is_err() && work == Work::default());
     assert_eq!(session.show(&state), (vec![], vec![], None));
 }
 
-/// Where only a map that would be built again serves, no picture tells what was drawn before: bit by bit a session's own.
+/// With exact reuse every picture has the bits of one drawn alone.
 #[test]
 fn no_picture_depends_on_those_before() {
     let state = State::first();
-    let Some(mut session) = Session::open(&state.volume) else { return };
-    session.kept = ShadowCache::new(DisabledOptimizations::NONE).serving_by(ReusePolicy::Same);
+    let Some(mut session) = Session::with_reuse(&state.volume, ReusePolicy::Exact) else { return };
     let plain = Setup::open(&state.volume, &state.tf).unwrap();
     let Camera { eye, target, .. } = state.scene.camera;
     let nearer = |share: f64| Camera { eye: target + share * (eye - target), ..state.scene.camera };
     let mut work = Work::default();
-    session.kept.set_transfer(session.renderer, &session.loaded, &state.tf, &mut work).unwrap();
+    session.cached.set_transfer(&state.tf, &mut work).unwrap();
     for (method, share, builds) in [
         ("dsm:map=64", 1.0, true),
         // From within it sees a part: the map would cover that, but its own is finer.
@@ -288,13 +283,11 @@ fn no_picture_depends_on_those_before() {
     ] {
         let scene = Scene { camera: nearer(share), ..state.scene.clone() };
         let parsed = shadow::parse(method).unwrap();
-        let (named, asked) = ((method, parsed.as_ref()), (&scene, MapCoverage::Picture));
         let mut work = Work::default();
-        session.kept.prepare(session.renderer, &session.loaded, named, asked, &mut work).unwrap();
+        let extent = (&scene, MapCoverage::Picture);
+        let prepared = session.cached.prepare(parsed.as_ref(), extent, &mut work).unwrap();
+        let picture = prepared.render(&scene).unwrap().pixels;
         assert_eq!(work.build_ms.is_some(), builds, "{method} {share}");
-        let maps = session.kept.shadows(method, &scene).unwrap();
-        let transfer = session.kept.transfer().unwrap();
-        let picture = session.renderer.render(&session.loaded, transfer, maps, &scene).unwrap().pixels;
         let map = plain.session.shadow_of(parsed.as_ref(), &scene, scene.light()).unwrap();
         assert_eq!(picture, plain.picture_of(&map, &scene), "{method} {share}");
     }

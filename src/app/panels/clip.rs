@@ -1,6 +1,6 @@
-//! Clip planes: a list at the side, and handles in the view.
+//! Clip planes: section of the side panel, and handles in the view.
 
-use super::parts::{project, project_anywhere};
+use super::widgets::{project, project_anywhere};
 use crate::app::clip;
 use crate::app::document::Document;
 use crate::app::model::Model;
@@ -9,19 +9,19 @@ use crate::transfer::{ClipPlane, MOST_CLIP_PLANES};
 use eframe::egui::{self, Color32, Pos2, Rect, Shape, Stroke, Vec2, vec2};
 use glam::DVec3;
 
-/// How near to a handle a drag begins that moves it, points.
+/// Radius of a handle, points.
 const REACH: f32 = 11.0;
-/// Points a mm below which a plane that faces the eye is moved by dragging up and down.
+/// Screen movement in points per mm below which a plane faces the eye and vertical drags move it.
 const FACING: f32 = 1e-3;
-/// Of outlines and handles.
+/// Colour of outlines and handles.
 const COLOR: Color32 = Color32::from_rgb(120, 215, 255);
 
-/// The section of the clip planes.
+/// Shows the section.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let corners = document.volume.corners_mm();
     let mut planes = document.tf.clip.clone();
-    // A drag is one step of undo: it begins where the hand takes hold.
+    // A drag is one undo step, which begins with the drag.
     let mut begins = false;
     let mut removed = None;
     for (i, plane) in planes.iter_mut().enumerate() {
@@ -32,7 +32,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
                 egui::DragValue::new(&mut plane.offset_mm).speed(speed).max_decimals(2).suffix(" mm");
             let offset = ui.add(offset.range(low..=high)).accessible_name(format!("clip {} offset", i + 1));
             begins |= offset.drag_started() || offset.gained_focus();
-            offset.on_hover_text("Signed distance of the plane from the world's origin along its normal");
+            offset.on_hover_text("Signed distance from the world origin along the normal");
             let mut normal = plane.normal;
             let mut turned = false;
             for (axis, name) in [&mut normal.x, &mut normal.y, &mut normal.z].into_iter().zip(["R", "A", "S"])
@@ -44,7 +44,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
                 turned |= drag.changed();
             }
             if turned && normal.length() > 1e-6 {
-                // About the handle, so that what is seen stays in the picture.
+                // Rotation about the handle keeps it in the picture.
                 let held = clip::handle(&corners, plane);
                 let normal = normal.normalize();
                 *plane = ClipPlane { normal, offset_mm: normal.dot(held) };
@@ -62,7 +62,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     ui.add_enabled_ui(planes.len() < MOST_CLIP_PLANES, |ui| {
         ui.horizontal_wrapped(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
-            ui.label("Cut from").on_hover_text("A plane through the middle that takes that side away");
+            ui.label("Cut from").on_hover_text("Plane through the centre that removes that side");
             for view in &AXIS_VIEWS {
                 let button = ui.small_button(view.mark).on_hover_text(view.name);
                 if button.accessible_name(format!("clip from {}", view.name)).clicked() {
@@ -70,7 +70,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
                     begins = true;
                 }
             }
-            if ui.small_button("eye").on_hover_text("What is nearer to the eye than the middle").clicked() {
+            if ui.small_button("eye").on_hover_text("Remove everything in front of the centre").clicked() {
                 planes.push(clip::through_middle(&corners, document.scene.camera.frame().forward));
                 begins = true;
             }
@@ -79,10 +79,10 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     if !planes.is_empty() {
         ui.weak("Squares in the view move the planes");
     }
-    document.take_clip(planes, begins);
+    document.set_clip(planes, begins);
 }
 
-/// Outlines and handles of the planes, over the picture.
+/// Paints outlines and handles over the picture.
 pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
     let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
     for plane in &document.tf.clip {
@@ -99,7 +99,7 @@ pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
     }
 }
 
-/// Whether the hand holds a plane's handle; a drag moves the plane along its normal.
+/// Moves a plane by its handle; returns whether a handle is dragged.
 pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, response: &egui::Response) -> bool {
     let id = ui.scope_id().with("clip handle");
     let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
@@ -132,14 +132,14 @@ pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, response: &egu
     let moved = drag_mm(&camera, rect, at, plane.normal, response.drag_delta());
     let [low, high] = clip::offsets_mm(&corners, plane.normal);
     plane.offset_mm = (plane.offset_mm + moved).clamp(low, high);
-    document.take_clip(planes, started);
+    document.set_clip(planes, started);
     true
 }
 
-/// How far along `normal` a drag moves what is at a point, mm.
+/// Distance along `normal` for a drag at a point, mm.
 fn drag_mm(camera: &crate::scene::Camera, rect: Rect, at: DVec3, normal: DVec3, drag: Vec2) -> f64 {
     let away = (at - camera.eye).length().max(1e-9);
-    // A thousandth of the distance is straight enough on screen.
+    // Short enough to be straight on screen.
     let step = 1e-3 * away;
     let ends = [at, at + step * normal].map(|p| project_anywhere(camera, rect, p));
     let [Some(a), Some(b)] = ends else { return 0.0 };

@@ -1,4 +1,4 @@
-//! The orientation cube in a corner of the view: a click looks from a face, an edge or a corner of it, a drag turns the view.
+//! Orientation cube: a click looks from a face, edge or corner; a drag rotates the camera.
 
 use crate::app::camera;
 use crate::app::cube;
@@ -9,22 +9,22 @@ use eframe::egui::{
 };
 use glam::{DVec2, IVec3};
 
-/// Half an edge, points.
+/// Half edge, points.
 const HALF: f32 = 21.0;
-/// Half the square that takes clicks: a corner reaches the square root of 3.
+/// Half size of the clickable square: a corner reaches the square root of 3.
 const REACH: f32 = 37.0;
-/// From the view's upper right corner to the middle: the names of the two methods stand above it, points.
+/// Offset from the view's upper right corner, below the names of the methods, points.
 const PLACE: Vec2 = vec2(-44.0, 66.0);
-/// In a view that is smaller it would cover what is looked at, points.
+/// Minimum size of the view, points.
 const LEAST_VIEW: Vec2 = vec2(240.0, 190.0);
-/// Radians that a drag across the cube turns.
+/// Rotation of a drag across the cube, radians.
 const TURN: f64 = std::f64::consts::PI;
-/// What the pointer is on: white letters can be read on it (contrast 6).
+/// Colour under the pointer: contrast of 6 to white.
 const CHOSEN: Color32 = Color32::from_rgb(40, 100, 170);
-/// A letter on a face that is turned away farther (the cosine) cannot be read.
+/// Minimum cosine of a readable letter's face.
 const LEGIBLE: f64 = 0.3;
 
-/// Shows the cube over the view, which is `rect`, and does what is done with it.
+/// Shows the cube over the view and handles its input.
 pub fn show(ui: &egui::Ui, rect: Rect, model: &mut Model) {
     if !model.settings.cube || rect.width() < LEAST_VIEW.x || rect.height() < LEAST_VIEW.y {
         return;

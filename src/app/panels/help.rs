@@ -1,28 +1,28 @@
-//! The overlay that lists keys and hands.
+//! List of keyboard shortcuts and pointer actions.
 
 use super::keys::KEYS;
 use eframe::egui;
 
-/// Of the window.
-pub const TITLE: &str = "Keys and hands";
+/// Title of the window.
+pub const TITLE: &str = "Keys and pointer";
 
-const HANDS: [(&str, &str); 10] = [
-    ("Drag", "turn the camera"),
+const POINTER: [(&str, &str); 10] = [
+    ("Drag", "rotate the camera"),
     ("Shift + drag", "move the light"),
     ("Right or middle drag, Ctrl + drag", "pan"),
     ("Wheel", "zoom to the cursor"),
     ("Click", "probe: transmittance against depth there"),
-    ("Drag the line (split view)", "wipe between the two methods"),
+    ("Drag the line (split view)", "move the split"),
     ("Editor: drag a point", "change value and opacity"),
     ("Editor: double-click", "add a point"),
     ("Editor: drag beside the points", "window and level"),
     ("Drop a file", "open a volume, strands or a scene; load a transfer function"),
 ];
 
-/// All of the list, points.
+/// Size of the full list, points.
 const SIZE: egui::Vec2 = egui::vec2(720.0, 760.0);
 
-/// Shows the list while it is `open`.
+/// Shows the list while it is open.
 pub fn show(context: &egui::Context, open: &mut bool) {
     let most = context.content_rect().size() - egui::vec2(40.0, 70.0);
     egui::Window::new(TITLE)
@@ -35,7 +35,7 @@ pub fn show(context: &egui::Context, open: &mut bool) {
         .default_size(SIZE.min(most))
         .max_size(most)
         .show(context, |ui| {
-            for (title, rows) in [("Hands", &HANDS[..]), ("Keys", &KEYS[..])] {
+            for (title, rows) in [("Pointer", &POINTER[..]), ("Keys", &KEYS[..])] {
                 ui.strong(title);
                 egui::Grid::new(title).num_columns(2).striped(true).spacing([24.0, 4.0]).show(ui, |ui| {
                     for (what, does) in rows {

@@ -1,4 +1,4 @@
-//! What keys do.
+//! Keyboard shortcuts.
 
 use super::difference::Difference;
 use super::prompt::Purpose;
@@ -6,7 +6,7 @@ use super::windows::Windows;
 use crate::app::model::Model;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 
-/// Each key with what it does.
+/// Keys and their actions.
 pub const KEYS: [(&str, &str); 18] = [
     ("Ctrl+O", "open a volume, strands or a scene"),
     ("Ctrl+S", "save the scene"),
@@ -14,21 +14,21 @@ pub const KEYS: [(&str, &str); 18] = [
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo (transfer function)"),
     ("1 … 6", "look from anterior, posterior, left, right, superior, inferior"),
     ("Home", "reset the camera"),
-    ("0", "frame what the transfer function shows"),
+    ("0", "frame the visible part"),
     ("C", "split view on or off"),
     ("X", "switch the two methods"),
     ("F", "flicker between the two methods on or off"),
-    ("D", "error against exact: of the light, of the picture, off"),
-    ("T", "compare methods: errors and times as a table"),
+    ("D", "error against exact: light, picture, off"),
+    ("T", "compare methods in a table"),
     ("V", "slices on or off"),
     ("M", "anatomical letters on or off"),
     ("O", "orientation cube on or off"),
     ("Delete", "remove the selected point"),
-    ("Esc", "close what lies on top: a question, this list, the comparison, the probe"),
+    ("Esc", "close the topmost: prompt, this list, comparison, probe"),
     ("F1", "this list"),
 ];
 
-/// Does what the keys say that were pressed.
+/// Handles pressed keys.
 pub fn shortcuts(
     context: &egui::Context,
     model: &mut Model,
@@ -44,7 +44,7 @@ pub fn shortcuts(
     if hit(Modifiers::COMMAND, Key::O) {
         windows.prompt.ask(model, Purpose::OpenVolume);
     }
-    // Letters and digits belong to whatever is being typed, and nothing goes past a question that is open.
+    // Text fields and prompts take letters and digits.
     if context.text_edit_focused() || windows.prompt.is_open() || model.document.is_none() {
         return;
     }
@@ -66,38 +66,21 @@ pub fn shortcuts(
             model.look_from(i);
         }
     }
-    if hit(Modifiers::NONE, Key::Home) {
-        model.reset_camera();
-    }
-    if hit(Modifiers::NONE, Key::Num0)
-        && let Some(document) = &mut model.document
-    {
-        document.frame_seen();
-    }
-    if hit(Modifiers::NONE, Key::C) {
-        model.split.set(model.split.share.is_none());
-    }
-    if hit(Modifiers::NONE, Key::D) {
-        difference.show_next();
-    }
-    if hit(Modifiers::NONE, Key::X)
-        && let Some(document) = &mut model.document
-    {
-        std::mem::swap(&mut document.method, &mut document.other);
-    }
-    if hit(Modifiers::NONE, Key::F) {
-        model.split.set_flicker(!model.split.flickers(), context.input(|i| i.time));
-    }
-    if hit(Modifiers::NONE, Key::T) {
-        windows.comparison.open = !windows.comparison.open;
-    }
-    if hit(Modifiers::NONE, Key::V) {
-        model.settings.slices = !model.settings.slices;
-    }
-    if hit(Modifiers::NONE, Key::M) {
-        model.settings.marks = !model.settings.marks;
-    }
-    if hit(Modifiers::NONE, Key::O) {
-        model.settings.cube = !model.settings.cube;
+    let keys = [Key::Home, Key::Num0, Key::C, Key::D, Key::X, Key::F, Key::T, Key::V, Key::M, Key::O];
+    for key in keys.into_iter().filter(|key| hit(Modifiers::NONE, *key)) {
+        let Some(document) = &mut model.document else { return };
+        let settings = &mut model.settings;
+        match key {
+            Key::Home => document.scene.camera = document.home,
+            Key::Num0 => document.frame_visible(),
+            Key::C => model.split.set(model.split.share.is_none()),
+            Key::D => difference.show_next(),
+            Key::X => std::mem::swap(&mut document.method, &mut document.other),
+            Key::F => model.split.set_flicker(!model.split.flickers(), context.input(|i| i.time)),
+            Key::T => windows.comparison.open = !windows.comparison.open,
+            Key::V => settings.slices = !settings.slices,
+            Key::M => settings.marks = !settings.marks,
+            _ => settings.cube = !settings.cube,
+        }
     }
 }

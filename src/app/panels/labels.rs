@@ -1,4 +1,4 @@
-//! The labels of a segmentation: which of them are shown.
+//! Labels of a segmentation: section of the side panel.
 
 use crate::app::model::Model;
 use crate::transfer::LabelClass;
@@ -7,7 +7,7 @@ use eframe::egui;
 /// Height of the list, points.
 const HEIGHT: f32 = 170.0;
 
-/// The section of the labels, where the volume has some.
+/// Shows the section, for a volume with labels.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let Some(labels) = document.volume.labels().cloned() else { return };
@@ -21,11 +21,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
         if ui.small_button("none").accessible_name("hide all labels").clicked() {
             hidden = labels.ids().to_vec();
         }
-        if ui
-            .small_button("others")
-            .on_hover_text("What is hidden is shown, and the other way round")
-            .clicked()
-        {
+        if ui.small_button("others").on_hover_text("Invert the selection").clicked() {
             hidden = labels.ids().iter().copied().filter(|id| !before.contains(id)).collect();
         }
     });

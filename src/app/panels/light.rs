@@ -1,19 +1,20 @@
-//! Where a light is, and what surfaces make of it.
+//! Lights, ambient light and shading: section of the side panel.
 
-use super::light_list;
 use crate::app::camera;
-use crate::app::document::name_of;
+use crate::app::document::{Document, name_of};
 use crate::app::model::Model;
-use crate::scene::{Camera, Light, Shading};
+use crate::files::color;
+use crate::open::values::MOST_INTENSITY;
+use crate::scene::{Camera, Light, Scene, Shading};
 use eframe::egui::{self, Color32, Sense, Stroke, vec2};
 use glam::DVec3;
 
-/// The section of the lights and their share of the picture.
+/// Shows the section.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let (center, radius) = document.bounding_sphere();
     let camera = document.scene.camera;
-    light_list::show(ui, document);
+    list(ui, document);
     ui.horizontal(|ui| {
         let light = &mut document.light_mut().light;
         let toward = match *light {
@@ -59,12 +60,12 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
         });
     });
     ui.horizontal(|ui| {
-        ui.label("Ambient").on_hover_text("Share of the light that shadows do not touch, 0 to 1");
+        ui.label("Ambient").on_hover_text("Fraction of the light without shadows, 0 to 1");
         ui.add(egui::Slider::new(&mut document.scene.ambient, 0.0..=1.0).max_decimals(3))
             .accessible_name("ambient");
     });
     ui.horizontal_wrapped(|ui| {
-        let help = "By the gradient, or of strands by their direction (kajiya-kay)";
+        let help = "From the gradient, or from the direction of strands (kajiya-kay)";
         ui.label("Shading").on_hover_text(help);
         let of_strands = document.strands.is_some();
         for shading in Shading::ALL.into_iter().filter(|shading| of_strands || !shading.is_of_strands()) {
@@ -72,10 +73,10 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
                 .accessible_name(format!("shading {}", name_of(shading)));
         }
     });
-    ui.weak("Shift-drag in the view moves the light that is edited");
+    ui.weak("Shift-drag in the view moves the edited light");
 }
 
-/// The light on a sphere as seen from the camera; a new direction while it is dragged.
+/// Light direction on a sphere in camera space; returns a dragged direction.
 fn sphere(ui: &mut egui::Ui, camera: &Camera, toward: DVec3) -> Option<DVec3> {
     let (rect, response) = ui.allocate_exact_size(vec2(104.0, 104.0), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, true, "light direction"));
@@ -102,11 +103,54 @@ fn sphere(ui: &mut egui::Ui, camera: &Camera, toward: DVec3) -> Option<DVec3> {
         );
     }
     let p = response.interact_pointer_pos().filter(|_| response.dragged() || response.clicked());
-    let tooltip = "Where the light comes from, seen from the camera: the middle is behind the eye, the inner circle is \
-        square to the view, the rim is behind the volume";
+    let tooltip = "Direction of the light in camera space: the centre is behind the eye, the inner circle is \
+        perpendicular to the view, the rim is behind the volume";
     response.on_hover_text(tooltip);
     p.map(|p| {
         let offset = (p - center) / radius;
         camera::direction_from_disc(camera, [f64::from(offset.x), f64::from(-offset.y)])
     })
+}
+
+/// List of the lights, with buttons to add and remove.
+fn list(ui: &mut egui::Ui, document: &mut Document) {
+    let chosen = document.chosen_light();
+    ui.horizontal_wrapped(|ui| {
+        for (place, source) in document.scene.lights.iter().enumerate() {
+            let text = egui::RichText::new(format!("{}", place + 1));
+            let text = if source.shines() { text } else { text.strikethrough() };
+            let kind = match source.light {
+                Light::Directional { .. } => "at infinity",
+                Light::Point { .. } => "at a point",
+            };
+            let button =
+                ui.selectable_label(place == chosen, text).accessible_name(format!("light {}", place + 1));
+            if button.on_hover_text(format!("Edit this light, {kind}")).clicked() {
+                document.chosen = place;
+            }
+        }
+        let count = document.scene.lights.len();
+        let add =
+            ui.add_enabled(count < Scene::MOST_LIGHTS, egui::Button::new("+")).accessible_name("add light");
+        let tooltip =
+            format!("Add a light, at most {}: each needs a shadow map and a pass", Scene::MOST_LIGHTS);
+        if add.on_hover_text(tooltip).clicked() {
+            document.add_light();
+        }
+        let remove = ui.add_enabled(count > 1, egui::Button::new("−")).accessible_name("remove light");
+        if remove.on_hover_text("Remove the edited light").clicked() {
+            document.remove_light();
+        }
+    });
+    ui.horizontal(|ui| {
+        let source = document.light_mut();
+        let mut rgb = source.color.map(color::srgb8_from_linear);
+        if ui.color_edit_button_srgb(&mut rgb).on_hover_text("Colour of the light").changed() {
+            source.color = rgb.map(|code| color::linear_from_srgb(f64::from(code) / 255.0));
+        }
+        let intensity = egui::DragValue::new(&mut source.intensity).speed(0.01).max_decimals(3);
+        ui.add(intensity.prefix("intensity ").range(0.0..=MOST_INTENSITY))
+            .on_hover_text("Factor of the light's colour; 0 turns the light off")
+            .accessible_name("light intensity");
+    });
 }

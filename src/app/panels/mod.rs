@@ -1,20 +1,17 @@
-//! What is seen: each panel paints its part of the window from the model, and changes it.
+//! Panels: each shows its part of the window from the model and edits it.
 
+mod browse;
 mod clip;
 pub mod comparison;
 mod cube;
 pub mod difference;
 pub mod editor;
-pub mod escape;
-pub mod flicker;
-mod hands;
 pub mod help;
 pub mod keys;
 mod labels;
 mod light;
-mod light_list;
 mod overlays;
-mod parts;
+mod pointer;
 pub mod presets;
 pub mod probe;
 pub mod prompt;
@@ -25,4 +22,5 @@ pub mod strands;
 pub mod times;
 pub mod top_bar;
 pub mod view;
+mod widgets;
 pub mod windows;

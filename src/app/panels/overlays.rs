@@ -1,8 +1,8 @@
-//! What lies over the picture: anatomical letters, the light, the probed point, and how the picture stands.
+//! Overlays of the view: anatomical letters, lights, the probed point and the picture size.
 
 use super::clip;
 use super::difference::{Difference, legend};
-use super::parts::{project, shadowed_text};
+use super::widgets::{project, shadowed_text};
 use crate::app::camera;
 use crate::app::model::Model;
 use crate::app::theme;
@@ -10,11 +10,10 @@ use crate::scene::{Camera, Light};
 use eframe::egui::{self, Align2, Color32, Rect, Stroke, Vec2, vec2};
 use glam::DVec3;
 
-/// Letters are no nearer to the line of a split, points.
+/// Minimum distance between letters and the split line, points.
 const BESIDE_LINE: f32 = 22.0;
 
-/// Anatomical letters, the light while it is dragged, the probed point, and how the picture stands. What names the
-/// methods reaches down to `below_tags`.
+/// Paints the overlays. The names of the methods end at `below_tags`.
 pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, difference: &Difference) {
     let painter = &ui.painter_at(rect);
     let Some(document) = &model.document else { return };
@@ -23,7 +22,7 @@ pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, differen
     if model.settings.marks {
         let c = rect.center();
         let top = below_tags + if below_tags > rect.top() { 4.0 } else { 10.0 };
-        // Letters in the middle stand clear of the split's line.
+        // Letters in the centre keep a distance from the split line.
         let line =
             model.split.share.filter(|_| !model.split.flickers()).map(|s| rect.left() + s * rect.width());
         let middle = line.filter(|x| (x - c.x).abs() < BESIDE_LINE).map_or(c.x, |x| x - BESIDE_LINE);
@@ -56,7 +55,7 @@ pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, differen
     let Some(picture) = &model.frame else { return };
     let (w, h) = (picture.main.texture.width, picture.main.texture.height);
     let more = if rect.width() < 260.0 { " …" } else { ", refining …" };
-    let quality = format!("{w} x {h}{}", if picture.whole { "" } else { more });
+    let quality = format!("{w} x {h}{}", if picture.is_final { "" } else { more });
     let at = rect.right_bottom() - vec2(10.0, 10.0);
     shadowed_text(painter, at, Align2::RIGHT_BOTTOM, &quality, 11.5, theme::DIM_OVER_PICTURE);
     let shift = ui.input(|i| i.modifiers.shift);
@@ -65,7 +64,7 @@ pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, differen
     }
 }
 
-/// Where the light comes from, while it is dragged.
+/// Paints the direction of the light during a drag.
 fn light_arrow(painter: &egui::Painter, rect: Rect, camera: &Camera, toward: DVec3) {
     let Some([x, y]) = camera::disc_from_direction(camera, toward) else { return };
     let radius = 0.4 * rect.height().min(rect.width());

@@ -1,8 +1,8 @@
-//! The list of presets, each with a small picture of this very volume.
+//! List of presets with thumbnails of the open volume.
 
-use super::parts::file_name;
+use super::widgets::file_name;
 use crate::app::model::Model;
-use crate::app::paint::shown::{Place, shape};
+use crate::app::picture_shape::{Place, shape};
 use crate::engine::messages::{Job, Thumbnail, ThumbnailRequest};
 use crate::open::presets::{self, PRESETS, Preset};
 use crate::render::DisplayTexture;
@@ -11,25 +11,25 @@ use eframe::egui::{self, Color32, FontId, Sense, vec2};
 use eframe::egui_wgpu::RenderState;
 use std::sync::Arc;
 
-/// Pixels of a thumbnail.
+/// Size of a thumbnail, pixels.
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 72;
-/// A scene that fits the view leaves room for the eye; a thumbnail has none to spare.
+/// Zoom of a thumbnail: the framed scene has a margin.
 const CLOSER: f64 = 0.75;
-/// Lit from the front half way, so that shape shows without shadows.
+/// Ambient light without shadows, so that shape is visible.
 const AMBIENT: f64 = 0.35;
 
-/// What is remembered of them.
+/// Thumbnails.
 #[derive(Default)]
 pub struct Presets {
-    /// By preset.
+    /// Thumbnails by preset.
     pub thumbnails: Vec<Option<Thumbnail>>,
-    /// The one that is being drawn.
+    /// Preset that is being drawn.
     waiting: Option<usize>,
 }
 
 impl Presets {
-    /// A list of all presets under the name of the function that is shown.
+    /// Shows the list.
     pub fn show(&mut self, ui: &mut egui::Ui, model: &mut Model, state: Option<&RenderState>) {
         let Some(document) = &model.document else { return };
         let name = &document.tf_source.0;
@@ -56,17 +56,17 @@ impl Presets {
         }
     }
 
-    /// The picture of a preset, where it is of what is open now.
+    /// Thumbnail of a preset for the open volume.
     fn thumbnail(&self, index: usize, model: &Model) -> Option<&Thumbnail> {
         let document = model.document.as_ref()?;
         let found = self.thumbnails.get(index)?.as_ref()?;
         Arc::ptr_eq(&found.volume, &document.volume).then_some(found)
     }
 
-    /// Asks for the next picture that is missing or seen from elsewhere, one at a time.
+    /// Requests the next missing or outdated thumbnail.
     fn ask(&mut self, model: &Model) {
         let Some(document) = &model.document else { return };
-        // What the view needs comes first.
+        // The view has priority.
         if self.waiting.is_some() || !model.settled {
             return;
         }
@@ -90,7 +90,7 @@ impl Presets {
         model.push(Job::Thumbnail(Box::new(ThumbnailRequest { index, tf: found.tf, scene, volume })));
     }
 
-    /// Takes a picture.
+    /// Takes a thumbnail.
     pub fn take(&mut self, thumbnail: Thumbnail) {
         self.waiting = None;
         self.thumbnails.resize_with(PRESETS.len(), || None);
@@ -101,7 +101,7 @@ impl Presets {
     }
 }
 
-/// A row of the list: whether it was chosen.
+/// Shows a row of the list; returns whether it was clicked.
 fn preset_row(
     ui: &mut egui::Ui,
     preset: &Preset,

@@ -1,19 +1,19 @@
-//! The probe's answer: transmittance against depth along the light ray, by the methods and exactly.
+//! Window of the probe: transmittance against depth along the light ray, exact and by method.
 
-use super::parts::method_name;
+use super::widgets::method_name;
 use crate::app::model::Model;
 use crate::app::theme;
-use crate::engine::messages::MethodCurve;
+use crate::engine::messages::{MethodCurve, NearestRay, ProbedBound};
 use eframe::egui;
 use egui_plot::{Legend, Line, Plot, PlotPoints, VLine};
 
-/// Of the window.
+/// Title of the window.
 pub const TITLE: &str = "Probe";
 
-/// Of the curves, points.
-const LEAST_HEIGHT: f32 = 140.0;
+/// Minimum height of the plot, points.
+const MIN_HEIGHT: f32 = 140.0;
 
-/// Shows the answer while there is one.
+/// Shows the window while there is a result.
 pub fn show(context: &egui::Context, model: &mut Model) {
     let Some(probe) = &model.probe else { return };
     let units = model.document.as_ref().map_or("", |d| d.tf.units.as_str());
@@ -30,13 +30,13 @@ pub fn show(context: &egui::Context, model: &mut Model) {
             let colors = theme::colors(ui.visuals());
             let p = probe.point;
             ui.label(format!(
-                "{:.2}, {:.2}, {:.2} mm (RAS) · value {:.2} {units} · {:.2} mm into the light ray",
+                "{:.2}, {:.2}, {:.2} mm (RAS) · value {:.2} {units} · {:.2} mm along the light ray",
                 p.x, p.y, p.z, probe.value, probe.depth_mm
             ));
             egui::Grid::new("probe").num_columns(3).striped(true).spacing([18.0, 3.0]).show(ui, |ui| {
                 ui.weak("method");
                 ui.weak("T here").on_hover_text("Transmittance from the light to the point");
-                ui.weak("error").on_hover_text("T of the method less the exact one");
+                ui.weak("error").on_hover_text("T of the method minus the exact one");
                 ui.end_row();
                 ui.strong("exact");
                 ui.monospace(format!("{:.5}", probe.exact_at_point));
@@ -49,28 +49,28 @@ pub fn show(context: &egui::Context, model: &mut Model) {
                 }
             });
             for curve in &probe.methods {
-                ui.add(egui::Label::new(egui::RichText::new(promise_in_words(curve)).weak()).wrap());
+                ui.add(egui::Label::new(egui::RichText::new(describe_bound(curve)).weak()).wrap());
             }
             let exact = ui.visuals().strong_text_color();
             let names = probe.methods.iter().map(|curve| method_name(&curve.spec)).collect::<Vec<_>>();
             let same = names.len() == 2 && names[0] == names[1];
-            // All that is left below the figures, and enough to see a curve.
+            // Remaining height.
             let used = ui.cursor().top() - ui.min_rect().top();
-            let height = (ui.clip_rect().height() - used - 16.0).max(LEAST_HEIGHT);
+            let height = (ui.clip_rect().height() - used - 16.0).max(MIN_HEIGHT);
             Plot::new("transmittance")
                 .height(height)
-                // The last figure below the axis reaches beyond it.
+                // The last tick label extends beyond the axis.
                 .width(ui.available_width() - 14.0)
                 .legend(Legend::default())
                 .include_y(0.0)
                 .include_y(1.0)
-                .x_axis_label("depth from where the light comes in, mm")
+                .x_axis_label("depth along the light ray, mm")
                 .y_axis_label("T")
                 .allow_scroll(false)
                 .show(ui, |plot| {
                     for (i, curve) in probe.methods.iter().enumerate() {
                         let points = PlotPoints::from(curve.points.clone());
-                        // Settings stand above: over the curves there is no room for them.
+                        // The settings are above: the legend has no space for them.
                         let name = if same { curve.spec.as_str() } else { method_name(&curve.spec) };
                         plot.line(Line::new(name.to_owned(), points).color(colors.methods[i % 2]).width(2.0));
                     }
@@ -84,62 +84,55 @@ pub fn show(context: &egui::Context, model: &mut Model) {
     }
 }
 
-/// What a method promises, of what, and how it is kept close to the point: the error at the point itself may be larger.
-fn promise_in_words(curve: &MethodCurve) -> String {
-    let name = curve.spec.split(':').next().unwrap_or(&curve.spec);
-    let Some(promise) = curve.promise else {
-        return format!("{name} promises nothing with these settings: an error may be of any size.");
+/// Describes a method's error bound and its test near the point.
+fn describe_bound(curve: &MethodCurve) -> String {
+    let name = method_name(&curve.spec);
+    let Some(ProbedBound { bound, nearest }) = curve.bound else {
+        return format!("{name} has no error bound with these settings.");
     };
-    let bound = promise.bound;
-    let what = format!(
-        "{name} promises ± {:.4} within {:.3} mm of depth, on the light rays through the centres of its map's texels and \
-         not between them.",
+    let bound = format!(
+        "Error bound of {name}: ± {:.4} within {:.3} mm of depth, on light rays through texel centres, not between them.",
         bound.transmittance, bound.depth_mm
     );
-    let Some(nearest) = promise.nearest else { return format!("{what} No texel lies here.") };
-    let away = nearest.texels_away;
-    if nearest.kept {
-        let largest = nearest.largest;
-        format!(
-            "{what} On the nearest such ray, {away:.2} texels from here, it is kept: off by {largest:.4} at most at one \
-             depth, the shift in depth not allowed for."
-        )
-    } else {
-        format!(
-            "{what} On the nearest such ray, {away:.2} texels from here, it is not kept: please report this."
-        )
-    }
+    let Some(NearestRay { texels_away, largest, satisfied }) = nearest else {
+        return format!("{bound} No texel lies here.");
+    };
+    let result = match satisfied {
+        true => {
+            format!("satisfied; the largest error at one depth is {largest:.4}, without the depth tolerance.")
+        }
+        false => "not satisfied: please report this.".to_owned(),
+    };
+    format!("{bound} On the nearest such ray, {texels_away:.2} texels away, it is {result}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::engine::messages::{NearestRay, ProbedPromise};
     use crate::shadow::Bound;
 
     #[test]
-    fn a_promise_is_said_of_what_it_speaks() {
-        let curve =
-            |promise| MethodCurve { spec: "dsm:map=64".into(), points: vec![], at_point: 0.5, promise };
+    fn the_error_bound_is_described_with_its_test() {
+        let curve = |bound| MethodCurve { spec: "dsm:map=64".into(), points: vec![], at_point: 0.5, bound };
         let words = |nearest| {
             let bound = Bound { transmittance: 0.0235, depth_mm: 0.31, ..Bound::default() };
-            promise_in_words(&curve(Some(ProbedPromise { bound, nearest })))
+            describe_bound(&curve(Some(ProbedBound { bound, nearest })))
         };
-        let ray = NearestRay { texels_away: 0.4, largest: 0.2, kept: true };
-        let kept = words(Some(ray));
+        let ray = NearestRay { texels_away: 0.4, largest: 0.2, satisfied: true };
+        let text = words(Some(ray));
         for part in [
-            "dsm promises ± 0.0235 within 0.310 mm",
+            "dsm: ± 0.0235 within 0.310 mm",
             "centres",
             "not between",
             "0.40 texels",
-            "kept",
+            "is satisfied",
             "0.2000",
         ] {
-            assert!(kept.contains(part), "{kept}");
+            assert!(text.contains(part), "{text}");
         }
-        assert!(words(Some(NearestRay { kept: false, ..ray })).contains("not kept"));
+        assert!(words(Some(NearestRay { satisfied: false, ..ray })).contains("not satisfied"));
         assert!(words(None).contains("No texel lies here"));
-        let nothing = promise_in_words(&curve(None));
-        assert!(nothing.contains("dsm promises nothing") && !nothing.contains('±'), "{nothing}");
+        let none = describe_bound(&curve(None));
+        assert!(none.contains("dsm has no error bound") && !none.contains('±'), "{none}");
     }
 }

@@ -1,64 +1,46 @@
-//! Asking for a path: typed, chosen from a list of what is there, or in the system's dialog.
+//! Path prompt: a text field with Tab completion and the system's file dialog.
 
-pub mod dialog;
-mod list;
-mod listing;
-
+use super::browse::{Browse, Pick};
 use crate::app::model::Model;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::open::FORMATS;
 use crate::transfer::formats::endings;
-use dialog::{Answer, Dialog};
-use eframe::egui;
-use list::PathField;
-use std::path::{Path, absolute};
+use eframe::egui::text::{CCursor, CCursorRange};
+use eframe::egui::text_edit::TextEditState;
+use eframe::egui::{self, Key, Modifiers};
+use std::path::{MAIN_SEPARATOR_STR, Path, absolute, is_separator};
 
-const NO_DIALOG_TEXT: &str = "The system shows no file dialog: choose from the list, or type";
-
-/// What a path is asked for.
+/// Use of the path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// A volume, strands or a scene, to be opened.
+    /// Open a volume, strands or a scene.
     OpenVolume,
-    /// A transfer function, to be taken.
+    /// Load a transfer function.
     LoadTransfer,
-    /// Where the transfer function is to be written.
+    /// Save the transfer function.
     SaveTransfer,
-    /// Where the scene is to be written.
+    /// Save the scene.
     SaveScene,
-    /// Where a picture is to be written.
+    /// Export a picture.
     ExportPicture,
 }
 
 impl Purpose {
-    fn title(self) -> &'static str {
-        match self {
-            Self::OpenVolume => "Open a volume, strands or a scene",
-            Self::LoadTransfer => "Load a transfer function",
-            Self::SaveTransfer => "Save the transfer function",
-            Self::SaveScene => "Save the scene",
-            Self::ExportPicture => "Export a picture",
-        }
-    }
-
-    fn saves(self) -> bool {
-        matches!(self, Self::SaveTransfer | Self::SaveScene | Self::ExportPicture)
-    }
-
-    /// Name and endings of the files meant.
-    fn filter(self) -> (&'static str, Vec<&'static str>) {
+    /// Title of the prompt, kind of the files and their extensions.
+    fn texts(self) -> (&'static str, &'static str, Vec<&'static str>) {
         match self {
             Self::OpenVolume => {
-                let volumes = FORMATS.iter().flat_map(|f| f.endings);
-                ("Volumes, strands, scenes", volumes.chain(&["toml"]).copied().collect())
+                let extensions = FORMATS.iter().flat_map(|f| f.endings).chain(&["toml"]).copied().collect();
+                ("Open a volume, strands or a scene", "Volumes, strands, scenes", extensions)
             }
-            Self::LoadTransfer => ("Transfer functions", endings()),
-            Self::SaveTransfer => ("Transfer functions", vec!["json"]),
-            Self::SaveScene => ("Scenes", vec!["toml"]),
-            Self::ExportPicture => ("Pictures", PICTURE_EXTENSIONS.to_vec()),
+            Self::LoadTransfer => ("Load a transfer function", "Transfer functions", endings()),
+            Self::SaveTransfer => ("Save the transfer function", "Transfer functions", vec!["json"]),
+            Self::SaveScene => ("Save the scene", "Scenes", vec!["toml"]),
+            Self::ExportPicture => ("Export a picture", "Pictures", PICTURE_EXTENSIONS.to_vec()),
         }
     }
 
+    /// Suggested file name; empty where a file is opened.
     fn suggestion(self) -> &'static str {
         match self {
             Self::OpenVolume | Self::LoadTransfer => "",
@@ -67,135 +49,230 @@ impl Purpose {
             Self::ExportPicture => "picture.png",
         }
     }
+
+    fn saves(self) -> bool {
+        !self.suggestion().is_empty()
+    }
 }
 
-/// The question that is open.
+/// Prompt for a path, open or closed.
 #[derive(Default)]
 pub struct Prompt {
     open: Option<Purpose>,
-    field: PathField,
+    text: String,
+    /// Focus the field, and select the file name, in the next frame.
+    select: bool,
     size: [u32; 2],
     backdrop: Backdrop,
-    /// The system's dialog, while it is open.
-    dialog: Option<Dialog>,
-    /// The system has no dialog to show.
-    no_dialog: bool,
+    browse: Browse,
 }
 
 impl Prompt {
-    /// Asks for a path.
+    /// Opens the prompt.
     pub fn ask(&mut self, model: &Model, purpose: Purpose) {
-        let folder = &model.settings.folder;
-        let size = model.document.as_ref().map_or([512, 512], |d| [d.scene.width, d.scene.height]);
-        let transparent = model.document.as_ref().is_some_and(|d| d.transparent);
+        let document = model.document.as_ref();
+        let transparent = document.is_some_and(|d| d.transparent);
         *self = Self {
             open: Some(purpose),
-            field: PathField::new(
-                format!("{folder}{}", purpose.suggestion()),
-                purpose.filter().1,
-                purpose.saves(),
-            ),
-            size,
+            text: format!("{}{}", model.settings.folder, purpose.suggestion()),
+            select: true,
+            size: document.map_or([512, 512], |d| [d.scene.width, d.scene.height]),
             backdrop: if transparent { Backdrop::LeftOut } else { Backdrop::Drawn },
-            ..Default::default()
+            browse: Browse::default(),
         };
     }
 
-    /// Whether a question is open.
+    /// Whether the prompt is open.
     pub fn is_open(&self) -> bool {
         self.open.is_some()
     }
 
-    /// Shows the question while it is open, and does what it was asked for.
+    /// Shows the open prompt; a confirmed path is used.
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(purpose) = self.open else { return };
-        // Chosen in the system's dialog is confirmed, unless there is more to say here.
-        let (mut done, mut cancelled) = (self.take_answer() && !purpose.saves(), false);
+        let (title, kind, extensions) = purpose.texts();
+        let (mut done, mut cancelled) = (false, false);
         let response = egui::Modal::new(egui::Id::unique("path")).show(context, |ui| {
             ui.set_width(520.0);
-            ui.heading(purpose.title());
+            ui.heading(title);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
-                done |= self.field.show(ui, 410.0);
-                if ui.add_enabled(self.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
-                    let (name, endings) = purpose.filter();
-                    let question = (purpose.title(), name, endings.as_slice());
-                    self.dialog = Dialog::of_file(question, purpose.saves(), &self.field.path(), ui.ctx());
-                    self.no_dialog = self.dialog.is_none();
+                done |= self.field(ui, &extensions);
+                let path = expanded(self.text.trim());
+                let dialog = || {
+                    let dialog = rfd::FileDialog::new().set_title(title).add_filter(kind, &extensions);
+                    if purpose.saves() { dialog.set_file_name(split(&path).1) } else { dialog }
+                };
+                let pick: Pick = if purpose.saves() { |d| d.save_file() } else { |d| d.pick_file() };
+                if let Some(path) = self.browse.show(ui, Path::new(&path), dialog, pick) {
+                    (self.text, self.select) = (path, true);
+                    // An opened file needs no confirmation; a saved one has more options here.
+                    done |= !purpose.saves();
                 }
             });
-            done |= self.field.list(ui);
-            if self.no_dialog {
-                ui.colored_label(ui.visuals().warn_fg_color, NO_DIALOG_TEXT);
+            if self.browse.is_unavailable {
+                let text = "The system shows no file dialog: type a path (Tab completes it)";
+                ui.colored_label(ui.visuals().warn_fg_color, text);
             }
             if purpose == Purpose::OpenVolume {
-                ui.weak("A file, a folder of DICOM files, or phantom:NAME[:SIZE] for a built-in one");
+                ui.weak("A file, a folder of DICOM files, or phantom:NAME[:SIZE] for a built-in volume");
             }
             if purpose == Purpose::ExportPicture {
-                ui.horizontal_wrapped(|ui| {
-                    ui.label("Size");
-                    for (side, name) in self.size.iter_mut().zip(["width", "height"]) {
-                        ui.add(egui::DragValue::new(side).range(1..=16_384).suffix(" px"))
-                            .accessible_name(name);
-                    }
-                    ui.weak(".png is sRGB; .exr and .npy are linear, 32-bit float, with opacity");
-                });
-                ui.horizontal(|ui| {
-                    let backdrop = &mut self.backdrop;
-                    ui.radio_value(backdrop, Backdrop::Drawn, "With background");
-                    ui.radio_value(backdrop, Backdrop::LeftOut, "Transparent").on_hover_text(
-                        ".png with straight alpha; the colours of .exr and .npy are times the opacity",
-                    );
-                });
+                self.picture_options(ui);
             }
             ui.add_space(8.0);
             ui.horizontal(|ui| {
-                let verb = if purpose.saves() && Path::new(&self.field.path()).is_file() {
-                    "Replace"
-                } else if purpose == Purpose::ExportPicture {
-                    "Export"
-                } else if purpose.saves() {
-                    "Save"
-                } else {
-                    "Open"
+                let verb = match purpose {
+                    _ if purpose.saves() && Path::new(&expanded(self.text.trim())).is_file() => "Replace",
+                    Purpose::ExportPicture => "Export",
+                    _ if purpose.saves() => "Save",
+                    _ => "Open",
                 };
-                done |= ui.add_enabled(!self.field.text.trim().is_empty(), egui::Button::new(verb)).clicked();
+                let button = egui::Button::new(verb);
+                done |= ui.add_enabled(!self.text.trim().is_empty(), button).clicked();
                 cancelled = ui.button("Cancel").clicked();
             });
         });
-        cancelled |= response.should_close();
-        if done && !self.field.text.trim().is_empty() {
+        if done && !self.text.trim().is_empty() {
             self.open = None;
-            self.go(purpose, model);
-        } else if cancelled {
+            self.use_path(purpose, model);
+        } else if cancelled || response.should_close() {
             self.open = None;
         }
     }
 
-    /// Takes what the system's dialog has to say: whether a path was chosen.
-    fn take_answer(&mut self) -> bool {
-        let Some(answer) = self.dialog.as_ref().and_then(Dialog::answer) else { return false };
-        self.dialog = None;
-        self.no_dialog = matches!(answer, Answer::NoDialog);
-        let Answer::Chosen(path) = answer else { return false };
-        self.field.choose(path.display().to_string());
-        true
+    /// Shows the field; returns whether Enter was pressed.
+    fn field(&mut self, ui: &mut egui::Ui, extensions: &[&str]) -> bool {
+        let id = egui::Id::unique("path field");
+        let mut selected = std::mem::take(&mut self.select).then(|| split(&self.text).0.to_owned());
+        if selected.is_some() {
+            ui.memory_mut(|m| m.request_focus(id));
+        } else if ui.memory(|m| m.has_focus(id)) {
+            if ui.input_mut(|i| i.consume_key(Modifiers::SHIFT, Key::Tab)) {
+                ui.memory_mut(|m| m.move_focus(egui::FocusDirection::Previous));
+            } else if ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab)) {
+                match completed(&self.text, extensions) {
+                    Some(longer) => {
+                        selected = Some(longer.clone());
+                        self.text = longer;
+                    }
+                    None => ui.memory_mut(|m| m.move_focus(egui::FocusDirection::Next)),
+                }
+            }
+        }
+        if let Some(before) = selected {
+            let [from, to] = [&before, &self.text].map(|text| CCursor::end_of_str(text));
+            let mut state = TextEditState::load(ui.ctx(), id).unwrap_or_default();
+            state.cursor.set_char_range(Some(CCursorRange::two(from, to)));
+            state.store(ui.ctx(), id);
+        }
+        let field = egui::TextEdit::singleline(&mut self.text).id(id).desired_width(410.0);
+        let field = ui.add(field.hint_text("path").lock_focus(true)).accessible_name("path");
+        field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter))
     }
 
-    fn go(&self, purpose: Purpose, model: &mut Model) {
-        let path = self.field.path();
-        if let Some(folder) = self.field.folder() {
-            let folder = absolute(&folder).map_or(folder, |whole| whole.display().to_string());
-            // With its separator, so that a name can be put behind it.
-            model.settings.folder = Path::new(&folder).join("").display().to_string();
+    fn picture_options(&mut self, ui: &mut egui::Ui) {
+        ui.horizontal_wrapped(|ui| {
+            ui.label("Size");
+            for (side, name) in self.size.iter_mut().zip(["width", "height"]) {
+                ui.add(egui::DragValue::new(side).range(1..=16_384).suffix(" px")).accessible_name(name);
+            }
+            ui.weak(".png is sRGB; .exr and .npy are linear, 32-bit float, with opacity");
+        });
+        ui.horizontal(|ui| {
+            ui.radio_value(&mut self.backdrop, Backdrop::Drawn, "With background");
+            ui.radio_value(&mut self.backdrop, Backdrop::LeftOut, "Transparent")
+                .on_hover_text(".png has straight alpha; .exr and .npy have premultiplied colours");
+        });
+    }
+
+    fn use_path(&self, purpose: Purpose, model: &mut Model) {
+        let path = expanded(self.text.trim());
+        let folder = split(&path).0;
+        if Path::new(folder).is_dir()
+            && let Ok(folder) = absolute(folder)
+        {
+            // With its separator, so that a name can follow.
+            model.settings.folder = folder.join("").display().to_string();
         }
-        let (size, backdrop) = (self.size, self.backdrop);
         match purpose {
             Purpose::OpenVolume => model.open_source(&path),
             Purpose::LoadTransfer => model.load_tf(&path),
             Purpose::SaveTransfer => model.save_tf(Path::new(&path)),
             Purpose::SaveScene => model.save_scene(Path::new(&path)),
-            Purpose::ExportPicture => model.export(Path::new(&path), size, backdrop),
+            Purpose::ExportPicture => model.export(Path::new(&path), self.size, self.backdrop),
+        }
+    }
+}
+
+/// Splits a path after its last separator: folder and name.
+fn split(typed: &str) -> (&str, &str) {
+    typed.split_at(typed.rfind(is_separator).map_or(0, |at| at + 1))
+}
+
+/// Replaces a leading `~` by the home folder.
+fn expanded(typed: &str) -> String {
+    let rest = typed.strip_prefix('~').filter(|rest| rest.is_empty() || rest.starts_with(is_separator));
+    match rest.zip(dirs::home_dir()) {
+        Some((rest, home)) => format!("{}{rest}", home.display()),
+        None => typed.to_owned(),
+    }
+}
+
+/// Completes a path as far as all matching folders and files agree; `None` where nothing can be added.
+fn completed(typed: &str, extensions: &[&str]) -> Option<String> {
+    let (folder, begun) = split(typed);
+    let is_meant = |name: &str| {
+        let lower = name.to_lowercase();
+        let stem = |extension: &&str| lower.strip_suffix(*extension).is_some_and(|stem| stem.ends_with('.'));
+        extensions.iter().any(stem)
+    };
+    let listed = Path::new(if folder.is_empty() { "." } else { folder });
+    let entries = std::fs::read_dir(expanded(&listed.display().to_string())).ok()?;
+    let names = entries.flatten().filter_map(|entry| {
+        let name = entry.file_name().into_string().ok().filter(|name| name.starts_with(begun))?;
+        match entry.path().is_dir() {
+            true => Some(name + MAIN_SEPARATOR_STR),
+            false => is_meant(&name).then_some(name),
+        }
+    });
+    let common = names.reduce(|common, name| {
+        let equal = common.chars().zip(name.chars()).take_while(|(a, b)| a == b);
+        equal.map(|(a, _)| a).collect()
+    })?;
+    (common.len() > begun.len()).then(|| format!("{folder}{common}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_completed_as_far_as_they_agree() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["scan_a.nii.gz", "scan_b.NII", "notes.txt", "other.nii"] {
+            std::fs::write(dir.path().join(name), b"").unwrap();
+        }
+        for name in ["scans", "zarr"] {
+            std::fs::create_dir(dir.path().join(name)).unwrap();
+        }
+        let typed = |name: &str| dir.path().join(name).display().to_string();
+        let completed = |name: &str| completed(&typed(name), &["nii", "gz"]);
+        for (begun, whole) in [("s", "scan"), ("scan_a", "scan_a.nii.gz"), ("scan_b", "scan_b.NII")] {
+            assert_eq!(completed(begun), Some(typed(whole)), "{begun}");
+        }
+        assert_eq!(completed("z"), Some(typed("zarr") + MAIN_SEPARATOR_STR));
+        for begun in ["scan", "nothing", "notes", "nowhere/at all"] {
+            assert_eq!(completed(begun), None, "{begun}");
+        }
+    }
+
+    #[test]
+    fn a_tilde_is_the_home_folder() {
+        let Some(home) = dirs::home_dir() else { return };
+        assert_eq!(expanded("~/a b"), format!("{}/a b", home.display()));
+        for same in ["~a/b", "a/~", "phantom:thorax", ""] {
+            assert_eq!(expanded(same), same);
         }
     }
 }

@@ -1,20 +1,20 @@
-//! The shadow methods that are shown, with whatever settings the registry lists, and what they made.
+//! Side panel section of the shadow methods: settings from the registry, and build reports.
 
 use super::difference::Difference;
-use super::flicker;
-use super::parts::complaint;
+use super::widgets::error_label;
 use crate::app::model::Model;
-use crate::engine::messages::Side;
+use crate::app::split::RATES_HZ;
+use crate::engine::messages::MethodFrame;
 use crate::engine::method_choice::MethodChoice;
 use crate::shadow::{Key, Kind, METHODS};
 use eframe::egui;
 
-/// Width of the buttons beside a setting with the space between them, points.
+/// Width of the buttons beside a setting, points.
 const BUTTONS_WIDTH: f32 = 122.0;
-/// Named values of a setting that fit beside each other.
-const MOST_ABREAST: usize = 4;
+/// Maximum number of choices shown as buttons.
+const MAX_BUTTONS: usize = 4;
 
-/// The section of the shadow method, and of the second one.
+/// Shows the section.
 pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
     let Some(document) = &mut model.document else { return };
     method_editor(ui, "method", &mut document.method);
@@ -28,16 +28,26 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
         && let Some(document) = &mut model.document
     {
         ui.indent("second", |ui| method_editor(ui, "second method", &mut document.other));
-        flicker::controls(model, ui);
+        ui.horizontal(|ui| {
+            let mut on = model.split.flickers();
+            let toggle = ui.checkbox(&mut on, "Flicker");
+            if toggle.on_hover_text("Alternates the two pictures over the whole view (F)").changed() {
+                model.split.set_flicker(on, ui.input(|i| i.time));
+            }
+            let rate = egui::DragValue::new(&mut model.settings.flicker_hz).range(RATES_HZ).speed(0.05);
+            ui.add(rate.max_decimals(2).suffix(" Hz"))
+                .on_hover_text("Changes per second, 0.5 to 8 Hz")
+                .accessible_name("flicker rate");
+        });
     }
     difference.choice(ui);
     let Some(frame) = &model.frame else { return };
     ui.add_space(4.0);
     for side in frame.sides() {
-        report(ui, side, frame.other.is_some(), frame.whole);
+        report(ui, side, frame.other.is_some(), frame.is_final);
     }
-    egui::CollapsingHeader::new(format!("Left out: {}", frame.main.left_out.len())).show(ui, |ui| {
-        for omission in &frame.main.left_out {
+    egui::CollapsingHeader::new(format!("Skipped: {}", frame.main.skipped.len())).show(ui, |ui| {
+        for omission in &frame.main.skipped {
             let saved = omission.saved.as_ref().map_or(String::new(), |s| format!(" – {s}"));
             ui.label(format!("{}{saved}", omission.what)).on_hover_text(&omission.why);
             ui.weak(format!("    {}", omission.why));
@@ -45,31 +55,31 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
     });
 }
 
-/// What a method has made, as drawn.
-fn report(ui: &mut egui::Ui, side: &Side, split: bool, whole: bool) {
+/// Shows the build report of a method.
+fn report(ui: &mut egui::Ui, side: &MethodFrame, split: bool, is_final: bool) {
     egui::Grid::new(("report", &side.spec, split)).num_columns(2).show(ui, |ui| {
         let mut row = |name: &str, value: String, tooltip: &str| {
             ui.weak(name).on_hover_text(tooltip);
             ui.add(egui::Label::new(value).wrap());
             ui.end_row();
         };
-        if split || !whole {
-            row("as drawn", side.spec.clone(), "While a hand moves, coarser settings keep the pace");
+        if split || !is_final {
+            row("as drawn", side.spec.clone(), "Coarser settings during interaction");
         }
         row("memory", format!("{:.2} MB", side.report.bytes as f64 * 1e-6), "Bytes that lookups read");
         if let (Some(total), Some(most)) = (side.report.nodes_total, side.report.nodes_max) {
             let per = total as f64 / side.report.texels_hit.unwrap_or(1).max(1) as f64;
             let text = format!("{total}, {per:.1} a texel, at most {most}");
-            row("nodes", text, "Of texels that meet anything");
+            row("nodes", text, "Texels that hit anything");
         }
         if let Some(bound) = side.bound {
             let text = format!("± {:.4} within {:.3} mm", bound.transmittance, bound.depth_mm);
-            row("promise", text, "Of the exact transmittance, on light rays through texel centres");
+            row("error bound", text, "On transmittance, along light rays through texel centres");
         }
     });
 }
 
-/// A method of the registry with whatever settings it lists.
+/// Editor of a method and its settings.
 fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
     let response =
         egui::ComboBox::from_id_salt(name).selected_text(choice.name).width(200.0).show_ui(ui, |ui| {
@@ -85,24 +95,26 @@ fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
     let entry = choice.entry();
     ui.add(egui::Label::new(egui::RichText::new(entry.summary).weak().small()).wrap());
     egui::Grid::new((name, choice.name)).num_columns(2).show(ui, |ui| {
-        for (key, value) in entry.keys.iter().zip(&mut choice.values) {
+        let mut values = choice.values().to_vec();
+        for (key, value) in entry.keys.iter().zip(&mut values) {
             ui.label(key.name).on_hover_text(format!("{} [default: {}]", key.help, key.default));
             setting(ui, name, key, value);
             ui.end_row();
         }
+        choice.set_values(values);
     });
     if let Err(e) = choice.method() {
-        complaint(ui, &e);
+        error_label(ui, &e);
     }
 }
 
-/// One setting: a list where the registry names its values, a field with a slider's range otherwise.
+/// Editor of one setting: buttons or a list for named values, a field otherwise.
 fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
     let tooltip = format!("{} ({}) [default: {}]", key.help, key.values(), key.default);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let options = if let Kind::Choice(names) = key.kind { names } else { &[] };
-        if options.len() > MOST_ABREAST {
+        if options.len() > MAX_BUTTONS {
             let list = egui::ComboBox::from_id_salt((method, key.name)).selected_text(value.as_str());
             let list = list.show_ui(ui, |ui| {
                 for option in options {
@@ -120,11 +132,9 @@ fn setting(ui: &mut egui::Ui, method: &str, key: &Key, value: &mut String) {
             }
             return;
         }
-        // What the buttons leave.
         let width = (ui.available_width() - BUTTONS_WIDTH).clamp(36.0, 90.0);
         let edit = egui::TextEdit::singleline(value).desired_width(width);
         ui.add(edit).on_hover_text(&tooltip).accessible_name(format!("{method} {}", key.name));
-        // Halves and doubles are what a hand wants of sizes and tolerances alike.
         let number = value.parse::<f64>().ok();
         for (text, factor) in [("÷2", 0.5), ("×2", 2.0)] {
             let button = ui.add_enabled(number.is_some_and(|n| n != 0.0), egui::Button::new(text).small());

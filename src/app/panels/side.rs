@@ -1,9 +1,9 @@
-//! The side panel: shadow method, light and picture, times, and what the volume is.
+//! Side panel: shadow method, light, picture, times and volume.
 
 use super::difference::Difference;
-use super::parts::unfilled;
 use super::strands::StrandsForm;
 use super::times::Times;
+use super::widgets::unfilled;
 use super::{clip, labels, light, shadows, strands};
 use crate::app::camera::{self, Orbit};
 use crate::app::model::Model;
@@ -14,7 +14,7 @@ use eframe::egui;
 /// Width of the panel, points.
 const WIDTH: f32 = 330.0;
 
-/// The panel, while a volume is open.
+/// Shows the panel while a volume is open.
 pub fn show(
     ui: &mut egui::Ui,
     model: &mut Model,
@@ -27,7 +27,7 @@ pub fn show(
     }
     egui::Panel::right("side").frame(unfilled(ui)).resizable(false).exact_size(WIDTH).show(ui, |ui| {
         let width = ui.available_width() - ui.spacing().scroll.allocated_width();
-        // Scrolled sideways, too, so that whatever is too wide does not push the panel into the view.
+        // Horizontal scrolling keeps wide contents from widening the panel.
         egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| {
             ui.set_max_width(width);
             ui.add_space(6.0);
@@ -68,7 +68,7 @@ fn picture(ui: &mut egui::Ui, model: &mut Model) {
         ui.end_row();
         ui.label("Eye-ray step");
         let step = egui::Slider::new(&mut scene.step, 0.1..=4.0).suffix(" voxels").max_decimals(2);
-        ui.add(step).on_hover_text("In units of the smallest voxel spacing, when the hand rests");
+        ui.add(step).on_hover_text("In units of the smallest voxel spacing, at full quality");
         ui.end_row();
         ui.label("Background");
         ui.horizontal(|ui| {
@@ -79,18 +79,18 @@ fn picture(ui: &mut egui::Ui, model: &mut Model) {
                 }
             });
             let none = ui.checkbox(&mut document.transparent, "none").accessible_name("no background");
-            let tooltip = "Black here; picture files are transparent where there is nothing";
+            let tooltip = "Black here; transparent in picture files";
             if none.on_hover_text(tooltip).changed() && document.transparent {
                 scene.background = [0.0; 3];
             }
         });
         ui.end_row();
-        ui.label("Turning");
+        ui.label("Rotation");
         ui.horizontal(|ui| {
             ui.selectable_value(&mut model.settings.orbit, Orbit::Turntable, "turntable")
                 .on_hover_text("The horizon stays level");
             ui.selectable_value(&mut model.settings.orbit, Orbit::Trackball, "trackball")
-                .on_hover_text("Freely");
+                .on_hover_text("Free rotation");
         });
         ui.end_row();
         ui.label("Look from");
@@ -105,15 +105,16 @@ fn picture(ui: &mut egui::Ui, model: &mut Model) {
         ui.end_row();
         ui.label("Camera");
         ui.horizontal(|ui| {
-            if ui.small_button("reset").on_hover_text("The first view (Home)").clicked() {
+            if ui.small_button("reset").on_hover_text("Initial view (Home)").clicked() {
                 scene.camera = document.home;
             }
-            frame = ui.small_button("frame").on_hover_text("What is seen fills the picture (0)").clicked();
+            frame =
+                ui.small_button("frame").on_hover_text("Fit the visible part into the picture (0)").clicked();
         });
         ui.end_row();
     });
     if frame {
-        document.frame_seen();
+        document.frame_visible();
     }
 }
 

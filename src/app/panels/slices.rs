@@ -1,40 +1,40 @@
-//! Three slices through the volume along its own axes, with a crosshair that the probe follows.
+//! Three slices along the volume's axes, with a crosshair linked to the probe.
 
 use crate::app::camera::marks;
 use crate::app::document::Document;
 use crate::app::model::Model;
-use crate::app::panels::parts::shadowed_text;
+use crate::app::panels::widgets::shadowed_text;
 use crate::app::theme;
-use crate::engine::messages::Aim;
+use crate::engine::messages::ProbeTarget;
 use crate::volume::Volume;
 use eframe::egui::{self, Align2, Color32, Rect, Sense, Stroke, pos2, vec2};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Longest side of a slice's texture; finer ones are sampled.
-const MOST_TEXELS: usize = 512;
+/// Maximum side of a slice's texture; larger slices are subsampled.
+const MAX_TEXELS: usize = 512;
 
-/// The crosshair, and slices as textures.
+/// Crosshair and textures of the slices.
 #[derive(Default)]
 pub struct Slices {
-    /// Index coordinates.
+    /// Crosshair, index coordinates.
     at: DVec3,
-    /// Values at black and white; `None` until a volume is open.
+    /// Values of black and white; `None` without a volume.
     window: Option<[f64; 2]>,
     textures: [Option<(egui::TextureHandle, usize, [f64; 2])>; 3],
 }
 
-/// Index axes to the right and down, and the one that is cut across.
+/// Index axes to the right, down and across of each slice.
 const PLANES: [[usize; 3]; 3] = [[0, 1, 2], [0, 2, 1], [1, 2, 0]];
 
-/// How a slice lies on screen.
+/// Placement of a slice on screen.
 struct Layout {
-    /// Where the picture is.
+    /// Rectangle of the slice.
     place: Rect,
     dims: [usize; 3],
-    /// Index axes to the right and down, and the one that is cut across.
+    /// Index axes to the right, down and across.
     axes: [usize; 3],
-    /// World directions of the axes to the right and down, and whether they run the other way on screen.
+    /// World directions of the right and down axes, and whether they are flipped on screen.
     world: [DVec3; 2],
     flip: [bool; 2],
 }
@@ -46,19 +46,19 @@ impl Layout {
         let mm = [across, down].map(|a| dims[a] as f64 * spacing[a]);
         let scale = (f64::from(cell.width()) / mm[0]).min(f64::from(cell.height()) / mm[1]);
         let size = vec2((mm[0] * scale) as f32, (mm[1] * scale) as f32);
-        // Index axes may point either way; pictures have superior, and anterior, up.
+        // Superior and anterior are up, whatever the direction of the index axes.
         let world = [across, down].map(|axis| volume.world_from_index().matrix3.col(axis).normalize());
         let flip = [world[0].x > 0.0 && across == 0, world[1].z + world[1].y > 0.0];
         Self { place: Rect::from_center_size(cell.center(), size), dims, axes, world, flip }
     }
 
-    /// Corners of the texture at the picture's upper left and lower right.
+    /// Texture coordinates of the rectangle.
     fn uv(&self) -> Rect {
         let [x, y] = self.flip.map(|flip| if flip { [1.0, 0.0] } else { [0.0, 1.0] });
         Rect::from_min_max(pos2(x[0], y[0]), pos2(x[1], y[1]))
     }
 
-    /// Where an index is on screen.
+    /// Screen position of an index.
     fn on_screen(&self, at: DVec3) -> egui::Pos2 {
         let [x, y] = [0, 1].map(|i| {
             let axis = self.axes[i];
@@ -68,7 +68,7 @@ impl Layout {
         self.place.min + vec2(x, y) * self.place.size()
     }
 
-    /// Moves an index, within the slice, to a place on screen.
+    /// Sets the in-plane coordinates of an index from a screen position.
     fn move_to(&self, at: &mut DVec3, place: egui::Pos2) {
         let share = (place - self.place.min) / self.place.size();
         for (i, share) in [share.x, share.y].into_iter().enumerate() {
@@ -80,7 +80,7 @@ impl Layout {
 }
 
 impl Slices {
-    /// Starts in the middle of a volume.
+    /// Resets the crosshair to the volume's centre.
     pub fn reset(&mut self, document: Option<&Document>) {
         *self = Self::default();
         let Some(document) = document else { return };
@@ -89,7 +89,7 @@ impl Slices {
         let points = &document.tf.points;
         let (lo, hi) = (points[0].value, points[points.len() - 1].value);
         let [min, max] = document.volume.value_range();
-        // What the transfer function spans, with some room, is what is of interest.
+        // Window around the range of the transfer function.
         let room = 0.5 * (hi - lo);
         let window = [(lo - room).max(min), (hi + room).min(max)];
         self.window = Some(if window[1] > window[0] { window } else { [min, max.max(min + 1e-6)] });
@@ -103,7 +103,7 @@ impl Slices {
         self.at = index.clamp(DVec3::ZERO, last);
     }
 
-    /// The three slices above each other in `rect`.
+    /// Shows the three slices in `rect`.
     pub fn show(&mut self, ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
         let Some(document) = &model.document else { return };
         let Some(window) = self.window else { return };
@@ -121,11 +121,9 @@ impl Slices {
                 egui::WidgetInfo::labeled(egui::Role::Image, true, format!("slice {}", plane + 1))
             });
             if self.follow(ui, &layout, &response, &mut new_window) {
-                model.probe(Aim::Point(volume.world_from_index().transform_point3(self.at)));
+                model.probe(ProbeTarget::Point(volume.world_from_index().transform_point3(self.at)));
             }
-            response.on_hover_text_at_pointer(
-                "Drag: crosshair; wheel: through the slices; right drag: window and level",
-            );
+            response.on_hover_text_at_pointer("Drag: crosshair; wheel: slice; right drag: window and level");
         }
         self.window = Some(new_window);
     }
@@ -152,7 +150,7 @@ impl Slices {
         shadowed_text(&painter, corner, Align2::RIGHT_BOTTOM, &note, 10.5, theme::DIM_OVER_PICTURE);
     }
 
-    /// Follows the hand in one slice; whether the place of the crosshair is to be probed.
+    /// Handles the input of one slice; returns whether to probe the crosshair.
     fn follow(
         &mut self,
         ui: &egui::Ui,
@@ -199,7 +197,7 @@ impl Slices {
         }
         let [across, down, through] = PLANES[plane];
         let dims = volume.dims();
-        let stride = dims[across].max(dims[down]).div_ceil(MOST_TEXELS);
+        let stride = dims[across].max(dims[down]).div_ceil(MAX_TEXELS);
         let size = [dims[across].div_ceil(stride), dims[down].div_ceil(stride)];
         let mut pixels = Vec::with_capacity(size[0] * size[1]);
         for y in 0..size[1] {

@@ -1,20 +1,20 @@
-//! How strands become voxels: typed, and done again away from the window.
+//! Voxelisation of strands: section of the side panel.
 
 use crate::app::document::Document;
 use crate::app::model::Model;
-use crate::engine::reading::With;
+use crate::engine::reading::OpenMode;
 use crate::open::{StrandFlags, parse_resolution, parse_thickness_mm};
 use crate::strands::{DEFAULT_RESOLUTION, Kernel, RESOLUTIONS, STRANDS_FORMAT};
 use clap::ValueEnum;
 use eframe::egui;
 
-/// What is typed, which may not be voxelised yet.
+/// Texts of the fields, valid or not.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct StrandsForm {
     /// Voxels along the longest side; empty: the default.
     resolution: String,
     kernel: Option<Kernel>,
-    /// Diameter of every strand, mm; empty: the file's.
+    /// Diameter of all strands, mm; empty: from the file.
     thickness_mm: String,
 }
 
@@ -24,7 +24,7 @@ pub fn are_shown(model: &Model) -> bool {
 }
 
 impl StrandsForm {
-    /// What the open volume was voxelised with.
+    /// Fields for the flags of the open volume.
     pub fn of(document: &Document) -> Self {
         let StrandFlags { resolution, kernel, thickness } = document.spec.flags.strands;
         let text = |value: Option<String>| value.unwrap_or_default();
@@ -35,7 +35,7 @@ impl StrandsForm {
         }
     }
 
-    /// The fields, where the open volume was made from strands.
+    /// Shows the fields.
     pub fn show(&mut self, ui: &mut egui::Ui, model: &mut Model) {
         let (mut resolution, mut thickness) = (Ok(None), Ok(None));
         egui::Grid::new("strands").num_columns(2).show(ui, |ui| {
@@ -52,7 +52,7 @@ impl StrandsForm {
                 resolution = said(ui, typed(&self.resolution, parse_resolution));
             });
             ui.end_row();
-            ui.label("Kernel").on_hover_text("How a strand's length is shared among voxels");
+            ui.label("Kernel").on_hover_text("Distribution of a strand's length over voxels");
             ui.horizontal(|ui| {
                 for kernel in Kernel::value_variants() {
                     let Some(value) = kernel.to_possible_value() else { continue };
@@ -65,10 +65,10 @@ impl StrandsForm {
                 }
             });
             ui.end_row();
-            let tooltip = "Diameter of every strand, mm; empty: what the file says";
+            let tooltip = "Diameter of all strands, mm; empty: from the file";
             ui.label("Thickness").on_hover_text(tooltip);
             ui.vertical(|ui| {
-                let edit = egui::TextEdit::singleline(&mut self.thickness_mm).hint_text("the file's, mm");
+                let edit = egui::TextEdit::singleline(&mut self.thickness_mm).hint_text("from the file, mm");
                 named(ui, edit, "strands thickness", tooltip);
                 thickness = said(ui, typed(&self.thickness_mm, parse_thickness_mm));
             });
@@ -80,30 +80,30 @@ impl StrandsForm {
         };
         let wanted = StrandFlags { resolution, kernel: self.kernel, thickness };
         let idle = model.reading.is_none();
-        let tooltip = "Transfer function, camera, light and method stay as they are";
+        let tooltip = "Transfer function, camera, light and method stay";
         let button = ui.add_enabled(idle, egui::Button::new("Voxelise again")).on_hover_text(tooltip);
         if button.clicked()
             && let Some(document) = &model.document
         {
             let mut spec = document.spec.clone();
             spec.flags.strands = wanted;
-            model.open(spec, With::Again);
+            model.open(spec, OpenMode::Revoxelise);
         }
     }
 }
 
-/// A field's value; `None` where it is empty.
+/// Parses a field; `None` where it is empty.
 fn typed<T>(text: &str, parse: impl Fn(&str) -> Result<T, String>) -> Result<Option<T>, String> {
     let text = text.trim();
     if text.is_empty() { Ok(None) } else { parse(text).map(Some) }
 }
 
-/// A field with a name for screen readers.
+/// Field with an accessible name.
 fn named(ui: &mut egui::Ui, edit: egui::TextEdit<'_>, name: &str, tooltip: &str) {
     ui.add(edit.desired_width(110.0)).on_hover_text(tooltip).accessible_name(name);
 }
 
-/// What was typed, or in red why it is nothing.
+/// Shows the error of an invalid field.
 fn said<T>(ui: &mut egui::Ui, typed: Result<T, String>) -> Result<T, ()> {
     typed.map_err(|why| {
         let color = ui.visuals().error_fg_color;

@@ -1,20 +1,20 @@
-//! What pictures have cost lately.
+//! Times and memory of recent pictures: section of the side panel.
 
 use crate::app::model::Model;
 use crate::engine::messages::Frame;
 use eframe::egui;
 use std::collections::VecDeque;
 
-/// Pictures that the running plots show.
-const MOST: usize = 120;
-/// Of the column of values, points.
+/// Number of pictures in the plots.
+const MAX_PICTURES: usize = 120;
+/// Width of the value column, points.
 const VALUE_WIDTH: f32 = 78.0;
 
-/// A running series of one cost.
+/// Values of one quantity over recent pictures.
 #[derive(Default)]
 pub struct Series(VecDeque<f64>);
 
-/// How a cost is written.
+/// Formatter of a value.
 type Text = fn(f64) -> String;
 
 fn milliseconds(ms: f64) -> String {
@@ -29,30 +29,30 @@ fn count(n: f64) -> String {
     format!("{n:.0}")
 }
 
-/// Name, tooltip and writing of each series.
+/// Name, tooltip and formatter of each series.
 const ROWS: [(&str, &str, Text); 7] = [
-    ("tables", "Tables made from the transfer function, host ms", milliseconds),
-    ("bricks", "Bricks classified as empty or not, host ms", milliseconds),
-    ("map", "Shadow map built, ms", milliseconds),
-    ("frame", "Rays cast, ms", milliseconds),
-    ("hand to picture", "From the hand's movement to the finished picture, ms", milliseconds),
-    ("memory", "Bytes of the shadow map (both, where the view is split)", megabytes),
-    ("nodes", "Nodes of the deep shadow map (both, where the view is split)", count),
+    ("tables", "Tables of the transfer function, host ms", milliseconds),
+    ("bricks", "Classification of bricks, host ms", milliseconds),
+    ("map", "Build of the shadow map, ms", milliseconds),
+    ("frame", "Ray casting, ms", milliseconds),
+    ("latency", "From the input to the finished picture, ms", milliseconds),
+    ("memory", "Bytes of the shadow map (both in a split view)", megabytes),
+    ("nodes", "Nodes of the deep shadow map (both in a split view)", count),
 ];
 
 impl Series {
     fn push(&mut self, value: f64) {
         self.0.push_back(value);
-        if self.0.len() > MOST {
+        if self.0.len() > MAX_PICTURES {
             self.0.pop_front();
         }
     }
 
-    /// Draws the series as a small line, the largest at the top.
+    /// Shows the series as a sparkline.
     fn show(&self, ui: &mut egui::Ui, name: &str, tooltip: &str, text: Text) {
         let last = self.0.back().map_or("–".to_owned(), |value| text(*value));
         ui.label(name).on_hover_text(tooltip);
-        // As wide as any value gets, so that the panel does not change its width with the values.
+        // A fixed width keeps the panel from changing with the values.
         ui.scope(|ui| {
             ui.set_min_width(VALUE_WIDTH);
             ui.label(egui::RichText::new(last).monospace());
@@ -66,7 +66,7 @@ impl Series {
         ui.painter().rect_filled(rect, 2.0, visuals.extreme_bg_color);
         if self.0.len() > 1 && largest > 0.0 {
             let point = |(i, v): (usize, &f64)| {
-                let x = rect.left() + rect.width() * i as f32 / (MOST - 1) as f32;
+                let x = rect.left() + rect.width() * i as f32 / (MAX_PICTURES - 1) as f32;
                 egui::pos2(x, rect.bottom() - 1.0 - (rect.height() - 3.0) * (*v / largest) as f32)
             };
             let line = self.0.iter().enumerate().map(point).collect();
@@ -76,21 +76,21 @@ impl Series {
     }
 }
 
-/// The series that the side panel shows, in the order of [`ROWS`].
+/// Series of the side panel, in the order of [`ROWS`].
 #[derive(Default)]
 pub struct Times {
     series: [Series; ROWS.len()],
-    /// Whether the last picture made tables, bricks and map anew.
+    /// Whether the last picture rebuilt tables, bricks and map.
     last_made: [bool; 3],
 }
 
 impl Times {
-    /// Notes what a picture has cost.
+    /// Records the costs of a picture.
     pub fn note(&mut self, frame: &Frame) {
         let sides = || frame.sides();
         let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
         self.last_made = made.map(|ms| ms.is_some());
-        let waited = (!frame.whole || frame.work != Default::default()).then_some(frame.latency_ms);
+        let waited = (!frame.is_final || frame.work != Default::default()).then_some(frame.latency_ms);
         let nodes: Vec<u64> = sides().filter_map(|side| side.report.nodes_total).collect();
         let costs = [
             made[0],
@@ -106,23 +106,23 @@ impl Times {
         }
     }
 
-    /// The series, and what the last picture cost.
+    /// Shows the series and the costs of the last picture.
     pub fn show(&self, ui: &mut egui::Ui, model: &Model) {
         egui::Grid::new("times").num_columns(3).show(ui, |ui| {
             for (i, ((name, tooltip, text), series)) in ROWS.iter().zip(&self.series).enumerate() {
                 let idle = self.last_made.get(i).is_some_and(|made| !made);
-                let needed_none = if idle { "; the last picture needed none" } else { "" };
+                let needed_none = if idle { "; reused by the last picture" } else { "" };
                 series.show(ui, name, &format!("{tooltip}{needed_none}"), *text);
             }
         });
         if let Some(frame) = &model.frame {
             let made = [frame.work.table_ms, frame.work.classify_ms, frame.work.build_ms];
-            let said = |ms: Option<f64>| ms.map_or("kept".to_owned(), milliseconds);
+            let text = |ms: Option<f64>| ms.map_or("reused".to_owned(), milliseconds);
             ui.weak(format!(
                 "Last: tables {}, bricks {}, map {}, frame {}",
-                said(made[0]),
-                said(made[1]),
-                said(made[2]),
+                text(made[0]),
+                text(made[1]),
+                text(made[2]),
                 milliseconds(frame.main.frame_ms)
             ));
         }

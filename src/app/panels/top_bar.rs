@@ -1,7 +1,7 @@
-//! The menus, and what is open.
+//! Menu bar.
 
-use super::parts::{file_name, unfilled};
 use super::prompt::Purpose;
+use super::widgets::{file_name, unfilled};
 use super::windows::Windows;
 use crate::app::model::Model;
 use crate::phantom::Phantom;
@@ -9,20 +9,20 @@ use crate::scene::AXIS_VIEWS;
 use crate::strands::StrandSet;
 use eframe::egui;
 
-/// Longer names of recent volumes are elided, points.
+/// Width above which recent volumes are elided, points.
 const RECENT_WIDTH: f32 = 380.0;
 
-/// The bar at the top of the window.
+/// Shows the menu bar.
 pub fn show(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     egui::Panel::top("menu").frame(unfilled(ui)).show(ui, |ui| {
         egui::MenuBar::new().ui(ui, |ui| {
             ui.menu_button("File", |ui| file_menu(ui, model, windows));
             ui.menu_button("View", |ui| view_menu(ui, model));
-            if ui.button("Help").on_hover_text("Keys and hands (F1)").clicked() {
+            if ui.button("Help").on_hover_text("Keys and pointer (F1)").clicked() {
                 windows.help = !windows.help;
             }
             ui.separator();
-            // From the right, so that the name of what is open takes what is left, and not the place of the others.
+            // From the right, so that the file name takes the remaining width.
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 status(ui, model, windows);
                 ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
@@ -36,7 +36,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     });
 }
 
-/// The theme, and what runs beside the picture; from the right.
+/// Shows theme and progress, from the right.
 fn status(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     let (now, other) = if model.settings.dark { ("dark", "light") } else { ("light", "dark") };
     let theme = ui.button(format!("Theme: {now}"));
@@ -53,7 +53,7 @@ fn status(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     }
     if let Some(share) = windows.comparison.share() {
         let text = format!("Comparing {:.0} %", 100.0 * share);
-        if ui.button(text).on_hover_text("Shows the comparison (T)").clicked() {
+        if ui.button(text).on_hover_text("Show the comparison (T)").clicked() {
             windows.comparison.open = !windows.comparison.open;
         }
     }
@@ -104,12 +104,12 @@ fn file_menu(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     item(
         "Save scene…",
         "Ctrl+S",
-        "A .toml file that the command line draws to the same pixels",
+        "A .toml file for the command line, which draws identical pixels",
         Purpose::SaveScene,
     );
     item("Export picture…", "Ctrl+E", "PNG, EXR or NPY of any size", Purpose::ExportPicture);
     let compare = egui::Button::new("Compare methods…").shortcut_text("T");
-    let tooltip = "Errors and times of several methods on what is shown, as tables, plots and a report";
+    let tooltip = "Errors and times of several methods as tables, plots and a report";
     if ui.add_enabled(has_document, compare).on_hover_text(tooltip).clicked() {
         windows.comparison.open = !windows.comparison.open;
         ui.close();

@@ -1,23 +1,23 @@
-//! The view: the picture, what lies over it, and what is said below it.
+//! View: the picture, its overlays and the messages below it.
 
 use super::difference::Difference;
-use super::parts::file_name;
 use super::slices::Slices;
-use super::{cube, flicker, hands, overlays};
+use super::widgets::file_name;
+use super::{cube, overlays, pointer};
 use crate::app::model::Model;
-use crate::app::paint::shown::{Place, shape as shown};
-use crate::app::panels::parts::tag;
+use crate::app::panels::widgets::tag;
+use crate::app::picture_shape::{Place, shape as shown};
 use crate::app::theme;
-use crate::engine::messages::Side;
+use crate::engine::messages::MethodFrame;
 use eframe::egui::{self, Align2, Color32, CornerRadius, FontId, Rect, Sense, Stroke, pos2, vec2};
 use eframe::egui_wgpu::RenderState;
 
-/// No picture on screen is larger, whatever the display.
-const MOST_PIXELS: u32 = 8192;
-/// Width of what says how far the reading is, points.
+/// Maximum size of a picture, pixels.
+const MAX_PIXELS: u32 = 8192;
+/// Width of the reading progress, points.
 const READING_WIDTH: f32 = 360.0;
 
-/// The view in what the panels leave, with the slices beside it.
+/// Shows the view in the remaining space, with the slices beside it.
 pub fn show(
     ui: &mut egui::Ui,
     model: &mut Model,
@@ -48,16 +48,16 @@ fn view(
     let response = ui.interact(rect, ui.scope_id().with("view"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "3-D view"));
     let painter = ui.painter_at(rect);
-    // Where a picture will cover it all, a software adapter is spared the pixels below.
+    // A picture covers the view, so a software adapter need not fill it first.
     if model.frame.is_none() || render_state.is_none() {
         painter.rect_filled(rect, CornerRadius::ZERO, theme::NO_PICTURE);
     }
     if let Some(document) = &mut model.document {
         let pixels = rect.size() * ui.ctx().pixels_per_point();
-        let side = |n: f32| (n.round().max(1.0) as u32).min(MOST_PIXELS);
+        let side = |n: f32| (n.round().max(1.0) as u32).min(MAX_PIXELS);
         document.scene.width = side(pixels.x);
         document.scene.height = side(pixels.y);
-        hands::follow(ui, rect, model, &response);
+        pointer::follow(ui, rect, model, &response);
     }
     pictures(ui, rect, model, difference, render_state);
     let below_tags = tags(ui, rect, model);
@@ -73,7 +73,7 @@ fn view(
     messages(ui, rect, model);
 }
 
-/// The picture, or both; heat maps of the error take their places.
+/// Paints the pictures, or heat maps in their place.
 fn pictures(
     ui: &egui::Ui,
     rect: Rect,
@@ -83,7 +83,7 @@ fn pictures(
 ) {
     let (Some(frame), Some(state)) = (&model.frame, render_state) else { return };
     let painter = ui.painter_at(rect);
-    // A picture of another shape (the view was resized) fills the height until the next comes.
+    // A picture of another shape fills the height until the next one arrives.
     let size = vec2(frame.main.texture.width as f32, frame.main.texture.height as f32);
     let place = Rect::from_center_size(rect.center(), vec2(rect.height() * size.x / size.y, rect.height()));
     let place = if (place.width() / rect.width() - 1.0).abs() < 0.02 { rect } else { place };
@@ -91,11 +91,11 @@ fn pictures(
         let found = difference.found.as_ref().filter(|_| difference.shows.is_some())?;
         found.sides.get(side).map(|s| &s.texture)
     };
-    let shape = |side: usize, drawn: &Side| {
+    let shape = |side: usize, drawn: &MethodFrame| {
         let texture = errors(side).unwrap_or(&drawn.texture);
         shown(place, texture, Place::Side(side), state)
     };
-    if let Some(side) = flicker::side(model, ui.ctx()) {
+    if let Some((side, _)) = model.flicker(ui.ctx()) {
         frame.sides().nth(side).into_iter().for_each(|drawn| _ = painter.add(shape(side, drawn)));
         return;
     }
@@ -108,12 +108,19 @@ fn pictures(
     painter.circle_filled(egui::pos2(x, rect.center().y), 5.0, Color32::from_white_alpha(220));
 }
 
-/// The names of the methods that are shown, where there are two; returns how far down they reach.
+/// Paints the names of two methods; returns their lower edge.
 fn tags(ui: &egui::Ui, rect: Rect, model: &Model) -> f32 {
-    if let Some(below) = flicker::paint(model, ui, rect) {
-        return below;
+    let frame = model.frame.as_ref();
+    if let Some(side) = model.flicker(ui.ctx()).and_then(|(side, _)| frame?.sides().nth(side)) {
+        let at = rect.center_top() + vec2(0.0, 8.0);
+        let shown = tag(ui, rect, at, Align2::CENTER_TOP, &side.spec, rect.width() - 16.0);
+        let place = Rect::from_center_size(at, vec2(2.0, 2.0));
+        let label = ui.interact(place, ui.scope_id().with("flicker"), Sense::empty());
+        let name = format!("shown: {}", side.spec);
+        label.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &name));
+        return shown.bottom();
     }
-    let sides = model.frame.as_ref().and_then(|frame| Some((&frame.main, frame.other.as_ref()?)));
+    let sides = frame.and_then(|frame| Some((&frame.main, frame.other.as_ref()?)));
     let (Some((main, other)), Some(share)) = (sides, model.split.share) else { return rect.top() };
     let (x, y) = (rect.left() + share * rect.width(), rect.top() + 8.0);
     let left = tag(ui, rect, pos2(x - 8.0, y), Align2::RIGHT_TOP, &main.spec, x - rect.left() - 20.0);
@@ -121,7 +128,7 @@ fn tags(ui: &egui::Ui, rect: Rect, model: &Model) -> f32 {
     left.bottom().max(right.bottom())
 }
 
-/// What is being read, how far that is, and its end.
+/// Shows the progress of a reading.
 fn reading(ui: &mut egui::Ui, rect: Rect, model: &mut Model) {
     let Some(reading) = &model.reading else { return };
     let progress = reading.loading.progress();

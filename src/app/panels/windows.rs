@@ -1,15 +1,47 @@
-//! The windows that are opened over the view from the menus and by keys.
+//! Windows over the view, opened from menus and by keys.
 
-use super::comparison::Comparison;
+use super::comparison::{self, Comparison};
 use super::prompt::Prompt;
+use super::{help, probe};
+use crate::app::model::Model;
+use eframe::egui::{self, Key, Modifiers};
 
-/// Each is open or not.
+/// State of the windows.
 #[derive(Default)]
 pub struct Windows {
     pub prompt: Prompt,
     pub comparison: Comparison,
-    /// The list of keys and hands.
+    /// The list of keys is open.
     pub help: bool,
-    /// A field was being typed into when the last frame ended: egui takes the cursor away before it shows Escape.
+    /// A text field had the focus in the last frame: egui removes the focus before it reports Escape.
     pub typing: bool,
+}
+
+impl Windows {
+    /// Closes the topmost window on Escape. Prompts, open lists and text fields take the key themselves.
+    pub fn close_topmost(&mut self, context: &egui::Context, model: &mut Model) {
+        if self.typing || self.prompt.is_open() || egui::Popup::is_any_open(context) {
+            return;
+        }
+        let open = [
+            (probe::TITLE, model.probe.is_some()),
+            (comparison::TITLE, self.comparison.open),
+            (help::TITLE, self.help),
+        ];
+        // A window that has not been painted yet will be on top.
+        let place = |title: &str| {
+            let layer = egui::LayerId::new(egui::Order::Middle, egui::Id::unique(title));
+            context.memory(|m| m.layer_ids().position(|other| other == layer)).unwrap_or(usize::MAX)
+        };
+        let open = open.into_iter().filter_map(|(title, open)| open.then_some(title));
+        let Some(topmost) = open.max_by_key(|title| place(title)) else { return };
+        if !context.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
+            return;
+        }
+        match topmost {
+            help::TITLE => self.help = false,
+            comparison::TITLE => self.comparison.open = false,
+            _ => model.probe = None,
+        }
+    }
 }

@@ -236,7 +236,6 @@ mod tests {
     use crate::phantom::Phantom;
     use crate::scene::Light;
     use crate::transfer::{Quantity, TransferFunction};
-    use crate::volume::Bricks;
 
     fn spaces() -> Vec<LightSpace> {
         let volume = Phantom::Slab.build(24).unwrap();

@@ -1,8 +1,7 @@
-//! Nothing is cut, covered or unreadable, from a window of 640 x 480 points up.
+//! Layout of the window: nothing is cut, covered or unreadable from 640 x 480 points up.
 //!
-//! What is looked at is what egui itself has laid out and painted: the rectangle of every widget against the part of it
-//! that its panel lets through, and every shape in the order it is painted in. One window goes through all states, and in
-//! each through all sizes.
+//! The tests examine what egui has laid out and painted: the rectangle of each widget against its panel's clip rectangle,
+//! and all shapes in painting order. One window goes through all states, and each state through all sizes.
 
 mod texts;
 mod widgets;
@@ -13,8 +12,8 @@ use crate::comparison::little;
 use eframe::egui::{self, Event, Key, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use umbravox::app::{Model, With};
-use umbravox::engine::method_choice::MethodChoice;
+use umbravox::app::{Model, OpenMode};
+use umbravox::engine::MethodChoice;
 use umbravox::measure::error_map::Quantity;
 use umbravox::scene::Light;
 
@@ -54,29 +53,29 @@ impl Bench {
         let root = self.harness.input_mut().viewports.get_mut(&egui::ViewportId::ROOT).unwrap();
         root.native_pixels_per_point = Some(pixels_per_point);
         self.harness.set_size(size);
-        // Panels, wrapped lines and tables take their places a frame after each other.
+        // Panels, wrapped lines and tables settle over several frames.
         self.harness.run_steps(6);
         assert_eq!(self.harness.ctx.content_rect().size(), size);
         assert_eq!(self.harness.ctx.pixels_per_point(), pixels_per_point);
     }
 
-    /// Scrolls a widget into sight, and clicks it.
+    /// Scrolls a widget into view and clicks it.
     fn reach(&mut self, label: &str) {
-        // What is known of a picture once it is whole moves what stands below.
+        // Details of a final picture move the widgets below.
         self.settle();
         self.harness.get_by_label(label).scroll_to_me();
         self.harness.run_steps(3);
         self.click(label);
     }
 
-    /// Looks at what is shown, at every size; text in both themes at the first.
+    /// Checks the current state at every size, and text in both themes at the first.
     fn look(&mut self, state: &str, found: &mut Found) {
         for &(size, pixels_per_point) in &inspected_windows() {
             self.resize(size, pixels_per_point);
             let place = format!("{state}, {} x {} at {pixels_per_point}", size.x, size.y);
             assert!(widgets::count(&self.harness) > 20, "{place}: hardly anything is shown");
             found.at(&place, texts::faults(&self.harness));
-            // The probe stands in the view, where that is large enough.
+            // The probe is in the view, where that is large enough.
             let Model { probe, view, .. } = &self.app().model;
             let view = view.filter(|view| probe.is_some() && view.width() > 500.0 && view.height() > 250.0);
             found.at(&place, widgets::faults(&mut self.harness, view));
@@ -91,11 +90,11 @@ impl Bench {
         }
     }
 
-    /// Opens something else with the same settings as a command line would.
+    /// Opens another command line with the same settings.
     fn open_line(&mut self, line: &[&str]) {
         let settings = scene_args(line).into_settings().unwrap();
         let source = settings.spec().source;
-        self.app().model.open(settings.spec(), With::Settings(Box::new(settings)));
+        self.app().model.open(settings.spec(), OpenMode::Settings(Box::new(settings)));
         self.wait_for("opened", |app| app.model.document.as_ref().is_some_and(|d| d.spec.source == source));
         self.settle();
     }
@@ -125,7 +124,7 @@ fn nothing_is_cut_covered_or_unreadable_around_a_volume() {
     bench.resize(WINDOWS[0].0, 1.0);
     bench.look("plain", &mut found);
 
-    // A point of the curve is chosen, a light is at a point, and there are others.
+    // A selected point, a point light and more lights.
     let document = bench.app().model.document.as_mut().unwrap();
     document.selected = Some(1);
     document.light_mut().light = Light::Point { position: glam::dvec3(-1234.567, 123.456, -98.765) };
@@ -209,7 +208,7 @@ fn nothing_is_cut_covered_or_unreadable_in_windows_over_the_view() {
 
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("a folder with a long name/and one within/comparison");
-    // Where all of the form is in sight, to be clicked.
+    // At a size where the whole form is visible and can be clicked.
     bench.resize(vec2(1920.0, 1080.0), 1.0);
     bench.ask_for_little(&folder, &little(), "1");
     bench.look("comparison", &mut found);
@@ -228,7 +227,7 @@ fn nothing_is_cut_covered_or_unreadable_with_labels_and_strands() {
     let name =
         "a-scan-with-a-long-name-of-someone-who-keeps-the-date-and-the-kernel-in-it-2024-03-17-b70f.nii";
     let file = dir.path().join(name);
-    super::parts::write_labels(&file);
+    super::masks::write_labels(&file);
     let labels = format!("--labels={}", file.display());
     let line = [&["phantom:thorax:32", labels.as_str(), "--label-tf=1=skin"], &CHEAP[..]].concat();
     let Some(mut bench) = Bench::open(&line) else { return };
@@ -254,12 +253,12 @@ fn nothing_is_cut_covered_or_unreadable_with_labels_and_strands() {
 
 /// An elided text has its whole text as a tooltip.
 #[test]
-fn elided_text_is_shown_whole_under_the_pointer() {
+fn elided_text_is_complete_in_its_tooltip() {
     let dir = tempfile::tempdir().unwrap();
     let name =
         "a-scan-with-a-long-name-of-someone-who-keeps-the-date-and-the-kernel-in-it-2024-03-17-b70f.nii";
     let file = dir.path().join(name);
-    super::parts::write_labels(&file);
+    super::masks::write_labels(&file);
     let Some(mut bench) = Bench::open(&[&[file.to_str().unwrap()], &CHEAP[..]].concat()) else { return };
     bench.choose(LONG[0], Some(LONG[1]));
     bench.resize(vec2(640.0, 480.0), 1.0);
@@ -277,11 +276,11 @@ fn elided_text_is_shown_whole_under_the_pointer() {
 
 /// Planted faults are found.
 #[test]
-fn faults_that_are_planted_are_found() {
+fn planted_faults_are_found() {
     let plant = |ui: &mut egui::Ui| {
         egui::Panel::left("left").resizable(false).exact_size(120.0).show(ui, |ui| {
             ui.add(egui::Label::new("too long a line for a panel of its width").extend());
-            // What is out of sight here is reached by scrolling.
+            // Scrolling reaches what is out of view here.
             egui::ScrollArea::vertical().id_salt("outer").show(ui, |ui| {
                 (0..40).for_each(|i| _ = ui.button(format!("button {i}")));
                 egui::ScrollArea::vertical().id_salt("inner").max_height(60.0).show(ui, |ui| {
@@ -305,7 +304,7 @@ fn faults_that_are_planted_are_found() {
         ui.painter().rect_filled(at(200.0, 240.0, 100.0), 0.0, egui::Color32::from_black_alpha(100));
     };
     let mut harness = Harness::builder().with_size(vec2(400.0, 400.0)).build_ui(plant);
-    // Bars beside what scrolls, as in the window.
+    // Scroll bars beside the content, as in the window.
     let bars = egui::style::ScrollStyle::solid();
     harness.ctx.all_styles_mut(|style| style.spacing.scroll = bars);
     harness.run_steps(3);

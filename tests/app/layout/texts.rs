@@ -1,4 +1,4 @@
-//! Text as it is painted: whole, beside other text, and readable on what is painted below it.
+//! Painted text: complete, not overlapping, and readable on its background.
 
 use super::widgets::meanings;
 use eframe::egui::emath::Rot2;
@@ -7,7 +7,7 @@ use eframe::egui::epaint::{ClippedShape, TextShape, TextureId};
 use eframe::egui::{self, Color32, Pos2, Rect, Role, Shape, pos2};
 use egui_kittest::Harness;
 use std::ops::Range;
-use umbravox::app::theme::{LEAST_CONTRAST, contrast, over};
+use umbravox::app::theme::{MIN_CONTRAST, contrast, over};
 
 /// Letters reach a little over their lines, and pixels are rounded to, points.
 const SLACK: f32 = 1.5;
@@ -19,7 +19,7 @@ struct Painted {
 
 /// A line of text.
 struct Text<'a> {
-    /// Its place among all shapes.
+    /// Index among all shapes.
     order: usize,
     clip: Rect,
     shape: &'a TextShape,
@@ -43,7 +43,7 @@ impl Painted {
         Self { shapes }
     }
 
-    /// Lines of text of which something is to be seen.
+    /// Visible lines of text.
     fn texts(&self) -> impl Iterator<Item = Text<'_>> {
         self.shapes.iter().enumerate().flat_map(|(order, (clip, shape))| {
             let shape = if let Shape::Text(shape) = shape { Some(shape) } else { None };
@@ -53,7 +53,7 @@ impl Painted {
                 let turn = Rot2::from_angle(shape.angle);
                 let rect = row.row.visuals.mesh_bounds.translate(row.pos.to_vec2()).rotate_bb(turn);
                 let rect = rect.translate(shape.pos.to_vec2());
-                // What has no letters has no place either.
+                // Text without letters has no rectangle.
                 let is_seen =
                     rect.is_finite() && rect.intersect(*clip).is_positive() && shape.opacity_factor > 0.0;
                 is_seen.then_some(Text { order, clip: *clip, shape, row, rect })
@@ -61,7 +61,7 @@ impl Painted {
         })
     }
 
-    /// Whether something of at least this alpha is painted over a place by these shapes.
+    /// Whether a shape of at least this alpha covers a position.
     fn hides(&self, orders: Range<usize>, at: Pos2, alpha: u8) -> bool {
         self.shapes[orders].iter().any(|(clip, shape)| match shape {
             Shape::Rect(r) => {
@@ -128,7 +128,7 @@ impl Text<'_> {
         &self.shape.galley.job.text
     }
 
-    /// Some letters with their middles.
+    /// Some letters with their centres.
     fn letters(&self) -> Vec<(Pos2, Color32)> {
         let visuals = &self.row.row.visuals;
         let corners = &visuals.mesh.vertices[visuals.glyph_vertex_range.clone()];
@@ -216,7 +216,7 @@ pub fn unreadable<S>(harness: &Harness<'_, S>, view: Option<Rect>) -> Vec<String
     for text in painted.texts() {
         let mut worst: Option<(f64, Color32, Color32)> = None;
         for (at, color) in text.letters() {
-            // What lies under a window or a veil is not what is read now.
+            // Text under a window or an overlay is not read.
             if !text.clip.contains(at) || painted.hides(text.order + 1..painted.shapes.len(), at, 1) {
                 continue;
             }
@@ -228,7 +228,7 @@ pub fn unreadable<S>(harness: &Harness<'_, S>, view: Option<Rect>) -> Vec<String
                 }
             }
         }
-        if let Some((seen, color, back)) = worst.filter(|(seen, ..)| *seen < LEAST_CONTRAST) {
+        if let Some((seen, color, back)) = worst.filter(|(seen, ..)| *seen < MIN_CONTRAST) {
             faults.push(format!(
                 "`{}` {}: contrast {seen:.2}, {color:?} on {back:?}",
                 text.words(),

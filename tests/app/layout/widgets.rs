@@ -1,4 +1,4 @@
-//! Widgets that are cut at the edges of what holds them and cannot be scrolled into sight, and such as lie over others.
+//! Widgets that are cut by their container and cannot be scrolled into view, and overlapping widgets.
 
 use eframe::egui::accesskit::{Action, ActionRequest, NodeId, TreeId};
 use eframe::egui::{
@@ -11,7 +11,7 @@ use std::collections::HashMap;
 
 /// Rounding to pixels, points.
 const SLACK: f32 = 1.0;
-/// How far the edges of a window reach into it, points.
+/// Margin of a window, points.
 const BORDER: f32 = 10.0;
 /// Pictures and canvases, which other things lie on.
 const GROUNDS: [&str; 5] = ["3-D view", "slice 1", "slice 2", "slice 3", "opacity curve"];
@@ -29,7 +29,7 @@ struct Widget {
 }
 
 impl Widget {
-    /// Whether all of it is seen.
+    /// Whether it is fully visible.
     fn is_whole(&self) -> bool {
         self.seen.is_positive() && self.seen.expand(SLACK).contains_rect(self.rect)
     }
@@ -77,7 +77,7 @@ fn widgets<S>(harness: &Harness<'_, S>) -> Vec<Widget> {
     })
 }
 
-/// How many are shown.
+/// Number of visible widgets.
 pub fn count<S>(harness: &Harness<'_, S>) -> usize {
     widgets(harness).len()
 }
@@ -106,7 +106,7 @@ fn cut<S>(harness: &mut Harness<'_, S>) -> Vec<String> {
             data: None,
         }));
         harness.run_steps(3);
-        // The innermost area alone hears of it; where that one is cut itself, a hand turns the wheel beside it.
+        // Only the innermost scroll area takes the wheel; where that is cut, the wheel is used beside it.
         for _ in 0..12 {
             let Some(still) = find(harness).remove(&widget.id) else { break };
             turn_the_wheel(harness, &still);
@@ -115,7 +115,7 @@ fn cut<S>(harness: &mut Harness<'_, S>) -> Vec<String> {
         if let Some(still) = now.get(&widget.id) {
             faults.push(format!("cut: {:?} `{}` {} seen {}", still.role, still.name, still.rect, still.seen));
         }
-        // What came into sight with it needs no scrolling of its own.
+        // Widgets that came into view with it need no scrolling.
         waiting.retain(|id, _| now.contains_key(id));
     }
     faults
@@ -155,7 +155,7 @@ fn overlaps<S>(harness: &Harness<'_, S>) -> Vec<String> {
     let takes = |w: &&Widget| w.sense.interactive() && w.seen.is_positive();
     let all = widgets(harness);
     let ground = |w: &Widget| GROUNDS.contains(&w.name.as_str());
-    // Points of the curve may be anywhere, and the nearest takes the hand: tests/app/panels.rs.
+    // Points of the curve may overlap; tests/app/panels.rs tests which one is taken.
     let point = |w: &Widget| w.name.starts_with("point ");
     let takers: Vec<&Widget> = all.iter().filter(takes).filter(|w| !ground(w)).collect();
     let mut faults = Vec::new();

@@ -145,7 +145,7 @@ fn a_map_that_follows_the_view_is_built_for_each() {
     let above = ["--light=dir:0,0,1", "--light-sweep=2", "-o", "a.npy"];
     let run = umbravox(dir.path(), &[&SCENE[..], &above].concat());
     let said = String::from_utf8(run.stderr).unwrap();
-    assert!(run.status.success() && said.contains("note: every light is on the axis"), "{said}");
+    assert!(run.status.success() && said.contains("note: every light lies on the rotation axis"), "{said}");
     // Where nothing is lit by any light nothing is built.
     let lit = ["--ambient=1", "--turntable=3", "-o", "lit.npy"];
     let json = render(dir.path(), &lit);

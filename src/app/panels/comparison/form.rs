@@ -1,40 +1,33 @@
-//! What to compare: methods, how much to measure, the picture's size and the folder.
+//! Settings of a comparison: methods, effort, picture size and folder.
 
-use crate::app::panels::parts::complaint;
-use crate::app::panels::prompt::dialog::{Answer, Dialog};
+use crate::app::panels::browse::Browse;
+use crate::app::panels::widgets::error_label;
 use crate::error::{Error, Result};
 use crate::files::output::check_output_dir;
 use crate::measure::job::Effort;
 use crate::shadow::{COMPARED, Entry, METHODS, Method, parse_list};
 use eframe::egui;
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-/// Of the column of names, with the space beside it, points.
-const NAMES_WIDTH: f32 = 140.0;
+/// Width of the labels, points.
+const LABEL_WIDTH: f32 = 140.0;
 
-/// A family of the registry with its settings as text.
-pub struct Family {
+/// Method of the registry with its settings as `--methods` takes them.
+pub struct MethodRows {
     entry: &'static Entry,
-    pub wanted: bool,
-    /// As `--methods` takes it.
+    pub selected: bool,
     pub spec: String,
 }
 
-impl Family {
-    /// As `compare` has it by default; a family that it leaves out is not wanted.
-    fn of(entry: &'static Entry) -> Self {
-        let of_family = |spec: &&str| spec.split(':').next().is_some_and(|name| name.trim() == entry.name);
-        let rows = COMPARED.as_str();
-        let default = rows.split(';').find(of_family);
-        Self { entry, wanted: default.is_some(), spec: default.unwrap_or(entry.name).trim().to_owned() }
+impl MethodRows {
+    /// Default rows of `compare`; a method without any is not selected.
+    fn new(entry: &'static Entry) -> Self {
+        let is_entry = |spec: &&str| spec.split(':').next().is_some_and(|name| name.trim() == entry.name);
+        let default = COMPARED.split(';').find(is_entry);
+        Self { entry, selected: default.is_some(), spec: default.unwrap_or(entry.name).trim().to_owned() }
     }
 
-    /// A row each.
-    ///
-    /// # Errors
-    /// As [`parse_list`], or another family's settings.
-    pub fn methods(&self) -> Result<Vec<Box<dyn Method>>> {
+    fn methods(&self) -> Result<Vec<Box<dyn Method>>> {
         let methods = parse_list(&self.spec)?;
         match methods.iter().find(|m| m.name() != self.entry.name) {
             Some(other) => {
@@ -46,54 +39,52 @@ impl Family {
     }
 }
 
-/// What is asked for.
+/// Settings of a comparison.
 pub struct Form {
-    pub families: Vec<Family>,
+    pub families: Vec<MethodRows>,
     pub effort: Effort,
-    /// Pixels, width and height.
+    /// Width and height, pixels.
     pub size: [u32; 2],
     pub folder: String,
-    /// Go on with what the folder holds.
+    /// Resume from the folder's journal.
     pub resume: bool,
-    /// What is wrong with the folder, as of the last start or choice.
     pub folder_error: Option<Error>,
-    /// The system's dialog, while it is open.
-    dialog: Option<Dialog>,
+    browse: Browse,
 }
 
 impl Default for Form {
     fn default() -> Self {
         Self {
-            families: METHODS.iter().map(|entry| Family::of(entry)).collect(),
+            families: METHODS.iter().map(|entry| MethodRows::new(entry)).collect(),
             effort: Effort::default(),
             size: [512, 512],
             folder: "comparison".into(),
             resume: true,
             folder_error: None,
-            dialog: None,
+            browse: Browse::default(),
         }
     }
 }
 
 impl Form {
-    /// The methods that are wanted, a row each.
+    /// Selected methods, one per row of the table.
     ///
     /// # Errors
-    /// A family whose text is none, or no method at all.
+    /// Invalid settings, or no method.
     pub fn methods(&self) -> Result<Vec<Box<dyn Method>>> {
-        let wanted = self.families.iter().filter(|f| f.wanted);
-        let methods = wanted.map(Family::methods).collect::<Result<Vec<_>>>()?.into_iter().flatten();
-        let methods: Vec<_> = methods.collect();
-        if methods.is_empty() {
-            return Err(Error::input("nothing to compare", "methods", "none is chosen"));
+        let selected = self.families.iter().filter(|f| f.selected);
+        let methods = selected.map(MethodRows::methods).collect::<Result<Vec<_>>>()?;
+        let methods: Vec<_> = methods.into_iter().flatten().collect();
+        match methods.is_empty() {
+            true => Err(Error::input("nothing to compare", "methods", "none is chosen")),
+            false => Ok(methods),
         }
-        Ok(methods)
     }
 
-    /// The folder.
+    /// Output folder.
     ///
     /// # Errors
-    /// None is named, or a file has its name.
+    /// No name, or the name of a file.
     pub fn folder(&self) -> Result<PathBuf> {
         let folder = self.folder.trim();
         if folder.is_empty() {
@@ -103,119 +94,100 @@ impl Form {
         Ok(folder.into())
     }
 
-    /// The fields; `view_size` is that of the view, in pixels.
+    /// Shows the fields; `view_size` is the size of the view, pixels.
     pub fn show(&mut self, ui: &mut egui::Ui, view_size: Option<[u32; 2]>) {
-        self.take_dialog();
-        // What the names beside them leave.
-        let field = (ui.available_width() - NAMES_WIDTH).clamp(120.0, 430.0);
+        let field = (ui.available_width() - LABEL_WIDTH).clamp(120.0, 430.0);
         egui::Grid::new("families").num_columns(2).show(ui, |ui| {
             for family in &mut self.families {
-                let name = family.entry.name;
-                ui.checkbox(&mut family.wanted, name)
-                    .on_hover_text(family.entry.summary)
+                let Entry { name, summary, keys, .. } = family.entry;
+                ui.checkbox(&mut family.selected, *name)
+                    .on_hover_text(*summary)
                     .accessible_name(format!("compare {name}"));
+                let help = keys
+                    .iter()
+                    .map(|k| format!("\n{}={} [default: {}] {}", k.name, k.values(), k.default, k.help));
                 let edit = egui::TextEdit::singleline(&mut family.spec).desired_width(field);
-                ui.add_enabled(family.wanted, edit)
-                    .on_hover_text(settings_text(family.entry))
+                ui.add_enabled(family.selected, edit)
+                    .on_hover_text(format!("{summary}{}", help.collect::<String>()))
                     .accessible_name(format!("settings of {name}"));
                 ui.end_row();
-                if let Some(e) = family.wanted.then(|| family.methods().err()).flatten() {
+                if let Some(e) = family.selected.then(|| family.methods().err()).flatten() {
                     ui.label("");
-                    complaint(ui, &e);
+                    error_label(ui, &e);
                     ui.end_row();
                 }
             }
         });
-        ui.weak("A value without `=` is one more for the key before it; every combination is a row.");
+        ui.weak("A value without `=` is another value of the key before it; every combination is a row.");
         ui.add_space(4.0);
         egui::Grid::new("effort").num_columns(2).show(ui, |ui| {
-            ui.label("Times");
-            ui.horizontal(|ui| {
-                let effort = &mut self.effort;
-                count(ui, &mut effort.repeats, Effort::REPEATS, "repeats", "Timed runs of each method");
-            });
-            ui.end_row();
-            ui.label("Errors").on_hover_text("Of transmittance, against the exact one");
-            ui.horizontal(|ui| {
-                let effort = &mut self.effort;
-                count(ui, &mut effort.points, Effort::POINTS, "points", "Points that the camera sees");
-                count(ui, &mut effort.rays, Effort::RAYS, "light rays", "Rays through texel centres");
-                count(ui, &mut effort.depths, Effort::DEPTHS, "depths", "Depths on each light ray");
-            });
-            ui.end_row();
+            let Effort { repeats, points, rays, depths, .. } = &mut self.effort;
+            let mut numbers = |label: &str, fields: Vec<(&mut usize, _, &str, &str)>| {
+                ui.label(label);
+                ui.horizontal(|ui| {
+                    for (value, range, name, tooltip) in fields {
+                        let range: std::ops::RangeInclusive<i64> = range;
+                        let drag = egui::DragValue::new(value);
+                        let drag = drag.range(*range.start() as usize..=*range.end() as usize);
+                        ui.add(drag).on_hover_text(tooltip).accessible_name(format!("table {name}"));
+                        ui.weak(name);
+                    }
+                });
+                ui.end_row();
+            };
+            numbers("Times", vec![(repeats, Effort::REPEATS, "repeats", "Timed runs of each method")]);
+            numbers(
+                "Errors",
+                vec![
+                    (points, Effort::POINTS, "points", "Points visible to the camera"),
+                    (rays, Effort::RAYS, "light rays", "Rays through texel centres"),
+                    (depths, Effort::DEPTHS, "depths", "Depths on each light ray"),
+                ],
+            );
             ui.label("Picture").on_hover_text("Pixels");
             ui.horizontal(|ui| {
                 for (side, name) in self.size.iter_mut().zip(["table width", "table height"]) {
                     ui.add(egui::DragValue::new(side).range(1..=8192)).accessible_name(name);
                 }
-                if ui.small_button("512 x 512").clicked() {
-                    self.size = [512, 512];
-                }
-                if let Some(size) = view_size
-                    && ui.small_button("as the view").clicked()
-                {
-                    self.size = size;
+                for (text, size) in [("512 x 512", Some([512, 512])), ("as the view", view_size)] {
+                    if ui.add_enabled(size.is_some(), egui::Button::new(text).small()).clicked() {
+                        self.size = size.unwrap_or(self.size);
+                    }
                 }
             });
             ui.end_row();
             ui.label("Folder").on_hover_text("For tables, plots, pictures and the report");
-            ui.horizontal(|ui| {
-                let edit = egui::TextEdit::singleline(&mut self.folder).desired_width((field - 70.0).min(360.0));
-                if ui.add(edit).accessible_name("table folder").changed() {
-                    self.folder_error = None;
-                }
-                if ui.add_enabled(self.dialog.is_none(), egui::Button::new("Browse…")).clicked() {
-                    let title = "Folder for the comparison";
-                    self.dialog = Dialog::of_folder(title, Path::new(self.folder.trim()), ui.ctx());
-                    self.folder_error = self.dialog.is_none().then(no_dialog);
-                }
-            });
+            ui.horizontal(|ui| self.folder_field(ui, (field - 70.0).min(360.0)));
             ui.end_row();
             if let Some(e) = &self.folder_error {
                 ui.label("");
-                complaint(ui, e);
+                error_label(ui, e);
                 ui.end_row();
             }
             ui.label("");
-            ui.checkbox(&mut self.resume, "Go on with what the folder holds").on_hover_text(
-                "Rows and timed rounds of the same program, adapter, volume, transfer function, scene and settings are \
-                 not measured again, and a folder of another scene is refused; otherwise the table is started anew and \
-                 the files of the one that the folder holds are removed",
+            ui.checkbox(&mut self.resume, "Resume").on_hover_text(
+                "Reuse rows and timed rounds in the folder that have the same program, adapter, volume, transfer \
+                 function, scene and settings. Otherwise the table starts again and its old files are removed",
             );
             ui.end_row();
         });
     }
 
-    fn take_dialog(&mut self) {
-        let Some(answer) = self.dialog.as_ref().and_then(Dialog::answer) else { return };
-        self.dialog = None;
-        match answer {
-            Answer::Chosen(path) => {
-                self.folder = path.display().to_string();
-                self.folder_error = None;
-            }
-            Answer::Cancelled => {}
-            Answer::NoDialog => self.folder_error = Some(no_dialog()),
+    fn folder_field(&mut self, ui: &mut egui::Ui, width: f32) {
+        let edit = egui::TextEdit::singleline(&mut self.folder).desired_width(width);
+        if ui.add(edit).accessible_name("table folder").changed() {
+            self.folder_error = None;
+        }
+        let dialog = || rfd::FileDialog::new().set_title("Folder for the comparison");
+        let path = PathBuf::from(self.folder.trim());
+        if let Some(folder) = self.browse.show(ui, &path, dialog, |d| d.pick_folder()) {
+            (self.folder, self.folder_error) = (folder, None);
+        }
+        if std::mem::take(&mut self.browse.is_unavailable) {
+            let why = "the system shows none; type the folder's name";
+            self.folder_error = Some(Error::runtime("cannot choose a folder", "file dialog", why));
         }
     }
-}
-
-fn no_dialog() -> Error {
-    Error::runtime("cannot choose a folder", "file dialog", "the system shows none; type the folder's name")
-}
-
-fn count(ui: &mut egui::Ui, value: &mut usize, range: RangeInclusive<i64>, name: &str, tooltip: &str) {
-    let drag = egui::DragValue::new(value).range(*range.start() as usize..=*range.end() as usize);
-    ui.add(drag).on_hover_text(tooltip).accessible_name(format!("table {name}"));
-    ui.weak(name);
-}
-
-/// A family's keys, a line each.
-fn settings_text(entry: &Entry) -> String {
-    let keys =
-        entry.keys.iter().map(|k| format!("{}={} [default: {}] {}", k.name, k.values(), k.default, k.help));
-    let keys = keys.collect::<Vec<_>>().join("\n");
-    if keys.is_empty() { format!("{}: {}", entry.name, entry.summary) } else { keys }
 }
 
 #[cfg(test)]
@@ -223,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_form_starts_with_what_compare_measures() {
+    fn the_form_starts_with_the_default_comparison() {
         let form = Form::default();
         let names =
             |methods: Vec<Box<dyn Method>>| methods.iter().map(|m| format!("{m:?}")).collect::<Vec<_>>();
@@ -232,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_of_other_families_and_bad_ones_are_refused() {
+    fn invalid_settings_and_those_of_other_methods_are_refused() {
         let mut form = Form::default();
         for (spec, why) in
             [("dsm", "`osm` belong here"), ("osm:layers=0", "layers"), ("osm:colour=1", "there is")]
@@ -242,7 +214,7 @@ mod tests {
             let e = form.methods().err().unwrap();
             assert!(e.to_string().contains(why), "{spec}: {e}");
         }
-        form.families.iter_mut().for_each(|f| f.wanted = false);
+        form.families.iter_mut().for_each(|f| f.selected = false);
         assert!(form.methods().err().unwrap().why.contains("none is chosen"));
     }
 }

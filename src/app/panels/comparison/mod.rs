@@ -1,14 +1,12 @@
-//! `File > Compare methods…`: the error-against-time table of what the view shows, made beside the window.
+//! `File > Compare methods…`: the table of `umbravox compare` for the current document, made in the background.
 //!
-//! The table is that of `umbravox compare` on the volume, transfer function and scene as they were when it was started;
-//! what is done to them afterwards does not reach it.
+//! Volume, transfer function and scene are copied at the start; later edits do not change the table.
 
 mod form;
-pub mod report;
 mod results;
 mod task;
 
-use super::parts::complaint;
+use super::widgets::error_label;
 use crate::app::model::Model;
 use crate::error::{Error, Result};
 use crate::measure::journal::JOURNAL;
@@ -18,71 +16,76 @@ use crate::open::SceneSettings;
 use crate::scene::Scene;
 use eframe::egui;
 use form::Form;
-use report::Report;
 use results::{Picked, Results};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
-use task::{Finished, News, REMARK, Request, Task};
+use task::{ComparisonTask, CurrentStep, FinishedTable, REMARK, TableRequest, Update};
 
-/// Of the window.
+/// Title of the window.
 pub const TITLE: &str = "Comparison";
 
-/// How often the window looks how far the table is. Each look is a frame of the interface, which takes time from methods
-/// that are being timed.
-const LOOK: Duration = Duration::from_millis(300);
-const LOOK_WHILE_TIMING: Duration = Duration::from_millis(1000);
+/// Interval between two looks at the progress. Each is a frame of the interface, which disturbs the timing.
+const REFRESH: Duration = Duration::from_millis(300);
+const REFRESH_WHILE_TIMING: Duration = Duration::from_millis(1000);
 
-/// What is being done now.
-struct Now {
-    stage: StepKind,
-    what: String,
-    share: f32,
-    left_s: Option<f64>,
-}
+/// Opens a file in another program.
+pub type Opener = fn(&Path) -> std::io::Result<()>;
 
-/// The comparison window and what runs behind it.
-#[derive(Default)]
+/// Window of the comparison and its background task.
 pub struct Comparison {
     pub open: bool,
     form: Form,
-    /// Fold the form away, once: rows need its place.
-    fold: bool,
-    running: Option<(Task, Option<Now>)>,
-    /// How the last one ended.
-    outcome: Option<Result<Box<Finished>>>,
+    /// Collapse the form in the next frame, to make space for rows.
+    collapse: bool,
+    running: Option<(ComparisonTask, Option<CurrentStep>)>,
+    outcome: Option<Result<Box<FinishedTable>>>,
     results: Results,
-    pub report: Report,
+    /// Opener of the report: the system's, except in tests.
+    pub opener: Opener,
+    open_error: Option<Error>,
+}
+
+impl Default for Comparison {
+    fn default() -> Self {
+        Self {
+            open: false,
+            form: Form::default(),
+            collapse: false,
+            running: None,
+            outcome: None,
+            results: Results::default(),
+            opener: |path| open::that_detached(path),
+            open_error: None,
+        }
+    }
 }
 
 impl Comparison {
-    /// Share that is done of the one that runs.
+    /// Fraction that is done; `None` while nothing runs.
     pub fn share(&self) -> Option<f32> {
-        self.running.as_ref().map(|(_, now)| now.as_ref().map_or(0.0, |now| now.share))
+        self.running.as_ref().map(|(_, step)| step.as_ref().map_or(0.0, |step| step.share))
     }
 
-    /// The rows that are shown, in the table's order.
+    /// Rows in the table's order.
     pub fn rows(&self) -> Vec<Row> {
         self.results.rows().cloned().collect()
     }
 
-    /// How the last comparison ended; `None` while one runs, or before the first.
+    /// Result of the last comparison; `None` while one runs, or before the first.
     pub fn outcome(&self) -> Option<Result<(), &Error>> {
         self.outcome.as_ref().map(|outcome| outcome.as_ref().map(|_| ()))
     }
 
-    /// Starts what the form says on what is shown.
     fn start(&mut self, model: &Model) {
-        let Some(document) = &model.document else { return };
-        let (methods, folder) = match (self.form.methods(), self.form.folder()) {
-            (Ok(methods), Ok(folder)) => (methods, folder),
-            (_, Err(e)) => return self.form.folder_error = Some(e),
-            // Said beside its field.
-            (Err(_), _) => return,
+        let (Some(document), Ok(methods)) = (&model.document, self.form.methods()) else { return };
+        let folder = match self.form.folder() {
+            Ok(folder) => folder,
+            Err(e) => return self.form.folder_error = Some(e),
         };
-        self.form.folder_error = None;
         let [width, height] = self.form.size;
         let scene = Scene { width, height, ..document.scene.clone() };
-        let wanted = Request {
+        let request = TableRequest {
             settings: SceneSettings {
                 parts: document.part_flags(),
                 ..SceneSettings::of_scene(&document.spec, &scene, document.transparent)
@@ -97,49 +100,42 @@ impl Comparison {
             folder,
             resume: self.form.resume,
         };
-        self.results.clear();
-        self.report.clear();
-        self.outcome = None;
-        match Task::start(wanted, Arc::clone(&model.wake)) {
-            Ok(task) => {
-                self.running = Some((task, None));
-                self.fold = true;
-            }
+        self.results.replace(Vec::new());
+        (self.form.folder_error, self.open_error, self.outcome) = (None, None, None);
+        match ComparisonTask::start(request, Arc::clone(&model.wake)) {
+            Ok(task) => (self.running, self.collapse) = (Some((task, None)), true),
             Err(e) => self.outcome = Some(Err(e)),
         }
     }
 
-    /// Takes what the comparison's thread has said, and looks again soon.
-    pub fn take_news(&mut self, model: &mut Model, context: &egui::Context) {
-        let Some((task, now)) = &mut self.running else { return };
+    /// Takes the task's messages.
+    pub fn take_updates(&mut self, model: &mut Model, context: &egui::Context) {
+        let Some((task, step)) = &mut self.running else { return };
         let (mut ended, rows) = (None, self.results.rows().len());
-        for news in task.news() {
-            match news {
-                News::Starts { stage, what, share, left_s } => {
-                    *now = Some(Now { stage, what, share, left_s })
-                }
-                News::Row { place, row } => self.results.put(place, *row),
-                News::Ended(outcome) => ended = Some(outcome),
+        for update in task.updates() {
+            match update {
+                Update::Step(current) => *step = Some(current),
+                Update::Row(place, row) => self.results.put(place, *row),
+                Update::Ended(outcome) => ended = Some(outcome),
             }
         }
-        let timing = now.as_ref().is_some_and(|now| now.stage == StepKind::Run);
-        context.request_repaint_after(if timing { LOOK_WHILE_TIMING } else { LOOK });
+        let timing = step.as_ref().is_some_and(|step| step.kind == StepKind::Run);
+        context.request_repaint_after(if timing { REFRESH_WHILE_TIMING } else { REFRESH });
         if self.results.rows().len() > rows {
-            // The table takes its new height a frame later.
+            // The table takes its new height one frame later.
             context.request_repaint();
         }
         let Some(outcome) = ended else { return };
         self.running = None;
         if let Ok(finished) = &outcome {
-            self.results.finish(finished.rows.clone());
+            self.results.replace(finished.rows.clone());
         }
         if !self.open {
-            let said = match &outcome {
+            model.note(match &outcome {
                 Ok(_) => "The comparison is done (T shows it)".to_owned(),
                 Err(e) if e.is_cancelled() => "The comparison was cancelled".to_owned(),
                 Err(e) => e.to_string(),
-            };
-            model.note(said);
+            });
         }
         self.outcome = Some(outcome);
     }
@@ -156,7 +152,7 @@ impl Comparison {
             .id(egui::Id::unique(TITLE))
             .open(&mut open)
             .default_pos(view.left_top() + egui::vec2(16.0, 16.0))
-            // All columns, where the view has room for them.
+            // Wide enough for all columns where possible.
             .default_size(egui::vec2((view.width() - 40.0).clamp(760.0, 1040.0), 660.0).min(most))
             .max_size(most)
             .vscroll(true)
@@ -165,67 +161,60 @@ impl Comparison {
     }
 
     fn contents(&mut self, ui: &mut egui::Ui, model: &mut Model) {
-        let running = self.running.is_some();
+        let is_idle = self.running.is_none();
         let view_size = model.document.as_ref().map(|d| [d.scene.width, d.scene.height]);
         let title = egui::RichText::new("What to compare").strong();
-        let fold = std::mem::take(&mut self.fold).then_some(false);
-        egui::CollapsingHeader::new(title).default_open(true).open(fold).show(ui, |ui| {
-            ui.add_enabled_ui(!running, |ui| self.form.show(ui, view_size));
+        let collapse = std::mem::take(&mut self.collapse).then_some(false);
+        egui::CollapsingHeader::new(title).default_open(true).open(collapse).show(ui, |ui| {
+            ui.add_enabled_ui(is_idle, |ui| self.form.show(ui, view_size));
         });
         ui.add_space(4.0);
         ui.horizontal_wrapped(|ui| self.buttons(ui, model));
-        ui.weak(
-            "The window draws with the same processor: left alone, it disturbs the times least. Every row says in its \
-             note that it was open.",
-        );
+        ui.weak("The window draws with the same processor: leave it alone for the best timing.");
         self.show_outcome(ui);
         if self.results.rows().len() == 0 {
             return;
         }
         ui.separator();
-        let current = model.document.as_ref().map(|d| d.method.clone());
-        let picked = self.results.show(ui, current.as_ref());
-        if let (Some(Picked { choice, shift }), Some(document)) = (picked, &mut model.document) {
-            if shift {
+        let Some(document) = &mut model.document else { return };
+        match self.results.show(ui, Some(&document.method)) {
+            Some(Picked { choice, shift: false }) => document.method = choice,
+            Some(Picked { choice, shift: true }) => {
                 document.other = choice;
                 model.split.share.get_or_insert(0.5);
-            } else {
-                document.method = choice;
             }
+            None => {}
         }
     }
 
-    /// Start, or how far it is, and Cancel.
+    /// Shows Start, or the progress and Cancel.
     fn buttons(&mut self, ui: &mut egui::Ui, model: &Model) {
-        if let Some((task, now)) = &self.running {
+        if let Some((task, step)) = &self.running {
             let cancel = ui.add_enabled(!task.is_cancelled(), egui::Button::new("Cancel comparison"));
-            if cancel
-                .on_hover_text("Ends with the step that is being done; what is measured is kept")
-                .clicked()
-            {
+            if cancel.on_hover_text("Ends after the current step; measured rows stay").clicked() {
                 task.cancel();
             }
-            let (share, what) = match now {
-                _ if task.is_cancelled() => (now.as_ref().map_or(0.0, |n| n.share), "ending …".to_owned()),
-                Some(now) => {
-                    let left = now.left_s.map_or(String::new(), |s| format!(", about {} left", spoken(s)));
-                    (now.share, format!("{}{left}", now.what))
+            let what = match step {
+                _ if task.is_cancelled() => "cancelling …".to_owned(),
+                Some(CurrentStep { what, left_s: Some(s), .. }) => {
+                    format!("{what}, about {} left", spoken(*s))
                 }
-                None => (0.0, "opening the device".to_owned()),
+                Some(step) => step.what.clone(),
+                None => "opening the device".to_owned(),
             };
-            let bar = egui::ProgressBar::new(share).desired_width(160.0).show_percentage();
-            ui.add(bar).accessible_name("comparison progress");
+            let bar = egui::ProgressBar::new(self.share().unwrap_or(0.0));
+            ui.add(bar.desired_width(160.0).show_percentage()).accessible_name("comparison progress");
             ui.label(what);
             return;
         }
-        let ready = model.document.is_some() && self.form.methods().is_ok();
-        let start = ui.add_enabled(ready, egui::Button::new("Start"));
-        if start.on_hover_text("Measures what the view shows now, on a device of its own").clicked() {
+        let methods = self.form.methods();
+        let start = ui.add_enabled(model.document.is_some() && methods.is_ok(), egui::Button::new("Start"));
+        if start.on_hover_text("Compares methods on the current document, on a separate device").clicked() {
             self.start(model);
         }
-        match self.form.methods() {
+        match methods {
             Ok(methods) => _ = ui.weak(format!("{} rows", methods.len())),
-            Err(e) => complaint(ui, &e),
+            Err(e) => error_label(ui, &e),
         }
     }
 
@@ -233,22 +222,35 @@ impl Comparison {
         match &self.outcome {
             None => {}
             Some(Ok(finished)) => {
-                self.report.show(ui, &finished.files.report);
-                let others = finished.notes.iter().filter(|note| *note != REMARK);
-                others.for_each(|note| _ = ui.weak(note));
+                let path = &finished.files.report;
+                let text = path.display().to_string();
+                ui.horizontal_wrapped(|ui| {
+                    let button =
+                        ui.button("Open report").on_hover_text("Table, plots and pictures in one page");
+                    if button.clicked() {
+                        let failed = |e| Error::runtime("cannot open the report", path.display(), e);
+                        self.open_error = (self.opener)(path).err().map(failed);
+                    }
+                    if ui.button("Copy path").clicked() {
+                        ui.ctx().copy_text(text.clone());
+                    }
+                });
+                ui.add(egui::Label::new(egui::RichText::new(text).monospace()).wrap());
+                if let Some(e) = &self.open_error {
+                    ui.colored_label(ui.visuals().error_fg_color, e.to_string());
+                }
+                finished.notes.iter().filter(|note| *note != REMARK).for_each(|note| _ = ui.weak(note));
             }
             Some(Err(e)) if e.is_cancelled() => {
-                let kept = self.results.rows().filter(|row| !row.has_failed()).count();
+                let rows = self.results.rows().filter(|row| !row.has_failed()).count();
                 ui.label(format!(
-                    "Cancelled at {}. {kept} rows are kept in {JOURNAL}, to go on with what the folder holds.",
+                    "Cancelled at {}. {rows} rows are in {JOURNAL}; Resume reuses them.",
                     e.place
                 ));
             }
             Some(Err(e)) => {
                 ui.colored_label(ui.visuals().error_fg_color, e.to_string());
-                if let Some(hint) = &e.hint {
-                    ui.weak(hint);
-                }
+                e.hint.iter().for_each(|hint| _ = ui.weak(hint));
             }
         }
     }

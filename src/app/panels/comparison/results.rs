@@ -1,160 +1,145 @@
-//! The table's rows in the window.
+//! Sortable table of a comparison's rows.
 
-use crate::engine::method_choice::MethodChoice;
-use crate::measure::table::Row;
+use crate::engine::MethodChoice;
+use crate::measure::table::{COLUMNS, Row};
 use crate::measure::timing::clock_name;
 use crate::report::number::significant;
-use eframe::egui;
+use eframe::egui::{self, RichText};
 use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;
 
-/// A longer table is scrolled within, points.
+/// Columns of `compare.csv` that the window shows.
+const SHOWN: [&str; 13] = [
+    "method",
+    "params",
+    "map",
+    "point_err_rms",
+    "point_err_max",
+    "ray_err_max",
+    "bytes",
+    "build_ms",
+    "frame_ms",
+    "fps_moving",
+    "image_psnr",
+    "bound_held",
+    "pareto",
+];
+/// Height above which the table scrolls, points.
 const TABLE_HEIGHT: f32 = 380.0;
-/// Of the sign of a sorted column, with the space before it, points.
+/// Width of the arrow in a heading, points.
 const ARROW_WIDTH: f32 = 12.0;
 
-/// A column's cells, which sort as what they are.
-enum Cells {
-    Text(fn(&Row) -> String),
-    Number(fn(&Row) -> Option<f64>),
-    Flag(fn(&Row) -> Option<bool>),
+/// Value of a cell.
+#[derive(Debug, Clone, PartialEq)]
+enum Value {
+    Empty,
+    Text(String),
+    Number(f64),
 }
 
-struct Column {
-    heading: &'static str,
-    tooltip: &'static str,
-    cells: Cells,
-}
-
-const fn column(heading: &'static str, tooltip: &'static str, cells: Cells) -> Column {
-    Column { heading, tooltip, cells }
-}
-
-const COLUMNS: &[Column] = &[
-    column("method", "Method", Cells::Text(|r| r.method.clone())),
-    column("settings", "What differs from the method's defaults", Cells::Text(|r| r.params.clone())),
-    column("map", "Texels a side of the shadow map", Cells::Number(|r| r.map.map(f64::from))),
-    column(
-        "error rms",
-        "Of transmittance at the points that the camera sees, root mean square",
-        Cells::Number(|r| r.point_err_rms),
-    ),
-    column("error max", "The same, the largest", Cells::Number(|r| r.point_err_max)),
-    column(
-        "ray error max",
-        "Of transmittance along light rays, the largest",
-        Cells::Number(|r| r.ray_err_max),
-    ),
-    column(
-        "MiB",
-        "Memory of the shadow structure",
-        Cells::Number(|r| Some(r.bytes? as f64 / f64::from(1 << 20))),
-    ),
-    column("build ms", "To make the shadow structure, median", Cells::Number(|r| r.build_ms)),
-    column("frame ms", "One picture with it made, median", Cells::Number(|r| r.frame_ms)),
-    column("fps moving", "Pictures a second while the light moves", Cells::Number(|r| r.fps_moving)),
-    column(
-        "PSNR dB",
-        "Of the whole picture, shading included, against the exact one: peak signal over noise; 20 dB more are a tenth \
-         of the error",
-        Cells::Number(|r| r.image_psnr),
-    ),
-    column(
-        "bound held",
-        "Whether the promised bound held at every depth tested",
-        Cells::Flag(|r| r.bound_held),
-    ),
-    column("Pareto", "No other row is at once faster and closer", Cells::Flag(|r| r.pareto)),
-];
-
-impl Column {
-    /// Numbers stand at the right of a column that is as wide as its heading, with an arrow, or as seven digits.
-    fn width(&self, ui: &egui::Ui) -> Width {
-        match self.cells {
-            Cells::Number(_) => {
-                let font = egui::TextStyle::Body.resolve(ui.style());
-                let wide = |text: &str| {
-                    ui.painter().layout_no_wrap(text.to_owned(), font.clone(), egui::Color32::WHITE).size().x
-                };
-                Width::exact((wide(self.heading) + wide("0") + ARROW_WIDTH).max(wide("0000000")).ceil())
-            }
-            _ => Width::auto().at_least(44.0),
+impl Value {
+    fn new(text: &str) -> Self {
+        match text.parse() {
+            Ok(number) => Self::Number(number),
+            Err(_) if text.is_empty() => Self::Empty,
+            Err(_) => Self::Text(text.to_owned()),
         }
     }
 
-    fn is_number(&self) -> bool {
-        matches!(self.cells, Cells::Number(_))
+    fn text(&self) -> String {
+        match self {
+            Self::Empty => String::new(),
+            Self::Text(text) => text.clone(),
+            // Counts have no decimal places.
+            Self::Number(x) if x.fract() == 0.0 && *x >= 10.0 => format!("{x:.0}"),
+            Self::Number(x) => significant(*x, 3),
+        }
+    }
+
+    /// Order of two cells; empty ones are last in both directions.
+    fn compare(&self, other: &Self, descending: bool) -> Ordering {
+        let order = match (self, other) {
+            (Self::Empty, _) | (_, Self::Empty) => {
+                return (*self == Self::Empty).cmp(&(*other == Self::Empty));
+            }
+            (Self::Number(a), Self::Number(b)) => a.total_cmp(b),
+            _ => self.text().cmp(&other.text()),
+        };
+        if descending { order.reverse() } else { order }
     }
 }
 
-/// A row with what is known of it.
-struct Line {
+/// Row with its cells, and its method as the shadows panel takes it.
+struct TableRow {
     row: Row,
-    /// As the shadows panel has it.
+    cells: Vec<Value>,
     choice: Option<MethodChoice>,
 }
 
-/// A row that was clicked.
+/// Row that was clicked.
 pub struct Picked {
     pub choice: MethodChoice,
-    /// For the second method.
+    /// Shift was pressed: for the second method.
     pub shift: bool,
 }
 
 /// Rows of a table, finished or not.
 #[derive(Default)]
 pub struct Results {
-    lines: Vec<Line>,
-    /// Column, and whether the largest come first.
+    rows: Vec<TableRow>,
+    /// Column, and whether the order is descending.
     sort: Option<(usize, bool)>,
 }
 
 impl Results {
-    /// Forgets the rows.
-    pub fn clear(&mut self) {
-        *self = Self { sort: self.sort, ..Self::default() };
-    }
-
-    /// Takes a row of a table that is being made; `place` is its place in the table.
+    /// Puts a row at its index in the table.
     pub fn put(&mut self, place: usize, row: Row) {
-        // Rows come in the table's order, again and again.
-        match self.lines.get_mut(place) {
-            Some(line) => line.row = row,
-            None => self.lines.push(Line::of(row)),
+        let texts = row.texts();
+        let cells = SHOWN.map(|name| Value::new(texts.get(name).map_or("", String::as_str))).to_vec();
+        let made = TableRow { choice: MethodChoice::parse(&row.spec()).ok(), row, cells };
+        match self.rows.get_mut(place) {
+            Some(old) => *old = made,
+            None => self.rows.push(made),
         }
     }
 
-    /// Takes a whole table.
-    pub fn finish(&mut self, rows: Vec<Row>) {
-        self.clear();
-        self.lines = rows.into_iter().map(Line::of).collect();
+    /// Replaces all rows.
+    pub fn replace(&mut self, rows: Vec<Row>) {
+        self.rows.clear();
+        rows.into_iter().enumerate().for_each(|(place, row)| self.put(place, row));
     }
 
-    /// The rows in the table's order.
+    /// Rows in the table's order.
     pub fn rows(&self) -> impl ExactSizeIterator<Item = &Row> {
-        self.lines.iter().map(|e| &e.row)
+        self.rows.iter().map(|line| &line.row)
     }
 
-    /// The rows as they are sorted.
-    fn order(&self) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.lines.len()).collect();
-        if let Some((column, largest_first)) = self.sort {
-            let key = |i: &usize| COLUMNS[column].cells.key(&self.lines[*i]);
-            order.sort_by(|a, b| compare(&key(a), &key(b), largest_first));
-        }
-        order
-    }
-
-    /// The table, and which row was clicked; `current` is the method in the view.
+    /// Shows the table and returns a clicked row; `current` is the method in the view.
     pub fn show(&mut self, ui: &mut egui::Ui, current: Option<&MethodChoice>) -> Option<Picked> {
         let mut picked = None;
-        if let Some(Line { row, .. }) = self.lines.first() {
+        if let Some(TableRow { row, .. }) = self.rows.first() {
             let clock = row.clock.map_or(String::new(), |clock| format!(" · {} clock", clock_name(clock)));
             ui.weak(format!("{} · {} x {} pixels{clock}", row.scene, row.width, row.height));
         }
+        let mut order: Vec<usize> = (0..self.rows.len()).collect();
+        if let Some((column, descending)) = self.sort {
+            let cell = |row: &usize| &self.rows[*row].cells[column];
+            order.sort_by(|a, b| cell(a).compare(cell(b), descending));
+        }
         egui::ScrollArea::horizontal().id_salt("comparison table").show(ui, |ui| {
             let height = ui.text_style_height(&egui::TextStyle::Body) + 4.0;
-            let widths: Vec<Width> = COLUMNS.iter().map(|column| column.width(ui)).collect();
+            let font = egui::TextStyle::Body.resolve(ui.style());
+            let layout =
+                |text: &str| ui.painter().layout_no_wrap(text.to_owned(), font.clone(), egui::Color32::WHITE);
+            let widths: Vec<Width> = (0..SHOWN.len())
+                .map(|i| match self.is_number(i) {
+                    true => {
+                        let heading = layout(SHOWN[i]).size().x + ARROW_WIDTH;
+                        Width::exact(heading.max(layout("00000000").size().x).ceil() + 6.0)
+                    }
+                    false => Width::auto().at_least(44.0),
+                })
+                .collect();
             let table = TableBuilder::new(ui)
                 .striped(true)
                 .sense(egui::Sense::click())
@@ -162,141 +147,70 @@ impl Results {
                 .max_scroll_height(TABLE_HEIGHT)
                 .cell_layout(egui::Layout::left_to_right(egui::Align::Center));
             let table = widths.into_iter().fold(table, TableBuilder::column);
-            let order = self.order();
-            table
-                .header(height + 2.0, |mut header| {
-                    for (i, column) in COLUMNS.iter().enumerate() {
-                        header.col(|ui| match column.is_number() {
-                            // Over its figures.
-                            true => {
-                                let right = egui::Layout::right_to_left(egui::Align::Center);
-                                ui.with_layout(right, |ui| self.heading(ui, i, column));
+            let table = table.header(height + 2.0, |mut header| {
+                for i in 0..SHOWN.len() {
+                    header.col(|ui| self.heading(ui, i));
+                }
+            });
+            table.body(|body| {
+                body.rows(height, order.len(), |mut table_row| {
+                    let TableRow { row, cells, choice } = &self.rows[order[table_row.index()]];
+                    table_row.set_selected(choice.is_some() && choice.as_ref() == current);
+                    for (i, cell) in cells.iter().enumerate() {
+                        table_row.col(|ui| {
+                            let mut text = RichText::new(cell.text());
+                            if row.has_failed() {
+                                text = text.color(ui.visuals().error_fg_color);
                             }
-                            false => self.heading(ui, i, column),
+                            let label = egui::Label::new(text).selectable(false).extend();
+                            aligned(ui, self.is_number(i), |ui| _ = ui.add(label));
                         });
                     }
-                })
-                .body(|body| {
-                    body.rows(height, order.len(), |mut table_row| {
-                        let line = &self.lines[order[table_row.index()]];
-                        table_row.set_selected(line.choice.is_some() && line.choice.as_ref() == current);
-                        for column in COLUMNS {
-                            table_row.col(|ui| column.cells.show(ui, line));
-                        }
-                        let response = table_row.response();
-                        let shift = response.ctx.input(|i| i.modifiers.shift);
-                        if let Some(choice) = line.choice.clone().filter(|_| response.clicked()) {
-                            picked = Some(Picked { choice, shift });
-                        }
-                        response.on_hover_text(line.tooltip());
-                    });
+                    let response = table_row.response();
+                    let shift = response.ctx.input(|i| i.modifiers.shift);
+                    if let Some(choice) = choice.clone().filter(|_| response.clicked()) {
+                        picked = Some(Picked { choice, shift });
+                    }
+                    let help = "Click: into the shadows panel; Shift-click: as the second method";
+                    response.on_hover_text([help, &row.note, &row.left_out].join("\n").trim());
                 });
+            });
         });
         picked
     }
 
-    /// A heading, which sorts: smallest first, then largest first, then as the table was made.
-    fn heading(&mut self, ui: &mut egui::Ui, i: usize, column: &Column) {
-        let arrow = match self.sort {
-            Some((sorted, false)) if sorted == i => "↑",
-            Some((sorted, true)) if sorted == i => "↓",
-            _ => "",
+    /// Whether a column has numbers.
+    fn is_number(&self, column: usize) -> bool {
+        self.rows.iter().any(|row| matches!(row.cells[column], Value::Number(_)))
+    }
+
+    /// Shows a heading; clicks sort in ascending, descending and the table's order.
+    fn heading(&mut self, ui: &mut egui::Ui, i: usize) {
+        let (arrow, next) = match self.sort {
+            Some((sorted, false)) if sorted == i => ("↑", Some((i, true))),
+            Some((sorted, true)) if sorted == i => ("↓", None),
+            _ => ("", Some((i, false))),
         };
+        let about = COLUMNS.iter().find(|column| column.name == SHOWN[i]).map_or("", |c| &c.about);
         // Only the monospaced font has arrows.
-        let (text, arrow) =
-            (egui::RichText::new(column.heading).strong(), egui::RichText::new(arrow).monospace());
-        let button = match column.is_number() {
+        let (text, arrow) = (RichText::new(SHOWN[i]).strong(), RichText::new(arrow).monospace());
+        let button = match self.is_number(i) {
             true => egui::Button::new((arrow, text)),
             false => egui::Button::new((text, arrow)),
         };
-        let button = ui.add(button.frame(false).gap(2.0)).on_hover_text(column.tooltip);
-        if button.accessible_name(format!("sort by {}", column.heading)).clicked() {
-            self.sort = match self.sort {
-                Some((sorted, false)) if sorted == i => Some((i, true)),
-                Some((sorted, true)) if sorted == i => None,
-                _ => Some((i, false)),
-            };
-        }
-    }
-}
-
-impl Line {
-    fn of(row: Row) -> Self {
-        let choice = MethodChoice::parse(&row.spec()).ok();
-        Self { row, choice }
-    }
-
-    fn tooltip(&self) -> String {
-        let row = &self.row;
-        let mut text = String::from("Click: into the shadows panel; Shift-click: as the second method");
-        for more in [&row.note, &row.left_out].into_iter().filter(|t| !t.is_empty()) {
-            text += "\n";
-            text += more;
-        }
-        text
-    }
-}
-
-/// What a cell sorts by.
-#[derive(Debug, PartialEq)]
-enum SortKey {
-    Text(String),
-    Number(f64),
-    /// Nothing is there: last, whichever way the table is sorted.
-    Nothing,
-}
-
-fn compare(a: &SortKey, b: &SortKey, largest_first: bool) -> Ordering {
-    let order = match (a, b) {
-        (SortKey::Nothing, SortKey::Nothing) => return Ordering::Equal,
-        (SortKey::Nothing, _) => return Ordering::Greater,
-        (_, SortKey::Nothing) => return Ordering::Less,
-        (SortKey::Number(a), SortKey::Number(b)) => a.total_cmp(b),
-        (SortKey::Text(a), SortKey::Text(b)) => a.cmp(b),
-        (SortKey::Number(_), SortKey::Text(_)) => Ordering::Less,
-        (SortKey::Text(_), SortKey::Number(_)) => Ordering::Greater,
-    };
-    if largest_first { order.reverse() } else { order }
-}
-
-impl Cells {
-    fn key(&self, line: &Line) -> SortKey {
-        match self {
-            Self::Text(text) => match text(&line.row) {
-                text if text.is_empty() => SortKey::Nothing,
-                text => SortKey::Text(text),
-            },
-            Self::Number(number) => number(&line.row).map_or(SortKey::Nothing, SortKey::Number),
-            Self::Flag(flag) => {
-                flag(&line.row).map_or(SortKey::Nothing, |f| SortKey::Number(f64::from(u8::from(f))))
+        aligned(ui, self.is_number(i), |ui| {
+            let button = ui.add(button.frame(false).gap(2.0)).on_hover_text(about);
+            if button.accessible_name(format!("sort by {}", SHOWN[i])).clicked() {
+                self.sort = next;
             }
-        }
+        });
     }
+}
 
-    fn text(&self, line: &Line) -> String {
-        match self {
-            Self::Text(text) => text(&line.row),
-            Self::Number(number) => number(&line.row).map_or(String::new(), |x| match x {
-                // Texels: a whole number has no digits behind a point.
-                x if x.fract() == 0.0 && (10.0..1e5).contains(&x) => format!("{x:.0}"),
-                x => significant(x, 3),
-            }),
-            Self::Flag(flag) => flag(&line.row).map_or("", |yes| if yes { "yes" } else { "no" }).to_owned(),
-        }
-    }
-
-    fn show(&self, ui: &mut egui::Ui, line: &Line) {
-        let mut text = egui::RichText::new(self.text(line));
-        if line.row.has_failed() {
-            text = text.color(ui.visuals().error_fg_color);
-        }
-        let label = egui::Label::new(text).selectable(false).wrap_mode(egui::TextWrapMode::Extend);
-        match self {
-            Self::Number(_) => {
-                let right = egui::Layout::right_to_left(egui::Align::Center);
-                ui.with_layout(right, |ui| ui.add(label));
-            }
-            _ => _ = ui.add(label),
-        }
+/// Aligns numbers to the right.
+fn aligned(ui: &mut egui::Ui, right: bool, contents: impl FnOnce(&mut egui::Ui)) {
+    match right {
+        true => _ = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), contents),
+        false => contents(ui),
     }
 }

@@ -1,4 +1,4 @@
-//! A comparison on a thread and a device of its own, beside the window.
+//! Comparison on its own thread and device.
 
 use crate::engine::mailbox::Wake;
 use crate::error::{Error, Result};
@@ -29,107 +29,104 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// What every row that is timed beside the window says.
+/// Note of every row.
 pub const REMARK: &str = "timed while the window was open, which draws with the same processor";
-
-/// The transfer function's file in the folder of the table.
+/// File of the transfer function in the output folder.
 const TRANSFER_FUNCTION: &str = "transfer_function.json";
-
-/// A program that ends waits no longer for the step that is being done.
+/// Maximum time that closing the window waits for the current step.
 const LAST_STEP: Duration = Duration::from_secs(3);
 
-/// What is compared, as it was when it was started.
-pub struct Request {
-    /// Its whole name.
+/// Inputs of a comparison, copied at its start.
+pub struct TableRequest {
+    /// Whole name of the adapter.
     pub adapter: String,
     pub volume: Arc<Volume>,
-    /// What it was made from, where that is strands.
     pub strands: Option<Arc<VoxelisedStrands>>,
     pub tf: Arc<TransferFunction>,
-    /// With the table's own picture size.
+    /// Scene with the picture size of the table.
     pub scene: Scene,
-    /// What a scene file would say of it, but for the transfer function.
+    /// Settings of a scene file, without the transfer function.
     pub settings: SceneSettings,
     pub methods: Vec<Box<dyn Method>>,
     pub effort: Effort,
     pub folder: PathBuf,
-    /// Go on with what the folder's journal holds.
+    /// Resume from the journal in the folder.
     pub resume: bool,
 }
 
-/// A table that is done.
+/// Finished table.
 #[derive(Debug, Clone)]
-pub struct Finished {
+pub struct FinishedTable {
     pub rows: Vec<Row>,
     pub notes: Vec<String>,
     pub files: Files,
 }
 
-/// What the thread has to say.
-pub enum News {
-    Starts {
-        stage: StepKind,
-        what: String,
-        share: f32,
-        /// Seconds that what is left will take, as far as that can be told.
-        left_s: Option<f64>,
-    },
-    Row {
-        place: usize,
-        row: Box<Row>,
-    },
-    Ended(Result<Box<Finished>>),
+/// Step that is running.
+pub struct CurrentStep {
+    pub kind: StepKind,
+    pub what: String,
+    /// Fraction of the comparison that is done.
+    pub share: f32,
+    /// Estimated remaining time, s.
+    pub left_s: Option<f64>,
 }
 
-/// The window's end of a comparison that runs.
-pub struct Task {
+/// Message from the thread.
+pub enum Update {
+    Step(CurrentStep),
+    /// Row by its index in the table.
+    Row(usize, Box<Row>),
+    Ended(Result<Box<FinishedTable>>),
+}
+
+/// Running comparison; dropping it cancels the thread.
+pub struct ComparisonTask {
     cancel: Arc<AtomicBool>,
-    news: Receiver<News>,
+    updates: Receiver<Update>,
     thread: JoinHandle<()>,
 }
 
-impl Task {
-    /// Starts the thread; `wake` is called when it has ended.
+impl ComparisonTask {
+    /// Starts the thread; `wake` is called at its end.
     ///
     /// # Errors
-    /// The system has no thread left.
-    pub fn start(wanted: Request, wake: Wake) -> Result<Self> {
+    /// The system cannot start a thread.
+    pub fn start(request: TableRequest, wake: Wake) -> Result<Self> {
         let cancel = Arc::new(AtomicBool::new(false));
-        let (send, news) = channel();
-        let watcher = Watcher { send: send.clone(), cancel: Arc::clone(&cancel) };
+        let (sender, updates) = channel();
+        let watcher = Watcher { sender: sender.clone(), cancel: Arc::clone(&cancel) };
         let work = move || {
-            let place = wanted.folder.display().to_string();
-            let outcome = catch_unwind(AssertUnwindSafe(|| run(wanted, watcher))).unwrap_or_else(|_| {
-                Err(Error::runtime("cannot compare", place, "the program met a fault while comparing"))
+            let place = request.folder.display().to_string();
+            let outcome = catch_unwind(AssertUnwindSafe(|| run(request, watcher))).unwrap_or_else(|_| {
+                Err(Error::runtime("cannot compare", place, "an internal error occurred"))
             });
-            // A window that has gone needs no news.
-            let _ = send.send(News::Ended(outcome.map(Box::new)));
+            let _ = sender.send(Update::Ended(outcome.map(Box::new)));
             wake();
         };
         let thread = std::thread::Builder::new()
             .name("compare".into())
             .spawn(work)
             .map_err(|e| Error::runtime("cannot compare", "window", e))?;
-        Ok(Self { cancel, news, thread })
+        Ok(Self { cancel, updates, thread })
     }
 
-    /// Ends it when the step is done that is being done.
+    /// Cancels after the current step.
     pub fn cancel(&self) {
         self.cancel.store(true, Ordering::Relaxed);
     }
 
-    /// Whether it has been asked to end.
     pub fn is_cancelled(&self) -> bool {
         self.cancel.load(Ordering::Relaxed)
     }
 
-    /// What has been said since the last time.
-    pub fn news(&self) -> Vec<News> {
-        self.news.try_iter().collect()
+    /// Messages since the last call.
+    pub fn updates(&self) -> Vec<Update> {
+        self.updates.try_iter().collect()
     }
 }
 
-impl Drop for Task {
+impl Drop for ComparisonTask {
     fn drop(&mut self) {
         self.cancel();
         let start = Instant::now();
@@ -139,25 +136,21 @@ impl Drop for Task {
     }
 }
 
-/// What hears of the table's steps, on its thread.
+/// Forwards progress. It does not wake the window, which would disturb the timing.
 struct Watcher {
-    send: Sender<News>,
+    sender: Sender<Update>,
     cancel: Arc<AtomicBool>,
 }
 
 impl Watch for Watcher {
     fn starts(&mut self, status: &Status) {
-        // The window looks by itself now and then: waking it at every step would take time from what is timed.
-        let _ = self.send.send(News::Starts {
-            stage: status.step.kind,
-            what: status.what.to_owned(),
-            share: status.share(),
-            left_s: status.left_s,
-        });
+        let (kind, what) = (status.step.kind, status.what.to_owned());
+        let step = CurrentStep { kind, what, share: status.share(), left_s: status.left_s };
+        let _ = self.sender.send(Update::Step(step));
     }
 
     fn row(&mut self, place: usize, row: &Row) {
-        let _ = self.send.send(News::Row { place, row: Box::new(row.clone()) });
+        let _ = self.sender.send(Update::Row(place, Box::new(row.clone())));
     }
 
     fn goes_on(&self) -> bool {
@@ -165,9 +158,9 @@ impl Watch for Watcher {
     }
 }
 
-fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
-    let Request { adapter, volume, strands, tf, scene, mut settings, methods, effort, folder, resume } =
-        wanted;
+fn run(request: TableRequest, watcher: Watcher) -> Result<FinishedTable> {
+    let TableRequest { adapter, volume, strands, tf, scene, mut settings, methods, effort, folder, resume } =
+        request;
     let renderer = Arc::new(Renderer::new(Gpu::open(Some(&adapter))?));
     prepare_output_dir(&folder)?;
     let (start, tf_text) = (if resume { Start::Resume } else { Start::Overwrite }, tf.to_json());
@@ -188,8 +181,8 @@ fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
         light: None,
     };
     let mut run = Run::new(&facts, effort, &texts.join(";"), &methods, vec![record], None);
-    let other = "choose another folder, or start anew: that removes all files of the table that it holds";
-    run.check(&folder, start).map_err(|e| e.hint(other))?;
+    let hint = "choose another folder, or do not resume: that removes all files of the table in the folder";
+    run.check(&folder, start).map_err(|e| e.hint(hint))?;
     let mut journal = Journal::open(&folder, resume)?;
     run.begin(&folder, start, &[Some(tf_text)])?;
     let mut progress = Progress::watched(watcher);
@@ -203,5 +196,5 @@ fn run(wanted: Request, watcher: Watcher) -> Result<Finished> {
     };
     let made = make(&order, &run, &mut read, &renderer, &mut journal, &mut progress)?;
     let (rows, notes) = (made.comparison.rows(), made.comparison.notes.clone());
-    Ok(Finished { rows, notes, files: made.write(&folder, &Layout::default())? })
+    Ok(FinishedTable { rows, notes, files: made.write(&folder, &Layout::default())? })
 }

@@ -1,4 +1,4 @@
-//! The exact answer on a thread of its own, coarse first.
+//! Exact picture on its own thread, coarse first.
 
 use crate::engine::mailbox::Wake;
 use crate::error::{Error, Result};
@@ -12,12 +12,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
-/// Pixels of the view that one pixel of the heat map covers across, one after the other.
+/// Successive pixel sizes of the light's heat map, view pixels.
 const LIGHT_DIVISORS: [f64; 5] = [16.0, 8.0, 4.0, 2.0, 1.0];
-/// Exact pictures take a hundred times as long.
+/// Successive pixel sizes of the picture's heat map, which takes a hundred times as long.
 const PICTURE_DIVISORS: [f64; 6] = [24.0, 12.0, 6.0, 3.0, 2.0, 1.0];
 
-/// What the exact answer depends on.
+/// Inputs of the exact picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Question {
     pub tf: Arc<TransferFunction>,
@@ -25,7 +25,7 @@ pub struct Question {
     pub quantity: Quantity,
 }
 
-/// An exact answer on its way.
+/// Running computation; dropping it cancels the thread.
 pub struct Computing {
     views: Receiver<ExactView>,
     cancelled: Arc<AtomicBool>,
@@ -38,10 +38,10 @@ impl Drop for Computing {
 }
 
 impl Computing {
-    /// Starts the thread, on a volume and what it was made from; `wake` is called at every finer answer.
+    /// Starts the thread; `wake` is called after each resolution.
     ///
     /// # Errors
-    /// The system has no thread left.
+    /// The system cannot start a thread.
     pub fn start(
         (volume, strands): (Arc<Volume>, Option<Arc<VoxelisedStrands>>),
         what: Question,
@@ -49,17 +49,17 @@ impl Computing {
     ) -> Result<Self> {
         let (send, views) = channel();
         let cancelled = Arc::new(AtomicBool::new(false));
-        let theirs = Arc::clone(&cancelled);
-        // One core is left to whoever moves the mouse.
+        let is_cancelled = Arc::clone(&cancelled);
+        // One core stays free for the interface.
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get().saturating_sub(1).max(1));
-        let failed = |why: String| Error::runtime("cannot compute the exact answer", "window", why);
+        let failed = |why: String| Error::runtime("cannot compute the exact picture", "window", why);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .map_err(|e| failed(e.to_string()))?;
         let work = move || {
             let strands = strands.filter(|_| what.scene.shading.is_of_strands());
-            // The picture beside which this one stands could not be drawn either without the memory.
+            // Without the memory for directions the picture itself could not be drawn.
             let directions = strands.and_then(|strands| strands.directions().ok());
             let field = ExactField::new(&volume, &what.tf).with_directions(directions);
             let divisors: &[f64] = match what.quantity {
@@ -73,8 +73,8 @@ impl Computing {
                     height: side(what.scene.height),
                     ..what.scene.clone()
                 };
-                let go_on = || !theirs.load(Ordering::Relaxed);
-                let view = pool.install(|| ExactView::new(&field, &scene, what.quantity, go_on));
+                let proceed = || !is_cancelled.load(Ordering::Relaxed);
+                let view = pool.install(|| ExactView::new(&field, &scene, what.quantity, proceed));
                 let Some(view) = view else { return };
                 if send.send(view).is_err() {
                     return;
@@ -88,7 +88,7 @@ impl Computing {
         Ok(Self { views, cancelled })
     }
 
-    /// The next answer that is there, and whether more will come.
+    /// Next result, and whether the computation continues.
     pub fn poll(&self) -> (Option<ExactView>, bool) {
         match self.views.try_recv() {
             Ok(view) => (Some(view), true),

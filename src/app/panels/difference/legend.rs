@@ -1,9 +1,8 @@
-//! What the heat maps' colours mean, in figures.
+//! Legend of the heat maps: scale and error statistics.
 
 use super::Difference;
 use crate::app::model::Model;
-use crate::app::panels::flicker;
-use crate::app::panels::parts::{NARROW_VIEW, method_name, tag};
+use crate::app::panels::widgets::{NARROW_VIEW, method_name, tag};
 use crate::app::theme;
 use crate::engine::messages::Differences;
 use crate::measure::error_map::Quantity;
@@ -11,24 +10,24 @@ use crate::report::heat::inferno;
 use eframe::egui::{self, Align2, Color32, FontId, Rect, pos2, vec2};
 use std::sync::Arc;
 
-/// Between lines, points.
+/// Space between lines, points.
 const LINE_GAP: f32 = 2.0;
-/// What lies in the corners of the view takes that much of each side, points.
+/// Width taken by the corners of the view, points.
 const CORNERS: f32 = 104.0;
-/// And that much of its height.
+/// Height taken by the corners of the view, points.
 const ABOVE_CORNERS: f32 = 86.0;
 
-/// The scale, the figures of each method, and the error under the pointer.
+/// Paints the legend and the error under the pointer.
 pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) {
     let painter = ui.painter_at(rect);
     let Some(quantity) = difference.shows else { return };
-    // In a narrow view it stands above what is in the corners, and says less.
+    // In a narrow view the legend is above the corners and shorter.
     let is_narrow = rect.width() < NARROW_VIEW;
     let what = match quantity {
-        Quantity::Light if is_narrow => "error of the light",
-        Quantity::Picture if is_narrow => "error of the picture",
-        Quantity::Light => "error of the light on what is seen (transmittance)",
-        Quantity::Picture => "error of the picture (linear RGB)",
+        Quantity::Light if is_narrow => "light error",
+        Quantity::Picture if is_narrow => "picture error",
+        Quantity::Light => "transmittance error at visible points",
+        Quantity::Picture => "picture error (linear RGB)",
     };
     let mut lines = Vec::new();
     if let Some(found) = &difference.found {
@@ -41,14 +40,14 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
                     "{}: rms {:.4}, mean {:+.4}, 99 % {:.4}, max {:.4}",
                     side.spec, s.rms, s.mean, s.p99_abs, s.max_abs
                 ),
-                None => format!("{}: nothing is seen", side.spec),
+                None => format!("{}: nothing visible", side.spec),
             });
         }
         let scene = &found.request.view.scene;
-        let more = if difference.is_done() { "" } else { ", finer follows …" };
+        let more = if difference.is_done() { "" } else { ", refining …" };
         lines.push(format!("{what} · {} x {}{more}", scene.width, scene.height));
     } else {
-        lines.push(format!("{what} · computing the exact answer …"));
+        lines.push(format!("{what} · computing the exact picture …"));
     }
     let font = FontId::proportional(12.0);
     let color = theme::OVER_PICTURE;
@@ -94,7 +93,7 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
     painter.text(end, Align2::LEFT_CENTER, format!("≥ {}", found.largest), font, color);
     if let Some((at, error)) = under_pointer(found, model, ui, rect) {
         let text = if error.is_finite() { format!("{error:+.4}") } else { "no number".to_owned() };
-        // Beside the pointer, on the side where there is room.
+        // On the side with more space.
         let (dx, right) = if at.x > rect.right() - 90.0 { (-12.0, 1) } else { (14.0, 0) };
         let (dy, low) = if at.y > rect.bottom() - 40.0 { (-10.0, 1) } else { (12.0, 0) };
         let align =
@@ -106,7 +105,7 @@ pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) 
 fn under_pointer(found: &Differences, model: &Model, ui: &egui::Ui, rect: Rect) -> Option<(egui::Pos2, f32)> {
     let at = ui.input(|i| i.pointer.hover_pos()).filter(|p| rect.contains(*p))?;
     let right = model.split.share.is_some_and(|share| at.x > rect.left() + share * rect.width());
-    let side = flicker::side(model, ui.ctx()).unwrap_or(usize::from(right));
+    let side = model.flicker(ui.ctx()).map_or(usize::from(right), |(side, _)| side);
     let side = found.sides.get(side).or(found.sides.first())?;
     let (height, width) = side.map.errors.dim();
     let index = |share: f32, n: usize| ((share * n as f32) as usize).min(n.saturating_sub(1));

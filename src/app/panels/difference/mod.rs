@@ -1,40 +1,40 @@
-//! The difference of the shown methods from exact as a heat map over the view: the exact answer comes from a thread of
-//! its own, coarse first, and the render thread compares the methods with it.
+//! Heat map of the methods' errors over the view. A thread computes the exact picture, coarse first, and the render thread
+//! compares the methods with it.
 
 mod exact;
 pub mod legend;
 
 use crate::app::model::Model;
-use crate::engine::messages::{DifferenceRequest, Differences, Job, Subject};
+use crate::engine::messages::{DifferenceRequest, Differences, FrameSettings, Job};
 use crate::measure::error_map::{ExactView, Quantity};
 use eframe::egui;
 use exact::{Computing, Question};
 use std::sync::Arc;
 
-/// What is compared, and what has been found.
+/// State of the heat map.
 #[derive(Default)]
 pub struct Difference {
-    /// What is shown in place of the picture.
+    /// Quantity shown in place of the picture.
     pub shows: Option<Quantity>,
-    /// Colours show the error's logarithm.
+    /// Logarithmic colour scale.
     pub logarithmic: bool,
-    /// What the exact answer is, or will be, to.
+    /// Inputs of the exact picture.
     question: Option<Question>,
     computing: Option<Computing>,
-    /// The finest answer so far.
+    /// Finest exact picture so far.
     view: Option<Arc<ExactView>>,
-    /// What methods were compared last, and with which answer.
+    /// Last request to compare.
     asked: Option<Arc<DifferenceRequest>>,
     pub found: Option<Differences>,
 }
 
 impl Difference {
-    /// What was chosen, without what has been found.
+    /// The settings, without results.
     pub fn only_choices(&self) -> Self {
         Self { shows: self.shows, logarithmic: self.logarithmic, ..Self::default() }
     }
 
-    /// Whether nothing finer will come.
+    /// Whether the finest result is shown.
     pub fn is_done(&self) -> bool {
         let compared = match (&self.asked, &self.found) {
             (Some(asked), Some(found)) => Arc::ptr_eq(asked, &found.request),
@@ -43,21 +43,21 @@ impl Difference {
         self.shows.is_none() || (self.computing.is_none() && compared)
     }
 
-    /// Keeps the exact answer in step with what is shown: begun when the hand rests, ended when anything changes.
+    /// Restarts the exact picture after a change, when the picture is final.
     pub fn follow(&mut self, model: &mut Model) {
         let (Some(quantity), Some(document)) = (self.shows, &model.document) else {
             *self = self.only_choices();
             return;
         };
         let scene = match quantity {
-            // Transmittance is from the light that is edited, whatever its colour.
+            // Transmittance is of the edited light, whatever its colour.
             Quantity::Light => document.scene.under(document.light().light.into()),
             Quantity::Picture => document.scene.clone(),
         };
         let question = Question { tf: Arc::clone(&document.tf), scene, quantity };
         if self.question.as_ref() != Some(&question) {
             *self = self.only_choices();
-            // While a hand moves the picture is what is of interest.
+            // During interaction the picture has priority.
             if !model.settled {
                 return;
             }
@@ -83,9 +83,11 @@ impl Difference {
         self.compare(model);
     }
 
-    /// Asks the render thread to compare what is shown with the finest answer, unless that was asked last.
+    /// Requests a comparison with the finest exact picture, unless it was requested last.
     fn compare(&mut self, model: &Model) {
-        let (Some(view), Some(Subject { tf, methods, .. })) = (&self.view, &model.asked) else { return };
+        let (Some(view), Some(FrameSettings { tf, methods, .. })) = (&self.view, &model.asked) else {
+            return;
+        };
         let logarithmic = self.logarithmic;
         let known = self.asked.as_ref().is_some_and(|asked| {
             Arc::ptr_eq(&asked.view, view) && asked.methods == *methods && asked.logarithmic == logarithmic
@@ -103,21 +105,21 @@ impl Difference {
         self.asked.as_ref().is_some_and(|asked| Arc::ptr_eq(asked, request))
     }
 
-    /// Takes heat maps, unless they are of something that is no longer shown.
+    /// Takes heat maps of the last request.
     pub fn take(&mut self, found: Differences) {
         if self.was_asked(&found.request) {
             self.found = Some(found);
         }
     }
 
-    /// Asks again for what something else came before, unless that was a newer request.
+    /// Repeats an interrupted request, unless there is a newer one.
     pub fn ask_again(&mut self, request: &Arc<DifferenceRequest>) {
         if self.was_asked(request) {
             self.asked = None;
         }
     }
 
-    /// Shows the picture again where a comparison has failed; why is said.
+    /// Turns the heat map off after a failure.
     pub fn fail(&mut self) {
         let waits = match (&self.asked, &self.found) {
             (Some(asked), Some(found)) => !Arc::ptr_eq(asked, &found.request),
@@ -128,7 +130,7 @@ impl Difference {
         }
     }
 
-    /// What is compared, as a choice.
+    /// Shows the choice of the quantity.
     pub fn choice(&mut self, ui: &mut egui::Ui) {
         ui.horizontal(|ui| {
             ui.label("Error");
@@ -137,14 +139,13 @@ impl Difference {
                 (
                     Some(Quantity::Light),
                     "light",
-                    "Light on what each pixel sees, of the light that is edited, method less exact: transmittance, \
-                     0 to 1 (D)",
+                    "Transmittance of the edited light at visible points, method minus exact, 0 to 1 (D)",
                 ),
                 (
                     Some(Quantity::Picture),
                     "picture",
-                    "The picture, method less exact: the channel that is farthest off, linear RGB. \
-                     An exact picture takes minutes; it is shown as it grows (D)",
+                    "Picture, method minus exact: the channel with the largest error, linear RGB. An exact picture \
+                     takes minutes and is refined step by step (D)",
                 ),
             ];
             for (value, name, tooltip) in choices {
@@ -152,12 +153,12 @@ impl Difference {
             }
             if self.shows.is_some() {
                 let log = ui.toggle_value(&mut self.logarithmic, "log");
-                log.on_hover_text("Three decades of the error: small ones show beside large ones");
+                log.on_hover_text("Logarithmic scale over three decades");
             }
         });
     }
 
-    /// Off, light, picture, off.
+    /// Turns to the next quantity: off, light, picture, off.
     pub fn show_next(&mut self) {
         self.shows = match self.shows {
             None => Some(Quantity::Light),

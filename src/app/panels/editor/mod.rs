@@ -1,12 +1,11 @@
-//! The transfer-function editor: the volume's histogram with the opacity curve over it, points to drag, a colour bar.
+//! Transfer-function editor: histogram, opacity curve, points and colour bar.
 
-mod grips;
 mod paint;
 mod plot;
 
-use super::parts::unfilled;
 use super::presets::Presets;
 use super::prompt::{Prompt, Purpose};
+use super::widgets::unfilled;
 use crate::app::curve::{AmountAxis, Edit, History, top_of};
 use crate::app::model::Model;
 use crate::files::color;
@@ -16,14 +15,14 @@ use eframe::egui_wgpu::RenderState;
 use paint::short;
 use std::sync::Arc;
 
-/// What is known of a point needs two lines where there is less room, points.
+/// Width below which the point's values take two lines, points.
 const POINT_ROW_WIDTH: f32 = 500.0;
 
-/// Least height of the panel, and of what it leaves to the view, points.
-const LEAST_HEIGHT: f32 = 170.0;
-const LEAST_VIEW_HEIGHT: f32 = 120.0;
+/// Minimum height of the panel and of the view above, points.
+const MIN_HEIGHT: f32 = 170.0;
+const MIN_VIEW_HEIGHT: f32 = 120.0;
 
-/// The panel, while a volume is open.
+/// Shows the panel while a volume is open.
 pub fn show(
     ui: &mut egui::Ui,
     model: &mut Model,
@@ -34,14 +33,14 @@ pub fn show(
     if model.document.is_none() {
         return;
     }
-    // The view keeps a good part of a low window.
-    let most = (0.5 * ui.available_height()).max(LEAST_HEIGHT);
+    // A low window leaves half of its height to the view.
+    let most = (0.5 * ui.available_height()).max(MIN_HEIGHT);
     egui::Panel::bottom("editor")
         .frame(unfilled(ui))
         .resizable(true)
         .default_size(250.0_f32.min(most))
-        .min_size(LEAST_HEIGHT)
-        .max_size(ui.available_height() - LEAST_VIEW_HEIGHT)
+        .min_size(MIN_HEIGHT)
+        .max_size(ui.available_height() - MIN_VIEW_HEIGHT)
         .show(ui, |ui| {
             ui.add_space(4.0);
             tools(ui, model, presets, prompt, render_state);
@@ -63,10 +62,16 @@ fn tools(
     ui.horizontal_wrapped(|ui| {
         ui.strong("Transfer function");
         presets.show(ui, model, render_state);
-        if ui.button("Load…").on_hover_text("Read a file: this program's .json, or ParaView's, 3D Slicer's, MRIcroGL's, NiiVue's, Inviwo's").clicked() {
+        if ui
+            .button("Load…")
+            .on_hover_text(
+                "Load a file of this program (.json), ParaView, 3D Slicer, MRIcroGL, NiiVue or Inviwo",
+            )
+            .clicked()
+        {
             prompt.ask(model, Purpose::LoadTransfer);
         }
-        if ui.button("Save…").on_hover_text("Write the function as a .json file").clicked() {
+        if ui.button("Save…").on_hover_text("Save the function as a .json file").clicked() {
             prompt.ask(model, Purpose::SaveTransfer);
         }
         ui.separator();
@@ -81,16 +86,15 @@ fn tools(
         ui.separator();
         let log = &mut model.settings.amount_axis;
         ui.label("Axis");
-        ui.selectable_value(log, AmountAxis::Linear, "linear").on_hover_text("Opacity from 0 to the top");
+        ui.selectable_value(log, AmountAxis::Linear, "linear").on_hover_text("Linear scale");
         ui.selectable_value(log, AmountAxis::Logarithmic, "log")
-            .on_hover_text("Four decades of opacity: low ones are set finely");
+            .on_hover_text("Logarithmic scale of four decades, for low opacities");
         ui.separator();
         ui.label("Histogram");
         ui.toggle_value(&mut model.settings.log_histogram, "log")
             .on_hover_text("Counts on a logarithmic scale");
-        ui.toggle_value(&mut model.settings.gradient_histogram, "gradient").on_hover_text(
-            "Each voxel weighs as much as the value changes there, per mm: peaks are boundaries",
-        );
+        ui.toggle_value(&mut model.settings.gradient_histogram, "gradient")
+            .on_hover_text("Weighted by the gradient magnitude: peaks are boundaries");
         ui.separator();
         opacity_scale(ui, model);
         if ui.button("Fit").on_hover_text("Show all values of the volume (the wheel zooms)").clicked()
@@ -101,10 +105,10 @@ fn tools(
     });
 }
 
-/// The factor of the extinction, against the function that was loaded.
+/// Shows the opacity scale relative to the loaded function.
 fn opacity_scale(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &model.document else { return };
-    // Opacities stay what they are and refer to a shorter length; an extinction says itself what it is.
+    // The scale changes the reference length, which only opacities have.
     if document.tf.quantity != Quantity::Opacity || document.tf_source.1.quantity != Quantity::Opacity {
         return;
     }
@@ -116,23 +120,20 @@ fn opacity_scale(ui: &mut egui::Ui, model: &mut Model) {
         .max_decimals(4)
         .prefix("Opacity x ");
     let drag = ui.add(drag).accessible_name("opacity scale");
-    if drag
-        .on_hover_text("Extinction at every value, as a multiple of the function's that was loaded")
-        .changed()
-    {
+    if drag.on_hover_text("Factor of the extinction relative to the loaded function").changed() {
         model.edit(Edit::Scale { factor: factor / now });
     }
     ui.separator();
 }
 
-/// Exact values of the selected point.
+/// Shows the values of the selected point.
 fn point_row(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &mut model.document else { return };
     let tf = Arc::clone(&document.tf);
     let [lo, hi] = document.volume.value_range();
     let mut edits = Vec::new();
     let mut selected = document.selected.filter(|i| *i < tf.points.len());
-    // As high with a point as without: the curve must not move under the hand that takes hold of one.
+    // A constant height keeps the curve in place when a point is selected.
     let rows = if ui.available_width() < POINT_ROW_WIDTH { 2.0 } else { 1.0 };
     let height = rows * ui.spacing().interact_size.y + (rows - 1.0) * ui.spacing().item_spacing.y;
     let row = egui::vec2(ui.available_width(), height);
@@ -140,7 +141,7 @@ fn point_row(ui: &mut egui::Ui, model: &mut Model) {
     ui.allocate_ui_with_layout(row, layout, |ui| {
         ui.set_min_size(row);
         let Some(index) = selected else {
-            let hint = "Drag a point; double-click to add one; drag beside them to shift (left, right) and spread (up, down) all. \
+            let hint = "Drag a point; double-click to add one; drag beside them to shift (left, right) and scale (up, down) all. \
                 Right-click a point for more.";
             ui.add(egui::Label::new(egui::RichText::new(hint).weak()).truncate());
             return;
@@ -174,7 +175,7 @@ fn point_row(ui: &mut egui::Ui, model: &mut Model) {
             let color = rgb.map(|c| color::linear_from_srgb(f64::from(c) / 255.0));
             edits.push(Edit::Color { index, color });
         }
-        if ui.button("Jump").on_hover_text("Add a second point of this value: the curve jumps there").clicked() {
+        if ui.button("Jump").on_hover_text("Add a second point of this value, for a jump of the curve").clicked() {
             let amount = if point.amount > 0.5 * top_of(&tf) { 0.0 } else { (2.0 * point.amount).max(0.1 * top_of(&tf)) };
             edits.push(Edit::Jump { index, amount });
         }

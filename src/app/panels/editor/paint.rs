@@ -1,4 +1,4 @@
-//! What the transfer-function editor paints: the histogram, the axes, the curve and the colour bar.
+//! Painting of the transfer-function editor: histogram, axes, curve and colour bar.
 
 use crate::app::curve::AmountAxis;
 use crate::app::settings::Settings;
@@ -7,7 +7,7 @@ use crate::transfer::TransferFunction;
 use crate::volume::Histogram;
 use eframe::egui::{self, Color32, FontId, Mesh, Pos2, Rect, Stroke, pos2};
 
-/// Pixels from values and amounts.
+/// Mapping between values and pixels.
 pub(super) struct Map {
     pub rect: Rect,
     pub range: [f64; 2],
@@ -35,10 +35,10 @@ impl Map {
     }
 }
 
-/// Four significant digits.
+/// Formats a number with four significant digits.
 pub(super) fn short(x: f64) -> String {
     if x == 0.0 {
-        // Zero has no sign here.
+        // Avoids a negative zero.
         return "0".into();
     }
     if (1e-3..1e5).contains(&x.abs()) {
@@ -50,7 +50,7 @@ pub(super) fn short(x: f64) -> String {
     }
 }
 
-/// The histogram's columns, in one mesh without soft edges: a shape for each takes far longer to draw.
+/// Adds the histogram's bars to one mesh: separate shapes are much slower.
 pub(super) fn add_histogram(
     mesh: &mut Mesh,
     map: &Map,
@@ -63,7 +63,7 @@ pub(super) fn add_histogram(
         true => histogram.gradients[bin],
         false => histogram.counts[bin] as f64,
     };
-    // Gradients have a unit; the logarithm is taken of them as a share of their mean.
+    // Gradients have a unit; the logarithm takes them relative to their mean.
     let mean = (0..bins).map(weight).sum::<f64>() / bins.max(1) as f64;
     let height = |w: f64| {
         if settings.log_histogram { (1.0 + w / (1e-3 * mean).max(f64::MIN_POSITIVE)).ln() } else { w }
@@ -102,7 +102,7 @@ pub(super) fn paint_axes(
         let y = map.y(share * map.top);
         painter.hline(map.rect.x_range(), y, Stroke::new(0.5, color.gamma_multiply(0.35)));
         let at = pos2(map.rect.left() - 4.0, y.clamp(map.rect.top() + 6.0, map.rect.bottom() - 5.0));
-        // A low panel has no room for every figure.
+        // Skips labels that would overlap.
         if at.y > free_below {
             continue;
         }
@@ -123,7 +123,7 @@ pub(super) fn paint_axes(
         let x = map.x(value);
         painter.vline(x, map.rect.y_range(), Stroke::new(0.5, color.gamma_multiply(0.25)));
         let figure = painter.layout_no_wrap(short(value), font.clone(), color);
-        // The unit stands where the last figure might.
+        // The unit may take the place of the last label.
         if x + 0.5 * figure.size().x < unit.left() - 4.0 {
             painter.galley(pos2(x - 0.5 * figure.size().x, below + 2.0), figure, color);
         }
@@ -131,7 +131,7 @@ pub(super) fn paint_axes(
     }
 }
 
-/// The curve between its points as it is interpolated: linear in the amount, whatever the axis.
+/// Paints the curve; it is linear in the amount on either axis.
 pub(super) fn paint_curve(painter: &egui::Painter, map: &Map, tf: &TransferFunction, color: Color32) {
     let mut line: Vec<Pos2> = Vec::new();
     let mut push = |value: f64, amount: f64| line.push(pos2(map.x(value), map.y(amount)));
@@ -142,7 +142,7 @@ pub(super) fn paint_curve(painter: &egui::Painter, map: &Map, tf: &TransferFunct
         if map.axis == AmountAxis::Logarithmic {
             for i in 1..24 {
                 let t = f64::from(i) / 24.0;
-                // Finer towards the lower end, where the logarithm bends most.
+                // Finer towards the lower end, where the logarithm is steep.
                 let t = if pair[0].amount < pair[1].amount { t.powi(3) } else { 1.0 - (1.0 - t).powi(3) };
                 push(
                     pair[0].value + t * (pair[1].value - pair[0].value),
@@ -157,7 +157,7 @@ pub(super) fn paint_curve(painter: &egui::Painter, map: &Map, tf: &TransferFunct
     painter.line(line, Stroke::new(1.8, color));
 }
 
-/// The colours of all values, in columns two points wide.
+/// Adds the colour bar, in columns of two points.
 pub(super) fn add_bar(mesh: &mut Mesh, bar: Rect, map: &Map, tf: &TransferFunction) {
     let steps = (bar.width() / 2.0).ceil() as usize;
     for i in 0..steps {

@@ -1,6 +1,5 @@
-//! The curve over the histogram, and what hands do to it.
+//! Curve over the histogram and its input.
 
-use super::grips;
 use super::paint::{Map, add_bar, add_histogram, paint_axes, paint_curve, short};
 use crate::app::curve::{Edit, top_of};
 use crate::app::document::Document;
@@ -14,12 +13,11 @@ use std::sync::Arc;
 const BAR_HEIGHT: f32 = 16.0;
 const GRIP: f32 = 6.0;
 
-/// The curve, its points and the colour bar, in all that is left.
+/// Shows the curve, its points and the colour bar in the remaining space.
 pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     let Some(document) = &model.document else { return };
     let tf = Arc::clone(&document.tf);
-    // All that is left, to the last point: a panel takes the height that its contents take. Not what is outside of the
-    // panel, whatever stands above.
+    // The whole remaining height, since a panel takes the height of its contents, but not beyond the panel.
     let whole = ui.available_rect_before_wrap().intersect(ui.clip_rect());
     ui.allocate_rect(whole, Sense::hover());
     let whole = whole.shrink(2.0);
@@ -50,7 +48,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
     edits.into_iter().for_each(|edit| model.edit(edit));
 }
 
-/// Everything but the points; `whole` is what there is, with room for the axes' figures.
+/// Paints everything but the points; `whole` includes the axis labels.
 fn paint(ui: &egui::Ui, whole: Rect, map: &Map, model: &Model) {
     let Some(document) = &model.document else { return };
     let (rect, tf) = (map.rect, &document.tf);
@@ -71,7 +69,7 @@ fn paint(ui: &egui::Ui, whole: Rect, map: &Map, model: &Model) {
     if let Some(value) = model.probe.as_ref().map(|probe| probe.value) {
         let (x, color) = (map.x(value), colors.probe);
         inside.vline(x, rect.y_range(), Stroke::new(1.0, color));
-        // On the side where there is room.
+        // On the side with more space.
         let (dx, align) =
             if x > rect.right() - 90.0 { (-4.0, Align2::RIGHT_TOP) } else { (4.0, Align2::LEFT_TOP) };
         let font = FontId::proportional(11.0);
@@ -79,7 +77,7 @@ fn paint(ui: &egui::Ui, whole: Rect, map: &Map, model: &Model) {
     }
 }
 
-/// The points, and what is done to them; whether the hand is on one.
+/// Shows the points and collects their edits; returns whether the pointer is on one.
 fn points(
     ui: &egui::Ui,
     painter: &egui::Painter,
@@ -91,8 +89,8 @@ fn points(
     let mut over_point = false;
     let places: Vec<egui::Pos2> = tf.points.iter().map(|p| pos2(map.x(p.value), map.y(p.amount))).collect();
     let around = map.rect.expand(GRIP);
-    let hand = ui.input(|i| i.pointer.hover_pos()).filter(|p| around.contains(*p));
-    for index in grips::order(&places, hand, *selected) {
+    let pointer = ui.input(|i| i.pointer.hover_pos()).filter(|p| around.contains(*p));
+    for index in point_order(&places, pointer, *selected) {
         let (point, at) = (&tf.points[index], places[index]);
         if !around.contains(at) {
             continue;
@@ -137,7 +135,7 @@ fn points(
     over_point
 }
 
-/// What is done where no point is: a new one, window and level, or no selection.
+/// Handles input beside the points: add a point, window and level, or deselect.
 fn beside_points(
     response: &egui::Response,
     map: &Map,
@@ -160,7 +158,7 @@ fn beside_points(
     }
 }
 
-/// The wheel zooms the values about the cursor; with the right button held they are dragged along.
+/// Zooms the values with the wheel and pans them with the right button.
 fn zoom_values(ui: &egui::Ui, response: &egui::Response, map: &Map, document: &mut Document) {
     let [lo, hi] = map.range;
     let mut range = map.range;
@@ -183,8 +181,44 @@ fn zoom_values(ui: &egui::Ui, response: &egui::Response, map: &Map, document: &m
     }
 }
 
-/// A little more than all values; something where there is only one.
+/// Range with a margin.
 fn padded([lo, hi]: [f64; 2]) -> [f64; 2] {
     let margin = if hi > lo { 0.02 * (hi - lo) } else { 0.5 * lo.abs().max(1.0) };
     [lo - margin, hi + margin]
+}
+
+/// Distance by which the selected point is preferred to others, points of the screen.
+const SELECTION_BONUS: f32 = 6.0;
+
+/// Drawing order of the points: the last one is on top and takes the pointer. It is the nearest one, or the selected one.
+fn point_order(places: &[egui::Pos2], pointer: Option<egui::Pos2>, selected: Option<usize>) -> Vec<usize> {
+    let far = |i: usize| {
+        let distance = pointer.map_or(0.0, |pointer| pointer.distance(places[i]));
+        if selected == Some(i) { distance - SELECTION_BONUS } else { distance }
+    };
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    // Stable: of points at one place the later is on top.
+    order.sort_by(|a, b| far(*b).total_cmp(&far(*a)));
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_is_on_top_and_the_selected_one_before_others() {
+        let places = [pos2(0.0, 0.0), pos2(4.0, 0.0), pos2(4.0, 0.0), pos2(50.0, 0.0)];
+        let top = |pointer, selected| *point_order(&places, pointer, selected).last().unwrap();
+        assert_eq!(point_order(&places, None, None), [0, 1, 2, 3]);
+        assert_eq!(top(None, Some(1)), 1);
+        assert_eq!(top(Some(pos2(-1.0, 0.0)), None), 0);
+        assert_eq!(top(Some(pos2(5.0, 0.0)), None), 2);
+        assert_eq!(top(Some(pos2(5.0, 0.0)), Some(0)), 0, "only a little farther");
+        assert_eq!(top(Some(pos2(5.0, 0.0)), Some(1)), 1, "under another");
+        assert_eq!(top(Some(pos2(49.0, 0.0)), Some(0)), 3, "nowhere near");
+        let mut all = point_order(&places, Some(pos2(9.0, 9.0)), Some(3));
+        all.sort_unstable();
+        assert_eq!(all, [0, 1, 2, 3]);
+    }
 }

@@ -1,40 +1,45 @@
-//! `view --script FILE`: input replayed in the real window, with frame times and screenshots. A line a step:
+//! Replays input in the real window, with frame times and screenshots: `window_shots SCRIPT [view flags]`.
+//!
+//! A script has one step per line:
 //!
 //! ```text
 //! window WIDTH HEIGHT                       points; the first step, where the size matters
-//! resize WIDTH HEIGHT                       points, while the picture does what it does
-//! silent                                   the script fails where something is said in red
-//! settle                                   until the picture is whole
-//! compared                                 until the comparison has ended
+//! resize WIDTH HEIGHT                       points
+//! silent                                   fail where an error message is on screen
+//! settle                                   wait for the final picture
+//! compared                                 wait for the end of the comparison
 //! drag NAME X0 Y0 X1 Y1 SECONDS [shift|ctrl] [screen]   shares of the view (or of the whole window), there and back
 //! click X Y [screen]
 //! double X Y [screen]
-//! move X Y [screen]                         the pointer alone
-//! press NAME                               clicks the widget of that name, as screen readers call it, wherever it is
-//! type TEXT                                into the field that has the cursor
+//! move X Y [screen]                         pointer movement
+//! press NAME                               click on the widget with this accessible name; scrolls to it
+//! type TEXT                                text for the focused field
 //! key NAME [shift|ctrl]
 //! pause SECONDS
 //! open PATH
 //! shot FILE.png
-//! times FILE.tsv                            what the drags so far have measured
-//! lose                                     the graphics device, as a driver does that is reset
+//! times FILE.tsv                            measurements of the drags so far
+//! lose                                     device loss
 //! ```
 //! `#` starts a comment.
 
-use super::contents::App;
-use crate::error::{Error, Result};
-use crate::files::input::read_text;
-use crate::files::output::write_whole;
+use clap::Parser;
 use eframe::egui::accesskit::{Action, ActionRequest, TreeId};
 use eframe::egui::{self, Event, Id, Key, Modifiers, PointerButton, Pos2, Rect, pos2};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use umbravox::app::{App, FrameHook, Start, run};
+use umbravox::cli::view::ViewArgs;
+use umbravox::error::{Error, Result};
+use umbravox::files::input::read_text;
+use umbravox::files::output::write_whole;
 
 const WHAT: &str = "cannot replay script";
-/// A step that takes longer has gone wrong.
-const LONGEST_STEP: Duration = Duration::from_secs(120);
+/// Maximum duration of a step.
+const MAX_STEP: Duration = Duration::from_secs(120);
 
 #[derive(Debug, Clone, PartialEq)]
 enum Step {
@@ -56,7 +61,7 @@ enum Step {
     Lose,
 }
 
-/// What a drag measured.
+/// Measurements of a drag.
 #[derive(Debug, Clone)]
 struct Measured {
     name: String,
@@ -64,18 +69,44 @@ struct Measured {
     /// Milliseconds between one interface frame and the next.
     interface_ms: Vec<f64>,
     pictures: u64,
-    /// From the hand to each picture, ms.
+    /// Time from the input to each picture, ms.
     latency_ms: Vec<f64>,
 }
 
-/// A screenshot that has been taken.
+/// Finished screenshot.
 type Shot = Arc<Mutex<Option<Arc<egui::ColorImage>>>>;
 
-/// A script under way.
-#[derive(Debug, Clone)]
-pub struct Script {
+/// Replay a script in the window
+#[derive(Debug, Parser)]
+struct Args {
+    script: PathBuf,
+    #[command(flatten)]
+    view: ViewArgs,
+}
+
+fn main() -> ExitCode {
+    match replay(Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {e}");
+            ExitCode::from(e.exit_status())
+        }
+    }
+}
+
+fn replay(args: Args) -> Result<()> {
+    let script = Script::read(&args.script)?;
+    let settings = args.view.scene.into_settings()?;
+    settings.method()?;
+    let (adapter, clean) = (settings.adapter.clone(), args.view.clean);
+    run(Start { scene: Some(settings), adapter, clean, hook: Some(Box::new(script)) })
+}
+
+/// Running script.
+#[derive(Debug)]
+struct Script {
     steps: VecDeque<Step>,
-    /// Frames and time since the step began.
+    /// Frames and time since the start of the step.
     frame: u32,
     since: Option<Instant>,
     last_frame: Option<Instant>,
@@ -84,8 +115,7 @@ pub struct Script {
     measured: Vec<Measured>,
     failed: Option<Error>,
     shot: Shot,
-    loses_device: bool,
-    /// Where the widget is that is to be pressed, and since which frame it is in sight.
+    /// Widget to be pressed, its place, and the frame since which it is visible.
     target: Option<(Id, Rect, Option<u32>)>,
 }
 
@@ -94,7 +124,7 @@ impl Script {
     ///
     /// # Errors
     /// The file cannot be read, or a line is none of the steps.
-    pub fn read(path: &Path) -> Result<Self> {
+    fn read(path: &Path) -> Result<Self> {
         let mut steps = VecDeque::new();
         for (line, text) in (1..).zip(read_text(path, WHAT)?.lines()) {
             let words: Vec<&str> = text.split('#').next().unwrap_or_default().split_whitespace().collect();
@@ -114,26 +144,20 @@ impl Script {
             measured: Vec::new(),
             failed: None,
             shot: Shot::default(),
-            loses_device: false,
             target: None,
         })
     }
+}
 
-    /// The window's size, where the script begins with one.
-    pub fn window(&self) -> Option<[f32; 2]> {
+impl FrameHook for Script {
+    fn window_size(&self) -> Option<[f32; 2]> {
         match self.steps.front() {
             Some(Step::Window { size }) => Some(*size),
             _ => None,
         }
     }
 
-    /// Whether the device is to be lost now.
-    pub fn loses_device(&mut self) -> bool {
-        std::mem::take(&mut self.loses_device)
-    }
-
-    /// Puts the step's input where hands would.
-    pub fn before_frame(&mut self, app: &App, context: &egui::Context, input: &mut egui::RawInput) {
+    fn input(&mut self, app: &App, context: &egui::Context, input: &mut egui::RawInput) {
         context.request_repaint();
         let now = Instant::now();
         let since = *self.since.get_or_insert(now);
@@ -155,7 +179,7 @@ impl Script {
         match step {
             Step::Drag { from, to, seconds, modifiers, screen, .. } => {
                 let turn = since.elapsed().as_secs_f32() / seconds.max(0.01);
-                // There and back, so that the hand ends where it began.
+                // There and back, so that the pointer ends at its start.
                 let there = 1.0 - (2.0 * turn.min(1.0) - 1.0).abs();
                 let at = [from[0] + there * (to[0] - from[0]), from[1] + there * (to[1] - from[1])];
                 let at = place(at, *screen);
@@ -190,7 +214,6 @@ impl Script {
                 context.send_viewport_cmd(egui::ViewportCommand::InnerSize((*size).into()));
             }
             Step::Press { .. } => {
-                // Names are those that screen readers are told.
                 context.enable_accesskit();
                 match self.target {
                     Some((_, rect, Some(seen))) if seen == frame => {
@@ -219,8 +242,7 @@ impl Script {
         }
     }
 
-    /// Looks for what is to be pressed, once all widgets have been laid out.
-    pub fn look(&mut self, context: &egui::Context) {
+    fn after_frame(&mut self, context: &egui::Context) {
         let Some(Step::Press { name }) = self.steps.front() else { return };
         if matches!(self.target, Some((.., Some(_)))) {
             return;
@@ -237,19 +259,17 @@ impl Script {
         });
     }
 
-    /// Looks whether the step is done; how the script ended, once it has.
-    pub fn after_frame(&mut self, app: &mut App) -> Option<Result<()>> {
+    fn before_frame(&mut self, app: &mut App, frame: &eframe::Frame) -> Option<Result<()>> {
         let now = Instant::now();
         let interval_ms = self.last_frame.map(|last| now.duration_since(last).as_secs_f64() * 1e3);
         self.last_frame = Some(now);
         let elapsed = self.since.map_or(Duration::ZERO, |s| s.elapsed());
         let Some(step) = self.steps.front().cloned() else { return Some(self.end()) };
-        if elapsed > LONGEST_STEP {
+        if elapsed > MAX_STEP {
             return Some(Err(Error::runtime(WHAT, format!("{step:?}"), "it took too long")));
         }
         let done = match step {
             Step::Window { .. } => true,
-            // Where the system takes another size, it is the one to go on with.
             Step::Resize { .. } => self.frame > 1,
             Step::Silent => {
                 if let Some(message) = app.model.messages.iter().find(|m| m.is_error) {
@@ -317,7 +337,11 @@ impl Script {
             }
             Step::Click { .. } | Step::Move { .. } | Step::Key { .. } | Step::Type { .. } => self.frame > 1,
             Step::Lose => {
-                self.loses_device = true;
+                if let Some(state) = frame.wgpu_render_state() {
+                    state.device.destroy();
+                    // A destroyed device reports the loss when it is polled.
+                    let _ = state.device.poll(eframe::wgpu::PollType::wait_indefinitely());
+                }
                 true
             }
         };
@@ -330,7 +354,9 @@ impl Script {
         }
         None
     }
+}
 
+impl Script {
     fn end(&mut self) -> Result<()> {
         self.failed.take().map_or(Ok(()), Err)
     }
@@ -411,7 +437,7 @@ fn write_png(path: &Path, image: &egui::ColorImage) -> Result<()> {
     use image::codecs::png::{CompressionType, FilterType, PngEncoder};
     let rgb: Vec<u8> = image.pixels.iter().flat_map(|p| [p.r(), p.g(), p.b()]).collect();
     let mut bytes = Vec::new();
-    // They are kept in docs/: time is spent for size.
+    // The files are stored in docs/, so size matters more than time.
     PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
         .write_image(&rgb, image.width() as u32, image.height() as u32, image::ExtendedColorType::Rgb8)
         .map_err(|e| Error::runtime("cannot encode picture", path.display(), e))?;

@@ -1,4 +1,4 @@
-//! Dragging, typing, switching, undoing.
+//! Pointer and keyboard: drags, text input, shortcuts, undo.
 
 use super::{Bench, brightness};
 use eframe::egui::{self, Modifiers, vec2};
@@ -15,7 +15,7 @@ fn a_dragged_point_changes_picture_and_file_and_can_be_undone() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let before = bench.app().model.document.clone().unwrap();
     let picture = bench.pixels();
-    // The highest point that the histogram's range shows: no other is near it.
+    // The highest point in the histogram's range has no neighbour nearby.
     let range = before.volume.value_range();
     let last = before.tf.points.iter().rposition(|p| p.value < range[1]).unwrap();
     let grip = bench.harness.get_by_label(&format!("point {}", last + 1)).rect().center();
@@ -25,7 +25,7 @@ fn a_dragged_point_changes_picture_and_file_and_can_be_undone() {
     assert!(edited.points[last].amount < before.tf.points[last].amount, "the point went down");
     assert_ne!(bench.pixels(), picture);
     let frame = bench.app().model.frame.clone().unwrap();
-    assert!(frame.whole && frame.main.report.bytes > 0);
+    assert!(frame.is_final && frame.main.report.bytes > 0);
 
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("mine.json");
@@ -47,14 +47,14 @@ fn a_dragged_point_changes_picture_and_file_and_can_be_undone() {
 fn an_edit_rebuilds_only_its_dependents() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     let range = bench.app().model.document.as_ref().unwrap().volume.value_range();
-    // A colour: tables, but no shadow work.
+    // A colour needs tables, but no shadow map.
     let picture = bench.pixels();
     bench.app().model.edit(Edit::Color { index: 1, color: [0.0, 1.0, 0.0] });
     bench.settle();
     let work = bench.app().model.frame.as_ref().unwrap().work;
     assert!(work.table_ms.is_some() && work.build_ms.is_none(), "{work:?}");
     assert_ne!(bench.pixels(), picture);
-    // A point beyond every value: nothing at all, not even a picture.
+    // A point beyond every value needs nothing, not even a picture.
     bench.app().model.edit(Edit::Add { value: range[1] + 1000.0, amount: 0.0 });
     bench.settle();
     let (frames, unchanged) = (bench.app().model.frames, bench.app().model.unchanged);
@@ -72,7 +72,7 @@ fn an_edit_rebuilds_only_its_dependents() {
     );
     let now = (bench.app().model.frames, bench.app().model.unchanged);
     assert_eq!(now, (frames, unchanged + 1), "no voxel has such a value");
-    // The camera alone: no tables, no map.
+    // A camera change needs neither tables nor a map.
     bench.app().model.look_from(2);
     bench.settle();
     assert_eq!(bench.app().model.frame.as_ref().unwrap().work, Default::default());
@@ -140,7 +140,7 @@ fn drags_move_the_light_and_the_camera() {
 }
 
 #[test]
-fn a_probe_while_a_picture_is_refined_leaves_it_whole() {
+fn a_probe_during_refinement_leaves_the_final_picture() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
     for turn in 0..4 {
         let middle = bench.app().model.view.unwrap().center();
@@ -148,7 +148,7 @@ fn a_probe_while_a_picture_is_refined_leaves_it_whole() {
         bench.drag(middle, to, Modifiers::SHIFT);
         bench.click_at(middle);
         bench.settle();
-        assert!(bench.app().model.frame.as_ref().unwrap().whole);
+        assert!(bench.app().model.frame.as_ref().unwrap().is_final);
     }
 }
 
@@ -185,7 +185,7 @@ fn a_second_light_is_added_edited_moved_and_removed() {
     assert_eq!((two.len(), two[0]), (2, first[0]));
     assert!(brightness(&bench.pixels()) > brightness(&one), "two lights are brighter");
 
-    // The one that was added is edited, and hands move it alone.
+    // The new light is the edited one, and drags move it alone.
     bench.type_into("light intensity", "0.25");
     bench.settle();
     let center = bench.app().model.view.unwrap().center();
@@ -201,12 +201,12 @@ fn a_second_light_is_added_edited_moved_and_removed() {
     let back = lights(&mut bench);
     assert!(back[1] == moved[1] && back[0].light != first[0].light);
 
-    // A scene file holds both, to the last bit.
+    // A scene file contains both, to the last bit.
     let document = bench.app().model.document.clone().unwrap();
     let read = umbravox::open::SceneSettings::from_toml(&document.scene_text("ct").unwrap()).unwrap();
     assert_eq!(read.scene(&VisibleBounds::whole(&document.volume)).unwrap().lights, back);
 
-    // The picture is that of the command line.
+    // The command line draws the same picture.
     bench.click("light 2");
     bench.click("remove light");
     bench.settle();

@@ -1,19 +1,19 @@
-//! What hands do in the view: the camera, the light, the line of the split, and probes.
+//! Pointer input in the view: camera, light, split line and probes.
 
 use super::clip;
 use crate::app::camera;
 use crate::app::model::Model;
 use crate::app::split::Split;
-use crate::engine::messages::Aim;
+use crate::engine::messages::ProbeTarget;
 use crate::scene::Light;
 use eframe::egui::{self, Rect, vec2};
 
-/// Radians that a drag across the height of the view turns.
+/// Rotation of a drag across the height of the view, radians.
 const TURN: f64 = 1.2 * std::f64::consts::PI;
-/// A notch of the wheel (50 points) zooms by this factor.
+/// Zoom factor of one wheel notch (50 points).
 const NOTCH: f64 = 1.15;
 
-/// Follows drags, the wheel and clicks in the view, which is `rect`.
+/// Handles drags, the wheel and clicks in the view.
 pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Response) {
     let Some(document) = &mut model.document else { return };
     let height = f64::from(rect.height().max(1.0));
@@ -61,12 +61,12 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
             (p - rect.min) / rect.size() * vec2(scene.width as f32, scene.height as f32) - vec2(0.5, 0.5);
         let direction =
             scene.camera.ray_direction(f64::from(pixel.x), f64::from(pixel.y), scene.width, scene.height);
-        let aim = Aim::Ray { origin: scene.camera.eye, direction };
-        model.probe(aim);
+        let target = ProbeTarget::Ray { origin: scene.camera.eye, direction };
+        model.probe(target);
     }
 }
 
-/// Whether the line between two methods is what is dragged.
+/// Whether the split line is dragged.
 fn is_wiping(ui: &egui::Ui, rect: Rect, split: &Split, response: &egui::Response) -> bool {
     let near = split.share.filter(|_| !split.flickers()).is_some_and(|share| {
         let x = rect.left() + share * rect.width();

@@ -14,9 +14,9 @@ use umbravox::volume::{Provenance, Scaling, Volume};
 const SMALL: &[&str] = &["phantom:thorax:32", "--shadow=dsm:map=64"];
 
 #[test]
-fn a_plane_is_cut_from_a_side_dragged_by_its_handle_and_taken_back() {
+fn a_clip_plane_is_added_dragged_and_undone() {
     let Some(mut bench) = Bench::open(SMALL) else { return };
-    // What is asked for stands below this at the side.
+    // The controls are below this position in the side panel.
     bench.click("Shadows");
     let whole = bench.pixels();
     bench.click("clip from Anterior");
@@ -28,7 +28,7 @@ fn a_plane_is_cut_from_a_side_dragged_by_its_handle_and_taken_back() {
     assert_ne!(cut, whole);
     assert!(!document.tf_edited(), "the function is what it was");
 
-    // The plane goes through the middle of the volume.
+    // The plane goes through the centre of the volume.
     let (view, camera) = (bench.app().model.view.unwrap(), document.scene.camera);
     let frame = camera.frame();
     let d = document.volume.corners_mm().iter().sum::<DVec3>() / 8.0 - camera.eye;
@@ -43,7 +43,7 @@ fn a_plane_is_cut_from_a_side_dragged_by_its_handle_and_taken_back() {
     assert!((moved.tf.clip[0].offset_mm - plane.offset_mm).abs() > 5.0, "{} {plane}", moved.tf.clip[0]);
     assert_ne!(bench.pixels(), cut);
 
-    // What is written draws the same.
+    // The written scene draws the same picture.
     let text = moved.scene_text("bone").unwrap();
     let settings = SceneSettings::from_toml(&text).unwrap();
     let loaded = settings.load(&Loading::default()).unwrap();
@@ -55,7 +55,7 @@ fn a_plane_is_cut_from_a_side_dragged_by_its_handle_and_taken_back() {
         assert_eq!(bench.app().model.document.as_ref().unwrap().tf.clip, expected, "a drag is one step");
     }
     assert_eq!(bench.pixels(), whole);
-    // Another function is clipped as the one before was.
+    // Another function keeps the clip plane.
     bench.click("clip from Left");
     bench.app().model.load_tf("skin");
     bench.settle();
@@ -77,7 +77,7 @@ pub fn write_labels(file: &Path) {
 }
 
 #[test]
-fn labels_are_ticked_off_and_on() {
+fn labels_are_hidden_and_shown() {
     let dir = tempfile::tempdir().unwrap();
     let file = dir.path().join("parts.nii");
     write_labels(&file);

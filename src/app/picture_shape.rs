@@ -1,0 +1,45 @@
+//! Shape of a finished picture: the renderer's texture, stretched over a rectangle.
+
+use crate::render::DisplayTexture;
+use eframe::egui::{Color32, Rect, Shape, TextureId, pos2};
+use eframe::egui_wgpu::RenderState;
+use eframe::wgpu::FilterMode;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Place of a picture in the window; each has its own texture id.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Place {
+    /// Left (0) or right (1) of the split.
+    Side(usize),
+    /// Row of the list of presets.
+    Preset(usize),
+}
+
+/// Texture ids by place, stored in egui's renderer.
+#[derive(Default)]
+struct Registered(HashMap<Place, (Arc<DisplayTexture>, TextureId)>);
+
+/// Shape that paints a texture over `rect`.
+pub fn shape(rect: Rect, texture: &Arc<DisplayTexture>, place: Place, state: &RenderState) -> Shape {
+    let mut renderer = state.renderer.write();
+    let registered = renderer.callback_resources.entry::<Registered>().or_insert_with(Registered::default);
+    let id = match registered.0.get(&place).map(|(shown, id)| (Arc::ptr_eq(shown, texture), *id)) {
+        Some((true, id)) => id,
+        known => {
+            let (device, view) = (&state.device, &texture.view);
+            let id = match known {
+                Some((_, id)) => {
+                    renderer.update_egui_texture_from_wgpu_texture(device, view, FilterMode::Linear, id);
+                    id
+                }
+                None => renderer.register_native_texture(device, view, FilterMode::Linear),
+            };
+            if let Some(registered) = renderer.callback_resources.get_mut::<Registered>() {
+                registered.0.insert(place, (Arc::clone(texture), id));
+            }
+            id
+        }
+    };
+    Shape::image(id, rect, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE)
+}

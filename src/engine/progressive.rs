@@ -1,0 +1,181 @@
+//! Progressive rendering: a coarse picture at once during interaction, full quality when the input rests.
+
+use super::cached_session::CachedSession;
+use super::invalidation::Stage;
+use super::mailbox::{EventSender, Mailbox};
+use super::messages::{Event, Frame, FrameRequest, MethodFrame};
+use super::quality::{Quality, Speeds};
+use super::reading::{OpenedVolume, suitable_shading};
+use super::shadow_cache::{MapCoverage, ReusePolicy, ShadowCache, Work};
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::render::{DisabledOptimizations, DisplayTexture, Renderer, Screen};
+use crate::scene::Scene;
+use crate::shadow::{Bound, BuildReport};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Target duration of one submission. The window draws through the same queue. A software adapter takes tens of
+/// milliseconds for the window itself, so shorter bands would leave the device idle.
+const BAND_MS: f64 = 12.0;
+const SOFTWARE_BAND_MS: f64 = 35.0;
+/// Time without input after which the picture is drawn at full quality.
+const REST: Duration = Duration::from_millis(140);
+/// Maximum number of textures while a view is resized.
+const MAX_TEXTURES: usize = 8;
+
+/// Draws the requested pictures of a session.
+pub struct ProgressiveRenderer {
+    pub session: CachedSession,
+    textures: Vec<Arc<DisplayTexture>>,
+    speeds: Speeds,
+    /// Last picture drawn at full quality, to skip a request for the same one.
+    shown: Option<(Scene, Quality)>,
+}
+
+impl ProgressiveRenderer {
+    pub fn new(gpu: Gpu) -> Self {
+        let software = gpu.info.device_type == wgpu::DeviceType::Cpu;
+        let submission_ms = if software { SOFTWARE_BAND_MS } else { BAND_MS };
+        let renderer = Arc::new(Renderer::live(gpu, submission_ms));
+        let cache = ShadowCache::new(ShadowCache::INTERACTIVE, ReusePolicy::Covering);
+        Self {
+            session: CachedSession::new(renderer, DisabledOptimizations::NONE, cache),
+            textures: Vec::new(),
+            speeds: Speeds::new(submission_ms),
+            shown: None,
+        }
+    }
+
+    /// Removes everything that a failure may have left incomplete.
+    pub fn reset(&mut self) {
+        self.session.unload();
+        self.textures.clear();
+        self.shown = None;
+    }
+
+    /// Uploads a volume. On failure the previous one stays.
+    pub fn upload(&mut self, opened: Box<OpenedVolume>, events: &EventSender) -> Result<()> {
+        self.session.load(Arc::clone(&opened.volume), opened.strands.clone())?;
+        self.shown = None;
+        events.send(Event::Uploaded(opened));
+        Ok(())
+    }
+
+    /// Draws a requested picture and refines it. Returns `false` where another request interrupted it.
+    pub fn show(&mut self, request: &FrameRequest, mailbox: &Mailbox, events: &EventSender) -> Result<bool> {
+        if self.session.loaded.is_none() {
+            return Ok(true);
+        }
+        let settings = &request.settings;
+        let mut work = Work::default();
+        let change = self.session.set_transfer(&settings.tf, &mut work)?;
+        if change.is_some_and(|c| c.invalidates(Stage::Frame)) {
+            self.shown = None;
+        }
+        let full = Quality::full(settings);
+        let shown = (settings.scene.clone(), full.clone());
+        if self.shown.as_ref() == Some(&shown) {
+            events.send(Event::Unchanged { revision: request.revision });
+            return Ok(true);
+        }
+        if !self.speeds.is_fast(&full, settings, &self.session) {
+            let coarse = self.speeds.coarse(&full, settings, &self.session);
+            if coarse != full {
+                self.shown = None;
+                if let Some(frame) = self.draw(request, &coarse, false, work, || true)? {
+                    events.send(Event::Frame(Box::new(frame)));
+                }
+                // The full picture reports the tables, but not the coarse map.
+                work.build_ms = None;
+                if mailbox.wait_for_request(REST) {
+                    return Ok(false);
+                }
+            }
+        }
+        let frame = self.draw(request, &full, true, work, || !mailbox.has_requests())?;
+        let Some(frame) = frame else { return Ok(false) };
+        self.shown = Some(shown);
+        events.send(Event::Frame(Box::new(frame)));
+        Ok(true)
+    }
+
+    /// Draws the picture of each method; `None` where `proceed` stopped it.
+    fn draw(
+        &mut self,
+        request: &FrameRequest,
+        quality: &Quality,
+        is_final: bool,
+        mut work: Work,
+        proceed: impl Fn() -> bool,
+    ) -> Result<Option<Frame>> {
+        let Quality { width, height, step, .. } = *quality;
+        let scene = &request.settings.scene;
+        // A request may be older than the volume on the device.
+        let shading = suitable_shading(scene.shading, self.session.has_strands());
+        let scene = Scene { width, height, step, shading, ..scene.clone() };
+        let mut sides = Vec::with_capacity(2);
+        let mut longest_band_ms = 0.0_f64;
+        for choice in &quality.choices {
+            let method = choice.method()?;
+            let mut built = Work::default();
+            let made = self.session.prepare(method, (&scene, MapCoverage::Picture), &mut built)?;
+            if let Some(ms) = built.build_ms {
+                *work.build_ms.get_or_insert(0.0) += ms;
+                let map = made.shadows.iter().map(|map| map.light_space.map_size).max().unwrap_or(0);
+                self.speeds.record_build(choice, map, ms / built.built.max(1) as f64);
+            }
+            if !proceed() {
+                return Ok(None);
+            }
+            let texture = take_texture(&mut self.textures, made.renderer.gpu(), width, height)?;
+            let pace = if is_final { &mut self.speeds.full } else { &mut self.speeds.moving };
+            let screen = Screen { target: &texture, pace };
+            let field = (made.loaded, made.transfer);
+            let report = BuildReport::of_all(made.shadows.iter().copied());
+            let bound = Bound::of_all(made.shadows.iter().copied());
+            let drawn = made.renderer.draw_to(screen, field, made.shadows, &scene, &proceed)?;
+            let Some(drawn) = drawn else { return Ok(None) };
+            longest_band_ms = longest_band_ms.max(drawn.longest_band_ms);
+            sides.push(MethodFrame {
+                texture,
+                spec: choice.spec(),
+                report,
+                bound,
+                skipped: drawn.plan.left_out,
+                frame_ms: drawn.span.best().0,
+            });
+        }
+        let latency_ms = request.since.elapsed().as_secs_f64() * 1e3;
+        tracing::debug!(
+            "{width} x {height}, {}: {work:?}, rays {:.1} ms, longest band {longest_band_ms:.1} ms, latency \
+             {latency_ms:.0} ms",
+            quality.choices[0].spec(),
+            sides.iter().map(|side| side.frame_ms).sum::<f64>(),
+        );
+        let mut sides = sides.into_iter();
+        let Some(main) = sides.next() else { return Ok(None) };
+        let (other, revision) = (sides.next(), request.revision);
+        Ok(Some(Frame { main, other, is_final, work, latency_ms, longest_band_ms, revision }))
+    }
+}
+
+/// Returns a texture of the given size that the window no longer shows.
+fn take_texture(
+    textures: &mut Vec<Arc<DisplayTexture>>,
+    gpu: &Gpu,
+    width: u32,
+    height: u32,
+) -> Result<Arc<DisplayTexture>> {
+    let is_free = |t: &Arc<DisplayTexture>| Arc::strong_count(t) == 1;
+    let fits = |t: &Arc<DisplayTexture>| (t.width, t.height) == (width, height);
+    if let Some(found) = textures.iter().find(|t| is_free(t) && fits(t)) {
+        return Ok(Arc::clone(found));
+    }
+    if textures.len() >= MAX_TEXTURES {
+        textures.retain(|t| !is_free(t));
+    }
+    let texture = Arc::new(DisplayTexture::new(gpu, width, height)?);
+    textures.push(Arc::clone(&texture));
+    Ok(texture)
+}

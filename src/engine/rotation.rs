@@ -1,0 +1,130 @@
+//! Scenes of a turntable or a light sweep.
+
+use crate::scene::{Camera, Light, LightSource, Scene};
+use glam::{DQuat, DVec3};
+
+/// Object that rotates from one picture to the next, around the axis through the camera's target along its `up`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rotation {
+    /// Camera on a turntable.
+    Camera,
+    /// All lights: directions rotate, points move on circles around the axis.
+    Lights,
+}
+
+/// One scene of a full rotation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RotatedScene {
+    /// Rotation angle, degrees, counterclockwise as seen from the tip of `up`.
+    pub angle_deg: f64,
+    /// Rotated scene.
+    pub scene: Scene,
+}
+
+impl Rotation {
+    /// Maximum number of pictures: file names have four digits.
+    pub const MAX_PICTURES: u32 = 10_000;
+
+    /// Scenes of a full rotation in equal steps; the first is `scene` itself.
+    pub fn scenes(self, scene: &Scene, count: u32) -> impl ExactSizeIterator<Item = RotatedScene> {
+        let scene = scene.clone();
+        (0..count).map(move |step| {
+            let angle_deg = 360.0 * f64::from(step) / f64::from(count);
+            RotatedScene { angle_deg, scene: self.rotated(&scene, angle_deg) }
+        })
+    }
+
+    /// Whether the rotation changes the scene. A light sweep does not where every light lies on the axis.
+    pub fn changes(self, scene: &Scene) -> bool {
+        let Camera { target, up, .. } = scene.camera;
+        let is_off =
+            |from_axis: DVec3| from_axis.cross(up).length() > 1e-9 * from_axis.length() * up.length();
+        self == Self::Camera
+            || scene.shining().iter().any(|source| match source.light {
+                Light::Directional { toward } => is_off(toward),
+                Light::Point { position } => is_off(position - target),
+            })
+    }
+
+    /// Scene with the camera or the lights rotated by an angle, degrees.
+    pub fn rotated(self, scene: &Scene, angle_deg: f64) -> Scene {
+        if angle_deg == 0.0 {
+            return scene.clone();
+        }
+        let Camera { eye, target, up, .. } = scene.camera;
+        let turn = DQuat::from_axis_angle(up.normalize(), angle_deg.to_radians());
+        let around = |place: DVec3| target + turn * (place - target);
+        match self {
+            Self::Camera => Scene { camera: Camera { eye: around(eye), ..scene.camera }, ..scene.clone() },
+            Self::Lights => {
+                let light = |light: Light| match light {
+                    Light::Directional { toward } => {
+                        Light::Directional { toward: (turn * toward).normalize() }
+                    }
+                    Light::Point { position } => Light::Point { position: around(position) },
+                };
+                let turned = |source: &LightSource| LightSource { light: light(source.light), ..*source };
+                Scene { lights: scene.lights.iter().map(turned).collect(), ..scene.clone() }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phantom::Phantom;
+
+    fn scene() -> Scene {
+        let volume = Phantom::Slab.build(8).unwrap();
+        let light = |light| LightSource { light, intensity: 0.5, ..LightSource::default() };
+        let lights = [
+            Light::Directional { toward: DVec3::new(0.6, 0.0, 0.8) },
+            Light::Point { position: DVec3::new(11.0, 2.0, 8.0) },
+        ];
+        let camera = Camera {
+            eye: DVec3::new(1.0, -8.0, 4.0),
+            target: DVec3::new(1.0, 2.0, 3.0),
+            up: DVec3::new(0.0, 0.0, 2.0),
+            fov_deg: 30.0,
+        };
+        Scene { camera, lights: lights.map(light).to_vec(), ..Scene::framing(&volume) }
+    }
+
+    #[test]
+    fn a_camera_goes_around_its_target_at_one_height_and_distance() {
+        let scene = scene();
+        let turned: Vec<RotatedScene> = Rotation::Camera.scenes(&scene, 8).collect();
+        assert_eq!(turned.len(), 8);
+        assert_eq!(turned[0], RotatedScene { angle_deg: 0.0, scene: scene.clone() });
+        // From the front (-y) counterclockwise to the right (+x).
+        assert_eq!(turned[2].angle_deg, 90.0);
+        assert!((turned[2].scene.camera.eye - DVec3::new(11.0, 2.0, 4.0)).length() < 1e-12);
+        assert!((turned[4].scene.camera.eye - DVec3::new(1.0, 12.0, 4.0)).length() < 1e-12);
+        for RotatedScene { scene: other, .. } in &turned {
+            assert_eq!(Scene { camera: scene.camera, ..other.clone() }, scene, "nothing else moves");
+            let away = other.camera.eye - other.camera.target;
+            assert!((away.length() - 101_f64.sqrt()).abs() < 1e-12 && (away.z - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn lights_go_around_the_same_axis() {
+        let scene = scene();
+        let turned: Vec<RotatedScene> = Rotation::Lights.scenes(&scene, 4).collect();
+        assert_eq!(turned[0].scene, scene);
+        let RotatedScene { angle_deg, scene: quarter } = &turned[1];
+        assert_eq!((*angle_deg, quarter.camera, quarter.lights[1].intensity), (90.0, scene.camera, 0.5));
+        let [Light::Directional { toward }, Light::Point { position }] =
+            [quarter.lights[0].light, quarter.lights[1].light]
+        else {
+            panic!("they stay what they are")
+        };
+        assert!((toward - DVec3::new(0.0, 0.6, 0.8)).length() < 1e-15);
+        assert!((position - DVec3::new(1.0, 12.0, 8.0)).length() < 1e-12);
+        assert_eq!(Rotation::Lights.scenes(&scene, 1).len(), 1);
+        let above = |z| scene.under(Light::Point { position: DVec3::new(1.0, 2.0, z) }.into());
+        assert!(Rotation::Lights.changes(&scene) && Rotation::Camera.changes(&above(90.0)));
+        assert!(![90.0, -90.0, 3.0].into_iter().any(|z| Rotation::Lights.changes(&above(z))));
+    }
+}
