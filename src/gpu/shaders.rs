@@ -40,11 +40,6 @@ impl Constant {
         Self { name, value: Literal::Float(value.to_bits()) }
     }
 
-    /// Name between `#{` and `}`.
-    pub const fn name(&self) -> &'static str {
-        self.name
-    }
-
     fn text(self) -> String {
         match self.value {
             Literal::Unsigned(value) => format!("{value}u"),

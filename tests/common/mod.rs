@@ -139,7 +139,7 @@ pub struct Sizes {
     pub window_sizes: usize,
     /// Resizes of the real window while a picture refines.
     pub window_resizes: u32,
-    /// One of so many distinct shaders is composed, validated and translated.
+    /// One of so many shaders is composed, validated and translated.
     pub shader_stride: usize,
 }
 

@@ -84,45 +84,36 @@ fn source(path: &str) -> String {
     std::fs::read_to_string(file).unwrap()
 }
 
-/// Lines of a shader that its definitions select.
-fn selected(text: &str, defs: &[&str]) -> String {
-    let mut open = Vec::new();
-    let mut lines = String::new();
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
-        let (directive, name) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-        match directive {
-            "#ifdef" => open.push(defs.contains(&name)),
-            "#ifndef" => open.push(!defs.contains(&name)),
-            "#else" => *open.last_mut().unwrap() ^= true,
-            "#endif" => drop(open.pop()),
-            _ if open.iter().all(|selected| *selected) => lines.extend([line, "\n"]),
-            _ => {}
-        }
-    }
-    lines
+fn hash(value: &impl Hash) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    value.hash(&mut hasher);
+    hasher.finish()
 }
 
-/// One variant of each text: most settings of a method do not change most of its shaders.
-fn distinct(mut variants: Vec<(ShaderVariant, bool)>) -> Vec<(ShaderVariant, bool)> {
+/// Variants that together have every pair of settings of each shader. A setting is a definition that is there or is not,
+/// the value of a constant, or the way uniforms are read. All combinations would be ten times as many.
+fn pairwise(mut variants: Vec<(ShaderVariant, bool)>) -> Vec<(ShaderVariant, bool)> {
     let files: HashMap<&str, String> = shader_paths().into_iter().map(|path| (path, source(path))).collect();
-    let mut texts = HashSet::new();
-    let mut requests = HashSet::new();
+    let all: BTreeSet<&str> = variants.iter().flat_map(|(variant, _)| variant.defs.iter().copied()).collect();
+    let mut used: HashMap<u64, Vec<&str>> = HashMap::new();
+    let mut pairs = HashSet::new();
     variants.retain(|(variant, live)| {
-        let paths = || variant.modules.iter().chain([&variant.entry]);
-        let used = |name: &str| paths().any(|path| files[path].contains(name));
-        let mut defs: Vec<_> = variant.defs.iter().copied().filter(|def| used(def)).collect();
-        defs.sort_unstable();
-        let constants: Vec<_> =
-            variant.constants.iter().filter(|c| used(&format!("#{{{}}}", c.name()))).collect();
-        let rest = format!("{live} {constants:?}");
-        if !requests.insert((variant.entry, variant.modules.clone(), defs.clone(), rest.clone())) {
-            return false;
+        let shader = hash(&(variant.entry, &variant.modules));
+        let defs = used.entry(shader).or_insert_with(|| {
+            let paths = || variant.modules.iter().chain([&variant.entry]);
+            let mentions = |def: &&str| paths().any(|path| files[path].contains(*def));
+            all.iter().copied().filter(mentions).collect()
+        });
+        let mut settings = vec![hash(live)];
+        settings.extend(defs.iter().map(|def| hash(&(def, variant.defs.contains(def)))));
+        settings.extend(variant.constants.iter().map(|constant| hash(constant)));
+        let mut adds = false;
+        for (n, one) in settings.iter().enumerate() {
+            for other in &settings[n..] {
+                adds |= pairs.insert((shader, *one, *other));
+            }
         }
-        let mut hasher = DefaultHasher::new();
-        rest.hash(&mut hasher);
-        paths().for_each(|path| selected(&files[path], &defs).hash(&mut hasher));
-        texts.insert(hasher.finish())
+        adds
     });
     variants
 }
@@ -200,16 +191,16 @@ fn every_shader_composes_validates_and_translates_for_every_driver() {
     let start = std::time::Instant::now();
     let variants = variants();
     let count = variants.len();
-    let distinct = distinct(variants);
-    println!("{} distinct shaders of {count} variants, {:?}", distinct.len(), start.elapsed());
-    let tried: Vec<_> = distinct.iter().step_by(SIZES.shader_stride).collect();
+    let chosen = pairwise(variants);
+    println!("{} of {count} variants have every pair, {:?}", chosen.len(), start.elapsed());
+    let tried: Vec<_> = chosen.iter().step_by(SIZES.shader_stride).collect();
     tried.par_iter().for_each(|(variant, live)| {
         let (module, info) = validated(variant, *live);
         translate(variant, &module, &info, spirv_val);
     });
     println!("{} of them tried, {:?}", tried.len(), start.elapsed());
     let used: BTreeSet<_> =
-        distinct.iter().flat_map(|(v, _)| v.modules.iter().chain([&v.entry])).copied().collect();
+        chosen.iter().flat_map(|(v, _)| v.modules.iter().chain([&v.entry])).copied().collect();
     // The example method is compiled under its own feature only.
     let compiled = |p: &&str| cfg!(feature = "half") || !p.starts_with("shadow/half/");
     let unused: Vec<_> = shader_paths().into_iter().filter(compiled).filter(|p| !used.contains(p)).collect();
