@@ -8,7 +8,7 @@ use nifti_bytes::{NiftiBytes, gzip};
 use std::fs;
 use std::path::PathBuf;
 use umbravox::open::{ReadFlags, VolumeSpec, load};
-use umbravox::volume::{AffineSource, ValuesSaid, Volume};
+use umbravox::volume::{AffineSource, ValueMeaning, Volume};
 use umbravox::{Error, Result};
 
 struct Folder(tempfile::TempDir);
@@ -161,10 +161,10 @@ fn intents_and_echo_times_tell_what_the_values_are() {
             folder.write("a.nii", &bytes);
             folder.read("a.nii").unwrap().provenance.values
         };
-        assert_eq!(said(0, "Time=93808.000"), ValuesSaid::Nothing);
-        assert!(matches!(said(0, "TE=3.6;Time=1.0"), ValuesSaid::Other(by) if by.contains("MR")));
-        assert!(matches!(said(3, ""), ValuesSaid::Other(by) if by.contains("statistic")));
-        assert!(matches!(said(1002, ""), ValuesSaid::Other(by) if by.contains("labels")));
+        assert_eq!(said(0, "Time=93808.000"), ValueMeaning::Unknown);
+        assert!(matches!(said(0, "TE=3.6;Time=1.0"), ValueMeaning::Other(by) if by.contains("MR")));
+        assert!(matches!(said(3, ""), ValueMeaning::Other(by) if by.contains("statistic")));
+        assert!(matches!(said(1002, ""), ValueMeaning::Other(by) if by.contains("labels")));
     }
 }
 
