@@ -56,25 +56,22 @@ impl Phantom {
 
     /// Name in `phantom:NAME`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Thorax => "thorax",
-            Self::Slab => "slab",
-            Self::Sphere => "sphere",
-            Self::Shell => "shell",
-            Self::Step => "step",
-            Self::Comb => "comb",
-        }
+        self.texts().0
     }
 
     /// Short description.
     pub fn description(self) -> &'static str {
+        self.texts().1
+    }
+
+    fn texts(self) -> (&'static str, &'static str) {
         match self {
-            Self::Thorax => "a CT-like chest in HU",
-            Self::Slab => "a slab of constant value across z",
-            Self::Sphere => "a value that falls with the radius squared: spheres as isosurfaces",
-            Self::Shell => "a hollow ball",
-            Self::Step => "a half space across x",
-            Self::Comb => "thin alternating layers across z",
+            Self::Thorax => ("thorax", "a CT-like chest in HU"),
+            Self::Slab => ("slab", "a slab of constant value across z"),
+            Self::Sphere => ("sphere", "a value that falls with the radius squared: spheres as isosurfaces"),
+            Self::Shell => ("shell", "a hollow ball"),
+            Self::Step => ("step", "a half space across x"),
+            Self::Comb => ("comb", "thin alternating layers across z"),
         }
     }
 
@@ -92,24 +89,16 @@ impl Phantom {
     /// The name is unknown, or the size is not in `1..=1024`.
     pub fn parse(text: &str, others: &[&str]) -> Result<(Self, usize)> {
         let (name, size) = text.split_once(':').map_or((text, None), |(name, size)| (name, Some(size)));
+        let refuse = |why: String| Error::input("cannot build phantom", format!("phantom:{text}"), why);
         let phantom = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
             let names = [&Self::ALL.map(Self::name), others].concat();
-            Error::input(
-                "cannot build phantom",
-                format!("phantom:{text}"),
-                format!("no phantom is named `{name}`"),
-            )
-            .hint(format!("there are {}", names.join(", ")))
+            refuse(format!("no phantom is named `{name}`")).hint(format!("there are {}", names.join(", ")))
         })?;
         let size = match size {
             None => phantom.default_size(),
             Some(size) => {
                 size.parse().ok().filter(|n| (1..=Self::MAX_SIZE).contains(n)).ok_or_else(|| {
-                    Error::input(
-                        "cannot build phantom",
-                        format!("phantom:{text}"),
-                        format!("size `{size}` is not a whole number in 1..={}", Self::MAX_SIZE),
-                    )
+                    refuse(format!("size `{size}` is not a whole number in 1..={}", Self::MAX_SIZE))
                 })?
             }
         };

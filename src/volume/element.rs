@@ -103,7 +103,6 @@ pub fn grid_bytes(dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
 
 /// Reason why voxels cannot be read.
 #[derive(Debug)]
-#[expect(missing_docs, reason = "the display says it")]
 pub enum ReadFailure {
     /// The data end after `got` bytes.
     Short {

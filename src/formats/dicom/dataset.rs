@@ -399,7 +399,7 @@ impl Elements<'_> {
         Ok(())
     }
 
-    /// Attributes of an owner; `None` where elements are not kept.
+    /// Attributes of an owner; `None` if its elements are not stored.
     fn owned(&mut self, owner: Owner) -> Option<&mut Attributes> {
         match owner {
             Owner::Root => Some(&mut self.set.root),

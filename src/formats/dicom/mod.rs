@@ -77,14 +77,14 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
         (_, false) => format!("uint{allocated}, {stored} bits used, {modality}"),
     };
     let rescale_type = first.set.of_frame(0, tags::RESCALE_TYPE).and_then(|a| a.text(tags::RESCALE_TYPE));
-    let said = match (modality.as_str(), rescale_type.as_deref()) {
+    let meaning = match (modality.as_str(), rescale_type.as_deref()) {
         (_, Some("HU")) => ValueMeaning::Hounsfield("DICOM rescale type HU".into()),
         ("CT", None) => ValueMeaning::Hounsfield("DICOM modality CT".into()),
         ("", _) => ValueMeaning::Unknown,
         (other, _) => ValueMeaning::Other(format!("DICOM modality {other}")),
     };
     let provenance = Provenance {
-        values: said,
+        values: meaning,
         affine_source: stack.affine_source,
         frames: stack.frames,
         frame,

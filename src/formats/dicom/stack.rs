@@ -203,7 +203,7 @@ fn warn_of_placement(slices: &[Slice], depths: &[f64], tilt_deg: f64, warnings: 
     });
     let aside = aside.fold(0.0, f64::max);
     if aside > ASIDE_MM {
-        warnings.push(format!("its slices lie up to {aside:.2} mm off a straight line: placed on it"));
+        warnings.push(format!("its slices are up to {aside:.2} mm off a straight line: placed on it"));
     }
     if tilt_deg > 0.05 {
         warnings
@@ -218,7 +218,7 @@ fn one_grid(series: &Series, slices: &[Slice]) -> Result<(), String> {
         set.of_frame(slice.frame, tag).and_then(|a| a.numbers(tag))
     };
     for (tag, tolerance, what) in [
-        (tags::IMAGE_ORIENTATION_PATIENT, 1e-2, "lie in several orientations"),
+        (tags::IMAGE_ORIENTATION_PATIENT, 1e-2, "have several orientations"),
         (tags::PIXEL_SPACING, 1e-3, "have pixels of several sizes"),
     ] {
         let first = slices.first().and_then(|s| of(s, tag));
@@ -304,9 +304,9 @@ fn layers(
     let length = depths[n - 1] - depths[0];
     let count = ((length / smallest).round() as usize).saturating_add(1);
     let largest = gaps.iter().copied().fold(0.0, f64::max);
-    let says = format!("its slices are {smallest:.3} to {largest:.3} mm apart");
+    let spacing = format!("its slices are {smallest:.3} to {largest:.3} mm apart");
     if count > MAX_GROWTH * n {
-        return Err(format!("{says}: an even grid of them would take {count} slices for {n}"));
+        return Err(format!("{spacing}: an even grid of them would take {count} slices for {n}"));
     }
     let step = length / (count - 1) as f64;
     let layers = (0..count)
@@ -323,7 +323,7 @@ fn layers(
         .collect::<Vec<_>>();
     let made = layers.iter().filter(|l| matches!(l, Layer::Between(..))).count();
     warnings.push(format!(
-        "{says}: resampled linearly to {count} slices {step:.3} mm apart, {made} of them between slices of the series"
+        "{spacing}: resampled linearly to {count} slices {step:.3} mm apart, {made} of them between slices of the series"
     ));
     Ok((layers, count))
 }

@@ -241,7 +241,7 @@ impl<'a, 'input> Image<'a, 'input> {
             let number = array.text().and_then(|number| number.parse::<usize>().ok());
             number.and_then(|number| self.skeleton.arrays.get(number)).copied().ok_or("it has no numbers")
         };
-        let format = array.attribute("format").unwrap_or("not said");
+        let format = array.attribute("format").unwrap_or("not given");
         let (from, length, is_raw) = match (format, self.skeleton.appended) {
             ("ascii" | "binary", _) => {
                 let [from, length] = inside().map_err(|why| named(why.into()))?;
