@@ -5,7 +5,7 @@ use super::constants::HIDDEN_SHIFT;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, uniform_buffer};
 use crate::transfer::{LabelClass, SideBySide, TransferFunction, TransferTables, extinction_range};
-use crate::volume::MOST_LABELS;
+use crate::volume::MAX_LABELS;
 
 /// Functions of all labels merged into one, over texel values that the device shifts by label.
 pub(super) struct MergedFunction {
@@ -59,7 +59,7 @@ impl MergedFunction {
     /// Label texture and shifts by label, where labels use different functions.
     pub fn labels(&self, gpu: &Gpu, loaded: &LoadedVolume) -> Option<(wgpu::TextureView, wgpu::Buffer)> {
         let ranks = loaded.on_device.labels.as_ref().filter(|_| !self.shifts.is_empty())?;
-        let mut shifts = [0.0; MOST_LABELS];
+        let mut shifts = [0.0; MAX_LABELS];
         shifts[..self.shifts.len()].copy_from_slice(&self.shifts);
         Some((ranks.clone(), uniform_buffer(gpu, "label shifts", &shifts)))
     }

@@ -6,7 +6,7 @@ use crate::gpu::{Constant, ShaderVariant, WORK_KINDS, WORK_WORDS};
 use crate::transfer::{
     MAX_INTERVALS, MAX_OPACITY, MORE_NODES, MOST_CLIP_PLANES, PAIR_BINS, TABLE_BINS, VALUE_BINS,
 };
-use crate::volume::{BRICK_CELLS, MOST_LABELS};
+use crate::volume::{BRICK_CELLS, MAX_LABELS};
 
 /// The modules that march light rays: cell by cell, by regular samples, and from segment to segment of strands.
 const MARCH_CELLS: &str = "field/march.wgsl";
@@ -72,7 +72,7 @@ const CONSTANTS: &[Constant] = &[
     Constant::unsigned("BRICK_SHIFT", BRICK_CELLS.ilog2()),
     Constant::float("FAR", FAR),
     Constant::float("HIDDEN_SHIFT", HIDDEN_SHIFT),
-    Constant::unsigned("LABEL_VECTORS", MOST_LABELS as u32 / 4),
+    Constant::unsigned("LABEL_VECTORS", MAX_LABELS as u32 / 4),
     Constant::unsigned("MOST_CLIP_PLANES", MOST_CLIP_PLANES as u32),
     Constant::unsigned("PARTS_OF_SUM", PARTS_OF_SUM),
     Constant::unsigned("MOST_PIECES", MOST_PIECES),

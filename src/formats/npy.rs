@@ -1,31 +1,32 @@
 //! NumPy's `.npy`: an array of three axes, `[k, j, i]` (`i` fastest in C order), or `[frame, k, j, i]` of four.
 //!
-//! Read here and not by a crate: the header's text is a Python literal, of which three keys are wanted, and no memory is
-//! taken for what it merely claims. Source: NumPy's `numpy.lib.format`, "NPY format".
+//! The reader is not that of `ndarray-npy`, which needs the element type in advance and allocates the claimed sizes.
+//! Source: NumPy's `numpy.lib.format`, "NPY format".
 
-use super::frames::picked;
+use super::common::{frame_warning, inexact_integers, refusal};
 use super::head::Head;
-use super::sidecar::Sidecar;
-use super::source::{Block, Source, inexact_integers};
-use crate::error::{Error, Result};
+use super::raw_layout::Sidecar;
+use super::source::{Block, Source};
+use crate::error::Result;
 use crate::files::loading::Loading;
-use crate::volume::element::{ByteOrder, Element, read_full};
-use crate::volume::{AffineSource, Provenance, Scaling, Volume};
+use crate::volume::{AffineSource, ByteOrder, Element, Provenance, Scaling, Volume};
 use glam::{DAffine3, DVec3};
+use std::io::Read;
 use std::path::Path;
 
 /// File-name endings of the format.
 pub const EXTENSIONS: &[&str] = &["npy"];
 
 const MAGIC: &[u8] = b"\x93NUMPY";
-const HEADER_MOST_BYTES: usize = 1 << 16;
+/// Largest size of a header.
+const MAX_HEADER_BYTES: usize = 1 << 16;
 
-/// Whether a file is of this format.
+/// Whether a file is an `.npy` array.
 pub fn is_npy(head: &Head) -> bool {
     head.starts_with(MAGIC)
 }
 
-/// What the header says.
+/// Element type and shape of an array.
 #[derive(Debug, PartialEq)]
 struct Header {
     element: Element,
@@ -34,21 +35,21 @@ struct Header {
     shape: Vec<usize>,
 }
 
-/// Reads one frame (0 is the first); `spacing_mm` where there is no sidecar, or to win over it.
+/// Reads one frame (from 0); `spacing_mm` overrides the sidecar.
 ///
 /// # Errors
-/// The file cannot be read, is no array of numbers of three or four axes, or ends early.
+/// The file cannot be read, is no array of numbers with three or four axes, or ends early.
 pub fn read_with(
     path: &Path,
     frame: usize,
     spacing_mm: Option<[f64; 3]>,
     loading: &Loading,
 ) -> Result<Volume> {
-    let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
+    let refuse = refusal(path);
     let mut source = Source::open(path, loading)?;
-    let (header, header_bytes) = header(&mut source).map_err(refuse)?;
+    let (header, header_bytes) = header(&mut source).map_err(&refuse)?;
     let mut shape = header.shape.clone();
-    // Without the axes of length 1 in front, which many programs add.
+    // Many programs add leading axes of length 1.
     while shape.len() > 3 && shape[0] == 1 {
         shape.remove(0);
     }
@@ -57,43 +58,42 @@ pub fn read_with(
         [nz, ny, nx] => (1, [nz, ny, nx]),
         [frames, nz, ny, nx] if !header.is_fortran => (frames, [nz, ny, nx]),
         _ => {
-            let order = if header.is_fortran { " in Fortran's order" } else { "" };
+            let order = if header.is_fortran { " in Fortran order" } else { "" };
             let why = format!("its shape is {:?}{order}; a volume has three axes", header.shape);
             return Err(refuse(why));
         }
     };
-    let of_several = picked(path, frame, frames)?;
+    let frame_warning = frame_warning(path, frame, frames)?;
     let Header { element, byte_order, is_fortran, .. } = header;
     if is_fortran {
-        // Turned about while it is read: reduced afterwards.
+        // Transposed voxels are downsampled after reading.
         loading.reduce_to(None);
     }
     let block = Block { dims: [nx, ny, nz], element, byte_order, offset: header_bytes, frame };
-    // In Fortran's order the first axis runs fastest.
+    // In Fortran order the first axis runs fastest.
     let voxels = match is_fortran {
-        true => block.read_turned(&mut source, header_bytes),
+        true => block.read_transposed(&mut source, header_bytes),
         false => block.read(&mut source, header_bytes),
     };
     let voxels = voxels.map_err(refuse)?;
     let mut warnings: Vec<String> = inexact_integers(&voxels, element).into_iter().collect();
-    // What stands beside an array may be about something else, or about what it was before.
-    let beside = Sidecar::beside(path).unwrap_or_default();
-    let fits =
-        |said: &Sidecar| said.raw_layout().is_ok_and(|l| l.dims == [nx, ny, nz] && l.element == element);
-    let sidecar = beside.filter(fits);
+    // A sidecar may describe another file, or an earlier version of the array.
+    let describes =
+        |s: &Sidecar| s.raw_layout().is_ok_and(|l| l.dims == [nx, ny, nz] && l.element == element);
+    let sidecar = Sidecar::beside(path).unwrap_or_default().filter(describes);
     if sidecar.is_none() && Sidecar::path_of(path).exists() {
-        warnings.push("the .json file beside it is not about this array: not used".into());
+        warnings.push("the .json file beside it does not describe this array: not used".into());
     }
     let (world_from_index, affine_source) = match (&sidecar, spacing_mm) {
-        (Some(said), None) => (said.affine(), AffineSource::Axes),
+        (Some(sidecar), None) => (sidecar.affine(), AffineSource::Axes),
         (_, Some(mm)) => (DAffine3::from_scale(DVec3::from_array(mm)), AffineSource::Spacing),
         (None, None) => {
             warnings.push("no --spacing given: voxels taken as 1 mm".into());
             (DAffine3::IDENTITY, AffineSource::Spacing)
         }
     };
-    warnings.extend(of_several);
-    let scaling = sidecar.map_or(Scaling::IDENTITY, |said| said.scaling());
+    warnings.extend(frame_warning);
+    let scaling = sidecar.map_or(Scaling::IDENTITY, |sidecar| sidecar.scaling());
     let provenance = Provenance {
         affine_source,
         frames,
@@ -104,33 +104,27 @@ pub fn read_with(
     Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
 }
 
+/// Reads the header and returns its size in bytes.
 fn header(source: &mut Source<'_>) -> Result<(Header, u64), String> {
-    use std::io::Read;
-    let mut start = [0u8; 12];
-    let short = || String::from("its header ends early");
-    source.read_exact(&mut start[..8]).map_err(|_| short())?;
+    let mut take = |count: usize| {
+        let mut bytes = vec![0; count];
+        source.read_exact(&mut bytes).map_err(|_| "its header ends early".to_string())?;
+        Ok::<_, String>(bytes)
+    };
+    let start = take(8)?;
     if !start.starts_with(MAGIC) {
         return Err("it is not an .npy file".into());
     }
     let width = if start[6] == 1 { 2 } else { 4 };
-    source.read_exact(&mut start[8..8 + width]).map_err(|_| short())?;
-    let length = if width == 2 {
-        usize::from(u16::from_le_bytes([start[8], start[9]]))
-    } else {
-        u32::from_le_bytes([start[8], start[9], start[10], start[11]]) as usize
-    };
-    if length > HEADER_MOST_BYTES {
-        return Err(format!("its header is said to have {length} bytes"));
+    let length = take(width)?.iter().rev().fold(0, |length, byte| length << 8 | usize::from(*byte));
+    if length > MAX_HEADER_BYTES {
+        return Err(format!("its header claims {length} bytes"));
     }
-    let mut text = vec![0; length];
-    if read_full(source, &mut text).map_err(|e| e.to_string())? < length {
-        return Err(short());
-    }
-    let header = parse(&String::from_utf8_lossy(&text))?;
+    let header = parse(&String::from_utf8_lossy(&take(length)?))?;
     Ok((header, (8 + width + length) as u64))
 }
 
-/// What stands behind a key of the header's dictionary.
+/// Text after a key of the header's dictionary.
 fn value<'a>(text: &'a str, key: &str) -> Result<&'a str, String> {
     let quoted = [format!("'{key}'"), format!("\"{key}\"")];
     let after = quoted.iter().find_map(|q| text.split_once(q.as_str())).map(|(_, after)| after);
@@ -145,7 +139,7 @@ fn parse(text: &str) -> Result<Header, String> {
         .and_then(|q| descr[1..].split_once(q))
         .map(|(inside, _)| inside)
         .ok_or("its elements are records; numbers are needed")?;
-    let (element, byte_order) = Element::of_numpy(descr).ok_or_else(|| {
+    let (element, byte_order) = Element::from_numpy(descr).ok_or_else(|| {
         format!("its elements are of type `{descr}`; integers and 32- or 64-bit floats are read")
     })?;
     let is_fortran = value(text, "fortran_order")?.starts_with("True");
@@ -162,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn headers_are_read_in_either_quotes_and_order() {
+    fn headers_are_read_with_either_quotes_and_any_order() {
         let header = parse("{'descr': '<i2', 'fortran_order': False, 'shape': (4, 3, 2), }").unwrap();
         let expected = Header {
             element: Element::I16,

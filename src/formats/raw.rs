@@ -1,95 +1,81 @@
-//! Raw files: voxels and nothing else, gzipped or not; the layout comes from `--raw`, from a [`Sidecar`] or from the
-//! file's name.
+//! Raw files: bare voxels, gzipped or not. The layout comes from `--raw`, a [`Sidecar`] or the file's name.
 
-use super::raw_layout::RawLayout;
-use super::sidecar::Sidecar;
-use super::source::{Block, Packing, Source, Whole};
+use super::raw_layout::{RawLayout, Sidecar};
+use super::source::{Block, Compression, Source};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::{DAffine3, DVec3};
 use std::path::Path;
 
-/// What is read, and where the file does not say it, how it is placed.
+/// Layout and placement of a raw file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawFile {
     /// Grid and element type.
     pub layout: RawLayout,
-    /// Voxel size, mm; voxel (0, 0, 0) then sits at the world's origin and the axes are the world's.
+    /// Voxel size in mm, with voxel (0, 0, 0) at the origin and the axes of the world; it overrides the sidecar.
     pub spacing_mm: Option<[f64; 3]>,
-    /// Bytes before the voxels, unpacked.
+    /// Decompressed bytes before the voxels.
     pub offset_bytes: u64,
-    /// What stands beside the file, where anything does.
+    /// Sidecar of the file, if there is one.
     pub sidecar: Option<Sidecar>,
 }
 
 impl From<RawLayout> for RawFile {
-    /// Voxels from the first byte on, and nothing known of where they are.
+    /// Voxels from the first byte on, without placement.
     fn from(layout: RawLayout) -> Self {
         Self { layout, spacing_mm: None, offset_bytes: 0, sidecar: None }
     }
 }
 
-/// Reads a raw file, gzipped or not. Without a spacing and without a sidecar voxels count 1 mm.
+/// Reads a raw file, gzipped or not. Without spacing and sidecar, voxels count 1 mm.
 ///
 /// # Errors
-/// The file cannot be read, its size is not exactly the offset and the voxels, or a spacing is not above 0.
-pub fn read(path: &Path, file: &RawFile) -> Result<Volume> {
-    read_with(path, file, &Loading::default())
-}
-
-/// As [`read`], watched and ended early through `loading`.
-///
-/// # Errors
-/// As there, or it was cancelled.
+/// The file cannot be read, its size is not exactly that of the offset and the voxels, or a spacing is not above 0; or it was
+/// cancelled.
 pub fn read_with(path: &Path, file: &RawFile, loading: &Loading) -> Result<Volume> {
-    let RawFile { layout, spacing_mm, offset_bytes, sidecar } = file;
+    let RawFile { layout: RawLayout { dims, element, byte_order }, spacing_mm, offset_bytes, sidecar } = file;
     let source = path.display().to_string();
-    let refuse = |why: String| Error::input("cannot read raw volume", &source, why);
+    let refuse = |why: String| {
+        Error::input("cannot read raw volume", &source, why)
+            .hint("--raw DIMXxDIMYxDIMZ:TYPE and --offset BYTES must account for the whole file")
+    };
     let mut warnings = Vec::new();
     if sidecar.is_none() && spacing_mm.is_none() {
         warnings.push("no --spacing given: voxels taken as 1 mm".to_string());
     }
-    let spacing_mm = spacing_mm.unwrap_or([1.0; 3]);
-    if !spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
-        return Err(Error::input(
-            "cannot use spacing",
-            "--spacing",
-            format!("{spacing_mm:?} mm is not three lengths above 0"),
-        ));
+    if spacing_mm.is_some_and(|spacing| !spacing.iter().all(|s| s.is_finite() && *s > 0.0)) {
+        let why = format!("{:?} mm is not three lengths above 0", spacing_mm.unwrap_or_default());
+        return Err(Error::input("cannot use spacing", "--spacing", why));
     }
-    let RawLayout { dims, element, byte_order } = *layout;
-    let block = Block { dims, element, byte_order, offset: *offset_bytes, frame: 0 };
-    let wanted = block.bytes().and_then(|bytes| bytes.checked_add(*offset_bytes));
-    // Voxels may begin as a gzip stream does: a file of just their size is none.
-    let is_exact = std::fs::metadata(path).is_ok_and(|m| Some(m.len()) == wanted);
-    let packing = if is_exact { Packing::Plain } else { Packing::Sniffed };
-    let mut data = Source::open_at(path, 0, packing, loading)?;
-    let another_size = |held: String| {
+    let block =
+        Block { dims: *dims, element: *element, byte_order: *byte_order, offset: *offset_bytes, frame: 0 };
+    let expected = block.bytes().and_then(|bytes| bytes.checked_add(*offset_bytes));
+    // Voxels may begin like a gzip stream: a file of exactly their size is not compressed.
+    let is_exact = std::fs::metadata(path).is_ok_and(|m| Some(m.len()) == expected);
+    let compression = if is_exact { Compression::None } else { Compression::Detected };
+    let mut data = Source::open_at(path, 0, compression, loading)?;
+    let wrong_size = |found: String| {
         let [nx, ny, nz] = dims;
-        let wanted = wanted.map_or("more bytes than can be counted".into(), |n| format!("{n} bytes"));
-        let claim = format!("{nx}x{ny}x{nz} {} after {offset_bytes} bytes is {wanted}", block.stored_type());
-        refuse(format!("{claim}, the file has {held}"))
-            .hint("--raw DIMXxDIMYxDIMZ:TYPE and --offset BYTES must account for the whole file")
+        let size = expected.map_or("more bytes than can be counted".into(), |n| format!("{n} bytes"));
+        let claim = format!("{nx}x{ny}x{nz} {} after {offset_bytes} bytes is {size}", block.stored_type());
+        refuse(format!("{claim}, the file has {found}"))
     };
-    let is_plain = matches!(data, Source::Plain { .. });
-    if is_plain && wanted != Some(data.most_bytes()) {
-        return Err(another_size(format!("{} bytes", data.most_bytes())));
+    if !data.is_compressed() && !is_exact {
+        return Err(wrong_size(format!("{} bytes", data.max_bytes())));
     }
-    let voxels = block.read_all(&mut data).map_err(|e| match e {
-        // What a packed file holds is known once it was unpacked.
-        Whole::Another(held) => another_size(held),
-        Whole::Unreadable(why) => refuse(why),
-    })?;
-    let world_from_index = match sidecar {
-        Some(said) if file.spacing_mm.is_none() => said.affine(),
-        _ => DAffine3::from_scale(DVec3::from_array(spacing_mm)),
+    let voxels = block.read(&mut data, 0).map_err(refuse)?;
+    if data.trailing > 0 {
+        return Err(wrong_size("more".into()));
+    }
+    let (world_from_index, affine_source) = match (spacing_mm, sidecar) {
+        (None, Some(sidecar)) => (sidecar.affine(), AffineSource::Axes),
+        (spacing_mm, _) => {
+            let spacing_mm = DVec3::from_array(spacing_mm.unwrap_or([1.0; 3]));
+            (DAffine3::from_scale(spacing_mm), AffineSource::Spacing)
+        }
     };
     let scaling = sidecar.as_ref().map_or(Scaling::IDENTITY, Sidecar::scaling);
-    let affine_source = match sidecar {
-        Some(_) if file.spacing_mm.is_none() => AffineSource::Axes,
-        _ => AffineSource::Spacing,
-    };
     let stored_type = block.stored_type();
     let provenance = Provenance { affine_source, warnings, ..Provenance::new(&source, "raw", stored_type) };
     Volume::new_with(voxels, scaling, world_from_index, provenance, loading)

@@ -1,18 +1,21 @@
-//! How the voxels of a raw file lie.
+//! Layout of raw voxels: the text of `--raw`, the name of the file, and the sidecar file that `convert` writes.
 
 use crate::error::{Error, Result};
-use crate::volume::element::{ByteOrder, Element};
-use std::path::Path;
+use crate::files::input::read_text;
+use crate::volume::{ByteOrder, Element, Scaling, Volume};
+use glam::{DAffine3, DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Grid and element type of a raw file, `DIMXxDIMYxDIMZ:TYPE[:be]`; x runs fastest.
+/// Grid and element type of raw voxels, `DIMXxDIMYxDIMZ:TYPE[:be]`; x runs fastest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RawLayout {
     /// Voxels along x, y, z.
     pub dims: [usize; 3],
-    /// Type of the voxels.
+    /// Element type.
     pub element: Element,
-    /// Order of their bytes.
+    /// Byte order.
     pub byte_order: ByteOrder,
 }
 
@@ -54,8 +57,7 @@ impl serde::Serialize for RawLayout {
 }
 
 impl RawLayout {
-    /// From a file name such as `foot_256x256x256_uint8.raw` (also `_be`, and the short type names); `None` where the
-    /// name does not say it.
+    /// Layout in a file name such as `foot_256x256x256_uint8.raw` (also `_be`, and the short type names).
     pub fn from_file_name(path: &Path) -> Option<Self> {
         let name = path.file_name()?.to_str()?.to_ascii_lowercase();
         let stem = name.strip_suffix(".gz").unwrap_or(&name).strip_suffix(".raw")?;
@@ -72,6 +74,73 @@ impl RawLayout {
 fn parse_dims(text: &str) -> Option<[usize; 3]> {
     let sizes: Vec<usize> = text.split('x').map(|n| n.parse().ok()).collect::<Option<_>>()?;
     <[usize; 3]>::try_from(sizes).ok().filter(|dims| dims.iter().all(|&n| n > 0))
+}
+
+/// Sidecar of a file of bare voxels: a JSON file beside it, e.g. `foot.raw.json` for `foot.raw`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sidecar {
+    /// Layout, as `--raw` takes it.
+    pub layout: String,
+    /// Slope of the scaling.
+    pub slope: f64,
+    /// Intercept of the scaling.
+    pub intercept: f64,
+    /// World mm (RAS+) from index coordinates, row by row.
+    pub world_from_index: [[f64; 4]; 3],
+}
+
+impl Sidecar {
+    /// Sidecar of a volume that is written with this layout.
+    pub fn new(volume: &Volume, layout: &RawLayout) -> Self {
+        let affine = volume.world_from_index();
+        let Scaling { slope, intercept } = volume.scaling();
+        let world_from_index = std::array::from_fn(|row| {
+            let m = affine.matrix3;
+            [m.x_axis[row], m.y_axis[row], m.z_axis[row], affine.translation[row]]
+        });
+        Self { layout: layout.to_string(), slope, intercept, world_from_index }
+    }
+
+    /// Path of the sidecar of a file.
+    pub fn path_of(path: &Path) -> PathBuf {
+        let mut name = path.as_os_str().to_owned();
+        name.push(".json");
+        name.into()
+    }
+
+    /// Reads the sidecar of a file, if there is one.
+    ///
+    /// # Errors
+    /// The sidecar cannot be read.
+    pub fn beside(path: &Path) -> Result<Option<Self>> {
+        const WHAT: &str = "cannot read the sidecar of a volume";
+        let path = Self::path_of(path);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let text = read_text(&path, WHAT)?;
+        serde_json::from_str(&text).map(Some).map_err(|e| Error::input(WHAT, path.display(), e))
+    }
+
+    /// Parses the layout.
+    ///
+    /// # Errors
+    /// See [`RawLayout::from_str`](std::str::FromStr).
+    pub fn raw_layout(&self) -> Result<RawLayout> {
+        self.layout.parse()
+    }
+
+    /// Scaling of the stored values.
+    pub fn scaling(&self) -> Scaling {
+        Scaling { slope: self.slope, intercept: self.intercept }
+    }
+
+    /// World mm (RAS+) from index coordinates.
+    pub fn affine(&self) -> DAffine3 {
+        let column = |c: usize| DVec3::from_array(self.world_from_index.map(|row| row[c]));
+        DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3))
+    }
 }
 
 #[cfg(test)]
@@ -107,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_say_it() {
+    fn layouts_in_file_names() {
         let named = |s: &str| RawLayout::from_file_name(Path::new(s));
         let foot = layout([256, 256, 256], Element::U8, ByteOrder::Little);
         assert_eq!(named("a/foot_256x256x256_uint8.raw"), Some(foot));

@@ -1,34 +1,92 @@
-//! Headers of lines, the files that they name, and voxels as text: what NRRD and MetaImage share.
+//! Headers of text lines with the voxels in the same file or in others: the common part of NRRD and MetaImage.
 
-use super::parts;
-use super::source::{Block, Packing, Source};
-use super::text_numbers::TextNumbers;
-use crate::error::{Error, Result};
+use super::common::{frame_warning, inexact_integers, numbers, refusal};
+use super::data_files::DataFiles;
+use super::source::{Block, Source};
+use crate::error::Result;
 use crate::files::loading::Loading;
-use crate::volume::Voxels;
-use crate::volume::element::{ByteOrder, ReadFailure, read_voxels};
-use glam::{DAffine3, DMat3, DVec3};
+use crate::volume::{AffineSource, Provenance, Scaling, Volume};
+use glam::DAffine3;
 use std::io::{self, Read};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// A header longer than this is none.
-const HEADER_MOST_BYTES: u64 = 1 << 20;
+/// Largest size of a header.
+const MAX_HEADER_BYTES: u64 = 1 << 20;
 
-/// Where lines are taken from, and how many bytes they took.
-pub(super) struct Lines<'s, 'a> {
-    source: &'s mut Source<'a>,
-    pub(super) bytes: u64,
+/// Format with a text header.
+pub(super) struct TextFormat {
+    pub(super) name: &'static str,
+    /// Reads the fields up to the voxels.
+    pub(super) fields: fn(&mut Lines<'_, '_>) -> Result<Fields, String>,
+    /// Interprets the fields; the block is that of the first frame.
+    pub(super) description: fn(&Fields) -> Result<Description, String>,
+    /// Locates the voxels of a header at this path, of so many bytes, in a gzipped file or not.
+    pub(super) data: fn(&Fields, &Path, u64, bool) -> Result<DataFiles, String>,
 }
 
-impl<'s, 'a> Lines<'s, 'a> {
-    pub(super) fn new(source: &'s mut Source<'a>) -> Self {
-        Self { source, bytes: 0 }
+/// Content of a header.
+pub(super) struct Description {
+    pub(super) block: Block,
+    pub(super) frames: usize,
+    pub(super) scaling: Scaling,
+    pub(super) affine: (DAffine3, AffineSource),
+    pub(super) warnings: Vec<String>,
+}
+
+impl TextFormat {
+    /// Reads one frame (from 0).
+    pub(super) fn read(&self, path: &Path, frame: usize, loading: &Loading) -> Result<Volume> {
+        let refuse = refusal(path);
+        let mut source = Source::open(path, loading)?;
+        let is_gzipped = source.is_compressed();
+        let (fields, header_bytes) = self.header(&mut source).map_err(&refuse)?;
+        drop(source);
+        let Description { block, frames, scaling, affine, mut warnings } =
+            (self.description)(&fields).map_err(&refuse)?;
+        warnings.splice(0..0, frame_warning(path, frame, frames)?);
+        let data = (self.data)(&fields, path, header_bytes, is_gzipped).map_err(&refuse)?;
+        let voxels = data.read(&Block { frame, ..block }, frames, loading)?;
+        warnings.extend(inexact_integers(&voxels, block.element));
+        let (world_from_index, affine_source) = affine;
+        let provenance = Provenance {
+            affine_source,
+            frames,
+            frame,
+            warnings,
+            ..Provenance::new(path.display().to_string(), self.name, block.stored_type())
+        };
+        Volume::new_with(voxels, scaling, world_from_index, provenance, loading)
     }
 
-    /// The next line without its end; `None` at the end of the file.
+    /// Lists the header and the files that it names.
+    pub(super) fn files(&self, path: &Path) -> Result<Vec<PathBuf>> {
+        let loading = Loading::default();
+        let mut source = Source::open(path, &loading)?;
+        let data =
+            self.header(&mut source).and_then(|(fields, bytes)| (self.data)(&fields, path, bytes, false));
+        let mut files = data.map_err(refusal(path))?.paths;
+        files.retain(|file| file != path);
+        files.insert(0, path.to_path_buf());
+        Ok(files)
+    }
+
+    fn header(&self, source: &mut Source<'_>) -> Result<(Fields, u64), String> {
+        let mut lines = Lines { source, bytes: 0 };
+        Ok(((self.fields)(&mut lines)?, lines.bytes))
+    }
+}
+
+/// Lines of a header and their total size.
+pub(super) struct Lines<'s, 'a> {
+    source: &'s mut Source<'a>,
+    bytes: u64,
+}
+
+impl Lines<'_, '_> {
+    /// Returns the next line without its end; `None` at the end of the file.
     ///
     /// # Errors
-    /// The file cannot be read, or a megabyte holds no end of the header.
+    /// The file cannot be read, or the header is too long.
     pub(super) fn next(&mut self) -> Result<Option<String>, String> {
         let mut line = Vec::new();
         let mut byte = [0];
@@ -40,7 +98,7 @@ impl<'s, 'a> Lines<'s, 'a> {
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
                 Err(e) => return Err(e.to_string()),
             }
-            if self.bytes > HEADER_MOST_BYTES {
+            if self.bytes > MAX_HEADER_BYTES {
                 return Err("its header does not end within a megabyte".into());
             }
             if byte[0] == b'\n' {
@@ -56,11 +114,11 @@ impl<'s, 'a> Lines<'s, 'a> {
     }
 }
 
-/// Fields of a header, by names that are compared without letter case.
+/// Fields of a header; names are compared without letter case.
 #[derive(Debug, Default)]
 pub(super) struct Fields {
     all: Vec<(String, String)>,
-    /// Names of files that stand in lines of their own.
+    /// Names of files on lines of their own.
     pub(super) list: Vec<String>,
 }
 
@@ -69,66 +127,53 @@ impl Fields {
         self.all.push((name.trim().to_lowercase(), value.trim().to_owned()));
     }
 
-    /// The first field of one of these names.
+    /// Returns the first field of one of these names.
     pub(super) fn get(&self, names: &[&str]) -> Option<&str> {
         self.all.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, value)| value.as_str())
     }
 
-    /// As [`Self::get`].
+    /// Returns a field.
     ///
     /// # Errors
-    /// There is none.
-    pub(super) fn needed(&self, names: &[&str]) -> Result<&str, String> {
+    /// The field is missing.
+    pub(super) fn required(&self, names: &[&str]) -> Result<&str, String> {
         self.get(names).ok_or_else(|| format!("its header has no `{}`", names[0]))
     }
 
-    /// Numbers apart by blanks; `None` where the field is not there.
+    /// Returns exactly `count` finite numbers; `None` without the field.
     ///
     /// # Errors
-    /// One of them is none, or not finite.
-    pub(super) fn numbers(&self, names: &[&str]) -> Result<Option<Vec<f64>>, String> {
-        self.get(names).map(|text| numbers(text).ok_or_else(|| unreadable(names[0], text))).transpose()
-    }
-
-    /// As [`Self::numbers`], exactly `N` of them.
-    ///
-    /// # Errors
-    /// As there, or there are fewer or more.
-    pub(super) fn exactly(&self, names: &[&str], count: usize) -> Result<Option<Vec<f64>>, String> {
-        match self.numbers(names)? {
-            Some(all) if all.len() != count => {
-                Err(format!("its `{}` has {} numbers, not {count}", names[0], all.len()))
-            }
-            other => Ok(other),
+    /// The field holds something else.
+    pub(super) fn numbers(&self, names: &[&str], count: usize) -> Result<Option<Vec<f64>>, String> {
+        let Some(text) = self.get(names) else { return Ok(None) };
+        let all = numbers(text).ok_or_else(|| unreadable(names[0], text))?;
+        if all.len() != count {
+            return Err(format!("its `{}` has {} numbers, not {count}", names[0], all.len()));
         }
+        Ok(Some(all))
     }
 
-    /// Sizes above 0, apart by blanks.
+    /// Returns sizes above 0.
     ///
     /// # Errors
-    /// The field is not there, or holds something else.
+    /// The field is missing or holds something else.
     pub(super) fn sizes(&self, names: &[&str]) -> Result<Vec<usize>, String> {
-        let text = self.needed(names)?;
+        let text = self.required(names)?;
         let sizes: Option<Vec<usize>> = text.split_whitespace().map(|n| n.parse().ok()).collect();
         sizes.filter(|s| s.iter().all(|&n| n > 0)).ok_or_else(|| unreadable(names[0], text))
     }
 }
 
-/// Why a field is refused.
+/// Error text for a field that cannot be interpreted.
 pub(super) fn unreadable(name: &str, text: &str) -> String {
     let short: String = text.chars().take(60).collect();
     format!("its `{name}` is `{short}`")
 }
 
-/// Finite numbers apart by blanks.
-pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
-    text.split_whitespace().map(|n| n.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
-}
-
-/// The grid of a file with `sizes` along its axes, and its frames: what follows after three axes.
+/// Grid and number of frames for sizes along the axes; frames are the axes after the third.
 ///
 /// # Errors
-/// Fewer than two axes, or more frames than can be counted.
+/// There are fewer than two axes, or the number of frames overflows.
 pub(super) fn grid(sizes: &[usize]) -> Result<([usize; 3], usize), String> {
     if sizes.len() < 2 {
         return Err(format!("it has {} axis, and a volume two or three", sizes.len()));
@@ -136,109 +181,4 @@ pub(super) fn grid(sizes: &[usize]) -> Result<([usize; 3], usize), String> {
     let at = |axis: usize| sizes.get(axis).copied().unwrap_or(1);
     let frames = sizes.iter().skip(3).try_fold(1usize, |frames, &n| frames.checked_mul(n));
     Ok(([at(0), at(1), at(2)], frames.ok_or("its number of frames cannot be counted")?))
-}
-
-/// World mm (RAS+) from index coordinates, of directions and an origin in mm; `lps` where their first two coordinates
-/// go to the left and to the back, as those of DICOM and ITK do.
-pub(super) fn affine(directions: [DVec3; 3], origin: DVec3, lps: bool) -> DAffine3 {
-    let affine = DAffine3::from_mat3_translation(
-        DMat3::from_cols(directions[0], directions[1], directions[2]),
-        origin,
-    );
-    match lps {
-        true => DAffine3::from_scale(DVec3::new(-1.0, -1.0, 1.0)) * affine,
-        false => affine,
-    }
-}
-
-/// How the voxels are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Encoding {
-    Raw,
-    Deflate,
-    Text,
-}
-
-/// Where the voxels of a header lie.
-pub(super) struct Data {
-    /// The file, or several with as many voxels in each.
-    pub(super) paths: Vec<PathBuf>,
-    pub(super) encoding: Encoding,
-    /// Bytes of the file before them, packed or not.
-    pub(super) start: u64,
-    /// Bytes before them once unpacked; `None` where they are the last of the file.
-    pub(super) skip: Option<u64>,
-    /// The file is gzipped as a whole, and `start` counts unpacked bytes.
-    pub(super) in_gzip: bool,
-}
-
-impl Data {
-    /// Reads one frame.
-    ///
-    /// # Errors
-    /// The file cannot be read or holds fewer voxels than claimed.
-    pub(super) fn read(&self, block: &Block, frames: usize, loading: &Loading) -> Result<Voxels> {
-        let Some(path) = self.paths.first() else {
-            return Err(Error::input("cannot read volume", "its header", "it names no file"));
-        };
-        let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
-        if self.in_gzip {
-            let (Encoding::Raw, Some(skip)) = (self.encoding, self.skip) else {
-                return Err(refuse("it is packed twice, or as text: unpack the .gz first".into()));
-            };
-            let mut source = Source::open(path, loading)?;
-            let offset = self.start.saturating_add(skip);
-            return Block { offset, ..*block }.read(&mut source, 0).map_err(refuse);
-        }
-        let packing = match self.encoding {
-            Encoding::Deflate => Packing::Deflate,
-            Encoding::Raw | Encoding::Text => Packing::Plain,
-        };
-        if self.paths.len() > 1 {
-            return match (self.encoding, self.skip) {
-                (Encoding::Raw | Encoding::Deflate, Some(skip)) => {
-                    parts::read(&self.paths, packing, self.start, skip, block, frames, loading)
-                }
-                _ => Err(refuse("its voxels are text, or last, in several files, which is not read".into())),
-            };
-        }
-        let mut source = Source::open_at(path, self.start, packing, loading)?;
-        if self.encoding == Encoding::Text {
-            return read_text(&mut source, block).map_err(refuse);
-        }
-        let offset = match self.skip {
-            Some(skip) => skip,
-            None => {
-                let all = block.bytes().and_then(|bytes| bytes.checked_mul(frames as u64));
-                let from = all.and_then(|bytes| source.most_bytes().checked_sub(bytes));
-                from.filter(|_| self.encoding == Encoding::Raw)
-                    .ok_or_else(|| refuse("it is shorter than the voxels that its header claims".into()))?
-            }
-        };
-        Block { offset, ..*block }.read(&mut source, 0).map_err(refuse)
-    }
-}
-
-/// Voxels written as numbers apart by blanks or commas.
-fn read_text(source: &mut Source<'_>, block: &Block) -> Result<Voxels, String> {
-    let [nx, ny, nz] = block.dims;
-    let count = nx.checked_mul(ny).and_then(|n| n.checked_mul(nz));
-    let skipped = count.and_then(|n| n.checked_mul(block.frame));
-    let (Some(count), Some(skipped)) = (count, skipped) else {
-        return Err("its header claims more voxels than can be counted".into());
-    };
-    // A number and its blank take two bytes at the least.
-    let most = source.most_bytes() / 2 + 1;
-    if (count as u64).saturating_add(skipped as u64) > most {
-        return Err(format!("its header claims {nx}x{ny}x{nz} voxels, but it holds {most} numbers at most"));
-    }
-    let mut numbers = TextNumbers::new(source, block.element, count as u64);
-    if !numbers.skip(skipped as u64).map_err(|e| e.to_string())? {
-        return Err(format!("its text ends before frame {}", block.frame));
-    }
-    let size = block.element.bytes() as u64;
-    read_voxels(&mut numbers, block.dims, block.element, ByteOrder::Little).map_err(|failure| match failure {
-        ReadFailure::Short { got } => format!("its text ends after {} of {count} voxels", got / size),
-        other => other.to_string(),
-    })
 }

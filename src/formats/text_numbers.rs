@@ -1,33 +1,33 @@
-//! Voxels written as numbers apart by blanks or commas, as the bytes that they would be stored as: nothing of the text is kept.
+//! Text of numbers separated by blanks or commas, read as the bytes of their binary form without storing the text.
 
 use crate::volume::element::Element;
 use std::io::{self, BufRead, BufReader, Read};
 
-/// No number is written in more letters.
-const WORD_MOST_BYTES: usize = 400;
+/// Largest length of a number.
+const MAX_WORD_BYTES: usize = 400;
 
-/// A text that is read as the bytes of its numbers, the least one first.
+/// Text that reads as the little-endian bytes of its numbers.
 pub(super) struct TextNumbers<R> {
     input: BufReader<R>,
     element: Element,
-    /// Numbers that are still to come.
+    /// Numbers that are left.
     left: u64,
-    /// The bytes of the present one, and how many were taken.
+    /// Bytes of the current number, and how many of them were read.
     bytes: [u8; 8],
     taken: usize,
 }
 
 impl<R: Read> TextNumbers<R> {
-    /// Of `count` numbers of this type.
+    /// Reads `count` numbers of a type.
     pub(super) fn new(input: R, element: Element, count: u64) -> Self {
         let taken = element.bytes();
         Self { input: BufReader::with_capacity(1 << 16, input), element, left: count, bytes: [0; 8], taken }
     }
 
-    /// Passes over as many numbers; whether there were so many.
+    /// Skips `count` numbers; returns whether there were as many.
     ///
     /// # Errors
-    /// The text cannot be read, or holds a word that no number can be.
+    /// The text cannot be read, or holds a word that is too long for a number.
     pub(super) fn skip(&mut self, count: u64) -> io::Result<bool> {
         for _ in 0..count {
             if self.word()?.is_none() {
@@ -37,22 +37,21 @@ impl<R: Read> TextNumbers<R> {
         Ok(true)
     }
 
-    /// The next word.
+    /// Returns the next word.
     fn word(&mut self) -> io::Result<Option<String>> {
         let is_blank = |b: &u8| b.is_ascii_whitespace() || *b == b',';
         let mut word = Vec::new();
         loop {
-            let held = self.input.fill_buf()?;
-            if held.is_empty() {
+            let buffer = self.input.fill_buf()?;
+            if buffer.is_empty() {
                 break;
             }
-            // Blanks before a word, then the word up to the blank after it.
-            let blanks = if word.is_empty() { held.iter().take_while(|b| is_blank(b)).count() } else { 0 };
-            let letters = held[blanks..].iter().take_while(|b| !is_blank(b)).count();
-            let ends = blanks + letters < held.len();
-            word.extend_from_slice(&held[blanks..blanks + letters]);
+            let blanks = if word.is_empty() { buffer.iter().take_while(|b| is_blank(b)).count() } else { 0 };
+            let letters = buffer[blanks..].iter().take_while(|b| !is_blank(b)).count();
+            let ends = blanks + letters < buffer.len();
+            word.extend_from_slice(&buffer[blanks..blanks + letters]);
             self.input.consume(blanks + letters);
-            if word.len() > WORD_MOST_BYTES {
+            if word.len() > MAX_WORD_BYTES {
                 return Err(bad(&String::from_utf8_lossy(&word)));
             }
             if ends && !word.is_empty() {
@@ -91,23 +90,21 @@ impl<R: Read> Read for TextNumbers<R> {
     }
 }
 
-/// A number as a type stores it; beyond its ends the last one there is.
+/// Little-endian bytes of a number in a type, clamped to its range.
 fn stored(value: f64, element: Element) -> [u8; 8] {
-    let mut bytes = [0; 8];
-    let mut put = |of: &[u8]| bytes[..of.len()].copy_from_slice(of);
-    match element {
-        Element::U8 => put(&(value as u8).to_le_bytes()),
-        Element::I8 => put(&(value as i8).to_le_bytes()),
-        Element::U16 => put(&(value as u16).to_le_bytes()),
-        Element::I16 => put(&(value as i16).to_le_bytes()),
-        Element::U32 => put(&(value as u32).to_le_bytes()),
-        Element::I32 => put(&(value as i32).to_le_bytes()),
-        Element::U64 => put(&(value as u64).to_le_bytes()),
-        Element::I64 => put(&(value as i64).to_le_bytes()),
-        Element::F32 => put(&(value as f32).to_le_bytes()),
-        Element::F64 => put(&value.to_le_bytes()),
-    }
-    bytes
+    let bits = match element {
+        Element::U8 => (value as u8).into(),
+        Element::I8 => value as i8 as u64,
+        Element::U16 => (value as u16).into(),
+        Element::I16 => value as i16 as u64,
+        Element::U32 => (value as u32).into(),
+        Element::I32 => value as i32 as u64,
+        Element::U64 => value as u64,
+        Element::I64 => value as i64 as u64,
+        Element::F32 => (value as f32).to_bits().into(),
+        Element::F64 => value.to_bits(),
+    };
+    bits.to_le_bytes()
 }
 
 #[cfg(test)]

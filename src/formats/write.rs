@@ -1,120 +1,73 @@
-//! Writing volumes: values and affine are kept, whatever the format.
+//! Writers of volumes: values and affine are preserved in every format.
 //!
-//! NIfTI and raw files keep the stored numbers beside their scaling. NRRD and `.npy` have no scaling: values are written as
-//! 16- or 32-bit integers where they are such, and as 64-bit floats otherwise.
+//! NIfTI and raw files store the numbers of the volume and their scaling. NRRD and `.npy` have no scaling: values are written
+//! as 16- or 32-bit integers if they are such, and otherwise as 64-bit floats.
 
-use super::nifti_write::write_nifti;
-use super::raw_layout::RawLayout;
-use super::sidecar::Sidecar;
+use super::nifti::write_nifti;
+use super::raw_layout::{RawLayout, Sidecar};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
-use crate::volume::{ByteOrder, Element, Scaling, Volume, Voxels};
+use crate::volume::{ByteOrder, Element, Scaling, Volume};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use ndarray::Array3;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Writes a volume to a file, whole or not at all.
-type Writer = fn(&Volume, &Path) -> Result<()>;
-
-/// Every format that is written, by the ending that asks for it.
-const WRITERS: [(&str, Writer); 5] = [
-    ("nii.gz", write_nifti),
-    ("nii", write_nifti),
-    ("nrrd", write_nrrd),
-    ("raw", write_raw),
-    ("npy", write_npy),
-];
-
-/// File-name endings that [`write_volume`] knows.
+/// File-name endings that [`write_volume`] accepts.
 pub const VOLUME_EXTENSIONS: &[&str] = &["nii.gz", "nii", "nrrd", "raw", "npy"];
 
-/// Writes a volume by the ending of the file's name. Beside `.raw` and `.npy` a [`Sidecar`] says what these cannot.
+/// Writes a volume in the format of the file's name, whole or not at all. A [`Sidecar`] complements `.raw` and `.npy`.
 ///
 /// # Errors
-/// Another ending, a size that the format cannot hold, or a file that cannot be written.
+/// The ending is unknown, the format cannot hold the size, or the file cannot be written.
 pub fn write_volume(volume: &Volume, path: &Path) -> Result<()> {
     check_output(path, VOLUME_EXTENSIONS)?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let writer = WRITERS.iter().find(|(ending, _)| name.ends_with(&format!(".{ending}")));
-    let (_, writer) = writer.ok_or_else(|| {
-        Error::input("cannot write volume", path.display(), "its name ends in no known format")
-    })?;
-    writer(volume, path)
+    match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
+        Some("nrrd") => write_nrrd(volume, path),
+        Some("raw") => write_raw(volume, path),
+        Some("npy") => write_npy(volume, path),
+        _ => write_nifti(volume, path),
+    }
 }
 
-/// Numbers as they are written: the stored ones, or the values that they scale to.
-enum Numbers<'a> {
-    Stored(&'a Volume),
-    Scaled(&'a Volume, Element),
+/// Numbers to write: the stored ones, or with `scaled` the values in this type.
+struct Numbers<'a> {
+    volume: &'a Volume,
+    scaled: Option<Element>,
 }
 
 impl<'a> Numbers<'a> {
-    /// Values where no scaling can be said: the narrowest type that holds them all exactly.
-    fn of_values(volume: &'a Volume) -> Self {
+    /// Values for a format without scaling, in the narrowest type that holds them exactly.
+    fn values(volume: &'a Volume) -> Self {
         let scaling = volume.scaling();
         if scaling == Scaling::IDENTITY {
-            return Self::Stored(volume);
+            return Self { volume, scaled: None };
         }
-        let is_whole = |v: f64| v.fract() == 0.0;
-        let integers = !matches!(volume.voxels(), Voxels::F32(_) | Voxels::F64(_));
+        let is_integer = |v: f64| v.fract() == 0.0;
+        let stores_floats = matches!(volume.voxels().element(), Element::F32 | Element::F64);
         let [lo, hi] = volume.value_range();
-        let within = |least: f64, most: f64| lo >= least && hi <= most;
-        let whole = integers && is_whole(scaling.slope) && is_whole(scaling.intercept);
-        let element = match whole {
-            true if within(f64::from(i16::MIN), f64::from(i16::MAX)) => Element::I16,
-            true if within(f64::from(i32::MIN), f64::from(i32::MAX)) => Element::I32,
+        let within = |min: f64, max: f64| lo >= min && hi <= max;
+        let integers = !stores_floats && is_integer(scaling.slope) && is_integer(scaling.intercept);
+        let element = match integers {
+            true if within(i16::MIN.into(), i16::MAX.into()) => Element::I16,
+            true if within(i32::MIN.into(), i32::MAX.into()) => Element::I32,
             _ => Element::F64,
         };
-        Self::Scaled(volume, element)
+        Self { volume, scaled: Some(element) }
     }
 
     fn element(&self) -> Element {
-        match self {
-            Self::Scaled(_, element) => *element,
-            Self::Stored(volume) => match volume.voxels() {
-                Voxels::U8(_) => Element::U8,
-                Voxels::I16(_) => Element::I16,
-                Voxels::U16(_) => Element::U16,
-                Voxels::F32(_) => Element::F32,
-                Voxels::F64(_) => Element::F64,
-            },
-        }
+        self.scaled.unwrap_or_else(|| self.volume.voxels().element())
     }
 
-    /// All of them, little-endian, x fastest.
+    /// Writes all numbers, little-endian, x fastest.
     fn write(&self, out: &mut (impl Write + ?Sized)) -> io::Result<()> {
-        fn stored<T: Copy, const N: usize>(
-            out: &mut (impl Write + ?Sized),
-            array: &Array3<T>,
-            bytes: impl Fn(T) -> [u8; N],
-        ) -> io::Result<()> {
-            let mut buffer = Vec::with_capacity(1 << 16);
-            for chunk in array.as_slice().unwrap_or_default().chunks(1 << 13) {
-                buffer.clear();
-                chunk.iter().for_each(|v| buffer.extend_from_slice(&bytes(*v)));
-                out.write_all(&buffer)?;
-            }
-            Ok(())
-        }
-        let (volume, element) = match self {
-            Self::Stored(volume) => {
-                return match volume.voxels() {
-                    Voxels::U8(a) => stored(out, a, u8::to_le_bytes),
-                    Voxels::I16(a) => stored(out, a, i16::to_le_bytes),
-                    Voxels::U16(a) => stored(out, a, u16::to_le_bytes),
-                    Voxels::F32(a) => stored(out, a, f32::to_le_bytes),
-                    Voxels::F64(a) => stored(out, a, f64::to_le_bytes),
-                };
-            }
-            Self::Scaled(volume, element) => (volume, element),
-        };
-        let [nx, ny, nz] = volume.dims();
+        let Some(element) = self.scaled else { return out.write_all(self.volume.voxels().bytes()) };
+        let [nx, ny, nz] = self.volume.dims();
         let mut row = Vec::new();
         for (j, k) in (0..nz).flat_map(|k| (0..ny).map(move |j| (j, k))) {
             row.clear();
-            for value in (0..nx).map(|i| volume.value(i, j, k)) {
+            for value in (0..nx).map(|i| self.volume.value(i, j, k)) {
                 match element {
                     Element::I16 => row.extend_from_slice(&(value as i16).to_le_bytes()),
                     Element::I32 => row.extend_from_slice(&(value as i32).to_le_bytes()),
@@ -126,14 +79,18 @@ impl<'a> Numbers<'a> {
         Ok(())
     }
 
-    fn layout(&self, volume: &Volume) -> RawLayout {
-        RawLayout { dims: volume.dims(), element: self.element(), byte_order: ByteOrder::Little }
+    /// Sidecar for these numbers.
+    fn sidecar(&self) -> Sidecar {
+        let layout =
+            RawLayout { dims: self.volume.dims(), element: self.element(), byte_order: ByteOrder::Little };
+        let sidecar = Sidecar::new(self.volume, &layout);
+        if self.scaled.is_some() { Sidecar { slope: 1.0, intercept: 0.0, ..sidecar } } else { sidecar }
     }
 }
 
-/// Gzipped voxels behind a header in RAS+ mm.
+/// Writes gzipped voxels after a header in RAS+ mm.
 fn write_nrrd(volume: &Volume, path: &Path) -> Result<()> {
-    let numbers = Numbers::of_values(volume);
+    let numbers = Numbers::values(volume);
     let affine = volume.world_from_index();
     let vector = |v: glam::DVec3| format!("({},{},{})", v.x, v.y, v.z);
     let m = affine.matrix3;
@@ -160,35 +117,24 @@ fn write_nrrd(volume: &Volume, path: &Path) -> Result<()> {
     })
 }
 
-/// The stored numbers, and a sidecar.
+/// Writes the stored numbers and a sidecar.
 fn write_raw(volume: &Volume, path: &Path) -> Result<()> {
-    let numbers = Numbers::Stored(volume);
-    let sidecar = Sidecar::of(volume, &numbers.layout(volume));
-    write_both(&sidecar, path, |file| numbers.write(file))
+    let numbers = Numbers { volume, scaled: None };
+    write_with_sidecar(&numbers.sidecar(), path, |file| numbers.write(file))
 }
 
-/// An array `[k, j, i]` of the values, and a sidecar.
+/// Writes an array `[k, j, i]` of the values and a sidecar.
 fn write_npy(volume: &Volume, path: &Path) -> Result<()> {
-    let numbers = Numbers::of_values(volume);
-    let kind = match numbers.element() {
-        Element::U8 => "|u1",
-        Element::I16 => "<i2",
-        Element::U16 => "<u2",
-        Element::I32 => "<i4",
-        Element::F32 => "<f4",
-        _ => "<f8",
-    };
+    let numbers = Numbers::values(volume);
+    let element = numbers.element();
+    let kind = format!("{}{}", if element.bytes() == 1 { '|' } else { '<' }, element.numpy_name());
     let [nx, ny, nz] = volume.dims();
     let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({nz}, {ny}, {nx}), }}");
-    // The voxels begin at a multiple of 64 bytes, behind a line end.
+    // The header ends with a line end, and the voxels begin at a multiple of 64 bytes.
     let unpadded = 10 + header.len() + 1;
     header.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(64) - unpadded));
     header.push('\n');
-    let mut sidecar = Sidecar::of(volume, &numbers.layout(volume));
-    if matches!(numbers, Numbers::Scaled(..)) {
-        (sidecar.slope, sidecar.intercept) = (1.0, 0.0);
-    }
-    write_both(&sidecar, path, |file| {
+    write_with_sidecar(&numbers.sidecar(), path, |file| {
         file.write_all(b"\x93NUMPY\x01\x00")?;
         file.write_all(&(header.len() as u16).to_le_bytes())?;
         file.write_all(header.as_bytes())?;
@@ -196,16 +142,16 @@ fn write_npy(volume: &Volume, path: &Path) -> Result<()> {
     })
 }
 
-/// A file and its sidecar: neither takes its name before the voxels are written, and a file of somebody else is not
-/// overwritten by a sidecar.
-fn write_both(
+/// Writes a file and its sidecar. Both get their names after the voxels are written, and a JSON file that is no sidecar is not
+/// overwritten.
+fn write_with_sidecar(
     sidecar: &Sidecar,
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<()> {
     let beside = Sidecar::path_of(path);
     if beside.exists() && Sidecar::beside(path).ok().flatten().is_none() {
-        let why = "it says something else, and what is known of the volume would be written over it";
+        let why = "it is no sidecar, and writing the volume would overwrite it";
         return Err(Error::input("cannot write volume", beside.display(), why)
             .hint("give another name, or move that file away"));
     }

@@ -5,7 +5,7 @@ use crate::field::Fold;
 use crate::files::loading::{Loading, Reduced};
 use crate::files::memory_budget::{MemoryBudget, free_bytes};
 use crate::gpu::texture_side;
-use crate::volume::{Fit, Volume};
+use crate::volume::{Downsample, Volume};
 use crate::with_voxels;
 
 /// Voxels along an axis of a 3-D texture that every adapter of WebGPU holds, where none can be asked.
@@ -14,7 +14,7 @@ const CORE_TEXTURE_SIDE: usize = 2048;
 const DEVICE_BYTES: u64 = 4;
 
 /// What `--fit` asks for. What memory a graphics card has cannot be asked; the machine's free memory is known on Linux.
-pub(super) fn room_for(fit: Fit) -> MemoryBudget {
+pub(super) fn room_for(fit: Downsample) -> MemoryBudget {
     let room = MemoryBudget {
         fixed: None,
         most_bytes: u64::MAX,
@@ -23,9 +23,9 @@ pub(super) fn room_for(fit: Fit) -> MemoryBudget {
         fits_texture: |dims, side| Fold::with_bricks(dims, side).is_some(),
     };
     match fit {
-        Fit::Factors(factors) => MemoryBudget { fixed: Some(factors), ..room },
-        Fit::Bytes(bytes) => MemoryBudget { most_bytes: bytes, ..room },
-        Fit::Auto => MemoryBudget {
+        Downsample::Factors(factors) => MemoryBudget { fixed: Some(factors), ..room },
+        Downsample::Bytes(bytes) => MemoryBudget { most_bytes: bytes, ..room },
+        Downsample::Auto => MemoryBudget {
             // A quarter is left for all else.
             most_bytes: free_bytes().map_or(u64::MAX, |free| free / 4 * 3),
             bytes_beside: DEVICE_BYTES,
@@ -42,7 +42,7 @@ pub(super) fn room_for(fit: Fit) -> MemoryBudget {
 pub(super) fn fitted(volume: Volume, room: Option<MemoryBudget>, loading: &Loading) -> Result<Volume> {
     let Some(room) = room else { return Ok(volume) };
     if let Some(Reduced { from, factors }) = loading.take_reduced() {
-        return Ok(if factors == [1; 3] { volume } else { volume.said_reduced(factors, from) });
+        return Ok(if factors == [1; 3] { volume } else { volume.downsampled_from(factors, from) });
     }
     fn bytes_each<T>(_: &ndarray::Array3<T>) -> u64 {
         size_of::<T>() as u64
@@ -50,5 +50,5 @@ pub(super) fn fitted(volume: Volume, room: Option<MemoryBudget>, loading: &Loadi
     let voxel_bytes = with_voxels!(volume.voxels(), a => bytes_each(a));
     let factors = room.factors(volume.dims(), voxel_bytes);
     let factors = factors.map_err(|why| Error::input("cannot fit volume", "--fit", why))?;
-    volume.reduced(factors, loading)
+    volume.downsampled(factors, loading)
 }

@@ -14,7 +14,7 @@ use crate::formats::{RawLayout, nifti, raw};
 use crate::phantom::Phantom;
 use crate::scene::Shading;
 use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
-use crate::volume::{Crop, Fit, Volume};
+use crate::volume::{Crop, Downsample, Volume};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -48,8 +48,8 @@ pub struct ReadFlags {
     pub crop: Option<Crop>,
     /// Fewer voxels, each the mean of a block: of 2x2x1 voxels, or the smallest blocks that leave so many bytes of voxels
     /// (--fit=2GiB), or that the adapter's textures and the machine's free memory hold (--fit) [default: all voxels]
-    #[arg(long, value_name = "auto|BYTES|XxYxZ", value_parser = Fit::from_str, num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
-    pub fit: Option<Fit>,
+    #[arg(long, value_name = "auto|BYTES|XxYxZ", value_parser = Downsample::from_str, num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
+    pub fit: Option<Downsample>,
     #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]

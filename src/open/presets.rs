@@ -272,7 +272,7 @@ pub(super) fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str
 mod tests {
     use super::*;
     use crate::strands::STRANDS_FORMAT;
-    use crate::volume::{Provenance, Scaling, ValuesSaid, Voxels};
+    use crate::volume::{Provenance, Scaling, ValueMeaning, Voxels};
     use glam::DAffine3;
     use ndarray::array;
 
@@ -293,7 +293,7 @@ mod tests {
         let r = resolve("vessels", &volume(-1024.0, 3071.0)).unwrap();
         assert_eq!((r.tf.points[0].value, r.notes.len()), (190.0, 1), "a guess is said");
         let mut said = volume(0.0, 100.0);
-        said.provenance.values = ValuesSaid::Hounsfield("DICOM modality CT".into());
+        said.provenance.values = ValueMeaning::Hounsfield("DICOM modality CT".into());
         let r = resolve("vessels", &said).unwrap();
         assert_eq!((r.tf.points[0].value, r.notes.len(), r.tf.units.as_str()), (190.0, 0, "HU"));
         let asked = Suiting { units: Some(Units::Hu), ..Suiting::default() };

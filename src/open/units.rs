@@ -3,7 +3,7 @@
 //! The file's own word comes first, then what the values look like. How many bits they are stored in says nothing.
 
 use crate::strands::STRANDS_FORMAT;
-use crate::volume::{ValuesSaid, Volume, Voxel, Voxels};
+use crate::volume::{ValueMeaning, Volume, Voxel, Voxels};
 use crate::with_voxels;
 use serde::{Deserialize, Serialize};
 
@@ -96,9 +96,9 @@ impl Meaning {
             return known(ValueKind::Extinction, "made from strands");
         }
         match &volume.provenance.values {
-            ValuesSaid::Hounsfield(by) => return known(ValueKind::Hounsfield, by),
-            ValuesSaid::Other(by) => return known(ValueKind::Other, by),
-            ValuesSaid::Nothing => {}
+            ValueMeaning::Hounsfield(by) => return known(ValueKind::Hounsfield, by),
+            ValueMeaning::Other(by) => return known(ValueKind::Other, by),
+            ValueMeaning::Unknown => {}
         }
         let guess = |kind, why: String| Self { kind, why, is_guess: true, has_air };
         let [low_text, high_text] = [low, high].map(|v| (v * 1e2).round() / 1e2);
@@ -248,14 +248,14 @@ mod tests {
     #[test]
     fn what_is_asked_for_and_what_the_file_says_decide() {
         let mut volume = volume(|s| if s < 0.4 { -1000.0 } else { 1000.0 * s });
-        volume.provenance.values = ValuesSaid::Other("MR".into());
+        volume.provenance.values = ValueMeaning::Other("MR".into());
         let meaning = Meaning::of(&volume, None);
         assert_eq!(
             (meaning.kind, meaning.is_guess, meaning.text()),
             (ValueKind::Other, false, "not HU (MR)".into())
         );
         assert_eq!(Meaning::of(&volume, Some(Units::Hu)).text(), "HU (--units hu)");
-        volume.provenance.values = ValuesSaid::Hounsfield("DICOM modality CT".into());
+        volume.provenance.values = ValueMeaning::Hounsfield("DICOM modality CT".into());
         assert_eq!(Meaning::of(&volume, None).text(), "HU (DICOM modality CT)");
         assert_eq!(Meaning::of(&volume, Some(Units::Fraction)).kind, ValueKind::Other);
         volume.provenance.format = STRANDS_FORMAT.into();

@@ -1,8 +1,8 @@
-//! Built-in volumes: analytic ones whose answers are known in closed form, and a chest (see [`thorax`]).
+//! Built-in volumes: analytic ones with known line integrals, and a chest (see [`thorax`]).
 //!
-//! The analytic ones fill the cube `[-32, 32]^3` mm with `n^3` voxels (`n` is the SIZE), spacing `h = 64 / n` mm,
-//! centred: voxel `i` sits at `x = (i - (n - 1) / 2) h`. Affines are rounded to `f32`, so that a NIfTI file holds
-//! them without loss. With extinction `c s` (an extinction ramp through 0) for a value `s`:
+//! The analytic volumes fill the cube `[-32, 32]^3` mm with `n^3` voxels (`n` is the SIZE), spacing `h = 64 / n` mm,
+//! centred: voxel `i` is at `x = (i - (n - 1) / 2) h`. Affines are rounded to `f32`, so a NIfTI file stores
+//! them exactly. With extinction `c s` (an extinction ramp through 0) for a value `s`:
 //!
 //! | name | value at a voxel centre | known |
 //! |---|---|---|
@@ -18,25 +18,25 @@ mod thorax;
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
-use crate::volume::{Provenance, Scaling, ValuesSaid, Volume, Voxels};
+use crate::volume::{Provenance, Scaling, ValueMeaning, Volume, Voxels};
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::fmt;
 
-/// A built-in volume.
+/// Built-in volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Phantom {
-    /// A CT-like chest in HU.
+    /// CT-like chest in HU.
     #[default]
     Thorax,
-    /// A slab of one value across z.
+    /// Slab of constant value across z.
     Slab,
-    /// A value that falls with the radius squared.
+    /// Value that decreases with the squared radius.
     Sphere,
-    /// A hollow ball.
+    /// Hollow ball.
     Shell,
-    /// A half space across x.
+    /// Half space across x.
     Step,
     /// Thin layers across z.
     Comb,
@@ -48,37 +48,34 @@ const CUBE_MM: f64 = 64.0;
 const INSIDE: f64 = 1000.0;
 
 impl Phantom {
-    /// Every built-in volume, the default first.
+    /// All built-in volumes, the default first.
     pub const ALL: [Self; 6] = [Self::Thorax, Self::Slab, Self::Sphere, Self::Shell, Self::Step, Self::Comb];
 
-    /// Voxels along the longest side at the most.
+    /// Largest number of voxels along the longest side.
     pub const MAX_SIZE: usize = 1024;
 
-    /// The name in `phantom:NAME`.
+    /// Name in `phantom:NAME`.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Thorax => "thorax",
-            Self::Slab => "slab",
-            Self::Sphere => "sphere",
-            Self::Shell => "shell",
-            Self::Step => "step",
-            Self::Comb => "comb",
-        }
+        self.texts().0
     }
 
-    /// What it is, in a few words.
+    /// Short description.
     pub fn description(self) -> &'static str {
+        self.texts().1
+    }
+
+    fn texts(self) -> (&'static str, &'static str) {
         match self {
-            Self::Thorax => "a CT-like chest in HU",
-            Self::Slab => "a slab of constant value across z",
-            Self::Sphere => "a value that falls with the radius squared: spheres as isosurfaces",
-            Self::Shell => "a hollow ball",
-            Self::Step => "a half space across x",
-            Self::Comb => "thin alternating layers across z",
+            Self::Thorax => ("thorax", "a CT-like chest in HU"),
+            Self::Slab => ("slab", "a slab of constant value across z"),
+            Self::Sphere => ("sphere", "a value that falls with the radius squared: spheres as isosurfaces"),
+            Self::Shell => ("shell", "a hollow ball"),
+            Self::Step => ("step", "a half space across x"),
+            Self::Comb => ("comb", "thin alternating layers across z"),
         }
     }
 
-    /// Voxels along the longest side where no SIZE is given.
+    /// Default number of voxels along the longest side.
     pub fn default_size(self) -> usize {
         match self {
             Self::Thorax => thorax::DEFAULT_SIZE,
@@ -86,37 +83,29 @@ impl Phantom {
         }
     }
 
-    /// From `NAME[:SIZE]`; `others` are the names of built-in things that are no volumes, for the hint.
+    /// Parses `NAME[:SIZE]`; the hint of an error lists the names in `others` too.
     ///
     /// # Errors
     /// The name is unknown, or the size is not in `1..=1024`.
     pub fn parse(text: &str, others: &[&str]) -> Result<(Self, usize)> {
         let (name, size) = text.split_once(':').map_or((text, None), |(name, size)| (name, Some(size)));
+        let refuse = |why: String| Error::input("cannot build phantom", format!("phantom:{text}"), why);
         let phantom = Self::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| {
             let names = [&Self::ALL.map(Self::name), others].concat();
-            Error::input(
-                "cannot build phantom",
-                format!("phantom:{text}"),
-                format!("no phantom is named `{name}`"),
-            )
-            .hint(format!("there are {}", names.join(", ")))
+            refuse(format!("no phantom is named `{name}`")).hint(format!("there are {}", names.join(", ")))
         })?;
         let size = match size {
             None => phantom.default_size(),
             Some(size) => {
                 size.parse().ok().filter(|n| (1..=Self::MAX_SIZE).contains(n)).ok_or_else(|| {
-                    Error::input(
-                        "cannot build phantom",
-                        format!("phantom:{text}"),
-                        format!("size `{size}` is not a whole number in 1..={}", Self::MAX_SIZE),
-                    )
+                    refuse(format!("size `{size}` is not a whole number in 1..={}", Self::MAX_SIZE))
                 })?
             }
         };
         Ok((phantom, size))
     }
 
-    /// Builds it with `size` voxels along the longest side.
+    /// Builds the volume with `size` voxels along the longest side.
     ///
     /// # Errors
     /// `size` is not in `1..=1024`.
@@ -124,10 +113,10 @@ impl Phantom {
         self.build_with(size, &Loading::default())
     }
 
-    /// As [`Self::build`], watched and ended early through `loading`.
+    /// Builds the volume with progress and cancellation.
     ///
     /// # Errors
-    /// As there, or it was cancelled.
+    /// `size` is not in `1..=1024`, or it was cancelled.
     pub fn build_with(self, size: usize, loading: &Loading) -> Result<Volume> {
         let source = format!("phantom:{}:{size}", self.name());
         if !(1..=Self::MAX_SIZE).contains(&size) {
@@ -149,7 +138,7 @@ impl Phantom {
         };
         let stored_type = if matches!(voxels, Voxels::I16(_)) { "int16" } else { "float32" };
         let mut provenance = Provenance::new(source, "phantom", stored_type);
-        provenance.values = ValuesSaid::Hounsfield("built in".into());
+        provenance.values = ValueMeaning::Hounsfield("built in".into());
         let dims = crate::with_voxels!(&voxels, a => { let (nz, ny, nx) = a.dim(); [nx, ny, nz] });
         Volume::new_with(voxels, Scaling::IDENTITY, centred_affine(dims, spacing_mm), provenance, loading)
     }
@@ -161,7 +150,7 @@ impl fmt::Display for Phantom {
     }
 }
 
-/// The grid centred on the world's origin, its axes the world's; rounded to `f32`.
+/// Affine of an axis-aligned grid centred on the origin, rounded to `f32`.
 fn centred_affine(dims: [usize; 3], spacing_mm: [f64; 3]) -> DAffine3 {
     let exact_in_f32 = |v: DVec3| v.as_vec3().as_dvec3();
     let spacing = exact_in_f32(DVec3::from_array(spacing_mm));
@@ -169,19 +158,19 @@ fn centred_affine(dims: [usize; 3], spacing_mm: [f64; 3]) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_diagonal(spacing), exact_in_f32(-(spacing * centre)))
 }
 
-/// The cube, [`INSIDE`] where `inside` says so and 0 elsewhere.
+/// Cube of [`INSIDE`] where `inside` holds, and 0 elsewhere.
 fn solid(size: usize, loading: &Loading, inside: impl Fn([usize; 3]) -> bool + Sync) -> Voxels {
     Voxels::I16(cube(size, loading, |at| if inside(at) { INSIDE as i16 } else { 0 }))
 }
 
-/// The cube of [`INSIDE`] times a function of the distance from its centre, mm.
+/// Cube of [`INSIDE`] times a function of the distance from its centre in mm.
 fn radial(size: usize, loading: &Loading, share: impl Fn(f64) -> f64 + Sync) -> Voxels {
     let centred = |i: usize| (i as f64 - (size as f64 - 1.0) / 2.0) * (CUBE_MM / size as f64);
     let value = |at: [usize; 3]| (INSIDE * share(DVec3::from_array(at.map(centred)).length())) as f32;
     Voxels::F32(cube(size, loading, value))
 }
 
-/// A cube of voxels from a function of `[i, j, k]`; unfinished once `loading` was cancelled.
+/// Cube of voxels by a function of `[i, j, k]`; incomplete if `loading` was cancelled.
 fn cube<T: Copy + Default + Send + Sync>(
     size: usize,
     loading: &Loading,

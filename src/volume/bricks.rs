@@ -1,10 +1,10 @@
-//! Minimum and maximum over bricks of cells, for passing over empty space without loss.
+//! Minimum and maximum over bricks of cells, for lossless empty-space skipping.
 //!
 //! Cells are numbered `c = floor(p + 1)` along each axis for index positions `p` in `[-0.5, n - 0.5]`, so `c` is in
 //! `0..=n`; cell `c` interpolates voxels `c - 1` and `c`, clamped to the grid. Brick `b` holds cells
 //! `BRICK_CELLS * b ..= BRICK_CELLS * b + BRICK_CELLS - 1` and so voxels `BRICK_CELLS * b - 1 ..=
-//! BRICK_CELLS * b + BRICK_CELLS - 1`: neighbouring bricks share the voxels that both interpolate, and every value
-//! that occurs in a brick lies within its minimum and maximum.
+//! BRICK_CELLS * b + BRICK_CELLS - 1`: neighbouring bricks share the voxels that both interpolate, and every
+//! interpolated value of a brick lies between its minimum and maximum.
 
 use super::{Scaling, Volume, Voxel};
 use crate::with_voxels;
@@ -14,53 +14,53 @@ use rayon::prelude::*;
 /// Cells along each side of a brick.
 pub const BRICK_CELLS: usize = 4;
 
-/// Smallest and largest scaled value in every brick, x fastest.
+/// Value ranges of all bricks, x fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bricks {
     /// Bricks along each axis: `ceil((n + 1) / BRICK_CELLS)`.
     pub counts: [usize; 3],
-    /// Smallest scaled value in each.
+    /// Smallest scaled value of each brick.
     pub min: Vec<f64>,
-    /// Largest scaled value in each.
+    /// Largest scaled value of each brick.
     pub max: Vec<f64>,
-    /// Which labels occur in each, where the volume has some.
+    /// Labels of each brick, if the volume has labels.
     pub labels: Option<BrickLabels>,
     /// World mm from the volume's index coordinates.
     pub world_from_index: DAffine3,
 }
 
-/// The labels that occur in bricks.
+/// Labels that occur in bricks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BrickLabels {
-    /// The volume's labels, as [`super::Labels::ids`].
+    /// Labels of the volume, see [`super::Labels::ids`].
     pub ids: Vec<u32>,
-    /// A brick each: the places in `ids` of those that occur among its voxels.
+    /// Indices into `ids` of the labels of each brick.
     pub sets: Vec<RankSet>,
 }
 
-/// A set of places among at most 256 labels.
+/// Set of label indices below 256.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RankSet([u64; 4]);
 
 impl RankSet {
-    /// With one place more.
+    /// Adds an index.
     pub fn insert(&mut self, rank: usize) {
         self.0[rank / 64 % 4] |= 1 << (rank % 64);
     }
 
-    /// Whether both have some place.
+    /// Whether the sets intersect.
     pub fn meets(&self, other: &Self) -> bool {
         self.0.iter().zip(&other.0).any(|(a, b)| a & b != 0)
     }
 }
 
-/// Voxels that brick `b` of an axis with `n` voxels interpolates.
+/// Range of voxels that brick `b` interpolates along an axis of `n` voxels.
 fn voxel_span(b: usize, n: usize) -> std::ops::Range<usize> {
     (BRICK_CELLS * b).saturating_sub(1).min(n - 1)..(BRICK_CELLS * (b + 1)).min(n)
 }
 
 impl Bricks {
-    /// Brick counts for a grid.
+    /// Number of bricks along each axis of a grid.
     pub fn counts_for(dims: [usize; 3]) -> [usize; 3] {
         dims.map(|n| (n + 1).div_ceil(BRICK_CELLS))
     }
@@ -82,12 +82,12 @@ impl Bricks {
         self.min.len()
     }
 
-    /// Whether there are none (there is always one in a volume's bricks).
+    /// Whether there are no bricks (a volume has at least one).
     pub fn is_empty(&self) -> bool {
         self.min.is_empty()
     }
 
-    /// Whether some brick's values reach into `[low, high]`.
+    /// Whether the values of some brick overlap `[low, high]`.
     pub fn have_values(&self, low: f64, high: f64) -> bool {
         self.min.iter().zip(&self.max).any(|(&min, &max)| min <= high && max >= low)
     }
@@ -99,22 +99,22 @@ fn build<T: Voxel>(values: &[T], dims: [usize; 3], scaling: Scaling) -> Bricks {
     let mut min = vec![0.0; counts.iter().product()];
     let mut max = min.clone();
     min.par_chunks_mut(counts[0]).zip(max.par_chunks_mut(counts[0])).enumerate().for_each_init(
-        // One row of voxels: the range over the brick row's y and z, still apart in x.
+        // Range over the y and z of a row of bricks, for each x.
         || (Vec::with_capacity(nx), Vec::with_capacity(nx)),
         |(low, high), (row, (min, max))| {
             let (by, bz) = (row % counts[1], row / counts[1]);
             let mut first = true;
             for z in voxel_span(bz, nz) {
                 for y in voxel_span(by, ny) {
-                    let line = &values[(z * ny + y) * nx..][..nx];
+                    let row = &values[(z * ny + y) * nx..][..nx];
                     if first {
                         low.clear();
-                        low.extend_from_slice(line);
+                        low.extend_from_slice(row);
                         high.clear();
-                        high.extend_from_slice(line);
+                        high.extend_from_slice(row);
                         first = false;
                     } else {
-                        for ((lo, hi), &v) in low.iter_mut().zip(high.iter_mut()).zip(line) {
+                        for ((lo, hi), &v) in low.iter_mut().zip(high.iter_mut()).zip(row) {
                             *lo = if v < *lo { v } else { *lo };
                             *hi = if v > *hi { v } else { *hi };
                         }
@@ -133,7 +133,7 @@ fn build<T: Voxel>(values: &[T], dims: [usize; 3], scaling: Scaling) -> Bricks {
     Bricks { counts, min, max, labels: None, world_from_index: DAffine3::IDENTITY }
 }
 
-/// The labels among each brick's voxels.
+/// Collects the labels of each brick.
 fn rank_sets(ranks: &[u8], dims: [usize; 3]) -> Vec<RankSet> {
     let counts = Bricks::counts_for(dims);
     let [nx, ny, nz] = dims;

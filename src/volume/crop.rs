@@ -1,4 +1,4 @@
-//! A part of a volume, by voxel indices.
+//! Cropping of a volume by voxel indices.
 
 use super::{Volume, Voxels};
 use crate::error::{Error, Result};
@@ -9,9 +9,9 @@ use ndarray::{Array3, s};
 use std::fmt;
 use std::str::FromStr;
 
-/// `x0:x1,y0:y1,z0:z1` in voxel indices, both ends inclusive; an absent end is the volume's.
+/// Crop box `x0:x1,y0:y1,z0:z1` in voxel indices, both ends inclusive; an absent end is the volume's.
 ///
-/// The part is a volume of its own: its field is clamped at its edges, and half a voxel beyond them there is nothing.
+/// The result is a volume of its own: its field is clamped at its edges and ends half a voxel beyond them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Crop {
     /// First and last index along i, j, k.
@@ -61,25 +61,25 @@ impl serde::Serialize for Crop {
 }
 
 impl Volume {
-    /// The part of it within `crop`, where it was in the world.
+    /// Crops a volume; the voxels keep their world positions.
     ///
     /// # Errors
-    /// An index beyond the volume, or no finite value left.
+    /// An index is beyond the volume, or no finite value remains.
     pub fn cropped(self, crop: Crop, loading: &Loading) -> Result<Self> {
         let dims = self.dims();
-        let mut kept = [[0; 2]; 3];
+        let mut ranges = [[0; 2]; 3];
         for (axis, range) in crop.ranges.iter().enumerate() {
             let last = dims[axis] - 1;
-            kept[axis] = [range[0].unwrap_or(0), range[1].unwrap_or(last)];
-            if kept[axis].iter().any(|&n| n > last) {
+            ranges[axis] = [range[0].unwrap_or(0), range[1].unwrap_or(last)];
+            if ranges[axis].iter().any(|&n| n > last) {
                 let why = format!("{} runs from 0 to {last}, and {crop} goes beyond", ["x", "y", "z"][axis]);
                 return Err(Error::input("cannot crop volume", "--crop", why));
             }
         }
-        if kept.iter().zip(dims).all(|([from, to], n)| *from == 0 && *to == n - 1) {
+        if ranges.iter().zip(dims).all(|([from, to], n)| *from == 0 && *to == n - 1) {
             return Ok(self);
         }
-        let [[x0, x1], [y0, y1], [z0, z1]] = kept;
+        let [[x0, x1], [y0, y1], [z0, z1]] = ranges;
         fn part<T: Clone>(array: &Array3<T>, [x, y, z]: [[usize; 2]; 3]) -> Array3<T> {
             array.slice(s![z[0]..=z[1], y[0]..=y[1], x[0]..=x[1]]).as_standard_layout().into_owned()
         }
@@ -93,7 +93,7 @@ impl Volume {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::phantom::Phantom;
+    use crate::volume::{Provenance, Scaling};
 
     #[test]
     fn texts() {
@@ -106,8 +106,15 @@ mod tests {
     }
 
     #[test]
-    fn voxels_stay_where_they_were() {
-        let whole = Phantom::Shell.build(20).unwrap();
+    fn voxels_keep_their_world_positions() {
+        let values = Array3::from_shape_fn((20, 20, 20), |(k, j, i)| (400 * k + 20 * j + i) as u16);
+        let affine = DAffine3::from_scale_rotation_translation(
+            DVec3::new(1.0, 2.0, 3.0),
+            glam::DQuat::from_rotation_y(0.3),
+            DVec3::new(-7.0, 8.0, 9.0),
+        );
+        let provenance = Provenance::new("test", "test", "uint16");
+        let whole = Volume::new(values.into(), Scaling::IDENTITY, affine, provenance).unwrap();
         let part = whole.clone().cropped("3:9,:5,17:".parse().unwrap(), &Loading::default()).unwrap();
         assert_eq!(part.dims(), [7, 6, 3]);
         for (i, j, k) in [(0, 0, 0), (6, 5, 2), (3, 1, 1)] {

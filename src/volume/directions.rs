@@ -1,13 +1,13 @@
-//! Which way strands run through a volume: second moments of their directions on its grid.
+//! Directions of strands in a volume: their second moments on its grid.
 
+use super::trilinear;
 use crate::error::{Error, Result};
 use glam::{DAffine3, DMat3, DVec3};
 
-/// Sums of `u u^T` over unit directions `u`, a voxel each, on the grid of a volume.
+/// Sums of `u u^T` over unit directions `u` for each voxel of a volume's grid.
 ///
-/// A strand has no sign: `u` and `-u` are one direction. Their sum vanishes, that of `u u^T` does not, and so it is this
-/// symmetric matrix that is kept and interpolated. Divided by its trace it is the mean of `u u^T` there: `l^T m l` is the
-/// mean square of the cosine between the strands and a unit `l`.
+/// A strand has no sign: `u` and `-u` are the same direction, and `u u^T` does not depend on the sign. Divided by its trace,
+/// the sum is the mean `m` of `u u^T`, and `l^T m l` is the mean squared cosine between the strands and a unit vector `l`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DirectionMoments {
     dims: [usize; 3],
@@ -16,16 +16,16 @@ pub struct DirectionMoments {
 }
 
 impl DirectionMoments {
-    /// Of `xx, yy, zz, xy, xz, yz` in world axes for each voxel, x fastest; the trace is what the directions weigh there, for
-    /// strands their extinction in 1/mm.
+    /// Stores the moments `xx, yy, zz, xy, xz, yz` of each voxel in world axes, x fastest. The trace is the weight of the
+    /// directions; for strands it is the extinction in 1/mm.
     ///
     /// # Errors
-    /// Another number of values than of voxels, or none.
+    /// The number of values is 0 or not that of the voxels.
     pub fn new(dims: [usize; 3], world_from_index: DAffine3, values: Vec<[f32; 6]>) -> Result<Self> {
         let [nx, ny, nz] = dims;
         if values.is_empty() || values.len() != nx * ny * nz {
             let why = format!("{} values for {nx}x{ny}x{nz} voxels", values.len());
-            return Err(Error::runtime("cannot keep directions", "directions of strands", why));
+            return Err(Error::runtime("cannot store directions", "directions of strands", why));
         }
         Ok(Self { dims, index_from_world: world_from_index.inverse(), values })
     }
@@ -35,36 +35,22 @@ impl DirectionMoments {
         self.dims
     }
 
-    /// `xx, yy, zz, xy, xz, yz` of each voxel, x fastest.
+    /// Moments `xx, yy, zz, xy, xz, yz` of each voxel, x fastest.
     pub fn values(&self) -> &[[f32; 6]] {
         &self.values
     }
 
-    /// The largest trace of a voxel.
+    /// Largest trace of a voxel.
     pub fn largest_trace(&self) -> f64 {
         self.values.iter().map(trace).fold(0.0, f64::max)
     }
 
-    /// The mean of `u u^T` at `x` (world mm): moments trilinear between voxel centres and clamped at the edge, as the volume's
-    /// value is, divided by their trace. `None` where there are no strands.
+    /// Mean of `u u^T` at `x` (world mm), from trilinear moments clamped at the edge; `None` without strands there.
     pub fn mean_at(&self, x: DVec3) -> Option<DMat3> {
-        let p = self.index_from_world.transform_point3(x);
-        let along = |axis: usize| {
-            let last = self.dims[axis] - 1;
-            let p = p[axis].clamp(0.0, last as f64);
-            let low = (p as usize).min(last);
-            let w = p - low as f64;
-            [(low, 1.0 - w), ((low + 1).min(last), w)]
-        };
         let mut sum = [0.0; 6];
-        for (k, wz) in along(2) {
-            for (j, wy) in along(1) {
-                for (i, wx) in along(0) {
-                    let moments = &self.values[i + self.dims[0] * (j + self.dims[1] * k)];
-                    let weight = wx * wy * wz;
-                    sum.iter_mut().zip(moments).for_each(|(s, m)| *s += weight * f64::from(*m));
-                }
-            }
+        for ([i, j, k], weight) in trilinear(self.index_from_world.transform_point3(x), self.dims) {
+            let moments = &self.values[i + self.dims[0] * (j + self.dims[1] * k)];
+            sum.iter_mut().zip(moments).for_each(|(s, m)| *s += weight * f64::from(*m));
         }
         let [xx, yy, zz, xy, xz, yz] = sum;
         let trace = xx + yy + zz;
@@ -74,7 +60,7 @@ impl DirectionMoments {
     }
 }
 
-/// What the directions of a voxel weigh together.
+/// Total weight of the directions of a voxel.
 fn trace([xx, yy, zz, ..]: &[f32; 6]) -> f64 {
     f64::from(*xx) + f64::from(*yy) + f64::from(*zz)
 }
@@ -88,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn means_are_weighed_and_clamped_at_the_edge() {
+    fn means_are_weighted_and_clamped_at_the_edge() {
         let affine = DAffine3::from_scale_rotation_translation(
             DVec3::splat(2.0),
             glam::DQuat::IDENTITY,

@@ -1,6 +1,6 @@
-//! Element types of voxels in a file, and reading them in bounded pieces.
+//! Element types of voxels in files, and readers of bounded memory.
 
-use super::fit::Reducer;
+use super::downsample::BlockMeans;
 use super::{Voxel, Voxels};
 use ndarray::Array3;
 use std::fmt;
@@ -8,26 +8,17 @@ use std::io::{self, Read};
 
 /// Element type of the voxels in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(missing_docs, reason = "names of standard types")]
 pub enum Element {
-    /// 8-bit unsigned integers.
     U8,
-    /// 8-bit signed integers.
     I8,
-    /// 16-bit unsigned integers.
     U16,
-    /// 16-bit signed integers.
     I16,
-    /// 32-bit unsigned integers.
     U32,
-    /// 32-bit signed integers.
     I32,
-    /// 64-bit unsigned integers.
     U64,
-    /// 64-bit signed integers.
     I64,
-    /// 32-bit floats.
     F32,
-    /// 64-bit floats.
     F64,
 }
 
@@ -41,7 +32,7 @@ pub enum ByteOrder {
     Big,
 }
 
-/// Short and long name and size in bytes of each [`Element`].
+/// Short name, long name and size in bytes of each [`Element`].
 const ELEMENTS: [(Element, &str, &str, usize); 10] = [
     (Element::U8, "u8", "uint8", 1),
     (Element::I8, "i8", "int8", 1),
@@ -56,23 +47,23 @@ const ELEMENTS: [(Element, &str, &str, usize); 10] = [
 ];
 
 impl Element {
-    /// From the short (`u8`) or the long name (`uint8`).
+    /// Element of a short (`u8`) or long name (`uint8`).
     pub fn from_name(name: &str) -> Option<Self> {
         ELEMENTS.iter().find(|(_, short, long, _)| name == *short || name == *long).map(|e| e.0)
     }
 
-    /// The long name, e.g. `uint8`.
+    /// Long name, e.g. `uint8`.
     pub fn name(self) -> &'static str {
         ELEMENTS[self as usize].2
     }
 
-    /// Size of one element.
+    /// Size of one element in a file.
     pub fn bytes(self) -> usize {
         ELEMENTS[self as usize].3
     }
 
-    /// Size of one element in memory, as [`Voxels`] hold it.
-    pub fn kept_bytes(self) -> usize {
+    /// Size of one element in memory, as [`Voxels`] store it.
+    pub fn memory_bytes(self) -> u64 {
         match self {
             Self::U8 => 1,
             Self::I8 | Self::U16 | Self::I16 => 2,
@@ -81,51 +72,43 @@ impl Element {
         }
     }
 
-    /// From NumPy's name, with the order of bytes in front: `<i2`; the machine's own order is taken as little-endian.
-    pub fn of_numpy(name: &str) -> Option<(Self, ByteOrder)> {
-        let (order, kind) = match name.chars().next()? {
-            '<' | '>' | '|' | '=' => name.split_at(1),
-            _ => ("=", name),
-        };
-        let element = match kind {
-            "u1" | "b1" => Self::U8,
-            "i1" => Self::I8,
-            "u2" => Self::U16,
-            "i2" => Self::I16,
-            "u4" => Self::U32,
-            "i4" => Self::I32,
-            "u8" => Self::U64,
-            "i8" => Self::I64,
-            "f4" => Self::F32,
-            "f8" => Self::F64,
-            _ => return None,
-        };
-        Some((element, if order == ">" { ByteOrder::Big } else { ByteOrder::Little }))
+    /// Kind and size as NumPy names them, e.g. `i2`.
+    pub fn numpy_name(self) -> String {
+        let (_, short, _, bytes) = ELEMENTS[self as usize];
+        format!("{}{bytes}", &short[..1])
     }
 
-    /// The name shown to people: `uint8`, `int16 big-endian`.
+    /// Element and byte order of a NumPy name such as `<i2`; the native order is taken as little-endian.
+    pub fn from_numpy(name: &str) -> Option<(Self, ByteOrder)> {
+        let kind = name.strip_prefix(['<', '>', '|', '=']).unwrap_or(name);
+        let order = if name.starts_with('>') { ByteOrder::Big } else { ByteOrder::Little };
+        let element = match kind {
+            "b1" => Some(Self::U8),
+            _ => ELEMENTS.iter().map(|e| e.0).find(|element| element.numpy_name() == kind),
+        };
+        Some((element?, order))
+    }
+
+    /// Name for people: `uint8`, `int16 big-endian`.
     pub fn describe(self, order: ByteOrder) -> String {
         let suffix = if order == ByteOrder::Big && self.bytes() > 1 { " big-endian" } else { "" };
         format!("{}{suffix}", self.name())
     }
 }
 
-/// Bytes that `dims` voxels take in a file; `None` where the product overflows.
-pub fn data_bytes(dims: [usize; 3], element: Element) -> Option<u64> {
-    dims.iter().try_fold(element.bytes() as u64, |bytes, &n| bytes.checked_mul(n as u64))
+/// Bytes of a grid of voxels; `None` on overflow.
+pub fn grid_bytes(dims: [usize; 3], voxel_bytes: u64) -> Option<u64> {
+    dims.iter().try_fold(voxel_bytes, |bytes, &n| bytes.checked_mul(n as u64))
 }
 
-/// Why voxels could not be read.
+/// Reason why voxels cannot be read.
 #[derive(Debug)]
 pub enum ReadFailure {
-    /// The data end after this many bytes.
+    /// The data end after `got` bytes.
     Short {
-        /// Bytes that there are.
         got: u64,
     },
-    /// The host has no memory for what did arrive.
     Memory,
-    /// The data cannot be read.
     Io(io::Error),
 }
 
@@ -139,17 +122,17 @@ impl fmt::Display for ReadFailure {
     }
 }
 
-/// Runs `$body` with `$convert` bound to what makes a kept number of the bytes of a stored one; the array that comes of it
-/// becomes [`Voxels`].
+/// Runs `$body` with `$convert` bound to the conversion from stored bytes to a number in memory; the resulting array becomes
+/// [`Voxels`].
 macro_rules! with_element {
     ($element:expr, $order:expr, $convert:ident => $body:expr) => {{
         use $crate::volume::element::{ByteOrder, Element};
         macro_rules! of {
-            ($stored:ty, $kept:ty) => {{
+            ($stored:ty, $memory:ty) => {{
                 let order: ByteOrder = $order;
                 let $convert = move |bytes: [u8; size_of::<$stored>()]| match order {
-                    ByteOrder::Little => <$stored>::from_le_bytes(bytes) as $kept,
-                    ByteOrder::Big => <$stored>::from_be_bytes(bytes) as $kept,
+                    ByteOrder::Little => <$stored>::from_le_bytes(bytes) as $memory,
+                    ByteOrder::Big => <$stored>::from_be_bytes(bytes) as $memory,
                 };
                 $body.map($crate::volume::Voxels::from)
             }};
@@ -173,25 +156,13 @@ pub(crate) use with_element;
 /// Bytes converted at a time; a multiple of every element size.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// Reads `dims` voxels (`i` fastest) in pieces, so that memory grows with what has arrived (to at most twice that)
-/// and never with what a header claims.
+/// Reads `dims` voxels (`i` fastest), or with `factors` the means of blocks of voxels.
+///
+/// Memory grows with the data that arrive, and never with the claims of a header.
 ///
 /// # Errors
 /// The data end early, cannot be read, or do not fit into memory.
-pub fn read_voxels(
-    input: &mut impl Read,
-    dims: [usize; 3],
-    element: Element,
-    order: ByteOrder,
-) -> Result<Voxels, ReadFailure> {
-    read_reduced(input, dims, element, order, None)
-}
-
-/// As [`read_voxels`], and keeps the means of blocks of so many voxels along each axis alone.
-///
-/// # Errors
-/// As there.
-pub(crate) fn read_reduced(
+pub(crate) fn read_voxels(
     input: &mut impl Read,
     dims: [usize; 3],
     element: Element,
@@ -204,21 +175,20 @@ pub(crate) fn read_reduced(
     }
 }
 
-/// As [`read_voxels`], of data in which the last axis runs fastest and the first one slowest; each number is put where it belongs
-/// at once, so that memory is taken for the voxels alone, and for all of them.
+/// Reads voxels whose last axis runs fastest, without a second copy of them.
 ///
 /// # Errors
-/// As there.
-pub fn read_turned_voxels(
+/// The data end early, cannot be read, or do not fit into memory.
+pub fn read_transposed(
     input: &mut impl Read,
     dims: [usize; 3],
     element: Element,
     order: ByteOrder,
 ) -> Result<Voxels, ReadFailure> {
-    with_element!(element, order, convert => read_turned_array(input, dims, convert))
+    with_element!(element, order, convert => read_transposed_array(input, dims, convert))
 }
 
-fn read_turned_array<T: Voxel, const N: usize>(
+fn read_transposed_array<T: Voxel, const N: usize>(
     input: &mut impl Read,
     [nx, ny, nz]: [usize; 3],
     convert: impl Fn([u8; N]) -> T,
@@ -227,8 +197,8 @@ fn read_turned_array<T: Voxel, const N: usize>(
         [nx, ny, nz].iter().try_fold(1usize, |count, &n| count.checked_mul(n)).ok_or(ReadFailure::Memory)?;
     let mut values = Vec::new();
     values.try_reserve_exact(count).map_err(|_| ReadFailure::Memory)?;
-    values.resize(count, T::of_f64(0.0));
-    // Columns along z follow each other along y, then x.
+    values.resize(count, T::from_f64(0.0));
+    // The file holds columns along z, ordered by y, then x.
     let mut column = vec![0u8; nz.saturating_mul(N)];
     for at in 0..nx * ny {
         let got = read_full(input, &mut column).map_err(ReadFailure::Io)?;
@@ -257,15 +227,15 @@ fn read_array<T, const N: usize>(
             return Err(ReadFailure::Short { got: (values.len() * N + got) as u64 });
         }
         if values.capacity() - values.len() < wanted {
-            let room = (2 * values.len()).max(wanted + values.len()).min(count);
-            values.try_reserve_exact(room - values.len()).map_err(|_| ReadFailure::Memory)?;
+            let capacity = (2 * values.len()).max(wanted + values.len()).min(count);
+            values.try_reserve_exact(capacity - values.len()).map_err(|_| ReadFailure::Memory)?;
         }
         values.extend(chunk[..wanted * N].as_chunks::<N>().0.iter().map(|&bytes| convert(bytes)));
     }
     Array3::from_shape_vec((dims[2], dims[1], dims[0]), values).map_err(|_| ReadFailure::Memory)
 }
 
-/// As [`read_array`], row by row into blocks.
+/// Reads rows and reduces them to block means.
 fn read_means<T: Voxel, const N: usize>(
     input: &mut impl Read,
     dims: [usize; 3],
@@ -275,7 +245,7 @@ fn read_means<T: Voxel, const N: usize>(
     let [nx, ny, nz] = dims;
     let row_bytes = nx.checked_mul(N).ok_or(ReadFailure::Memory)?;
     let rows = ny.checked_mul(nz).ok_or(ReadFailure::Memory)?;
-    let mut reducer = Reducer::new(dims, factors).ok_or(ReadFailure::Memory)?;
+    let mut means = BlockMeans::new(dims, factors).ok_or(ReadFailure::Memory)?;
     let (mut bytes, mut row) = (Vec::new(), Vec::new());
     bytes.try_reserve_exact(row_bytes).map_err(|_| ReadFailure::Memory)?;
     row.try_reserve_exact(nx).map_err(|_| ReadFailure::Memory)?;
@@ -287,12 +257,12 @@ fn read_means<T: Voxel, const N: usize>(
         }
         row.clear();
         row.extend(bytes.as_chunks::<N>().0.iter().map(|&bytes| convert(bytes)));
-        reducer.row(&row).ok_or(ReadFailure::Memory)?;
+        means.push_row(&row).ok_or(ReadFailure::Memory)?;
     }
-    reducer.finish().ok_or(ReadFailure::Memory)
+    means.finish().ok_or(ReadFailure::Memory)
 }
 
-/// Fills `buffer` as far as the input goes; returns the number of bytes read.
+/// Fills `buffer` up to the end of the input; returns the number of bytes read.
 pub(crate) fn read_full(input: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < buffer.len() {
@@ -300,7 +270,7 @@ pub(crate) fn read_full(input: &mut impl Read, buffer: &mut [u8]) -> io::Result<
             Ok(0) => break,
             Ok(n) => filled += n,
             Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-            // A compressed stream cut short is a short file like any other.
+            // A truncated compressed stream counts as a short file.
             Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => break,
             Err(e) => return Err(e),
         }
@@ -321,33 +291,36 @@ mod tests {
             assert_eq!(8 * bytes, short[1..].parse::<usize>().unwrap());
         }
         assert_eq!(Element::from_name("rgb24"), None);
+        assert_eq!(Element::from_numpy(">f8"), Some((Element::F64, ByteOrder::Big)));
+        assert_eq!(Element::from_numpy("|b1"), Some((Element::U8, ByteOrder::Little)));
+        assert_eq!(Element::from_numpy("<c8"), None);
     }
 
     #[test]
-    fn a_claim_that_the_data_cannot_hold_allocates_only_what_arrived() {
+    fn memory_grows_with_the_data_and_not_with_claims() {
         let mut input = io::repeat(7).take(3 * CHUNK_BYTES as u64 + 5);
         let claimed = [32767; 3];
-        match read_voxels(&mut input, claimed, Element::F64, ByteOrder::Little) {
+        match read_voxels(&mut input, claimed, Element::F64, ByteOrder::Little, None) {
             Err(ReadFailure::Short { got }) => assert_eq!(got, 3 * CHUNK_BYTES as u64 + 5),
             other => panic!("{other:?}"),
         }
-        assert_eq!(data_bytes([usize::MAX, 2, 1], Element::U8), None);
+        assert_eq!(grid_bytes([usize::MAX, 2, 1], 1), None);
     }
 
     #[test]
-    fn turned_data_are_the_same_voxels() {
+    fn transposed_data_are_the_same_voxels() {
         let [nx, ny, nz] = [5, 4, 3];
         let array = Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| (100 * k + 10 * j + i) as i16);
-        let turned: Vec<u8> = array.t().iter().flat_map(|v| v.to_be_bytes()).collect();
+        let transposed: Vec<u8> = array.t().iter().flat_map(|v| v.to_be_bytes()).collect();
         let read =
-            |bytes: &[u8]| read_turned_voxels(&mut &bytes[..], [nx, ny, nz], Element::I16, ByteOrder::Big);
-        assert_eq!(read(&turned).unwrap(), Voxels::I16(array));
-        let short = turned.len() - 3;
-        assert!(matches!(read(&turned[..short]), Err(ReadFailure::Short { got }) if got == short as u64));
+            |bytes: &[u8]| read_transposed(&mut &bytes[..], [nx, ny, nz], Element::I16, ByteOrder::Big);
+        assert_eq!(read(&transposed).unwrap(), Voxels::I16(array));
+        let short = transposed.len() - 3;
+        assert!(matches!(read(&transposed[..short]), Err(ReadFailure::Short { got }) if got == short as u64));
     }
 
     #[test]
-    fn chunks_join_without_a_seam() {
+    fn chunks_join_without_gaps() {
         let dims = [1023, 513, 3];
         let values: Vec<u16> = (0..1023 * 513 * 3u32).map(|i| (i % 65521) as u16).collect();
         for order in [ByteOrder::Little, ByteOrder::Big] {
@@ -355,7 +328,7 @@ mod tests {
                 .iter()
                 .flat_map(|v| if order == ByteOrder::Big { v.to_be_bytes() } else { v.to_le_bytes() })
                 .collect();
-            let voxels = read_voxels(&mut &bytes[..], dims, Element::U16, order).unwrap();
+            let voxels = read_voxels(&mut &bytes[..], dims, Element::U16, order, None).unwrap();
             assert_eq!(voxels, Voxels::U16(Array3::from_shape_vec((3, 513, 1023), values.clone()).unwrap()));
         }
     }

@@ -1,4 +1,4 @@
-//! How often each value occurs in a volume, plainly and weighted by the gradient.
+//! Histogram of a volume's values, with and without gradient weights.
 
 use super::{Volume, Voxel, Voxels};
 use crate::error::Result;
@@ -6,38 +6,37 @@ use crate::files::loading::{Loading, ReadingStage};
 use crate::with_voxels;
 use rayon::prelude::*;
 
-/// Counts over equal bins of the value range.
+/// Histogram with equal bins over the value range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Where the first bin begins and the last one ends: the volume's values, and half a stored step beyond them where
-    /// values are stored as integers.
+    /// Start of the first bin and end of the last: the value range, and half a stored step beyond it for integers.
     pub range: [f64; 2],
     /// Voxels in each bin.
     pub counts: Vec<u64>,
-    /// Sum of the gradient's magnitude (value units per mm, differences towards the next voxel along each axis) over the
-    /// voxels in each bin: peaks are where materials meet.
+    /// Sum of the gradient magnitude (value units per mm, forward differences) over the voxels in each bin.
     pub gradients: Vec<f64>,
 }
 
 impl Histogram {
-    /// Counts a volume's values into at most `most` bins, watched and ended early through `loading`. Bins of stored integers
-    /// hold equally many of them: others would show combs that are not in the volume.
+    /// Counts a volume's values into at most `max_bins` bins, with progress and cancellation.
+    ///
+    /// Each bin spans the same number of stored integers, which avoids comb artefacts.
     ///
     /// # Errors
     /// It was cancelled.
-    pub fn of_with(volume: &Volume, most: usize, loading: &Loading) -> Result<Self> {
-        let histogram = Self::count(volume, most, loading);
+    pub fn of_with(volume: &Volume, max_bins: usize, loading: &Loading) -> Result<Self> {
+        let histogram = Self::count(volume, max_bins, loading);
         loading.go_on(&volume.provenance.source)?;
         Ok(histogram)
     }
 
-    /// Counts a volume's values into at most `most` bins, as [`Self::of_with`].
-    pub fn of(volume: &Volume, most: usize) -> Self {
-        Self::count(volume, most, &Loading::default())
+    /// Counts a volume's values into at most `max_bins` bins.
+    pub fn of(volume: &Volume, max_bins: usize) -> Self {
+        Self::count(volume, max_bins, &Loading::default())
     }
 
-    fn count(volume: &Volume, most: usize, loading: &Loading) -> Self {
-        let (range, bins) = bins_of(volume, most.max(1));
+    fn count(volume: &Volume, max_bins: usize, loading: &Loading) -> Self {
+        let (range, bins) = bins_of(volume, max_bins.max(1));
         let [nx, ny, nz] = volume.dims();
         let spacing = volume.spacing_mm();
         let scaling = volume.scaling();
@@ -83,14 +82,14 @@ impl Histogram {
 }
 
 /// Range and number of the bins.
-fn bins_of(volume: &Volume, most: usize) -> ([f64; 2], usize) {
+fn bins_of(volume: &Volume, max_bins: usize) -> ([f64; 2], usize) {
     let [lo, hi] = volume.value_range();
     let step = volume.scaling().slope.abs();
     if matches!(volume.voxels(), Voxels::F32(_) | Voxels::F64(_)) || step == 0.0 {
-        return ([lo, hi], most);
+        return ([lo, hi], max_bins);
     }
     let stored = ((hi - lo) / step).round() + 1.0;
-    let per_bin = (stored / most as f64).ceil();
+    let per_bin = (stored / max_bins as f64).ceil();
     let bins = (stored / per_bin).ceil();
     let start = lo - 0.5 * step;
     ([start, start + bins * per_bin * step], bins as usize)
@@ -99,40 +98,42 @@ fn bins_of(volume: &Volume, most: usize) -> ([f64; 2], usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::formats::raw;
-    use crate::phantom::Phantom;
+    use crate::volume::{Provenance, Scaling};
+    use glam::DAffine3;
+    use ndarray::Array3;
+
+    fn volume(voxels: impl Into<Voxels>) -> Volume {
+        let provenance = Provenance::new("test", "test", "test");
+        Volume::new(voxels.into(), Scaling::IDENTITY, DAffine3::IDENTITY, provenance).unwrap()
+    }
 
     #[test]
-    fn every_voxel_is_counted_once_and_edges_weigh_at_their_values() {
-        let volume = Phantom::Step.build(16).unwrap();
+    fn every_voxel_is_counted_once() {
+        let volume = volume(Array3::from_shape_fn((16, 16, 16), |(_, _, i)| if i < 8 { 0i16 } else { 1000 }));
         let histogram = Histogram::of(&volume, 64);
         assert_eq!(histogram.counts.iter().sum::<u64>(), 16 * 16 * 16);
         let [lo, hi] = volume.value_range();
         assert!(histogram.range[0] <= lo && histogram.range[1] >= hi);
         let ends = [histogram.counts.first(), histogram.counts.last()];
-        assert!(ends.iter().all(|n| n.is_some_and(|n| *n > 0)), "the ends are in the outer bins");
+        assert!(ends.iter().all(|n| n.is_some_and(|n| *n > 0)), "the outer bins hold the ends of the range");
         assert!(histogram.gradients.iter().sum::<f64>() > 0.0);
     }
 
     #[test]
-    fn bins_of_integers_hold_equally_many_of_them() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("all.raw");
-        std::fs::write(&path, (0..=255).collect::<Vec<u8>>()).unwrap();
-        let layout: crate::formats::RawLayout = "16x16x1:u8".parse().unwrap();
-        let volume = raw::read(&path, &layout.into()).unwrap();
-        for most in [512, 256, 255, 100, 7, 1] {
-            let histogram = Histogram::of(&volume, most);
+    fn bins_span_equal_numbers_of_integers() {
+        let volume = volume(Array3::from_shape_fn((1, 16, 16), |(_, j, i)| (16 * j + i) as u8));
+        for max_bins in [512, 256, 255, 100, 7, 1] {
+            let histogram = Histogram::of(&volume, max_bins);
             let (last, full) = histogram.counts.split_last().unwrap();
-            assert!(histogram.counts.len() <= most);
-            assert!(full.windows(2).all(|w| w[0] == w[1]), "{most}: {full:?}");
-            assert!(*last > 0 && full.first().is_none_or(|n| last <= n), "{most}");
+            assert!(histogram.counts.len() <= max_bins);
+            assert!(full.windows(2).all(|w| w[0] == w[1]), "{max_bins}: {full:?}");
+            assert!(*last > 0 && full.first().is_none_or(|n| last <= n), "{max_bins}");
         }
     }
 
     #[test]
-    fn one_value_alone_is_no_trouble() {
-        let volume = Phantom::Slab.build(4).unwrap();
+    fn few_voxels_give_finite_gradients() {
+        let volume = volume(Array3::from_elem((4, 4, 4), 7.0f32));
         let histogram = Histogram::of(&volume, 8);
         assert_eq!(histogram.counts.iter().sum::<u64>(), 64);
         assert!(histogram.gradients.iter().all(|g| g.is_finite()));

@@ -1,24 +1,23 @@
-//! A scalar field on a regular grid with an affine to world millimetres (RAS+).
+//! Scalar field on a regular grid with an affine to world millimetres (RAS+).
 //!
-//! Voxel centres sit at integer index coordinates `(i, j, k)`; in between the field is trilinear, clamped at the
-//! edge; the domain is `[-0.5, n - 0.5]^3` in index space and there is nothing (zero extinction) outside.
+//! Voxel centres are at integer index coordinates `(i, j, k)`. Between them the field is trilinear, clamped at the edge. Its
+//! domain is `[-0.5, n - 0.5]^3` in index space; outside the extinction is zero.
 
 mod bricks;
 mod crop;
 mod directions;
+mod downsample;
 pub(crate) mod element;
-mod fit;
 mod histogram;
 mod labels;
-mod segmentation;
 
 pub use bricks::{BRICK_CELLS, BrickLabels, Bricks, RankSet};
 pub use crop::Crop;
 pub use directions::DirectionMoments;
+pub use downsample::Downsample;
 pub use element::{ByteOrder, Element};
-pub use fit::Fit;
 pub use histogram::Histogram;
-pub use labels::{Labels, MOST_LABELS};
+pub use labels::{Labels, MAX_LABELS};
 
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
@@ -27,25 +26,21 @@ use ndarray::Array3;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// Stored voxel values before scaling, in memory order `[[k, j, i]]` (`i` runs fastest), always contiguous.
+/// Stored voxel values before scaling, contiguous in memory order `[[k, j, i]]` (`i` runs fastest).
 ///
-/// Other file types are widened to the next of these that holds them exactly (`i8` to `i16`; 32- and 64-bit
-/// integers to `f64`).
+/// Other types of files are widened to the next type that holds their values: `i8` to `i16`, 32- and 64-bit integers to
+/// `f64`.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(missing_docs, reason = "names of standard types")]
 pub enum Voxels {
-    /// 8-bit unsigned integers.
     U8(Array3<u8>),
-    /// 16-bit signed integers.
     I16(Array3<i16>),
-    /// 16-bit unsigned integers.
     U16(Array3<u16>),
-    /// 32-bit floats.
     F32(Array3<f32>),
-    /// 64-bit floats.
     F64(Array3<f64>),
 }
 
-macro_rules! of_arrays {
+macro_rules! from_arrays {
     ($($kind:ident($t:ty)),*) => { $(
         impl From<Array3<$t>> for Voxels {
             fn from(array: Array3<$t>) -> Self {
@@ -54,9 +49,9 @@ macro_rules! of_arrays {
         }
     )* };
 }
-of_arrays!(U8(u8), I16(i16), U16(u16), F32(f32), F64(f64));
+from_arrays!(U8(u8), I16(i16), U16(u16), F32(f32), F64(f64));
 
-/// Runs `$body` with `$array` bound to the typed array inside a [`Voxels`].
+/// Runs `$body` with `$array` bound to the typed array of a [`Voxels`].
 #[macro_export]
 macro_rules! with_voxels {
     ($voxels:expr, $array:ident => $body:expr) => {
@@ -70,14 +65,34 @@ macro_rules! with_voxels {
     };
 }
 
-/// A stored voxel type; converts to `f64` without loss.
-pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
-    /// The same number.
-    fn to_f64(self) -> f64;
-    /// The number that is nearest towards 0; the last one there is where it is beyond.
-    fn of_f64(value: f64) -> Self;
+impl Voxels {
+    /// Element type.
+    pub fn element(&self) -> Element {
+        match self {
+            Self::U8(_) => Element::U8,
+            Self::I16(_) => Element::I16,
+            Self::U16(_) => Element::U16,
+            Self::F32(_) => Element::F32,
+            Self::F64(_) => Element::F64,
+        }
+    }
 
-    /// The nearest of this type.
+    /// Voxels as little-endian bytes, x fastest.
+    pub fn bytes(&self) -> &[u8] {
+        const { assert!(cfg!(target_endian = "little")) };
+        with_voxels!(self, a => bytemuck::cast_slice(a.as_slice().unwrap_or_default()))
+    }
+}
+
+/// Stored voxel type that converts to `f64` without loss.
+pub trait Voxel: Copy + PartialOrd + Send + Sync + 'static {
+    /// Converts without loss.
+    fn to_f64(self) -> f64;
+
+    /// Converts towards 0, and to the type's limit beyond its range.
+    fn from_f64(value: f64) -> Self;
+
+    /// Converts to the nearest value of the type.
     fn nearest(value: f64) -> Self;
 }
 
@@ -89,7 +104,7 @@ macro_rules! voxel {
         }
 
         #[inline(always)]
-        fn of_f64(value: f64) -> Self {
+        fn from_f64(value: f64) -> Self {
             value as $t
         }
 
@@ -102,32 +117,32 @@ macro_rules! voxel {
 voxel!(f64::round => u8, i16, u16);
 voxel!(f64::from => f32, f64);
 
-/// `value = stored * slope + intercept`, in `f64`.
+/// Linear scaling of stored values: `value = stored * slope + intercept`.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Scaling {
     /// Factor of the stored value.
     pub slope: f64,
-    /// What is added to the product.
+    /// Offset of the scaled value.
     pub intercept: f64,
 }
 
 impl Scaling {
-    /// Stored values as they are.
+    /// Identity scaling.
     pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
 
-    /// The scaled value of a stored one.
+    /// Scales a stored value.
     #[inline]
     pub fn apply(&self, stored: f64) -> f64 {
         stored * self.slope + self.intercept
     }
 
-    /// The stored value that scales to `value`.
+    /// Returns the stored value of a scaled one.
     pub fn invert(&self, value: f64) -> f64 {
         (value - self.intercept) / self.slope
     }
 }
 
-/// Which part of a file gave the affine.
+/// Part of a file that gave the affine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AffineSource {
@@ -135,25 +150,25 @@ pub enum AffineSource {
     Sform,
     /// The `qform` of a NIfTI file.
     Qform,
-    /// Directions of the axes and an origin, as other formats have them.
+    /// Axis directions and an origin.
     Axes,
-    /// Voxel sizes only (also raw files and phantoms).
+    /// Voxel sizes only.
     Spacing,
 }
 
-/// What a file says that its values are; the text is what says so, e.g. `DICOM modality CT`.
+/// Meaning of the values by their file, with the evidence, e.g. `DICOM modality CT`.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
-pub enum ValuesSaid {
-    /// It does not say.
+pub enum ValueMeaning {
+    /// The file gives no meaning.
     #[default]
-    Nothing,
+    Unknown,
     /// Hounsfield units.
     Hounsfield(String),
-    /// Something else, e.g. MR intensities or a statistic.
+    /// Another quantity, e.g. MR intensities or a statistic.
     Other(String),
 }
 
-/// What a file said about itself, for `info`.
+/// Origin and metadata of a volume, for `info`.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Provenance {
     /// Path or `phantom:NAME:SIZE`.
@@ -162,22 +177,22 @@ pub struct Provenance {
     pub format: String,
     /// Element type in the file, e.g. `uint8`, `int16 big-endian`.
     pub stored_type: String,
-    /// What gave the affine.
+    /// Origin of the affine.
     pub affine_source: AffineSource,
-    /// Frames in a 4-D file (1 otherwise) and the one read.
+    /// Number of frames in the file.
     pub frames: usize,
-    /// The frame that was read, counted from 0.
+    /// Frame that was read, from 0.
     pub frame: usize,
-    /// What the file says that its values are.
-    pub values: ValuesSaid,
-    /// Non-finite voxels, replaced by the smallest finite value.
+    /// Meaning of the values.
+    pub values: ValueMeaning,
+    /// Number of non-finite voxels, which the smallest finite value replaces.
     pub non_finite: usize,
-    /// One line each; shown by `info` and on stderr.
+    /// Warnings, one line each.
     pub warnings: Vec<String>,
 }
 
 impl Provenance {
-    /// One frame, placed by its voxel sizes alone, and nothing to warn of.
+    /// Provenance of a single frame with voxel sizes only and no warnings.
     pub fn new(source: impl Into<String>, format: &str, stored_type: impl Into<String>) -> Self {
         Self {
             source: source.into(),
@@ -186,14 +201,14 @@ impl Provenance {
             affine_source: AffineSource::Spacing,
             frames: 1,
             frame: 0,
-            values: ValuesSaid::Nothing,
+            values: ValueMeaning::Unknown,
             non_finite: 0,
             warnings: Vec::new(),
         }
     }
 }
 
-/// A volume: stored values, their scaling and the affine to world millimetres (RAS+).
+/// Volume: stored values, their scaling, and the affine to world millimetres (RAS+).
 #[derive(Debug, Clone)]
 pub struct Volume {
     voxels: Voxels,
@@ -203,16 +218,16 @@ pub struct Volume {
     stored_range: [f64; 2],
     labels: Option<Arc<Labels>>,
     bricks: OnceLock<Bricks>,
-    /// Where it came from.
+    /// Origin and metadata.
     pub provenance: Provenance,
 }
 
 impl Volume {
-    /// Puts a volume together; `world_from_index` maps index coordinates to world mm.
+    /// Creates a volume; `world_from_index` maps index coordinates to world mm.
     ///
     /// # Errors
-    /// A dimension of 0, an affine that is singular or not finite, a slope of 0, values that overflow once scaled, or
-    /// not one finite value.
+    /// A dimension is 0, the affine is singular or not finite, the slope is 0, scaled values overflow, or no value is
+    /// finite.
     pub fn new(
         voxels: Voxels,
         scaling: Scaling,
@@ -222,10 +237,10 @@ impl Volume {
         Self::new_with(voxels, scaling, world_from_index, provenance, &Loading::default())
     }
 
-    /// As [`Self::new`], watched and ended early through `loading`.
+    /// Creates a volume with progress and cancellation.
     ///
     /// # Errors
-    /// As there, or it was cancelled.
+    /// See [`Self::new`]; or it was cancelled.
     pub fn new_with(
         mut voxels: Voxels,
         scaling: Scaling,
@@ -252,7 +267,7 @@ impl Volume {
         }
         let axes = world_from_index.matrix3;
         if ![axes.x_axis, axes.y_axis, axes.z_axis].iter().all(|axis| axis.length().is_finite()) {
-            return Err(refuse("its voxels are longer than can be counted"));
+            return Err(refuse("its voxel sizes overflow"));
         }
         let stored_range = finite_range(&voxels, loading);
         loading.go_on(&provenance.source)?;
@@ -291,7 +306,7 @@ impl Volume {
         &self.voxels
     }
 
-    /// Values of stored ones.
+    /// Scaling of the stored values.
     pub fn scaling(&self) -> Scaling {
         self.scaling
     }
@@ -312,7 +327,7 @@ impl Volume {
         [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()]
     }
 
-    /// The smallest of the three spacings, mm: the unit of `--step`.
+    /// Smallest of the three spacings, mm: the unit of `--step`.
     pub fn min_spacing_mm(&self) -> f64 {
         self.spacing_mm().into_iter().fold(f64::INFINITY, f64::min)
     }
@@ -335,26 +350,11 @@ impl Volume {
 
     /// Scaled value at an index position: trilinear between voxel centres, clamped at the edge.
     pub fn value_at(&self, index: DVec3) -> f64 {
-        let dims = self.dims();
-        let along = |axis: usize| {
-            let last = dims[axis] - 1;
-            let p = index[axis].clamp(0.0, last as f64);
-            let low = (p as usize).min(last);
-            [(low, 1.0 - (p - low as f64)), ((low + 1).min(last), p - low as f64)]
-        };
-        let [x, y, z] = [along(0), along(1), along(2)];
-        let mut sum = 0.0;
-        for (k, wz) in z {
-            for (j, wy) in y {
-                for (i, wx) in x {
-                    sum += wx * wy * wz * self.value(i, j, k);
-                }
-            }
-        }
-        sum
+        let corners = trilinear(index, self.dims());
+        corners.into_iter().fold(0.0, |sum, ([i, j, k], weight)| sum + weight * self.value(i, j, k))
     }
 
-    /// The eight corners of the domain `[-0.5, n - 0.5]^3`, world mm.
+    /// Eight corners of the domain `[-0.5, n - 0.5]^3`, world mm.
     pub fn corners_mm(&self) -> [DVec3; 8] {
         let n = self.dims().map(|n| n as f64 - 0.5);
         std::array::from_fn(|c| {
@@ -373,10 +373,10 @@ impl Volume {
         self.labels.as_ref()
     }
 
-    /// The same with labels for its voxels.
+    /// Adds labels.
     ///
     /// # Errors
-    /// Labels for another number of voxels.
+    /// The number of labels is not that of the voxels.
     pub fn labelled(self, labels: Arc<Labels>) -> Result<Self> {
         let voxels = with_voxels!(&self.voxels, a => a.len());
         if labels.ranks().len() != voxels {
@@ -386,13 +386,27 @@ impl Volume {
         Ok(Self { labels: Some(labels), bricks: OnceLock::new(), ..self })
     }
 
-    /// Bytes that the stored voxels take on the host.
+    /// Bytes of the stored voxels in host memory.
     pub fn bytes(&self) -> u64 {
-        with_voxels!(&self.voxels, a => size_of_val(a.as_slice().unwrap_or_default()) as u64)
+        self.voxels.bytes().len() as u64
     }
 }
 
-/// Smallest and largest finite stored value; `None` where there is none. Of no use once `loading` was cancelled.
+/// Voxels around an index position with their trilinear weights, clamped at the edge of the grid.
+fn trilinear(position: DVec3, dims: [usize; 3]) -> [([usize; 3], f64); 8] {
+    let axes: [[(usize, f64); 2]; 3] = std::array::from_fn(|axis| {
+        let last = dims[axis] - 1;
+        let p = position[axis].clamp(0.0, last as f64);
+        let low = (p as usize).min(last);
+        [(low, 1.0 - (p - low as f64)), ((low + 1).min(last), p - low as f64)]
+    });
+    std::array::from_fn(|corner| {
+        let [x, y, z] = std::array::from_fn(|axis| axes[axis][corner >> axis & 1]);
+        ([x.0, y.0, z.0], x.1 * y.1 * z.1)
+    })
+}
+
+/// Smallest and largest finite stored value, if any; meaningless once `loading` was cancelled.
 fn finite_range(voxels: &Voxels, loading: &Loading) -> Option<[f64; 2]> {
     const CHUNK: usize = 1 << 16;
     fn range<T: Voxel>(values: &[T], loading: &Loading) -> [f64; 2] {
@@ -417,17 +431,9 @@ fn finite_range(voxels: &Voxels, loading: &Loading) -> Option<[f64; 2]> {
 
 /// Replaces non-finite voxels by a stored value; returns their number.
 fn replace_non_finite(voxels: &mut Voxels, stored: f64) -> usize {
-    let mut replaced = 0;
-    match voxels {
-        Voxels::F32(a) => a.iter_mut().filter(|v| !v.is_finite()).for_each(|v| {
-            *v = stored as f32;
-            replaced += 1;
-        }),
-        Voxels::F64(a) => a.iter_mut().filter(|v| !v.is_finite()).for_each(|v| {
-            *v = stored;
-            replaced += 1;
-        }),
-        Voxels::U8(_) | Voxels::I16(_) | Voxels::U16(_) => {}
+    fn replace<T: Voxel>(array: &mut Array3<T>, stored: f64) -> usize {
+        let non_finite = array.iter_mut().filter(|v| !v.to_f64().is_finite());
+        non_finite.map(|v| *v = T::from_f64(stored)).count()
     }
-    replaced
+    with_voxels!(voxels, a => replace(a, stored))
 }

@@ -306,7 +306,7 @@ def dicoms():
     # The same place twice.
     folder = series("dicom_doubled", twelve, read_back=False, bits=12)
     dicom_file(folder / "again.dcm", np.zeros((4, 5), "uint16"), origin, orientation, number=77, bits=12)
-    say("dicom_doubled", "definition", LPS @ affine, twelve.astype(float) - 1024, warning="where others do")
+    say("dicom_doubled", "definition", LPS @ affine, twelve.astype(float) - 1024, warning="repeat the position")
     # Padding beyond the scanner's circle.
     padded = np.maximum(numbers("int16"), -1000)
     bare = padded.copy()
@@ -336,7 +336,7 @@ def dicoms():
         dicom_file(folder / f"{k}.dcm", np.ascontiguousarray(twelve[:, :, k].T), origin + normal * 2.5 * k, orientation,
                    number=k + 1, slope=str(k + 0.5), intercept=str(-k), modality="PT", bits=12)
         scaled[:, :, k] = twelve[:, :, k] * (k + 0.5) - k
-    say("dicom_pet", "definition", LPS @ affine, scaled, warning="scalings of their own")
+    say("dicom_pet", "definition", LPS @ affine, scaled, warning="different scalings")
     # Small values are the bright ones, in what is no CT.
     series("dicom_monochrome1", twelve, read_back=False, bits=12, photometric="MONOCHROME1", modality="CR", intercept="0")
     say("dicom_monochrome1", "definition", LPS @ affine, 4095.0 - twelve, warning="MONOCHROME1")
@@ -514,7 +514,7 @@ def zarrs():
         zarr.create_array(str(OUT / path), data=smooth, chunks=(8, 8, 16), compressors=compressor, zarr_format=2, filters=None)
         back = zarr.open_array(str(OUT / path), mode="r")[:]
         assert (back == smooth).all()
-        say(path, "zarr", np.eye(4), back.transpose(2, 1, 0), warning="array alone")
+        say(path, "zarr", np.eye(4), back.transpose(2, 1, 0), warning="single array")
     # In Fortran's order and with the highest byte first; chunks that are not there; several axes in front.
     array = zarr.create_array(str(OUT / "v2_turned.zarr"), shape=(2, 5, 4, 3), chunks=(2, 2, 3, 2), dtype=">i4", order="F",
                               zarr_format=2, fill_value=-7, compressors=numcodecs.Blosc("lz4"), filters=None,

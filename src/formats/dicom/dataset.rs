@@ -1,49 +1,42 @@
-//! One DICOM file as far as a volume needs it: the attributes that place its frames, and where its pixels lie.
+//! The part of a DICOM file that a volume needs: the attributes that place its frames, and the position of its pixels.
 //!
-//! The data set is walked token by token with the crate `dicom-parser`, and no value is read that is not wanted or is
-//! longer than any wanted one: the crate's own reader of whole objects takes the memory that lengths in the file claim.
+//! The elements are read here and not by `dicom-object`: that crate allocates the lengths that a file claims, and it
+//! misreads sequences of unknown type (`UN` of undefined length), whose items are in the implicit syntax (PS3.5, 6.2.2).
+//! Only the values of [`WANTED`] attributes are read, and none that is longer than any valid one.
 
-use super::unknown::Unknown;
-use dicom_core::dictionary::DataDictionary;
-use dicom_core::{DataElementHeader, PrimitiveValue, Tag};
+use super::attributes::{Attributes, Value, is_padding};
+use crate::volume::element::read_full;
+use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry as _, VirtualVr};
+use dicom_core::{Tag, VR};
 use dicom_dictionary_std::{StandardDataDictionary, tags};
 use dicom_encoding::TransferSyntaxIndex;
-use dicom_parser::StatefulDecode;
-use dicom_parser::dataset::LazyDataToken;
-use dicom_parser::dataset::lazy_read::LazyDataSetReader;
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 use flate2::read::DeflateDecoder;
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-pub(super) const EXPLICIT_LITTLE: &str = "1.2.840.10008.1.2.1";
-pub(super) const IMPLICIT_LITTLE: &str = "1.2.840.10008.1.2";
-pub(super) const EXPLICIT_BIG: &str = "1.2.840.10008.1.2.2";
+const IMPLICIT_LITTLE: &str = "1.2.840.10008.1.2";
+const EXPLICIT_LITTLE: &str = "1.2.840.10008.1.2.1";
 const DEFLATED: &str = "1.2.840.10008.1.2.1.99";
+pub(super) const EXPLICIT_BIG: &str = "1.2.840.10008.1.2.2";
 
-/// Bytes before the mark of a file, and the mark.
+/// Bytes before the magic word of a file, and the magic word.
 const PREAMBLE_BYTES: usize = 128;
-const MARK: &[u8] = b"DICM";
-/// No wanted value is longer, but for a table of values.
-const VALUE_MOST_BYTES: u32 = 1 << 14;
-const TABLE_MOST_BYTES: u32 = 1 << 17;
-/// A data set of more elements is refused.
-const ELEMENTS_MOST: usize = 4_000_000;
-/// No series has more frames in a file.
-pub(super) const FRAMES_MOST: usize = 1 << 16;
-/// Sequences within each other beyond which a file is refused.
-const DEPTH_MOST: usize = 64;
-/// What a deflated data set may become.
-const INFLATED_MOST_BYTES: u64 = 1 << 31;
-/// ... and, beyond a small size, how many times its bytes: pixels of scanners pack to a third.
-const INFLATED_MOST_RATIO: u64 = 100;
-const INFLATED_SMALL_BYTES: u64 = 16 << 20;
+const MAGIC: &[u8] = b"DICM";
+/// Largest length of a value that is read: 65,536 numbers of a lookup table.
+const MAX_VALUE_BYTES: u32 = 1 << 17;
+/// Largest number of frames in a file.
+pub(super) const MAX_FRAMES: usize = 1 << 16;
+/// Largest nesting depth of sequences.
+const MAX_DEPTH: usize = 64;
+/// Largest size of an inflated data set, and beyond a small size the largest ratio to its deflated bytes.
+const MAX_INFLATED_BYTES: u64 = 1 << 31;
+const MAX_INFLATED_RATIO: u64 = 100;
+const SMALL_INFLATED_BYTES: u64 = 16 << 20;
 
-/// Attributes that are kept; all others are passed over. Names and dates of people are not among them.
-const WANTED: [Tag; 40] = [
-    tags::SOP_CLASS_UID,
+/// Attributes that are read. Names of people and dates are not among them.
+const WANTED: [Tag; 34] = [
     tags::MODALITY,
     tags::SERIES_DESCRIPTION,
     tags::SERIES_INSTANCE_UID,
@@ -73,20 +66,20 @@ const WANTED: [Tag; 40] = [
     tags::RESCALE_INTERCEPT,
     tags::RESCALE_SLOPE,
     tags::RESCALE_TYPE,
-    tags::MODALITY_LUT_SEQUENCE,
     tags::LUT_DESCRIPTOR,
     tags::LUT_DATA,
     tags::FLOAT_PIXEL_PADDING_VALUE,
     tags::GRID_FRAME_OFFSET_VECTOR,
     tags::DOSE_GRID_SCALING,
-    tags::IMAGE_TYPE,
-    tags::FRAME_TYPE,
-    tags::DIMENSION_INDEX_VALUES,
-    tags::PATIENT_POSITION,
 ];
 
-/// Sequences whose items' attributes are those of frames.
-const OF_FRAMES: [Tag; 7] = [
+/// Tags that delimit items and sequences.
+const ITEM: Tag = Tag(0xfffe, 0xe000);
+const ITEM_END: Tag = Tag(0xfffe, 0xe00d);
+const SEQUENCE_END: Tag = Tag(0xfffe, 0xe0dd);
+
+/// Sequences within functional groups that describe frames.
+const FRAME_SEQUENCES: [Tag; 7] = [
     tags::PLANE_POSITION_SEQUENCE,
     tags::PLANE_ORIENTATION_SEQUENCE,
     tags::PIXEL_MEASURES_SEQUENCE,
@@ -96,86 +89,40 @@ const OF_FRAMES: [Tag; 7] = [
     tags::TEMPORAL_POSITION_SEQUENCE,
 ];
 
-/// Attributes by tag.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Attributes(BTreeMap<Tag, PrimitiveValue>);
-
-impl Attributes {
-    /// Text without the blanks that fill it up.
-    pub(super) fn text(&self, tag: Tag) -> Option<String> {
-        let text = self.0.get(&tag)?.to_str();
-        let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0').to_owned();
-        (!text.is_empty()).then_some(text)
-    }
-
-    /// Finite numbers.
-    pub(super) fn numbers(&self, tag: Tag) -> Option<Vec<f64>> {
-        let numbers = self.0.get(&tag)?.to_multi_float64().ok()?;
-        (!numbers.is_empty() && numbers.iter().all(|n| n.is_finite())).then_some(numbers)
-    }
-
-    pub(super) fn number(&self, tag: Tag) -> Option<f64> {
-        self.numbers(tag).map(|all| all[0])
-    }
-
-    pub(super) fn whole(&self, tag: Tag) -> Option<i64> {
-        self.0.get(&tag)?.to_int().ok()
-    }
-
-    /// Numbers of 16 bits.
-    pub(super) fn words(&self, tag: Tag) -> Option<Vec<u16>> {
-        self.0.get(&tag)?.to_multi_int().ok()
-    }
-
-    /// Decimals of the numbers, where they are texts without an exponent: so finely they were rounded.
-    pub(super) fn decimals(&self, tag: Tag) -> Option<usize> {
-        let PrimitiveValue::Strs(texts) = self.0.get(&tag)? else { return None };
-        let of = |text: &String| match text.contains(['e', 'E']) {
-            true => None,
-            false => Some(text.trim().split_once('.').map_or(0, |(_, decimals)| decimals.len())),
-        };
-        texts.iter().map(of).try_fold(0, |most, decimals| Some(most.max(decimals?)))
-    }
-
-    pub(super) fn has(&self, tag: Tag) -> bool {
-        self.0.contains_key(&tag)
-    }
-}
-
-/// Bytes in a file.
+/// Byte range of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Span {
     pub(super) offset: u64,
     pub(super) bytes: u32,
 }
 
-/// Where the pixels lie.
+/// Position of the pixels.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) enum PixelData {
     #[default]
     None,
-    /// As they stand.
+    /// Uncompressed.
     Native(Span),
-    /// Packed, in fragments; the first is the table of offsets.
+    /// Compressed in fragments; the first one is the table of offsets.
     Encapsulated(Vec<Span>),
 }
 
-/// A file.
+/// Attributes and pixel positions of a file.
 #[derive(Debug, Clone, Default)]
 pub(super) struct DataSet {
     pub(super) syntax: String,
     pub(super) root: Attributes,
-    /// Those of all frames, and of each.
+    /// Attributes that all frames share.
     pub(super) shared: Attributes,
+    /// Attributes of each frame.
     pub(super) frames: Vec<Attributes>,
     pub(super) pixels: PixelData,
-    /// Whether they are floats.
     pub(super) has_floats: bool,
-    /// What the table of values says of itself.
-    pub(super) table: Attributes,
-    /// Where the file holds the data set deflated: from which byte on, and the data set itself, of which spans are. That is not
-    /// kept where there is one frame, which is inflated anew.
+    /// Attributes of the modality lookup table, if there is one.
+    pub(super) table: Option<Attributes>,
+    /// First byte of a deflated data set; spans then count inflated bytes.
     pub(super) deflated_from: Option<u64>,
+    /// Inflated data set of a file with several frames; that of one frame is inflated again when it is needed.
     pub(super) inflated: Option<Vec<u8>>,
 }
 
@@ -184,22 +131,17 @@ impl<T: Read + Seek> ReadSeek for T {}
 
 /// Whether the first bytes of a file are those of a DICOM file, with its preamble or without.
 pub(super) fn is_dicom(head: &[u8]) -> bool {
-    head.get(PREAMBLE_BYTES..).is_some_and(|rest| rest.starts_with(MARK)) || bare_syntax(head).is_some()
+    head.get(PREAMBLE_BYTES..).is_some_and(|rest| rest.starts_with(MAGIC)) || bare_syntax(head).is_some()
 }
 
-/// The syntax of a data set without preamble and meta group, as scanners of the nineties wrote it: it begins with group 8.
+/// Syntax of a data set without preamble and meta group, as scanners of the nineties wrote it: it begins with group 8.
 fn bare_syntax(head: &[u8]) -> Option<&'static str> {
-    let word = |at: usize| head.get(at..at + 4);
-    let group = head.get(..2)?;
-    if group == [2, 0] {
-        return Some(EXPLICIT_LITTLE);
-    }
-    // Element 0 is the group's length; 5, 8, 0x16 and 0x18 come first otherwise.
-    let known = |element: &[u8]| matches!(element, [0 | 1 | 5 | 8 | 0x16 | 0x18, 0]);
-    match group {
-        [8, 0] if known(head.get(2..4)?) => match word(4)? {
-            [a @ b'A'..=b'Z', b @ b'A'..=b'Z', ..] => {
-                matches!(&[*a, *b], b"UL" | b"CS" | b"UI" | b"SH" | b"LO").then_some(EXPLICIT_LITTLE)
+    // Element 0 is the group's length; the others are those that come first without it.
+    match head.get(..8)? {
+        [2, 0, ..] => Some(EXPLICIT_LITTLE),
+        [8, 0, 0 | 1 | 5 | 8 | 0x16 | 0x18, 0, rest @ ..] => match rest {
+            [b'A'..=b'Z', b'A'..=b'Z', ..] => {
+                [b"UL", b"CS", b"UI", b"SH", b"LO"].contains(&&[rest[0], rest[1]]).then_some(EXPLICIT_LITTLE)
             }
             [low, _, 0, 0] if low % 2 == 0 => Some(IMPLICIT_LITTLE),
             _ => None,
@@ -209,183 +151,65 @@ fn bare_syntax(head: &[u8]) -> Option<&'static str> {
 }
 
 impl DataSet {
-    /// Reads one file up to the end of what says where its pixels lie.
+    /// Reads a file up to the position of its pixels.
     ///
     /// # Errors
-    /// Why it is none, in words.
+    /// The file cannot be read or is no DICOM file.
     pub(super) fn read(path: &Path) -> Result<Self, String> {
         let io_error = |e: io::Error| e.to_string();
         let file = File::open(path).map_err(io_error)?;
         let length = file.metadata().map_err(io_error)?.len();
         let mut input = BufReader::with_capacity(1 << 14, file);
         let mut head = [0; PREAMBLE_BYTES + 8];
-        let got = crate::volume::element::read_full(&mut input, &mut head).map_err(io_error)?;
-        let head = &head[..got];
-        let start = match head.get(PREAMBLE_BYTES..).is_some_and(|rest| rest.starts_with(MARK)) {
-            true => (PREAMBLE_BYTES + MARK.len()) as u64,
-            false => 0,
+        let got = read_full(&mut input, &mut head).map_err(io_error)?;
+        let has_preamble = head[..got].get(PREAMBLE_BYTES..).is_some_and(|rest| rest.starts_with(MAGIC));
+        let start = if has_preamble { PREAMBLE_BYTES + MAGIC.len() } else { 0 };
+        let bare = bare_syntax(&head[..got]);
+        if !has_preamble && bare.is_none() {
+            return Err("it is not a DICOM file".into());
+        }
+        let mut set = Self::default();
+        input.seek(SeekFrom::Start(start as u64)).map_err(io_error)?;
+        let mut elements = Elements { input: &mut input, at: start as u64, length, set: &mut set };
+        let syntax = match bare.filter(|_| !has_preamble && head[0] == 8) {
+            Some(bare) => bare.to_owned(),
+            None => elements.meta()?,
         };
-        let (syntax, at) = match (start, bare_syntax(head)) {
-            (0, None) => return Err("it is not a DICOM file".into()),
-            (0, Some(syntax)) if head.starts_with(&[8, 0]) => (syntax.to_owned(), 0),
-            _ => meta(&mut input, start, length)?,
-        };
-        let mut set = Self { syntax, ..Self::default() };
+        let at = elements.at;
+        set.syntax = syntax;
         if set.syntax == DEFLATED {
-            input.seek(SeekFrom::Start(at)).map_err(io_error)?;
+            let limit = (MAX_INFLATED_RATIO * length.saturating_sub(at))
+                .clamp(SMALL_INFLATED_BYTES, MAX_INFLATED_BYTES);
             let mut inflated = Vec::new();
-            let most = (INFLATED_MOST_RATIO * length.saturating_sub(at))
-                .clamp(INFLATED_SMALL_BYTES, INFLATED_MOST_BYTES);
-            DeflateDecoder::new(input).take(most).read_to_end(&mut inflated).map_err(io_error)?;
+            DeflateDecoder::new(input).take(limit).read_to_end(&mut inflated).map_err(io_error)?;
             set.syntax = EXPLICIT_LITTLE.into();
             let length = inflated.len() as u64;
-            set.walk(&mut Cursor::new(&inflated[..]), 0, length)?;
+            Elements { input: &mut Cursor::new(&inflated[..]), at: 0, length, set: &mut set }.all()?;
             (set.deflated_from, set.inflated) = (Some(at), Some(inflated));
         } else {
-            set.walk(&mut input, at, length)?;
+            Elements { input: &mut input, at, length, set: &mut set }.all()?;
         }
         Ok(set)
     }
 
-    fn walk(&mut self, input: &mut dyn ReadSeek, at: u64, length: u64) -> Result<(), String> {
-        let Some(syntax) = TransferSyntaxRegistry.get(&self.syntax) else {
-            return Err(format!("its transfer syntax {} is not known", printable(&self.syntax)));
-        };
-        input.seek(SeekFrom::Start(at)).map_err(|e| e.to_string())?;
-        let input = Unknown::new(input, self.syntax != IMPLICIT_LITTLE).map_err(|e| e.to_string())?;
-        let mut reader = LazyDataSetReader::new_with_ts(input, syntax).map_err(|e| e.to_string())?;
-        // Sequences that the present element lies in, items of the outermost one, and whether pixels have begun.
-        let (mut path, mut item, mut packed) = (Vec::<Tag>::new(), 0usize, None::<Vec<Span>>);
-        // Whether the pixels of an icon are being passed over.
-        let mut in_icon = false;
-        for _ in 0..ELEMENTS_MOST {
-            let Some(token) = reader.advance() else { break };
-            match token {
-                // What follows the pixels may be damaged or cut; what precedes them may not.
-                Err(_) if packed.is_some() => break,
-                Err(e) => return Err(format!("it is damaged: {e}")),
-                Ok(LazyDataToken::SequenceStart { tag, .. }) => {
-                    if path.is_empty() {
-                        item = 0;
-                        if WANTED.contains(&tag) {
-                            self.root.0.insert(tag, PrimitiveValue::Empty);
-                        }
-                    }
-                    path.push(tag);
-                    if path.len() > DEPTH_MOST {
-                        return Err("its sequences lie too deep within each other".into());
-                    }
-                }
-                Ok(LazyDataToken::SequenceEnd) if packed.is_some() => break,
-                Ok(LazyDataToken::SequenceEnd) if in_icon => in_icon = false,
-                Ok(LazyDataToken::SequenceEnd) => {
-                    path.pop();
-                }
-                Ok(LazyDataToken::PixelSequenceStart) if path.is_empty() => packed = Some(Vec::new()),
-                Ok(LazyDataToken::PixelSequenceStart) => in_icon = true,
-                Ok(LazyDataToken::ItemStart { .. }) if in_icon => {}
-                Ok(LazyDataToken::ItemStart { len }) => match &mut packed {
-                    Some(fragments) => fragments.push(Span { offset: 0, bytes: len.get().unwrap_or(0) }),
-                    None => item += usize::from(path.len() == 1),
-                },
-                Ok(LazyDataToken::LazyItemValue { len, decoder }) => {
-                    let span = Span { offset: decoder.position(), bytes: len };
-                    if span.offset.saturating_add(len.into()) > length {
-                        return Err("its pixels end early".into());
-                    }
-                    if let Some(last) = packed.as_mut().and_then(|p| p.last_mut()) {
-                        *last = span;
-                    }
-                    decoder.skip_bytes(len).map_err(|e| e.to_string())?;
-                }
-                Ok(LazyDataToken::LazyValue { header, decoder }) => {
-                    if self.take(&header, decoder, &path, item, length)? {
-                        return Ok(());
-                    }
-                }
-                Ok(LazyDataToken::ElementHeader(_) | LazyDataToken::ItemEnd) => {}
-                Ok(_) => {}
-            }
-        }
-        if let Some(fragments) = packed {
-            self.pixels = PixelData::Encapsulated(fragments);
-        }
-        Ok(())
-    }
-
-    /// Takes an element where it is wanted; whether the pixels begin with it.
-    fn take<D: StatefulDecode>(
-        &mut self,
-        header: &DataElementHeader,
-        decoder: &mut D,
-        path: &[Tag],
-        item: usize,
-        length: u64,
-    ) -> Result<bool, String> {
-        let bytes = header.len.get().ok_or("an element of it has no length")?;
-        let span = Span { offset: decoder.position(), bytes };
-        if span.offset.saturating_add(bytes.into()) > length {
-            return Err(format!("its element {} ends beyond the file", header.tag));
-        }
-        let floats = [tags::FLOAT_PIXEL_DATA, tags::DOUBLE_FLOAT_PIXEL_DATA];
-        let has_floats = floats.contains(&header.tag);
-        if (header.tag == tags::PIXEL_DATA || has_floats) && path.is_empty() {
-            (self.pixels, self.has_floats) = (PixelData::Native(span), has_floats);
-            return Ok(true);
-        }
-        if item > FRAMES_MOST {
-            return Err(format!("it describes more than {FRAMES_MOST} frames"));
-        }
-        let is_table = header.tag == tags::LUT_DATA;
-        let most = if is_table { TABLE_MOST_BYTES } else { VALUE_MOST_BYTES };
-        match self.home(path, item).filter(|_| WANTED.contains(&header.tag)) {
-            Some(home) if bytes <= most => {
-                let value = decoder.read_value_preserved(header).map_err(|e| e.to_string())?;
-                home.0.insert(header.tag, value);
-            }
-            _ => decoder.skip_bytes(bytes).map_err(|e| e.to_string())?,
-        }
-        Ok(false)
-    }
-
-    /// Where an attribute within these sequences belongs; `item` counts those of the outermost from 1.
-    fn home(&mut self, path: &[Tag], item: usize) -> Option<&mut Attributes> {
-        match path {
-            [] => Some(&mut self.root),
-            [tags::MODALITY_LUT_SEQUENCE] => Some(&mut self.table),
-            [tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE, inner] if OF_FRAMES.contains(inner) => {
-                Some(&mut self.shared)
-            }
-            [tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, inner] if OF_FRAMES.contains(inner) => {
-                let at = item.checked_sub(1)?;
-                if self.frames.len() <= at {
-                    self.frames.resize_with(at + 1, Attributes::default);
-                }
-                self.frames.get_mut(at)
-            }
-            _ => None,
-        }
-    }
-
-    /// An attribute of a frame: its own, that of all frames, or the file's.
+    /// Attributes that hold `tag` for a frame: its own, those of all frames, or the file's.
     pub(super) fn of_frame(&self, frame: usize, tag: Tag) -> Option<&Attributes> {
-        let own = self.frames.get(frame).filter(|a| a.has(tag));
-        own.or_else(|| Some(&self.shared).filter(|a| a.has(tag)))
-            .or_else(|| Some(&self.root).filter(|a| a.has(tag)))
+        let levels = [self.frames.get(frame), Some(&self.shared), Some(&self.root)];
+        levels.into_iter().flatten().find(|attributes| attributes.has(tag))
     }
 
-    /// Reads bytes of the file, or of what it holds deflated.
+    /// Reads bytes of the file, or of the inflated data set.
     pub(super) fn bytes(&self, path: &Path, span: Span) -> Result<Vec<u8>, String> {
+        let early = || String::from("its pixels end early");
         if let Some(inflated) = &self.inflated {
             let from = span.offset as usize;
             let bytes = inflated.get(from..from.saturating_add(span.bytes as usize));
-            return bytes.map(<[u8]>::to_vec).ok_or_else(|| "its pixels end early".into());
+            return bytes.map(<[u8]>::to_vec).ok_or_else(early);
         }
         let io_error = |e: io::Error| e.to_string();
         let mut file = File::open(path).map_err(io_error)?;
+        file.seek(SeekFrom::Start(self.deflated_from.unwrap_or(span.offset))).map_err(io_error)?;
         let mut bytes = Vec::new();
-        let from = self.deflated_from.unwrap_or(span.offset);
-        file.seek(SeekFrom::Start(from)).map_err(io_error)?;
         if self.deflated_from.is_some() {
             let mut inflating = DeflateDecoder::new(BufReader::new(file));
             io::copy(&mut inflating.by_ref().take(span.offset), &mut io::sink()).map_err(io_error)?;
@@ -393,51 +217,326 @@ impl DataSet {
         } else {
             file.take(span.bytes.into()).read_to_end(&mut bytes).map_err(io_error)?;
         }
-        match bytes.len() == span.bytes as usize {
-            true => Ok(bytes),
-            false => Err("its pixels end early".into()),
-        }
+        if bytes.len() == span.bytes as usize { Ok(bytes) } else { Err(early()) }
     }
 }
 
-/// The transfer syntax that the meta group names, and the byte at which the data set begins.
-fn meta(input: &mut dyn ReadSeek, start: u64, length: u64) -> Result<(String, u64), String> {
-    let explicit = TransferSyntaxRegistry.get(EXPLICIT_LITTLE).ok_or("no transfer syntaxes")?;
-    input.seek(SeekFrom::Start(start)).map_err(|e| e.to_string())?;
-    let mut reader = LazyDataSetReader::new_with_ts(input, explicit).map_err(|e| e.to_string())?;
-    let (mut syntax, mut end) = (None, start);
-    for _ in 0..1000 {
-        // A header of the data set proper need not be readable in this syntax.
-        let Some(Ok(token)) = reader.advance() else { break };
-        match token {
-            LazyDataToken::ElementHeader(header) if header.tag.group() != 2 => break,
-            LazyDataToken::LazyValue { header, decoder } => {
-                let bytes = header.len.get().ok_or("an element of its meta group has no length")?;
-                if decoder.position().saturating_add(bytes.into()) > length {
-                    return Err(format!("its element {} ends beyond the file", header.tag));
-                }
-                if header.tag == tags::TRANSFER_SYNTAX_UID && bytes <= 64 {
-                    let value = decoder.read_value_preserved(&header).map_err(|e| e.to_string())?;
-                    let text = value.to_str();
-                    syntax = Some(text.trim_matches(|c: char| c.is_whitespace() || c == '\0').to_owned());
-                } else {
-                    decoder.skip_bytes(bytes).map_err(|e| e.to_string())?;
-                }
-                end = decoder.position();
+/// Encoding of elements.
+#[derive(Debug, Clone, Copy)]
+struct Syntax {
+    is_explicit: bool,
+    big_endian: bool,
+}
+
+const IMPLICIT: Syntax = Syntax { is_explicit: false, big_endian: false };
+const EXPLICIT: Syntax = Syntax { is_explicit: true, big_endian: false };
+
+/// Attributes that the elements of a sequence item belong to.
+#[derive(Debug, Clone, Copy)]
+enum Owner {
+    Root,
+    Table,
+    SharedGroups,
+    Shared,
+    FrameGroups(usize),
+    Frame(usize),
+    /// Elements that no volume needs.
+    Nothing,
+}
+
+/// Tag, type and length of an element; an undefined length is `None`.
+struct ElementHeader {
+    tag: Tag,
+    vr: VR,
+    bytes: Option<u32>,
+}
+
+/// Reader of the elements of a data set.
+struct Elements<'a> {
+    input: &'a mut dyn ReadSeek,
+    at: u64,
+    length: u64,
+    set: &'a mut DataSet,
+}
+
+impl Elements<'_> {
+    /// Reads all elements up to the pixels.
+    fn all(&mut self) -> Result<(), String> {
+        if TransferSyntaxRegistry.get(&self.set.syntax).is_none() {
+            return Err(format!("its transfer syntax {} is not known", printable(&self.set.syntax)));
+        }
+        let syntax = Syntax {
+            is_explicit: self.set.syntax != IMPLICIT_LITTLE,
+            big_endian: self.set.syntax == EXPLICIT_BIG,
+        };
+        self.seek(self.at)?;
+        self.elements(self.length, syntax, Owner::Root, 0)
+    }
+
+    /// Reads the meta group and returns the transfer syntax that it names.
+    fn meta(&mut self) -> Result<String, String> {
+        let mut syntax = None;
+        loop {
+            let from = self.at;
+            // A header of the data set itself need not be readable in this syntax.
+            let header = self.header(EXPLICIT).ok().filter(|header| header.tag.group() == 2);
+            let Some(header) = header else {
+                self.seek(from)?;
+                return syntax.ok_or_else(|| "it does not name its transfer syntax".into());
+            };
+            let bytes = header.bytes.ok_or("an element of its meta group has no length")?;
+            self.check(header.tag, bytes)?;
+            if header.tag == tags::TRANSFER_SYNTAX_UID && bytes <= 64 {
+                let text = String::from_utf8_lossy(&self.value(bytes)?).into_owned();
+                syntax = Some(text.trim_matches(is_padding).to_owned());
+            } else {
+                self.skip(bytes)?;
             }
-            _ => {}
         }
     }
-    syntax.map(|s| (s, end)).ok_or_else(|| "it does not name its transfer syntax".into())
+
+    /// Reads elements up to a byte of the file, the end of an item of undefined length, or the pixels.
+    fn elements(&mut self, end: u64, syntax: Syntax, owner: Owner, depth: usize) -> Result<(), String> {
+        while self.at < end && self.set.pixels == PixelData::None {
+            let ElementHeader { tag, vr, bytes } = self.header(syntax)?;
+            let is_root = matches!(owner, Owner::Root);
+            let has_floats = [tags::FLOAT_PIXEL_DATA, tags::DOUBLE_FLOAT_PIXEL_DATA].contains(&tag);
+            match bytes {
+                _ if tag == ITEM_END => return Ok(()),
+                None if tag == tags::PIXEL_DATA && is_root => return self.fragments(syntax),
+                None if vr == VR::UN => {
+                    let inner = if self.has_explicit_items()? { syntax } else { IMPLICIT };
+                    self.sequence(tag, None, inner, owner, depth + 1)?;
+                }
+                _ if bytes.is_none() || vr == VR::SQ => {
+                    self.sequence(tag, bytes, syntax, owner, depth + 1)?
+                }
+                Some(bytes) => {
+                    self.check(tag, bytes)?;
+                    if is_root && (tag == tags::PIXEL_DATA || has_floats) {
+                        self.set.pixels = PixelData::Native(Span { offset: self.at, bytes });
+                        self.set.has_floats = has_floats;
+                    } else if bytes <= MAX_VALUE_BYTES && WANTED.contains(&tag) && self.owned(owner).is_some()
+                    {
+                        let value = Value::new(&self.value(bytes)?, self.signed(tag, vr), syntax.big_endian);
+                        self.owned(owner).map(|attributes| attributes.0.insert(tag, value));
+                    } else {
+                        self.skip(bytes)?;
+                    }
+                }
+                None => return Err("an element of it has no length".into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a sequence of known or undefined length.
+    fn sequence(
+        &mut self,
+        tag: Tag,
+        bytes: Option<u32>,
+        syntax: Syntax,
+        owner: Owner,
+        depth: usize,
+    ) -> Result<(), String> {
+        if depth > MAX_DEPTH {
+            return Err("its sequences are nested too deeply".into());
+        }
+        let end = match bytes {
+            Some(bytes) => self.check(tag, bytes)?,
+            None => self.length,
+        };
+        if matches!((owner, tag), (Owner::Root, tags::MODALITY_LUT_SEQUENCE)) {
+            self.set.table = Some(Attributes::default());
+        }
+        let mut number = 0;
+        while self.at < end {
+            let header = self.header(syntax)?;
+            match header.tag {
+                SEQUENCE_END => break,
+                ITEM => {}
+                _ => return Err("it is damaged: a sequence holds something else than items".into()),
+            }
+            let inner = match (owner, tag) {
+                (Owner::Root, tags::MODALITY_LUT_SEQUENCE) => Owner::Table,
+                (Owner::Root, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE) => Owner::SharedGroups,
+                (Owner::Root, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE) => Owner::FrameGroups(number),
+                (Owner::SharedGroups, tag) if FRAME_SEQUENCES.contains(&tag) => Owner::Shared,
+                (Owner::FrameGroups(frame), tag) if FRAME_SEQUENCES.contains(&tag) => Owner::Frame(frame),
+                _ => Owner::Nothing,
+            };
+            number += 1;
+            if number > MAX_FRAMES && matches!(inner, Owner::FrameGroups(_)) {
+                return Err(format!("it describes more than {MAX_FRAMES} frames"));
+            }
+            match (header.bytes, inner) {
+                // Fragments of an icon's pixels are items without elements.
+                (Some(bytes), Owner::Nothing) => {
+                    self.check(header.tag, bytes)?;
+                    self.skip(bytes)?;
+                }
+                (Some(bytes), _) => {
+                    let end = self.check(header.tag, bytes)?;
+                    self.elements(end, syntax, inner, depth)?;
+                }
+                (None, _) => self.elements(end, syntax, inner, depth)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the positions of compressed pixels. Damage after the first fragment ends the list.
+    fn fragments(&mut self, syntax: Syntax) -> Result<(), String> {
+        let mut fragments = Vec::new();
+        while let Ok(ElementHeader { tag: ITEM, bytes: Some(bytes), .. }) = self.header(syntax) {
+            if self.at + u64::from(bytes) > self.length {
+                return Err("its pixels end early".into());
+            }
+            fragments.push(Span { offset: self.at, bytes });
+            self.skip(bytes)?;
+        }
+        self.set.pixels = PixelData::Encapsulated(fragments);
+        Ok(())
+    }
+
+    /// Attributes of an owner; `None` if its elements are not stored.
+    fn owned(&mut self, owner: Owner) -> Option<&mut Attributes> {
+        match owner {
+            Owner::Root => Some(&mut self.set.root),
+            Owner::Table => self.set.table.as_mut(),
+            Owner::Shared => Some(&mut self.set.shared),
+            Owner::Frame(at) => {
+                let missing = (at + 1).max(self.set.frames.len());
+                self.set.frames.resize_with(missing, Attributes::default);
+                self.set.frames.get_mut(at)
+            }
+            Owner::SharedGroups | Owner::FrameGroups(_) | Owner::Nothing => None,
+        }
+    }
+
+    fn header(&mut self, syntax: Syntax) -> Result<ElementHeader, String> {
+        let short =
+            |b: [u8; 2]| if syntax.big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) };
+        let long = |b: [u8; 4]| if syntax.big_endian { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) };
+        let tag = Tag(short(self.array()?), short(self.array()?));
+        let (vr, bytes) = if tag.group() == 0xfffe || !syntax.is_explicit {
+            let vr = StandardDataDictionary.by_tag(tag).map_or(VR::UN, |entry| entry.vr().relaxed());
+            (vr, long(self.array()?))
+        } else {
+            let vr = VR::from_binary(self.array()?).unwrap_or(VR::UN);
+            let length: [u8; 2] = self.array()?;
+            match vr {
+                VR::OB
+                | VR::OD
+                | VR::OF
+                | VR::OL
+                | VR::OV
+                | VR::OW
+                | VR::SQ
+                | VR::SV
+                | VR::UC
+                | VR::UN
+                | VR::UR
+                | VR::UT
+                | VR::UV => (vr, long(self.array()?)),
+                _ => (vr, short(length).into()),
+            }
+        };
+        Ok(ElementHeader { tag, vr, bytes: Some(bytes).filter(|bytes| *bytes != u32::MAX) })
+    }
+
+    /// Type of a value whose sign is that of the pixels.
+    fn signed(&self, tag: Tag, vr: VR) -> VR {
+        let follows_pixels =
+            StandardDataDictionary.by_tag(tag).is_some_and(|entry| entry.vr() == VirtualVr::Xs);
+        let is_signed = self.set.root.integer(tags::PIXEL_REPRESENTATION).is_some_and(|sign| sign != 0);
+        if vr == VR::US && follows_pixels && is_signed { VR::SS } else { vr }
+    }
+
+    /// Whether the elements of the first item have types, against the standard.
+    fn has_explicit_items(&mut self) -> Result<bool, String> {
+        let mut start = [0; 14];
+        let got = read_full(&mut self.input, &mut start).map_err(|e| e.to_string())?;
+        self.seek(self.at)?;
+        Ok(got == start.len() && VR::from_binary([start[12], start[13]]).is_some())
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
+        let mut bytes = [0; N];
+        self.input.read_exact(&mut bytes).map_err(|e| format!("it is damaged: {e}"))?;
+        self.at += N as u64;
+        Ok(bytes)
+    }
+
+    fn value(&mut self, bytes: u32) -> Result<Vec<u8>, String> {
+        let mut value = vec![0; bytes as usize];
+        self.input.read_exact(&mut value).map_err(|e| format!("it is damaged: {e}"))?;
+        self.at += u64::from(bytes);
+        Ok(value)
+    }
+
+    /// Byte at which an element of this length ends.
+    fn check(&self, tag: Tag, bytes: u32) -> Result<u64, String> {
+        let end = self.at + u64::from(bytes);
+        if end > self.length {
+            return Err(format!("its element {tag} ends beyond the file"));
+        }
+        Ok(end)
+    }
+
+    fn skip(&mut self, bytes: u32) -> Result<(), String> {
+        self.input.seek_relative(bytes.into()).map_err(|e| e.to_string())?;
+        self.at += u64::from(bytes);
+        Ok(())
+    }
+
+    fn seek(&mut self, at: u64) -> Result<(), String> {
+        self.at = self.input.seek(SeekFrom::Start(at)).map_err(|e| e.to_string())?;
+        Ok(())
+    }
 }
 
-/// Letters, digits and points alone, so that nothing else of a file reaches a terminal.
+/// Characters that are safe on a terminal: letters, digits and points.
 pub(super) fn printable(text: &str) -> String {
     text.chars().filter(|c| c.is_ascii_alphanumeric() || " .,:;()+-_/%".contains(*c)).take(64).collect()
 }
 
-/// The name of an attribute, for people.
+/// Name of an attribute.
 pub(super) fn name_of(tag: Tag) -> String {
-    use dicom_core::dictionary::DataDictionaryEntry as _;
     StandardDataDictionary.by_tag(tag).map_or_else(|| tag.to_string(), |entry| entry.alias().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(bytes: &[u8]) -> Result<DataSet, String> {
+        let mut set = DataSet { syntax: EXPLICIT_LITTLE.into(), ..DataSet::default() };
+        let length = bytes.len() as u64;
+        Elements { input: &mut Cursor::new(bytes), at: 0, length, set: &mut set }.all()?;
+        Ok(set)
+    }
+
+    const UNKNOWN: [u8; 12] = [9, 0, 1, 0x10, b'U', b'N', 0, 0, 0xff, 0xff, 0xff, 0xff];
+    const START: [u8; 8] = [0xfe, 0xff, 0, 0xe0, 0xff, 0xff, 0xff, 0xff];
+    const END: [u8; 8] = [0xfe, 0xff, 0x0d, 0xe0, 0, 0, 0, 0];
+    const LAST: [u8; 8] = [0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0, 0];
+    const ROWS: [u8; 10] = [0x28, 0, 0x10, 0, b'U', b'S', 2, 0, 7, 0];
+
+    #[test]
+    fn sequences_of_unknown_type_are_skipped() {
+        let implicit = [&[8, 0, 0x50, 0x11, 4, 0, 0, 0][..], b"1.2."].concat();
+        let explicit = [&[8, 0, 0x50, 0x11, b'U', b'I', 4, 0][..], b"1.2."].concat();
+        for element in [implicit, explicit] {
+            let bytes = [&UNKNOWN[..], &START, &element, &END, &LAST, &ROWS].concat();
+            assert_eq!(read(&bytes).unwrap().root.integer(tags::ROWS), Some(7));
+        }
+    }
+
+    #[test]
+    fn deep_nesting_is_refused() {
+        let inner = [&START[..], &[9, 0, 1, 0x10, 0xff, 0xff, 0xff, 0xff]].concat();
+        let bytes = [&UNKNOWN[..], &inner.repeat(10_000)].concat();
+        assert!(read(&bytes).unwrap_err().contains("too deep"));
+    }
 }

@@ -1,18 +1,18 @@
-//! DICOM series: a folder, or any file of it, or one enhanced multi-frame file.
+//! DICOM series: a folder, any file of it, or one multi-frame file.
 //!
-//! Slices are placed by position along the normal of their plane, never by number or name; directions and positions are
-//! LPS mm in the files and RAS+ here. No attribute that names a person is read.
+//! Slices are placed by their positions along the normal of their plane, never by number or name. Directions and positions
+//! are LPS mm in the files and become RAS+. Attributes that name people are not read.
 //! Source: DICOM PS3.3, C.7.6.2 (image plane), C.11.1 (modality LUT), C.7.6.16 (functional groups).
 
+mod attributes;
 mod dataset;
 mod pixels;
 mod series;
 mod stack;
 mod table;
-mod unknown;
 
 use self::dataset::{Span, is_dicom as is_dicom_head};
-use self::pixels::{Layout, read_floats, read_frame, spans, warning_of};
+use self::pixels::{Layout, lossy_warning, read_frame, spans};
 use self::series::{Image, Series, WHAT};
 use self::stack::{Layer, Stack};
 use self::table::Table;
@@ -20,27 +20,27 @@ use super::head::Head;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
 use crate::files::memory_budget;
-use crate::volume::{Provenance, Scaling, ValuesSaid, Volume, Voxels};
+use crate::volume::{Provenance, Scaling, ValueMeaning, Volume, Voxels};
 use dicom_dictionary_std::tags;
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// File-name endings of the format; most files of a series have none.
+/// File-name endings of the format; most files of a series have no ending.
 pub const EXTENSIONS: &[&str] = &["dcm", "ima"];
 
 /// Whether a file or folder is of this format.
 pub fn is_dicom(head: &Head) -> bool {
     match head.is_folder() {
         true => series::holds_dicom(head.path()),
-        false => !head.is_packed() && is_dicom_head(head.bytes()),
+        false => !head.is_gzipped() && is_dicom_head(head.bytes()),
     }
 }
 
-/// The files of the series that a path stands for, in the order of their slices.
+/// Lists the files of the series of a path, sorted by name.
 ///
 /// # Errors
-/// As [`read_with`].
+/// No series is found, or several and none is chosen.
 pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
     let series = series::find(path, chosen, &Loading::default())?;
     let mut files: Vec<PathBuf> = series.images.iter().map(|image| image.path.clone()).collect();
@@ -48,15 +48,15 @@ pub fn files_of(path: &Path, chosen: Option<usize>) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Reads one frame (0 is the first) of a series: the one of a file, or of a folder the one that is `chosen` (from 1).
+/// Reads one frame (from 0) of the series of a file, or of the series `chosen` (from 1) in a folder.
 ///
 /// # Errors
-/// No series, or several without a choice; files that cannot be read; slices that no grid can hold.
+/// No series is found, or several and none is chosen; files cannot be read; the slices do not form a grid.
 pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loading) -> Result<Volume> {
     let refuse = |why: String| Error::input(WHAT, path.display(), why);
     let series = series::find(path, chosen, loading)?;
     let stack = stack::stack(&series, frame).map_err(refuse)?;
-    let values = Values::of(&series, &stack).map_err(refuse)?;
+    let values = ValueMapping::new(&series, &stack).map_err(refuse)?;
     let mut warnings = stack.warnings.clone();
     let (voxels, padded) = voxels(&series, &stack, &values, loading).map_err(refuse)?;
     loading.go_on(&path.display().to_string())?;
@@ -65,7 +65,7 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
     }
     if series.damaged > 0 {
         let Series { damaged, first_fault, .. } = &series;
-        warnings.push(format!("{damaged} files of the folder are damaged and were left out ({first_fault})"));
+        warnings.push(format!("{damaged} files of the folder are damaged and were skipped ({first_fault})"));
     }
     warnings.extend(values.warnings);
     let first = &series.images[0];
@@ -77,14 +77,14 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
         (_, false) => format!("uint{allocated}, {stored} bits used, {modality}"),
     };
     let rescale_type = first.set.of_frame(0, tags::RESCALE_TYPE).and_then(|a| a.text(tags::RESCALE_TYPE));
-    let said = match (modality.as_str(), rescale_type.as_deref()) {
-        (_, Some("HU")) => ValuesSaid::Hounsfield("DICOM rescale type HU".into()),
-        ("CT", None) => ValuesSaid::Hounsfield("DICOM modality CT".into()),
-        ("", _) => ValuesSaid::Nothing,
-        (other, _) => ValuesSaid::Other(format!("DICOM modality {other}")),
+    let meaning = match (modality.as_str(), rescale_type.as_deref()) {
+        (_, Some("HU")) => ValueMeaning::Hounsfield("DICOM rescale type HU".into()),
+        ("CT", None) => ValueMeaning::Hounsfield("DICOM modality CT".into()),
+        ("", _) => ValueMeaning::Unknown,
+        (other, _) => ValueMeaning::Other(format!("DICOM modality {other}")),
     };
     let provenance = Provenance {
-        values: said,
+        values: meaning,
         affine_source: stack.affine_source,
         frames: stack.frames,
         frame,
@@ -94,22 +94,22 @@ pub fn read_with(path: &Path, chosen: Option<usize>, frame: usize, loading: &Loa
     Volume::new_with(voxels, values.scaling, stack.world_from_index, provenance, loading)
 }
 
-/// How the pixels of a series become values.
-struct Values {
+/// Mapping from the stored pixels of a series to values.
+struct ValueMapping {
     layout: Layout,
     scaling: Scaling,
-    /// Slope and intercept of each slice, where they are not the same for all: values are then stored as floats.
+    /// Scaling of each slice if slices differ; values are then stored as floats.
     each: Option<Vec<Scaling>>,
-    /// Tables of values of the images that have one: numbers go through them before any scaling.
+    /// Lookup table of each image that has one; it is applied before the scaling.
     tables: Vec<Option<Table>>,
     warnings: Vec<String>,
 }
 
-impl Values {
-    fn of(series: &Series, stack: &Stack) -> Result<Self, String> {
+impl ValueMapping {
+    fn new(series: &Series, stack: &Stack) -> Result<Self, String> {
         let first = &series.images[0];
         let mut warnings = Vec::new();
-        warnings.extend(warning_of(&first.set.syntax).map(String::from));
+        warnings.extend(lossy_warning(&first.set.syntax).map(String::from));
         let of_slice = |at: usize| {
             let slice = &stack.slices[at];
             let set = &series.images[slice.image].set;
@@ -123,13 +123,13 @@ impl Values {
         let all: Vec<Scaling> = (0..stack.slices.len()).map(of_slice).collect();
         let one = all.first().copied().unwrap_or(Scaling::IDENTITY);
         let same = all.iter().all(|s| *s == one);
-        let mut layout = series.widest();
-        let table = |image: &Image| Table::of(&image.set, image.layout.is_signed);
+        let mut layout = series.widest_layout();
+        let table = |image: &Image| Table::new(&image.set, image.layout.is_signed);
         let tables: Vec<Option<Table>> = series.images.iter().map(table).collect::<Result<_, _>>()?;
         if let Some(bits) = tables.iter().flatten().map(|table| table.bits).max() {
             let all = tables.iter().all(Option::is_some);
             let which = if all { "its pixels" } else { "some of its slices" };
-            warnings.push(format!("{which} went through a table of values (modality LUT)"));
+            warnings.push(format!("{which} were mapped by a lookup table (modality LUT)"));
             layout = match all {
                 true => Layout { stored: bits, is_signed: false, ..layout },
                 false => Layout { stored: layout.stored.max(bits) + u32::from(layout.is_signed), ..layout },
@@ -139,50 +139,50 @@ impl Values {
         let photometric = first.set.root.text(tags::PHOTOMETRIC_INTERPRETATION).unwrap_or_default();
         let modality = first.set.root.text(tags::MODALITY).unwrap_or_default();
         match photometric.as_str() {
-            // Of a CT the values are HU whichever way they are shown; of others small ones are the bright ones.
+            // CT values are HU however they are displayed; in other modalities small values are bright.
             "MONOCHROME1" if modality != "CT" && same && !layout.is_float => {
                 let [lo, hi] = layout.range().map(|v| v as f64);
                 scaling = Scaling { slope: -one.slope, intercept: one.slope * (lo + hi) + one.intercept };
-                warnings.push("small values are the bright ones (MONOCHROME1): turned about".into());
+                warnings.push("small values are bright (MONOCHROME1): inverted".into());
             }
             "MONOCHROME1" => {
-                warnings.push("small values are the bright ones (MONOCHROME1): kept as they are".into());
+                warnings.push("small values are bright (MONOCHROME1): not inverted".into());
             }
             "MONOCHROME2" | "" => {}
             other => return Err(format!("its pixels are {}; scalars are needed", dataset::printable(other))),
         }
         if !same {
-            warnings.push("its slices have scalings of their own: kept as 32-bit floats".into());
+            warnings.push("its slices have different scalings: stored as 32-bit floats".into());
         }
         let differs = |image: &Image| {
             image.set.root.text(tags::PHOTOMETRIC_INTERPRETATION).unwrap_or_default() != photometric
         };
         if series.images.iter().any(differs) {
-            return Err("of some of its slices small values are the bright ones, of others not".into());
+            return Err("small values are bright in some of its slices and dark in others".into());
         }
         Ok(Self { layout, scaling, each: (!same).then_some(all), tables, warnings })
     }
 }
 
-/// Tells pixels that hold no value: those of the file's padding, by all their bits or by their values.
-fn is_padding(image: &Image) -> impl Fn(u32) -> bool + use<> {
+/// Test for padding pixels, by all their bits or by their values.
+fn padding_test(image: &Image) -> impl Fn(u64) -> bool + use<> {
     let layout = image.layout;
-    let range = image.set.root.whole(tags::PIXEL_PADDING_VALUE).map(|value| {
-        let limit = image.set.root.whole(tags::PIXEL_PADDING_RANGE_LIMIT).unwrap_or(value);
+    let range = image.set.root.integer(tags::PIXEL_PADDING_VALUE).map(|value| {
+        let limit = image.set.root.integer(tags::PIXEL_PADDING_RANGE_LIMIT).unwrap_or(value);
         [value.min(limit), value.max(limit)]
     });
     move |pixel| {
         range.is_some_and(|[from, to]| {
-            (from..=to).contains(&layout.whole(pixel)) || (from..=to).contains(&layout.value(pixel))
+            (from..=to).contains(&layout.allocated_value(pixel)) || (from..=to).contains(&layout.value(pixel))
         })
     }
 }
 
-/// The voxels, slice by slice, several at a time, and how many of them were padding.
+/// Reads the voxels and counts the padding among them.
 fn voxels(
     series: &Series,
     stack: &Stack,
-    values: &Values,
+    values: &ValueMapping,
     loading: &Loading,
 ) -> Result<(Voxels, usize), String> {
     let resamples = stack.layers.iter().any(|l| matches!(l, Layer::Between(..)));
@@ -206,7 +206,7 @@ fn voxels(
     }
 }
 
-/// Where a slice of the volume holds no value, as first voxels and numbers of them, and the range of the others.
+/// Padding in a slice, as runs of first voxel and length, and the range of its other values.
 struct Holes {
     runs: Vec<[u32; 2]>,
     range: [f64; 2],
@@ -216,35 +216,31 @@ fn named(image: &Image, why: String) -> String {
     format!("{}: {why}", image.path.display())
 }
 
-/// The slices of a series, as numbers.
-struct Frames<'a> {
+/// Reader of the slices of a series.
+struct SliceReader<'a> {
     series: &'a Series,
     stack: &'a Stack,
-    values: &'a Values,
-    /// Where the pixels of each frame of each image lie.
+    values: &'a ValueMapping,
+    /// Pixel positions by image and frame.
     spans: Vec<Vec<Vec<Span>>>,
 }
 
-impl Frames<'_> {
-    /// The numbers of a slice; padding is none until all others are known.
-    fn numbers(&self, at: usize) -> Result<Vec<f64>, String> {
+impl SliceReader<'_> {
+    /// Returns the values of a slice; padding is NaN until the range of the others is known.
+    fn values(&self, at: usize) -> Result<Vec<f64>, String> {
         let slice = &self.stack.slices[at];
         let image = &self.series.images[slice.image];
         let scaling = self.values.each.as_ref().map_or(Scaling::IDENTITY, |each| each[at]);
         let mut out = vec![0.0; self.values.layout.pixels()];
         let spans = &self.spans[slice.image][slice.frame];
-        if image.layout.is_float {
-            read_floats(&image.path, &image.set, &image.layout, spans, &mut out)
-                .map_err(|e| named(image, e))?;
-            let padding = image.set.root.number(tags::FLOAT_PIXEL_PADDING_VALUE);
-            for value in &mut out {
-                *value = if padding == Some(*value) { f64::NAN } else { scaling.apply(*value) };
-            }
-            return Ok(out);
-        }
-        let is_padding = is_padding(image);
+        let is_padding = padding_test(image);
         let table = self.values.tables[slice.image].as_ref();
+        let float_padding = image.set.root.number(tags::FLOAT_PIXEL_PADDING_VALUE);
         let value = |pixel| {
+            if image.layout.is_float {
+                let value = image.layout.float(pixel);
+                return if float_padding == Some(value) { f64::NAN } else { scaling.apply(value) };
+            }
             let stored = image.layout.value(pixel);
             match (is_padding(pixel), table) {
                 (true, _) => f64::NAN,
@@ -258,13 +254,13 @@ impl Frames<'_> {
     }
 }
 
-/// Layers of numbers as `keep` stores them, and how many were padding: these become the smallest value.
+/// Reads all layers, stored by `convert`, and counts the padding, which becomes the smallest value.
 fn gathered<T: Copy + Default + Send + Sync>(
     series: &Series,
     stack: &Stack,
-    values: &Values,
+    values: &ValueMapping,
     loading: &Loading,
-    keep: impl Fn(f64) -> T + Sync,
+    convert: impl Fn(f64) -> T + Sync,
 ) -> Result<(Array3<T>, usize), String> {
     let Layout { rows, columns, .. } = values.layout;
     let spans = |image: &Image| {
@@ -277,23 +273,23 @@ fn gathered<T: Copy + Default + Send + Sync>(
     let mut all: Vec<T> = Vec::new();
     all.try_reserve_exact(count).map_err(|_| "not enough memory for the voxels")?;
     all.resize(count, T::default());
-    let frames = Frames { series, stack, values, spans };
+    let slices = SliceReader { series, stack, values, spans };
     let pieces = loading.pieces(ReadingStage::Unpacking, stack.layers.len());
     let fill = |out: &mut [T], layer: &Layer| -> Result<Holes, String> {
         if pieces.is_cancelled() {
-            return Err("it was cancelled".to_string());
+            return Err("it was cancelled".to_owned());
         }
-        let numbers = match *layer {
-            Layer::Slice(at) => frames.numbers(at)?,
+        let values = match *layer {
+            Layer::Slice(at) => slices.values(at)?,
             Layer::Between(at, share) => {
-                let (below, above) = (frames.numbers(at)?, frames.numbers(at + 1)?);
+                let (below, above) = (slices.values(at)?, slices.values(at + 1)?);
                 below.iter().zip(above).map(|(a, b)| a + share * (b - a)).collect()
             }
         };
         let mut holes = Holes { runs: Vec::new(), range: [f64::INFINITY, f64::NEG_INFINITY] };
-        for (at, (out, &v)) in out.iter_mut().zip(&numbers).enumerate() {
+        for (at, (out, &v)) in out.iter_mut().zip(&values).enumerate() {
             if !v.is_nan() {
-                *out = keep(v);
+                *out = convert(v);
                 holes.range = [holes.range[0].min(v), holes.range[1].max(v)];
                 continue;
             }
@@ -316,8 +312,8 @@ fn gathered<T: Copy + Default + Send + Sync>(
     if low > high {
         return Err("all of its pixels are padding".into());
     }
-    // Where the scaling falls the largest number is the smallest value.
-    let smallest = keep(if values.scaling.slope < 0.0 { high } else { low });
+    // With a negative slope the largest stored number is the smallest value.
+    let smallest = convert(if values.scaling.slope < 0.0 { high } else { low });
     let mut padded = 0;
     for (out, holes) in all.chunks_mut(pixels).zip(&holes) {
         for [first, number] in &holes.runs {

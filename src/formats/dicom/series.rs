@@ -1,6 +1,6 @@
-//! The files of a folder, sorted into series: what belongs into one volume.
+//! Files of a folder, grouped into series; one series is one volume.
 
-use super::dataset::{DataSet, FRAMES_MOST, PixelData, is_dicom, printable};
+use super::dataset::{DataSet, MAX_FRAMES, PixelData, is_dicom, printable};
 use super::pixels::Layout;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
@@ -12,11 +12,11 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 pub(super) const WHAT: &str = "cannot read DICOM series";
-/// Files and folders that are looked at.
-const FILES_MOST: usize = 200_000;
-const DEPTH_MOST: usize = 8;
+/// Largest number of files, and largest depth of folders, that are searched.
+const MAX_FILES: usize = 200_000;
+const MAX_DEPTH: usize = 8;
 
-/// A file with frames.
+/// File with one or more frames.
 #[derive(Debug)]
 pub(super) struct Image {
     pub(super) path: PathBuf,
@@ -25,30 +25,30 @@ pub(super) struct Image {
     pub(super) frames: usize,
 }
 
-/// Images that were made together, with one grid across.
+/// Images of one acquisition that share size and orientation.
 #[derive(Debug)]
 pub(super) struct Series {
     pub(super) images: Vec<Image>,
-    /// Files of the folder that may have been of it, and why the first could not be read.
+    /// Number of damaged files in the folder, and why the first cannot be read.
     pub(super) damaged: usize,
     pub(super) first_fault: String,
     key: Key,
 }
 
-/// What all images of a series share; the order in which series are listed.
+/// Identity of a series, which is also the order in which series are listed.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Key {
     number: i64,
     uid: String,
     rows: usize,
     columns: usize,
-    /// Directions of rows and columns in hundredths: a localiser lies across the slices that it shows.
+    /// Directions of rows and columns in hundredths. Localisers lie across the other slices and form their own series.
     orientation: Option<[i64; 6]>,
 }
 
 impl Key {
-    /// Whether images of both belong together: directions are equal but for roundings.
-    fn is_like(&self, other: &Self) -> bool {
+    /// Whether two keys are equal up to rounding of the directions.
+    fn matches(&self, other: &Self) -> bool {
         let near = |a: &[i64; 6], b: &[i64; 6]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1);
         let turned = match (&self.orientation, &other.orientation) {
             (Some(a), Some(b)) => !near(a, b),
@@ -66,11 +66,11 @@ impl Series {
         Self { images, key, damaged: 0, first_fault: String::new() }
     }
 
-    /// A layout that holds the values of all images.
-    pub(super) fn widest(&self) -> Layout {
+    /// Layout that holds the values of all images.
+    pub(super) fn widest_layout(&self) -> Layout {
         let mut widest = self.images[0].layout;
         for Image { layout, .. } in &self.images {
-            // A sign takes a bit of its own beside values without one.
+            // Signed and unsigned values together need one bit more.
             let mixed = u32::from(layout.is_signed != widest.is_signed);
             widest.stored = (layout.stored.max(widest.stored) + mixed).min(32);
             widest.is_signed |= layout.is_signed;
@@ -80,7 +80,7 @@ impl Series {
         widest
     }
 
-    /// What a list says of it. Descriptions are those of protocols; nothing here names a person.
+    /// One-line description without names of people.
     pub(super) fn summary(&self) -> String {
         let Some(first) = self.images.first() else { return String::new() };
         let text = |tag| first.set.root.text(tag).map(|t| printable(&t));
@@ -97,20 +97,19 @@ impl Series {
     }
 }
 
-/// Why a file is none of the images of a series.
+/// Reason why a file is not an image of a series.
 #[derive(Debug)]
 pub(super) enum Refused {
-    /// It holds something else.
+    /// The file is valid, and holds no scalar image.
     NoScalars(String),
-    /// It should, and cannot be read.
+    /// The file cannot be read.
     Damaged(String),
 }
 
 impl Refused {
     fn why(self) -> String {
-        match self {
-            Self::NoScalars(why) | Self::Damaged(why) => why,
-        }
+        let (Self::NoScalars(why) | Self::Damaged(why)) = self;
+        why
     }
 }
 
@@ -120,22 +119,22 @@ impl From<String> for Refused {
     }
 }
 
-/// Reads a file that may be an image.
+/// Reads the attributes of an image file.
 ///
 /// # Errors
-/// It is no DICOM file, has no pixels, or its attributes contradict each other.
+/// The file is no DICOM file, has no scalar pixels, or its attributes contradict each other.
 pub(super) fn image(path: &Path) -> Result<Image, Refused> {
     let mut set = DataSet::read(path)?;
     if set.pixels == PixelData::None {
         return Err(Refused::NoScalars("it is a DICOM file without an image".into()));
     }
-    let whole = |tag| set.root.whole(tag);
-    let needed = |tag| whole(tag).ok_or_else(|| format!("it has no `{}`", super::dataset::name_of(tag)));
+    let integer = |tag| set.root.integer(tag);
+    let needed = |tag| integer(tag).ok_or_else(|| format!("it has no `{}`", super::dataset::name_of(tag)));
     let size = |tag| match needed(tag)? {
         n @ 1..=65535 => Ok(n as usize),
         n => Err(format!("its `{}` is {n}", super::dataset::name_of(tag))),
     };
-    if whole(tags::SAMPLES_PER_PIXEL).unwrap_or(1) != 1 {
+    if integer(tags::SAMPLES_PER_PIXEL).unwrap_or(1) != 1 {
         return Err(Refused::NoScalars("its pixels are colours; scalars are needed".into()));
     }
     let allocated = match needed(tags::BITS_ALLOCATED)? {
@@ -143,8 +142,8 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
         n @ (8 | 16 | 32) if !set.has_floats => n as u32,
         n => return Err(format!("its pixels have {n} bits; 8, 16 and 32 are read").into()),
     };
-    let stored = whole(tags::BITS_STORED).unwrap_or(allocated.into());
-    let high = whole(tags::HIGH_BIT).unwrap_or(stored - 1);
+    let stored = integer(tags::BITS_STORED).unwrap_or(allocated.into());
+    let high = integer(tags::HIGH_BIT).unwrap_or(stored - 1);
     if !(1..=i64::from(allocated)).contains(&stored) || !(stored - 1..allocated.into()).contains(&high) {
         return Err(format!("it stores {stored} bits up to bit {high} in pixels of {allocated}").into());
     }
@@ -154,12 +153,12 @@ pub(super) fn image(path: &Path) -> Result<Image, Refused> {
         allocated,
         stored: stored as u32,
         high: high as u32,
-        is_signed: whole(tags::PIXEL_REPRESENTATION) == Some(1),
+        is_signed: integer(tags::PIXEL_REPRESENTATION) == Some(1),
         is_float: set.has_floats,
     };
-    let frames = match whole(tags::NUMBER_OF_FRAMES).unwrap_or(1) {
+    let frames = match integer(tags::NUMBER_OF_FRAMES).unwrap_or(1) {
         0 => 1,
-        n if (1..=FRAMES_MOST as i64).contains(&n) => n as usize,
+        n if (1..=MAX_FRAMES as i64).contains(&n) => n as usize,
         n => return Err(format!("it has {n} frames").into()),
     };
     if frames == 1 {
@@ -175,7 +174,7 @@ fn key(image: &Image) -> Key {
         .and_then(|a| a.numbers(tags::IMAGE_ORIENTATION_PATIENT))
         .and_then(|v| <[f64; 6]>::try_from(v).ok());
     Key {
-        number: set.root.whole(tags::SERIES_NUMBER).unwrap_or(0),
+        number: set.root.integer(tags::SERIES_NUMBER).unwrap_or(0),
         uid: set.root.text(tags::SERIES_INSTANCE_UID).unwrap_or_default(),
         rows: image.layout.rows,
         columns: image.layout.columns,
@@ -183,12 +182,12 @@ fn key(image: &Image) -> Key {
     }
 }
 
-/// Images sorted into series.
-fn sorted(images: Vec<Image>) -> Vec<Series> {
+/// Groups images into series, in the order of their keys.
+fn grouped(images: Vec<Image>) -> Vec<Series> {
     let mut all: Vec<Series> = Vec::new();
     for image in images {
         let key = key(&image);
-        match all.iter_mut().find(|series| series.key.is_like(&key)) {
+        match all.iter_mut().find(|series| series.key.matches(&key)) {
             Some(series) => series.images.push(image),
             None => all.push(Series::new(key, vec![image])),
         }
@@ -197,34 +196,34 @@ fn sorted(images: Vec<Image>) -> Vec<Series> {
     all
 }
 
-/// The series that a path stands for: that of a file, or the one of a folder (`chosen`, from 1, where it holds several).
+/// Finds the series of a file, or the series number `chosen` (from 1) of a folder.
 ///
 /// # Errors
-/// There is none, or several and no choice.
+/// There is no series, or there are several and none is chosen.
 pub(super) fn find(path: &Path, chosen: Option<usize>, loading: &Loading) -> Result<Series> {
     let refuse = |why: String| Error::input(WHAT, path.display(), why);
     if !path.is_dir() {
         if chosen.is_some() {
-            let why = "it picks a series of a folder, and a file is of one";
+            let why = "it selects a series of a folder, and a file belongs to one series";
             return Err(Error::input(WHAT, "--series", why));
         }
         let named = image(path).map_err(|e| refuse(e.why()))?;
-        // An enhanced image is a series by itself.
+        // A multi-frame image is a series by itself.
         if named.frames > 1 {
             return Ok(Series::new(key(&named), vec![named]));
         }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let key = key(&named);
         let (images, faults) = images(&files_in(folder, 0), loading);
-        let found = sorted(images).into_iter().find(|series| series.key.is_like(&key));
+        let found = grouped(images).into_iter().find(|series| series.key.matches(&key));
         return Ok(with_faults(found.unwrap_or_else(|| Series::new(key, vec![named])), &faults));
     }
-    let files = files_in(path, DEPTH_MOST);
-    if files.len() >= FILES_MOST {
-        return Err(refuse(format!("it holds more than {FILES_MOST} files; name a folder within it")));
+    let files = files_in(path, MAX_DEPTH);
+    if files.len() >= MAX_FILES {
+        return Err(refuse(format!("it holds more than {MAX_FILES} files; name a folder within it")));
     }
     let (images, faults) = images(&files, loading);
-    let mut all = sorted(images);
+    let mut all = grouped(images);
     loading.go_on(&path.display().to_string())?;
     let list = || {
         let lines = all.iter().take(20).enumerate().map(|(i, s)| format!("{}: {}", i + 1, s.summary()));
@@ -239,30 +238,29 @@ pub(super) fn find(path: &Path, chosen: Option<usize>, loading: &Loading) -> Res
         (1, None) => Ok(with_faults(all.swap_remove(0), &faults)),
         (n, Some(at)) if (1..=n).contains(&at) => Ok(with_faults(all.swap_remove(at - 1), &faults)),
         (n, Some(at)) => Err(Error::input(WHAT, "--series", format!("{at} is not in 1 to {n}")).hint(list())),
-        (n, None) => Err(refuse(format!("it holds {n} series: --series N picks one")).hint(list())),
+        (n, None) => Err(refuse(format!("it holds {n} series: --series N selects one")).hint(list())),
     }
 }
 
-/// A series that says which files were damaged.
+/// Adds the damaged files of the folder to a series.
 fn with_faults(series: Series, faults: &[String]) -> Series {
     let first_fault = faults.first().cloned().unwrap_or_default();
     Series { damaged: faults.len(), first_fault, ..series }
 }
 
-/// Whether a file's first bytes say so.
+/// Whether a file begins as a DICOM file.
 fn is_dicom_file(path: &Path) -> bool {
     let mut head = [0; 160];
     let got = File::open(path).ok().and_then(|mut file| read_full(&mut file, &mut head).ok());
     got.is_some_and(|got| is_dicom(&head[..got]))
 }
 
-/// Whether a folder holds a DICOM file, at most a few folders down.
+/// Whether a folder, or a folder in it, holds a DICOM file.
 pub(super) fn holds_dicom(folder: &Path) -> bool {
-    files_in(folder, DEPTH_MOST).par_iter().any(|file| is_dicom_file(file))
+    files_in(folder, MAX_DEPTH).par_iter().any(|file| is_dicom_file(file))
 }
 
-/// The images among some files, and what was wrong with those that should be images, or cannot be opened; whatever else lies
-/// beside them is passed over.
+/// Reads the images among some files, and returns the faults of damaged ones; other files are skipped.
 fn images(files: &[PathBuf], loading: &Loading) -> (Vec<Image>, Vec<String>) {
     let pieces = loading.pieces(ReadingStage::Reading, 4 * files.len());
     let read: Vec<Result<Image, String>> = files
@@ -283,17 +281,11 @@ fn images(files: &[PathBuf], loading: &Loading) -> (Vec<Image>, Vec<String>) {
             }
         })
         .collect();
-    let (mut images, mut faults) = (Vec::new(), Vec::new());
-    for one in read {
-        match one {
-            Ok(image) => images.push(image),
-            Err(why) => faults.push(why),
-        }
-    }
-    (images, faults)
+    let (images, faults): (Vec<_>, Vec<_>) = read.into_iter().partition(Result::is_ok);
+    (images.into_iter().flatten().collect(), faults.into_iter().filter_map(Result::err).collect())
 }
 
-/// The plain files of a folder and of those within it, by name.
+/// Files of a folder and of the folders in it, sorted by name.
 fn files_in(folder: &Path, depth: usize) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut folders = vec![(folder.to_path_buf(), depth)];
@@ -305,7 +297,7 @@ fn files_in(folder: &Path, depth: usize) -> Vec<PathBuf> {
             } else if kind.is_dir() && depth > 0 && !entry.file_type().is_ok_and(|t| t.is_symlink()) {
                 folders.push((entry.path(), depth - 1));
             }
-            if files.len() >= FILES_MOST {
+            if files.len() >= MAX_FILES {
                 return files;
             }
         }
@@ -314,17 +306,17 @@ fn files_in(folder: &Path, depth: usize) -> Vec<PathBuf> {
     files
 }
 
-/// One slice: a frame of an image, and where it lies in LPS mm.
+/// Frame of an image and its position in LPS mm.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slice {
     pub(super) image: usize,
     pub(super) frame: usize,
     pub(super) position: Option<DVec3>,
-    /// What tells slices of one place apart: time, acquisition, number.
+    /// Order of slices at the same position: time, acquisition, number.
     pub(super) order: [i64; 3],
 }
 
-/// How far a frame without a position of its own lies from the first: by the offsets of a dose grid, or evenly.
+/// Offset of a frame without its own position from the first frame: by the dose grid's offsets, or evenly spaced.
 fn offset_of(set: &DataSet, frame: usize) -> DVec3 {
     let numbers = |tag| set.of_frame(frame, tag).and_then(|a| a.numbers(tag));
     let normal = numbers(tags::IMAGE_ORIENTATION_PATIENT)
@@ -337,22 +329,23 @@ fn offset_of(set: &DataSet, frame: usize) -> DVec3 {
 }
 
 impl Series {
-    /// Every frame of every image.
+    /// Returns the frames of all images, in order.
     pub(super) fn slices(&self) -> Vec<Slice> {
         let mut slices = Vec::new();
         for (at, Image { set, frames, .. }) in self.images.iter().enumerate() {
             for frame in 0..*frames {
                 let numbers = |tag| set.of_frame(frame, tag).and_then(|a| a.numbers(tag));
-                let whole = |tag| set.of_frame(frame, tag).and_then(|a| a.whole(tag));
+                let integer = |tag| set.of_frame(frame, tag).and_then(|a| a.integer(tag));
                 let position = numbers(tags::IMAGE_POSITION_PATIENT).filter(|p| p.len() == 3);
                 let position = position.map(|p| DVec3::new(p[0], p[1], p[2]));
-                let time = whole(tags::TEMPORAL_POSITION_INDEX).or(whole(tags::TEMPORAL_POSITION_IDENTIFIER));
+                let time =
+                    integer(tags::TEMPORAL_POSITION_INDEX).or(integer(tags::TEMPORAL_POSITION_IDENTIFIER));
                 let order = [
                     time.unwrap_or(0),
-                    whole(tags::ACQUISITION_NUMBER).unwrap_or(0),
-                    whole(tags::INSTANCE_NUMBER).unwrap_or(0).saturating_mul(1 << 20) + frame as i64,
+                    integer(tags::ACQUISITION_NUMBER).unwrap_or(0),
+                    integer(tags::INSTANCE_NUMBER).unwrap_or(0).saturating_mul(1 << 20) + frame as i64,
                 ];
-                // A file of several frames with one position says that of the first alone.
+                // A single position in a multi-frame file is that of the first frame.
                 let is_own = *frames == 1
                     || set.frames.get(frame).is_some_and(|a| a.has(tags::IMAGE_POSITION_PATIENT));
                 let position = position.map(|p| if is_own { p } else { p + offset_of(set, frame) });

@@ -1,41 +1,39 @@
-//! Slices in space: their order, the affine, what is doubled, missing or unevenly spaced.
+//! Placement of slices: their order, the affine, and repeated, missing or unevenly spaced slices.
 
 use super::series::{Series, Slice};
-use crate::formats::text_header::affine;
+use crate::formats::common::affine;
 use crate::volume::AffineSource;
 use dicom_core::Tag;
 use dicom_dictionary_std::tags;
 use glam::{DAffine3, DVec3};
 
-/// Slices closer than this lie in one place, mm.
+/// Distance below which slices have the same position: in mm, and relative to the usual spacing.
 const SAME_MM: f64 = 1e-3;
-/// ... or than this share of the usual distance.
 const SAME: f64 = 0.05;
-/// Slices this near to even places, as a share of the distance, are even; and so are those that a rounding of positions may
-/// have moved: to tenths of a millimetre, up to a quarter of the distance, whatever they are written with, and to the decimals
-/// that they are written with, up to less than half of the distance.
+/// Deviation from even positions that counts as even, relative to the spacing.
 const EVEN: f64 = 0.02;
+/// Deviation that rounding to tenths of a millimetre explains, and its largest share of the spacing.
 const ROUNDED_MM: f64 = 0.06;
-const ROUNDED_MOST: f64 = 0.25;
-const WRITTEN_MOST: f64 = 0.45;
-/// A slice of an uneven stack stands for a place of the grid from which it is no farther than this share of the distance.
+const MAX_ROUNDED: f64 = 0.25;
+/// Largest share of the spacing that rounding to the written decimals explains.
+const MAX_WRITTEN: f64 = 0.45;
+/// Distance, relative to the spacing, at which a resampled layer takes a slice unchanged.
 const SNAP: f64 = 0.01;
-/// Slices may lie so far beside the straight line of the first and the last, mm, before it is said.
+/// Distance of slices from a straight line that leads to a warning, mm.
 const ASIDE_MM: f64 = 0.05;
-/// Unevenly spaced slices are laid out at their smallest distance, but for more than so many times as many.
-const MOST_GROWTH: usize = 4;
+/// Largest ratio of resampled layers to slices.
+const MAX_GROWTH: usize = 4;
 
-/// What a slice of the volume is made of: one of the series, or two and the share of the second.
+/// Source of a layer of the volume: one slice, or two and the weight of the second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Layer {
     Slice(usize),
     Between(usize, f64),
 }
 
-/// The slices of one frame in their order along the normal.
+/// Slices of one frame, ordered along the normal.
 pub(super) struct Stack {
     pub(super) slices: Vec<Slice>,
-    /// Slices of the volume.
     pub(super) layers: Vec<Layer>,
     pub(super) world_from_index: DAffine3,
     pub(super) affine_source: AffineSource,
@@ -43,23 +41,23 @@ pub(super) struct Stack {
     pub(super) warnings: Vec<String>,
 }
 
-/// Places a series.
+/// Orders and places the slices of a series.
 ///
 /// # Errors
-/// Slices that no grid can hold, in words.
+/// The slices do not form a grid.
 pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     let slices = series.slices();
     let first = slices.first().ok_or("it has no slices")?;
     let set = &series.images[first.image].set;
     let numbers = |tag| set.of_frame(first.frame, tag).and_then(|a| a.numbers(tag));
     let mut warnings = Vec::new();
-    let Plane { across, normal, thickness } = Plane::of(numbers, &mut warnings)?;
+    let Plane { across, normal, thickness } = Plane::new(numbers, &mut warnings)?;
     one_grid(series, &slices)?;
     let unplaced = slices.iter().filter(|s| s.position.is_none()).count();
     let mut slices = slices;
     if unplaced > 0 && unplaced < slices.len() {
         slices.retain(|s| s.position.is_some());
-        warnings.push(format!("{unplaced} slices have no position: left out"));
+        warnings.push(format!("{unplaced} slices have no position: skipped"));
     }
     let placed: Option<Vec<DVec3>> = slices.iter().map(|s| s.position).collect();
     let Some(placed) = placed else {
@@ -80,26 +78,26 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
         }
     }
     places.iter_mut().for_each(|place| place.sort_by_key(|s| s.order));
-    let told = frames_of(&places, &mut warnings);
-    let frames = match &told {
-        Frames::One => 1,
-        Frames::ByRank(n) => *n,
-        Frames::ByTime(times) => times.len(),
+    let grouping = frames_of(&places, &mut warnings);
+    let frames = match &grouping {
+        FrameGrouping::One => 1,
+        FrameGrouping::ByRank(n) => *n,
+        FrameGrouping::ByTime(times) => times.len(),
     };
     if frame >= frames {
         return Err(format!("--frame {frame} is beyond its {frames} frames (counted from 0)"));
     }
-    let of_frame = |place: &Vec<Slice>| match &told {
-        Frames::One => place.first().copied(),
-        Frames::ByRank(_) => place.get(frame).copied(),
-        Frames::ByTime(times) => place.iter().find(|s| s.order[..2] == times[frame]).copied(),
+    let of_frame = |place: &Vec<Slice>| match &grouping {
+        FrameGrouping::One => place.first().copied(),
+        FrameGrouping::ByRank(_) => place.get(frame).copied(),
+        FrameGrouping::ByTime(times) => place.iter().find(|s| s.order[..2] == times[frame]).copied(),
     };
     let slices: Vec<Slice> = places.iter().filter_map(of_frame).collect();
     let depths: Vec<f64> = slices.iter().map(depth_mm).collect();
     let (layers, count) = layers(&depths, written_mm(series, &slices, normal), &mut warnings)?;
     let at = |slice: &Slice| slice.position.unwrap_or_default();
     let (from, to) = (at(&slices[0]), at(&slices[slices.len() - 1]));
-    // The line of the first voxels may lean: that is the gantry's tilt, and a sheared affine keeps it exactly.
+    // A tilted gantry gives a sheared affine, which is exact.
     let along = match count {
         1 => {
             let thickness = thickness.unwrap_or_else(|| {
@@ -110,7 +108,7 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
         }
         n => (to - from) / (n - 1) as f64,
     };
-    say_how_they_lie(&slices, &depths, along.angle_between(normal).to_degrees(), &mut warnings);
+    warn_of_placement(&slices, &depths, along.angle_between(normal).to_degrees(), &mut warnings);
     Ok(Stack {
         world_from_index: affine([across[0], across[1], along], from, true),
         affine_source: AffineSource::Axes,
@@ -121,18 +119,18 @@ pub(super) fn stack(series: &Series, frame: usize) -> Result<Stack, String> {
     })
 }
 
-/// How a series lies in space but for where its slices are.
+/// Orientation and pixel spacing of the slices.
 struct Plane {
-    /// From one pixel to the next along rows and columns, LPS mm.
+    /// Steps from pixel to pixel along rows and columns, LPS mm.
     across: [DVec3; 2],
-    /// Of length 1.
+    /// Unit normal.
     normal: DVec3,
-    /// What is said of the distance between slices, mm.
+    /// Distance between slices by the attributes, mm.
     thickness: Option<f64>,
 }
 
 impl Plane {
-    fn of(numbers: impl Fn(Tag) -> Option<Vec<f64>>, warnings: &mut Vec<String>) -> Result<Self, String> {
+    fn new(numbers: impl Fn(Tag) -> Option<Vec<f64>>, warnings: &mut Vec<String>) -> Result<Self, String> {
         let spacing = [tags::PIXEL_SPACING, tags::NOMINAL_SCANNED_PIXEL_SPACING, tags::IMAGER_PIXEL_SPACING]
             .into_iter()
             .find_map(|tag| numbers(tag).filter(|v| v.len() == 2 && v.iter().all(|s| *s > 0.0)));
@@ -152,17 +150,17 @@ impl Plane {
                 "its rows and columns are not perpendicular directions (ImageOrientationPatient)".into()
             );
         }
-        // PixelSpacing gives the distance of rows first.
+        // PixelSpacing lists the distance between rows first.
         let across = [row * spacing[1], column * spacing[0]];
         if numbers(tags::IMAGE_ORIENTATION_PATIENT).is_none() {
             warnings
-                .push("no orientation is given: rows taken to go to the left, columns to the back".into());
+                .push("no orientation is given: rows taken to run to the left, columns to the back".into());
         }
         Ok(Self { across, normal, thickness })
     }
 }
 
-/// Slices without positions, one after the other.
+/// Stacks slices without positions in the order of their numbers.
 fn in_order(
     slices: Vec<Slice>,
     plane: &Plane,
@@ -191,8 +189,8 @@ fn in_order(
     })
 }
 
-/// Says where slices do not lie as a grid's do.
-fn say_how_they_lie(slices: &[Slice], depths: &[f64], tilt_deg: f64, warnings: &mut Vec<String>) {
+/// Warns of slices that are not on a straight line or are sheared.
+fn warn_of_placement(slices: &[Slice], depths: &[f64], tilt_deg: f64, warnings: &mut Vec<String>) {
     let at = |slice: &Slice| slice.position.unwrap_or_default();
     let (from, to) = (at(&slices[0]), at(&slices[slices.len() - 1]));
     let aside = slices.iter().zip(depths).map(|(slice, depth)| {
@@ -205,22 +203,22 @@ fn say_how_they_lie(slices: &[Slice], depths: &[f64], tilt_deg: f64, warnings: &
     });
     let aside = aside.fold(0.0, f64::max);
     if aside > ASIDE_MM {
-        warnings.push(format!("its slices lie up to {aside:.2} mm beside a straight line: taken as on it"));
+        warnings.push(format!("its slices are up to {aside:.2} mm off a straight line: placed on it"));
     }
     if tilt_deg > 0.05 {
         warnings
-            .push(format!("its slices are sheared by {tilt_deg:.2} degrees (a tilted gantry): kept exactly"));
+            .push(format!("its slices are sheared by {tilt_deg:.2} degrees (tilted gantry): the affine keeps the shear exactly"));
     }
 }
 
-/// Refuses a series whose slices lie across each other or have pixels of several sizes.
+/// Refuses a series with several orientations or pixel sizes.
 fn one_grid(series: &Series, slices: &[Slice]) -> Result<(), String> {
     let of = |slice: &Slice, tag| {
         let set = &series.images[slice.image].set;
         set.of_frame(slice.frame, tag).and_then(|a| a.numbers(tag))
     };
     for (tag, tolerance, what) in [
-        (tags::IMAGE_ORIENTATION_PATIENT, 1e-2, "lie in several orientations"),
+        (tags::IMAGE_ORIENTATION_PATIENT, 1e-2, "have several orientations"),
         (tags::PIXEL_SPACING, 1e-3, "have pixels of several sizes"),
     ] {
         let first = slices.first().and_then(|s| of(s, tag));
@@ -238,57 +236,55 @@ fn one_grid(series: &Series, slices: &[Slice]) -> Result<(), String> {
     Ok(())
 }
 
-/// What tells slices of one place apart.
-enum Frames {
-    /// Nothing: one volume.
+/// Distinction between slices at the same position.
+enum FrameGrouping {
     One,
-    /// The order of their numbers; as many lie in each place.
+    /// By the order of their numbers; each position has the same count.
     ByRank(usize),
-    /// Their times and acquisitions.
+    /// By time and acquisition.
     ByTime(Vec<[i64; 2]>),
 }
 
-/// How many volumes the slices make, and which slice is of which.
-fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> Frames {
+/// Groups slices at the same position into frames.
+fn frames_of(places: &[Vec<Slice>], warnings: &mut Vec<String>) -> FrameGrouping {
     let (least, most) = places.iter().map(Vec::len).fold((usize::MAX, 1), |(a, b), n| (a.min(n), b.max(n)));
     if most == 1 {
-        return Frames::One;
+        return FrameGrouping::One;
     }
-    let mut say = || {
-        warnings.push(format!("{most} slices lie in a place: {most} frames, of which --frame picks one"));
+    let mut warn = || {
+        warnings.push(format!("{most} slices have the same position: {most} frames, --frame selects one"));
     };
     let time = |s: &Slice| [s.order[0], s.order[1]];
     let mut times: Vec<[i64; 2]> = places.iter().flatten().map(time).collect();
     times.sort_unstable();
     times.dedup();
     if times.len() == most {
-        say();
-        return Frames::ByTime(times);
+        warn();
+        return FrameGrouping::ByTime(times);
     }
     if least == most {
-        say();
-        return Frames::ByRank(most);
+        warn();
+        return FrameGrouping::ByRank(most);
     }
     let doubled: usize = places.iter().map(|place| place.len() - 1).sum();
-    warnings.push(format!("{doubled} slices lie where others do: the one of the lowest number was taken"));
-    Frames::One
+    warnings.push(format!("{doubled} slices repeat the position of others: the lowest number was used"));
+    FrameGrouping::One
 }
 
-/// How far the decimals of positions leave a slice's depth open against that of others, mm; 0 where they do not say.
+/// Uncertainty of a slice's depth due to the decimals of written positions, mm; 0 if unknown.
 fn written_mm(series: &Series, slices: &[Slice], normal: DVec3) -> f64 {
     let decimals = |slice: &Slice| {
         let of = series.images[slice.image].set.of_frame(slice.frame, tags::IMAGE_POSITION_PATIENT);
         of.and_then(|attributes| attributes.decimals(tags::IMAGE_POSITION_PATIENT))
     };
-    // Of some positions the last decimals are zeros that were not written.
+    // Trailing zeros may be missing, so the largest number of decimals counts.
     let most = slices.iter().map(decimals).try_fold(0, |most, decimals| Some(most.max(decimals?)));
     let unit_mm = most.map_or(0.0, |decimals| 10f64.powi(-(decimals.min(300) as i32)));
-    // Half a unit of each coordinate, of a slice and of those that it is compared with.
+    // Half a unit for each coordinate of both slices that are compared.
     unit_mm * normal.abs().element_sum()
 }
 
-/// What the volume's slices are made of, for depths in rising order, and how many there are; positions leave these open by
-/// `written_mm`.
+/// Layers of the volume for slices at ascending depths with an uncertainty of `written_mm`, and their number.
 fn layers(
     depths: &[f64],
     written_mm: f64,
@@ -297,8 +293,8 @@ fn layers(
     let n = depths.len();
     let gaps: Vec<f64> = depths.windows(2).map(|d| d[1] - d[0]).collect();
     let mean = (depths[n - 1] - depths[0]) / gaps.len().max(1) as f64;
-    // Against places and not against distances: roundings of positions do not add up.
-    let rounded_mm = ROUNDED_MM.min(ROUNDED_MOST * mean).max(written_mm.min(WRITTEN_MOST * mean));
+    // Positions are compared, not distances, since the rounding of positions does not accumulate.
+    let rounded_mm = ROUNDED_MM.min(MAX_ROUNDED * mean).max(written_mm.min(MAX_WRITTEN * mean));
     let tolerance = rounded_mm.max(EVEN * mean);
     let is_even = |(k, depth): (usize, &f64)| (depth - depths[0] - k as f64 * mean).abs() <= tolerance;
     if depths.iter().enumerate().all(is_even) {
@@ -308,9 +304,9 @@ fn layers(
     let length = depths[n - 1] - depths[0];
     let count = ((length / smallest).round() as usize).saturating_add(1);
     let largest = gaps.iter().copied().fold(0.0, f64::max);
-    let says = format!("its slices are {smallest:.3} to {largest:.3} mm apart");
-    if count > MOST_GROWTH * n {
-        return Err(format!("{says}: an even grid of them would take {count} slices for {n}"));
+    let spacing = format!("its slices are {smallest:.3} to {largest:.3} mm apart");
+    if count > MAX_GROWTH * n {
+        return Err(format!("{spacing}: an even grid of them would take {count} slices for {n}"));
     }
     let step = length / (count - 1) as f64;
     let layers = (0..count)
@@ -327,7 +323,7 @@ fn layers(
         .collect::<Vec<_>>();
     let made = layers.iter().filter(|l| matches!(l, Layer::Between(..))).count();
     warnings.push(format!(
-        "{says}: resampled linearly to {count} slices {step:.3} mm apart, {made} of them between slices of the series"
+        "{spacing}: resampled linearly to {count} slices {step:.3} mm apart, {made} of them between slices of the series"
     ));
     Ok((layers, count))
 }
@@ -336,39 +332,38 @@ fn layers(
 mod tests {
     use super::*;
 
-    fn laid(depths: &[f64]) -> Result<(Vec<Layer>, Vec<String>), String> {
+    fn layers_of(depths: &[f64]) -> Result<(Vec<Layer>, Vec<String>), String> {
         let mut warnings = Vec::new();
         layers(depths, 0.0, &mut warnings).map(|(layers, _)| (layers, warnings))
     }
 
     #[test]
-    fn positions_are_as_fine_as_they_are_written() {
-        // Every 0.3 mm, and every 0.125 mm, to tenths.
+    fn rounding_to_written_decimals_is_even() {
         for spacing in [0.3, 0.125] {
             let depths: Vec<f64> = (0..40).map(|k| (f64::from(k) * spacing * 10.0).round() / 10.0).collect();
             let mut warnings = Vec::new();
             assert_eq!(layers(&depths, 0.1, &mut warnings).unwrap().1, 40, "{spacing}");
             assert!(warnings.is_empty(), "{warnings:?}");
         }
-        // A slice that is missing is one, however coarse.
+        // Rounding does not hide a missing slice.
         let mut warnings = Vec::new();
         layers(&[0.0, 0.3, 0.6, 1.2, 1.5], 0.1, &mut warnings).unwrap();
         assert!(warnings[0].contains("resampled"), "{warnings:?}");
     }
 
     #[test]
-    fn even_slices_are_taken_as_they_are() {
+    fn even_slices_are_not_resampled() {
         let thirds: Vec<f64> = (0..40).map(|k| (f64::from(k) / 3.0 * 100.0).round() / 100.0).collect();
-        assert!(laid(&thirds).unwrap().1.is_empty());
-        let (layers, warnings) = laid(&[0.0, 2.0, 4.001, 6.0]).unwrap();
+        assert!(layers_of(&thirds).unwrap().1.is_empty());
+        let (layers, warnings) = layers_of(&[0.0, 2.0, 4.001, 6.0]).unwrap();
         assert_eq!(layers, [0, 1, 2, 3].map(Layer::Slice));
         assert!(warnings.is_empty());
-        assert_eq!(laid(&[5.0]).unwrap().0, [Layer::Slice(0)]);
+        assert_eq!(layers_of(&[5.0]).unwrap().0, [Layer::Slice(0)]);
     }
 
     #[test]
-    fn a_missing_slice_is_made_of_its_neighbours_and_said() {
-        let (layers, warnings) = laid(&[0.0, 1.0, 3.0, 4.0]).unwrap();
+    fn a_missing_slice_is_interpolated_with_a_warning() {
+        let (layers, warnings) = layers_of(&[0.0, 1.0, 3.0, 4.0]).unwrap();
         assert_eq!(layers.len(), 5);
         assert_eq!(layers[2], Layer::Between(1, 0.5));
         assert_eq!([layers[1], layers[3], layers[4]], [1, 2, 3].map(Layer::Slice));
@@ -376,8 +371,8 @@ mod tests {
     }
 
     #[test]
-    fn far_apart_slices_are_refused() {
-        assert!(laid(&[0.0, 1e15, 1e300]).is_err());
-        assert!(laid(&[0.0, 0.1, 50.0]).unwrap_err().contains("apart"));
+    fn widely_uneven_slices_are_refused() {
+        assert!(layers_of(&[0.0, 1e15, 1e300]).is_err());
+        assert!(layers_of(&[0.0, 0.1, 50.0]).unwrap_err().contains("apart"));
     }
 }

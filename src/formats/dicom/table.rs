@@ -1,11 +1,11 @@
-//! Tables of values (modality LUT): what a stored number stands for, where no straight line says it.
+//! Modality lookup tables: values of stored numbers that no linear scaling gives.
 //!
 //! Source: DICOM PS3.3, C.11.1.1.
 
 use super::dataset::DataSet;
 use dicom_dictionary_std::tags;
 
-/// The values of stored numbers from one on; smaller ones have the first value, larger ones the last.
+/// Lookup table; stored numbers beyond its ends have the first or the last value.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Table {
     first: i64,
@@ -15,30 +15,28 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// That of a file, where it has one; `is_signed` says of what numbers.
+    /// Reads the table of a file, if it has one; `is_signed` is that of its stored numbers.
     ///
     /// # Errors
-    /// It has fewer values than it says, or says none.
-    pub(super) fn of(set: &DataSet, is_signed: bool) -> Result<Option<Self>, String> {
-        if !set.root.has(tags::MODALITY_LUT_SEQUENCE) {
-            return Ok(None);
-        }
-        let descriptor = set.table.numbers(tags::LUT_DESCRIPTOR).filter(|d| d.len() == 3);
-        let descriptor = descriptor.ok_or("its table of values (modality LUT) has no descriptor")?;
+    /// The table has no descriptor, or fewer values than it claims.
+    pub(super) fn new(set: &DataSet, is_signed: bool) -> Result<Option<Self>, String> {
+        let Some(table) = &set.table else { return Ok(None) };
+        let descriptor = table.numbers(tags::LUT_DESCRIPTOR).filter(|d| d.len() == 3);
+        let descriptor = descriptor.ok_or("its modality lookup table has no descriptor")?;
         let [count, first, bits] = [0, 1, 2].map(|at| descriptor[at] as i64);
         // Numbers of 16 bits: 65536 does not fit, and a sign may have been lost.
         let count = if count == 0 { 1 << 16 } else { count & 0xffff } as usize;
         let first = if is_signed && first > 0x7fff { first - 0x1_0000 } else { first };
-        let values = set.table.words(tags::LUT_DATA).unwrap_or_default();
+        let values = table.words(tags::LUT_DATA).unwrap_or_default();
         if values.len() < count {
             let found = values.len();
-            return Err(format!("its table of values (modality LUT) has {found} of {count} values"));
+            return Err(format!("its modality lookup table has {found} of {count} values"));
         }
         let bits = u32::try_from(bits).ok().filter(|bits| (1..=16).contains(bits)).unwrap_or(16);
         Ok(Some(Self { first, values: values[..count].to_vec(), bits }))
     }
 
-    /// The value of a stored number.
+    /// Value of a stored number.
     pub(super) fn value(&self, stored: i64) -> u16 {
         let at = usize::try_from(stored - self.first).unwrap_or(0);
         self.values[at.min(self.values.len() - 1)]
@@ -50,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_beside_the_table_have_its_ends() {
+    fn numbers_beyond_the_table_have_its_end_values() {
         let table = Table { first: -2, values: vec![10, 20, 40], bits: 8 };
         assert_eq!([-9, -2, -1, 0, 1, 900].map(|v| table.value(v)), [10, 10, 20, 40, 40, 40]);
     }

@@ -1,6 +1,6 @@
-//! What the first page of a TIFF says of all: sizes of voxels, a calibration, and how pages follow each other.
+//! Description of a TIFF stack in its first page: voxel sizes, calibration, and the order of pages.
 
-use crate::formats::units::mm_of;
+use crate::formats::common::mm_of;
 use crate::volume::Scaling;
 use std::fs::File;
 use std::io::BufReader;
@@ -8,16 +8,16 @@ use tiff::decoder::Decoder;
 use tiff::decoder::ifd::Value;
 use tiff::tags::Tag;
 
-/// What the first page says of the whole.
+/// Description in the first page.
 #[derive(Debug, Default)]
 pub(super) struct Description {
     pub(super) text: String,
-    /// Pixels a unit along x and y.
+    /// Pixels per unit along x and y.
     pub(super) resolution: [Option<f64>; 2],
 }
 
 impl Description {
-    pub(super) fn of(decoder: &mut Decoder<BufReader<File>>) -> Self {
+    pub(super) fn new(decoder: &mut Decoder<BufReader<File>>) -> Self {
         let text = decoder.get_tag_ascii_string(Tag::ImageDescription).unwrap_or_default();
         let mut resolution = |tag| {
             let ratio = match decoder.get_tag(tag).ok()? {
@@ -31,15 +31,10 @@ impl Description {
         Self { resolution: [resolution(Tag::XResolution), resolution(Tag::YResolution)], text }
     }
 
-    /// A line `name=value`, as ImageJ writes them.
-    fn field(&self, name: &str) -> Option<&str> {
-        field(&self.text, name)
-    }
-
-    /// The straight line by which ImageJ calibrates values, as it does for those of a CT.
+    /// Linear calibration of ImageJ.
     pub(super) fn scaling(&self) -> Scaling {
-        let number = |name: &str| self.field(name).and_then(|v| v.parse::<f64>().ok());
-        match (self.text.starts_with("ImageJ="), self.field("cf"), number("c0"), number("c1")) {
+        let number = |name: &str| field(&self.text, name).and_then(|v| v.parse::<f64>().ok());
+        match (self.text.starts_with("ImageJ="), field(&self.text, "cf"), number("c0"), number("c1")) {
             (true, None | Some("0"), Some(intercept), Some(slope)) if slope != 0.0 => {
                 Scaling { slope, intercept }
             }
@@ -47,50 +42,54 @@ impl Description {
         }
     }
 
-    /// Voxel sizes, where ImageJ or OME says them with a unit of length.
+    /// Voxel sizes of ImageJ or OME, if they have a unit of length.
     pub(super) fn spacing_mm(&self) -> Option<[f64; 3]> {
         if self.text.starts_with("ImageJ=") {
-            let unit = mm_of(self.field("unit")?)?;
+            let unit = mm_of(field(&self.text, "unit")?)?;
             let [x, y] = self.resolution;
-            let slices = self.field("spacing").and_then(|s| s.parse().ok()).unwrap_or(1.0);
-            return sound([unit / x?, unit / y.or(x)?, unit * slices]);
+            let slices = field(&self.text, "spacing").and_then(|s| s.parse().ok()).unwrap_or(1.0);
+            return positive([unit / x?, unit / y.or(x)?, unit * slices]);
         }
-        let attribute = |name: &str| {
-            let (_, after) = self.text.split_once(&format!(" {name}=\""))?;
-            after.split_once('"').map(|(value, _)| value)
-        };
         let size = |axis: &str| {
-            let number: f64 = attribute(&format!("PhysicalSize{axis}"))?.parse().ok()?;
-            let unit = attribute(&format!("PhysicalSize{axis}Unit")).unwrap_or("µm");
+            let number: f64 = attribute(&self.text, &format!("PhysicalSize{axis}"))?.parse().ok()?;
+            let unit = attribute(&self.text, &format!("PhysicalSize{axis}Unit")).unwrap_or("µm");
             Some(number * mm_of(unit)?)
         };
-        sound([size("X")?, size("Y")?, size("Z").or_else(|| size("X"))?])
+        positive([size("X")?, size("Y")?, size("Z").or_else(|| size("X"))?])
     }
 }
 
+/// Value of a line `name=value`, as ImageJ writes them.
 fn field<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix('=')).map(str::trim)
 }
 
-fn sound(spacing: [f64; 3]) -> Option<[f64; 3]> {
+/// Value of an XML attribute of an OME header.
+fn attribute<'a>(text: &'a str, name: &str) -> Option<&'a str> {
+    let key = format!("{name}=\"");
+    let (at, _) = text.match_indices(&key).find(|(at, _)| text[..*at].ends_with(char::is_whitespace))?;
+    text[at + key.len()..].split_once('"').map(|(value, _)| value)
+}
+
+fn positive(spacing: [f64; 3]) -> Option<[f64; 3]> {
     spacing.iter().all(|s| s.is_finite() && *s > 0.0).then_some(spacing)
 }
 
-/// How pages follow each other: of ImageJ channels fastest, then slices, then times; of OME as it says.
+/// Order of pages: for ImageJ channels fastest, then slices, then times; for OME as declared.
 #[derive(Debug, PartialEq)]
 pub(super) struct Order {
     channels: usize,
     pub(super) slices: usize,
     times: usize,
-    /// Pages from one channel, slice and time to the next.
+    /// Page steps between channels, slices and times.
     strides: [usize; 3],
 }
 
 impl Order {
-    pub(super) fn of(text: &str, pages: usize) -> Result<Self, String> {
+    pub(super) fn new(text: &str, pages: usize) -> Result<Self, String> {
         let count = |name: &str| field(text, name).and_then(|n| n.parse::<usize>().ok()).filter(|&n| n > 0);
         let plain = Self { channels: 1, slices: pages, times: 1, strides: [1, 1, pages] };
-        if let Some(ome) = Self::of_ome(text).filter(|o| o.channels * o.slices * o.times == pages) {
+        if let Some(ome) = Self::from_ome(text).filter(|o| o.channels * o.slices * o.times == pages) {
             return Ok(ome);
         }
         if !text.starts_with("ImageJ=") {
@@ -98,7 +97,7 @@ impl Order {
         }
         if let Some(images) = count("images").filter(|&n| n > pages) {
             return Err(format!(
-                "ImageJ put {images} slices into {pages} pages (a file beyond 4 GB), which is not read"
+                "ImageJ put {images} slices into {pages} pages (a file beyond 4 GB), which is not supported"
             ));
         }
         let (channels, times) = (count("channels").unwrap_or(1), count("frames").unwrap_or(1));
@@ -108,19 +107,16 @@ impl Order {
         Ok(if fits && slices > 0 { Self { channels, slices, times, strides } } else { plain })
     }
 
-    /// By the first `Pixels` of an OME header.
-    fn of_ome(text: &str) -> Option<Self> {
+    /// Order of the first `Pixels` element of an OME header.
+    fn from_ome(text: &str) -> Option<Self> {
         let (_, pixels) = text.split_once("<Pixels ")?;
-        let pixels = pixels.split('>').next()?;
-        let attribute = |name: &str| {
-            let (_, after) = pixels.split_once(&format!("{name}=\""))?;
-            after.split_once('"').map(|(value, _)| value)
-        };
+        let pixels = &format!(" {}", pixels.split('>').next()?);
         let size = |axis: &str| {
-            attribute(&format!("Size{axis}"))?.parse::<usize>().ok().filter(|n| (1..=1 << 20).contains(n))
+            let size = attribute(pixels, &format!("Size{axis}"))?.parse::<usize>().ok();
+            size.filter(|n| (1..=1 << 20).contains(n))
         };
         let sizes = [size("C")?, size("Z")?, size("T")?];
-        let order = attribute("DimensionOrder")?.strip_prefix("XY")?;
+        let order = attribute(pixels, "DimensionOrder")?.strip_prefix("XY")?;
         let mut strides = [1; 3];
         let mut stride = 1;
         for axis in order.chars() {
@@ -147,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_of_imagej_and_ome() {
+    fn voxel_sizes_of_imagej_and_ome() {
         let image_j = Description {
             text: "ImageJ=1.53t\nimages=4\nslices=4\nunit=micron\nspacing=2.5\n".into(),
             resolution: [Some(4.0), Some(2.0)],
@@ -164,14 +160,14 @@ mod tests {
     }
 
     #[test]
-    fn pages_of_channels_and_times() {
-        let order = Order::of("ImageJ=1\nchannels=2\nslices=3\nframes=2\n", 12).unwrap();
+    fn page_order_with_channels_and_times() {
+        let order = Order::new("ImageJ=1\nchannels=2\nslices=3\nframes=2\n", 12).unwrap();
         assert_eq!(order, Order { channels: 2, slices: 3, times: 2, strides: [1, 2, 6] });
         let ome = r#"<OME><Pixels SizeX="4" DimensionOrder="XYZCT" SizeC="2" SizeT="2" SizeZ="3">"#;
-        let by_ome = Order::of(ome, 12).unwrap();
+        let by_ome = Order::new(ome, 12).unwrap();
         assert_eq!((by_ome.page(2, 0), by_ome.page(0, 1), by_ome.page(1, 2)), (2, 3, 7));
         let pages: Vec<usize> = (0..3).map(|z| order.page(z, 3)).collect();
         assert_eq!(pages, [7, 9, 11]);
-        assert!(Order::of("ImageJ=1\nimages=900\n", 1).is_err());
+        assert!(Order::new("ImageJ=1\nimages=900\n", 1).is_err());
     }
 }

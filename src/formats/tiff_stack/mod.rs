@@ -1,16 +1,16 @@
-//! TIFF: a multi-page file, or a folder of files of one page each; grey values of 8, 16 and 32 bits.
+//! TIFF stacks: a multi-page file, or a folder of single-page files; grey values of 8, 16 and 32 bits.
 //!
-//! Pages are slices, the first one at index 0, files in the order of the numbers in their names. Voxel sizes are those that
-//! ImageJ writes or an OME header has; a resolution alone is what a printer would take, and is not used.
+//! Pages are slices from index 0 on; files are ordered by the numbers in their names. Voxel sizes come from ImageJ or an OME
+//! header. A resolution alone is not used, since it is meant for printing.
 
 mod description;
 mod pages;
 
 use self::description::Order;
 use self::pages::Pages;
-use super::frames::picked;
+use super::common::{frame_warning, refusal};
 use super::head::Head;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::loading::{Loading, ReadingStage};
 use crate::volume::{Provenance, Volume};
 use glam::{DAffine3, DVec3};
@@ -21,58 +21,58 @@ pub const EXTENSIONS: &[&str] = &["tif", "tiff"];
 
 const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 
-/// Whether a file is of this format, or a folder holds files that are named so.
+/// Whether a file is TIFF, or a folder holds files named as TIFF.
 pub fn is_tiff(head: &Head) -> bool {
     match head.is_folder() {
         true => !files_in(head.path()).is_empty(),
-        false => !head.is_packed() && MAGICS.iter().any(|magic| head.starts_with(magic)),
+        false => !head.is_gzipped() && MAGICS.iter().any(|magic| head.starts_with(magic)),
     }
 }
 
-/// The files that a path stands for, in the order of their slices.
+/// Lists the files of a stack in the order of their slices.
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
     if path.is_dir() { files_in(path) } else { vec![path.into()] }
 }
 
-/// Reads one frame (0 is the first); `spacing_mm` wins over what the file says.
+/// Reads one frame (from 0); `spacing_mm` overrides the file's voxel sizes.
 ///
 /// # Errors
-/// A file that cannot be read, holds colours, or has pages of several sizes.
+/// A file cannot be read, holds colours, or has pages of several sizes.
 pub fn read_with(
     path: &Path,
     frame: usize,
     spacing_mm: Option<[f64; 3]>,
     loading: &Loading,
 ) -> Result<Volume> {
-    let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
+    let refuse = refusal(path);
     let files = files_of(path);
     let mut pages = Pages::default();
     let counting = loading.pieces(ReadingStage::Reading, usize::MAX);
     for file in &files {
-        pages.add(file, &counting).map_err(|why| Error::input("cannot read volume", file.display(), why))?;
+        pages.add(file, &counting).map_err(refusal(file))?;
         loading.go_on(&path.display().to_string())?;
     }
     let mut warnings = Vec::new();
     let description = pages.description.take().unwrap_or_default();
-    let order = Order::of(&description.text, pages.count).map_err(refuse)?;
-    warnings.extend(picked(path, frame, order.frames())?);
+    let order = Order::new(&description.text, pages.count).map_err(&refuse)?;
+    warnings.extend(frame_warning(path, frame, order.frames())?);
     let spacing = spacing_mm.or_else(|| description.spacing_mm()).unwrap_or_else(|| {
         warnings.push("no --spacing given: voxels taken as 1 mm".into());
         [1.0; 3]
     });
     let pieces = loading.pieces(ReadingStage::Reading, order.slices);
-    let (voxels, stored_type) = pages.voxels(&order, frame, &pieces).map_err(refuse)?;
+    let voxels = pages.voxels(&order, frame, &pieces).map_err(refuse)?;
     let provenance = Provenance {
         frames: order.frames(),
         frame,
         warnings,
-        ..Provenance::new(path.display().to_string(), "tiff", stored_type)
+        ..Provenance::new(path.display().to_string(), "tiff", voxels.element().name())
     };
     let world_from_index = DAffine3::from_scale(DVec3::from_array(spacing));
     Volume::new_with(voxels, description.scaling(), world_from_index, provenance, loading)
 }
 
-/// Files of a folder that are named as this format, by the numbers in their names.
+/// Files of a folder that are named as TIFF, ordered by the numbers in their names.
 fn files_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
     let named =
@@ -82,7 +82,7 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// A name cut into words and numbers, so that `slice10` follows after `slice9`.
+/// Words and numbers of a name, so that `slice10` sorts after `slice9`.
 fn natural(name: &str) -> Vec<(u128, String)> {
     let mut parts = Vec::new();
     let mut rest = name;
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_sorted_by_their_numbers() {
+    fn names_are_sorted_by_number() {
         let mut names = ["s10.tif", "s9.tif", "S1.tif", "s9b2.tif", "s9b10.tif"];
         names.sort_by_cached_key(|n| natural(n));
         assert_eq!(names, ["S1.tif", "s9.tif", "s9b2.tif", "s9b10.tif", "s10.tif"]);

@@ -1,8 +1,8 @@
-//! The pages of TIFF files: counted first, then those of one frame are unpacked, each to where it belongs.
+//! Pages of TIFF files: all are counted first, then those of one frame are decoded.
 
 use super::description::{Description, Order};
 use crate::files::loading::Pieces;
-use crate::files::memory_budget::refuse_beyond_host;
+use crate::formats::assembly::Assembly;
 use crate::volume::Voxels;
 use ndarray::Array3;
 use std::fs::File;
@@ -12,45 +12,44 @@ use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 
-/// No packing of TIFF makes a byte into more.
-const MOST_RATIO: u64 = 1032;
+/// Largest ratio of decoded to compressed bytes.
+const MAX_RATIO: u64 = 1032;
 
-/// A file, and what is known of its pages.
-struct Counted {
+/// File and the number of its pages.
+struct CountedFile {
     path: PathBuf,
     pages: usize,
 }
 
-/// The pages of some files, one after the other.
+/// Pages of consecutive files.
 #[derive(Default)]
 pub(super) struct Pages {
     size: Option<(u32, u32)>,
-    files: Vec<Counted>,
+    files: Vec<CountedFile>,
     pub(super) count: usize,
     pub(super) description: Option<Description>,
 }
 
-fn said(e: tiff::TiffError) -> String {
+fn text(e: tiff::TiffError) -> String {
     e.to_string()
 }
 
-/// A decoder that takes no more memory than the bytes of its file can hold.
+/// Opens a decoder whose memory is limited by the bytes of its file.
 fn open(path: &Path) -> Result<(Decoder<BufReader<File>>, u64), String> {
     let file = File::open(path).map_err(|e| e.to_string())?;
     let file_bytes = file.metadata().map_err(|e| e.to_string())?.len();
     let mut limits = Limits::default();
-    limits.decoding_buffer_size =
-        usize::try_from(file_bytes.saturating_mul(MOST_RATIO)).unwrap_or(usize::MAX);
+    limits.decoding_buffer_size = usize::try_from(file_bytes.saturating_mul(MAX_RATIO)).unwrap_or(usize::MAX);
     limits.intermediate_buffer_size = limits.decoding_buffer_size;
     limits.ifd_value_size = limits.ifd_value_size.max(usize::try_from(file_bytes).unwrap_or(usize::MAX));
-    Ok((Decoder::new(BufReader::new(file)).map_err(said)?.with_limits(limits), file_bytes))
+    Ok((Decoder::new(BufReader::new(file)).map_err(text)?.with_limits(limits), file_bytes))
 }
 
 impl Pages {
-    /// Counts the pages of a file after those of the ones before it.
+    /// Adds the pages of a file.
     ///
     /// # Errors
-    /// It cannot be read, holds colours, or has pages of another size.
+    /// The file cannot be read, holds colours, or has pages of another size.
     pub(super) fn add(&mut self, path: &Path, pieces: &Pieces<'_>) -> Result<(), String> {
         let (mut decoder, file_bytes) = open(path)?;
         let (mut claimed, mut pages) = (0u64, 0);
@@ -58,11 +57,11 @@ impl Pages {
             if pieces.is_cancelled() {
                 return Err("it was cancelled".into());
             }
-            let size = decoder.dimensions().map_err(said)?;
-            match decoder.colortype().map_err(said)? {
+            let size = decoder.dimensions().map_err(text)?;
+            match decoder.colortype().map_err(text)? {
                 ColorType::Gray(8 | 16 | 32 | 64) => {}
                 ColorType::Gray(bits) => {
-                    return Err(format!("its pixels have {bits} bits; 8, 16, 32 and 64 are read"));
+                    return Err(format!("its pixels have {bits} bits; 8, 16, 32 and 64 are supported"));
                 }
                 _ => return Err("its pixels are colours; scalars are needed".into()),
             }
@@ -72,41 +71,35 @@ impl Pages {
                 return Err(format!("page {page} is {}x{}, and the first {width}x{height}", size.0, size.1));
             }
             if self.description.is_none() {
-                self.description = Some(Description::of(&mut decoder));
+                self.description = Some(Description::new(&mut decoder));
             }
-            // Pages may share bytes; plain ones do not, and packed ones not many times.
+            // Uncompressed pages do not share bytes, and compressed ones rarely do.
             let is_plain =
                 decoder.find_tag_unsigned::<u16>(Tag::Compression).ok().flatten().unwrap_or(1) == 1;
-            let share = if is_plain { MOST_RATIO } else { 1 };
+            let share = if is_plain { MAX_RATIO } else { 1 };
             claimed = claimed.saturating_add(share * u64::from(size.0) * u64::from(size.1));
-            if claimed > file_bytes.saturating_mul(MOST_RATIO) {
+            if claimed > file_bytes.saturating_mul(MAX_RATIO) {
                 return Err(format!("more pixels are claimed than {file_bytes} bytes can hold"));
             }
             pages += 1;
             if !decoder.more_images() {
                 break;
             }
-            decoder.next_image().map_err(said)?;
+            decoder.next_image().map_err(text)?;
         }
         self.count += pages;
-        self.files.push(Counted { path: path.into(), pages });
+        self.files.push(CountedFile { path: path.into(), pages });
         Ok(())
     }
 
-    /// The voxels of a frame, and what their type is called.
+    /// Reads the voxels of a frame.
     ///
     /// # Errors
-    /// A page that cannot be read or is of another type than the first; the host cannot hold them.
-    pub(super) fn voxels(
-        &self,
-        order: &Order,
-        frame: usize,
-        pieces: &Pieces<'_>,
-    ) -> Result<(Voxels, &'static str), String> {
+    /// A page cannot be read, its type differs from the first, or the host cannot hold the voxels.
+    pub(super) fn voxels(&self, order: &Order, frame: usize, pieces: &Pieces<'_>) -> Result<Voxels, String> {
         let (width, height) = self.size.ok_or("it has no pages")?;
-        let (nx, ny, nz) = (width as usize, height as usize, order.slices);
-        let mut stack = Stack { page: nx * ny, slices: nz, values: None };
-        let mut slices: Vec<(usize, usize)> = (0..nz).map(|z| (order.page(z, frame), z)).collect();
+        let mut stack = Assembly::new([width as usize, height as usize, order.slices]);
+        let mut slices: Vec<(usize, usize)> = (0..order.slices).map(|z| (order.page(z, frame), z)).collect();
         slices.sort_unstable();
         let mut slices = slices.into_iter().peekable();
         let mut before = 0;
@@ -123,97 +116,40 @@ impl Pages {
                     Some(decoder) => decoder,
                     none => none.insert(open(&file.path)?.0),
                 };
-                decoder.seek_to_image(page - before).map_err(said).map_err(named)?;
-                let unpacked = decoder.read_image().map_err(said).map_err(named)?;
-                stack.put(unpacked, z).map_err(named)?;
+                decoder.seek_to_image(page - before).map_err(text).map_err(named)?;
+                let page = decoder.read_image().map_err(text).map_err(named)?;
+                let page = page_voxels(page, width as usize, height as usize).map_err(named)?;
+                stack.put(page, [0, 0, z]).map_err(named)?;
                 pieces.done();
             }
             before += file.pages;
         }
-        stack.finish([nx, ny, nz])
+        stack.finish().ok_or_else(|| "it has no pages".into())
     }
 }
 
-enum Values {
-    U8(Vec<u8>),
-    I16(Vec<i16>),
-    U16(Vec<u16>),
-    F32(Vec<f32>),
-    F64(Vec<f64>),
-}
-
-/// Voxels that are being put together.
-struct Stack {
-    /// Pixels of a page.
-    page: usize,
-    slices: usize,
-    values: Option<Values>,
-}
-
-impl Stack {
-    /// Puts a page where slice `z` is.
-    fn put(&mut self, page: DecodingResult, z: usize) -> Result<(), String> {
-        let (from, to) = (z * self.page, (z + 1) * self.page);
-        let whole =
-            self.page.checked_mul(self.slices).ok_or("more voxels than can be counted are claimed")?;
-        macro_rules! put {
-            ($kind:ident($kept:ty), $page:expr, $convert:expr) => {{
-                let page = $page;
-                if page.len() != self.page {
-                    return Err(format!("a page of it has {} pixels, not {}", page.len(), self.page));
-                }
-                if self.values.is_none() {
-                    refuse_beyond_host(whole.checked_mul(size_of::<$kept>()).map(|n| n as u64))?;
-                    // Zeros take no memory until they are written over.
-                    self.values = Some(Values::$kind(vec![<$kept>::default(); whole]));
-                }
-                let Some(Values::$kind(all)) = &mut self.values else {
-                    return Err("its pages are of several types".into());
-                };
-                all[from..to].iter_mut().zip(page).for_each(|(voxel, pixel)| *voxel = $convert(pixel));
-            }};
-        }
-        macro_rules! keep {
-            ($kind:ident($kept:ty), $page:expr) => {{
-                let page = $page;
-                // A page that is all of it is moved, not copied.
-                if self.slices == 1 && page.len() == whole {
-                    self.values = Some(Values::$kind(page));
-                } else {
-                    put!($kind($kept), page, |v| v);
-                }
-            }};
-        }
-        match page {
-            DecodingResult::U8(page) => keep!(U8(u8), page),
-            DecodingResult::U16(page) => keep!(U16(u16), page),
-            DecodingResult::I8(page) => put!(I16(i16), page, i16::from),
-            DecodingResult::I16(page) => keep!(I16(i16), page),
-            DecodingResult::F32(page) => keep!(F32(f32), page),
-            DecodingResult::F16(page) => put!(F32(f32), page, half::f16::to_f32),
-            DecodingResult::F64(page) => keep!(F64(f64), page),
-            DecodingResult::U32(page) => put!(F64(f64), page, f64::from),
-            DecodingResult::I32(page) => put!(F64(f64), page, f64::from),
-            DecodingResult::U64(_) | DecodingResult::I64(_) => {
-                return Err("its pixels are 64-bit integers, which are not read".into());
-            }
-        }
-        Ok(())
+/// Voxels of one page.
+fn page_voxels(page: DecodingResult, width: usize, height: usize) -> Result<Voxels, String> {
+    macro_rules! voxels {
+        ($pixels:expr, $stored:ty) => {{
+            let (count, pixels) = ($pixels.len(), $pixels.into_iter().map(<$stored>::from).collect());
+            let array = Array3::from_shape_vec((1, height, width), pixels);
+            let mismatch = |_| format!("a page of it has {count} pixels, not {}", width * height);
+            array.map(Voxels::from).map_err(mismatch)
+        }};
     }
-
-    fn finish(self, [nx, ny, nz]: [usize; 3]) -> Result<(Voxels, &'static str), String> {
-        macro_rules! array {
-            ($values:expr, $name:expr) => {{
-                let array = Array3::from_shape_vec((nz, ny, nx), $values).map_err(|e| e.to_string())?;
-                Ok((Voxels::from(array), $name))
-            }};
-        }
-        match self.values.ok_or("it has no pages")? {
-            Values::U8(values) => array!(values, "uint8"),
-            Values::I16(values) => array!(values, "int16"),
-            Values::U16(values) => array!(values, "uint16"),
-            Values::F32(values) => array!(values, "float32"),
-            Values::F64(values) => array!(values, "float64"),
+    match page {
+        DecodingResult::U8(pixels) => voxels!(pixels, u8),
+        DecodingResult::U16(pixels) => voxels!(pixels, u16),
+        DecodingResult::I8(pixels) => voxels!(pixels, i16),
+        DecodingResult::I16(pixels) => voxels!(pixels, i16),
+        DecodingResult::F16(pixels) => voxels!(pixels, f32),
+        DecodingResult::F32(pixels) => voxels!(pixels, f32),
+        DecodingResult::F64(pixels) => voxels!(pixels, f64),
+        DecodingResult::U32(pixels) => voxels!(pixels, f64),
+        DecodingResult::I32(pixels) => voxels!(pixels, f64),
+        DecodingResult::U64(_) | DecodingResult::I64(_) => {
+            Err("its pixels are 64-bit integers, which are not supported".into())
         }
     }
 }

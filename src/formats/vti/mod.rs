@@ -1,25 +1,24 @@
 //! VTK XML images, `.vti`: one scalar array of an `ImageData`, of its points or else its cells.
 //!
-//! Places are world mm, RAS+, as they stand: VTK knows no patient, and `.vtk` and `.vtp` are read so, too; a file that says
-//! `SPACE=LPS` among its first bytes has x and y turned about.
+//! Coordinates are taken as RAS+ mm, since VTK defines no anatomical axes; so are those of `.vtk` and `.vtp`. In a file with
+//! `SPACE=LPS` among its first bytes x and y are negated.
 
 mod skeleton;
 
 use self::skeleton::Skeleton;
+use super::assembly::Assembly;
+use super::common::{affine, inexact_integers, numbers, refusal};
 use super::head::Head;
-use super::source::inexact_integers;
-use super::text_header::{affine, numbers};
 use super::text_numbers::TextNumbers;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::input::says_lps;
 use crate::files::loading::{Loading, ReadingStage, Watched};
 use crate::files::memory_budget::refuse_beyond_host;
 use crate::files::vtk_xml::{Coding, array_bytes, kind_of};
 use crate::files::xml;
-use crate::volume::element::{ByteOrder, Element, ReadFailure, data_bytes, read_voxels};
-use crate::volume::{AffineSource, Provenance, Scaling, Volume, Voxels};
+use crate::volume::element::{ReadFailure, grid_bytes, read_voxels};
+use crate::volume::{AffineSource, ByteOrder, Element, Provenance, Scaling, Volume, Voxels};
 use glam::{DMat3, DVec3};
-use ndarray::{Array3, s};
 use roxmltree::{Document, Node};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -28,34 +27,32 @@ use std::path::Path;
 /// File-name endings of the format.
 pub const EXTENSIONS: &[&str] = &["vti"];
 
-/// Places between the ends of pieces, times pieces, that are looked at.
-const MOST_PLACES: usize = 20_000_000;
-/// Nodes of no image's tags are more.
-const NODES_MOST: u32 = 200_000;
-/// Pieces that an image is cut into.
-const PIECES_MOST: usize = 4096;
+/// Largest effort of the test that pieces cover the image.
+const MAX_COVER_TESTS: usize = 20_000_000;
+/// Largest number of XML nodes.
+const MAX_NODES: u32 = 200_000;
 
-/// Whether a file is of this format.
+/// Whether a file is a VTK image.
 pub fn is_vti(head: &Head) -> bool {
-    !head.is_packed() && kind_of(head.bytes()).is_some_and(|kind| kind == "ImageData")
+    !head.is_gzipped() && kind_of(head.bytes()).is_some_and(|kind| kind == "ImageData")
 }
 
-/// Reads the active scalars, or the first ones of one number at each voxel.
+/// Reads the active scalars, or the first scalar array.
 ///
 /// # Errors
 /// The file cannot be read, is no image, holds no scalars, or has fewer numbers than its header claims.
 pub fn read_with(path: &Path, loading: &Loading) -> Result<Volume> {
-    let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
+    let refuse = refusal(path);
     loading.begin(ReadingStage::Reading);
     let open = || File::open(path).map_err(|e| e.to_string());
     let bytes = std::fs::metadata(path).map_err(|e| refuse(e.to_string()))?.len();
-    let skeleton = open().and_then(Skeleton::of).map_err(refuse)?;
-    let document = xml::parse(&skeleton.text, NODES_MOST)
+    let skeleton = open().and_then(Skeleton::new).map_err(&refuse)?;
+    let document = xml::parse(&skeleton.text, MAX_NODES)
         .map_err(|e| refuse(format!("it is no XML file of VTK: {}", e.why)))?;
-    let image = Image::of(&document, &skeleton, bytes).map_err(refuse)?;
+    let image = Image::new(&document, &skeleton, bytes).map_err(&refuse)?;
     let mut warnings = Vec::new();
-    let (pieces, element) = image.pieces(&mut warnings).map_err(refuse)?;
-    let world_from_index = image.placed().map_err(refuse)?;
+    let (pieces, element) = image.pieces(&mut warnings).map_err(&refuse)?;
+    let world_from_index = image.affine().map_err(&refuse)?;
     let open = || open().map(|file| Watched::new(file, bytes, loading));
     let voxels = image.voxels(&pieces, element, open).map_err(refuse)?;
     warnings.extend(inexact_integers(&voxels, element));
@@ -67,14 +64,14 @@ pub fn read_with(path: &Path, loading: &Loading) -> Result<Volume> {
     Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
 }
 
-/// Whether voxels are at points of the grid or between them.
+/// Position of voxels: at the points of the grid or in its cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum At {
     Points,
     Cells,
 }
 
-/// What the tags say.
+/// Image by its tags.
 struct Image<'a, 'input> {
     node: Node<'a, 'input>,
     coding: Coding,
@@ -85,16 +82,16 @@ struct Image<'a, 'input> {
     at: At,
 }
 
-/// A part of the grid and the array that holds it.
+/// Part of the grid and its array.
 struct Piece<'a, 'input> {
-    /// The voxel at which it begins, and how many it has.
+    /// First voxel and number of voxels.
     from: [usize; 3],
     dims: [usize; 3],
     array: Node<'a, 'input>,
 }
 
 impl<'a, 'input> Image<'a, 'input> {
-    fn of(document: &'a Document<'input>, skeleton: &'a Skeleton, file_bytes: u64) -> Result<Self, String> {
+    fn new(document: &'a Document<'input>, skeleton: &'a Skeleton, file_bytes: u64) -> Result<Self, String> {
         let root = document.root_element();
         let node = root.children().find(|node| node.has_tag_name("ImageData"));
         let node = node.filter(|_| root.has_tag_name("VTKFile")).ok_or("it has no ImageData")?;
@@ -108,7 +105,7 @@ impl<'a, 'input> Image<'a, 'input> {
         if self.coding.big_endian { ByteOrder::Big } else { ByteOrder::Little }
     }
 
-    /// Voxels of an extent.
+    /// Voxels along each axis of an extent.
     fn dims(&self, extent: [[i64; 2]; 3]) -> Result<[usize; 3], String> {
         let more = i64::from(self.at == At::Points);
         let dims = extent.map(|[from, to]| to.checked_sub(from).and_then(|n| n.checked_add(more)));
@@ -119,7 +116,7 @@ impl<'a, 'input> Image<'a, 'input> {
         }
     }
 
-    /// The pieces with their arrays, and the type of all of these.
+    /// Pieces with their arrays, and the common type.
     fn pieces(&self, warnings: &mut Vec<String>) -> Result<(Vec<Piece<'a, 'input>>, Element), String> {
         let data = if self.at == At::Points { "PointData" } else { "CellData" };
         let named = self
@@ -130,9 +127,6 @@ impl<'a, 'input> Image<'a, 'input> {
             scalars(self.node, data).filter_map(|n| n.attribute("Name")).collect();
         candidates.dedup();
         let all: Vec<Node> = self.node.children().filter(|node| node.has_tag_name("Piece")).collect();
-        if all.len() > PIECES_MOST {
-            return Err(format!("it has {} pieces; {PIECES_MOST} are read", all.len()));
-        }
         let (mut pieces, mut element) = (Vec::new(), None);
         for node in all {
             let array = match named {
@@ -161,18 +155,18 @@ impl<'a, 'input> Image<'a, 'input> {
                 part[axis][0].checked_sub(self.extent[axis][0]).and_then(|n| usize::try_from(n).ok())
             });
             let [Some(x), Some(y), Some(z)] = from else {
-                return Err("a piece of it lies beside the image".into());
+                return Err("a piece of it is outside the image".into());
             };
             pieces.push(Piece { from: [x, y, z], dims: self.dims(part)?, array });
         }
         if self.at == At::Cells {
-            warnings.push("its values are of cells: each is placed in the middle of its own".into());
+            warnings.push("its values belong to cells: each is placed at the centre of its cell".into());
         }
         Ok((pieces, element.ok_or("it has no pieces")?))
     }
 
     /// World mm from index coordinates.
-    fn placed(&self) -> Result<glam::DAffine3, String> {
+    fn affine(&self) -> Result<glam::DAffine3, String> {
         let read = |name: &str, usual: &str| {
             let text = self.node.attribute(name).unwrap_or(usual);
             numbers(text)
@@ -186,9 +180,9 @@ impl<'a, 'input> Image<'a, 'input> {
         let rows =
             <[f64; 9]>::try_from(read("Direction", "1 0 0 0 1 0 0 0 1")?).map_err(|_| wrong("Direction"))?;
         let axes = DMat3::from_cols_array(&rows).transpose() * DMat3::from_diagonal(spacing);
-        // Indices of VTK count from the image's extent, and cells lie between points.
-        let middle = if self.at == At::Cells { 0.5 } else { 0.0 };
-        let first = DVec3::from_array(self.extent.map(|[from, _]| from as f64 + middle));
+        // Indices of VTK start at the image's extent, and cells are between points.
+        let centre = if self.at == At::Cells { 0.5 } else { 0.0 };
+        let first = DVec3::from_array(self.extent.map(|[from, _]| from as f64 + centre));
         let is_lps = says_lps(self.skeleton.text.as_bytes());
         Ok(affine([axes.x_axis, axes.y_axis, axes.z_axis], origin + axes * first, is_lps))
     }
@@ -200,10 +194,7 @@ impl<'a, 'input> Image<'a, 'input> {
         open: impl Fn() -> Result<R, String>,
     ) -> Result<Voxels, String> {
         let dims = self.dims(self.extent)?;
-        let kept = |dims: [usize; 3]| {
-            dims.iter().try_fold(element.kept_bytes() as u64, |bytes, n| bytes.checked_mul(*n as u64))
-        };
-        refuse_beyond_host(kept(dims))?;
+        refuse_beyond_host(grid_bytes(dims, element.memory_bytes()))?;
         if let [piece] = pieces {
             if piece.dims != dims {
                 return Err("its piece is smaller than the image".into());
@@ -212,17 +203,16 @@ impl<'a, 'input> Image<'a, 'input> {
         }
         let boxes: Vec<_> = pieces.iter().map(|piece| (piece.from, piece.dims)).collect();
         if !cover(&boxes, dims)? {
-            return Err("its pieces leave voxels of the image out".into());
+            return Err("its pieces do not cover the image".into());
         }
-        let mut whole = None;
+        let mut whole = Assembly::new(dims);
         for piece in pieces {
-            let read = self.read(piece, element, open()?)?;
-            put(&mut whole, read, dims, piece.from)?;
+            whole.put(self.read(piece, element, open()?)?, piece.from)?;
         }
-        whole.ok_or_else(|| "it has no pieces".into())
+        whole.finish().ok_or_else(|| "it has no pieces".into())
     }
 
-    /// The voxels of a piece.
+    /// Reads the voxels of a piece.
     fn read<R: Read + Seek>(
         &self,
         piece: &Piece<'_, '_>,
@@ -232,7 +222,8 @@ impl<'a, 'input> Image<'a, 'input> {
         let array = piece.array;
         let name = array.attribute("Name").unwrap_or("?");
         let named = |why: String| format!("array `{name}`: {why}");
-        let bytes = data_bytes(piece.dims, element).ok_or("more voxels than can be counted are claimed")?;
+        let bytes = grid_bytes(piece.dims, element.bytes() as u64)
+            .ok_or("more voxels than can be counted are claimed")?;
         let count = bytes / element.bytes() as u64;
         let [nx, ny, nz] = piece.dims;
         let failed = |failure: ReadFailure| {
@@ -250,7 +241,7 @@ impl<'a, 'input> Image<'a, 'input> {
             let number = array.text().and_then(|number| number.parse::<usize>().ok());
             number.and_then(|number| self.skeleton.arrays.get(number)).copied().ok_or("it has no numbers")
         };
-        let format = array.attribute("format").unwrap_or("not said");
+        let format = array.attribute("format").unwrap_or("not given");
         let (from, length, is_raw) = match (format, self.skeleton.appended) {
             ("ascii" | "binary", _) => {
                 let [from, length] = inside().map_err(|why| named(why.into()))?;
@@ -271,40 +262,40 @@ impl<'a, 'input> Image<'a, 'input> {
         file.seek(SeekFrom::Start(from)).map_err(io_error)?;
         let input = io::BufReader::with_capacity(1 << 16, file.take(length));
         if format == "ascii" {
-            // A number and its blank take two bytes at the least.
+            // A number and its separator take at least two bytes.
             if count > length / 2 + 1 {
                 return Err(named(format!("{count} numbers are claimed in {length} bytes")));
             }
             let mut numbers = TextNumbers::new(input, element, count);
-            return read_voxels(&mut numbers, piece.dims, element, ByteOrder::Little).map_err(failed);
+            return read_voxels(&mut numbers, piece.dims, element, ByteOrder::Little, None).map_err(failed);
         }
-        let check = |said: u64| match said == bytes {
+        let check = |found: u64| match found == bytes {
             true => Ok(()),
             false => {
-                Err(format!("it holds {said} bytes, and {nx}x{ny}x{nz} {} have {bytes}", element.name()))
+                Err(format!("it holds {found} bytes, and {nx}x{ny}x{nz} {} have {bytes}", element.name()))
             }
         };
-        let input = Trimmed { input, begun: is_raw };
+        let input = Trimmed { input, has_started: is_raw };
         let mut stream = array_bytes(input, is_raw, &self.coding, check).map_err(named)?;
-        read_voxels(&mut stream, piece.dims, element, self.byte_order()).map_err(failed)
+        read_voxels(&mut stream, piece.dims, element, self.byte_order(), None).map_err(failed)
     }
 }
 
-/// A text without the blanks before it.
+/// Input without leading blanks.
 struct Trimmed<R> {
     input: R,
-    begun: bool,
+    has_started: bool,
 }
 
 impl<R: Read> Read for Trimmed<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while !self.begun && !buffer.is_empty() {
+        while !self.has_started && !buffer.is_empty() {
             let mut byte = [0];
             if self.input.read(&mut byte)? == 0 {
                 return Ok(0);
             }
             if !byte[0].is_ascii_whitespace() {
-                self.begun = true;
+                self.has_started = true;
                 buffer[0] = byte[0];
                 return Ok(1);
             }
@@ -313,18 +304,18 @@ impl<R: Read> Read for Trimmed<R> {
     }
 }
 
-/// The arrays of a piece, or of all pieces below a node.
+/// Arrays of a piece, or of all pieces below a node.
 fn arrays<'a, 'input>(node: Node<'a, 'input>, data: &str) -> impl Iterator<Item = Node<'a, 'input>> {
     let of: Vec<Node> = node.descendants().filter(|n| n.has_tag_name(data)).collect();
     of.into_iter().flat_map(|n| n.children()).filter(|n| n.has_tag_name("DataArray"))
 }
 
-/// Those of one number at each voxel.
+/// Arrays of one number for each voxel.
 fn scalars<'a, 'input>(node: Node<'a, 'input>, data: &str) -> impl Iterator<Item = Node<'a, 'input>> {
     arrays(node, data).filter(|n| n.attribute("NumberOfComponents").is_none_or(|count| count == "1"))
 }
 
-/// First and last point along x, y and z.
+/// Parses an extent: first and last point along x, y and z.
 fn extent(node: Node<'_, '_>, name: &str) -> Result<[[i64; 2]; 3], String> {
     let text = node.attribute(name).unwrap_or_default();
     let all: Option<Vec<i64>> = text.split_ascii_whitespace().map(|n| n.parse().ok()).collect();
@@ -334,9 +325,9 @@ fn extent(node: Node<'_, '_>, name: &str) -> Result<[[i64; 2]; 3], String> {
     }
 }
 
-/// Whether boxes, each from a voxel on and so many along each axis, leave no voxel of a grid out; they may overlap.
+/// Whether boxes (first voxel and size) cover a grid; they may overlap.
 fn cover(boxes: &[([usize; 3], [usize; 3])], dims: [usize; 3]) -> Result<bool, String> {
-    // Between neighbouring ends of boxes all voxels are in the same ones.
+    // Voxels between neighbouring box ends are in the same boxes.
     let ends: [Vec<usize>; 3] = std::array::from_fn(|a| {
         let of_boxes = boxes.iter().flat_map(|(from, size)| [from[a], from[a].saturating_add(size[a])]);
         let mut ends: Vec<usize> = of_boxes.chain([0]).filter(|end| *end < dims[a]).collect();
@@ -345,43 +336,12 @@ fn cover(boxes: &[([usize; 3], [usize; 3])], dims: [usize; 3]) -> Result<bool, S
         ends
     });
     let places = ends.iter().map(Vec::len).product::<usize>();
-    if places.saturating_mul(boxes.len()) > MOST_PLACES {
-        return Err(format!("its {} pieces are too many to be put together", boxes.len()));
+    if places.saturating_mul(boxes.len()) > MAX_COVER_TESTS {
+        return Err(format!("its {} pieces are too many to combine", boxes.len()));
     }
     let is_in = |at: [usize; 3]| {
         boxes.iter().any(|(from, size)| (0..3).all(|a| at[a] >= from[a] && at[a] - from[a] < size[a]))
     };
     let [x, y, z] = &ends;
     Ok(z.iter().all(|k| y.iter().all(|j| x.iter().all(|i| is_in([*i, *j, *k])))))
-}
-
-/// Puts a piece where it belongs; those before it have made the whole.
-fn put(whole: &mut Option<Voxels>, piece: Voxels, dims: [usize; 3], from: [usize; 3]) -> Result<(), String> {
-    fn place<T: Copy>(whole: &mut Array3<T>, piece: &Array3<T>, [x, y, z]: [usize; 3]) -> Result<(), String> {
-        let (nz, ny, nx) = piece.dim();
-        let fits = whole.dim().0 >= z.saturating_add(nz)
-            && whole.dim().1 >= y.saturating_add(ny)
-            && whole.dim().2 >= x.saturating_add(nx);
-        if !fits {
-            return Err("a piece of it lies beside the image".into());
-        }
-        whole.slice_mut(s![z..z + nz, y..y + ny, x..x + nx]).assign(piece);
-        Ok(())
-    }
-    let [nx, ny, nz] = dims;
-    macro_rules! put {
-        ($kind:ident, $piece:expr) => {{
-            match whole.get_or_insert_with(|| Voxels::$kind(Array3::zeros((nz, ny, nx)))) {
-                Voxels::$kind(whole) => place(whole, &$piece, from),
-                _ => Err("its pieces are of several types".into()),
-            }
-        }};
-    }
-    match piece {
-        Voxels::U8(piece) => put!(U8, piece),
-        Voxels::I16(piece) => put!(I16, piece),
-        Voxels::U16(piece) => put!(U16, piece),
-        Voxels::F32(piece) => put!(F32, piece),
-        Voxels::F64(piece) => put!(F64, piece),
-    }
 }

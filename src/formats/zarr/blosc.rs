@@ -1,43 +1,44 @@
-//! Blosc, the packing that most writers of Zarr choose: blocks of bytes that were shuffled, each packed by itself.
+//! Decoder of Blosc, the usual compression of Zarr: blocks of shuffled bytes, each compressed separately.
 //!
-//! Read here and not by the C library, which the crates wrap: no foreign code sees what a stranger's file holds, and a block is
-//! all that memory is taken for. Source: c-blosc 1.21, `README_CHUNK_FORMAT.rst`, `shuffle-generic.h` and `blosclz.c`.
+//! All crates for Blosc wrap the C library. This decoder is safe on malformed files and needs memory for one block only.
+//! Source: c-blosc 1.21, `README_CHUNK_FORMAT.rst`, `shuffle-generic.h` and `blosclz.c`.
 
-use super::zstd::zstd;
+use super::compression::zstd;
 use std::io::{self, Read, Seek, SeekFrom};
 
 const HEADER_BYTES: u64 = 16;
-/// The library's own blocks are at most 8 MiB, those that a user asks for may be larger.
-const BLOCK_MOST_BYTES: usize = 64 << 20;
-/// Blocks are cut into one part for each byte of an element, where those are not more and the parts not smaller than this.
-const PARTS_MOST: usize = 16;
-const PART_LEAST_BYTES: usize = 128;
+/// Largest block. The library chooses at most 8 MiB, and users may choose more.
+const MAX_BLOCK_BYTES: usize = 64 << 20;
+/// Limits of splitting blocks into one part for each byte of an element: largest number and smallest size of parts.
+const MAX_PARTS: usize = 16;
+const MIN_PART_BYTES: usize = 128;
 
+/// Flags of the header.
 const SHUFFLED: u8 = 1;
-const PLAIN: u8 = 2;
-const BITS_SHUFFLED: u8 = 4;
-const WHOLE_BLOCKS: u8 = 16;
+const UNCOMPRESSED: u8 = 2;
+const BIT_SHUFFLED: u8 = 4;
+const UNSPLIT: u8 = 16;
 
-/// What packs a part of a block.
+/// Codec of the parts of blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Packer {
+enum BlockCodec {
     BloscLz,
     Lz4,
     Zlib,
     Zstd,
 }
 
-/// A stream of blosc that is unpacked block by block, from one place of a file on.
+/// Reader that decompresses a Blosc buffer block by block.
 pub(super) struct BloscReader<R> {
     input: R,
     start: u64,
-    packer: Packer,
+    codec: BlockCodec,
     flags: u8,
     element_bytes: usize,
-    /// What all blocks unpack to, and one that is not the last.
+    /// Decompressed size of all blocks, and of each but the last.
     bytes: usize,
     block_bytes: usize,
-    /// The block that is next, what the present one unpacked to, and how much of that was taken.
+    /// Index of the next block, content of the current one, and how much of it was read.
     next: usize,
     block: Vec<u8>,
     taken: usize,
@@ -52,10 +53,10 @@ fn word(bytes: &[u8], at: usize) -> usize {
 }
 
 impl<R: Read + Seek> BloscReader<R> {
-    /// From where `input` stands; `wanted` bytes are to come out.
+    /// Decodes the buffer at the position of `input` to `wanted` bytes.
     ///
     /// # Errors
-    /// Another number of bytes would, or it is packed in a way that is not read.
+    /// The buffer has another size, or its codec is not supported.
     pub(super) fn new(mut input: R, wanted: u64) -> io::Result<Self> {
         let start = input.stream_position()?;
         let mut header = [0; HEADER_BYTES as usize];
@@ -68,29 +69,28 @@ impl<R: Read + Seek> BloscReader<R> {
         if bytes as u64 != wanted {
             return Err(damaged(&format!("it holds {bytes} bytes, and {wanted} are wanted")));
         }
-        let packer = match flags >> 5 {
-            0 => Packer::BloscLz,
-            1 => Packer::Lz4,
-            2 if flags & PLAIN == 0 => {
-                return Err(damaged("its blocks are packed by snappy, which is not read"));
+        let codec = match flags >> 5 {
+            0 => BlockCodec::BloscLz,
+            1 => BlockCodec::Lz4,
+            2 if flags & UNCOMPRESSED == 0 => {
+                return Err(damaged("its blocks are compressed by snappy, which is not supported"));
             }
-            3 => Packer::Zlib,
-            4 => Packer::Zstd,
-            _ if flags & PLAIN != 0 => Packer::BloscLz,
-            _ => return Err(damaged("its packer is not known")),
+            3 => BlockCodec::Zlib,
+            4 => BlockCodec::Zstd,
+            _ if flags & UNCOMPRESSED != 0 => BlockCodec::BloscLz,
+            _ => return Err(damaged("its codec is not known")),
         };
-        let is_plain = flags & PLAIN != 0;
-        if bytes > 0 && !is_plain && !(1..=BLOCK_MOST_BYTES).contains(&block_bytes) {
+        let is_uncompressed = flags & UNCOMPRESSED != 0;
+        if bytes > 0 && !is_uncompressed && !(1..=MAX_BLOCK_BYTES).contains(&block_bytes) {
             return Err(damaged(&format!("its blocks have {block_bytes} bytes")));
         }
-        // Plain bytes have no blocks of their own.
-        let block_bytes = if is_plain { 1 << 16 } else { block_bytes.min(bytes) };
+        let block_bytes = if is_uncompressed { 1 << 16 } else { block_bytes.min(bytes) };
         let element_bytes = usize::from(element_bytes).max(1);
         let (next, block, taken) = (0, Vec::new(), 0);
-        Ok(Self { input, start, packer, flags, element_bytes, bytes, block_bytes, next, block, taken })
+        Ok(Self { input, start, codec, flags, element_bytes, bytes, block_bytes, next, block, taken })
     }
 
-    /// Unpacks the next block; whether there was one.
+    /// Decompresses the next block; returns whether there was one.
     fn advance(&mut self) -> io::Result<bool> {
         let from = self.next.saturating_mul(self.block_bytes);
         if from >= self.bytes {
@@ -98,36 +98,36 @@ impl<R: Read + Seek> BloscReader<R> {
         }
         let length = self.block_bytes.min(self.bytes - from);
         self.taken = 0;
-        if self.flags & PLAIN != 0 {
+        if self.flags & UNCOMPRESSED != 0 {
             self.block.resize(length, 0);
             self.input.read_exact(&mut self.block).map_err(|_| damaged("it ends early"))?;
         } else {
-            let place = self.start + HEADER_BYTES + 4 * self.next as u64;
-            self.input.seek(SeekFrom::Start(place))?;
+            let index = self.start + HEADER_BYTES + 4 * self.next as u64;
+            self.input.seek(SeekFrom::Start(index))?;
             let mut at = [0; 4];
             self.input.read_exact(&mut at).map_err(|_| damaged("it ends early"))?;
             self.input.seek(SeekFrom::Start(self.start + u64::from(u32::from_le_bytes(at))))?;
-            let packed_block = self.unpack(length)?;
-            self.block = match (self.flags & SHUFFLED != 0, self.flags & BITS_SHUFFLED != 0) {
-                (true, _) if self.element_bytes > 1 => unshuffled(&packed_block, self.element_bytes),
-                (false, true) => bits_unshuffled(&packed_block, self.element_bytes),
-                _ => packed_block,
+            let shuffled = self.decompress(length)?;
+            self.block = match (self.flags & SHUFFLED != 0, self.flags & BIT_SHUFFLED != 0) {
+                (true, _) if self.element_bytes > 1 => unshuffled(&shuffled, self.element_bytes),
+                (false, true) => bits_unshuffled(&shuffled, self.element_bytes),
+                _ => shuffled,
             };
         }
         self.next += 1;
         Ok(true)
     }
 
-    /// The block at which the input stands, as it was before it was packed.
-    fn unpack(&mut self, length: usize) -> io::Result<Vec<u8>> {
-        let splits = self.flags & WHOLE_BLOCKS == 0
-            && self.element_bytes <= PARTS_MOST
-            && length / self.element_bytes >= PART_LEAST_BYTES
+    /// Decompresses the block at the position of the input, still shuffled.
+    fn decompress(&mut self, length: usize) -> io::Result<Vec<u8>> {
+        let splits = self.flags & UNSPLIT == 0
+            && self.element_bytes <= MAX_PARTS
+            && length / self.element_bytes >= MIN_PART_BYTES
             && length == self.block_bytes;
         let parts = if splits { self.element_bytes } else { 1 };
         let part_bytes = length / parts;
         if part_bytes * parts != length {
-            return Err(damaged("its blocks cannot be cut into bytes of elements"));
+            return Err(damaged("its blocks cannot be split into bytes of elements"));
         }
         let mut block = Vec::new();
         let mut packed = Vec::new();
@@ -136,7 +136,7 @@ impl<R: Read + Seek> BloscReader<R> {
             self.input.read_exact(&mut count).map_err(|_| damaged("it ends early"))?;
             let count = u64::from(u32::from_le_bytes(count));
             if count > part_bytes as u64 {
-                return Err(damaged("a block is larger packed than not"));
+                return Err(damaged("a compressed block is larger than its content"));
             }
             packed.clear();
             self.input.by_ref().take(count).read_to_end(&mut packed)?;
@@ -147,10 +147,10 @@ impl<R: Read + Seek> BloscReader<R> {
             if packed.len() == part_bytes {
                 block.extend_from_slice(&packed);
             } else {
-                unpack_part(self.packer, &packed, part_bytes, &mut block)?;
+                decompress_part(self.codec, &packed, part_bytes, &mut block)?;
             }
             if block.len() - before != part_bytes {
-                return Err(damaged("a block unpacks to another number of bytes"));
+                return Err(damaged("a block decompresses to another number of bytes"));
             }
         }
         Ok(block)
@@ -170,33 +170,33 @@ impl<R: Read + Seek> Read for BloscReader<R> {
     }
 }
 
-/// Appends what a part of a block unpacks to, a byte more than `wanted` at the most.
-fn unpack_part(packer: Packer, packed: &[u8], wanted: usize, out: &mut Vec<u8>) -> io::Result<()> {
+/// Appends the decompressed part of a block, at most one byte more than `wanted`.
+fn decompress_part(codec: BlockCodec, packed: &[u8], wanted: usize, out: &mut Vec<u8>) -> io::Result<()> {
     let most = wanted as u64 + 1;
-    match packer {
-        Packer::Zlib => flate2::read::ZlibDecoder::new(packed).take(most).read_to_end(out).map(|_| ()),
-        Packer::Zstd => zstd(packed)?.take(most).read_to_end(out).map(|_| ()),
-        Packer::Lz4 | Packer::BloscLz => {
+    match codec {
+        BlockCodec::Zlib => flate2::read::ZlibDecoder::new(packed).take(most).read_to_end(out).map(|_| ()),
+        BlockCodec::Zstd => zstd(packed)?.take(most).read_to_end(out).map(|_| ()),
+        BlockCodec::Lz4 | BlockCodec::BloscLz => {
             let from = out.len();
             out.resize(from + wanted, 0);
-            let made = match packer {
-                Packer::Lz4 => lz4_flex::block::decompress_into(packed, &mut out[from..]).ok(),
+            let made = match codec {
+                BlockCodec::Lz4 => lz4_flex::block::decompress_into(packed, &mut out[from..]).ok(),
                 _ => blosclz(packed, &mut out[from..]),
             };
-            out.truncate(from + made.ok_or_else(|| damaged("a block cannot be unpacked"))?);
+            out.truncate(from + made.ok_or_else(|| damaged("a block cannot be decompressed"))?);
             Ok(())
         }
     }
 }
 
-/// Unpacks what `blosclz` packed; how many bytes came out, or `None` where that is more than `out` holds or it goes wrong.
+/// Decompresses BloscLZ; returns the number of bytes, or `None` if the data are damaged or more than `out` holds.
 ///
-/// A control byte below 32 is followed by that many bytes and one more; others say how long a match is and how far behind.
+/// A control byte `c` below 32 precedes `c + 1` literal bytes; others encode the length and distance of a match.
 fn blosclz(packed: &[u8], out: &mut [u8]) -> Option<usize> {
     const FAR: usize = 8191;
     let mut input = packed.iter().copied();
     let mut at = 0;
-    // The first control byte has a mark in its high bits.
+    // The high bits of the first control byte are a marker.
     let mut control = usize::from(input.next()? & 31);
     loop {
         if control < 32 {
@@ -217,15 +217,15 @@ fn blosclz(packed: &[u8], out: &mut [u8]) -> Option<usize> {
                 }
             }
             let low = usize::from(input.next()?);
-            let behind = match (high, low) {
+            let distance = match (high, low) {
                 (31, 255) => (usize::from(input.next()?) << 8) + usize::from(input.next()?) + FAR,
                 _ => (high << 8) + low,
             };
-            let from = at.checked_sub(behind + 1)?;
+            let from = at.checked_sub(distance + 1)?;
             let end = at.checked_add(length + 3).filter(|end| *end <= out.len())?;
-            // A match may run into what it makes.
-            for place in 0..end - at {
-                out[at + place] = out[from + place];
+            // A match may overlap its output.
+            for offset in 0..end - at {
+                out[at + offset] = out[from + offset];
             }
             at = end;
         }
@@ -236,7 +236,7 @@ fn blosclz(packed: &[u8], out: &mut [u8]) -> Option<usize> {
     }
 }
 
-/// Elements of bytes that lie apart, all first ones first.
+/// Reverses the byte shuffle, which stores the first bytes of all elements, then the second ones, and so on.
 fn unshuffled(bytes: &[u8], element_bytes: usize) -> Vec<u8> {
     let count = bytes.len() / element_bytes;
     let mut out = bytes.to_vec();
@@ -249,7 +249,7 @@ fn unshuffled(bytes: &[u8], element_bytes: usize) -> Vec<u8> {
     out
 }
 
-/// Elements of bits that lie apart; only whole eights of elements are shuffled.
+/// Reverses the bit shuffle, which applies to multiples of eight elements.
 fn bits_unshuffled(bytes: &[u8], element_bytes: usize) -> Vec<u8> {
     let count = bytes.len() / element_bytes;
     if count == 0 || !count.is_multiple_of(8) {
@@ -271,22 +271,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn matches_of_blosclz_may_run_into_themselves() {
-        // One letter, then nine of it, then two more letters and three from six behind.
+    fn blosclz_matches_may_overlap_their_output() {
+        // One letter, nine copies of it, two more letters, and three from distance six.
         let packed = [0, b'a', 7 << 5, 0, 0, 1, b'b', b'c', 1 << 5, 5];
         let mut out = [0; 32];
         let made = blosclz(&packed, &mut out).unwrap();
         assert_eq!(&out[..made], b"aaaaaaaaaabcaaa");
-        // Too little room, a match before the beginning, a literal that ends early.
+        // Output too small, match before the start, truncated literal.
         assert_eq!(blosclz(&packed, &mut out[..8]), None);
         assert_eq!(blosclz(&[0, b'a', 1 << 5, 9], &mut out), None);
         assert_eq!(blosclz(&[5, b'a'], &mut out), None);
     }
 
     #[test]
-    fn shuffles_come_back() {
+    fn shuffles_are_reversed() {
         assert_eq!(unshuffled(&[1, 2, 3, 11, 12, 13, 99], 2), [1, 11, 2, 12, 3, 13, 99]);
-        // Eight elements of one byte: bit `b` of all of them in byte `b`.
+        // Eight elements of one byte: byte `b` holds bit `b` of all of them.
         let elements = [1u8, 2, 4, 8, 16, 32, 64, 255];
         let lanes: Vec<u8> = (0..8).map(|b| (0..8).map(|e| (elements[e] >> b & 1) << e).sum()).collect();
         assert_eq!(bits_unshuffled(&lanes, 1), elements);

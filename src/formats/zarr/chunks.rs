@@ -1,9 +1,8 @@
-//! The chunks of an array that a volume needs, put where they belong.
+//! Reader of the chunks of an array that a volume needs.
 
 use super::metadata::{Array, Layout, Shards};
-use super::packing::crc32c;
 use crate::files::loading::{Loading, ReadingStage};
-use crate::volume::element::with_element;
+use crate::volume::element::{grid_bytes, with_element};
 use crate::volume::{Voxel, Voxels};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -12,53 +11,51 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Folders of a store within each other, and files in it.
-const DEPTH_MOST: usize = 32;
-const FILES_MOST: u64 = 8_000_000;
+/// Largest folder depth and number of files of a store that are counted.
+const MAX_DEPTH: usize = 32;
+const MAX_FILES: u64 = 8_000_000;
 
-/// A volume may be of this many bytes whatever its files hold; beyond, of so many times the bytes of its files: what no chunk
-/// holds is the fill value, and takes no room in them.
+/// Largest ratio of a volume to the bytes of its files, beyond a small size. Missing chunks have the fill value.
+const MAX_RATIO: u64 = 1 << 14;
 const SMALL_BYTES: u64 = 64 << 20;
-const SPARSE_MOST: u64 = 1 << 14;
-/// Chunks without a file for each one with one, beside a number that a reading need not count.
-const ABSENT_MOST: u64 = 1 << 12;
-/// A chunk is of at most so many bytes, or so many times those of the volume: it may hold other frames, too.
-const LOOSE_CHUNK_BYTES: u64 = 16 << 20;
-const LOOSE_CHUNK_PARTS: u64 = 64;
-/// Numbers read at a time.
+/// Largest ratio of missing chunks to files.
+const MAX_ABSENT: u64 = 1 << 12;
+/// Largest ratio of a chunk to the volume, beyond a small size. A chunk may hold other frames too.
+const MAX_CHUNK_RATIO: u64 = 64;
+const SMALL_CHUNK_BYTES: u64 = 16 << 20;
+/// Numbers that are read at a time.
 const PIECE: usize = 1 << 14;
-/// What an index has for a chunk that there is not.
+/// Index entry of a missing chunk.
 const ABSENT: u64 = u64::MAX;
 
-/// One volume of an array: which axes are those of space, and where on the others it lies.
+/// Volume within an array: its spatial axes and its indices along the others.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Part<'a> {
+pub(super) struct SubVolume<'a> {
     pub(super) array: &'a Array,
-    /// The axis of x, y and z; an array of two has no z.
+    /// Axes of x, y and z; a planar array has no z.
     pub(super) space: [Option<usize>; 3],
-    /// The index along each axis that is none of these; 0 along these.
+    /// Index along each other axis; 0 along the spatial ones.
     pub(super) fixed: Vec<usize>,
 }
 
-impl Part<'_> {
+impl SubVolume<'_> {
     /// Voxels along x, y and z.
     pub(super) fn dims(&self) -> [usize; 3] {
         self.space.map(|axis| axis.map_or(1, |axis| self.array.shape[axis]))
     }
 
-    /// Bytes of the voxels in memory; `None` where they cannot be counted.
-    pub(super) fn kept_bytes(&self) -> Option<u64> {
-        let bytes = self.array.element.kept_bytes() as u64;
-        self.dims().iter().try_fold(bytes, |bytes, n| bytes.checked_mul(*n as u64))
+    /// Bytes of the voxels in memory; `None` on overflow.
+    pub(super) fn memory_bytes(&self) -> Option<u64> {
+        grid_bytes(self.dims(), self.array.element.memory_bytes())
     }
 
-    /// Files along x, y and z.
+    /// Number of files along x, y and z.
     fn files(&self) -> [usize; 3] {
         let sizes = self.array.file_shape();
         self.space.map(|axis| axis.map_or(1, |axis| self.array.shape[axis].div_ceil(sizes[axis])))
     }
 
-    /// The place of a file in the grid of all files.
+    /// Index of a file in the grid of all files.
     fn place(&self, at: [usize; 3]) -> Vec<usize> {
         let mut place: Vec<usize> =
             self.fixed.iter().zip(self.array.file_shape()).map(|(n, size)| n / size).collect();
@@ -70,7 +67,7 @@ impl Part<'_> {
         place
     }
 
-    /// The files that there are, in the order of their places.
+    /// Lists the existing files, in grid order.
     ///
     /// # Errors
     /// The array claims far more than its files can hold.
@@ -82,33 +79,33 @@ impl Part<'_> {
         Ok(files.filter(|file| file.is_file()).collect())
     }
 
-    /// Refuses what the files of the array cannot hold, before memory or time is taken for it.
+    /// Refuses claims that the files of the array cannot hold, before memory or time is spent.
     fn check_claims(&self) -> Result<(), String> {
         let Array { element, layout, .. } = self.array;
         let product = |sizes: &[usize]| {
             sizes.iter().try_fold(element.bytes() as u64, |bytes, n| bytes.checked_mul(*n as u64))
         };
-        let bytes = self.kept_bytes().ok_or("more voxels than can be counted are claimed")?;
+        let bytes = self.memory_bytes().ok_or("more voxels than can be counted are claimed")?;
         let chunk = product(&layout.shape).zip(product(self.array.file_shape())).map(|(chunk, _)| chunk);
-        let most_chunk = bytes.saturating_mul(LOOSE_CHUNK_PARTS).max(LOOSE_CHUNK_BYTES);
+        let most_chunk = bytes.saturating_mul(MAX_CHUNK_RATIO).max(SMALL_CHUNK_BYTES);
         if chunk.is_none_or(|chunk| chunk > most_chunk) {
-            return Err("its chunks are far larger than what they are parts of".into());
+            return Err("its chunks are far larger than the volume".into());
         }
-        let mut held = Held::default();
-        held.count(&self.array.folder, DEPTH_MOST).map_err(|e| e.to_string())?;
+        let mut found = StoredFiles::default();
+        found.count(&self.array.folder, MAX_DEPTH).map_err(|e| e.to_string())?;
         let files = self.files().iter().fold(1u64, |files, n| files.saturating_mul(*n as u64));
-        let most = held.bytes.saturating_mul(SPARSE_MOST).max(SMALL_BYTES);
-        let most_files = held.files.saturating_add(1).saturating_mul(ABSENT_MOST);
+        let most = found.bytes.saturating_mul(MAX_RATIO).max(SMALL_BYTES);
+        let most_files = found.files.saturating_add(1).saturating_mul(MAX_ABSENT);
         if bytes > most || files > most_files {
-            let Held { files: found, bytes: held } = held;
+            let StoredFiles { files: found_files, bytes: found_bytes } = found;
             return Err(format!(
-                "{bytes} bytes in {files} files are claimed, and there are {held} in {found}"
+                "{bytes} bytes in {files} files are claimed, and there are {found_bytes} in {found_files}"
             ));
         }
         Ok(())
     }
 
-    /// The voxels.
+    /// Reads the voxels.
     ///
     /// # Errors
     /// A chunk cannot be read, or the array claims far more than its files can hold.
@@ -127,7 +124,7 @@ impl Part<'_> {
         let [nx, ny, nz] = self.dims();
         let mut all: Vec<T> = Vec::new();
         all.try_reserve_exact(nx * ny * nz).map_err(|_| "not enough memory for the voxels")?;
-        all.resize(nx * ny * nz, T::of_f64(fill));
+        all.resize(nx * ny * nz, T::from_f64(fill));
         let depth = self.space[2].map_or(1, |axis| self.array.file_shape()[axis]).min(nz);
         let [across, down, files_deep] = self.files();
         let pieces = loading.pieces(ReadingStage::Unpacking, across * down * files_deep);
@@ -151,7 +148,7 @@ impl Part<'_> {
         Array3::from_shape_vec((nz, ny, nx), all).map_err(|e| e.to_string())
     }
 
-    /// Reads the file at a place of the grid of files, where there is one.
+    /// Reads the file at an index of the grid of files, if it exists.
     fn read_file<T: Copy, const N: usize>(
         &self,
         path: &Path,
@@ -162,7 +159,7 @@ impl Part<'_> {
         match std::fs::metadata(path) {
             Ok(about) if about.is_file() => {}
             Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(e),
-            // What has no file is of the fill value.
+            // Voxels without a file have the fill value.
             _ => return Ok(()),
         }
         let open = || File::open(path);
@@ -194,7 +191,7 @@ impl Part<'_> {
         Ok(())
     }
 
-    /// Whether a chunk that begins there has voxels of the volume.
+    /// Whether the chunk at `corner` holds voxels of the volume.
     fn wants(&self, corner: &[usize]) -> bool {
         let array = self.array;
         corner.iter().enumerate().all(|(axis, &from)| {
@@ -207,7 +204,7 @@ impl Part<'_> {
         })
     }
 
-    /// Reads the chunk that begins at `origin` of the array from a span of a file.
+    /// Reads the chunk at `origin` of the array from a span of a file.
     fn read_chunk<T: Copy, const N: usize>(
         &self,
         file: File,
@@ -218,11 +215,11 @@ impl Part<'_> {
     ) -> io::Result<()> {
         let layout = &self.array.layout;
         let bytes = layout.shape.iter().fold(N as u64, |bytes, n| bytes * *n as u64);
-        if layout.packing.plain_bytes(bytes).is_some_and(|plain| plain != span[1]) {
+        if layout.compression.uncompressed_bytes(bytes).is_some_and(|expected| expected != span[1]) {
             return Err(bad(format!("it has {} bytes, and its numbers {bytes}", span[1])));
         }
-        let mut stream = layout.packing.unpacked(file, span, bytes)?;
-        // Where the numbers of a row of the file go, if anywhere: those of `within`, from `to` on, `stride` apart.
+        let mut stream = layout.compression.decoder(file, span, bytes)?;
+        // The numbers `within` each row of the file go to `to` and on, `stride` apart.
         let (&inner, outer) = layout.axes.split_last().ok_or_else(|| bad("it has no axes"))?;
         let length = layout.shape[inner];
         let within = self.along(inner, origin[inner], length);
@@ -253,7 +250,7 @@ impl Part<'_> {
                     slab.out[to + (n - within.start) * stride] = convert(numbers[n - from]);
                 }
             }
-            // The next row: the last of the outer axes counts first.
+            // Advance to the next row; the last outer axis runs fastest.
             for (n, axis) in at.iter_mut().zip(outer).rev() {
                 *n += 1;
                 if *n < layout.shape[*axis] {
@@ -268,7 +265,7 @@ impl Part<'_> {
         }
     }
 
-    /// Which numbers along an axis of a chunk that begins at `origin` are of the volume.
+    /// Range of numbers of the volume along an axis of a chunk at `origin`.
     fn along(&self, axis: usize, origin: usize, length: usize) -> Range<usize> {
         match self.space.contains(&Some(axis)) {
             true => 0..length.min(self.array.shape[axis].saturating_sub(origin)),
@@ -283,7 +280,7 @@ impl Part<'_> {
         self.space.iter().position(|of| *of == Some(axis)).map_or(0, |along| slab.strides[along])
     }
 
-    /// How far into a slab an index along an axis lies; `None` where the slab does not reach.
+    /// Offset in a slab of an index along an axis; `None` outside the slab.
     fn offset<T>(&self, axis: usize, index: usize, slab: &Slab<'_, T>) -> Option<usize> {
         let along = self.space.iter().position(|of| *of == Some(axis));
         let index = if along == Some(2) { index.checked_sub(slab.from)? } else { index };
@@ -291,7 +288,7 @@ impl Part<'_> {
     }
 }
 
-/// Slices of the volume from one on.
+/// Consecutive slices of the volume.
 struct Slab<'a, T> {
     out: &'a mut [T],
     from: usize,
@@ -302,31 +299,32 @@ fn bad(why: impl ToString) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, why.to_string())
 }
 
-/// Where each chunk of a shard lies: offset and bytes.
+/// Reads the index of a shard: offset and bytes of each chunk.
 fn index(file: &mut File, file_bytes: u64, shards: &Shards, layout: &Layout) -> io::Result<Vec<[u64; 2]>> {
     let parts = shards.shape.iter().zip(&layout.shape);
     let count = parts.fold(1, |n, (shard, chunk)| n * (shard / chunk));
-    let (bytes, checksum) = (16 * count as u64, if shards.index_has_checksum { 4 } else { 0 });
-    let from = file_bytes.checked_sub(bytes + checksum).ok_or_else(|| bad("it ends within its index"))?;
+    let (bytes, checksum_bytes) = (16 * count as u64, if shards.index_has_checksum { 4 } else { 0 });
+    let from =
+        file_bytes.checked_sub(bytes + checksum_bytes).ok_or_else(|| bad("it ends within its index"))?;
     file.seek(SeekFrom::Start(if shards.index_is_first { 0 } else { from }))?;
-    let mut all = vec![0; (bytes + checksum) as usize];
+    let mut all = vec![0; (bytes + checksum_bytes) as usize];
     file.read_exact(&mut all)?;
-    let (index, said) = all.split_at(bytes as usize);
-    if shards.index_has_checksum && crc32c(&mut &index[..])?.to_le_bytes() != *said {
-        return Err(bad("its index is damaged: its checksum is another"));
+    let (index, checksum) = all.split_at(bytes as usize);
+    if shards.index_has_checksum && crc32c::crc32c(index).to_le_bytes() != *checksum {
+        return Err(bad("its index is damaged: its checksum differs"));
     }
     let words = index.as_chunks::<8>().0.as_chunks::<2>().0;
     Ok(words.iter().map(|pair| pair.map(u64::from_le_bytes)).collect())
 }
 
-/// What there is below a folder.
+/// Number and size of the files below a folder.
 #[derive(Debug, Default)]
-struct Held {
+struct StoredFiles {
     files: u64,
     bytes: u64,
 }
 
-impl Held {
+impl StoredFiles {
     fn count(&mut self, folder: &Path, depth: usize) -> io::Result<()> {
         for entry in std::fs::read_dir(folder)? {
             let entry = entry?;
@@ -334,7 +332,7 @@ impl Held {
                 if depth > 0 {
                     self.count(&entry.path(), depth - 1)?;
                 }
-            } else if self.files < FILES_MOST {
+            } else if self.files < MAX_FILES {
                 self.files += 1;
                 self.bytes += std::fs::metadata(entry.path()).map_or(0, |about| about.len());
             }

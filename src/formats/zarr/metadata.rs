@@ -1,28 +1,29 @@
-//! What Zarr says of one array, in versions 2 and 3: its grid, its chunks and how they are written.
+//! Metadata of a Zarr array, versions 2 and 3: its grid and the layout of its chunks.
 //!
-//! Read here and not by the crate `zarrs`: that one unpacks gzip and zstd to whatever length they claim, takes the memory of
-//! a chunk before it is there, and reads blosc by five libraries of C and C++. Source: "Zarr core specification" 2 and 3.1,
+//! The crate `zarrs` is not used: it decompresses to any claimed length, allocates chunks before they are read, and needs
+//! libraries in C and C++ for Blosc. Source: "Zarr core specification" 2 and 3.1,
 //! and the specifications of its codecs.
 
-use super::packing::Packing;
-use crate::volume::element::{ByteOrder, Element};
+use super::compression::Compression;
+use crate::volume::{ByteOrder, Element};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// JSON longer than this is no array's or group's.
-const JSON_MOST_BYTES: u64 = 4 << 20;
-const AXES_MOST: usize = 16;
-/// Chunks of a shard, each of which has 16 bytes in its index.
-const OF_SHARD_MOST: usize = 1 << 20;
+/// Largest size of a metadata file.
+const MAX_JSON_BYTES: u64 = 4 << 20;
+/// Largest number of axes.
+const MAX_AXES: usize = 16;
+/// Largest number of chunks in a shard.
+const MAX_SHARD_CHUNKS: usize = 1 << 20;
 
-/// The JSON of a file beside an array or group; `None` where there is no such file.
+/// Reads a metadata file of an array or group, if it exists.
 ///
 /// # Errors
 /// The file cannot be read, or is no JSON.
 pub(super) fn json(path: &Path) -> Result<Option<Value>, String> {
     let named = |why: String| format!("{}: {why}", path.file_name().unwrap_or_default().to_string_lossy());
     match std::fs::metadata(path) {
-        Ok(about) if about.is_file() && about.len() > JSON_MOST_BYTES => {
+        Ok(about) if about.is_file() && about.len() > MAX_JSON_BYTES => {
             Err(named(format!("it has {} bytes of metadata", about.len())))
         }
         Ok(about) if about.is_file() => {
@@ -33,75 +34,75 @@ pub(super) fn json(path: &Path) -> Result<Option<Value>, String> {
     }
 }
 
-/// Whole numbers.
+/// Parses a list of sizes.
 fn sizes(value: Option<&Value>) -> Option<Vec<usize>> {
     let numbers = value?.as_array()?.iter().map(|n| usize::try_from(n.as_u64()?).ok());
     numbers.collect()
 }
 
-/// How the numbers of a chunk, or of a part of a shard, lie in its file.
+/// Layout of the numbers of a chunk in its file or shard.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
-    /// Along the array's axes.
+    /// Size along the array's axes.
     pub(super) shape: Vec<usize>,
-    /// The array's axis that each axis of the file is; the last one runs fastest.
+    /// Axis of the array for each axis of the file; the last one runs fastest.
     pub(super) axes: Vec<usize>,
     pub(super) byte_order: ByteOrder,
-    pub(super) packing: Packing,
+    pub(super) compression: Compression,
 }
 
-/// A chunk that is cut into chunks, with an index of them.
+/// Shards: files of several chunks with an index.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shards {
-    /// Along the array's axes.
+    /// Size along the array's axes.
     pub(super) shape: Vec<usize>,
     pub(super) index_is_first: bool,
     pub(super) index_has_checksum: bool,
 }
 
-/// An array.
+/// Zarr array.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Array {
     pub(super) folder: PathBuf,
     pub(super) shape: Vec<usize>,
     pub(super) element: Element,
-    /// The value of what no chunk holds.
+    /// Value of voxels that no chunk holds.
     pub(super) fill: f64,
-    /// Of the chunks that are read: those of shards, where there are any.
+    /// Layout of chunks, which may be in shards.
     pub(super) layout: Layout,
     pub(super) shards: Option<Shards>,
-    /// Between the numbers of a chunk's name, and what stands before them.
+    /// Separator of the numbers in the name of a chunk, and the text before them.
     separator: char,
     prefix: Option<&'static str>,
 }
 
 impl Array {
-    /// The array in a folder; `None` where there is none.
+    /// Reads the array in a folder, if there is one.
     ///
     /// # Errors
-    /// Why it cannot be read, in words.
-    pub(super) fn of(folder: &Path) -> Result<Option<Self>, String> {
+    /// The array is not supported.
+    pub(super) fn open(folder: &Path) -> Result<Option<Self>, String> {
         if let Some(metadata) = json(&folder.join("zarr.json"))? {
             let is_array = metadata.get("node_type").and_then(Value::as_str) == Some("array");
-            return is_array.then(|| Self::of_v3(folder, &metadata)).transpose();
+            return is_array.then(|| Self::from_v3(folder, &metadata)).transpose();
         }
         let metadata = json(&folder.join(".zarray"))?;
-        metadata.map(|metadata| Self::of_v2(folder, &metadata)).transpose()
+        metadata.map(|metadata| Self::from_v2(folder, &metadata)).transpose()
     }
 
-    fn of_v2(folder: &Path, metadata: &Value) -> Result<Self, String> {
+    fn from_v2(folder: &Path, metadata: &Value) -> Result<Self, String> {
         let text = |key: &str| metadata.get(key).and_then(Value::as_str);
         let (shape, chunks) = (sizes(metadata.get("shape")), sizes(metadata.get("chunks")));
         let (shape, chunks) = (shape.ok_or("it has no shape")?, chunks.ok_or("it has no chunks")?);
         let dtype = text("dtype").ok_or("its elements are records; numbers are needed")?;
-        let (element, byte_order) = Element::of_numpy(dtype).ok_or_else(|| {
-            format!("its elements are `{dtype}`; integers and 32- or 64-bit floats are read")
+        let (element, byte_order) = Element::from_numpy(dtype).ok_or_else(|| {
+            format!("its elements are `{dtype}`; integers and 32- or 64-bit floats are supported")
         })?;
         let axes = match text("order") {
             Some("F") => (0..shape.len()).rev().collect(),
             _ => (0..shape.len()).collect(),
         };
-        let layout = Layout { shape: chunks, axes, byte_order, packing: Packing::of_v2(metadata)? };
+        let layout = Layout { shape: chunks, axes, byte_order, compression: Compression::from_v2(metadata)? };
         let separator = if text("dimension_separator") == Some("/") { '/' } else { '.' };
         Self {
             folder: folder.into(),
@@ -116,23 +117,23 @@ impl Array {
         .checked()
     }
 
-    fn of_v3(folder: &Path, metadata: &Value) -> Result<Self, String> {
+    fn from_v3(folder: &Path, metadata: &Value) -> Result<Self, String> {
         let shape = sizes(metadata.get("shape")).ok_or("it has no shape")?;
         let kind = metadata.get("data_type").and_then(Value::as_str).unwrap_or("?");
         let element = if kind == "bool" { Some(Element::U8) } else { Element::from_name(kind) };
         let element = element.ok_or_else(|| {
-            format!("its elements are `{kind}`; integers and 32- or 64-bit floats are read")
+            format!("its elements are `{kind}`; integers and 32- or 64-bit floats are supported")
         })?;
-        let grid = Named::of(metadata.get("chunk_grid"))?;
+        let grid = Extension::new(metadata.get("chunk_grid"))?;
         if grid.name != "regular" {
-            return Err(format!("its grid of chunks is `{}`, which is not read", grid.name));
+            return Err(format!("its grid of chunks is `{}`, which is not supported", grid.name));
         }
         let chunks = sizes(grid.get("chunk_shape")).ok_or("it has no chunks")?;
-        let keys = Named::of(metadata.get("chunk_key_encoding"))?;
+        let keys = Extension::new(metadata.get("chunk_key_encoding"))?;
         let (prefix, usual) = match keys.name {
             "default" => (Some("c"), '/'),
             "v2" => (None, '.'),
-            other => return Err(format!("its chunks are named as `{other}`, which is not read")),
+            other => return Err(format!("its chunks are named as `{other}`, which is not supported")),
         };
         let separator = match keys.get("separator").and_then(Value::as_str) {
             Some("/") => '/',
@@ -144,20 +145,20 @@ impl Array {
         Self { folder: folder.into(), shape, element, fill, layout, shards, separator, prefix }.checked()
     }
 
-    /// Refuses what does not hold together.
+    /// Refuses inconsistent metadata.
     fn checked(self) -> Result<Self, String> {
         let axes = self.shape.len();
         let outer = self.file_shape();
-        if !(2..=AXES_MOST).contains(&axes) || outer.len() != axes || self.layout.shape.len() != axes {
+        if !(2..=MAX_AXES).contains(&axes) || outer.len() != axes || self.layout.shape.len() != axes {
             return Err(format!("it has {axes} axes, and its chunks {}", outer.len()));
         }
         if self.shape.iter().chain(outer).chain(&self.layout.shape).any(|n| *n == 0) {
             return Err("a size of it, or of its chunks, is 0".into());
         }
-        let mut seen = self.layout.axes.clone();
-        seen.sort_unstable();
-        if !seen.into_iter().eq(0..axes) {
-            return Err("the order of its axes is none (transpose)".into());
+        let mut axes_found = self.layout.axes.clone();
+        axes_found.sort_unstable();
+        if !axes_found.into_iter().eq(0..axes) {
+            return Err("the order of its axes is invalid (transpose)".into());
         }
         if let Some(shards) = &self.shards {
             let parts = shards.shape.iter().zip(&self.layout.shape);
@@ -165,33 +166,33 @@ impl Array {
                 return Err("its shards are not cut into whole chunks".into());
             }
             let count = parts.fold(1usize, |n, (shard, chunk)| n.saturating_mul(shard / chunk));
-            if count > OF_SHARD_MOST {
-                return Err(format!("its shards hold {count} chunks; {OF_SHARD_MOST} are read"));
+            if count > MAX_SHARD_CHUNKS {
+                return Err(format!("its shards hold {count} chunks; {MAX_SHARD_CHUNKS} are supported"));
             }
         }
         Ok(self)
     }
 
-    /// What one file holds, along the array's axes.
+    /// Size of one file along the array's axes.
     pub(super) fn file_shape(&self) -> &[usize] {
         self.shards.as_ref().map_or(&self.layout.shape, |shards| &shards.shape)
     }
 
-    /// The file of the chunk or shard at this place of their grid.
+    /// File of the chunk or shard at an index of their grid.
     pub(super) fn file_of(&self, place: &[usize]) -> PathBuf {
         let numbers = place.iter().map(ToString::to_string);
         let parts: Vec<String> = self.prefix.map(String::from).into_iter().chain(numbers).collect();
         self.folder.join(parts.join(&self.separator.to_string()))
     }
 
-    /// The files that say what it is.
+    /// Metadata files of the array.
     pub(super) fn metadata_files(&self) -> Vec<PathBuf> {
         let all = ["zarr.json", ".zarray"].map(|name| self.folder.join(name));
         all.into_iter().filter(|file| file.is_file()).collect()
     }
 }
 
-/// The value of what no chunk holds.
+/// Reads the fill value.
 fn fill(metadata: &Value, element: Element) -> Result<f64, String> {
     let refuse = |value: &Value| {
         let short: String = value.to_string().chars().take(40).collect();
@@ -211,44 +212,45 @@ fn fill(metadata: &Value, element: Element) -> Result<f64, String> {
     }
 }
 
-/// A thing of version 3 with a name and what is set of it.
-struct Named<'a> {
+/// Extension point of version 3: a name and its configuration.
+struct Extension<'a> {
     name: &'a str,
-    set: Option<&'a Value>,
+    configuration: Option<&'a Value>,
 }
 
-impl<'a> Named<'a> {
-    fn of(value: Option<&'a Value>) -> Result<Self, String> {
-        let value = value.ok_or("its zarr.json lacks what every array has")?;
+impl<'a> Extension<'a> {
+    fn new(value: Option<&'a Value>) -> Result<Self, String> {
+        let value = value.ok_or("its zarr.json lacks a required entry")?;
         let name = value.as_str().or_else(|| value.get("name")?.as_str());
-        let name = name.ok_or("something in its zarr.json has no name")?;
-        Ok(Self { name, set: value.get("configuration") })
+        let name = name.ok_or("an entry of its zarr.json has no name")?;
+        Ok(Self { name, configuration: value.get("configuration") })
     }
 
     fn get(&self, key: &str) -> Option<&'a Value> {
-        self.set?.get(key)
+        self.configuration?.get(key)
     }
 }
 
-/// How chunks of this shape are written, and whether they are shards, which `may_be_shards` says they may be.
+/// Reads the codecs of chunks of this shape, and of shards if `may_be_shards`.
 fn codecs(
     list: Option<&Value>,
     shape: Vec<usize>,
     may_be_shards: bool,
 ) -> Result<(Layout, Option<Shards>), String> {
     let axes = (0..shape.len()).collect();
-    let mut layout = Layout { shape, axes, byte_order: ByteOrder::Little, packing: Packing::default() };
+    let mut layout =
+        Layout { shape, axes, byte_order: ByteOrder::Little, compression: Compression::default() };
     let mut shards = None;
     let list = list.and_then(Value::as_array).ok_or("it has no codecs")?;
     for codec in list {
-        let codec = Named::of(Some(codec))?;
+        let codec = Extension::new(Some(codec))?;
         match codec.name {
             "transpose" => {
                 let order = codec.get("order");
                 layout.axes = match order.and_then(Value::as_str) {
                     Some("F") => (0..layout.shape.len()).rev().collect(),
                     Some(_) => layout.axes,
-                    None => sizes(order).ok_or("the order of its axes is none (transpose)")?,
+                    None => sizes(order).ok_or("the order of its axes is invalid (transpose)")?,
                 };
             }
             "bytes" | "endian" => {
@@ -257,7 +259,7 @@ fn codecs(
             }
             "sharding_indexed" if may_be_shards && shards.is_none() => {
                 if !layout.axes.iter().copied().eq(0..layout.shape.len()) {
-                    return Err("its shards are transposed as a whole, which is not read".into());
+                    return Err("its shards are transposed as a whole, which is not supported".into());
                 }
                 let inner = sizes(codec.get("chunk_shape")).ok_or("its shards have no chunks")?;
                 shards = Some(Shards {
@@ -267,24 +269,28 @@ fn codecs(
                 });
                 layout = codecs(codec.get("codecs"), inner, false)?.0;
             }
-            "sharding_indexed" => return Err("its shards lie within shards, which is not read".into()),
-            _ if shards.is_some() => return Err("its shards are packed as a whole, which is not read".into()),
-            packer => layout.packing.push(packer)?,
+            "sharding_indexed" => return Err("its shards are nested, which is not supported".into()),
+            _ if shards.is_some() => {
+                return Err("its shards are compressed as a whole, which is not supported".into());
+            }
+            codec => layout.compression.push(codec)?,
         }
     }
     Ok((layout, shards))
 }
 
-/// Whether a shard's index has a checksum; plain numbers, lowest byte first, are what every writer makes of it.
+/// Whether a shard's index has a checksum; its numbers must be uncompressed and little-endian.
 fn index_has_checksum(list: Option<&Value>) -> Result<bool, String> {
     let mut has_checksum = false;
     for codec in list.and_then(Value::as_array).into_iter().flatten() {
-        let codec = Named::of(Some(codec))?;
+        let codec = Extension::new(Some(codec))?;
         match (codec.name, codec.get("endian").and_then(Value::as_str)) {
             ("bytes", Some("little") | None) => {}
             ("crc32c", _) => has_checksum = true,
             (other, _) => {
-                return Err(format!("the index of its shards is written by `{other}`, which is not read"));
+                return Err(format!(
+                    "the index of its shards is written by `{other}`, which is not supported"
+                ));
             }
         }
     }

@@ -1,84 +1,79 @@
-//! OME-Zarr: a folder of chunks, NGFF 0.4 beside Zarr 2 and 0.5 within Zarr 3; and plain arrays of Zarr.
+//! OME-Zarr stores: folders of chunks (NGFF 0.4 in Zarr 2 and 0.5 in Zarr 3), and single arrays.
 //!
-//! Of the sizes in which an image is there (levels, 0 the finest) the finest is read that the host and a device can hold.
-//! Axes called x, y and z place the volume, by scale and translation; along all others lie frames, the last axis fastest: a
-//! file of times and channels has the channels of the first time first. NGFF knows no patient: x, y and z are taken as they
-//! stand, RAS+.
+//! Of the resolution levels (0 is the finest), the finest that the host and a device can hold is read. The axes x, y and z
+//! place the volume by scale and translation; all other axes hold frames, the last axis fastest. NGFF defines no anatomical
+//! axes, so x, y and z are taken as RAS+.
 
 mod blosc;
 mod chunks;
+mod compression;
 mod metadata;
 mod multiscales;
-mod packing;
-mod zstd;
 
-use self::chunks::Part;
+use self::chunks::SubVolume;
 use self::metadata::Array;
 use self::multiscales::{Axis, Group, Image, Level};
-use super::beside::beside;
-use super::frames::picked;
+use super::common::{frame_warning, inexact_integers, refusal, sibling};
 use super::head::Head;
-use super::source::inexact_integers;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::files::memory_budget::{host_bytes, refuse_beyond_host};
 use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::{DAffine3, DMat3, DVec3};
 use std::path::{Path, PathBuf};
 
-/// Ending of such folders.
+/// Ending of folders of the format.
 pub const EXTENSIONS: &[&str] = &["zarr"];
 
-/// Files that say what a folder holds.
-const MARKS: [&str; 4] = ["zarr.json", ".zattrs", ".zgroup", ".zarray"];
-/// The longest side of a 3-D texture that every device holds.
-const SIDE_MOST: usize = 2048;
-/// Of the host's memory, a level that is chosen for a user takes at most one part in so many: of all of it and not of what is
-/// free, so that the same level is chosen again.
-const OF_HOST: u64 = 4;
+/// Metadata files of a folder.
+const METADATA_FILES: [&str; 4] = ["zarr.json", ".zattrs", ".zgroup", ".zarray"];
+/// Largest side of a 3-D texture that every device supports.
+const MAX_SIDE: usize = 2048;
+/// Inverse share of host memory for the default level. All memory counts, not the free part, so the choice is reproducible.
+const HOST_SHARE: u64 = 4;
 
-/// Whether a folder holds Zarr, or a file says what the folder around it holds.
+/// Whether a folder is a Zarr store, or a file is the metadata of one.
 pub fn is_zarr(head: &Head) -> bool {
     match head.is_folder() {
-        true => MARKS.iter().any(|mark| head.path().join(mark).is_file()),
-        false => is_mark(head.path()),
+        true => METADATA_FILES.iter().any(|name| head.path().join(name).is_file()),
+        false => is_metadata(head.path()),
     }
 }
 
-fn is_mark(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| MARKS.iter().any(|mark| name == *mark))
+fn is_metadata(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| METADATA_FILES.iter().any(|known| name == *known))
 }
 
-/// What of a store is to be read.
+/// Part of a store to read.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Choice {
-    /// 0 is the finest; the finest that fits where it is `None`.
+    /// Level, 0 being the finest; `None` for the finest that fits.
     pub level: Option<usize>,
-    /// Which of the volumes along axes that are none of space.
+    /// Index of the volume along the axes that are not spatial.
     pub frame: usize,
-    /// To win over what the file says, mm.
+    /// Voxel size in mm that overrides the file's.
     pub spacing_mm: Option<[f64; 3]>,
 }
 
 /// Reads one frame of one level.
 ///
 /// # Errors
-/// It cannot be read, is no image, or claims more than its files or the host can hold.
+/// The store cannot be read, is no image, or claims more than its files or the host can hold.
 pub fn read_with(path: &Path, choice: Choice, loading: &Loading) -> Result<Volume> {
-    let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
-    let store = Store::of(path).map_err(refuse)?;
+    let refuse = refusal(path);
+    let store = Store::open(path).map_err(&refuse)?;
     let mut warnings = store.notes.clone();
     let chosen = store.choose(choice, &mut warnings)?;
     let (world_from_index, affine_source) =
-        chosen.placed(choice.spacing_mm, &mut warnings).map_err(refuse)?;
-    let frames = chosen.frames().map_err(refuse)?;
-    warnings.extend(picked(path, choice.frame, frames)?);
-    let part = chosen.part(choice.frame);
-    refuse_beyond_host(part.kept_bytes()).map_err(|why| {
-        let coarser = "--level picks a coarser one";
+        chosen.affine(choice.spacing_mm, &mut warnings).map_err(&refuse)?;
+    let frames = chosen.frames().map_err(&refuse)?;
+    warnings.extend(frame_warning(path, choice.frame, frames)?);
+    let part = chosen.sub_volume(choice.frame);
+    refuse_beyond_host(part.memory_bytes()).map_err(|why| {
+        let coarser = "--level selects a coarser level";
         if store.levels.len() > 1 { refuse(why).hint(coarser) } else { refuse(why) }
     })?;
-    let voxels = part.read(loading).map_err(refuse)?;
+    let voxels = part.read(loading).map_err(&refuse)?;
     warnings.extend(inexact_integers(&voxels, chosen.array.element));
     let stored_type = chosen.array.element.describe(chosen.array.layout.byte_order);
     let provenance = Provenance {
@@ -91,27 +86,27 @@ pub fn read_with(path: &Path, choice: Choice, loading: &Loading) -> Result<Volum
     Volume::new_with(voxels, Scaling::IDENTITY, world_from_index, provenance, loading)
 }
 
-/// The files of one frame of one level: what says how to read it, and the chunks.
+/// Lists the files of one frame of one level: metadata and chunks.
 ///
 /// # Errors
-/// As [`read_with`].
+/// See [`read_with`].
 pub fn files_of(path: &Path, choice: Choice) -> Result<Vec<PathBuf>> {
-    let refuse = |why: String| Error::input("cannot read volume", path.display(), why);
-    let store = Store::of(path).map_err(refuse)?;
+    let refuse = refusal(path);
+    let store = Store::open(path).map_err(&refuse)?;
     let chosen = store.choose(choice, &mut Vec::new())?;
-    let marks = MARKS.iter().map(|mark| store.folder.join(mark)).filter(|mark| mark.is_file());
-    let mut files: Vec<PathBuf> = marks.chain(chosen.array.metadata_files()).collect();
+    let metadata = METADATA_FILES.iter().map(|name| store.folder.join(name)).filter(|file| file.is_file());
+    let mut files: Vec<PathBuf> = metadata.chain(chosen.array.metadata_files()).collect();
     files.sort();
     files.dedup();
-    files.extend(chosen.part(choice.frame).present().map_err(refuse)?);
+    files.extend(chosen.sub_volume(choice.frame).present().map_err(&refuse)?);
     Ok(files)
 }
 
-/// An image with its arrays, or an array alone.
+/// Image with its arrays, or a single array.
 struct Store {
-    /// What a user named.
+    /// Path by the user.
     source: PathBuf,
-    /// Where the image itself is.
+    /// Folder of the image.
     folder: PathBuf,
     axes: Vec<Axis>,
     levels: Vec<(Level, Array)>,
@@ -119,29 +114,29 @@ struct Store {
 }
 
 impl Store {
-    fn of(path: &Path) -> Result<Self, String> {
+    fn open(path: &Path) -> Result<Self, String> {
         let around = || path.parent().unwrap_or(Path::new("")).to_path_buf();
-        let mut folder = if is_mark(path) && !path.is_dir() { around() } else { path.to_path_buf() };
+        let mut folder = if is_metadata(path) && !path.is_dir() { around() } else { path.to_path_buf() };
         let mut notes = Vec::new();
-        if let Some(array) = Array::of(&folder)? {
-            notes.push("it is an array alone: its last axes are taken as z, y and x".to_string());
+        if let Some(array) = Array::open(&folder)? {
+            notes.push("it is a single array: its last axes are taken as z, y and x".to_string());
             let level =
                 Level { path: String::new(), scale: Vec::new(), translation: Vec::new(), is_scaled: false };
-            let axes = usual_axes(array.shape.len());
+            let axes = default_axes(array.shape.len());
             return Ok(Self { source: path.into(), folder, axes, levels: vec![(level, array)], notes });
         }
-        let mut group = Group::of(&folder)?;
+        let mut group = Group::open(&folder)?;
         if matches!(group, Group::Images) {
-            notes.push("it holds images in folders of it: the first one, in `0`, was read".to_string());
+            notes.push("it holds images in subfolders: the first one, in `0`, was read".to_string());
             folder.push("0");
-            group = Group::of(&folder)?;
+            group = Group::open(&folder)?;
         }
         let image = match group {
             Group::Image(image) => image,
             Group::Plate => {
                 return Err("it is a plate or a well: name the folder of one of its images, as A/1/0".into());
             }
-            Group::Images | Group::Another => {
+            Group::Images | Group::Other => {
                 return Err("it is no image: its metadata have no `multiscales`, and it is no array".into());
             }
         };
@@ -149,21 +144,21 @@ impl Store {
         let levels: Vec<(Level, Array)> = levels
             .into_iter()
             .map(|level| {
-                let place = beside(&folder.join("zarr.json"), &level.path)?;
-                let array = Array::of(&place).map_err(|why| format!("level `{}`: {why}", level.path))?;
+                let place = sibling(&folder.join("zarr.json"), &level.path)?;
+                let array = Array::open(&place).map_err(|why| format!("level `{}`: {why}", level.path))?;
                 let array = array.ok_or_else(|| format!("level `{}`: there is no such array", level.path))?;
                 Ok((level, array))
             })
             .collect::<Result<_, String>>()?;
         let count = levels.first().map_or(0, |(_, array)| array.shape.len());
         if axes.is_empty() {
-            axes = usual_axes(count);
+            axes = default_axes(count);
         }
         for (level, array) in &levels {
-            let said = level.scale.len();
-            if array.shape.len() != axes.len() || said != 0 && said != axes.len() {
+            let scaled = level.scale.len();
+            if array.shape.len() != axes.len() || scaled != 0 && scaled != axes.len() {
                 return Err(format!(
-                    "level `{}` has {} axes, its scale {said}, and the image {}",
+                    "level `{}` has {} axes, its scale {scaled}, and the image {}",
                     level.path,
                     array.shape.len(),
                     axes.len()
@@ -173,20 +168,20 @@ impl Store {
         Ok(Self { source: path.into(), folder, axes, levels, notes })
     }
 
-    /// The level that is asked for, or the finest that fits.
-    fn choose(&self, choice: Choice, notes: &mut Vec<String>) -> Result<Chosen<'_>> {
-        let refuse = |why: String| Error::input("cannot read volume", self.source.display(), why);
+    /// Selects the requested level, or the finest that fits.
+    fn choose(&self, choice: Choice, notes: &mut Vec<String>) -> Result<ChosenLevel<'_>> {
+        let refuse = refusal(&self.source);
         let count = self.levels.len();
-        let all: Vec<Chosen<'_>> =
-            (0..count).map(|at| self.level(at)).collect::<Result<_, _>>().map_err(refuse)?;
-        let most = host_bytes().unwrap_or(u64::MAX) / OF_HOST;
-        let fits = |chosen: &Chosen<'_>| {
-            let bytes = chosen.part(0).kept_bytes();
-            chosen.dims().iter().all(|n| *n <= SIDE_MOST) && bytes.is_some_and(|bytes| bytes <= most)
+        let all: Vec<ChosenLevel<'_>> =
+            (0..count).map(|at| self.level(at)).collect::<Result<_, _>>().map_err(&refuse)?;
+        let max_bytes = host_bytes().unwrap_or(u64::MAX) / HOST_SHARE;
+        let fits = |chosen: &ChosenLevel<'_>| {
+            let bytes = chosen.sub_volume(0).memory_bytes();
+            chosen.dims().iter().all(|n| *n <= MAX_SIDE) && bytes.is_some_and(|bytes| bytes <= max_bytes)
         };
         let finest = all.iter().position(fits).unwrap_or(count - 1);
         let at = choice.level.unwrap_or(finest);
-        let [nx, ny, nz] = all.get(at).map_or([0; 3], Chosen::dims);
+        let [nx, ny, nz] = all.get(at).map_or([0; 3], ChosenLevel::dims);
         let Some(chosen) = all.into_iter().nth(at) else {
             let why = format!("--level {at} is beyond its {count} levels (counted from 0, the finest)");
             return Err(refuse(why));
@@ -197,18 +192,18 @@ impl Store {
                 _ => "",
             };
             notes.push(format!(
-                "{count} levels: level {at} (0 is the finest), {nx}x{ny}x{nz} voxels{why}, was read, --level picks another"
+                "{count} levels: level {at} (0 is the finest), {nx}x{ny}x{nz} voxels{why}, was read, --level selects another"
             ));
         }
         Ok(chosen)
     }
 
-    fn level(&self, at: usize) -> Result<Chosen<'_>, String> {
+    fn level(&self, at: usize) -> Result<ChosenLevel<'_>, String> {
         let (level, array) = &self.levels[at];
         let of = |name: &str| self.axes.iter().position(|axis| axis.name == name);
         let space = ["x", "y", "z"].map(of);
         match space {
-            [Some(_), Some(_), _] => Ok(Chosen { axes: &self.axes, level, array, space }),
+            [Some(_), Some(_), _] => Ok(ChosenLevel { axes: &self.axes, level, array, space }),
             _ => {
                 let names: Vec<&str> = self.axes.iter().map(|axis| axis.name.as_str()).collect();
                 Err(format!("its axes are {}; x and y are needed", names.join(", ")))
@@ -217,29 +212,29 @@ impl Store {
     }
 }
 
-/// The axes of an array that has no names for them.
-fn usual_axes(count: usize) -> Vec<Axis> {
+/// Default names of the axes of an array.
+fn default_axes(count: usize) -> Vec<Axis> {
     const USUAL: [&str; 5] = ["t", "c", "z", "y", "x"];
     let unnamed = (USUAL.len()..count).map(|at| format!("axis {at}"));
     let named = USUAL.iter().skip(USUAL.len().saturating_sub(count)).map(|name| (*name).to_string());
     unnamed.chain(named).map(|name| Axis { name, unit: None }).collect()
 }
 
-/// A level, and its axes of space.
-struct Chosen<'a> {
+/// Level with its spatial axes.
+struct ChosenLevel<'a> {
     axes: &'a [Axis],
     level: &'a Level,
     array: &'a Array,
-    /// Which axis is x, y and z.
+    /// Axes of x, y and z.
     space: [Option<usize>; 3],
 }
 
-impl<'a> Chosen<'a> {
+impl<'a> ChosenLevel<'a> {
     fn dims(&self) -> [usize; 3] {
-        self.part(0).dims()
+        self.sub_volume(0).dims()
     }
 
-    /// Axes along which frames lie, and how many there are.
+    /// Other axes and their sizes.
     fn others(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let sizes = self.array.shape.iter().copied().enumerate();
         sizes.filter(|(axis, _)| !self.space.contains(&Some(*axis)))
@@ -250,8 +245,8 @@ impl<'a> Chosen<'a> {
         count.ok_or_else(|| "its number of frames cannot be counted".into())
     }
 
-    /// The volume at a frame, the last axis fastest.
-    fn part(&self, frame: usize) -> Part<'a> {
+    /// Volume of a frame; the last axis runs fastest.
+    fn sub_volume(&self, frame: usize) -> SubVolume<'a> {
         let mut fixed = vec![0; self.array.shape.len()];
         let mut rest = frame;
         let others: Vec<(usize, usize)> = self.others().collect();
@@ -259,11 +254,11 @@ impl<'a> Chosen<'a> {
             fixed[axis] = rest % count;
             rest /= count;
         }
-        Part { array: self.array, space: self.space, fixed }
+        SubVolume { array: self.array, space: self.space, fixed }
     }
 
     /// World mm from index coordinates.
-    fn placed(
+    fn affine(
         &self,
         spacing_mm: Option<[f64; 3]>,
         warnings: &mut Vec<String>,
@@ -287,11 +282,11 @@ impl<'a> Chosen<'a> {
         });
         if without_unit {
             warnings
-                .push("its axes have no unit of length that is known: taken as mm, --spacing decides".into());
+                .push("its axes have no known unit of length: taken as mm, --spacing overrides it".into());
         }
         let mut size = DVec3::from_array(along.map(|(scale, mm)| scale * mm));
         if self.space[2].is_none() {
-            // A picture is as thick as its pixels are wide.
+            // A planar image is as thick as its pixels are wide.
             size.z = size.x.abs();
         }
         if !size.is_finite() || size.to_array().contains(&0.0) {
@@ -307,8 +302,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_without_names_are_the_usual_ones() {
-        let names = |count| usual_axes(count).into_iter().map(|axis| axis.name).collect::<Vec<_>>();
+    fn axes_without_names_have_default_names() {
+        let names = |count| default_axes(count).into_iter().map(|axis| axis.name).collect::<Vec<_>>();
         assert_eq!(names(2), ["y", "x"]);
         assert_eq!(names(4), ["c", "z", "y", "x"]);
         assert_eq!(names(6), ["axis 5", "t", "c", "z", "y", "x"]);

@@ -1,11 +1,11 @@
-//! The painted parts of the chest: heart, vessels, airways and bones as tubes and ellipsoids.
+//! Solids of the chest: heart, vessels, airways and bones as tubes and ellipsoids.
 
 use super::noise::uniform;
 use super::regions::{CAVITY_HALF, CAVITY_Y, HEART, cavity_scale, lungs};
 use super::shape::{Painter, Part, Solid, drum, path, plate, tube};
 use glam::{Vec3, vec2, vec3};
 
-/// Points of a smooth curve (Catmull-Rom) through the given ones.
+/// Points of a Catmull-Rom curve through the given points.
 fn smooth(points: &[Vec3]) -> Vec<Vec3> {
     const STEPS: usize = 6;
     let at = |i: isize| points[i.clamp(0, points.len() as isize - 1) as usize];
@@ -28,7 +28,7 @@ fn smooth(points: &[Vec3]) -> Vec<Vec3> {
     curve
 }
 
-/// Everything painted, in order.
+/// All solids, in painting order.
 pub fn solids() -> Vec<Solid> {
     let mut painter = Painter::default();
     abdomen(&mut painter);
@@ -56,7 +56,7 @@ fn heart(painter: &mut Painter) {
     painter.ellipsoid(300.0, HEART + vec3(8.0, 20.0, -6.0), apex, vec3(36.0, 15.0, 18.0));
     painter.ellipsoid(360.0, HEART + vec3(14.0, -32.0, 22.0), vec3(1.0, 0.1, 0.1), vec3(26.0, 17.0, 19.0));
     painter.ellipsoid(270.0, HEART + vec3(42.0, -4.0, 6.0), vec3(0.1, 0.2, 1.0), vec3(25.0, 18.0, 18.0));
-    // Coronary arteries run on the surface: a point of the ellipsoid's frame pushed out to it.
+    // Coronary arteries run on the surface: points in the ellipsoid's frame, projected onto it.
     let side = apex.cross(Vec3::Z).normalize();
     let front = side.cross(apex);
     let on_surface = |along: f32, turn: f32| {
@@ -124,7 +124,7 @@ fn great_vessels(painter: &mut Painter) {
     );
 }
 
-/// Where vessels and airways enter a lung; `side` is 1 on the right (+x), -1 on the left.
+/// Entry of vessels and airways into a lung; `side` is 1 on the right (+x), -1 on the left.
 fn hilum(side: f32) -> Vec3 {
     vec3(side * 40.0, -8.0, 22.0)
 }
@@ -206,7 +206,7 @@ fn lung_vessels(painter: &mut Painter) {
     }
 }
 
-/// The end of a branch, shortened until it lies in the lung; `None` where little is left of it.
+/// End of a branch, shortened to lie in the lung; `None` if too little remains.
 fn reach(from: Vec3, direction: Vec3, length: f32) -> Option<Vec3> {
     [1.0, 0.7, 0.45]
         .into_iter()
@@ -280,7 +280,7 @@ fn ribs(painter: &mut Painter) {
     }
 }
 
-/// The sternum lies on the front of the cage.
+/// Front of the rib cage, on which the sternum lies.
 fn sternum_y(z: f32) -> f32 {
     CAVITY_Y + (CAVITY_HALF.y + 5.0) * cavity_scale(z)
 }

@@ -1,11 +1,10 @@
-//! A CT-like chest in HU, in the patient's axes (RAS+, mm, centred): lungs with vessels and airways, a heart with
-//! contrast, ribs, spine and sternum, on a scanner table. It is made for pictures, not for diagnosis.
+//! CT-like chest in HU, in RAS+ mm and centred: lungs with vessels and airways, a heart with contrast, ribs, spine and
+//! sternum, on a scanner table. It is made for pictures, not for diagnosis.
 //!
-//! Large regions are implicit functions of position; bones and vessels are tubes, plates and ellipsoids painted over them
-//! in order. A scanner averages: its detector over about a voxel's cell, its reconstruction over about a cell again, and so
-//! every edge is what the mean with the weights of a tent two cells wide makes of a plane there, by the distance in cells
-//! along the surface's normal. On curved surfaces that is a few hundredths off (a test says how much); points all over
-//! each cell would be closer at a hundred times the cost.
+//! Large regions are implicit functions of position; bones and vessels are tubes, plates and ellipsoids painted over them in
+//! order. Detector and reconstruction of a scanner each average over about a cell, so every edge is a plane filtered by a tent
+//! two cells wide, by the distance in cells along the normal. On curved surfaces this is off by a few hundredths (see the
+//! test); supersampling would be more exact at a hundred times the cost.
 
 mod anatomy;
 mod noise;
@@ -22,15 +21,15 @@ use regions::{AIR, over, tissue};
 use shape::{Part, Solid};
 use std::ops::Range;
 
-/// Voxels along x where no size is given: 1.41 mm in plane, slices of 2 mm.
+/// Default number of voxels along x: 1.41 mm in plane, slices of 2 mm.
 pub const DEFAULT_SIZE: usize = 256;
 /// Extent of the grid, mm.
 const EXTENT_MM: Vec3 = vec3(360.0, 270.0, 256.0);
 /// Half the spread of the noise, HU (triangular, so a standard deviation of about 10).
 const NOISE_HU: f32 = 24.0;
 
-/// Builds the chest with `size` voxels along x; returns the voxels in HU and the spacing in mm.
-/// Unfinished once `loading` was cancelled.
+/// Builds the chest with `size` voxels along x; returns the voxels in HU and the spacing in mm. The result is incomplete if
+/// `loading` was cancelled.
 pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
     let dims = [size, (3 * size / 4).max(1), (size / 2).max(1)];
     let [nx, ny, nz] = dims;
@@ -73,13 +72,13 @@ pub fn build(size: usize, loading: &Loading) -> (Array3<i16>, [f64; 3]) {
     (voxels, spacing_mm)
 }
 
-/// A slice in the making.
+/// Slice that is being painted.
 struct Slice {
     hu: Vec<f32>,
-    /// Distance to the nearest part of the solid that is painted, in cells.
+    /// Distance to the nearest part of the current solid, in cells.
     nearest: Vec<f32>,
     sides: [usize; 2],
-    /// The volume's first voxel, mm.
+    /// First voxel of the volume, mm.
     first: Vec3,
     spacing: Vec3,
     z: f32,
@@ -89,8 +88,8 @@ struct Slice {
 type Rectangle = [Range<usize>; 2];
 
 impl Slice {
-    /// The voxels that an edge of a part may reach.
-    fn reached_by(&self, part: &Part) -> Option<Rectangle> {
+    /// Voxels that a part or its edge may cover.
+    fn covered_by(&self, part: &Part) -> Option<Rectangle> {
         let (low, high) = (part.low - self.spacing, part.high + self.spacing);
         if self.z < low.z || self.z > high.z {
             return None;
@@ -102,15 +101,15 @@ impl Slice {
         Some([from.x as usize..(to.x as usize).min(nx), from.y as usize..(to.y as usize).min(ny)])
     }
 
-    /// Paints a solid over what there is.
+    /// Paints a solid over the slice.
     fn paint(&mut self, solid: &Solid) {
-        let reached: Vec<(&Part, Rectangle)> =
-            solid.parts.iter().filter_map(|part| Some((part, self.reached_by(part)?))).collect();
+        let covered: Vec<(&Part, Rectangle)> =
+            solid.parts.iter().filter_map(|part| Some((part, self.covered_by(part)?))).collect();
         let join = |a: Rectangle, (_, b): &(&Part, Rectangle)| -> Rectangle {
             std::array::from_fn(|axis| a[axis].start.min(b[axis].start)..a[axis].end.max(b[axis].end))
         };
-        let Some((_, first)) = reached.first() else { return };
-        let [columns, rows] = reached.iter().fold(first.clone(), join);
+        let Some((_, first)) = covered.first() else { return };
+        let [columns, rows] = covered.iter().fold(first.clone(), join);
         let nx = self.sides[0];
         if columns.is_empty() {
             return;
@@ -118,7 +117,7 @@ impl Slice {
         for j in rows.clone() {
             self.nearest[j * nx..][columns.clone()].fill(f32::MAX);
         }
-        for (part, [columns, rows]) in &reached {
+        for (part, [columns, rows]) in &covered {
             for j in rows.clone() {
                 let y = self.first.y + j as f32 * self.spacing.y;
                 for i in columns.clone() {

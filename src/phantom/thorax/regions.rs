@@ -1,46 +1,46 @@
-//! The large regions of the chest as implicit functions of position: skin, fat, muscle, lungs, diaphragm, table.
+//! Large regions of the chest as implicit functions: skin, fat, muscle, lungs, diaphragm, table.
 
 use glam::{Vec2, Vec3, vec2, vec3};
 
 /// HU of air.
 pub const AIR: f32 = -1000.0;
 
-/// `inside` where the signed distance is below 0, `outside` above, and in between what a scanner makes of an edge: its
-/// detector and its reconstruction each average over about a cell, together with the weights of a tent two cells wide.
+/// Blends from `inside` to `outside` across an edge as a scanner does. Detector and reconstruction each average over about a
+/// cell, which together is a tent filter two cells wide.
 pub fn over(outside: f32, inside: f32, distance: f32, cell: f32) -> f32 {
     let t = (distance / cell).clamp(-1.0, 1.0);
-    // The tent's integral up to the edge.
+    // Integral of the tent up to the edge.
     let within = 0.5 * (1.0 - t.abs()).powi(2);
     outside + (inside - outside) * if t < 0.0 { 1.0 - within } else { within }
 }
 
-/// A surface near a point.
+/// Distance to a surface and width of its edge.
 #[derive(Clone, Copy)]
 struct Surface {
-    /// Signed distance to it, below 0 inside.
+    /// Signed distance, below 0 inside.
     mm: f32,
-    /// How wide a voxel's cell is along its normal, mm: the width of its edge.
+    /// Width of the edge: the extent of a voxel's cell along the normal, mm.
     edge_mm: f32,
 }
 
 impl Surface {
-    /// Of a function that is 0 there, by its gradient.
+    /// Surface of an implicit function with this value and gradient.
     fn new(value: f32, gradient: Vec3, cell: Vec3) -> Self {
         let slope = gradient.length().max(1e-6);
         Self { mm: value / slope, edge_mm: (gradient * cell).length() / slope }
     }
 
-    /// The one so much further in.
+    /// Parallel surface at a distance inwards.
     fn inward(self, mm: f32) -> Self {
         Self { mm: self.mm + mm, ..self }
     }
 
-    /// What is outside of it.
+    /// Complement.
     fn outside(self) -> Self {
         Self { mm: -self.mm, ..self }
     }
 
-    /// What both hold.
+    /// Intersection.
     fn and(self, other: Self) -> Self {
         if self.mm > other.mm { self } else { other }
     }
@@ -58,7 +58,7 @@ impl Surface {
     }
 }
 
-/// HU of everything that is not a painted solid, in a voxel's cell of so many mm.
+/// HU of all regions but the solids, for voxel cells of this size in mm.
 pub fn tissue(p: Vec3, cell: Vec3) -> f32 {
     let body = body(p, cell);
     let outside = table(p, cell);
@@ -106,12 +106,12 @@ fn body(p: Vec3, cell: Vec3) -> Surface {
 pub const CAVITY_Y: f32 = 12.0;
 pub const CAVITY_HALF: Vec2 = vec2(128.0, 80.0);
 
-/// How far up the apex a height is: 0 where the cage is a cylinder, 1 at its tip.
+/// Relative height in the apex: 0 in the cylindrical part of the cage, 1 at its tip.
 fn apex(z: f32) -> f32 {
     ((z + 20.0) / 142.0).max(0.0)
 }
 
-/// Share of the cage's half axes that is left at a height.
+/// Relative size of the cage at a height.
 pub fn cavity_scale(z: f32) -> f32 {
     (1.0 - apex(z).min(1.0).powf(2.5)).powf(0.4)
 }
@@ -156,7 +156,7 @@ fn lung_from(p: Vec3, cavity: Surface, below: Surface) -> Surface {
     let middle = p.x.abs() - (27.0 - 19.0 * front);
     let spine = vec2(p.x, p.y + 52.0).length() - 25.0;
     let heart = ((p - HEART).length() - 52.0).max(-30.0);
-    // These are upright but for the heart, and that lies under its own walls.
+    // These surfaces are upright but for the heart, which its own walls cover.
     within.and(Surface { mm: -middle.min(spine).min(heart), edge_mm: cavity.edge_mm })
 }
 
@@ -174,7 +174,7 @@ fn abdomen_hu(p: Vec3, cell: Vec3) -> f32 {
     Surface::new(plane, vec3(-1.0, 0.0, -0.35), cell).over(-95.0, 112.0)
 }
 
-/// The scanner table's thin shell and foam, in air.
+/// Scanner table: a thin shell with foam, in air.
 fn table(p: Vec3, cell: Vec3) -> f32 {
     let top = -107.0 + p.x * p.x / 840.0;
     let depth = top - p.y;

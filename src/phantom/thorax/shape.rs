@@ -1,14 +1,14 @@
-//! Solids of one HU value, and what collects them.
+//! Solids of one HU value, and their list.
 
 use glam::{Mat3, Vec2, Vec3, vec2, vec3};
 
-/// Parts of one HU value that are one solid: where they meet or overlap there is no edge.
+/// Solid of one HU value. Its parts merge without an edge.
 pub struct Solid {
     pub hu: f32,
     pub parts: Vec<Part>,
 }
 
-/// A simple body.
+/// Geometric primitive.
 pub struct Part {
     /// Bounding box, mm.
     pub low: Vec3,
@@ -17,28 +17,27 @@ pub struct Part {
 }
 
 enum Kind {
-    /// A round cone between two points; `flatten` above 1 makes its cross-section taller than wide.
+    /// Round cone between two points; `flatten` above 1 makes its cross-section taller than wide.
     Tube { a: Vec3, along: Vec3, radii: [f32; 2], flatten: f32 },
-    /// `local` takes positions relative to the centre to a unit ball.
+    /// Ellipsoid; `local` maps positions relative to the centre to the unit ball.
     Ellipsoid { center: Vec3, local: Mat3 },
-    /// All within `radius` of a triangle from `a` along its two sides.
+    /// Points within `radius` of the triangle from `a` along its two sides.
     Plate { a: Vec3, sides: [Vec3; 2], radius: f32 },
-    /// An upright drum, `half.x` of it straight to either side, `half.y` high to either end; its radius is `radius` half way
-    /// and rises by `flare` times the height squared. Its rims are round.
+    /// Upright drum with round rims, with half width `half.x` of its straight part and half height `half.y`. Its radius is
+    /// `radius` at half height and grows by `flare` times the squared height.
     Drum { center: Vec3, half: Vec2, radius: f32, flare: f32 },
 }
 
 /// Radius of a drum's rims, mm.
 const RIM_MM: f32 = 2.0;
 
-/// A function that is 0 on the surface and below 0 inside, by its gradient's length over a cell: the distance from the
-/// surface in cells, to first order.
+/// Signed distance from a surface in cells, to first order, by an implicit function's value and gradient.
 fn in_cells(value: f32, gradient: Vec3, cell: Vec3) -> f32 {
     value / (gradient * cell).length().max(1e-6)
 }
 
 impl Part {
-    /// Signed distance in cells of so many mm, below 0 inside; to first order.
+    /// Signed distance in cells of this size in mm, below 0 inside; to first order.
     pub fn distance(&self, p: Vec3, cell: Vec3) -> f32 {
         match &self.kind {
             Kind::Tube { a, along, radii, flatten } => {
@@ -79,7 +78,7 @@ impl Part {
     }
 }
 
-/// The point of a triangle that is closest to `p` (Ericson, Real-Time Collision Detection, 5.1.5).
+/// Closest point of a triangle to `p` (Ericson, Real-Time Collision Detection, 5.1.5).
 fn closest_on_triangle(p: Vec3, a: Vec3, [ab, ac]: [Vec3; 2]) -> Vec3 {
     let ap = p - a;
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
@@ -112,7 +111,7 @@ fn closest_on_triangle(p: Vec3, a: Vec3, [ab, ac]: [Vec3; 2]) -> Vec3 {
     a + vb * inverse * ab + vc * inverse * ac
 }
 
-/// A round cone between two points.
+/// Creates a round cone between two points.
 pub fn tube(a: Vec3, b: Vec3, radii: [f32; 2], flatten: f32) -> Part {
     let mut along = b - a;
     along.z /= flatten;
@@ -128,13 +127,13 @@ pub fn path(points: &[Vec3], radii: [f32; 2], flatten: f32) -> Vec<Part> {
     tubes.map(|(i, ends)| tube(ends[0], ends[1], [radius(i), radius(i + 1)], flatten)).collect()
 }
 
-/// All within `radius` of a triangle.
+/// Creates a plate of the points within `radius` of a triangle.
 pub fn plate([a, b, c]: [Vec3; 3], radius: f32) -> Part {
     let (low, high) = (a.min(b).min(c) - radius, a.max(b).max(c) + radius);
     Part { low, high, kind: Kind::Plate { a, sides: [b - a, c - a], radius } }
 }
 
-/// An upright drum, `half` of it straight to either side and high to either end.
+/// Creates an upright drum, see [`Kind::Drum`].
 pub fn drum(center: Vec3, half: Vec2, radius: f32, flare: f32) -> Part {
     let widest = radius + flare * half.y * half.y;
     let reach = vec3(half.x + widest, widest, half.y);
@@ -157,7 +156,7 @@ impl Painter {
         self.solid(hu, path(points, radii, 1.0));
     }
 
-    /// An ellipsoid whose first half axis points along `axis`.
+    /// Adds an ellipsoid whose first half axis points along `axis`.
     pub fn ellipsoid(&mut self, hu: f32, center: Vec3, axis: Vec3, half: Vec3) {
         let x = axis.normalize();
         let y = x.any_orthonormal_vector();
@@ -169,7 +168,7 @@ impl Painter {
         self.solid(hu, vec![part]);
     }
 
-    /// A bone along points: cortex outside, marrow `cortex_mm` further in.
+    /// Adds a bone along points: cortex outside, and marrow from `cortex_mm` inwards.
     pub fn bone(&mut self, points: &[Vec3], radius: f32, cortex_mm: f32, flatten: f32) {
         self.solid(680.0, path(points, [radius; 2], flatten));
         self.solid(260.0, path(points, [radius - cortex_mm; 2], flatten));
@@ -181,8 +180,7 @@ mod tests {
     use super::*;
     use crate::phantom::thorax::regions::over;
 
-    /// What a scanner makes of a body of 1 in nothing: the mean around a voxel with the weights of a tent two cells wide, by
-    /// very many points.
+    /// Value of a scanned part of 1 in 0: the tent-weighted mean around a voxel, by supersampling.
     fn scanned(part: &Part, at: Vec3, cell: Vec3) -> f32 {
         const SIDE: i32 = 14;
         let offset = |i: i32| 2.0 * (i as f32 + 0.5) / SIDE as f32 - 1.0;
@@ -196,8 +194,7 @@ mod tests {
         sum / all
     }
 
-    /// What is painted into a voxel is what is scanned of it, to a few hundredths: on curved and slanted surfaces, and
-    /// whatever the spacing along each axis.
+    /// Painted edges match supersampled ones to a few hundredths, on curved and slanted surfaces and for any spacing.
     #[test]
     fn edges_are_partial_volumes() {
         let mut painter = Painter::default();
@@ -210,7 +207,7 @@ mod tests {
             for (number, part) in parts.iter().enumerate() {
                 let (mut edges, mut worst, mut sum) = (0, 0.0f32, 0.0);
                 for i in 0..4000 {
-                    // Points that meet every face at every slant and depth.
+                    // Low-discrepancy points over the whole box.
                     let share = vec3(0.618_034, 0.754_877_7, 0.569_840_3) * i as f32;
                     let at = part.low + (share - share.floor()) * (part.high - part.low);
                     let painted = over(0.0, 1.0, part.distance(at, cell), 1.0);
@@ -227,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_a_solid_lie_within_their_boxes() {
+    fn parts_lie_within_their_boxes() {
         let parts = [
             tube(Vec3::ZERO, vec3(4.0, 5.0, 6.0), [2.0, 3.0], 0.6),
             plate([Vec3::ZERO, Vec3::X * 5.0, Vec3::Y * 7.0], 2.0),

@@ -130,12 +130,12 @@ fn zarr_that_cannot_be_read_is_refused_in_words() {
         ("two.ome.zarr", ".zattrs", "\"s0\"", "\"gone\"", "no such array"),
         ("two.ome.zarr", ".zattrs", "\"name\": \"x\"", "\"name\": \"r\"", "x and y are needed"),
         ("two.ome.zarr", ".zattrs", "multiscales", "labels", "no `multiscales`"),
-        ("two.ome.zarr", ".zattrs", "\"scale\"", "\"affine\"", "scale and translation are read"),
+        ("two.ome.zarr", ".zattrs", "\"scale\"", "\"affine\"", "scale and translation are supported"),
         ("v2_zstd.zarr", ".zarray", "\"zstd\"", "\"lzma\"", "`lzma`; gzip, zlib, zstd and blosc"),
         ("v2_zstd.zarr", ".zarray", "<u2", "<c8", "`<c8`"),
         ("v2_zstd.zarr", ".zarray", "16", "160", "fewer than its"),
         ("v2_plain.zarr", ".zarray", "<u2", "<u4", "and its numbers"),
-        ("v3_sharded.zarr", "zarr.json", "sharding_indexed", "sharding", "packed by `sharding`"),
+        ("v3_sharded.zarr", "zarr.json", "sharding_indexed", "sharding", "compressed by `sharding`"),
         ("v3_checked.zarr", "zarr.json", "\"regular\"", "\"rectilinear\"", "grid of chunks"),
     ] {
         let said = zarr_refusal(name, file, from, to);

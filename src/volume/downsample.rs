@@ -1,4 +1,4 @@
-//! Fewer voxels of the same field: means of blocks, by whole factors along each axis.
+//! Downsampling: means of blocks of voxels, by integer factors along each axis.
 
 use super::{Volume, Voxel, Voxels};
 use crate::error::Result;
@@ -10,26 +10,26 @@ use ndarray::Array3;
 use std::fmt;
 use std::str::FromStr;
 
-/// What a volume is to be reduced to.
+/// Target of downsampling.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fit {
-    /// What the adapter's textures and the machine's free memory hold.
+pub enum Downsample {
+    /// Size that fits the adapter's textures and the free memory.
     Auto,
-    /// Voxels of so many bytes, as the host keeps them.
+    /// Largest number of bytes of the voxels in host memory.
     Bytes(u64),
-    /// Blocks of so many voxels along i, j, k became one each.
+    /// Voxels of a block along i, j, k.
     Factors([usize; 3]),
 }
 
 /// Largest factor along an axis.
-const MOST_FACTOR: usize = 1024;
+const MAX_FACTOR: usize = 1024;
 
-impl FromStr for Fit {
+impl FromStr for Downsample {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         let refuse =
-            || format!("`{text}` is not auto, bytes like 2GiB, or factors like 2x2x1 (1 to {MOST_FACTOR})");
+            || format!("`{text}` is not auto, bytes like 2GiB, or factors like 2x2x1 (1 to {MAX_FACTOR})");
         if text == "auto" {
             return Ok(Self::Auto);
         }
@@ -55,12 +55,12 @@ impl FromStr for Fit {
         }
         let factors: Option<Vec<usize>> = text.split('x').map(|n| n.trim().parse().ok()).collect();
         let factors: Option<[usize; 3]> = factors.and_then(|list| list.try_into().ok());
-        let factors = factors.filter(|factors| factors.iter().all(|n| (1..=MOST_FACTOR).contains(n)));
+        let factors = factors.filter(|factors| factors.iter().all(|n| (1..=MAX_FACTOR).contains(n)));
         factors.map(Self::Factors).ok_or_else(refuse)
     }
 }
 
-impl fmt::Display for Fit {
+impl fmt::Display for Downsample {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Auto => write!(f, "auto"),
@@ -70,25 +70,25 @@ impl fmt::Display for Fit {
     }
 }
 
-impl serde::Serialize for Fit {
+impl serde::Serialize for Downsample {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }
 }
 
-/// Takes the rows of a grid in their order and keeps the means of blocks of voxels.
-pub(super) struct Reducer<T> {
+/// Block means of a grid whose rows arrive in order.
+pub(super) struct BlockMeans<T> {
     dims: [usize; 3],
     factors: [usize; 3],
-    /// Sums and numbers of finite values in the layer of blocks that is being filled.
+    /// Sums and counts of finite values in the current layer of blocks.
     sums: Vec<f64>,
     counts: Vec<u32>,
     rows: usize,
     values: Vec<T>,
 }
 
-impl<T: Voxel> Reducer<T> {
-    /// Of a grid; `None` where there is no memory for a layer.
+impl<T: Voxel> BlockMeans<T> {
+    /// Means of blocks of `factors` voxels; `None` without memory for a layer.
     pub(super) fn new(dims: [usize; 3], factors: [usize; 3]) -> Option<Self> {
         let [width, height, _] = reduced_dims(dims, factors);
         let layer = width.checked_mul(height)?;
@@ -100,8 +100,8 @@ impl<T: Voxel> Reducer<T> {
         Some(Self { dims, factors, sums, counts, rows: 0, values: Vec::new() })
     }
 
-    /// Takes the next row; `None` where there is no memory for what is kept.
-    pub(super) fn row(&mut self, row: &[T]) -> Option<()> {
+    /// Adds the next row; `None` without memory for the means.
+    pub(super) fn push_row(&mut self, row: &[T]) -> Option<()> {
         let ([_, ny, nz], [fx, fy, fz]) = (self.dims, self.factors);
         let (j, k) = (self.rows % ny, self.rows / ny);
         let width = row.len().div_ceil(fx);
@@ -116,7 +116,7 @@ impl<T: Voxel> Reducer<T> {
         self.rows += 1;
         if j + 1 == ny && ((k + 1) % fz == 0 || k + 1 == nz) {
             self.values.try_reserve(self.sums.len()).ok()?;
-            // A block without a finite value has none.
+            // The mean of a block without finite values is NaN.
             let means =
                 self.sums.iter().zip(&self.counts).map(|(sum, count)| T::nearest(sum / f64::from(*count)));
             self.values.extend(means);
@@ -126,7 +126,7 @@ impl<T: Voxel> Reducer<T> {
         Some(())
     }
 
-    /// The means; `None` where rows are missing.
+    /// Returns the means; `None` if rows are missing.
     pub(super) fn finish(self) -> Option<Array3<T>> {
         let [x, y, z] = reduced_dims(self.dims, self.factors);
         Array3::from_shape_vec((z, y, x), self.values).ok()
@@ -134,44 +134,42 @@ impl<T: Voxel> Reducer<T> {
 }
 
 impl Volume {
-    /// The means of blocks of voxels, where they were in the world; the values are rounded to what the type holds.
-    /// Incomplete blocks at the far ends are the means of what is there.
+    /// Downsamples to the means of blocks, rounded to the stored type. Incomplete blocks at the far ends are averaged too.
     ///
     /// # Errors
-    /// No memory for them, or it was cancelled.
-    pub fn reduced(self, factors: [usize; 3], loading: &Loading) -> Result<Self> {
+    /// There is no memory for the means, or it was cancelled.
+    pub fn downsampled(self, factors: [usize; 3], loading: &Loading) -> Result<Self> {
         if factors == [1; 3] {
             return Ok(self);
         }
         fn means<T: Voxel>(array: &Array3<T>, factors: [usize; 3]) -> Option<Array3<T>> {
             let (nz, ny, nx) = array.dim();
-            let mut reducer = Reducer::new([nx, ny, nz], factors)?;
-            array.as_slice()?.chunks_exact(nx).try_for_each(|row| reducer.row(row))?;
-            reducer.finish()
+            let mut means = BlockMeans::new([nx, ny, nz], factors)?;
+            array.as_slice()?.chunks_exact(nx).try_for_each(|row| means.push_row(row))?;
+            means.finish()
         }
         let none = || {
-            let why = "not enough memory for the reduced voxels";
+            let why = "not enough memory for the downsampled voxels";
             crate::error::Error::runtime("cannot reduce volume", &self.provenance.source, why)
         };
         let voxels: Voxels = with_voxels!(&self.voxels, a => means(a, factors).ok_or_else(none)?.into());
         let dims = self.dims();
         let volume = Self::new_with(voxels, self.scaling, self.world_from_index, self.provenance, loading)?;
-        Ok(volume.said_reduced(factors, dims))
+        Ok(volume.downsampled_from(factors, dims))
     }
 
-    /// The same voxels, known to be means of blocks of a grid of `from` voxels, where that one was in the world; and says so.
-    pub(crate) fn said_reduced(mut self, factors: [usize; 3], from: [usize; 3]) -> Self {
+    /// Adjusts the affine of voxels that are block means of a grid of `from` voxels, and adds a note.
+    pub(crate) fn downsampled_from(mut self, factors: [usize; 3], from: [usize; 3]) -> Self {
         let [fx, fy, fz] = factors;
         let scale = DVec3::from_array(factors.map(|n| n as f64));
-        // The middle of a block's voxels.
-        let first = 0.5 * (scale - 1.0);
-        self.world_from_index *= DAffine3::from_translation(first) * DAffine3::from_scale(scale);
+        let block_centre = 0.5 * (scale - 1.0);
+        self.world_from_index *= DAffine3::from_translation(block_centre) * DAffine3::from_scale(scale);
         self.index_from_world = self.world_from_index.inverse();
         let ([nx, ny, nz], [x, y, z]) = (from, self.dims());
-        let said = format!(
+        let note = format!(
             "reduced by {fx}x{fy}x{fz} from {nx} x {ny} x {nz} to {x} x {y} x {z} voxels: means of blocks"
         );
-        self.provenance.warnings.push(said);
+        self.provenance.warnings.push(note);
         self
     }
 }
@@ -184,29 +182,29 @@ mod tests {
     #[test]
     fn texts() {
         for text in ["auto", "2x2x1", "1x1x1024", "2097152B"] {
-            assert_eq!(text.parse::<Fit>().unwrap().to_string(), text);
+            assert_eq!(text.parse::<Downsample>().unwrap().to_string(), text);
         }
-        assert_eq!("2GiB".parse(), Ok(Fit::Bytes(1 << 31)));
-        assert_eq!("1.5 MB".parse(), Ok(Fit::Bytes(1_500_000)));
+        assert_eq!("2GiB".parse(), Ok(Downsample::Bytes(1 << 31)));
+        assert_eq!("1.5 MB".parse(), Ok(Downsample::Bytes(1_500_000)));
         for bytes in [1u64, 999, 1001, 123_456_789_013, (1 << 52) + 1] {
-            assert_eq!(Fit::Bytes(bytes).to_string().parse(), Ok(Fit::Bytes(bytes)));
+            assert_eq!(Downsample::Bytes(bytes).to_string().parse(), Ok(Downsample::Bytes(bytes)));
         }
         for bad in
             ["", "2", "2x2", "0x1x1", "2x2x2x2", "1025x1x1", "GiB", "-1GiB", "0kB", "nanMiB", "2x2x1.5"]
         {
-            assert!(bad.parse::<Fit>().is_err(), "{bad}");
+            assert!(bad.parse::<Downsample>().is_err(), "{bad}");
         }
     }
 
     #[test]
-    fn blocks_keep_their_means_and_their_places() {
+    fn blocks_keep_their_means_and_positions() {
         let values = Array3::from_shape_fn((5, 4, 7), |(k, j, i)| (100 * k + 10 * j + i) as f32);
         let affine =
             DAffine3::from_cols_array(&[0.5, 0.25, 0.0, -1.0, 2.0, 0.0, 0.0, 0.5, 3.0, 7.0, -8.0, 9.0]);
         let provenance = Provenance::new("test", "test", "float32");
         let scaling = Scaling { slope: 2.0, intercept: 1.0 };
         let whole = Volume::new(Voxels::F32(values), scaling, affine, provenance).unwrap();
-        let part = whole.clone().reduced([2, 1, 3], &Loading::default()).unwrap();
+        let part = whole.clone().downsampled([2, 1, 3], &Loading::default()).unwrap();
         assert_eq!(part.dims(), [4, 4, 2]);
         for (k, j, i) in [(0, 0, 0), (0, 3, 2), (1, 2, 3)] {
             let (mut sum, mut count, mut place) = (0.0, 0.0, DVec3::ZERO);
@@ -228,18 +226,18 @@ mod tests {
     }
 
     #[test]
-    fn integers_are_rounded_and_what_is_not_finite_left_out() {
+    fn integers_are_rounded_and_non_finite_values_skipped() {
         let reduced = |voxels: Voxels| {
             let provenance = Provenance::new("test", "test", "test");
             let volume = Volume::new(voxels, Scaling::IDENTITY, DAffine3::IDENTITY, provenance).unwrap();
-            let volume = volume.reduced([2, 1, 1], &Loading::default()).unwrap();
+            let volume = volume.downsampled([2, 1, 1], &Loading::default()).unwrap();
             [volume.value(0, 0, 0), volume.value(1, 0, 0)]
         };
         let row = |a: [i16; 4]| Voxels::I16(Array3::from_shape_vec((1, 1, 4), a.to_vec()).unwrap());
         assert_eq!(reduced(row([-3, -4, 7, 9])), [-4.0, 8.0]);
-        let mut reducer = Reducer::<f32>::new([4, 1, 1], [2, 1, 1]).unwrap();
-        reducer.row(&[f32::NAN, 3.0, f32::NAN, f32::INFINITY]).unwrap();
-        let means = reducer.finish().unwrap();
+        let mut means = BlockMeans::<f32>::new([4, 1, 1], [2, 1, 1]).unwrap();
+        means.push_row(&[f32::NAN, 3.0, f32::NAN, f32::INFINITY]).unwrap();
+        let means = means.finish().unwrap();
         assert!(means[[0, 0, 0]] == 3.0 && means[[0, 0, 1]].is_nan());
     }
 }

@@ -1,0 +1,81 @@
+//! Helpers that several readers share: error texts, frames, files beside a header, units, affines.
+
+use crate::error::{Error, Result};
+use crate::volume::{Element, Voxels};
+use glam::{DAffine3, DMat3, DVec3};
+use std::path::{Component, Path, PathBuf};
+
+/// Maker of errors about a volume file.
+pub(super) fn refusal(path: &Path) -> impl Fn(String) -> Error {
+    move |why| Error::input("cannot read volume", path.display(), why)
+}
+
+/// Warning for a file with several frames, of which one (from 0) is read.
+///
+/// # Errors
+/// The file has fewer frames.
+pub(super) fn frame_warning(path: &Path, frame: usize, frames: usize) -> Result<Option<String>> {
+    if frame >= frames {
+        let noun = if frames == 1 { "frame" } else { "frames" };
+        let why = format!("--frame {frame} is beyond its {frames} {noun} (counted from 0)");
+        return Err(Error::input("cannot read frame", path.display(), why));
+    }
+    let warning =
+        || format!("{frames} frames: frame {frame} (counted from 0) was read, --frame selects another");
+    Ok((frames > 1).then(warning))
+}
+
+/// Path of a file that a header names. It must be in the header's folder or below, so that a header cannot open other files
+/// of the machine.
+///
+/// # Errors
+/// The name leads elsewhere.
+pub(super) fn sibling(header: &Path, name: &str) -> Result<PathBuf, String> {
+    let path = Path::new(name);
+    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if name.is_empty() || !is_inside || name.contains('\\') {
+        return Err(format!("its voxels are in `{name}`, and a header may name files beside it alone"));
+    }
+    Ok(header.parent().unwrap_or(Path::new("")).join(path))
+}
+
+/// Millimetres of a unit of length.
+pub(super) fn mm_of(unit: &str) -> Option<f64> {
+    Some(match unit {
+        "mm" | "millimeter" | "millimeters" => 1.0,
+        "cm" | "centimeter" => 10.0,
+        "decimeter" => 100.0,
+        "m" | "meter" => 1000.0,
+        "micron" | "microns" | "um" | "µm" | "μm" | "\\u00B5m" | "micrometer" => 1e-3,
+        "nm" | "nanometer" => 1e-6,
+        "angstrom" => 1e-7,
+        "picometer" => 1e-9,
+        "inch" | "in" => 25.4,
+        "foot" => 304.8,
+        _ => return None,
+    })
+}
+
+/// Finite numbers separated by blanks.
+pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split_whitespace().map(|n| n.parse::<f64>().ok().filter(|v| v.is_finite())).collect()
+}
+
+/// World mm (RAS+) from index coordinates, by axis directions and an origin in mm. With `is_lps` they point left and to the
+/// back along x and y, as in DICOM and ITK.
+pub(super) fn affine(directions: [DVec3; 3], origin: DVec3, is_lps: bool) -> DAffine3 {
+    let [x, y, z] = directions;
+    let affine = DAffine3::from_mat3_translation(DMat3::from_cols(x, y, z), origin);
+    if is_lps { DAffine3::from_scale(DVec3::new(-1.0, -1.0, 1.0)) * affine } else { affine }
+}
+
+/// Warning for 64-bit integers that `f64` rounds.
+pub(super) fn inexact_integers(voxels: &Voxels, element: Element) -> Option<String> {
+    let limit = (1u64 << f64::MANTISSA_DIGITS) as f64;
+    match (voxels, element) {
+        (Voxels::F64(a), Element::I64 | Element::U64) if a.iter().any(|v| v.abs() > limit) => {
+            Some("integers beyond 2^53 were rounded to 53 bits".into())
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,386 @@
+//! NIfTI-1 and NIfTI-2 headers in one form, and the affine that they give.
+
+use crate::volume::{AffineSource, ByteOrder, Element, Scaling, ValueMeaning};
+use glam::{DAffine3, DMat3, DVec3};
+use nifti::{Endianness, NiftiHeader};
+
+/// Sizes in bytes of NIfTI-1 and NIfTI-2 headers.
+pub(super) const HEADER_BYTES: [usize; 2] = [348, 540];
+/// Bytes after the header of a single file that announce extensions.
+const EXTENDER_BYTES: u64 = 4;
+
+/// Datatype codes of the supported element types.
+pub(super) const DATATYPES: [(i16, Element); 10] = [
+    (2, Element::U8),
+    (4, Element::I16),
+    (8, Element::I32),
+    (16, Element::F32),
+    (64, Element::F64),
+    (256, Element::I8),
+    (512, Element::U16),
+    (768, Element::U32),
+    (1024, Element::I64),
+    (1280, Element::U64),
+];
+
+/// Fields of both versions of the format.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Header {
+    /// Version of the format, 1 or 2.
+    pub(super) version: u8,
+    /// Whether the header is of Analyze 7.5, the predecessor without forms and magic.
+    pub(super) is_analyze: bool,
+    pub(super) byte_order: ByteOrder,
+    /// Whether the voxels are in a second file (`.img`).
+    pub(super) is_pair: bool,
+    pub(super) dim: [i64; 8],
+    pub(super) intent_code: i32,
+    /// Free text, in which converters describe the sequence of an MR scan.
+    pub(super) descrip: String,
+    pub(super) datatype: i16,
+    pub(super) bitpix: i16,
+    pub(super) pixdim: [f64; 8],
+    pub(super) vox_offset: f64,
+    pub(super) scl_slope: f64,
+    pub(super) scl_inter: f64,
+    pub(super) xyzt_units: i32,
+    pub(super) qform_code: i32,
+    pub(super) sform_code: i32,
+    pub(super) quatern: [f64; 3],
+    pub(super) qoffset: [f64; 3],
+    pub(super) srow: [[f64; 4]; 3],
+}
+
+/// Recognises version and byte order by the first four bytes of a file, which hold the header's size.
+pub(super) fn recognise(start: [u8; 4]) -> Option<(u8, ByteOrder)> {
+    [(1, HEADER_BYTES[0]), (2, HEADER_BYTES[1])].into_iter().find_map(|(version, bytes)| {
+        if u32::from_le_bytes(start) as usize == bytes {
+            Some((version, ByteOrder::Little))
+        } else if u32::from_be_bytes(start) as usize == bytes {
+            Some((version, ByteOrder::Big))
+        } else {
+            None
+        }
+    })
+}
+
+impl Header {
+    /// Parses a whole header that [`recognise`] has accepted.
+    ///
+    /// # Errors
+    /// The magic is missing, or the number of dimensions is invalid.
+    pub(super) fn parse(bytes: &[u8], version: u8, byte_order: ByteOrder) -> Result<Self, String> {
+        if version == 1 { Self::parse_v1(bytes, byte_order) } else { Self::parse_v2(bytes, byte_order) }
+    }
+
+    /// Parses a NIfTI-1 or Analyze header with the `nifti` crate.
+    fn parse_v1(bytes: &[u8], byte_order: ByteOrder) -> Result<Self, String> {
+        let magic = &bytes[344..348];
+        let is_nifti = [b"n+1\0", b"ni1\0"].iter().any(|known| magic == *known);
+        let mut bytes = bytes.to_vec();
+        if !is_nifti {
+            // The crate accepts no Analyze header without a magic.
+            bytes[344..348].copy_from_slice(b"ni1\0");
+        }
+        let header = NiftiHeader::from_reader(&bytes[..]).map_err(|e| e.to_string())?;
+        let found = if header.endianness == Endianness::Big { ByteOrder::Big } else { ByteOrder::Little };
+        if found != byte_order {
+            // The crate tells the byte order from the number of dimensions, which is then invalid.
+            let count = (header.dim[0] as i16).swap_bytes();
+            return Err(if is_nifti { dimensions_error(count.into()) } else { no_magic() });
+        }
+        // The crate reads dimensions as unsigned numbers.
+        let dim = header.dim.map(|n| i64::from(n as i16));
+        let types = [(2, 8), (4, 16), (8, 32), (16, 32), (64, 64)];
+        let is_plausible = (1..=7).contains(&dim[0]) && types.contains(&(header.datatype, header.bitpix));
+        if !is_nifti && !is_plausible {
+            return Err(no_magic());
+        }
+        // Analyze stores the history of a scan where NIfTI has its codes.
+        let code = |code: i32| if is_nifti { code } else { 0 };
+        let wide = |values: [f32; 3]| values.map(f64::from);
+        Ok(Self {
+            version: 1,
+            is_analyze: !is_nifti,
+            byte_order,
+            is_pair: &header.magic == b"ni1\0",
+            dim,
+            intent_code: code(header.intent_code.into()),
+            descrip: String::from_utf8_lossy(&header.descrip).into_owned(),
+            datatype: header.datatype,
+            bitpix: header.bitpix,
+            pixdim: header.pixdim.map(f64::from),
+            vox_offset: header.vox_offset.into(),
+            scl_slope: header.scl_slope.into(),
+            scl_inter: if is_nifti { header.scl_inter.into() } else { 0.0 },
+            xyzt_units: code(header.xyzt_units.into()),
+            qform_code: code(header.qform_code.into()),
+            sform_code: code(header.sform_code.into()),
+            quatern: wide([header.quatern_b, header.quatern_c, header.quatern_d]),
+            qoffset: wide([header.quatern_x, header.quatern_y, header.quatern_z]),
+            srow: [header.srow_x, header.srow_y, header.srow_z].map(|row| row.map(f64::from)),
+        })
+    }
+
+    /// Parses a NIfTI-2 header, which the `nifti` crate does not support.
+    fn parse_v2(bytes: &[u8], byte_order: ByteOrder) -> Result<Self, String> {
+        let is_pair = match &bytes[4..12] {
+            b"n+2\0\r\n\x1a\n" => false,
+            b"ni2\0\r\n\x1a\n" => true,
+            _ => return Err("its header has no NIfTI-2 magic, or line ends were converted in it".into()),
+        };
+        let f = Fields { bytes, byte_order };
+        Ok(Self {
+            version: 2,
+            is_analyze: false,
+            byte_order,
+            is_pair,
+            dim: std::array::from_fn(|i| i64::from_le_bytes(f.little_endian(16 + 8 * i))),
+            intent_code: f.integer(504),
+            descrip: String::from_utf8_lossy(&bytes[240..320]).into_owned(),
+            datatype: i16::from_le_bytes(f.little_endian(12)),
+            bitpix: i16::from_le_bytes(f.little_endian(14)),
+            pixdim: f.reals(104),
+            vox_offset: i64::from_le_bytes(f.little_endian(168)) as f64,
+            scl_slope: f.real(176),
+            scl_inter: f.real(184),
+            xyzt_units: f.integer(500),
+            qform_code: f.integer(344),
+            sform_code: f.integer(348),
+            quatern: f.reals(352),
+            qoffset: f.reals(376),
+            srow: std::array::from_fn(|row| f.reals(400 + 32 * row)),
+        })
+    }
+
+    /// Grid size and number of frames (the product of every dimension beyond the third).
+    ///
+    /// # Errors
+    /// A dimension is below 1, or the product overflows.
+    pub(super) fn grid(&self) -> Result<([usize; 3], usize), String> {
+        let count = self.dim[0];
+        if !(1..=7).contains(&count) {
+            return Err(dimensions_error(count));
+        }
+        let mut dims = [1usize; 7];
+        for (axis, size) in dims.iter_mut().enumerate().take(count as usize) {
+            let n = self.dim[axis + 1];
+            *size = usize::try_from(n)
+                .ok()
+                .filter(|&n| n > 0)
+                .ok_or_else(|| format!("dimension {} is {n}", axis + 1))?;
+        }
+        let frames = dims[3..]
+            .iter()
+            .try_fold(1usize, |frames, &n| frames.checked_mul(n))
+            .ok_or("its number of frames cannot be counted")?;
+        Ok(([dims[0], dims[1], dims[2]], frames))
+    }
+
+    /// Element type.
+    ///
+    /// # Errors
+    /// The voxels are colours, complex numbers, or of another unsupported type.
+    pub(super) fn element(&self) -> Result<Element, String> {
+        let known = DATATYPES.iter().find(|(code, _)| *code == self.datatype);
+        known.map(|(_, element)| *element).ok_or_else(|| {
+            let name = match self.datatype {
+                1 => "single bits",
+                32 | 1792 | 2048 => "complex numbers",
+                128 | 2304 => "RGB colours",
+                1536 => "128-bit floats",
+                _ => "of an unknown type",
+            };
+            format!("its voxels are {name} (datatype {}); scalars are needed", self.datatype)
+        })
+    }
+
+    /// Scaling of the values; a slope that is 0 or not finite means none.
+    ///
+    /// # Errors
+    /// The slope is valid and the intercept is not finite.
+    pub(super) fn scaling(&self) -> Result<Scaling, String> {
+        if self.scl_slope == 0.0 || !self.scl_slope.is_finite() {
+            return Ok(Scaling::IDENTITY);
+        }
+        if !self.scl_inter.is_finite() {
+            return Err(format!("its scl_slope is {} but its scl_inter {}", self.scl_slope, self.scl_inter));
+        }
+        Ok(Scaling { slope: self.scl_slope, intercept: self.scl_inter })
+    }
+
+    /// Meaning of the values by the intent code or the description. The format has no code for HU.
+    pub(super) fn value_meaning(&self) -> ValueMeaning {
+        match self.intent_code {
+            2..=24 => ValueMeaning::Other(format!("NIfTI intent {}, a statistic", self.intent_code)),
+            1002 => ValueMeaning::Other("NIfTI intent 1002, labels".into()),
+            // Only MR has an echo time; dcm2niix and SPM write it.
+            _ if self.descrip.contains("TE=") => {
+                ValueMeaning::Other("its description gives an echo time: MR".into())
+            }
+            _ => ValueMeaning::Unknown,
+        }
+    }
+
+    /// First byte of the voxels in their file.
+    ///
+    /// # Errors
+    /// The offset is negative, not a number, or inside the header of a single file.
+    pub(super) fn data_offset(&self) -> Result<u64, String> {
+        let offset = self.vox_offset;
+        if !(0.0..9.0e18).contains(&offset) {
+            return Err(format!("its vox_offset is {offset}"));
+        }
+        let first = HEADER_BYTES[usize::from(self.version) - 1] as u64 + EXTENDER_BYTES;
+        match offset as u64 {
+            0 if !self.is_pair => Ok(first),
+            offset if !self.is_pair && offset < first => {
+                Err(format!("its vox_offset {offset} lies inside the header"))
+            }
+            offset => Ok(offset),
+        }
+    }
+
+    /// World mm (RAS+) from index coordinates: sform if its code is above 0, else qform if its code is above 0, else
+    /// voxel sizes. A form that is singular or not finite is skipped with a warning.
+    pub(super) fn affine(&self, warnings: &mut Vec<String>) -> (DAffine3, AffineSource) {
+        let usable =
+            |a: &DAffine3| a.is_finite() && a.inverse().is_finite() && a.matrix3.determinant() != 0.0;
+        if self.sform_code > 0 {
+            let affine = self.sform();
+            if usable(&affine) {
+                return (affine, AffineSource::Sform);
+            }
+            warnings.push("the sform is singular or not finite and was skipped".into());
+        }
+        if self.qform_code > 0 {
+            let affine = self.qform(warnings);
+            if usable(&affine) {
+                return (affine, AffineSource::Qform);
+            }
+            warnings.push("the qform is not finite and was skipped".into());
+        }
+        let affine = self.voxel_size_affine(warnings);
+        warnings.push(
+            "no usable sform or qform: voxel sizes only, centred, x running to the left (the Analyze convention)"
+                .into(),
+        );
+        (affine, AffineSource::Spacing)
+    }
+
+    fn sform(&self) -> DAffine3 {
+        let column = |c: usize| DVec3::from_array(self.srow.map(|row| row[c]));
+        DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3))
+    }
+
+    fn qform(&self, warnings: &mut Vec<String>) -> DAffine3 {
+        let [mut b, mut c, mut d] = self.quatern;
+        let w_squared = 1.0 - (b * b + c * c + d * d);
+        // Three f32 roundings of 1: closer to a half turn than the header can represent.
+        let resolution = 3.0 * f64::from(f32::EPSILON);
+        let w = if w_squared.abs() < resolution {
+            0.0
+        } else if w_squared < 0.0 {
+            warnings
+                .push(format!("the qform's quaternion is too long by {:.3e} and was normalised", -w_squared));
+            let length = (1.0 - w_squared).sqrt();
+            [b, c, d] = [b / length, c / length, d / length];
+            0.0
+        } else {
+            w_squared.sqrt()
+        };
+        let norm = w * w + b * b + c * c + d * d;
+        let s = 2.0 / norm;
+        let rotation = DMat3::from_cols(
+            DVec3::new(1.0 - s * (c * c + d * d), s * (b * c + w * d), s * (b * d - w * c)),
+            DVec3::new(s * (b * c - w * d), 1.0 - s * (b * b + d * d), s * (c * d + w * b)),
+            DVec3::new(s * (b * d + w * c), s * (c * d - w * b), 1.0 - s * (b * b + c * c)),
+        );
+        let mut size = self.voxel_sizes_mm(warnings);
+        if self.pixdim[0] == -1.0 {
+            size.z = -size.z;
+        }
+        DAffine3::from_mat3_translation(
+            rotation * DMat3::from_diagonal(size),
+            DVec3::from_array(self.qoffset),
+        )
+    }
+
+    fn voxel_size_affine(&self, warnings: &mut Vec<String>) -> DAffine3 {
+        let mut size = self.voxel_sizes_mm(warnings);
+        // Missing axes count 1 mm.
+        for axis in 0..3 {
+            if self.dim[0] <= axis as i64 {
+                size[axis] = 1.0;
+            }
+        }
+        size.x = -size.x;
+        let centre = DVec3::from_array(std::array::from_fn(|axis| {
+            let has_axis = self.dim[0] > axis as i64;
+            if has_axis { (self.dim[axis + 1] as f64 - 1.0) / 2.0 } else { 0.0 }
+        }));
+        DAffine3::from_mat3_translation(DMat3::from_diagonal(size), -(size * centre))
+    }
+
+    /// Absolute values of `pixdim[1..=3]`; 0 and non-finite values count 1 mm.
+    fn voxel_sizes_mm(&self, warnings: &mut Vec<String>) -> DVec3 {
+        let mut warn = |text: String| {
+            if !warnings.contains(&text) {
+                warnings.push(text);
+            }
+        };
+        DVec3::from_array(std::array::from_fn(|axis| match self.pixdim[axis + 1] {
+            size if size == 0.0 || !size.is_finite() => {
+                // A 2-D file need not give the thickness of its slice.
+                if self.dim[0] > axis as i64 {
+                    warn(format!("voxel size {} along axis {} was taken as 1 mm", size, axis + 1));
+                }
+                1.0
+            }
+            size => {
+                if size < 0.0 {
+                    warn(format!("voxel size {} along axis {} was made positive", size, axis + 1));
+                }
+                size.abs()
+            }
+        }))
+    }
+}
+
+fn dimensions_error(count: i64) -> String {
+    format!("its number of dimensions is {count}, not in 1..=7")
+}
+
+fn no_magic() -> String {
+    "its header has no NIfTI magic, nor is it one of Analyze 7.5".into()
+}
+
+/// Numbers of a NIfTI-2 header by their positions.
+struct Fields<'a> {
+    bytes: &'a [u8],
+    byte_order: ByteOrder,
+}
+
+impl Fields<'_> {
+    /// Bytes of a field in little-endian order.
+    fn little_endian<const N: usize>(&self, at: usize) -> [u8; N] {
+        let mut field = [0; N];
+        field.copy_from_slice(&self.bytes[at..at + N]);
+        if self.byte_order == ByteOrder::Big {
+            field.reverse();
+        }
+        field
+    }
+
+    fn integer(&self, at: usize) -> i32 {
+        i32::from_le_bytes(self.little_endian(at))
+    }
+
+    fn real(&self, at: usize) -> f64 {
+        f64::from_le_bytes(self.little_endian(at))
+    }
+
+    fn reals<const N: usize>(&self, at: usize) -> [f64; N] {
+        std::array::from_fn(|i| self.real(at + 8 * i))
+    }
+}
