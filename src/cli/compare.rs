@@ -379,13 +379,6 @@ mod tests {
     }
 
     #[test]
-    fn the_same_method_given_twice_is_one_row() {
-        let of = |text: &str| parse_distinct(text).unwrap().len();
-        assert_eq!(of("dsm:epsilon=0.1,0.1"), 1);
-        assert_eq!(of("none;dsm:epsilon=0.1,0.10,0.02;none;dsm:epsilon=0.02"), 3);
-    }
-
-    #[test]
     fn one_failed_row_makes_the_verdict() {
         let mut rows = vec![Row::default(), Row { method: "dsm".into(), ..Row::default() }];
         assert!(verdict(&rows, Path::new("out")).is_ok());

@@ -1,7 +1,7 @@
 //! A shadow method and its settings as the registry describes them: what the shadows panel edits.
 
 use crate::error::Result;
-use crate::shadow::{self, Entry, METHODS, Method, spec};
+use crate::shadow::{self, Entry, METHODS, Method, MethodSpec};
 
 /// A method of the registry with a text for every key.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,16 +30,8 @@ impl MethodChoice {
     /// # Errors
     /// As [`shadow::parse`].
     pub fn parse(text: &str) -> Result<Self> {
-        shadow::parse(text)?;
-        let spec = spec::parse_spec(text)?;
-        let mut choice =
-            METHODS.iter().find(|m| m.name == spec.name).map_or_else(Self::default, |entry| Self::of(entry));
-        for (key, values) in spec.params {
-            if let Some(value) = values.into_iter().next() {
-                choice.set(&key, value);
-            }
-        }
-        Ok(choice)
+        let spec: MethodSpec = text.parse()?;
+        Ok(Self { name: spec.entry().name, values: spec.values().iter().map(ToString::to_string).collect() })
     }
 
     /// The method's entry in the registry.

@@ -153,7 +153,7 @@ impl Wanted {
 
 /// How figures of a method are found again.
 pub fn key(method: &dyn Method) -> String {
-    format!("{method:?}")
+    method.spec().to_string()
 }
 
 /// Measures methods on a variant of a scene; a method that fails has a row that says why.

@@ -14,10 +14,7 @@
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
 use super::method::Entry;
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, settings};
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
 use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
@@ -27,21 +24,10 @@ settings! {
     /// Settings of an adaptive volumetric shadow map.
     pub struct AdaptiveShadowMap {
         /// Nodes a texel, `N` of the paper.
-        nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "of a texel's transmittance").telling(),
+        nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "of a texel's transmittance").in_label().search_all(),
         /// Bits of a node's depth and transmittance, each: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "32", "of a node's depth and transmittance, floats"),
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        bits: u32 = Key::choice(&["16", "32"], "32", "of a node's depth and transmittance, floats").search_all(),
+        ..MapSettings,
         /// How eye samples ask for light.
         lookup: Lookups = LOOKUP_KEY,
     }
@@ -56,8 +42,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "avsm",
     stability: "avsm:map=64",
     style: Style { color: [68, 170, 153], marker: Marker::Spark },
-    tuned: "avsm:nodes=4,6,8,12,16,24,32,bits=16,32,filter=nearest,bilinear,\
-        map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl VectorMap for AdaptiveShadowMap {
@@ -73,9 +57,9 @@ impl VectorMap for AdaptiveShadowMap {
         Recipe {
             vectors: self.nodes / 2,
             numbers_are: Numbers::floats(self.bits),
-            filter: self.filter,
+            filter: self.common.filter,
             linear: false,
-            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
+            shape: self.common.shape(),
             constants: vec![Constant::unsigned("NODES", self.nodes)],
             defs: Vec::new(),
             turns: None,

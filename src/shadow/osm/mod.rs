@@ -19,10 +19,7 @@ use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, Recipe, Record, SPLIT_BINS, Split, SplitTable,
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, choices, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, choices, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};
@@ -51,29 +48,19 @@ settings! {
     /// Settings of an opacity shadow map.
     pub struct OpacityShadowMap {
         /// Maps, `N` of the paper.
-        layers: u32 = Key::whole(LAYERS, "32", "planes").telling(),
+        layers: u32 = Key::whole(LAYERS, "32", "planes").in_label().search(&["2", "4", "8", "16", "32", "64", "128"]),
         /// Where the planes lie.
         slicing: Slicing = Key::choice(
             Slicing::NAMES,
             "uniform",
             "planes evenly spaced, at equal shares of optical mass or of lost light, or further apart behind",
-        ),
+        )
+        .search_all(),
         /// Texels a side that a lookup averages: 1 or 3.
-        kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged"),
+        kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged").search_all(),
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        ..MapSettings,
         /// What filters and the kernel average.
         average: Average = AVERAGE_KEY,
         /// How eye samples ask for light.
@@ -90,8 +77,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "osm:layers=16",
     stability: "osm:layers=32,map=64",
     style: Style { color: [230, 159, 0], marker: Marker::Square },
-    tuned: "osm:layers=2,4,8,16,32,64,128,slicing=uniform,density,lit,gamma,kernel=1,3,bits=8,16,32,\
-        filter=nearest,bilinear,average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// A single plane lies at the far end whatever lies before it.
@@ -106,12 +91,12 @@ fn mass_shader(march: March, lit: bool) -> ShaderVariant {
 
 impl OpacityShadowMap {
     fn shape(&self) -> MapShape {
-        let shape = self.fit.shape(self.map, self.from.march(self.march, self.step));
+        let shape = self.common.shape();
         MapShape { reach: self.kernel.div_ceil(2), ..shape }
     }
 
     fn recipe(&self, split: Split) -> Recipe {
-        let Self { layers, bits, filter, average, kernel, .. } = *self;
+        let Self { layers, bits, average, kernel, common: MapSettings { filter, .. }, .. } = *self;
         let record = Record { layers, bits, depths: 0, depth_bits: 0, own_split: false };
         let shape = self.shape();
         Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, shape }
@@ -155,7 +140,7 @@ impl Method for OpacityShadowMap {
 
     fn lookup(&self) -> Option<Lookup> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        Some(self.recipe(split).lookup("shadow/osm/lookup.wgsl").asked_by(self.lookup))
+        Some(self.recipe(split).lookup("shadow/osm/lookup.wgsl").with_lookup_mode(self.lookup))
     }
 
     fn taps(&self) -> Taps {

@@ -167,7 +167,7 @@ impl Recipe {
         let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]).modules(self.lookup);
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let shader = shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER"));
-        Lookup::new(shader).asked_by(self.asked_by)
+        Lookup::new(shader).with_lookup_mode(self.asked_by)
     }
 
     /// Bytes of a texel's vectors.
