@@ -18,12 +18,9 @@ fn view(args: ViewArgs) -> Result<()> {
 
     let script = args.script.as_deref().map(Script::read).transpose()?;
     let asked = args.scene != SceneArgs::default();
-    let settings = args.scene.into_settings()?;
-    // Said before a window opens, as any other command would.
-    settings.method()?;
-    let adapter = settings.adapter.clone();
-    let scene = (asked || args.clean).then_some(settings);
-    run(Start { scene, adapter, clean: args.clean, script })
+    let request = args.scene.into_request()?;
+    let scene = (asked || args.clean).then_some(request.settings);
+    run(Start { scene, adapter: request.run.adapter, clean: args.clean, script })
 }
 
 /// Refuses: this build has no window.

@@ -103,9 +103,7 @@ fn files_of_tracks_are_volumes_and_are_voxelised() {
             assert!(part.contains(&format!(".{ending}")), "{command}, {from}: {ending}\n{part}");
         }
         let kind = umbravox::open::FORMATS.iter().find(|f| f.kind == "of strands").unwrap();
-        assert!(
-            umbravox::strands::STRAND_EXTENSIONS.iter().all(|e| kind.asked_as.contains(&format!(".{e}")))
-        );
+        assert!(umbravox::strands::STRAND_EXTENSIONS.iter().all(|e| kind.usage.contains(&format!(".{e}"))));
         assert_eq!(kind.endings, umbravox::strands::STRAND_EXTENSIONS);
     }
 }

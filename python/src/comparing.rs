@@ -20,7 +20,7 @@ use umbravox::measure::journal::Journal;
 use umbravox::measure::progress::{Progress, Status, Watch};
 use umbravox::measure::table::{COLUMNS, Cell, Row};
 use umbravox::open::Loaded;
-use umbravox::open::asked::{Asked as AskedScene, function_text};
+use umbravox::open::provenance::{RecordedScene, function_text};
 use umbravox::render::Renderer;
 use umbravox::report::Start;
 use umbravox::report::make::{Order, Subject, make, scene_name};
@@ -159,7 +159,7 @@ impl Table {
             (Some(_), true) => {
                 let own = asked.function.as_ref().map(TransferFunction::to_json);
                 let tf_text = own.map_or_else(|| function_text(loaded), |text| Ok(Some(text)))?;
-                let recorded = AskedScene::of(asked.settings.clone(), loaded, tf_text, &name, false)?;
+                let recorded = RecordedScene::of(asked.settings.clone(), loaded, tf_text, &name, false)?;
                 (recorded.record, recorded.tf_text)
             }
         };

@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 use umbravox::files::picture::{Backdrop, write_picture_as};
-use umbravox::open::SceneSettings;
+use umbravox::open::SceneRequest;
 use umbravox::open::presets::PRESETS;
 use umbravox::shadow::METHODS;
 
@@ -56,7 +56,7 @@ fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 #[pyfunction]
 fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
-    for (key, help) in SceneSettings::keys() {
+    for (key, help) in SceneRequest::keys() {
         if !arguments::NOT_HERE.contains(&key.as_str()) {
             dict.set_item(key.replace('-', "_"), help)?;
         }

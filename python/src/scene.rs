@@ -1,4 +1,4 @@
-//! A scene: a volume, how it is looked at, and what stays on the device between two questions about it.
+//! Python class `Scene`: a volume, its settings, and the data that stay on the device between queries.
 
 use crate::arguments::Asked;
 use crate::attended::{attended, interruptible};
@@ -18,11 +18,11 @@ use umbravox::engine::MapCoverage;
 use umbravox::error::{Error, Result};
 use umbravox::files::output::check_output;
 use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
-use umbravox::open::SceneSettings;
+use umbravox::open::{SceneRequest, SceneSettings};
 
-/// Rows of an exact picture between two looks whether to go on.
+/// Rows of an exact picture between checks for an interrupt.
 const EXACT_ROWS: u32 = 4;
-/// Points, or segments, between two such looks.
+/// Points, or segments, between checks for an interrupt.
 const EXACT_POINTS: usize = 4096;
 
 /// A volume and how it is looked at; every argument is named as the flag of the command line.
@@ -60,7 +60,7 @@ impl PyScene {
             },
             None => None,
         };
-        // An array of labels is none of the flags'.
+        // The flag `labels` takes no array.
         let labels = arguments.get_item("labels")?.filter(|labels| !labels.is_none());
         let labels = match labels {
             Some(labels) if !named(&labels)? || held.is_some() => {
@@ -76,7 +76,7 @@ impl PyScene {
     #[staticmethod]
     #[pyo3(signature = (path, **arguments))]
     fn read(py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
-        let below = Asked::of_file(SceneSettings::read(&path)?);
+        let below = Asked::of_file(SceneRequest::read(&path)?);
         Self::begin(py, None, None, Asked::of(arguments)?.over(&below)?)
     }
 
@@ -173,7 +173,7 @@ impl PyScene {
             return Ok(shaped(py, found, shape)?);
         }
         if let Some(method) = method {
-            asked.settings.shadow = Some(method.to_owned());
+            asked.settings.shadow = Some(method.parse()?);
         }
         let found = self.done(py, |ending| {
             self.stage.prepared(&asked, ending, MapCoverage::AnyPoint, |made| {
@@ -245,7 +245,7 @@ impl PyScene {
             || (),
             |py, step| hear.hear(py, step),
             |ending, say| {
-                let renderer = device::own(asked.settings.adapter.as_deref())?;
+                let renderer = device::own(asked.adapter.as_deref())?;
                 let wanted = self.stage.looked_at(&asked, ending, |loaded, scene| {
                     table.asked(loaded, &asked, scene, &self.stage.held)
                 })?;
@@ -325,23 +325,23 @@ impl PyScene {
         let held = match held {
             Some(held) => held,
             None => {
-                // What is wrong with the rest is said before a large file is read.
+                // Other arguments are checked before a large file is read.
                 asked.settings.functions(labels.is_some())?;
                 let reads = reading(&asked.settings);
                 let held = read_held(py, reads)?;
-                tell(py, &held.remarks)?;
+                tell(py, &held.diagnostics)?;
                 held
             }
         };
         let held = labels.map_or_else(|| Ok(held.clone()), |labels| held.clone().labelled(labels, "ijk"))?;
         let reads = held.read_by.clone().unwrap_or_else(|| nothing.clone());
         let base = match asked.settings.reads_as(&nothing) {
-            true => asked.over(&Asked::of_file(reads))?,
+            true => asked.over(&Asked { settings: reads, ..Asked::default() })?,
             false if held.read_by.as_ref().is_some_and(|by| asked.settings.reads_as(by)) => asked,
             false => return Err(another_volume()),
         };
         let scene = Self { base, stage: Stage::new(held) };
-        // What does not go together is said now, not with the first picture.
+        // Contradicting arguments fail now, not with the first picture.
         scene.done(py, |ending| scene.stage.looked_at(&scene.base, ending, |_, _| Ok(())))?;
         scene.base.settings.method()?;
         Ok(scene)
@@ -353,7 +353,7 @@ impl PyScene {
         if !asked.settings.reads_as(&self.base.settings) {
             return Err(another_volume());
         }
-        if asked.settings.adapter != self.base.settings.adapter {
+        if asked.adapter != self.base.adapter {
             return Err(Fault::input(
                 "bad argument",
                 "adapter",

@@ -10,10 +10,10 @@ use umbravox::engine::{MapCoverage, ReusePolicy, ShadowCache, Work};
 use umbravox::error::{Error, Result};
 use umbravox::exact::ExactField;
 use umbravox::files::loading::Loading;
-use umbravox::open::asked::picture_texts;
 use umbravox::open::presets::{PRESETS, Scale};
+use umbravox::open::provenance::picture_texts;
 use umbravox::open::units::Units;
-use umbravox::open::{DEFAULT_SHADOW, Loaded, Remark, SceneSettings};
+use umbravox::open::{Diagnostic, Loaded, SceneSettings};
 use umbravox::render::{DeviceTransfer, LoadedVolume, Picture, Renderer};
 use umbravox::scene::{Camera, Scene};
 use umbravox::shadow::{BuildReport, ShadowMap};
@@ -39,7 +39,7 @@ struct Told {
     /// What the last picture took.
     last: Option<Cost>,
     /// What was assumed, and nobody has been told of.
-    untold: Vec<Remark>,
+    untold: Vec<Diagnostic>,
     notes: Vec<String>,
 }
 
@@ -152,8 +152,8 @@ impl Stage {
     /// Nothing kept yet.
     pub fn new(held: Held) -> Self {
         let mut told = Told::default();
-        held.remarks.iter().for_each(|(_, text)| {
-            told.note(text);
+        held.diagnostics.iter().for_each(|d| {
+            told.note(&d.message);
         });
         Self { held, kit: Mutex::default(), told: Mutex::new(told) }
     }
@@ -172,7 +172,7 @@ impl Stage {
     }
 
     /// What was assumed since this was asked last.
-    pub fn take_untold(&self) -> Vec<Remark> {
+    pub fn take_untold(&self) -> Vec<Diagnostic> {
         std::mem::take(&mut lock(&self.told).untold)
     }
 
@@ -211,9 +211,9 @@ impl Stage {
             let field = (Arc::clone(&self.held.volume), self.held.strands.clone());
             let loaded = settings.look_at(field, functions, Vec::new(), &Loading::default())?;
             let mut told = lock(&self.told);
-            for (kind, text) in loaded.remarks.iter().cloned().chain(self.guess(asked, &loaded)) {
-                if told.note(&text) {
-                    told.untold.push((kind, text));
+            for diagnostic in loaded.diagnostics.iter().cloned().chain(self.guess(asked, &loaded)) {
+                if told.note(&diagnostic.message) {
+                    told.untold.push(diagnostic);
                 }
             }
             let kept = ShadowCache::new(settings.forced()).serving_by(ReusePolicy::Same);
@@ -223,7 +223,7 @@ impl Stage {
     }
 
     /// What to say where nobody has said what an array's values are, and a preset was laid over them.
-    fn guess(&self, asked: &Asked, loaded: &Loaded) -> Option<Remark> {
+    fn guess(&self, asked: &Asked, loaded: &Loaded) -> Option<Diagnostic> {
         let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source && p.scale == Scale::Hounsfield);
         let said = self.held.read_by.is_some() || asked.settings.units.is_some() || asked.function.is_some();
         let is_chosen = asked.settings.tf.is_none();
@@ -235,7 +235,7 @@ impl Stage {
         let text = format!(
             "the array's values are taken for {taken}: units=\"hu\" or \"fraction\" says what they are"
         );
-        Some(("warning", text))
+        Some(Diagnostic::warning(text))
     }
 
     /// The kit, once nobody else uses it.
@@ -254,7 +254,7 @@ impl Stage {
     }
 
     pub fn renderer(&self, asked: &Asked) -> Result<Arc<Renderer>> {
-        device::renderer(asked.settings.adapter.as_deref())
+        device::renderer(asked.adapter.as_deref())
     }
 
     /// Builds what a picture or a query reads, unless it is kept.
@@ -283,9 +283,9 @@ impl Stage {
         let mut work = Work::default();
         looked.kept.set_transfer(renderer, on_device, &looked.loaded.tf, &mut work)?;
         let method = asked.settings.method()?;
-        let spec = asked.settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW);
-        looked.kept.prepare(renderer, on_device, (spec, method.as_ref()), (&scene, asked_for), &mut work)?;
-        let maps = looked.kept.shadows(spec, &scene).unwrap_or_default();
+        let spec = asked.settings.method_spec().to_string();
+        looked.kept.prepare(renderer, on_device, (&spec, method.as_ref()), (&scene, asked_for), &mut work)?;
+        let maps = looked.kept.shadows(&spec, &scene).unwrap_or_default();
         then(Made { renderer, on_device, kept: &looked.kept, maps, scene: &scene, work })
     }
 
@@ -314,9 +314,9 @@ impl Stage {
     pub fn resolved(&self, asked: &Asked, ending: &Ending) -> Result<SceneSettings> {
         let settings = &asked.settings;
         let mut resolved = self.looked_at(asked, ending, |loaded, scene| {
-            settings.resolved(&scene, &loaded.tf_source, loaded.suiting)
+            Ok(settings.resolved(&scene, &loaded.tf_source, loaded.suiting))
         })?;
-        resolved.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
+        resolved.shadow = Some(settings.method_spec());
         Ok(resolved)
     }
 

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use umbravox::error::Error;
 use umbravox::files::loading::Loading;
 use umbravox::formats::write_volume;
-use umbravox::open::{Read, Remark, SceneSettings, VolumeSpec, load};
+use umbravox::open::{Diagnostic, Level, Read, SceneSettings, VolumeSpec, load};
 use umbravox::strands::VoxelisedStrands;
 use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxel, Voxels};
 use umbravox::with_voxels;
@@ -29,7 +29,7 @@ pub struct Held {
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// What it was read by; `None` for an array.
     pub read_by: Option<SceneSettings>,
-    pub remarks: Vec<Remark>,
+    pub diagnostics: Vec<Diagnostic>,
     /// Whether its labels are an array's.
     pub has_own_labels: bool,
 }
@@ -51,7 +51,7 @@ impl Held {
             }
         };
         let is_array = file.is_none();
-        let Self { volume, strands, read_by, remarks, .. } = self;
+        let Self { volume, strands, read_by, diagnostics, .. } = self;
         let volume = interruptible(
             py,
             || (),
@@ -76,7 +76,7 @@ impl Held {
             },
         )?;
         let has_own_labels = is_array || read_by.is_some();
-        Ok(Self { volume, strands, read_by, remarks, has_own_labels })
+        Ok(Self { volume, strands, read_by, diagnostics, has_own_labels })
     }
 }
 
@@ -120,13 +120,15 @@ impl PyVolume {
             |_| Volume::new(stored, Scaling::IDENTITY, world_from_index, provenance),
         )?;
         let warnings = volume.provenance.warnings.iter();
-        let mut remarks: Vec<Remark> = warnings.map(|warning| ("warning", warning.clone())).collect();
+        let mut diagnostics: Vec<_> = warnings.cloned().map(Diagnostic::warning).collect();
         if affine.is_none() && spacing.is_none() {
-            remarks.push(("note", "no affine and no spacing given: voxels taken as 1 mm".into()));
+            let text = "no affine and no spacing given: voxels taken as 1 mm";
+            diagnostics.push(Diagnostic::note(text.into()));
         }
-        tell(py, &remarks)?;
+        tell(py, &diagnostics)?;
         let has_own_labels = false;
-        let held = Held { volume: Arc::new(volume), strands: None, read_by: None, remarks, has_own_labels };
+        let held =
+            Held { volume: Arc::new(volume), strands: None, read_by: None, diagnostics, has_own_labels };
         let held = labels.map_or_else(|| Ok(held.clone()), |labels| held.clone().labelled(labels, axes))?;
         Ok(Self { held })
     }
@@ -170,7 +172,7 @@ impl PyVolume {
     /// What was assumed while reading.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        PyList::new(py, self.held.remarks.iter().map(|(_, text)| text))
+        PyList::new(py, self.held.diagnostics.iter().map(|d| &d.message))
     }
 
     /// The labels that its voxels have; empty without a segmentation.
@@ -245,7 +247,7 @@ pub fn read(
         return Err(Fault::input("bad argument", "read", why));
     }
     let held = read_held(py, reads)?;
-    tell(py, &held.remarks)?;
+    tell(py, &held.diagnostics)?;
     Ok(PyVolume { held })
 }
 
@@ -257,23 +259,24 @@ pub fn reading(settings: &SceneSettings) -> SceneSettings {
         sha256: settings.sha256.clone(),
         ..SceneSettings::default()
     };
-    reads.parts.labels = settings.parts.labels.clone();
+    reads.masking.labels = settings.masking.labels.clone();
     reads
 }
 
 /// Reads what settings name.
 pub fn read_held(py: Python<'_>, settings: SceneSettings) -> Outcome<Held> {
     let loading = Loading::default();
-    let mut remarks = Vec::new();
+    let mut diagnostics = Vec::new();
     let Read { volume, strands } =
-        interruptible(py, || loading.cancel(), |_| settings.read_volume(&mut remarks, &loading))?;
-    Ok(Held { volume: Arc::new(volume), strands, read_by: Some(settings), remarks, has_own_labels: false })
+        interruptible(py, || loading.cancel(), |_| settings.read_volume(&mut diagnostics, &loading))?;
+    let (volume, read_by) = (Arc::new(volume), Some(settings));
+    Ok(Held { volume, strands, read_by, diagnostics, has_own_labels: false })
 }
 
-/// Warnings as Python's own.
-pub fn tell(py: Python<'_>, remarks: &[Remark]) -> PyResult<()> {
-    for (_, text) in remarks.iter().filter(|(kind, _)| *kind == "warning") {
-        py.import("warnings")?.call_method1("warn", (text,))?;
+/// Issues warnings of Python.
+pub fn tell(py: Python<'_>, diagnostics: &[Diagnostic]) -> PyResult<()> {
+    for warning in diagnostics.iter().filter(|d| d.level == Level::Warning) {
+        py.import("warnings")?.call_method1("warn", (&warning.message,))?;
     }
     Ok(())
 }

@@ -6,7 +6,7 @@ use crate::engine::reading::{Beginning, Opened};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::presets::{self, Suiting};
-use crate::open::{PartFlags, SceneSettings, VolumeSpec};
+use crate::open::{MaskFlags, SceneSettings, VolumeSpec};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::formats::alike;
@@ -34,7 +34,7 @@ pub struct Document {
     /// What was asked for of units and opacity, for presets and files that are read later.
     pub suiting: Suiting,
     /// The segmentation and the functions of its labels, as they were asked for; what is hidden and clipped is said by `tf`.
-    pub parts: PartFlags,
+    pub parts: MaskFlags,
     /// What it was before, to be taken back.
     pub history: History,
     /// The point of the function that is selected in the editor.
@@ -155,10 +155,10 @@ impl Document {
     }
 
     /// What of the volume is shown, as flags.
-    pub fn part_flags(&self) -> PartFlags {
+    pub fn part_flags(&self) -> MaskFlags {
         let hidden = self.tf.rules.iter().filter(|rule| rule.seen == Seen::Hidden);
         let hidden: Vec<u32> = hidden.flat_map(|rule| rule.labels.iter().copied()).collect();
-        PartFlags {
+        MaskFlags {
             clip: Some(self.tf.clip.clone()).filter(|clip| !clip.is_empty()),
             hide: (!hidden.is_empty()).then(|| hidden.into_iter().collect()),
             ..self.parts.clone()
@@ -238,8 +238,8 @@ impl Document {
             tf: Some(tf.to_owned()),
             opacity_scale,
             units: self.suiting.units,
-            shadow: Some(self.method.spec()),
-            parts: self.part_flags(),
+            shadow: Some(self.method.spec().parse()?),
+            masking: self.part_flags(),
             ..SceneSettings::of_scene(&self.spec, &self.scene, self.transparent)
         };
         settings.to_toml()

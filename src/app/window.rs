@@ -9,7 +9,7 @@ use super::surface::Surface;
 use crate::engine::reading::With;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::open::SceneSettings;
+use crate::open::{SceneRequest, SceneSettings};
 use eframe::{egui, egui_wgpu, wgpu};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -147,7 +147,11 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// The scene that was kept, where it can still be read.
 fn last_scene(text: &str) -> Option<SceneSettings> {
-    if text.is_empty() || text.len() > MAX_SCENE_BYTES { None } else { SceneSettings::from_toml(text).ok() }
+    if text.is_empty() || text.len() > MAX_SCENE_BYTES {
+        None
+    } else {
+        SceneRequest::from_toml(text).ok().map(|request| request.settings)
+    }
 }
 
 /// The adapter whose name contains `name`, any case.

@@ -1,6 +1,6 @@
 //! `umbravox convert`: a volume from any format that is read to any that is written.
 
-use super::told::say;
+use super::console::print_message;
 use crate::error::Result;
 use crate::files::output::check_output;
 use crate::formats::{VOLUME_EXTENSIONS, write_volume};
@@ -28,6 +28,6 @@ pub struct ConvertArgs {
 pub fn run(args: &ConvertArgs) -> Result<()> {
     check_output(&args.output, VOLUME_EXTENSIONS)?;
     let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
-    volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
+    volume.provenance.warnings.iter().for_each(|warning| print_message("warning", warning));
     write_volume(&volume, &args.output)
 }

@@ -1,7 +1,7 @@
 //! The pictures of a turn: `render --turntable` and `--light-sweep`.
 
+use super::console::print_message;
 use super::interrupt::Interrupt;
-use super::told::say;
 use crate::engine::{DrawnPicture, Sequence, Turned, Turning};
 use crate::error::{Error, Result};
 use crate::files::animation::{Animated, Animation, PICTURES_PER_SECOND, check_backdrop, is_animation};
@@ -183,7 +183,10 @@ impl Drawer<'_> {
             }
         };
         if !turning.changes(scene) {
-            say("note", &"every light is on the axis that it is turned around: all pictures are the same");
+            print_message(
+                "note",
+                &"every light is on the axis that it is turned around: all pictures are the same",
+            );
         }
         let bar = progress_bar(*count)?;
         let (mut of_first, mut first, mut frames) = (Some(of_first), None, Vec::new());
@@ -227,7 +230,10 @@ impl Drawer<'_> {
     fn warn_of_others(&self) {
         let next = self.turn.frame_path(self.turn.count);
         if next.exists() {
-            say("warning", &format_args!("{} is from before and none of these pictures", next.display()));
+            print_message(
+                "warning",
+                &format_args!("{} is from before and none of these pictures", next.display()),
+            );
         }
     }
 }

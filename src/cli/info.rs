@@ -1,6 +1,6 @@
 //! `umbravox info`: what was read.
 
-use super::told::{print_json, print_result};
+use super::console::{print_json, print_result};
 use crate::error::Result;
 use crate::open::units::{Meaning, Units, ValueKind};
 use crate::open::{ReadFlags, VolumeSpec, load};

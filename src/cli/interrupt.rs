@@ -1,6 +1,6 @@
 //! Ctrl-C, and the signals by which a batch system ends a job.
 
-use super::told::say;
+use super::console::print_message;
 use crate::error::{Error, Result};
 use crate::files::output::abandon_and;
 use std::sync::OnceLock;
@@ -36,7 +36,10 @@ impl Interrupt {
 pub fn listen() -> Result<()> {
     let heard = || match (COME.fetch_add(1, Ordering::SeqCst), OUTCOME.get()) {
         (0, Some(outcome)) => {
-            say("note", &format_args!("ending after this step; {outcome} (once more ends at once)"));
+            print_message(
+                "note",
+                &format_args!("ending after this step; {outcome} (once more ends at once)"),
+            );
         }
         _ => abandon_and(system::end),
     };

@@ -2,6 +2,7 @@
 
 pub mod claims;
 pub mod compare;
+mod console;
 pub mod convert;
 mod error;
 pub mod frames;
@@ -15,17 +16,17 @@ pub mod probe_rays;
 pub mod render;
 pub mod stability;
 pub mod tf;
-mod told;
 pub mod view;
 pub mod voxelise;
 
 use crate::error::Result;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
-use std::ffi::OsString;
+use console::{print_message, print_result};
+use std::env;
+use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal};
 use std::process::ExitCode;
-use told::{print_result, say};
 use tracing_subscriber::EnvFilter;
 
 /// Volumetric shadows for CT volumes, each method with its error against an exact answer.
@@ -79,9 +80,9 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCod
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            say("error", &e);
+            print_message("error", &e);
             if let Some(hint) = &e.hint {
-                say("hint", hint);
+                print_message("hint", hint);
             }
             ExitCode::from(e.exit_status())
         }
@@ -112,6 +113,11 @@ fn named_command(args: &[OsString]) -> Option<String> {
     args.iter().skip(1).find_map(named)
 }
 
+/// Whether the log has colours: on a terminal, unless `NO_COLOR` is set and not empty (no-color.org).
+fn has_color(is_terminal: bool, no_color: Option<&OsStr>) -> bool {
+    is_terminal && no_color.is_none_or(OsStr::is_empty)
+}
+
 fn log_to_stderr(verbose: u8) {
     // The GPU stack speaks at `warn` about things no user can act on.
     let filter = match verbose {
@@ -123,7 +129,7 @@ fn log_to_stderr(verbose: u8) {
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(EnvFilter::new(filter))
         .with_writer(io::stderr)
-        .with_ansi(io::stderr().is_terminal())
+        .with_ansi(has_color(io::stderr().is_terminal(), env::var_os("NO_COLOR").as_deref()))
         .with_target(verbose > 1)
         .without_time()
         .log_internal_errors(false);
@@ -138,5 +144,12 @@ mod tests {
     #[test]
     fn the_command_definitions_are_sound() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn no_color_turns_colors_off() {
+        assert!(has_color(true, None) && has_color(true, Some(OsStr::new(""))));
+        assert!(!has_color(true, Some(OsStr::new("1"))) && !has_color(true, Some(OsStr::new("0"))));
+        assert!(!has_color(false, None));
     }
 }

@@ -1,15 +1,15 @@
 //! `umbravox render`: one picture, or those of a turn.
 
+use super::console::{load_scene, print_json, print_message};
 use super::frames::{Drawer, Frame, FrameFlags, Texts};
-use super::told::{load, print_json, say};
 use crate::engine::{DrawnPicture, Sequence};
 use crate::error::Result;
 use crate::files::animation::is_animation;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use crate::gpu::Clock;
-use crate::open::asked::picture_texts;
-use crate::open::{DEFAULT_SHADOW, Loaded, SceneArgs};
+use crate::open::provenance::picture_texts;
+use crate::open::{Loaded, SceneArgs, SceneRequest};
 use crate::render::{Omission, Session};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{Bound, BuildReport, Method, NoShadows, ShadowMap};
@@ -43,17 +43,17 @@ pub fn run(args: RenderArgs) -> Result<()> {
         check_output(&args.output, PICTURE_EXTENSIONS)
             .map_err(|e| if animated { e.hint(hint) } else { e })?;
     }
-    let settings = args.scene.into_settings()?;
+    let SceneRequest { settings, run } = args.scene.into_request()?;
     let method = settings.method()?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     turn.iter().try_for_each(|turn| turn.check(backdrop))?;
-    let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load(&settings)?;
+    let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
     let session =
-        Session::open(settings.adapter.as_deref(), volume, &tf, settings.forced())?.with_strands(strands);
+        Session::open(run.adapter.as_deref(), volume, &tf, settings.forced())?.with_strands(strands);
     let adapter = session.renderer.gpu().info.name.clone();
     let texts = |scene: &Scene| -> Result<Texts> {
-        let mut whole = settings.resolved(scene, &tf_source, suiting)?;
-        whole.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
+        let mut whole = settings.resolved(scene, &tf_source, suiting);
+        whole.shadow = Some(settings.method_spec());
         picture_texts(&adapter, Some(&whole))
     };
     let mut sequence = Sequence::new(&session, method.as_ref());
@@ -73,10 +73,10 @@ pub fn run(args: RenderArgs) -> Result<()> {
             Summary { frames: Some(frames), ..first }
         }
     };
-    if settings.explain {
+    if run.explain {
         summary.explain();
     }
-    if settings.json {
+    if run.json {
         print_json(&summary)?;
     }
     Ok(())
@@ -168,7 +168,7 @@ impl Summary {
     }
 
     fn explain(&self) {
-        let say = |line: String| say("plan", &line);
+        let say = |line: String| print_message("plan", &line);
         say(format!("adapter {}, times by {}", self.adapter, self.clock));
         if self.volume_tiles > 1 {
             let [x, y, z] = self.volume_texture;

@@ -1,6 +1,6 @@
 //! `umbravox stability`: the stiff and extreme cases, every method.
 
-use super::told::{print_result, say};
+use super::console::{print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
@@ -68,7 +68,7 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
         [(&path, csv(&rows)?), (&args.output.join("stability.md"), summary.clone().into_bytes())]
     {
         write_whole(path, |file| file.write_all(&bytes))?;
-        say("table", &path.display());
+        print_message("table", &path.display());
     }
     if args.json {
         print_result(&json(&rows)?)?;

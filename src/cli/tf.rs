@@ -1,6 +1,6 @@
 //! `umbravox tf`: presets, and transfer functions of other programs.
 
-use super::told::{print_json, print_result, say};
+use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
 use crate::open::presets::{Found, PRESETS, Scale};
@@ -211,7 +211,7 @@ fn write(carried: Carried, to: &Target) -> Result<()> {
     let write = format.write.ok_or_else(|| refuse(format!("{} is not written", format.name)))?;
     let written = write(&tf).map_err(refuse)?;
     warnings.extend(written.warnings);
-    warnings.iter().for_each(|warning| say("warning", warning));
+    warnings.iter().for_each(|warning| print_message("warning", warning));
     write_whole(&to.output, |file| file.write_all(written.text.as_bytes()))?;
     if !to.json {
         return Ok(());

@@ -1,6 +1,6 @@
 //! `umbravox voxelise`: strands as an extinction volume, and what that costs in truth.
 
-use super::told::{print_json, print_result, say};
+use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::check_output;
@@ -78,7 +78,7 @@ pub fn run(args: &VoxeliseArgs) -> Result<()> {
     }
     let strands = load_strands(&source, args.flags.thickness, &Loading::default())?;
     let made = args.flags.voxelise(&strands, &Loading::default())?;
-    made.volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
+    made.volume.provenance.warnings.iter().for_each(|warning| print_message("warning", warning));
     if let Some(output) = &args.output {
         write_nifti(&made.volume, output)?;
     }

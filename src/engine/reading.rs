@@ -4,9 +4,7 @@ use super::method_choice::MethodChoice;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::presets::Suiting;
-use crate::open::{
-    DEFAULT_SHADOW, Loaded, PartFlags, Read, Remark, SceneSettings, VolumeSpec, lacks_thickness, read_with,
-};
+use crate::open::{Diagnostic, Loaded, MaskFlags, Read, SceneSettings, VolumeSpec, lacks_thickness};
 use crate::scene::{Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
@@ -44,7 +42,7 @@ pub struct Beginning {
     /// What was asked for of units and opacity.
     pub suiting: Suiting,
     /// The segmentation and the functions of its labels.
-    pub parts: PartFlags,
+    pub parts: MaskFlags,
     pub scene: Scene,
     /// `None`: as before.
     pub method: Option<MethodChoice>,
@@ -79,9 +77,7 @@ impl Reading {
     pub fn start(spec: VolumeSpec, with: With, wake: impl Fn() + Send + 'static) -> Result<Self> {
         let method = match &with {
             // Bad settings are said at once, not after a long reading.
-            With::Settings(settings) => {
-                Some(MethodChoice::parse(settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW))?)
-            }
+            With::Settings(settings) => Some(MethodChoice::parse(&settings.method_spec().to_string())?),
             With::Scene(_) | With::Again => None,
         };
         let (send, result) = channel();
@@ -129,30 +125,31 @@ impl Drop for Reading {
 fn read(mut spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading: &Loading) -> Result<Opened> {
     let (volume, strands, notes, beginning) = match with {
         With::Again => {
-            let Read { volume, strands } = read_with(&spec, loading)?;
+            let Read { volume, strands } = spec.read(loading)?;
             let notes = volume.provenance.warnings.clone();
             (Arc::new(volume), strands, notes, None)
         }
         With::Settings(settings) => {
-            let Loaded { volume, strands, tf, tf_source, scene, remarks, .. } = settings.load(loading)?;
+            let Loaded { volume, strands, tf, tf_source, scene, diagnostics, .. } = settings.load(loading)?;
             let (transparent, suiting) = (Some(settings.is_transparent()), settings.suiting());
-            let parts = settings.parts.clone();
+            let parts = settings.masking.clone();
             let beginning = Beginning { tf, tf_source, suiting, parts, scene, method, transparent };
-            (volume, strands, texts(remarks), Some(beginning))
+            (volume, strands, texts(diagnostics), Some(beginning))
         }
         With::Scene(old) => {
             let assumed = assume_thickness(&mut spec);
             let settings = SceneSettings::of_volume(&spec);
-            let Loaded { volume, strands, tf, tf_source, scene, mut remarks, .. } = settings.load(loading)?;
-            remarks.extend(assumed);
+            let Loaded { volume, strands, tf, tf_source, scene, mut diagnostics, .. } =
+                settings.load(loading)?;
+            diagnostics.extend(assumed);
             // Point lights and meshes are somewhere in the old one.
             let lights = as_directions(&old, &scene);
             let shading = suited_shading(old.shading, strands.is_some());
             let scene = Scene { camera: scene.camera, lights, mesh: None, shading, ..*old };
             let suiting = Suiting::default();
-            let parts = PartFlags::default();
+            let parts = MaskFlags::default();
             let beginning = Beginning { tf, tf_source, suiting, parts, scene, method, transparent: None };
-            (volume, strands, texts(remarks), Some(beginning))
+            (volume, strands, texts(diagnostics), Some(beginning))
         }
     };
     let histogram = Arc::new(Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?);
@@ -160,18 +157,19 @@ fn read(mut spec: VolumeSpec, with: With, method: Option<MethodChoice>, loading:
 }
 
 /// Gives strands whose file has no thickness one, since a file that is dropped has no flags beside it, and says so.
-fn assume_thickness(spec: &mut VolumeSpec) -> Option<Remark> {
+fn assume_thickness(spec: &mut VolumeSpec) -> Option<Diagnostic> {
     let asked = &mut spec.flags.strands.thickness;
     if asked.is_some() || spec.flags.raw.is_some() || !lacks_thickness(&spec.source) {
         return None;
     }
     *asked = Some(ASSUMED_MM);
-    let where_else = "Strands, at the side, takes another";
-    Some(("note", format!("{} has no thickness: {ASSUMED_MM} mm is assumed; {where_else}", spec.source)))
+    let elsewhere = "Strands, at the side, takes another";
+    let text = format!("{} has no thickness: {ASSUMED_MM} mm is assumed; {elsewhere}", spec.source);
+    Some(Diagnostic::note(text))
 }
 
-fn texts(remarks: Vec<Remark>) -> Vec<String> {
-    remarks.into_iter().map(|(_, text)| text).collect()
+fn texts(diagnostics: Vec<Diagnostic>) -> Vec<String> {
+    diagnostics.into_iter().map(|d| d.message).collect()
 }
 
 /// A light at infinity suits any volume; a point light is somewhere in the old one.

@@ -30,7 +30,7 @@ impl TexelFormat {
     }
 }
 
-const FIT_HINT: &str = "--fit=BYTES or --fit=2x2x1 reduces it by whole factors";
+const FIT_HINT: &str = "--downsample=BYTES or --downsample=2x2x1 reduces it by whole factors";
 
 /// The volume texture and what its texels mean.
 pub struct DeviceVolume {

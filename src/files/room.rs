@@ -98,7 +98,7 @@ fn beyond(bytes: Option<u64>, free: Option<u64>) -> Result<(), String> {
         Some(free) if bytes as f64 > SHARE * free as f64 => {
             let gib = |bytes: f64| bytes / f64::from(1 << 30);
             Err(format!(
-                "its voxels need {:.1} GiB, and {:.1} GiB of memory are free for them (--fit reduces them)",
+                "its voxels need {:.1} GiB, and {:.1} GiB of memory are free for them (--downsample reduces them)",
                 gib(bytes as f64),
                 gib(SHARE * free as f64)
             ))
@@ -145,7 +145,7 @@ mod tests {
     fn what_cannot_be_held_is_refused_in_numbers() {
         if free_bytes().is_some() {
             let why = check([1 << 20, 1 << 20, 1 << 10], 8).unwrap_err();
-            assert!(why.contains("need 8388608.0 GiB") && why.contains("--fit"), "{why}");
+            assert!(why.contains("need 8388608.0 GiB") && why.contains("--downsample"), "{why}");
         }
         assert_eq!(check([10, 10, 10], 8), Ok(()));
         assert_eq!(beyond(Some(8 << 30), Some(10 << 30)), Ok(()));

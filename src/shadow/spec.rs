@@ -108,6 +108,13 @@ impl MethodSpec {
     }
 }
 
+impl Default for MethodSpec {
+    /// Deep shadow maps.
+    fn default() -> Self {
+        Self::default_of(&super::dsm::ENTRY)
+    }
+}
+
 impl fmt::Display for MethodSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.entry.name)?;

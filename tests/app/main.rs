@@ -41,7 +41,7 @@ impl Bench {
     /// Opens `line`, as on the command line of `view`; `None`, said aloud, where there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
         let mut bench = Self::empty()?;
-        let settings = scene_args(line).into_settings().unwrap();
+        let settings = scene_args(line).into_request().unwrap().settings;
         bench.app().model.open(settings.spec(), With::Settings(Box::new(settings)));
         bench.settle();
         Some(bench)
