@@ -1,4 +1,4 @@
-//! `umbravox merge`: parts of a table, measured by several jobs, become one.
+//! `umbravox merge`: combines the tables of several jobs.
 
 use super::compare::{LayoutFlags, say_files};
 use super::console::{print_message, print_result};
@@ -10,7 +10,7 @@ use crate::report::tables::summary;
 use clap::Args;
 use std::path::PathBuf;
 
-/// Put the tables of several folders of `compare` together: shards of one sweep, or the same scenes on other adapters
+/// Combine the tables of several folders of `compare`: shards of one sweep, or the same scenes on other adapters
 #[derive(Debug, Args)]
 pub struct MergeArgs {
     /// Folders of finished tables of the same program, scenes and effort

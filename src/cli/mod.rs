@@ -1,4 +1,4 @@
-//! The command line: one file a command, each thin.
+//! Command line: one file for each command.
 
 pub mod claims;
 pub mod compare;
@@ -33,7 +33,7 @@ use tracing_subscriber::EnvFilter;
 #[derive(Debug, Parser)]
 #[command(name = "umbravox", version, arg_required_else_help = false)]
 struct Cli {
-    /// Say more on stderr; twice or three times for still more
+    /// Print more on stderr; -vv and -vvv print still more
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
     #[command(subcommand)]
@@ -56,15 +56,15 @@ enum Command {
     View(Box<view::ViewArgs>),
 }
 
-/// The command line as clap knows it: every command, flag and help.
+/// Definition of every command, flag and help text.
 pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// What opens the window for `view`: the window is no part of the command line.
+/// Function that opens the window of `view`, which belongs to a higher module.
 pub type Window = fn(view::ViewArgs) -> Result<()>;
 
-/// Runs a command line, program name first; prints what went wrong and gives the exit status: 0, or that of the error.
+/// Runs a command line, program name first; prints an error, and returns the exit status.
 pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCode {
     let args: Vec<OsString> = args.into_iter().collect();
     let result = match Cli::try_parse_from(&args) {
@@ -107,7 +107,7 @@ fn run(command: Command, window: Window) -> Result<()> {
     }
 }
 
-/// The command that a refused command line names, for the hint.
+/// Command named in a refused command line, for the hint.
 fn named_command(args: &[OsString]) -> Option<String> {
     let named = |a: &OsString| Cli::command().find_subcommand(a).map(|c| c.get_name().to_owned());
     args.iter().skip(1).find_map(named)
@@ -119,7 +119,7 @@ fn has_color(is_terminal: bool, no_color: Option<&OsStr>) -> bool {
 }
 
 fn log_to_stderr(verbose: u8) {
-    // The GPU stack speaks at `warn` about things no user can act on.
+    // Warnings of the GPU stack are nothing a user can act on.
     let filter = match verbose {
         0 => "error,umbravox=warn",
         1 => "warn,umbravox=info",
@@ -133,7 +133,7 @@ fn log_to_stderr(verbose: u8) {
         .with_target(verbose > 1)
         .without_time()
         .log_internal_errors(false);
-    // Only a second call in one process can fail, and the first one's settings are as good.
+    // A second call in a process fails; the settings of the first one stay.
     let _ = subscriber.try_init();
 }
 

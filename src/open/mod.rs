@@ -7,7 +7,6 @@ mod masking;
 mod meshes;
 pub mod presets;
 pub mod provenance;
-mod refusal;
 mod scene_file;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
@@ -21,7 +20,6 @@ pub use layer::Layer;
 pub use load::{Diagnostic, Functions, Level, Loaded};
 pub use masking::{LabelFunction, LabelList, MaskFlags};
 pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
-pub use refusal::{Refusal, refusal};
 pub use settings::{DEFAULT_VOLUME, RunFlags, SceneArgs, SceneRequest, SceneSettings};
 pub use strands::{
     StrandFlags, is_strand_source, lacks_thickness, load_strands, parse_resolution, parse_thickness_mm,

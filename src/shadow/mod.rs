@@ -54,7 +54,7 @@ pub use osm::{OpacityShadowMap, Slicing};
 pub use rays::ShadowRays;
 pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_distinct, parse_list};
 pub use search_space::{Axis, SearchSpace};
-pub use settings::{Filter, Key, Kind, Lookups, MapSettings, Value, When};
+pub use settings::{Filter, Key, Kind, Lookups, Value, When};
 pub use spec::MethodSpec;
 pub use style::{Marker, Style};
 

@@ -278,81 +278,60 @@ macro_rules! choices {
     };
 }
 
-/// Concatenates groups of keys.
-pub(super) const fn concatenated<const N: usize>(groups: &[&[Key]]) -> [Key; N] {
-    let mut all = [LOOKUP_KEY; N];
-    let (mut at, mut group) = (0, 0);
-    while group < groups.len() {
-        let mut key = 0;
-        while key < groups[group].len() {
-            all[at] = groups[group][key];
-            (at, key) = (at + 1, key + 1);
-        }
-        group += 1;
-    }
-    all
-}
-
-/// Declares the settings of a method: a public struct, and its keys, which are named like the fields. `..GROUP` stands for
-/// the fields of a group of settings that several methods share.
+/// Declares the settings of a method: a public struct, and its keys, which are named like the fields. `..MapSettings` stands
+/// for the settings that all maps share, and adds `shape`.
 macro_rules! settings {
     ($(#[$meta:meta])* $vis:vis struct $name:ident {
         $($(#[$doc:meta])* $field:ident: $ty:ty = $key:expr,)*
-        $(..$group:ident, $($(#[$more_doc:meta])* $more:ident: $more_ty:ty = $more_key:expr,)*)?
+        ..MapSettings,
+        $($more:tt)*
     }) => {
-        $(#[$meta])*
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        $vis struct $name {
-            $($(#[$doc])* pub $field: $ty,)*
-            $(
-                /// Settings that all maps share.
-                pub common: $group,
-                $($(#[$more_doc])* pub $more: $more_ty,)*
-            )?
+        $crate::shadow::settings::settings! {
+            $(#[$meta])* $vis struct $name {
+                $($(#[$doc])* $field: $ty = $key,)*
+                /// Occluder.
+                from: $crate::shadow::settings::DrawnFrom = $crate::shadow::settings::FROM_KEY,
+                /// March of light rays.
+                march: $crate::shadow::settings::MarchBy = $crate::shadow::settings::MARCH_KEY,
+                /// Distance of regular samples, in smallest voxel spacings.
+                step: f64 = $crate::shadow::settings::STEP_KEY,
+                /// Texels a side; `None`: by the scene.
+                map: Option<u32> = $crate::shadow::settings::MAP_KEY,
+                /// Region that the map covers.
+                fit: $crate::shadow::settings::Fit = $crate::shadow::settings::FIT_KEY,
+                /// Interpolation between texels.
+                filter: $crate::shadow::Filter = $crate::shadow::settings::FILTER_KEY,
+                $($more)*
+            }
         }
 
         impl $name {
-            const GROUPS: &'static [&'static [$crate::shadow::Key]] = &[
-                &[$($crate::shadow::Key { name: stringify!($field), ..$key }),*],
-                $($group::KEYS, &[$($crate::shadow::Key { name: stringify!($more), ..$more_key }),*],)?
-            ];
-            const COUNT: usize = {
-                let (mut count, mut group) = (0, 0);
-                while group < $name::GROUPS.len() {
-                    count += $name::GROUPS[group].len();
-                    group += 1;
-                }
-                count
-            };
+            /// Shape of the map, with the march of its light rays.
+            pub(super) fn shape(&self) -> $crate::field::MapShape {
+                self.fit.shape(self.map, self.from.march(self.march, self.step))
+            }
+        }
+    };
+    ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$doc:meta])* $field:ident: $ty:ty = $key:expr,)* }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        $vis struct $name { $($(#[$doc])* pub $field: $ty,)* }
+
+        impl $name {
             /// Keys, in the order of the fields.
             pub const KEYS: &'static [$crate::shadow::Key] =
-                &$crate::shadow::settings::concatenated::<{ $name::COUNT }>($name::GROUPS);
+                &[$($crate::shadow::Key { name: stringify!($field), ..$key }),*];
 
             /// Settings from values of [`Self::KEYS`].
-            pub(in $crate::shadow) fn from_values(values: &[$crate::shadow::Value]) -> Option<Self> {
-                Self::take_from(&mut values.iter().copied())
-            }
-
-            pub(in $crate::shadow) fn take_from(
-                values: &mut impl Iterator<Item = $crate::shadow::Value>,
-            ) -> Option<Self> {
-                Some(Self {
-                    $($field: $crate::shadow::settings::Field::from_value(values.next()?)?,)*
-                    $(
-                        common: $group::take_from(values)?,
-                        $($more: $crate::shadow::settings::Field::from_value(values.next()?)?,)*
-                    )?
-                })
+            fn from_values(values: &[$crate::shadow::Value]) -> Option<Self> {
+                let mut values = values.iter().copied();
+                Some(Self { $($field: $crate::shadow::settings::Field::from_value(values.next()?)?,)* })
             }
 
             /// Values of [`Self::KEYS`].
-            pub(in $crate::shadow) fn to_values(self) -> Vec<$crate::shadow::Value> {
+            fn to_values(self) -> Vec<$crate::shadow::Value> {
                 let mut values = Vec::new();
                 $($crate::shadow::settings::Field::push_to(self.$field, &mut values, Self::KEYS);)*
-                $(
-                    values.extend($group::to_values(self.common));
-                    $($crate::shadow::settings::Field::push_to(self.$more, &mut values, Self::KEYS);)*
-                )?
                 values
             }
         }
@@ -499,28 +478,3 @@ pub(super) const LOOKUP_KEY: Key = Key::choice(
 /// Key for the interpolation between texels.
 pub(super) const FILTER_KEY: Key =
     Key::choice(Filter::NAMES, "bilinear", "texels used for a point").search_all();
-
-settings! {
-    /// Settings that all maps share.
-    pub struct MapSettings {
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// March of light rays.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of regular samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// Region that the map covers.
-        fit: Fit = FIT_KEY,
-        /// Interpolation between texels.
-        filter: Filter = FILTER_KEY,
-    }
-}
-
-impl MapSettings {
-    /// Shape of the map, with the march of its light rays.
-    pub fn shape(self) -> MapShape {
-        self.fit.shape(self.map, self.from.march(self.march, self.step))
-    }
-}

@@ -287,7 +287,7 @@ mod tests {
             over("dsm", "step-too-long").unwrap(),
             "dsm:epsilon=0.02,precompress=off,march=samples,step=8"
         );
-        assert_eq!(over("bom", "step-too-long").unwrap(), "bom:layers=15,march=samples,step=8");
+        assert_eq!(over("bom", "step-too-long").unwrap(), "bom:layers=15,ratio=0.5,march=samples,step=8");
         assert_eq!(over("none", "comb").unwrap(), "none");
         // Every setting of every case is one that the methods take.
         for case in &cases {

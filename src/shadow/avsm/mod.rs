@@ -14,7 +14,7 @@
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
 use super::method::Entry;
-use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, settings};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
 use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
@@ -57,9 +57,9 @@ impl VectorMap for AdaptiveShadowMap {
         Recipe {
             vectors: self.nodes / 2,
             numbers_are: Numbers::floats(self.bits),
-            filter: self.common.filter,
+            filter: self.filter,
             linear: false,
-            shape: self.common.shape(),
+            shape: self.shape(),
             constants: vec![Constant::unsigned("NODES", self.nodes)],
             defs: Vec::new(),
             turns: None,

@@ -25,10 +25,10 @@ use super::layered::{
     Measure, RATIO_KEY, Recipe, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, settings};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, MapShape};
+use crate::field::BuildContext;
 use crate::gpu::ShaderVariant;
 
 settings! {
@@ -68,17 +68,13 @@ pub(super) static ENTRY: Entry = Entry {
 };
 
 impl BoundingOpacityMap {
-    fn shape(&self) -> MapShape {
-        self.common.shape()
-    }
-
     fn layering(&self) -> Layering {
         let Self { layers, split, ratio, log_size, measure, .. } = *self;
         Layering { layers, split, ratio, log_size, measure }
     }
 
     fn recipe(&self, split: Split) -> Recipe {
-        let Self { layers, bits, depth_bits, average, common: MapSettings { filter, .. }, .. } = *self;
+        let Self { layers, bits, depth_bits, filter, average, .. } = *self;
         let record = Record { layers, bits, depths: 2, depth_bits, own_split: self.layering().by_texel() };
         let shape = self.shape();
         Recipe { record, split, reach: 0.0, last_takes_rest: true, filter, average, kernel: 1, shape }

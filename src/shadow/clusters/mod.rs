@@ -16,7 +16,7 @@
 //! * A ray is over where 2^-11 of the light is left, as in every map here; the range of depths is that of all matter.
 
 use super::method::Entry;
-use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, settings};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
 use super::style::{Marker, Style};
 use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
 use crate::gpu::Constant;
@@ -60,9 +60,9 @@ impl VectorMap for DensityClusters {
         Recipe {
             vectors: (3 * self.clusters).div_ceil(4),
             numbers_are: Numbers::floats(self.bits),
-            filter: self.common.filter,
+            filter: self.filter,
             linear: false,
-            shape: self.common.shape(),
+            shape: self.shape(),
             constants: vec![Constant::unsigned("CLUSTERS", self.clusters)],
             // The first march looks for where matter ends.
             defs: vec!["FROM_BEHIND"],

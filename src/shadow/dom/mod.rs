@@ -23,10 +23,10 @@ use super::layered::{
     Measure, RATIO_KEY, Recipe, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, When, choices, settings};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, When, choices, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, MapShape};
+use crate::field::BuildContext;
 use crate::gpu::ShaderVariant;
 
 choices! {
@@ -93,17 +93,13 @@ pub(super) static ENTRY: Entry = Entry {
 };
 
 impl DeepOpacityMap {
-    fn shape(&self) -> MapShape {
-        self.common.shape()
-    }
-
     fn layering(&self) -> Layering {
         let Self { layers, split, ratio, log_size, measure, .. } = *self;
         Layering { layers, split, ratio, log_size, measure }
     }
 
     fn recipe(&self, split: Split) -> Recipe {
-        let Self { layers, bits, depth_bits, average, common: MapSettings { filter, .. }, .. } = *self;
+        let Self { layers, bits, depth_bits, filter, average, .. } = *self;
         Recipe {
             record: Record { layers, bits, depths: 1, depth_bits, own_split: self.layering().by_texel() },
             split,

@@ -19,7 +19,7 @@
 //! * Texels are filtered by the hardware with `bits=16`; 32-bit floats, which not every adapter filters, by the program.
 
 use super::method::{Curve, Entry};
-use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, choices, settings};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
 use crate::gpu::Constant;
@@ -92,9 +92,9 @@ impl VectorMap for FourierOpacityMap {
             // Two terms a vector, the constant being one of them, and a range another.
             vectors: (self.terms + u32::from(own_range)) / 2 + 1,
             numbers_are: Numbers::floats(self.bits),
-            filter: self.common.filter,
+            filter: self.filter,
             linear: !own_range,
-            shape: self.common.shape(),
+            shape: self.shape(),
             constants: vec![Constant::unsigned("TERMS", self.terms)],
             defs: defs.into_iter().flatten().collect(),
             turns: own_range.then_some(2),

@@ -33,7 +33,7 @@
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
 use super::method::{Curve, Entry};
-use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, choices, settings};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::vectors::{Numbers, Recipe, VectorMap};
 use crate::gpu::Constant;
@@ -131,9 +131,9 @@ impl VectorMap for MomentMap {
             // A word of optical depth and one of every two moments, or a number of each.
             vectors: if self.in_words() { self.moments / 2 + 1 } else { self.moments + 1 }.div_ceil(4),
             numbers_are: if self.in_words() { Numbers::Words } else { Numbers::Single },
-            filter: self.common.filter,
+            filter: self.filter,
             linear: true,
-            shape: self.common.shape(),
+            shape: self.shape(),
             constants: vec![
                 Constant::unsigned("MOMENTS", self.moments),
                 Constant::float("LEAST_NORM", LEAST_NORM),

@@ -19,7 +19,7 @@ use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, Recipe, Record, SPLIT_BINS, Split, SplitTable,
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
-use super::settings::{Key, LOOKUP_KEY, Lookups, MapSettings, Value, choices, settings};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};
@@ -90,15 +90,14 @@ fn mass_shader(march: March, lit: bool) -> ShaderVariant {
 }
 
 impl OpacityShadowMap {
-    fn shape(&self) -> MapShape {
-        let shape = self.common.shape();
-        MapShape { reach: self.kernel.div_ceil(2), ..shape }
+    fn map_shape(&self) -> MapShape {
+        MapShape { reach: self.kernel.div_ceil(2), ..self.shape() }
     }
 
     fn recipe(&self, split: Split) -> Recipe {
-        let Self { layers, bits, average, kernel, common: MapSettings { filter, .. }, .. } = *self;
+        let Self { layers, bits, filter, average, kernel, .. } = *self;
         let record = Record { layers, bits, depths: 0, depth_bits: 0, own_split: false };
-        let shape = self.shape();
+        let shape = self.map_shape();
         Recipe { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, shape }
     }
 
@@ -123,7 +122,7 @@ impl OpacityShadowMap {
             &tiles.group("optical mass", &[(1, context.kernels.uniform(&own))]),
             &context.kernels.group("optical mass", &stage),
         ];
-        let shader = mass_shader(self.shape().march, self.slicing == Slicing::Lit);
+        let shader = mass_shader(self.map_shape().march, self.slicing == Slicing::Lit);
         let span = context.run("optical mass", &shader, groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
         Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
     }
@@ -158,7 +157,7 @@ impl Method for OpacityShadowMap {
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let tiles = TileMarch::fit(context, self.shape())?;
+        let tiles = TileMarch::fit(context, self.map_shape())?;
         let (split, weighing) = match self.plain_split() {
             Some(split) => (split, None),
             None => {
