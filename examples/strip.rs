@@ -14,7 +14,7 @@ use umbravox::files::loading::Loading;
 use umbravox::files::output::write_whole;
 use umbravox::files::picture::picture_png;
 use umbravox::measure::error_map::{ExactView, Quantity};
-use umbravox::open::{Loaded, SceneSettings};
+use umbravox::open::{Loaded, SceneRequest};
 use umbravox::render::{DisabledOptimizations, Session};
 use umbravox::report::canvas::{Anchor, Drawing, Point, Rect, Rgb};
 use umbravox::report::heat::false_colour;
@@ -77,7 +77,7 @@ fn main() -> umbravox::Result<()> {
 
 /// Panels with their labels.
 fn panels(path: &Path) -> umbravox::Result<Vec<(&'static str, RgbImage)>> {
-    let Loaded { volume, tf, scene, .. } = SceneSettings::read(path)?.load(&Loading::default())?;
+    let Loaded { volume, tf, scene, .. } = SceneRequest::read(path)?.settings.load(&Loading::default())?;
     let session = Session::open(None, Arc::clone(&volume), &tf, DisabledOptimizations::NONE)?;
     let mut panels = Vec::new();
     for (label, method) in [("no shadows", "none"), ("shadow rays", "rays"), ("deep shadow map", DSM)] {

@@ -96,10 +96,9 @@ fn main() -> ExitCode {
 
 fn replay(args: Args) -> Result<()> {
     let script = Script::read(&args.script)?;
-    let settings = args.view.scene.into_settings()?;
-    settings.method()?;
-    let (adapter, clean) = (settings.adapter.clone(), args.view.clean);
-    run(Start { scene: Some(settings), adapter, clean, hook: Some(Box::new(script)) })
+    let request = args.view.scene.into_request()?;
+    let (adapter, clean) = (request.run.adapter, args.view.clean);
+    run(Start { scene: Some(request.settings), adapter, clean, hook: Some(Box::new(script)) })
 }
 
 /// Running script.

@@ -17,12 +17,9 @@ fn view(args: ViewArgs) -> Result<()> {
     use umbravox::open::SceneArgs;
 
     let asked = args.scene != SceneArgs::default();
-    let settings = args.scene.into_settings()?;
-    // Report invalid settings before a window opens.
-    settings.method()?;
-    let adapter = settings.adapter.clone();
-    let scene = (asked || args.clean).then_some(settings);
-    run(Start { scene, adapter, clean: args.clean, hook: None })
+    let request = args.scene.into_request()?;
+    let scene = (asked || args.clean).then_some(request.settings);
+    run(Start { scene, adapter: request.run.adapter, clean: args.clean, hook: None })
 }
 
 /// Refuses: this build has no window.

@@ -1,40 +1,43 @@
-//! Keyword arguments as the settings of a scene: each is read by the parser of the flag of that name.
+//! Keyword arguments as scene settings: each is parsed like the flag of its name.
 
 use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyInt, PyString};
 use toml::{Table, Value};
-use umbravox::open::SceneSettings;
+use umbravox::open::{Layer, SceneRequest, SceneSettings};
 use umbravox::transfer::TransferFunction;
 
 const WHAT: &str = "bad argument";
 
-/// Keys of settings that say what the command line prints.
+/// Keys of the command line's output.
 pub const NOT_HERE: [&str; 2] = ["explain", "json"];
 
-/// What keyword arguments ask for.
+/// Request of keyword arguments.
 #[derive(Clone, Default)]
 pub struct Asked {
     pub settings: SceneSettings,
-    /// `tf`, where it is a function and not the name of one.
+    pub adapter: Option<String>,
+    /// `tf` as a function instead of a name.
     pub function: Option<TransferFunction>,
-    /// Keys that are given as empty: what was asked for before them is not.
-    cleared: Vec<String>,
+    /// Keys given as empty lists, which remove earlier values.
+    pub cleared: Vec<String>,
 }
 
 impl Asked {
-    /// Reads keyword arguments; `None` is as if it was not given.
+    /// Reads keyword arguments; those that are `None` count as absent.
     pub fn of(arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
         let (mut table, mut function, mut cleared) = (Table::new(), None, Vec::new());
         for (name, given) in arguments.into_iter().flatten() {
             let name: String = name.extract()?;
             let key = name.replace('_', "-");
-            // `fit` is a switch, too.
-            if given.is_none() || (key == "fit" && given.cast::<PyBool>().is_ok_and(|on| !on.is_true())) {
+            // `downsample` may be a switch.
+            if given.is_none()
+                || (key == "downsample" && given.cast::<PyBool>().is_ok_and(|on| !on.is_true()))
+            {
                 continue;
             }
             if NOT_HERE.contains(&key.as_str()) {
-                return Err(Fault::input(WHAT, name, "it is of the command line alone"));
+                return Err(Fault::input(WHAT, name, "it belongs to the command line alone"));
             }
             if key == "tf" && given.cast::<PyDict>().is_ok() {
                 function = Some(transfer_function(&given)?);
@@ -47,23 +50,23 @@ impl Asked {
                 }
             }
         }
-        let settings = SceneSettings::try_from(table).map_err(|mut e| {
+        let SceneRequest { settings, run } = SceneRequest::from_table(&table).map_err(|mut e| {
             e.what = WHAT.into();
             (e.place, e.hint) = (e.place.replace('-', "_"), e.hint.map(|hint| as_names(&hint)));
             e
         })?;
-        Ok(Self { settings, function, cleared })
+        Ok(Self { settings, adapter: run.adapter, function, cleared })
     }
 
-    /// Those of a scene file.
-    pub fn of_file(settings: SceneSettings) -> Self {
-        Self { settings, ..Self::default() }
+    /// Request of a scene file.
+    pub fn of_file(SceneRequest { settings, run }: SceneRequest) -> Self {
+        Self { settings, adapter: run.adapter, ..Self::default() }
     }
 
-    /// These where given, those below otherwise.
+    /// This request where given, that below otherwise.
     pub fn over(&self, below: &Self) -> Outcome<Self> {
         let mut left = below.settings.clone();
-        // A place of the camera replaces a side, and a side all that says where the camera is.
+        // A position of the camera replaces a side, and a side replaces the placement of the camera.
         left.view = left.view.filter(|_| self.settings.eye.is_none());
         if self.settings.view.is_some() {
             (left.eye, left.target, left.up) = (None, None, None);
@@ -72,18 +75,19 @@ impl Asked {
             let unwritable = |e: toml::ser::Error| Fault::input(WHAT, "settings", e);
             let mut table = Table::try_from(&left).map_err(unwritable)?;
             table.retain(|key, _| !self.cleared.iter().any(|cleared| cleared == key));
-            left = SceneSettings::try_from(table)?;
+            left = SceneRequest::from_table(&table)?.settings;
         }
-        let settings = self.settings.over(&left)?;
+        let settings = self.settings.over(&left);
         let named = self.settings.tf.is_some();
         let function = self.function.clone().or_else(|| below.function.clone().filter(|_| !named));
-        // A function wins over a name that was given before it.
+        // A function wins over an earlier name.
         let tf = settings.tf.clone().filter(|_| function.is_none());
-        Ok(Self { settings: SceneSettings { tf, ..settings }, function, cleared: Vec::new() })
+        let adapter = self.adapter.over(&below.adapter);
+        Ok(Self { settings: SceneSettings { tf, ..settings }, adapter, function, cleared: Vec::new() })
     }
 }
 
-/// A hint that lists keys, with the names that Python has for them.
+/// Replaces the keys in a hint by the names of arguments.
 fn as_names(hint: &str) -> String {
     match hint.strip_prefix("keys: ") {
         Some(keys) => {
@@ -95,7 +99,7 @@ fn as_names(hint: &str) -> String {
     }
 }
 
-/// A transfer function as its file has it, as a dictionary.
+/// Reads a transfer function from a dictionary in the form of its file.
 fn transfer_function(given: &Bound<'_, PyAny>) -> Outcome<TransferFunction> {
     let py = given.py();
     let options = PyDict::new(py);
@@ -107,12 +111,11 @@ fn transfer_function(given: &Bound<'_, PyAny>) -> Outcome<TransferFunction> {
     TransferFunction::from_json(&json).map_err(|why| Fault::input(WHAT, "tf", why))
 }
 
-/// A Python object as a scene file would have it.
+/// Converts a Python object to a value of a scene file.
 fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     if let Ok(on) = given.cast::<PyBool>() {
-        // The one flag that may stand without a value.
         let on = on.is_true();
-        return Ok(if key == "fit" && on { Value::String("auto".into()) } else { Value::Boolean(on) });
+        return Ok(if key == "downsample" && on { Value::String("auto".into()) } else { Value::Boolean(on) });
     }
     if let Some(text) = text(given)? {
         return Ok(Value::String(text));
@@ -120,7 +123,7 @@ fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     if let Some(number) = number(given) {
         return Ok(number);
     }
-    // Functions by their labels.
+    // Transfer functions by labels.
     if let (true, Ok(functions)) = (key == "label-tf", given.cast::<PyDict>()) {
         let texts = functions.iter().map(|(labels, tf)| {
             let tf = text(&tf)?.ok_or_else(|| unusable(name, &tf))?;
@@ -141,7 +144,7 @@ fn value(name: &str, key: &str, given: &Bound<'_, PyAny>) -> Outcome<Value> {
     }
 }
 
-/// A value as part of a text.
+/// Value as part of a text.
 fn joined(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
@@ -149,7 +152,7 @@ fn joined(value: &Value) -> String {
     }
 }
 
-/// One of several: a text, a number, or the numbers of a text such as those of a plane.
+/// Converts an element of a list: a text, a number, or several numbers, such as those of a plane.
 fn element(name: &str, item: &Bound<'_, PyAny>) -> Outcome<Value> {
     if item.cast::<PyBool>().is_ok() {
         return Err(unusable(name, item));
@@ -170,13 +173,13 @@ fn element(name: &str, item: &Bound<'_, PyAny>) -> Outcome<Value> {
     Ok(Value::String(texts.join(",")))
 }
 
-/// A text, or a path as one.
+/// Text of a string or a path.
 pub fn text(given: &Bound<'_, PyAny>) -> Outcome<Option<String>> {
     if let Ok(text) = given.cast::<PyString>() {
         return Ok(Some(text.extract()?));
     }
     if given.cast::<PyBytes>().is_ok() {
-        return Err(Fault::input(WHAT, "text", "expected a text, got bytes: os.fsdecode makes one of them"));
+        return Err(Fault::input(WHAT, "text", "expected a text, got bytes: os.fsdecode converts them"));
     }
     if given.hasattr("__fspath__")? {
         return Ok(Some(given.py().import("os")?.call_method1("fsdecode", (given,))?.extract()?));
@@ -184,7 +187,7 @@ pub fn text(given: &Bound<'_, PyAny>) -> Outcome<Option<String>> {
     Ok(None)
 }
 
-/// A number of Python's or NumPy's; an array is none, even of one element.
+/// Number of Python or NumPy; arrays are refused, even those of one element.
 fn number(given: &Bound<'_, PyAny>) -> Option<Value> {
     if given.cast::<PyInt>().is_err() && given.cast::<PyFloat>().is_err() && given.try_iter().is_ok() {
         return None;

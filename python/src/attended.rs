@@ -1,4 +1,4 @@
-//! Work that lets other Python threads run, and that Ctrl-C ends.
+//! Work without the interpreter lock, which Ctrl-C interrupts.
 
 use crate::fault::{Fault, Outcome};
 use pyo3::prelude::*;
@@ -6,23 +6,22 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-/// Between two times that Python is asked whether it was interrupted.
+/// Interval between checks for an interrupt.
 const LISTENING: Duration = Duration::from_millis(25);
 
-/// Whether work is to end, for those who do it.
+/// Flag that asks work to end.
 #[derive(Default)]
 pub struct Ending(AtomicBool);
 
 impl Ending {
-    /// Whether to go on.
+    /// Whether the work continues.
     pub fn goes_on(&self) -> bool {
         !self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Does `work` on a thread of its own, with the interpreter free for others; this thread hears what the work says and of
-/// interrupts. Where `hear` fails, or Python was interrupted, `end` is called, and that error comes back once the work has
-/// ended.
+/// Runs `work` on its own thread without the interpreter lock. This thread passes its messages to `hear` and checks for
+/// interrupts. If `hear` fails or Python is interrupted, `end` is called, and the error returns once the work has ended.
 pub fn attended<T: Send, N: Send>(
     py: Python<'_>,
     end: impl Fn(),
@@ -35,7 +34,7 @@ pub fn attended<T: Send, N: Send>(
     let mut raised = None;
     let outcome = std::thread::scope(|scope| {
         let ending = &ending;
-        // The sender goes with the thread: that it is gone says that the work is done.
+        // Dropping the sender marks the end of the work.
         let worker = scope.spawn(move || {
             let outcome = work(ending, &say);
             drop(say);
@@ -61,7 +60,7 @@ pub fn attended<T: Send, N: Send>(
     }
 }
 
-/// A process that was forked has none of the threads that work here, and would wait for them for ever.
+/// Refuses a forked process: it lacks the worker threads, and would wait for them forever.
 fn refuse_forked() -> Outcome<()> {
     static FIRST: AtomicU32 = AtomicU32::new(0);
     let here = std::process::id();
@@ -76,7 +75,7 @@ fn refuse_forked() -> Outcome<()> {
     }
 }
 
-/// As [`attended`], for work that says nothing.
+/// Runs work without messages; see [`attended`].
 pub fn interruptible<T: Send>(
     py: Python<'_>,
     end: impl Fn(),
@@ -85,7 +84,7 @@ pub fn interruptible<T: Send>(
     attended(py, end, |_, ()| Ok(()), |ending, _| work(ending))
 }
 
-/// What is said next; `Some(None)` where nothing is for a while, `None` once the work is done.
+/// Next message; `Some(None)` after an interval without one, `None` at the end of the work.
 fn next<N: Send>(py: Python<'_>, said: &mut Receiver<N>) -> Option<Option<N>> {
     py.detach(move || match said.recv_timeout(LISTENING) {
         Ok(news) => Some(Some(news)),

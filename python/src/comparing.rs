@@ -1,4 +1,4 @@
-//! The error-against-time table of one scene, as dictionaries.
+//! Error-against-time table of one scene, as dictionaries.
 
 use crate::arguments::Asked;
 use crate::attended::Ending;
@@ -6,7 +6,6 @@ use crate::fault::{Fault, Outcome};
 use crate::volume::Held;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyList, PyString};
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
@@ -20,7 +19,7 @@ use umbravox::measure::journal::Journal;
 use umbravox::measure::progress::{Progress, Status, Watch};
 use umbravox::measure::table::{COLUMNS, Cell, Row};
 use umbravox::open::Loaded;
-use umbravox::open::asked::{Asked as AskedScene, function_text};
+use umbravox::open::provenance::{RecordedScene, function_text};
 use umbravox::render::Renderer;
 use umbravox::report::Start;
 use umbravox::report::make::{Order, Subject, make, scene_name};
@@ -30,7 +29,7 @@ use umbravox::scene::Scene;
 use umbravox::shadow::{COMPARED, parse_distinct};
 use umbravox::transfer::TransferFunction;
 
-/// A step that begins.
+/// Step of the measurement.
 pub struct Step {
     done: usize,
     total: usize,
@@ -39,16 +38,16 @@ pub struct Step {
 }
 
 impl Step {
-    /// One of several alike.
+    /// Step of a series.
     pub fn of(done: usize, total: usize, what: &str) -> Self {
         Self { done, total, what: what.to_owned(), left_s: None }
     }
 }
 
-/// What hears of steps: a callable, or the line on stderr that `progress=True` asks for.
+/// Progress listener: a callable, or the line on stderr of `progress=True`.
 pub struct Listener(Option<Py<PyAny>>);
 
-/// The listener of an argument `progress`.
+/// Listener of the argument `progress`.
 pub fn listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) -> PyResult<Listener> {
     let Some(given) = progress else { return Ok(Listener(None)) };
     Ok(Listener(match given.cast::<PyBool>() {
@@ -59,7 +58,7 @@ pub fn listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) -> PyResult
 }
 
 impl Listener {
-    /// Tells it of a step.
+    /// Reports a step.
     pub fn hear(&self, py: Python<'_>, step: Step) -> PyResult<()> {
         let Some(callable) = &self.0 else { return Ok(()) };
         let dict = PyDict::new(py);
@@ -71,7 +70,7 @@ impl Listener {
     }
 }
 
-/// What is asked of a table; see the flags of `umbravox compare`.
+/// Settings of a table; see the flags of `umbravox compare`.
 pub struct Table {
     pub methods: Option<String>,
     pub budgets: Option<String>,
@@ -81,56 +80,52 @@ pub struct Table {
     pub resume: bool,
 }
 
-/// What it is measured on.
+/// Scene of a table.
 pub struct Wanted {
     subject: Subject,
     record: SceneRecord,
-    /// The text of the transfer function, where that is no preset.
+    /// Text of the transfer function; `None` for a preset.
     tf_text: Option<String>,
 }
 
-/// A finished table.
+/// Finished table.
 pub struct Rows {
     rows: Vec<Row>,
-    /// What a reader should know.
+    /// Notes for the reader.
     pub notes: Vec<String>,
-    /// Rows that failed, and why.
+    /// Failed rows, with reasons.
     failures: Vec<String>,
 }
 
-/// How much to measure: repeats, points, rays and depths where they are given.
+/// Effort from given repeats, points, rays and depths.
 pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
-    let default = Effort::default();
-    let check_all = match check {
+    let mut effort = Effort::default();
+    effort.check_all = match check {
         "sample" => false,
         "all" => true,
         other => {
-            return Err(Fault::input(
-                "bad argument",
-                "check",
-                format!("`{other}` is neither sample nor all"),
-            ));
+            let why = format!("`{other}` is neither sample nor all");
+            return Err(Fault::input("bad argument", "check", why));
         }
     };
-    let within = |given: Option<i64>, name: &str, range: RangeInclusive<i64>, default: usize| match given {
-        None => Ok(default),
-        Some(n) if range.contains(&n) => Ok(n as usize),
-        Some(n) => {
+    let fields = [
+        ("repeats", Effort::REPEATS, &mut effort.repeats),
+        ("points", Effort::POINTS, &mut effort.points),
+        ("rays", Effort::RAYS, &mut effort.rays),
+        ("depths", Effort::DEPTHS, &mut effort.depths),
+    ];
+    for (given, (name, range, value)) in given.into_iter().zip(fields) {
+        let Some(n) = given else { continue };
+        if !range.contains(&n) {
             let why = format!("{n} is not in {}..={}", range.start(), range.end());
-            Err(Fault::input("bad argument", name, why))
+            return Err(Fault::input("bad argument", name, why));
         }
-    };
-    let [repeats, points, rays, depths] = given;
-    Ok(Effort {
-        repeats: within(repeats, "repeats", Effort::REPEATS, default.repeats)?,
-        points: within(points, "points", Effort::POINTS, default.points)?,
-        rays: within(rays, "rays", Effort::RAYS, default.rays)?,
-        depths: within(depths, "depths", Effort::DEPTHS, default.depths)?,
-        check_all,
-    })
+        *value = n as usize;
+    }
+    Ok(effort)
 }
 
-/// A text, or several that are joined.
+/// A text, or a list of texts that is joined.
 pub fn texts(given: Option<&Bound<'_, PyAny>>, name: &str, joint: &str) -> Outcome<Option<String>> {
     let Some(given) = given else { return Ok(None) };
     if let Ok(text) = given.cast::<PyString>() {
@@ -143,7 +138,7 @@ pub fn texts(given: Option<&Bound<'_, PyAny>>, name: &str, joint: &str) -> Outco
 }
 
 impl Table {
-    /// What to measure on, apart from the scene that asks.
+    /// Scene to measure, independent of the Python object.
     pub fn asked(&self, loaded: &Loaded, asked: &Asked, scene: Scene, held: &Held) -> Result<Wanted> {
         let name = asked.settings.name.clone().unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf));
         let (record, tf_text) = match (&self.output, held.is_of_files()) {
@@ -152,14 +147,14 @@ impl Table {
                 (SceneRecord { name, size, ..SceneRecord::default() }, None)
             }
             (Some(_), false) => {
-                let why = "the volume is an array, which a folder of results could not be made again from";
+                let why = "the volume is an array, from which the results could not be reproduced";
                 return Err(Error::input("cannot write table", "output", why)
                     .hint("save the volume to a file, and make the scene of that"));
             }
             (Some(_), true) => {
                 let own = asked.function.as_ref().map(TransferFunction::to_json);
                 let tf_text = own.map_or_else(|| function_text(loaded), |text| Ok(Some(text)))?;
-                let recorded = AskedScene::of(asked.settings.clone(), loaded, tf_text, &name, false)?;
+                let recorded = RecordedScene::of(asked.settings.clone(), loaded, tf_text, &name, false)?;
                 (recorded.record, recorded.tf_text)
             }
         };
@@ -173,7 +168,7 @@ impl Table {
         Ok(Wanted { subject, record, tf_text })
     }
 
-    /// Measures it, and writes the files where there is a folder for them.
+    /// Measures the table, and writes files if there is an output folder.
     pub fn measured(
         &self,
         wanted: Wanted,
@@ -222,7 +217,7 @@ impl Table {
     }
 }
 
-/// Passes on what begins.
+/// Reports steps, and stops at an interrupt.
 struct Watcher<'a> {
     ending: &'a Ending,
     say: &'a Sender<Step>,
@@ -231,7 +226,7 @@ struct Watcher<'a> {
 impl Watch for Watcher<'_> {
     fn starts(&mut self, status: &Status) {
         let Status { what, done, total, left_s, .. } = *status;
-        // Nobody may be listening.
+        // There may be no listener.
         let _ = self.say.send(Step { done, total, what: what.to_owned(), left_s });
     }
 
@@ -241,7 +236,7 @@ impl Watch for Watcher<'_> {
 }
 
 impl Rows {
-    /// Rows that failed, as warnings.
+    /// Issues a warning for each failed row.
     pub fn warn(&self, py: Python<'_>) -> PyResult<()> {
         for remark in &self.failures {
             py.import("warnings")?.call_method1("warn", (remark,))?;
@@ -249,7 +244,7 @@ impl Rows {
         Ok(())
     }
 
-    /// A dictionary a row: every column of `compare.csv`, `None` where nothing was measured.
+    /// One dictionary for each row, with every column of `compare.csv`; `None` for empty cells.
     pub fn as_dicts<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyList>> {
         let rows = PyList::empty(py);
         for row in &self.rows {

@@ -1,19 +1,19 @@
-//! What goes wrong, as an exception that carries the same words.
+//! Errors as Python exceptions with the same texts.
 
 use pyo3::prelude::*;
 use umbravox::error::Fault as Whose;
 
-/// An error of the library's, or one that Python has raised already.
+/// Error of the library, or an exception that Python has raised.
 pub enum Fault {
     Ours(umbravox::Error),
     Raised(PyErr),
 }
 
-/// Result of everything that Python calls.
+/// Result of functions that Python calls.
 pub type Outcome<T> = Result<T, Fault>;
 
 impl Fault {
-    /// Where the input is at fault.
+    /// Error of the input.
     pub fn input(what: &str, place: impl ToString, why: impl ToString) -> Self {
         Self::Ours(umbravox::Error::input(what, place, why))
     }
@@ -40,7 +40,7 @@ impl From<Fault> for PyErr {
     }
 }
 
-/// The exceptions are classes of `umbravox._errors`, which can be pickled.
+/// Creates an exception of `umbravox._errors`, whose classes can be pickled.
 fn exception(py: Python<'_>, e: umbravox::Error) -> PyResult<PyErr> {
     let name = match e.fault {
         Whose::Input => "InputError",

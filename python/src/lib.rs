@@ -1,5 +1,5 @@
-//! The Python module `umbravox`: the library's volumes, pictures, exact answers and tables for NumPy. It holds no
-//! rendering logic; what arguments mean is what the flags of their names mean.
+//! Python module `umbravox`: volumes, pictures, exact results and tables for NumPy. It has no rendering logic; arguments
+//! mean the same as the flags of their names.
 
 mod arguments;
 mod attended;
@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 use umbravox::files::picture::{Backdrop, write_picture_with};
-use umbravox::open::SceneSettings;
+use umbravox::open::SceneRequest;
 use umbravox::open::presets::PRESETS;
 use umbravox::shadow::METHODS;
 
@@ -36,7 +36,7 @@ mod _umbravox {
     }
 }
 
-/// Names of the transfer functions that are built in, with what they show.
+/// Names of the built-in transfer functions, with descriptions.
 #[pyfunction]
 fn presets(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
@@ -44,7 +44,7 @@ fn presets(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
-/// Names of the shadow methods, with a line on each.
+/// Names of the shadow methods, with descriptions.
 #[pyfunction]
 fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
@@ -52,11 +52,11 @@ fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
-/// Arguments that a scene takes, with their help.
+/// Arguments of a scene, with their help.
 #[pyfunction]
 fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
-    for (key, help) in SceneSettings::keys() {
+    for (key, help) in SceneRequest::keys() {
         if !arguments::NOT_HERE.contains(&key.as_str()) {
             dict.set_item(key.replace('-', "_"), help)?;
         }
@@ -64,7 +64,7 @@ fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(dict)
 }
 
-/// Writes a picture (height x width x 4, linear RGB and opacity) by the ending of the name: .png, .exr or .npy.
+/// Writes a picture (height x width x 4, linear RGB and opacity) by the file extension: .png, .exr or .npy.
 #[pyfunction]
 #[pyo3(signature = (path, picture, *, transparent=false))]
 fn write_picture(path: PathBuf, picture: &Bound<'_, PyAny>, transparent: bool) -> fault::Outcome<()> {

@@ -1,4 +1,4 @@
-//! A scene: a volume, how it is looked at, and what stays on the device between two questions about it.
+//! Python class `Scene`: a volume, its settings, and the data that stay on the device between queries.
 
 use crate::arguments::Asked;
 use crate::attended::{attended, interruptible};
@@ -18,14 +18,14 @@ use umbravox::engine::MapCoverage;
 use umbravox::error::{Error, Result};
 use umbravox::files::output::check_output;
 use umbravox::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
-use umbravox::open::SceneSettings;
+use umbravox::open::{SceneRequest, SceneSettings};
 
-/// Rows of an exact picture between two looks whether to go on.
+/// Rows of an exact picture between checks for an interrupt.
 const EXACT_ROWS: u32 = 4;
-/// Points, or segments, between two such looks.
+/// Points, or segments, between checks for an interrupt.
 const EXACT_POINTS: usize = 4096;
 
-/// A volume and how it is looked at; every argument is named as the flag of the command line.
+/// A volume with scene settings; every argument is named like the flag of the command line.
 #[pyclass(frozen, module = "umbravox", name = "Scene")]
 pub struct PyScene {
     base: Asked,
@@ -60,7 +60,7 @@ impl PyScene {
             },
             None => None,
         };
-        // An array of labels is none of the flags'.
+        // The flag `labels` takes no array.
         let labels = arguments.get_item("labels")?.filter(|labels| !labels.is_none());
         let labels = match labels {
             Some(labels) if !named(&labels)? || held.is_some() => {
@@ -72,27 +72,27 @@ impl PyScene {
         Self::begin(py, held, labels.as_ref(), Asked::of(Some(&arguments))?)
     }
 
-    /// The scene of a file, with some of it given otherwise.
+    /// Scene of a file; arguments win.
     #[staticmethod]
     #[pyo3(signature = (path, **arguments))]
     fn read(py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
-        let below = Asked::of_file(SceneSettings::read(&path)?);
+        let below = Asked::of_file(SceneRequest::read(&path)?);
         Self::begin(py, None, None, Asked::of(arguments)?.over(&below)?)
     }
 
-    /// The volume.
+    /// Volume.
     #[getter]
     fn volume(&self) -> PyVolume {
         PyVolume { held: self.stage.held.clone() }
     }
 
-    /// What was assumed, a line each.
+    /// Notes, one line each.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         PyList::new(py, self.stage.notes())
     }
 
-    /// A picture, height x width x 4: linear RGB over the background, and opacity.
+    /// Renders a picture, height x width x 4: linear RGB over the background, and opacity.
     #[pyo3(signature = (**arguments))]
     fn render<'py>(
         &self,
@@ -117,7 +117,7 @@ impl PyScene {
         })
     }
 
-    /// The picture by the exact reference; minutes for large ones. `progress` hears of its steps.
+    /// Renders the exact reference picture, which takes minutes at large sizes; `progress` receives its steps.
     #[pyo3(signature = (*, progress=None, **arguments))]
     fn exact_picture<'py>(
         &self,
@@ -140,7 +140,7 @@ impl PyScene {
                     if !ending.goes_on() {
                         return Err(Error::cancelled("exact picture"));
                     }
-                    // Nobody may be listening.
+                    // There may be no listener.
                     let _ = say.send(comparing::Step::of(row as usize, height as usize, "exact picture"));
                     let part = field.picture_rows(&scene, rows.clone());
                     picture.slice_mut(s![rows.start as usize..rows.end as usize, .., ..]).assign(&part);
@@ -152,7 +152,7 @@ impl PyScene {
         Ok(picture.into_pyarray(py).into_any())
     }
 
-    /// Transmittance from the light to points, n x 3 in world mm: by the scene's method, by another, or `exact`.
+    /// Transmittance from the light to points, n x 3 in world mm, by the scene's method, another one, or `exact`.
     #[pyo3(signature = (points, method=None, **arguments))]
     fn transmittance<'py>(
         &self,
@@ -173,7 +173,7 @@ impl PyScene {
             return Ok(shaped(py, found, shape)?);
         }
         if let Some(method) = method {
-            asked.settings.shadow = Some(method.to_owned());
+            asked.settings.shadow = Some(method.parse()?);
         }
         let found = self.done(py, |ending| {
             self.stage.prepared(&asked, ending, MapCoverage::AnyPoint, |prepared, _, _| {
@@ -184,7 +184,7 @@ impl PyScene {
         Ok(shaped(py, found, shape)?)
     }
 
-    /// The exact optical depth of segments between points, each n x 3 in world mm.
+    /// Exact optical depth of segments between points, each n x 3 in world mm.
     #[pyo3(signature = (starts, ends, **arguments))]
     fn optical_depth<'py>(
         &self,
@@ -208,7 +208,7 @@ impl PyScene {
         Ok(shaped(py, found, shape)?)
     }
 
-    /// The rows of the error-against-time table, a dictionary each.
+    /// Rows of the error-against-time table, as dictionaries.
     #[pyo3(signature = (methods=None, *, output=None, repeats=None, points=None, rays=None, depths=None, check="sample",
         budget=None, overwrite=false, resume=false, progress=None, **arguments))]
     #[expect(clippy::too_many_arguments, reason = "each is a flag of the command")]
@@ -233,10 +233,14 @@ impl PyScene {
         let methods = comparing::texts(methods, "methods", ";")?;
         let budgets = comparing::texts(budget, "budget", ",")?;
         if overwrite && resume {
-            return Err(Fault::input("bad argument", "resume", "it goes on with what overwrite removes"));
+            return Err(Fault::input(
+                "bad argument",
+                "resume",
+                "overwrite removes the rows that it continues",
+            ));
         }
         if resume && output.is_none() {
-            return Err(Fault::input("bad argument", "resume", "output names the folder to go on with"));
+            return Err(Fault::input("bad argument", "resume", "it needs output, the folder to resume in"));
         }
         let table = Table { methods, budgets, effort, output, overwrite, resume };
         let hear = comparing::listener(py, progress)?;
@@ -245,7 +249,7 @@ impl PyScene {
             || (),
             |py, step| hear.hear(py, step),
             |ending, say| {
-                let renderer = device::own(asked.settings.adapter.as_deref())?;
+                let renderer = device::own(asked.adapter.as_deref())?;
                 let wanted = self.stage.looked_at(&asked, ending, |loaded, scene| {
                     table.asked(loaded, &asked, scene, &self.stage.held)
                 })?;
@@ -258,7 +262,7 @@ impl PyScene {
         rows.as_dicts(py)
     }
 
-    /// The camera that arguments ask for, as arguments: `eye`, `target`, `up`, `fov`, and a `zoom` of 1.
+    /// Camera of the arguments, as arguments: `eye`, `target`, `up`, `fov`, and a `zoom` of 1.
     #[pyo3(signature = (**arguments))]
     fn camera<'py>(
         &self,
@@ -273,12 +277,12 @@ impl PyScene {
             dict.set_item(name, (v.x, v.y, v.z))?;
         }
         dict.set_item("fov", camera.fov_deg)?;
-        // What was zoomed is in the field of view now.
+        // The field of view includes the zoom.
         dict.set_item("zoom", 1.0)?;
         Ok(dict)
     }
 
-    /// The scene file that says the same, with nothing left to a default.
+    /// Text of a scene file with the same settings, without defaults.
     #[pyo3(signature = (**arguments))]
     fn to_toml(&self, py: Python<'_>, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<String> {
         let asked = self.asked(arguments)?;
@@ -290,7 +294,7 @@ impl PyScene {
         self.done(py, |ending| self.stage.resolved(&asked, ending)?.to_toml())
     }
 
-    /// What the last picture took: milliseconds, bytes, and what was left out.
+    /// Cost of the last picture: milliseconds, bytes, and skipped work.
     #[getter]
     fn last<'py>(&self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyDict>>> {
         let Some(cost) = self.stage.last() else { return Ok(None) };
@@ -325,35 +329,35 @@ impl PyScene {
         let held = match held {
             Some(held) => held,
             None => {
-                // What is wrong with the rest is said before a large file is read.
+                // Other arguments are checked before a large file is read.
                 asked.settings.functions(labels.is_some())?;
                 let reads = reading(&asked.settings);
                 let held = read_held(py, reads)?;
-                tell(py, &held.remarks)?;
+                tell(py, &held.diagnostics)?;
                 held
             }
         };
         let held = labels.map_or_else(|| Ok(held.clone()), |labels| held.clone().labelled(labels, "ijk"))?;
         let reads = held.read_by.clone().unwrap_or_else(|| nothing.clone());
         let base = match asked.settings.reads_as(&nothing) {
-            true => asked.over(&Asked::of_file(reads))?,
+            true => asked.over(&Asked { settings: reads, ..Asked::default() })?,
             false if held.read_by.as_ref().is_some_and(|by| asked.settings.reads_as(by)) => asked,
             false => return Err(another_volume()),
         };
         let scene = Self { base, stage: Stage::new(held) };
-        // What does not go together is said now, not with the first picture.
+        // Contradicting arguments fail now, not with the first picture.
         scene.done(py, |ending| scene.stage.looked_at(&scene.base, ending, |_, _| Ok(())))?;
         scene.base.settings.method()?;
         Ok(scene)
     }
 
-    /// What is asked for with these arguments over the scene's own.
+    /// Arguments over the settings of the scene.
     fn asked(&self, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Asked> {
         let asked = Asked::of(arguments)?.over(&self.base)?;
         if !asked.settings.reads_as(&self.base.settings) {
             return Err(another_volume());
         }
-        if asked.settings.adapter != self.base.settings.adapter {
+        if asked.adapter != self.base.adapter {
             return Err(Fault::input(
                 "bad argument",
                 "adapter",
@@ -363,7 +367,7 @@ impl PyScene {
         Ok(asked)
     }
 
-    /// Does work that Ctrl-C ends, and then tells what it assumed.
+    /// Runs work that Ctrl-C ends, and issues its warnings.
     fn done<T: Send>(
         &self,
         py: Python<'_>,
@@ -379,7 +383,7 @@ impl PyScene {
     }
 }
 
-/// An array as a volume; `spacing` and `labels` are then its own.
+/// Volume of an array, with its `spacing` and `labels` from the arguments.
 fn of_array(
     py: Python<'_>,
     array: &Bound<'_, PyAny>,
@@ -398,7 +402,7 @@ fn of_array(
     for name in ["spacing", "labels", "name"] {
         if let Some(given) = arguments.get_item(name)? {
             own.set_item(name, given)?;
-            // A scene may be called like its volume.
+            // `name` also names the scene.
             if name != "name" {
                 arguments.del_item(name)?;
             }
@@ -411,15 +415,15 @@ fn of_array(
 
 fn unnamed(affine: Option<&Bound<'_, PyAny>>) -> Fault {
     let name = if affine.is_some() { "affine" } else { "axes" };
-    Fault::input("bad argument", name, "it is of arrays: a file, or a volume, has its own")
+    Fault::input("bad argument", name, "it belongs to arrays: files and volumes have their own")
 }
 
 fn another_volume() -> Fault {
-    let why = "what names a file and says how it is read is for `read`, or for a scene of that file: this volume is there already";
+    let why = "the volume is there already: arguments about reading a file belong to `read`, or to a scene of that file";
     Fault::input("bad argument", "volume", why)
 }
 
-/// Points in an array whose last axis is x, y and z; and the shape of the rest.
+/// Points of an array whose last axis is x, y and z, and the shape of its other axes.
 fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<(Vec<DVec3>, Vec<usize>)> {
     let refuse =
         || Fault::input("bad argument", name, "expected points in world mm, the last axis of length 3");
@@ -434,7 +438,7 @@ fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<(Vec<DVec3>, Vec<u
     if points.shape().last() != Some(&3) {
         return Err(refuse());
     }
-    // One point is an answer of one number in an array, as several are.
+    // A single point gives an array of one number.
     let shape = if points.ndim() == 1 { vec![1] } else { points.shape()[..points.ndim() - 1].to_vec() };
     let points: Vec<DVec3> = points.rows().into_iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect();
     if points.iter().any(|p| !p.is_finite()) {
@@ -443,7 +447,7 @@ fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<(Vec<DVec3>, Vec<u
     Ok((points, shape))
 }
 
-/// Answers in the shape of the questions.
+/// Reshapes results to the shape of the input.
 fn shaped<'py, T: numpy::Element>(
     py: Python<'py>,
     answers: Vec<T>,
@@ -452,7 +456,7 @@ fn shaped<'py, T: numpy::Element>(
     answers.into_pyarray(py).call_method1("reshape", (shape,))
 }
 
-/// Answers in pieces, so that they can be ended in between.
+/// Computes results in chunks, between which an interrupt can end the work.
 fn in_pieces<Q: Sync>(
     asked: &[Q],
     ending: &crate::attended::Ending,

@@ -10,10 +10,10 @@ use umbravox::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, Shadow
 use umbravox::error::{Error, Result};
 use umbravox::exact::ExactField;
 use umbravox::files::loading::Loading;
-use umbravox::open::asked::picture_texts;
 use umbravox::open::presets::{PRESETS, Scale};
+use umbravox::open::provenance::picture_texts;
 use umbravox::open::units::Units;
-use umbravox::open::{DEFAULT_SHADOW, Loaded, Remark, SceneSettings};
+use umbravox::open::{Diagnostic, Loaded, SceneSettings};
 use umbravox::render::{Picture, Renderer};
 use umbravox::scene::{Camera, Scene};
 use umbravox::shadow::BuildReport;
@@ -38,8 +38,8 @@ pub struct Stage {
 struct Told {
     /// Cost of the last picture.
     last: Option<Cost>,
-    /// Assumptions not reported yet.
-    untold: Vec<Remark>,
+    /// What was assumed, and nobody has been told of.
+    untold: Vec<Diagnostic>,
     notes: Vec<String>,
 }
 
@@ -135,8 +135,8 @@ impl Stage {
     /// Creates a stage without device state.
     pub fn new(held: Held) -> Self {
         let mut told = Told::default();
-        held.remarks.iter().for_each(|(_, text)| {
-            told.note(text);
+        held.diagnostics.iter().for_each(|d| {
+            told.note(&d.message);
         });
         Self { held, kit: Mutex::default(), told: Mutex::new(told) }
     }
@@ -154,8 +154,8 @@ impl Stage {
         });
     }
 
-    /// Assumptions since the last call.
-    pub fn take_untold(&self) -> Vec<Remark> {
+    /// What was assumed since this was asked last.
+    pub fn take_untold(&self) -> Vec<Diagnostic> {
         std::mem::take(&mut lock(&self.told).untold)
     }
 
@@ -194,9 +194,9 @@ impl Stage {
             let field = (Arc::clone(&self.held.volume), self.held.strands.clone());
             let loaded = settings.look_at(field, functions, Vec::new(), &Loading::default())?;
             let mut told = lock(&self.told);
-            for (kind, text) in loaded.remarks.iter().cloned().chain(self.guess(asked, &loaded)) {
-                if told.note(&text) {
-                    told.untold.push((kind, text));
+            for diagnostic in loaded.diagnostics.iter().cloned().chain(self.guess(asked, &loaded)) {
+                if told.note(&diagnostic.message) {
+                    told.untold.push(diagnostic);
                 }
             }
             if let Some(session) = &mut kit.session {
@@ -207,8 +207,8 @@ impl Stage {
         kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))
     }
 
-    /// Warning about guessed units of an array under a preset.
-    fn guess(&self, asked: &Asked, loaded: &Loaded) -> Option<Remark> {
+    /// What to say where nobody has said what an array's values are, and a preset was laid over them.
+    fn guess(&self, asked: &Asked, loaded: &Loaded) -> Option<Diagnostic> {
         let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source && p.scale == Scale::Hounsfield);
         let said = self.held.read_by.is_some() || asked.settings.units.is_some() || asked.function.is_some();
         let is_chosen = asked.settings.tf.is_none();
@@ -220,7 +220,7 @@ impl Stage {
         let text = format!(
             "the array's values are taken for {taken}: units=\"hu\" or \"fraction\" says what they are"
         );
-        Some(("warning", text))
+        Some(Diagnostic::warning(text))
     }
 
     /// Waits for the device state.
@@ -239,7 +239,7 @@ impl Stage {
     }
 
     pub fn renderer(&self, asked: &Asked) -> Result<Arc<Renderer>> {
-        device::renderer(asked.settings.adapter.as_deref())
+        device::renderer(asked.adapter.as_deref())
     }
 
     /// Prepares a picture or a query and passes it to `then` with its scene.
@@ -299,9 +299,9 @@ impl Stage {
     pub fn resolved(&self, asked: &Asked, ending: &Ending) -> Result<SceneSettings> {
         let settings = &asked.settings;
         let mut resolved = self.looked_at(asked, ending, |loaded, scene| {
-            settings.resolved(&scene, &loaded.tf_source, loaded.suiting)
+            Ok(settings.resolved(&scene, &loaded.tf_source, loaded.suiting))
         })?;
-        resolved.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
+        resolved.shadow = Some(settings.method_spec());
         Ok(resolved)
     }
 

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use umbravox::error::Error;
 use umbravox::files::loading::Loading;
 use umbravox::formats::write_volume;
-use umbravox::open::{Read, Remark, SceneSettings, VolumeSpec, load};
+use umbravox::open::{Diagnostic, Level, Read, SceneSettings, VolumeSpec, load};
 use umbravox::strands::VoxelisedStrands;
 use umbravox::volume::{AffineSource, Labels, Provenance, Scaling, Volume, Voxel, Voxels};
 use umbravox::with_voxels;
@@ -22,25 +22,25 @@ const WHAT: &str = "cannot use volume";
 /// 64-bit integers beyond are not all numbers of 64-bit floats.
 const MOST_EXACT: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
 
-/// A volume that is in memory.
+/// Volume in memory.
 #[derive(Clone)]
 pub struct Held {
     pub volume: Arc<Volume>,
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// What it was read by; `None` for an array.
+    /// Settings of reading; `None` for an array.
     pub read_by: Option<SceneSettings>,
-    pub remarks: Vec<Remark>,
-    /// Whether its labels are an array's.
+    pub diagnostics: Vec<Diagnostic>,
+    /// Whether the labels come from an array.
     pub has_own_labels: bool,
 }
 
 impl Held {
-    /// Whether files alone say all of it.
+    /// Whether everything comes from files.
     pub fn is_of_files(&self) -> bool {
         self.read_by.is_some() && !self.has_own_labels
     }
 
-    /// The same with labels of a segmentation, an array or a file, at the voxels of the volume.
+    /// Adds the labels of a segmentation, an array or a file, resampled to the volume.
     pub fn labelled(self, labels: &Bound<'_, PyAny>, axes: &str) -> Outcome<Self> {
         let py = labels.py();
         let (file, stored) = match text(labels)? {
@@ -51,7 +51,7 @@ impl Held {
             }
         };
         let is_array = file.is_none();
-        let Self { volume, strands, read_by, remarks, .. } = self;
+        let Self { volume, strands, read_by, diagnostics, .. } = self;
         let volume = interruptible(
             py,
             || (),
@@ -76,7 +76,7 @@ impl Held {
             },
         )?;
         let has_own_labels = is_array || read_by.is_some();
-        Ok(Self { volume, strands, read_by, remarks, has_own_labels })
+        Ok(Self { volume, strands, read_by, diagnostics, has_own_labels })
     }
 }
 
@@ -120,13 +120,15 @@ impl PyVolume {
             |_| Volume::new(stored, Scaling::IDENTITY, world_from_index, provenance),
         )?;
         let warnings = volume.provenance.warnings.iter();
-        let mut remarks: Vec<Remark> = warnings.map(|warning| ("warning", warning.clone())).collect();
+        let mut diagnostics: Vec<_> = warnings.cloned().map(Diagnostic::warning).collect();
         if affine.is_none() && spacing.is_none() {
-            remarks.push(("note", "no affine and no spacing given: voxels taken as 1 mm".into()));
+            let text = "no affine and no spacing given: voxels taken as 1 mm";
+            diagnostics.push(Diagnostic::note(text.into()));
         }
-        tell(py, &remarks)?;
+        tell(py, &diagnostics)?;
         let has_own_labels = false;
-        let held = Held { volume: Arc::new(volume), strands: None, read_by: None, remarks, has_own_labels };
+        let held =
+            Held { volume: Arc::new(volume), strands: None, read_by: None, diagnostics, has_own_labels };
         let held = labels.map_or_else(|| Ok(held.clone()), |labels| held.clone().labelled(labels, axes))?;
         Ok(Self { held })
     }
@@ -161,25 +163,25 @@ impl PyVolume {
         self.held.volume.value_range().into()
     }
 
-    /// The file, or what the array was called.
+    /// File, or name of the array.
     #[getter]
     fn name(&self) -> String {
         self.held.volume.provenance.source.clone()
     }
 
-    /// What was assumed while reading.
+    /// Notes about reading.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        PyList::new(py, self.held.remarks.iter().map(|(_, text)| text))
+        PyList::new(py, self.held.diagnostics.iter().map(|d| &d.message))
     }
 
-    /// The labels that its voxels have; empty without a segmentation.
+    /// Labels of the voxels; empty without a segmentation.
     #[getter]
     fn labels(&self) -> Vec<u32> {
         self.held.volume.labels().map_or_else(Vec::new, |labels| labels.ids().to_vec())
     }
 
-    /// A copy of the values, axes i, j, k: as they are stored where nothing scales them, else float64.
+    /// Copy of the values, axes i, j, k: in the stored type without scaling, else float64.
     fn voxels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let volume = &self.held.volume;
         let scaling = volume.scaling();
@@ -190,7 +192,7 @@ impl PyVolume {
         array.getattr("T")
     }
 
-    /// The values, for NumPy.
+    /// Values for NumPy.
     #[pyo3(signature = (dtype=None, copy=None))]
     fn __array__<'py>(
         &self,
@@ -209,7 +211,7 @@ impl PyVolume {
         }
     }
 
-    /// Writes it, without its labels, as `umbravox convert` does, by the ending of the name.
+    /// Writes the volume without labels, in the format of the file extension, like `umbravox convert`.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Outcome<()> {
         interruptible(py, || (), |_| write_volume(&self.held.volume, &path))
     }
@@ -225,7 +227,7 @@ impl PyVolume {
     }
 }
 
-/// Reads a volume, as the command line does with flags of these names.
+/// Reads a volume; arguments are the flags of their names.
 #[pyfunction]
 #[pyo3(signature = (path, **arguments))]
 pub fn read(
@@ -241,15 +243,15 @@ pub fn read(
     let Asked { settings, function, .. } = Asked::of(Some(&all))?;
     let reads = reading(&settings);
     if settings != reads || function.is_some() {
-        let why = "it takes what says how a file is read, and labels; the rest is a scene's";
+        let why = "it takes arguments about reading a file, and labels; others belong to a scene";
         return Err(Fault::input("bad argument", "read", why));
     }
     let held = read_held(py, reads)?;
-    tell(py, &held.remarks)?;
+    tell(py, &held.diagnostics)?;
     Ok(PyVolume { held })
 }
 
-/// What of settings says how a volume is read.
+/// Settings about reading a volume.
 pub fn reading(settings: &SceneSettings) -> SceneSettings {
     let mut reads = SceneSettings {
         volume: settings.volume.clone(),
@@ -257,28 +259,29 @@ pub fn reading(settings: &SceneSettings) -> SceneSettings {
         sha256: settings.sha256.clone(),
         ..SceneSettings::default()
     };
-    reads.parts.labels = settings.parts.labels.clone();
+    reads.masking.labels = settings.masking.labels.clone();
     reads
 }
 
-/// Reads what settings name.
+/// Reads the volume of settings.
 pub fn read_held(py: Python<'_>, settings: SceneSettings) -> Outcome<Held> {
     let loading = Loading::default();
-    let mut remarks = Vec::new();
+    let mut diagnostics = Vec::new();
     let Read { volume, strands } =
-        interruptible(py, || loading.cancel(), |_| settings.read_volume(&mut remarks, &loading))?;
-    Ok(Held { volume: Arc::new(volume), strands, read_by: Some(settings), remarks, has_own_labels: false })
+        interruptible(py, || loading.cancel(), |_| settings.read_volume(&mut diagnostics, &loading))?;
+    let (volume, read_by) = (Arc::new(volume), Some(settings));
+    Ok(Held { volume, strands, read_by, diagnostics, has_own_labels: false })
 }
 
-/// Warnings as Python's own.
-pub fn tell(py: Python<'_>, remarks: &[Remark]) -> PyResult<()> {
-    for (_, text) in remarks.iter().filter(|(kind, _)| *kind == "warning") {
-        py.import("warnings")?.call_method1("warn", (text,))?;
+/// Issues warnings of Python.
+pub fn tell(py: Python<'_>, diagnostics: &[Diagnostic]) -> PyResult<()> {
+    for warning in diagnostics.iter().filter(|d| d.level == Level::Warning) {
+        py.import("warnings")?.call_method1("warn", (&warning.message,))?;
     }
     Ok(())
 }
 
-/// The array of an image as nibabel has them, and its affine; anything else as it is.
+/// Array and affine of a nibabel image; other objects stay the same.
 fn of_image<'py>(given: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)> {
     match given.hasattr("dataobj")? && given.hasattr("affine")? {
         true => Ok((given.getattr("dataobj")?, Some(given.getattr("affine")?))),
@@ -286,7 +289,7 @@ fn of_image<'py>(given: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Opti
     }
 }
 
-/// An array of three axes as voxels, with what it was stored as, and what to warn of.
+/// Voxels of an array with three axes, with the stored type and a warning.
 fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, String, Option<String>)> {
     let refuse = |why: String| Fault::input(WHAT, name, why);
     let py = given.py();
@@ -307,14 +310,14 @@ fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, 
     };
     let (kind, bytes): (String, usize) =
         (dtype.getattr("kind")?.extract()?, dtype.getattr("itemsize")?.extract()?);
-    // Other types are widened to the next one that holds them, as they are where files have them.
+    // Other types are widened to the next one that holds them, as in files.
     let to = match (kind.as_str(), bytes) {
         ("b", _) | ("u", 1) => "u1",
         ("i", 1 | 2) => "i2",
         ("u", 2) => "u2",
         ("f", 2 | 4) => "f4",
         ("u" | "i", 4 | 8) | ("f", _) => "f8",
-        _ => return Err(refuse(format!("its values are {stored_type}, and no numbers that a field has"))),
+        _ => return Err(refuse(format!("its values are {stored_type}, which is not a real number type"))),
     };
     let array = array.call_method1("astype", (to,))?;
     macro_rules! voxels {
@@ -333,18 +336,18 @@ fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, 
     Ok((voxels, stored_type, inexact.then(|| "integers beyond 2^53 were rounded to 53 bits".into())))
 }
 
-/// Refuses an array of which some values count for nothing: what they should be taken for is not ours to say.
+/// Refuses a masked array, whose masked values are undefined.
 pub fn refuse_masked(given: &Bound<'_, PyAny>, name: &str) -> Outcome<()> {
     let masked = given.py().import("numpy")?.getattr("ma")?.getattr("MaskedArray")?;
     match given.is_instance(&masked)? {
-        true => Err(Fault::input(WHAT, name, "it is masked: array.filled(value) says what is there")),
+        true => Err(Fault::input(WHAT, name, "it is masked: array.filled(value) sets the masked values")),
         false => Ok(()),
     }
 }
 
-/// Distances of voxel centres, as three numbers or a text of them.
+/// Voxel spacing, as three numbers or a text.
 fn spacing_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<[f64; 3]> {
-    let refuse = || Fault::input(WHAT, name, "its spacing is no three lengths in mm");
+    let refuse = || Fault::input(WHAT, name, "its spacing is not three lengths in mm");
     match text(given)? {
         Some(text) => {
             let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
@@ -359,18 +362,18 @@ fn owned<T: numpy::Element + Clone>(array: PyReadonlyArray3<'_, T>) -> Array3<T>
     array.as_array().as_standard_layout().into_owned()
 }
 
-/// A 4 x 4 matrix of NumPy's, or what becomes one.
+/// Affine of a 4 x 4 matrix.
 fn affine_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<DAffine3> {
     let refuse = |why: &str| Fault::input(WHAT, name, why);
     let numpy = given.py().import("numpy")?;
     let array = numpy
         .call_method1("asarray", (given, "f8"))
-        .map_err(|_| refuse("its affine is no matrix of 4 x 4"))?;
+        .map_err(|_| refuse("its affine is not a 4 x 4 matrix"))?;
     let matrix: PyReadonlyArray2<'_, f64> =
-        array.extract().map_err(|_| refuse("its affine is no matrix of 4 x 4"))?;
+        array.extract().map_err(|_| refuse("its affine is not a 4 x 4 matrix"))?;
     let m = matrix.as_array();
     if m.dim() != (4, 4) || [m[[3, 0]], m[[3, 1]], m[[3, 2]], m[[3, 3]]] != [0.0, 0.0, 0.0, 1.0] {
-        return Err(refuse("its affine is no matrix of 4 x 4 whose last row is 0 0 0 1"));
+        return Err(refuse("its affine is not a 4 x 4 matrix whose last row is 0 0 0 1"));
     }
     let column = |c: usize| DVec3::new(m[[0, c]], m[[1, c]], m[[2, c]]);
     Ok(DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3)))

@@ -267,3 +267,10 @@ def test_errors_carry_their_words():
 def test_lists_of_what_there_is():
     assert {"bone", "ct", "engine"} <= set(uv.presets()) and {"dsm", "rays", "osm"} <= set(uv.methods())
     assert "world mm" in uv.arguments()["eye"]
+
+
+def test_downsampling_is_a_switch_or_factors():
+    whole = uv.read("phantom:thorax:16")
+    assert uv.read("phantom:thorax:16", downsample="2x2x2").shape == tuple((n + 1) // 2 for n in whole.shape)
+    for off in [False, None, True]:
+        assert uv.read("phantom:thorax:16", downsample=off).shape == whole.shape

@@ -49,7 +49,7 @@ class FormatArguments(TypedDict, total=False):
     frame: int | None
     level: int | None
     crop: str | None
-    fit: bool | str | None
+    downsample: bool | str | None
     thickness: float | str | None
     resolution: int | str | None
     kernel: str | None

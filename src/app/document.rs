@@ -6,7 +6,7 @@ use crate::engine::reading::{InitialState, OpenedVolume};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::presets::{self, Suiting};
-use crate::open::{PartFlags, SceneSettings, VolumeSpec};
+use crate::open::{MaskFlags, SceneSettings, VolumeSpec};
 use crate::scene::{Camera, Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::formats::with_quantity_of;
@@ -34,7 +34,7 @@ pub struct Document {
     /// Requested units and opacity scale, for presets and files loaded later.
     pub suiting: Suiting,
     /// Segmentation and the functions of its labels. Hidden labels and clip planes are in `tf`.
-    pub parts: PartFlags,
+    pub parts: MaskFlags,
     /// Undo history of the transfer function.
     pub history: History,
     /// Point selected in the editor.
@@ -155,10 +155,10 @@ impl Document {
     }
 
     /// Flags of labels and clip planes.
-    pub fn part_flags(&self) -> PartFlags {
+    pub fn part_flags(&self) -> MaskFlags {
         let hidden = self.tf.rules.iter().filter(|rule| rule.visibility == LabelVisibility::Hidden);
         let hidden: Vec<u32> = hidden.flat_map(|rule| rule.labels.iter().copied()).collect();
-        PartFlags {
+        MaskFlags {
             clip: Some(self.tf.clip.clone()).filter(|clip| !clip.is_empty()),
             hide: (!hidden.is_empty()).then(|| hidden.into_iter().collect()),
             ..self.parts.clone()
@@ -237,8 +237,8 @@ impl Document {
             tf: Some(tf.to_owned()),
             opacity_scale,
             units: self.suiting.units,
-            shadow: Some(self.method.spec()),
-            parts: self.part_flags(),
+            shadow: Some(self.method.spec().parse()?),
+            masking: self.part_flags(),
             ..SceneSettings::of_scene(&self.spec, &self.scene, self.transparent)
         };
         settings.to_toml()

@@ -16,7 +16,7 @@ use crate::files::loading::Loading;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS};
 use crate::gpu::{DeviceLoss, Gpu};
-use crate::open::{SceneSettings, VolumeSpec, presets};
+use crate::open::{SceneRequest, SceneSettings, VolumeSpec, presets};
 use crate::scene::AXIS_VIEWS;
 use crate::scene::{Light, Scene};
 use eframe::egui::{self, Rect};
@@ -238,7 +238,7 @@ impl Model {
     /// Opens another volume by its path or name with the current light and settings.
     pub fn open_source(&mut self, source: &str) {
         if source.to_lowercase().ends_with(".toml") {
-            match SceneSettings::read(Path::new(source)) {
+            match SceneRequest::read(Path::new(source)).map(|request| request.settings) {
                 Ok(settings) => self.open(settings.spec(), OpenMode::Settings(Box::new(settings))),
                 Err(e) => self.fail(&e),
             }

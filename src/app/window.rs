@@ -7,7 +7,7 @@ use super::surface::Surface;
 use crate::engine::reading::OpenMode;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::open::SceneSettings;
+use crate::open::{SceneRequest, SceneSettings};
 use eframe::{egui, egui_wgpu, wgpu};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -148,7 +148,7 @@ fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// Last scene of the settings, where it is valid.
 fn last_scene(text: &str) -> Option<SceneSettings> {
-    if text.is_empty() { None } else { SceneSettings::from_toml(text).ok() }
+    if text.is_empty() { None } else { SceneRequest::from_toml(text).ok().map(|request| request.settings) }
 }
 
 /// Selects the adapter whose name contains `name`, in any case.

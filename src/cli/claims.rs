@@ -1,6 +1,6 @@
 //! `umbravox claims`: what the papers of the methods claim, tried.
 
-use super::told::{load, print_result, say};
+use super::console::{load_scene, print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
@@ -8,7 +8,7 @@ use crate::gpu::Gpu;
 use crate::measure::facts::Facts;
 use crate::measure::job::Effort;
 use crate::measure::progress::{Progress, spoken};
-use crate::open::SceneSettings;
+use crate::open::{SceneRequest, SceneSettings};
 use crate::render::Renderer;
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
 use crate::replication::claims::table::{Record, TriedOn, counts, markdown};
@@ -82,7 +82,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     });
     let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
     let mut read = |name: &str| {
-        let loaded = load(&settings_of(name, &given)?)?;
+        let loaded = load_scene(&settings_of(name, &given)?)?;
         let subject = Subject { volume: loaded.volume, tf: loaded.tf, scene: loaded.scene };
         Ok(stand_in(name, &given).map_or_else(|| subject.clone(), |s| s.of(subject.clone())))
     };
@@ -104,7 +104,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     for (name, bytes) in [("claims.csv", csv(&records)?), ("claims.md", page.into_bytes())] {
         let path = args.output.join(name);
         write_whole(&path, |file| file.write_all(&bytes))?;
-        say("table", &path.display());
+        print_message("table", &path.display());
     }
     if args.json { print_result(&json(&records)?) } else { print_result(&counts(&rows)) }
 }
@@ -117,7 +117,7 @@ fn given_scenes(paths: &[PathBuf]) -> Result<Vec<(String, SceneSettings)>> {
         if given.iter().any(|(other, _)| *other == name) {
             return Err(Error::input("bad command line", "--scene", format!("two scenes are named {name}")));
         }
-        given.push((name, SceneSettings::read(Path::new(path))?));
+        given.push((name, SceneRequest::read(Path::new(path))?.settings));
     }
     Ok(given)
 }
@@ -133,7 +133,7 @@ fn settings_of(name: &str, given: &[(String, SceneSettings)]) -> Result<SceneSet
         return Ok(settings.clone());
     }
     let unknown = || Error::runtime("cannot try claims", name, "there is no such scene");
-    SceneSettings::from_toml(STAND_INS.iter().find(|s| s.name == name).ok_or_else(unknown)?.toml)
+    Ok(SceneRequest::from_toml(STAND_INS.iter().find(|s| s.name == name).ok_or_else(unknown)?.toml)?.settings)
 }
 
 fn tried_on(name: &str, given: &[(String, SceneSettings)]) -> Result<TriedOn> {
@@ -153,8 +153,8 @@ mod tests {
     fn every_stand_in_is_a_scene_file() {
         for stand_in in STAND_INS {
             let settings = settings_of(stand_in.name, &[]).unwrap();
-            let again = SceneSettings::from_toml(&tried_on(stand_in.name, &[]).unwrap().toml).unwrap();
-            assert_eq!(settings, again, "{}", stand_in.name);
+            let again = SceneRequest::from_toml(&tried_on(stand_in.name, &[]).unwrap().toml).unwrap();
+            assert_eq!(settings, again.settings, "{}", stand_in.name);
             assert!(settings.size.is_some() && settings.light.is_some(), "{}", stand_in.name);
         }
         assert!(settings_of("no such scene", &[]).is_err());

@@ -1,7 +1,7 @@
 //! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
 
+use super::console::{load_scene, print_message, print_result, progress_bar};
 use super::interrupt::Interrupt;
-use super::told::{load, print_result, say};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::{check_output_dir, prepare_output_dir};
@@ -12,8 +12,8 @@ use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
 use crate::measure::progress::{Progress, Status, Watch, spoken};
 use crate::measure::table::Row;
-use crate::open::asked::{Asked, function_text};
-use crate::open::{Loaded, SceneArgs, SceneSettings};
+use crate::open::provenance::{RecordedScene, function_text};
+use crate::open::{Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings};
 use crate::render::Renderer;
 use crate::report::Start;
 use crate::report::make::{Files, Made, Order, Subject, make, scene_name};
@@ -22,7 +22,7 @@ use crate::report::tables::{Layout, summary};
 use crate::report::writers::table_json;
 use crate::shadow::{COMPARED, parse_distinct};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -34,26 +34,26 @@ pub struct CompareArgs {
     /// The folder for tables, plots and pictures; made when it is missing
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Go on with what a run of the same scenes and settings has measured into DIR
+    /// Resume a run of the same scenes and settings in DIR
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
-    /// Remove all files of the table that DIR holds, and no others, and start anew
+    /// Remove all files of a table from DIR, and no others, and start again
     #[arg(long)]
     pub overwrite: bool,
     /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value_t = COMPARED.clone())]
     pub methods: String,
-    /// Search the settings of each method of --methods for its least errors within so many bytes, or so many milliseconds
-    /// of build and frame, and add them as rows: bytes=2MiB,8MiB or ms=50; may be given several times
+    /// Search the settings of each method of --methods for its least errors within a budget of bytes, or of milliseconds
+    /// for build and frame, and add them as rows: bytes=2MiB,8MiB or ms=50; may be given several times
     #[arg(long, value_name = "BUDGET")]
     pub budget: Vec<String>,
-    /// Measure as well what each omission of the plan is worth: times and bytes with it forced back on
+    /// Measure the effect of each skipped step of the plan: times and bytes with it done
     #[arg(long)]
     pub ablate: bool,
-    /// Measure each light of a scene with several besides alone, as a scene of its own
+    /// Measure each light of a scene with several lights alone, too, as a scene of its own
     #[arg(long)]
     pub each_light: bool,
-    /// Measure only the rows of one of N parts of the table, I from 1 to N; `umbravox merge` puts the parts together
+    /// Measure only shard I of N of the table's rows, I from 1 to N; `umbravox merge` combines the shards
     #[arg(long, value_name = "I/N", value_parser = str::parse::<Shard>, conflicts_with_all = ["ablate", "budget"])]
     pub shard: Option<Shard>,
     #[command(flatten)]
@@ -62,7 +62,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", default_value_t = Effort::default().repeats as u32,
         value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
     pub repeats: u32,
-    /// Points that the camera sees, for point_err_*
+    /// Visible points, for point_err_*
     #[arg(long, value_name = "N", default_value_t = Effort::default().points as u32,
         value_parser = clap::value_parser!(u32).range(Effort::POINTS))]
     pub points: u32,
@@ -74,21 +74,21 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", default_value_t = Effort::default().depths as u32,
         value_parser = clap::value_parser!(u32).range(Effort::DEPTHS))]
     pub depths: u32,
-    /// Which light rays are checked: a sample (--rays), or all: every texel's, at every node besides the depths
+    /// Light rays to check: a sample (--rays), or all: that of every texel, at every node besides the depths
     #[arg(long, value_enum, default_value_t = Checked::Sample)]
     pub check: Checked,
 }
 
-/// Which light rays are held against the exact ones.
+/// Light rays that are compared with the exact ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Checked {
-    /// So many, spread over what the light meets.
+    /// A sample, spread over the lit surface.
     Sample,
-    /// Every texel's.
+    /// The ray of every texel.
     All,
 }
 
-/// How the tables for reading are laid out.
+/// Layout of the tables for reading.
 #[derive(Debug, Args)]
 pub struct LayoutFlags {
     /// Columns of compare.md, compare.tex and the table on the terminal, by their names in compare.csv, separated by
@@ -101,10 +101,10 @@ pub struct LayoutFlags {
 }
 
 impl LayoutFlags {
-    /// The layout, checked.
+    /// Checked layout.
     ///
     /// # Errors
-    /// A column that there is not.
+    /// An unknown column.
     pub fn layout(&self) -> Result<Layout> {
         let trimmed = |names: &Vec<String>| names.iter().map(|n| n.trim().to_owned()).collect();
         let layout = Layout {
@@ -138,14 +138,20 @@ pub fn run(args: CompareArgs) -> Result<()> {
         check_all: args.check == Checked::All,
     };
     let paths = args.scene.scene.clone();
-    let scenes = args.scene.into_each()?;
-    let adapter = one_adapter(&scenes)?;
+    let requests = args.scene.into_requests()?;
+    let adapter = one_adapter(&requests)?;
+    let output = RunFlags {
+        explain: requests.iter().any(|request| request.run.explain),
+        json: requests.iter().any(|request| request.run.json),
+        adapter: None,
+    };
+    let scenes: Vec<_> = requests.into_iter().map(|request| request.settings).collect();
     if scenes.iter().any(|s| s.shadow.is_some()) {
-        say("note", &"--shadow is not used by compare; --methods is");
+        print_message("note", &"compare ignores --shadow; --methods lists its methods");
     }
-    let (asked, first) = read_all(scenes, &paths, args.each_light)?;
+    let (scenes, first) = read_all(scenes, &paths, args.each_light)?;
     let renderer = Arc::new(Renderer::new(Gpu::open(adapter.as_deref())?));
-    let records = asked.iter().map(|a| a.record.clone()).collect();
+    let records = scenes.iter().map(|scene| scene.record.clone()).collect();
     let facts = Facts::of(renderer.gpu());
     let mut run = Run::new(&facts, effort, &args.methods, &methods, records, args.shard);
     run.ablate = args.ablate;
@@ -161,24 +167,27 @@ pub fn run(args: CompareArgs) -> Result<()> {
         _ => Start::New,
     };
     run.check(&args.output, start)?;
-    // Made last: what is refused before leaves no empty folder.
+    // Created last, so that a refused input leaves no empty folder.
     prepare_output_dir(&args.output)?;
     let mut journal = Journal::open(&args.output, args.resume)?;
     if args.resume {
-        say("note", &format_args!("{} holds {} rows", args.output.join(JOURNAL).display(), journal.len()));
+        print_message(
+            "note",
+            &format_args!("{} holds {} rows", args.output.join(JOURNAL).display(), journal.len()),
+        );
     }
-    let tf_texts: Vec<_> = asked.iter().map(|a| a.tf_text.clone()).collect();
+    let tf_texts: Vec<_> = scenes.iter().map(|scene| scene.tf_text.clone()).collect();
     run.begin(&args.output, start, &tf_texts)?;
-    let made = measured(&run, &budgets, &asked, first, &renderer, &mut journal)
+    let made = measure_rows(&run, &budgets, &scenes, first, &renderer, &mut journal)
         .map_err(|e| if e.is_cancelled() { interrupted(&args.output, &run, &journal) } else { e })?;
-    publish(made, &asked, &args.output, &layout)
+    publish(made, &output, &args.output, &layout)
 }
 
-/// Measures what is here of the run, watched on the terminal and ended by an interrupt.
-fn measured(
+/// Measures the rows of this run, with progress on the terminal; an interrupt ends it.
+fn measure_rows(
     run: &Run,
     budgets: &[Budget],
-    asked: &[Asked],
+    scenes: &[RecordedScene],
     first: Loaded,
     renderer: &Arc<Renderer>,
     journal: &mut Journal,
@@ -192,12 +201,12 @@ fn measured(
     let mut first = Some(first);
     let mut read = |i: usize| {
         let first = first.take().filter(|_| i == 0);
-        let loaded = first.map_or_else(|| asked[i].settings.load(&Loading::default()), Ok)?;
+        let loaded = first.map_or_else(|| scenes[i].settings.load(&Loading::default()), Ok)?;
         let Loaded { volume, strands, tf, scene, .. } = loaded;
-        Ok(Subject { volume, tf, strands, scene, forced: asked[i].settings.disabled_optimizations() })
+        Ok(Subject { volume, tf, strands, scene, forced: scenes[i].settings.disabled_optimizations() })
     };
-    let bar = progress_bar()?;
-    let interrupt = Interrupt::between_steps("what is measured is kept");
+    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
+    let interrupt = Interrupt::between_steps("finished rows are kept");
     let mut progress = Progress::watched(Bar { bar: &bar, interrupt: &interrupt });
     let made = make(&order, run, &mut read, renderer, journal, &mut progress);
     drop(progress);
@@ -205,7 +214,7 @@ fn measured(
     made
 }
 
-/// What shows progress, and hears of interrupts between two steps.
+/// Progress bar that stops at interrupts between two steps.
 struct Bar<'a> {
     bar: &'a ProgressBar,
     interrupt: &'a Interrupt,
@@ -215,7 +224,7 @@ impl Watch for Bar<'_> {
     fn starts(&mut self, status: &Status) {
         self.bar.set_length(status.total as u64);
         self.bar.set_position(status.done as u64);
-        // First what must not be cut off at the end of the line.
+        // The remaining time comes first: the end of the line may be cut off.
         let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
         self.bar.set_message(format!("{left}{}", status.what));
     }
@@ -225,16 +234,16 @@ impl Watch for Bar<'_> {
     }
 }
 
-/// What is said when a table was ended on request.
+/// Error of an interrupted run.
 fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
     let count = run.count_here();
-    let why = format!("{} of {count} rows are measured and kept", journal.kept().min(count));
+    let why = format!("{} of {count} rows are finished and kept", journal.kept().min(count));
     let mut error = Error::runtime("interrupted", folder.display(), why);
-    error.hint = Some("the same command line with --resume goes on from there".into());
+    error.hint = Some("the same command line with --resume continues".into());
     error
 }
 
-/// Budgets, each once, in the order in which they are given.
+/// Parses budgets without repetitions.
 fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
     let mut budgets = Vec::new();
     for text in texts {
@@ -247,30 +256,33 @@ fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
     Ok(budgets)
 }
 
-/// Reads every scene before anything is done: a mistake in the last is not found hours later. Gives what is recorded of
-/// them, and the first one itself.
-fn read_all(scenes: Vec<SceneSettings>, paths: &[PathBuf], each_light: bool) -> Result<(Vec<Asked>, Loaded)> {
-    let (mut asked, mut names, mut first) = (Vec::new(), Vec::new(), None);
+/// Reads every scene first, so that an error in the last one is found at once; returns their records, and the first scene.
+fn read_all(
+    scenes: Vec<SceneSettings>,
+    paths: &[PathBuf],
+    each_light: bool,
+) -> Result<(Vec<RecordedScene>, Loaded)> {
+    let (mut recorded, mut names, mut first) = (Vec::new(), Vec::new(), None);
     let several = scenes.len() > 1 || each_light;
     for (i, settings) in scenes.into_iter().enumerate() {
-        let loaded = load(&settings)?;
+        let loaded = load_scene(&settings)?;
         let of_file = || paths.get(i).map(|path| stem(path));
         let name = settings.name.clone().or_else(of_file);
         let name = unused_name(name.unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf)), &names);
         names.push(name.clone());
         let tf_text = function_text(&loaded)?;
-        asked.push(Asked::of(settings.clone(), &loaded, tf_text.clone(), &name, several)?);
+        recorded.push(RecordedScene::of(settings.clone(), &loaded, tf_text.clone(), &name, several)?);
         for (light, source) in loaded.scene.lights_apart().into_iter().filter(|_| each_light) {
             let name = unused_name(format!("{name} light {light}"), &names);
             let alone = SceneSettings { light: Some(vec![source]), ..settings.clone() };
-            let mut alone = Asked::of(alone, &loaded, tf_text.clone(), &name, several)?;
+            let mut alone = RecordedScene::of(alone, &loaded, tf_text.clone(), &name, several)?;
             alone.record.light = Some(light);
             names.push(name);
-            asked.push(alone);
+            recorded.push(alone);
         }
         first.get_or_insert(loaded);
     }
-    if each_light && asked.iter().all(|a| a.record.light.is_none()) {
+    if each_light && recorded.iter().all(|scene| scene.record.light.is_none()) {
         return Err(Error::input(
             "bad command line",
             "--each-light",
@@ -278,27 +290,27 @@ fn read_all(scenes: Vec<SceneSettings>, paths: &[PathBuf], each_light: bool) -> 
         ));
     }
     let none = || Error::input("bad command line", "--scene", "no scene");
-    Ok((asked, first.ok_or_else(none)?))
+    Ok((recorded, first.ok_or_else(none)?))
 }
 
-/// Writes what was measured, prints the table and says what files there are.
-fn publish(made: Made, asked: &[Asked], folder: &Path, layout: &Layout) -> Result<()> {
+/// Writes the files, prints the table, and lists the files.
+fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Result<()> {
     let all = &made.comparison;
-    all.notes.iter().for_each(|note| say("note", note));
+    all.notes.iter().for_each(|note| print_message("note", note));
     for (name, e) in &all.failures {
-        say("warning", &format_args!("{name} failed: {e}"));
+        print_message("warning", &format_args!("{name} failed: {e}"));
     }
-    if asked.iter().any(|a| a.settings.explain) {
+    if output.explain {
         for c in &all.compared {
-            c.left_out.iter().for_each(|o| say("plan", &format_args!("{}: {o}", c.slug)));
+            c.left_out.iter().for_each(|o| print_message("plan", &format_args!("{}: {o}", c.slug)));
         }
     }
     let rows = all.rows();
     let json = table_json(&rows, &made.run)?;
     let files = made.write(folder, layout)?;
-    files.budgets.iter().for_each(|path| say("budgets", &path.display()));
-    files.ablations.iter().for_each(|path| say("ablation", &path.display()));
-    if asked.iter().any(|a| a.settings.json) {
+    files.budgets.iter().for_each(|path| print_message("budgets", &path.display()));
+    files.ablations.iter().for_each(|path| print_message("ablation", &path.display()));
+    if output.json {
         print_result(&json)?;
     } else {
         print_result(&summary(&rows, layout))?;
@@ -307,9 +319,9 @@ fn publish(made: Made, asked: &[Asked], folder: &Path, layout: &Layout) -> Resul
     verdict(&rows, folder)
 }
 
-/// Says what files there are.
+/// Lists the files on stderr.
 pub fn say_files(files: &Files) {
-    files.remarks.iter().for_each(|remark| say("note", remark));
+    files.remarks.iter().for_each(|remark| print_message("note", remark));
     let report = [files.report.clone()];
     for (what, paths) in [
         ("tables", &files.tables[..]),
@@ -318,23 +330,23 @@ pub fn say_files(files: &Files) {
         ("report", &report),
     ] {
         let names: Vec<_> = paths.iter().map(|p| p.display().to_string()).collect();
-        say(what, &names.join(" "));
+        print_message(what, &names.join(" "));
     }
 }
 
-/// The one adapter that all scenes are drawn on: times of several make no table.
-fn one_adapter(scenes: &[SceneSettings]) -> Result<Option<String>> {
-    let mut named = scenes.iter().map(|s| &s.adapter);
+/// The adapter of all scenes: times on several adapters are not comparable.
+fn one_adapter(requests: &[SceneRequest]) -> Result<Option<String>> {
+    let mut named = requests.iter().map(|request| &request.run.adapter);
     let first = named.next().cloned().flatten();
     if named.any(|a| *a != first) {
-        let why = "scene files name different ones, and a table is of one";
+        let why = "scene files name different ones, and a table has one";
         return Err(Error::input("cannot choose graphics adapter", "--scene", why)
             .hint("--adapter wins over all of them"));
     }
     Ok(first)
 }
 
-/// An error where a row failed: the first one's reason stands for all.
+/// Fails if a row failed, with the reason of the first.
 fn verdict(rows: &[Row], folder: &Path) -> Result<()> {
     let mut failed = rows.iter().filter(|r| r.has_failed()).peekable();
     let Some(first) = failed.peek() else { return Ok(()) };
@@ -349,18 +361,11 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// The name, with a number where a scene has it already; also where the two would give files of one name.
+/// Appends a number to the name where another scene has it, or would have files of the same names.
 fn unused_name(name: String, used: &[String]) -> String {
     let taken = |name: &str| used.iter().any(|u| file_name_part(u) == file_name_part(name));
     let numbered = (2..).map(|n| format!("{name}-{n}"));
     std::iter::once(name.clone()).chain(numbered).find(|n| !taken(n)).unwrap_or(name)
-}
-
-/// Shown on stderr where that is a terminal.
-fn progress_bar() -> Result<ProgressBar> {
-    let style = ProgressStyle::with_template("{bar:20} {pos}/{len} {wide_msg}")
-        .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
-    Ok(ProgressBar::new(0).with_style(style))
 }
 
 #[cfg(test)]
@@ -376,13 +381,6 @@ mod tests {
             names.push(unused_name(stem(Path::new(path)), &names));
         }
         assert_eq!(names, ["chest", "chest-2", "chest-2-2", "chest-3", "head 1", "head_1-2"]);
-    }
-
-    #[test]
-    fn the_same_method_given_twice_is_one_row() {
-        let of = |text: &str| parse_distinct(text).unwrap().len();
-        assert_eq!(of("dsm:epsilon=0.1,0.1"), 1);
-        assert_eq!(of("none;dsm:epsilon=0.1,0.10,0.02;none;dsm:epsilon=0.02"), 3);
     }
 
     #[test]

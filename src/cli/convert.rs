@@ -1,6 +1,6 @@
-//! `umbravox convert`: a volume from any format that is read to any that is written.
+//! `umbravox convert`: converts a volume from any format to any writable one.
 
-use super::told::say;
+use super::console::print_message;
 use crate::error::Result;
 use crate::files::output::check_output;
 use crate::formats::{VOLUME_EXTENSIONS, write_volume};
@@ -8,7 +8,7 @@ use crate::open::{ReadFlags, VolumeSpec, load};
 use clap::Args;
 use std::path::PathBuf;
 
-/// Write a volume in another format, values and affine kept
+/// Convert a volume to another format; values and affine stay the same
 #[derive(Debug, Args)]
 pub struct ConvertArgs {
     /// Any volume that can be read: a file, a DICOM folder, strands, phantom:NAME[:SIZE]
@@ -16,18 +16,18 @@ pub struct ConvertArgs {
     pub volume: String,
     #[command(flatten)]
     pub volume_flags: ReadFlags,
-    /// The file: .nii, .nii.gz, .nrrd, .npy, or .raw; beside the last two a .json says grid, scaling and affine
+    /// Output file: .nii, .nii.gz, .nrrd, .npy or .raw; the last two get a .json with grid, scaling and affine
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
 
-/// Reads and writes.
+/// Runs the command.
 ///
 /// # Errors
 /// The volume cannot be read, or the file cannot be written.
 pub fn run(args: &ConvertArgs) -> Result<()> {
     check_output(&args.output, VOLUME_EXTENSIONS)?;
     let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
-    volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
+    volume.provenance.warnings.iter().for_each(|warning| print_message("warning", warning));
     write_volume(&volume, &args.output)
 }

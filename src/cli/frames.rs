@@ -1,7 +1,7 @@
 //! Pictures of a rotation: `render --turntable` and `--light-sweep`.
 
+use super::console::print_message;
 use super::interrupt::Interrupt;
-use super::told::say;
 use crate::engine::{CachedSession, MapCoverage, Prepared, RotatedScene, Rotation, Work};
 use crate::error::{Error, Result};
 use crate::files::animation::{Animated, Animation, PICTURES_PER_SECOND, check_backdrop, is_animation};
@@ -174,7 +174,7 @@ impl RotationWriter<'_> {
             }
         };
         if !rotation.changes(scene) {
-            say("note", &"every light lies on the rotation axis: all pictures are identical");
+            print_message("note", &"every light lies on the rotation axis: all pictures are identical");
         }
         let bar = progress_bar(*count)?;
         let (mut on_first, mut first, mut frames) = (Some(on_first), None, Vec::new());
@@ -228,7 +228,7 @@ impl RotationWriter<'_> {
     fn warn_of_others(&self) {
         let next = self.plan.frame_path(self.plan.count);
         if next.exists() {
-            say("warning", &format_args!("{} is from an earlier rotation", next.display()));
+            print_message("warning", &format_args!("{} is from an earlier rotation", next.display()));
         }
     }
 }

@@ -1,6 +1,6 @@
-//! `umbravox info`: what was read.
+//! `umbravox info`: properties of a volume.
 
-use super::told::{print_json, print_result};
+use super::console::{print_json, print_result};
 use crate::error::Result;
 use crate::open::units::{Meaning, Units, ValueKind};
 use crate::open::{ReadFlags, VolumeSpec, load};
@@ -9,7 +9,7 @@ use clap::Args;
 use serde::Serialize;
 use std::fmt::Write as _;
 
-/// Say what a volume file holds
+/// Print the properties of a volume file
 #[derive(Debug, Args)]
 pub struct InfoArgs {
     /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk, .vtk,
@@ -18,7 +18,7 @@ pub struct InfoArgs {
     pub volume: String,
     #[command(flatten)]
     pub volume_flags: ReadFlags,
-    /// What the values are taken for [default: what the file or the values tell]
+    /// Interpret values as HU or as fractions of their range [default: as the file or the values suggest]
     #[arg(long, value_enum, value_name = "UNITS")]
     pub units: Option<Units>,
     /// Print the result as JSON
@@ -26,7 +26,7 @@ pub struct InfoArgs {
     pub json: bool,
 }
 
-/// Everything that `info` tells; the keys of `info --json`.
+/// Properties of a volume; the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Info {
     pub source: String,
@@ -48,11 +48,11 @@ pub struct Info {
     pub bounds_mm: [[f64; 3]; 2],
     /// Smallest and largest value after scaling.
     pub value_range: [f64; 2],
-    /// What the values are taken for: `HU`, `1/mm` or `fraction`.
+    /// Interpretation of the values: `HU`, `1/mm` or `fraction`.
     pub units: ValueKind,
-    /// What says so.
+    /// Reason for the interpretation.
     pub units_why: String,
-    /// Whether that was told from the values alone.
+    /// Whether the interpretation was guessed from the values alone.
     pub units_guessed: bool,
     pub stored_range: [f64; 2],
     pub scaling: Scaling,
@@ -70,7 +70,7 @@ pub struct Info {
 }
 
 impl Info {
-    /// Gathers what there is to tell about a volume.
+    /// Properties of a volume.
     pub fn of(volume: &Volume, units: Option<Units>) -> Self {
         let meaning = Meaning::of(volume, units);
         let provenance = &volume.provenance;
@@ -122,7 +122,7 @@ impl Info {
         }
     }
 
-    /// The same for people, one aligned line a fact.
+    /// Text for people, one aligned line for each property.
     pub fn to_text(&self) -> String {
         let times = |values: [String; 3]| values.join(" x ");
         let mut text = String::new();
@@ -157,7 +157,7 @@ impl Info {
         line("world box", format!("({low}) to ({high}) mm"));
         let [low, high] = self.value_range.map(number);
         line("values", format!("{low} to {high}"));
-        let guessed = if self.units_guessed { "; told from the values alone, --units decides" } else { "" };
+        let guessed = if self.units_guessed { "; guessed from the values, --units decides" } else { "" };
         line("taken as", format!("{} ({}{guessed})", self.units.name(), self.units_why));
         let scaling = if self.scaled {
             format!("stored x {} + {}", number(self.scaling.slope), number(self.scaling.intercept))

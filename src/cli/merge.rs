@@ -1,7 +1,7 @@
-//! `umbravox merge`: parts of a table, measured by several jobs, become one.
+//! `umbravox merge`: combines the tables of several jobs.
 
 use super::compare::{LayoutFlags, say_files};
-use super::told::{print_result, say};
+use super::console::{print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output_dir, prepare_output_dir};
 use crate::report::Start;
@@ -10,7 +10,7 @@ use crate::report::tables::summary;
 use clap::Args;
 use std::path::PathBuf;
 
-/// Put the tables of several folders of `compare` together: shards of one sweep, or the same scenes on other adapters
+/// Combine the tables of several folders of `compare`: shards of one sweep, or the same scenes on other adapters
 #[derive(Debug, Args)]
 pub struct MergeArgs {
     /// Folders of finished tables of the same program, scenes and effort
@@ -55,7 +55,7 @@ pub fn run(args: &MergeArgs) -> Result<()> {
     let files = merged.write(&args.output, start, &layout)?;
     let failed = rows.iter().filter(|r| r.has_failed()).count();
     if failed > 0 {
-        say("warning", &format_args!("{failed} of {} rows had failed", rows.len()));
+        print_message("warning", &format_args!("{failed} of {} rows had failed", rows.len()));
     }
     match json {
         Some(json) => print_result(&json)?,

@@ -1,7 +1,8 @@
-//! The command line: one file a command, each thin.
+//! Command line: one file for each command.
 
 pub mod claims;
 pub mod compare;
+mod console;
 pub mod convert;
 mod error;
 pub mod frames;
@@ -15,24 +16,24 @@ pub mod probe_rays;
 pub mod render;
 pub mod stability;
 pub mod tf;
-mod told;
 pub mod view;
 pub mod voxelise;
 
 use crate::error::Result;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
-use std::ffi::OsString;
+use console::{print_message, print_result};
+use std::env;
+use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal};
 use std::process::ExitCode;
-use told::{print_result, say};
 use tracing_subscriber::EnvFilter;
 
 /// Volumetric shadows for CT volumes, each method with its error against an exact answer.
 #[derive(Debug, Parser)]
 #[command(name = "umbravox", version, arg_required_else_help = false)]
 struct Cli {
-    /// Say more on stderr; twice or three times for still more
+    /// Print more on stderr; -vv and -vvv print still more
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
     #[command(subcommand)]
@@ -55,15 +56,15 @@ enum Command {
     View(Box<view::ViewArgs>),
 }
 
-/// The command line as clap knows it: every command, flag and help.
+/// Definition of every command, flag and help text.
 pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// What opens the window for `view`: the window is no part of the command line.
+/// Function that opens the window of `view`, which belongs to a higher module.
 pub type Window = fn(view::ViewArgs) -> Result<()>;
 
-/// Runs a command line, program name first; prints what went wrong and gives the exit status: 0, or that of the error.
+/// Runs a command line, program name first; prints an error, and returns the exit status.
 pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCode {
     let args: Vec<OsString> = args.into_iter().collect();
     let result = match Cli::try_parse_from(&args) {
@@ -79,9 +80,9 @@ pub fn main(args: impl IntoIterator<Item = OsString>, window: Window) -> ExitCod
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            say("error", &e);
+            print_message("error", &e);
             if let Some(hint) = &e.hint {
-                say("hint", hint);
+                print_message("hint", hint);
             }
             ExitCode::from(e.exit_status())
         }
@@ -106,14 +107,19 @@ fn run(command: Command, window: Window) -> Result<()> {
     }
 }
 
-/// The command that a refused command line names, for the hint.
+/// Command named in a refused command line, for the hint.
 fn named_command(args: &[OsString]) -> Option<String> {
     let named = |a: &OsString| Cli::command().find_subcommand(a).map(|c| c.get_name().to_owned());
     args.iter().skip(1).find_map(named)
 }
 
+/// Whether the log has colours: on a terminal, unless `NO_COLOR` is set and not empty (no-color.org).
+fn has_color(is_terminal: bool, no_color: Option<&OsStr>) -> bool {
+    is_terminal && no_color.is_none_or(OsStr::is_empty)
+}
+
 fn log_to_stderr(verbose: u8) {
-    // The GPU stack speaks at `warn` about things no user can act on.
+    // Warnings of the GPU stack are nothing a user can act on.
     let filter = match verbose {
         0 => "error,umbravox=warn",
         1 => "warn,umbravox=info",
@@ -123,11 +129,11 @@ fn log_to_stderr(verbose: u8) {
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(EnvFilter::new(filter))
         .with_writer(io::stderr)
-        .with_ansi(io::stderr().is_terminal())
+        .with_ansi(has_color(io::stderr().is_terminal(), env::var_os("NO_COLOR").as_deref()))
         .with_target(verbose > 1)
         .without_time()
         .log_internal_errors(false);
-    // Only a second call in one process can fail, and the first one's settings are as good.
+    // A second call in a process fails; the settings of the first one stay.
     let _ = subscriber.try_init();
 }
 
@@ -138,5 +144,12 @@ mod tests {
     #[test]
     fn the_command_definitions_are_sound() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn no_color_turns_colors_off() {
+        assert!(has_color(true, None) && has_color(true, Some(OsStr::new(""))));
+        assert!(!has_color(true, Some(OsStr::new("1"))) && !has_color(true, Some(OsStr::new("0"))));
+        assert!(!has_color(false, None));
     }
 }

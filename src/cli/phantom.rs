@@ -1,4 +1,4 @@
-//! `umbravox phantom`: a built-in volume or strand set as a file.
+//! `umbravox phantom`: writes a built-in volume or strand set.
 
 use crate::error::Result;
 use crate::files::output::check_output;
@@ -11,16 +11,16 @@ use std::path::{Path, PathBuf};
 /// Write a built-in volume or strand set to a file
 #[derive(Debug, Args)]
 pub struct PhantomArgs {
-    /// Which one, and its size in voxels along the longest side; of strands, the number of segments
+    /// Name, with the size in voxels along the longest side, or the number of segments of strands
     #[arg(value_name = "NAME[:SIZE]", long_help = names_help())]
     pub name: String,
-    /// The file: .nii or .nii.gz; of strands, .hair
+    /// Output file: .nii or .nii.gz; .hair for strands
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
 
 fn names_help() -> String {
-    let mut help = String::from("Which one, and its size in voxels along the longest side:\n");
+    let mut help = String::from("Name, with the size in voxels along the longest side:\n");
     for phantom in Phantom::ALL {
         let (name, size) = (phantom.name(), phantom.default_size());
         help += &format!("\n  {name:<8} {} [default size: {size}]", phantom.description());

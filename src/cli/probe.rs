@@ -1,12 +1,12 @@
 //! `umbravox probe`: exact answers along segments, a method's at points, and several along a light ray.
 
+use super::console::{load_scene, print_result};
 use super::probe_curve::{self, CurveFlags};
 use super::probe_rays::{parse_points, probe_rays};
-use super::told::{load, print_result};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::input::read_text;
-use crate::open::{Loaded, SceneArgs, values};
+use crate::open::{Loaded, SceneArgs, SceneRequest, values};
 use crate::render::Session;
 use clap::Args;
 use glam::DVec3;
@@ -23,17 +23,17 @@ pub struct ProbeArgs {
     pub what: What,
     #[command(flatten)]
     pub curve_flags: CurveFlags,
-    /// Say in a first line, which begins with `#`, what the columns of --rays or --points are; a terminal always has it
+    /// Print the columns of --rays or --points in a first line that begins with `#`; always on a terminal
     #[arg(long)]
     pub header: bool,
 }
 
-/// The line of `--header`, or nothing.
+/// Line of `--header`, or nothing.
 fn header(asked: bool, columns: &str) -> String {
     if asked || io::stdout().is_terminal() { format!("# {columns}\n") } else { String::new() }
 }
 
-/// Which question to answer.
+/// Query.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 pub struct What {
@@ -54,26 +54,26 @@ pub struct What {
 /// # Errors
 /// Bad input, or a failure of the device.
 pub fn run(args: ProbeArgs) -> Result<()> {
-    let settings = args.scene.into_settings()?;
+    let SceneRequest { settings, run } = args.scene.into_request()?;
     settings.one_light("probe")?;
     if let Some(point_mm) = args.what.curve {
         if args.header {
-            let why = "what --curve prints is CSV, which has a header";
+            let why = "the CSV of --curve has a header";
             return Err(Error::input("bad command line", "--header", why));
         }
         let CurveFlags { methods, output } = &args.curve_flags;
-        return probe_curve::run(&settings, point_mm, methods.as_deref(), output.as_deref());
+        return probe_curve::run(&settings, &run, point_mm, methods.as_deref(), output.as_deref());
     }
     let CurveFlags { methods, output } = &args.curve_flags;
     for (flag, given) in [("--methods", methods.is_some()), ("--output", output.is_some())] {
         if given {
-            return Err(Error::input("bad command line", flag, "it goes with --curve only"));
+            return Err(Error::input("bad command line", flag, "it needs --curve"));
         }
     }
-    // Read before the volume: it is the quicker one to find wanting.
+    // Small files are checked before the volume is read.
     if let Some(path) = &args.what.rays {
         let text = read_text(path, "cannot read rays")?;
-        let loaded = load(&settings)?;
+        let loaded = load_scene(&settings)?;
         let field = ExactField::new(&loaded.volume, &loaded.tf);
         let answers = probe_rays(&field, &text, &path.display().to_string())?;
         print_result(&(header(args.header, "optical_depth transmittance") + &answers))?;
@@ -81,15 +81,14 @@ pub fn run(args: ProbeArgs) -> Result<()> {
     if let Some(path) = &args.what.points {
         let method = settings.method()?;
         let points = parse_points(&read_text(path, "cannot read points")?, &path.display().to_string())?;
-        let Loaded { volume, strands, tf, scene, .. } = load(&settings)?;
+        let Loaded { volume, strands, tf, scene, .. } = load_scene(&settings)?;
         let exact = {
             let field = ExactField::new(&volume, &tf);
             let to_light = |p: &DVec3| field.transmittance_to_light(*p, &scene.light());
             points.par_iter().map(to_light).collect::<Vec<_>>()
         };
-        let session =
-            Session::open(settings.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
-                .with_strands(strands);
+        let session = Session::open(run.adapter.as_deref(), volume, &tf, settings.disabled_optimizations())?
+            .with_strands(strands);
         let shadow = session.shadow(method.as_ref(), scene.light())?;
         let found = session.query(&shadow, &points)?;
         let lines = found.iter().zip(&exact).map(|(m, e)| format!("{m:.9} {e:.17}\n"));

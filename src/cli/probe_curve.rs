@@ -1,11 +1,11 @@
 //! `umbravox probe --curve`: transmittance against depth along a light ray, of several methods and exact.
 
-use super::told::{load, print_json, print_result, say};
+use super::console::{load_scene, print_json, print_message, print_result};
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
 use crate::files::output::{check_output, check_output_dir, prepare_output_dir, write_whole};
 use crate::measure::light_curve::{LightCurve, MethodCurve};
-use crate::open::{Loaded, SceneSettings};
+use crate::open::{Loaded, RunFlags, SceneSettings};
 use crate::render::Session;
 use crate::report::make::scene_name;
 use crate::report::plot::curve::{curve_pdf, curve_png, curve_svg};
@@ -15,10 +15,10 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Files that can be asked for by their ending; any other name is a folder for all of them.
+/// Extensions of output files; any other name is a folder for all of them.
 const ENDINGS: &[&str] = &["csv", "svg", "png", "pdf"];
 
-/// Where the result goes.
+/// Destination of the result.
 enum Destination<'a> {
     /// CSV (or JSON) on stdout.
     Stdout,
@@ -34,35 +34,28 @@ struct Json<'a> {
     methods: &'a [MethodCurve],
 }
 
-/// Answers for the light ray through `point_mm`.
+/// Prints or writes the curves along the light ray through `point_mm`.
 ///
 /// # Errors
 /// Bad input, or a failure of the device or disk.
 pub fn run(
     settings: &SceneSettings,
+    run: &RunFlags,
     point_mm: DVec3,
     methods: Option<&str>,
     output: Option<&Path>,
 ) -> Result<()> {
-    let default = CURVES.clone();
-    // The method of `--shadow` is the one asked for where no list is given.
-    let (flag, list) = match (methods, settings.shadow.as_deref()) {
-        (Some(list), _) => ("--methods", list),
-        (None, Some(one)) => ("--shadow", one),
-        (None, None) => ("--methods", default.as_str()),
+    let methods = match (methods, &settings.shadow) {
+        (None, Some(one)) => vec![one.method()?],
+        (list, _) => parse_list(list.unwrap_or(&CURVES)).map_err(|e| e.at("--methods"))?,
     };
-    let methods = parse_list(list).map_err(|e| e.at(flag))?;
     let destination = destination(output)?;
-    let Loaded { volume, strands, tf, scene, .. } = load(settings)?;
+    let Loaded { volume, strands, tf, scene, .. } = load_scene(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
-    let session = Session::open(
-        settings.adapter.as_deref(),
-        Arc::clone(&volume),
-        &tf,
-        settings.disabled_optimizations(),
-    )?
-    .with_strands(strands);
+    let session =
+        Session::open(run.adapter.as_deref(), Arc::clone(&volume), &tf, settings.disabled_optimizations())?
+            .with_strands(strands);
     let points = curve.points_mm();
     let mut found = Vec::with_capacity(methods.len());
     for method in &methods {
@@ -84,20 +77,20 @@ pub fn run(
     let write = |path: &Path, ending: &str| {
         let bytes = file(ending)?;
         write_whole(path, |f| f.write_all(&bytes))?;
-        say("written", &path.display());
+        print_message("written", &path.display());
         Ok(())
     };
     match destination {
         Destination::Stdout => {}
         Destination::File(path) => write(path, ending_of(path).unwrap_or("csv"))?,
         Destination::Folder(folder) => {
-            // Made last: what is refused before leaves no empty folder.
+            // Created last, so that a refused input leaves no empty folder.
             prepare_output_dir(folder)?;
             ENDINGS.iter().try_for_each(|ending| write(&folder.join(format!("curve.{ending}")), ending))?;
         }
     }
     let broken = |e: &dyn std::fmt::Display| Error::runtime("cannot print result", "stdout", e);
-    if settings.json {
+    if run.json {
         return print_json(&Json { curve: &curve, methods: &found });
     }
     match destination {
@@ -106,10 +99,10 @@ pub fn run(
     }
 }
 
-/// Refuses an output before any work is done for it.
+/// Checks the output before any work is done.
 fn destination(output: Option<&Path>) -> Result<Destination<'_>> {
     let Some(path) = output else { return Ok(Destination::Stdout) };
-    // A name with another ending is more likely a wish for a format that there is none of than a folder.
+    // A name with another extension is more likely an unknown format than a folder.
     if path.extension().is_some() && !path.is_dir() {
         check_output(path, ENDINGS)?;
         return Ok(Destination::File(path));
@@ -118,13 +111,13 @@ fn destination(output: Option<&Path>) -> Result<Destination<'_>> {
     Ok(Destination::Folder(path))
 }
 
-/// The one of [`ENDINGS`] that a name has, letter case aside.
+/// Extension of a name among [`ENDINGS`], case-insensitive.
 fn ending_of(path: &Path) -> Option<&'static str> {
     let extension = path.extension()?.to_str()?.to_lowercase();
     ENDINGS.iter().copied().find(|e| *e == extension)
 }
 
-/// Where the ray runs, and how far each method strays from it.
+/// Summary of the ray, and of the largest error of each method.
 fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
     let [x, y, z] = curve.origin_mm.to_array();
     let [dx, dy, dz] = curve.direction.to_array();
@@ -149,7 +142,7 @@ fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
     text
 }
 
-/// The flags that only `--curve` takes.
+/// Flags of `--curve`.
 #[derive(Debug, clap::Args)]
 pub struct CurveFlags {
     #[arg(long, value_name = "METHODS", help = format!("With --curve: methods separated by `;`; a value without `=` \

@@ -8,7 +8,7 @@ use std::fmt::Write;
 const WHAT: &str = "cannot read rays";
 
 /// Answers the segments in `text`, one `x0 y0 z0 x1 y1 z1` (world mm) a line, with one line
-/// `optical_depth transmittance` each, to 17 significant digits. Blank lines are passed over.
+/// `optical_depth transmittance` each, to 17 significant digits. Blank lines are ignored.
 ///
 /// `place` names the file in errors.
 ///
@@ -46,7 +46,7 @@ pub fn parse_segments(text: &str, place: &str) -> Result<Vec<(DVec3, DVec3)>> {
         .collect()
 }
 
-/// The points of a points file, `x y z` (world mm) a line; blank lines are passed over.
+/// The points of a points file, `x y z` (world mm) a line; blank lines are ignored.
 ///
 /// # Errors
 /// A line that is not three finite numbers, by its number.
@@ -55,7 +55,7 @@ pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
     Ok(rows.into_iter().map(|(_, row)| DVec3::from_array(row)).collect())
 }
 
-/// Lines of `N` finite numbers separated by white space, each with its line number; blank lines are passed over.
+/// Lines of `N` finite numbers separated by white space, each with its line number; blank lines are ignored.
 fn parse_rows<const N: usize>(
     text: &str,
     what: &str,

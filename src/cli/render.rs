@@ -1,15 +1,15 @@
 //! `umbravox render`: one picture, or the pictures of a rotation.
 
+use super::console::{load_scene, print_json, print_message};
 use super::frames::{FrameFlags, FrameRecord, RotationWriter, Texts};
-use super::told::{load, print_json, say};
 use crate::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
 use crate::error::Result;
 use crate::files::animation::is_animation;
 use crate::files::output::check_output;
 use crate::files::picture::{Backdrop, PICTURE_EXTENSIONS, write_picture_with};
 use crate::gpu::{Clock, Gpu};
-use crate::open::asked::picture_texts;
-use crate::open::{DEFAULT_SHADOW, Loaded, SceneArgs};
+use crate::open::provenance::picture_texts;
+use crate::open::{Loaded, SceneArgs, SceneRequest};
 use crate::render::{Omission, Picture, Renderer};
 use crate::scene::{LightSource, Scene};
 use crate::shadow::{Bound, BuildReport, Method, ShadowMap};
@@ -44,12 +44,12 @@ pub fn run(args: RenderArgs) -> Result<()> {
         check_output(&args.output, PICTURE_EXTENSIONS)
             .map_err(|e| if animated { e.hint(hint) } else { e })?;
     }
-    let settings = args.scene.into_settings()?;
+    let SceneRequest { settings, run } = args.scene.into_request()?;
     let method = settings.method()?;
     let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
     plan.iter().try_for_each(|plan| plan.check(backdrop))?;
-    let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load(&settings)?;
-    let renderer = Arc::new(Renderer::new(Gpu::open(settings.adapter.as_deref())?));
+    let Loaded { volume, strands, tf, tf_source, scene, suiting, .. } = load_scene(&settings)?;
+    let renderer = Arc::new(Renderer::new(Gpu::open(run.adapter.as_deref())?));
     let adapter = renderer.gpu().info.name.clone();
     // Each picture has the pixels that it has alone, so a map is reused only where it would be built again.
     let cache = ShadowCache::new(1, ReusePolicy::Exact);
@@ -57,8 +57,8 @@ pub fn run(args: RenderArgs) -> Result<()> {
     session.load(volume, strands)?;
     session.set_transfer(&tf, &mut Work::default())?;
     let texts = |scene: &Scene| -> Result<Texts> {
-        let mut resolved = settings.resolved(scene, &tf_source, suiting)?;
-        resolved.shadow = Some(settings.shadow.clone().unwrap_or_else(|| DEFAULT_SHADOW.into()));
+        let mut resolved = settings.resolved(scene, &tf_source, suiting);
+        resolved.shadow = Some(settings.method_spec());
         picture_texts(&adapter, Some(&resolved))
     };
     let summary_of = |prepared: &Prepared<'_>, picture: &Picture| {
@@ -78,10 +78,10 @@ pub fn run(args: RenderArgs) -> Result<()> {
             Summary { frames: Some(frames), ..first }
         }
     };
-    if settings.explain {
+    if run.explain {
         summary.explain();
     }
-    if settings.json {
+    if run.json {
         print_json(&summary)?;
     }
     Ok(())
@@ -166,7 +166,7 @@ impl Summary {
     }
 
     fn explain(&self) {
-        let say = |line: String| say("plan", &line);
+        let say = |line: String| print_message("plan", &line);
         say(format!("adapter {}, times by {}", self.adapter, self.clock));
         if self.volume_tiles > 1 {
             let [x, y, z] = self.volume_texture;

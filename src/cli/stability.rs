@@ -1,6 +1,6 @@
 //! `umbravox stability`: the stiff and extreme cases, every method.
 
-use super::told::{print_result, say};
+use super::console::{print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
 use crate::gpu::Gpu;
@@ -8,7 +8,7 @@ use crate::render::Renderer;
 use crate::replication::stability::table::{counted, markdown};
 use crate::replication::stability::{Case, Row, Status, all, run as run_cases};
 use crate::report::writers::{csv, json};
-use crate::shadow::{STABILITY, parse_list, spec};
+use crate::shadow::{MethodSpec, STABILITY};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
@@ -43,9 +43,7 @@ pub struct StabilityArgs {
 /// Bad input, a failure of the disk, or (after everything is written) a case that is not well.
 pub fn run(args: &StabilityArgs) -> Result<()> {
     // Refused before anything is done, as are unknown cases and a folder that is a file.
-    parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
-    let specs = spec::parse_list(&args.methods)?;
-    let methods = specs.iter().map(spec::Spec::expand).collect::<Result<Vec<_>>>()?.concat();
+    let methods = MethodSpec::parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
     let every = all()?;
     let cases = pick(&every, &args.cases)?;
     check_output_dir(&args.output)?;
@@ -70,7 +68,7 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
         [(&path, csv(&rows)?), (&args.output.join("stability.md"), summary.clone().into_bytes())]
     {
         write_whole(path, |file| file.write_all(&bytes))?;
-        say("table", &path.display());
+        print_message("table", &path.display());
     }
     if args.json {
         print_result(&json(&rows)?)?;

@@ -1,12 +1,13 @@
 //! `umbravox tf`: presets, and transfer functions of other programs.
 
-use super::told::{print_json, print_result, say};
+use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output, write_whole};
 use crate::open::presets::{Found, PRESETS, Scale};
 use crate::transfer::TransferFunction;
 use crate::transfer::formats::{self, Imported, TRANSFER_FORMATS, TransferFormat, has_fractions};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, Subcommand};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -23,7 +24,7 @@ enum TfCommand {
     List(ListArgs),
     /// Write a preset to a file
     Export(ExportArgs),
-    /// Write another program's transfer function as this one's, or the other way
+    /// Convert a transfer function from or to the format of another program
     #[command(long_about = convert_help())]
     Convert(ConvertArgs),
 }
@@ -37,7 +38,7 @@ struct ListArgs {
 
 #[derive(Debug, Args)]
 struct ExportArgs {
-    /// Which one, as `tf list` names it
+    /// Name in `tf list`
     #[arg(value_name = "PRESET")]
     preset: String,
     #[command(flatten)]
@@ -46,7 +47,7 @@ struct ExportArgs {
 
 #[derive(Debug, Args)]
 struct ConvertArgs {
-    /// The file: this program's .json, ParaView's .json, 3D Slicer's .vp and .vp.json, MRIcroGL's and NiiVue's .json,
+    /// File: this program's .json, ParaView's .json, 3D Slicer's .vp and .vp.json, MRIcroGL's and NiiVue's .json,
     /// Inviwo's .itf; told by its content
     #[arg(value_name = "IN")]
     input: PathBuf,
@@ -54,16 +55,16 @@ struct ConvertArgs {
     to: Target,
 }
 
-/// Where to and as what.
+/// Output file and format.
 #[derive(Debug, Args)]
 struct Target {
     /// The file: .json, or .vp
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// The format [default: vp where the name ends in .vp, umbravox otherwise]
-    #[arg(long, value_enum, value_name = "FORMAT")]
-    to: Option<To>,
-    /// Values over which a function of fractions is laid: 0 at LO, 1 at HI
+    #[arg(long, value_name = "FORMAT", value_parser = written_format())]
+    to: Option<&'static str>,
+    /// Values to scale a function of fractions to: 0 to LO, 1 to HI
     #[arg(long, value_name = "LO,HI", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
     /// Print the result as JSON
@@ -71,28 +72,20 @@ struct Target {
     json: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum To {
-    Umbravox,
-    Paraview,
-    Vp,
+/// Parser of the name of a format that is written.
+fn written_format() -> impl TypedValueParser<Value = &'static str> {
+    let written = TRANSFER_FORMATS.iter().filter(|f| f.write.is_some()).map(|f| f.name);
+    PossibleValuesParser::new(written).map(|name| format_named(&name).map_or("", |format| format.name))
 }
 
-impl To {
-    fn format(self) -> Option<&'static TransferFormat> {
-        let name = match self {
-            Self::Umbravox => "umbravox",
-            Self::Paraview => "paraview",
-            Self::Vp => "vp",
-        };
-        TRANSFER_FORMATS.iter().find(|f| f.name == name)
-    }
+fn format_named(name: &str) -> Option<&'static TransferFormat> {
+    TRANSFER_FORMATS.iter().find(|f| f.name == name)
 }
 
 fn convert_help() -> String {
     let mut help = String::from(
-        "Write another program's transfer function as this one's, or the other way. What cannot be carried over is said, a \
-         warning each.\n\nFormats:",
+        "Convert a transfer function from or to the format of another program. A warning states each \
+         property that the format cannot hold.\n\nFormats:",
     );
     for format in TRANSFER_FORMATS {
         let written = if format.write.is_some() { "read and written" } else { "read" };
@@ -110,7 +103,7 @@ fn range(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// A preset as `tf list --json` has it.
+/// Preset of `tf list --json`.
 #[derive(Serialize)]
 struct Listed {
     name: &'static str,
@@ -121,7 +114,7 @@ struct Listed {
     reference_length_mm: f64,
 }
 
-/// What `tf export --json` and `tf convert --json` print.
+/// Result of `tf export --json` and `tf convert --json`.
 #[derive(Serialize)]
 struct Converted<'a> {
     output: String,
@@ -176,7 +169,7 @@ fn list(json: bool) -> Result<()> {
     print_result(&lines.collect::<String>())
 }
 
-/// The format that is asked for, or that the name tells.
+/// Format that is given, or that the file's extension implies.
 fn target(target: &Target) -> Result<&'static TransferFormat> {
     let name = target.output.to_string_lossy().to_ascii_lowercase();
     if name.ends_with(".vp.json") && target.to.is_none() {
@@ -184,9 +177,9 @@ fn target(target: &Target) -> Result<&'static TransferFormat> {
         return Err(Error::input("cannot write file", target.output.display(), why)
             .hint("give a name that ends in .vp, or say --to umbravox"));
     }
-    let by_name = if name.ends_with(".vp") { To::Vp } else { To::Umbravox };
+    let by_name = if name.ends_with(".vp") { "vp" } else { "umbravox" };
     let none = || Error::input("cannot write file", target.output.display(), "there is no such format");
-    target.to.unwrap_or(by_name).format().ok_or_else(none)
+    format_named(target.to.unwrap_or(by_name)).ok_or_else(none)
 }
 
 fn check(target: &Target, format: &TransferFormat) -> Result<()> {
@@ -194,7 +187,7 @@ fn check(target: &Target, format: &TransferFormat) -> Result<()> {
     check_output(&target.output, endings)
 }
 
-/// Writes what was read, whole or not at all, and says what it does not hold.
+/// Writes a transfer function, with a warning for each lost property.
 fn write(carried: Imported, to: &Target) -> Result<()> {
     let format = target(to)?;
     check(to, format)?;
@@ -211,7 +204,7 @@ fn write(carried: Imported, to: &Target) -> Result<()> {
     let write = format.write.ok_or_else(|| refuse(format!("{} is not written", format.name)))?;
     let written = write(&tf).map_err(refuse)?;
     warnings.extend(written.warnings);
-    warnings.iter().for_each(|warning| say("warning", warning));
+    warnings.iter().for_each(|warning| print_message("warning", warning));
     write_whole(&to.output, |file| file.write_all(written.text.as_bytes()))?;
     if !to.json {
         return Ok(());

@@ -1,6 +1,6 @@
-//! `umbravox voxelise`: strands as an extinction volume, and what that costs in truth.
+//! `umbravox voxelise`: strands as an extinction volume, with a conservation report.
 
-use super::told::{print_json, print_result, say};
+use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::check_output;
@@ -20,7 +20,7 @@ pub struct VoxeliseArgs {
     /// A file of strands (.hair, .tck, .trk, .vtk, .vtp, .obj) or a built-in set, hair-NAME[:SEGMENTS]
     #[arg(value_name = "STRANDS")]
     pub strands: String,
-    /// The volume: .nii or .nii.gz [default: only the report]
+    /// Volume: .nii or .nii.gz [default: only the report]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
@@ -37,7 +37,7 @@ fn beams() -> clap::builder::RangedU64ValueParser<u32> {
     clap::builder::RangedU64ValueParser::new().range(0..=MAX_BEAMS as u64)
 }
 
-/// What `voxelise` reports; the keys of `--json`.
+/// Report of `voxelise`; the keys of `--json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     pub source: String,
@@ -54,7 +54,7 @@ pub struct Report {
     pub segments_per_s: f64,
     /// Direction towards the light of the comparison.
     pub light: [f64; 3],
-    /// `null` where no beams were asked for or there is nothing to compare.
+    /// `null` without beams or without segments.
     pub against_cylinders: Option<AgainstCylinders>,
 }
 
@@ -72,13 +72,16 @@ pub fn run(args: &VoxeliseArgs) -> Result<()> {
         args.strands.clone()
     };
     if !is_strand_source(&source) {
-        return Err(Error::input("cannot read strands", &source, "it is no strand file or set").hint(
-            format!("files end in {}; built in are hair-NAME[:SEGMENTS]", STRAND_EXTENSIONS.join(", ")),
-        ));
+        return Err(Error::input(
+            "cannot read strands",
+            &source,
+            "it is neither a file of strands nor a built-in set",
+        )
+        .hint(format!("files end in {}; built in are hair-NAME[:SEGMENTS]", STRAND_EXTENSIONS.join(", "))));
     }
     let strands = load_strands(&source, args.flags.thickness, &Loading::default())?;
     let made = args.flags.voxelise(&strands, &Loading::default())?;
-    made.volume.provenance.warnings.iter().for_each(|warning| say("warning", warning));
+    made.volume.provenance.warnings.iter().for_each(|warning| print_message("warning", warning));
     if let Some(output) = &args.output {
         write_nifti(&made.volume, output)?;
     }
@@ -87,7 +90,7 @@ pub fn run(args: &VoxeliseArgs) -> Result<()> {
 }
 
 impl Report {
-    /// Measures what there is to say; `beams` light beams towards the default light.
+    /// Measures the volume against `beams` light beams towards the default light.
     pub fn of(strands: &Strands, made: &StrandVolume, beams: usize) -> Self {
         let (toward, _) = Light::default().from_point(DVec3::ZERO);
         Self {
@@ -106,7 +109,7 @@ impl Report {
         }
     }
 
-    /// The same for people, one aligned line a fact.
+    /// Text for people, one aligned line for each figure.
     pub fn to_text(&self) -> String {
         let mut lines = Vec::new();
         let mut line = |name: &str, value: String| lines.push(format!("{name:<14} {value}\n"));

@@ -1,7 +1,7 @@
 //! Shadow method and setting texts as the window edits them.
 
 use crate::error::{Error, Result};
-use crate::shadow::{self, Entry, METHODS, Method, spec};
+use crate::shadow::{self, Entry, METHODS, Method, MethodSpec};
 use std::sync::Arc;
 
 /// Method of the registry with one text per setting, valid or not. The method is parsed once per edit.
@@ -43,17 +43,9 @@ impl MethodChoice {
     /// # Errors
     /// As [`shadow::parse`].
     pub fn parse(text: &str) -> Result<Self> {
-        shadow::parse(text)?;
-        let spec = spec::parse_spec(text)?;
-        let entry = METHODS.iter().find(|m| m.name == spec.name).copied().unwrap_or(METHODS[0]);
-        let mut values = Self::of(entry).values;
-        for (value, key) in values.iter_mut().zip(entry.keys) {
-            let set = spec.params.iter().find(|(name, _)| name == key.name);
-            if let Some(text) = set.and_then(|(_, texts)| texts.first()) {
-                value.clone_from(text);
-            }
-        }
-        Ok(Self::new(entry.name, values))
+        let spec: MethodSpec = text.parse()?;
+        let values = spec.values().iter().map(ToString::to_string).collect();
+        Ok(Self::new(spec.entry().name, values))
     }
 
     /// The method's entry in the registry.

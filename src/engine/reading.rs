@@ -4,9 +4,7 @@ use super::method_choice::MethodChoice;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::presets::Suiting;
-use crate::open::{
-    DEFAULT_SHADOW, Loaded, PartFlags, Read, Remark, SceneSettings, VolumeSpec, lacks_thickness, read_with,
-};
+use crate::open::{Diagnostic, Loaded, MaskFlags, Read, SceneSettings, VolumeSpec, lacks_thickness};
 use crate::scene::{Light, LightSource, Scene, Shading};
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
@@ -48,7 +46,7 @@ pub struct InitialState {
     /// Requested units and opacity scale.
     pub suiting: Suiting,
     /// Segmentation and the functions of its labels.
-    pub parts: PartFlags,
+    pub parts: MaskFlags,
     /// Camera, lights and picture settings.
     pub scene: Scene,
     /// Shadow method; `None`: unchanged.
@@ -87,9 +85,7 @@ impl ReadTask {
     pub fn start(spec: VolumeSpec, with: OpenMode, wake: impl Fn() + Send + 'static) -> Result<Self> {
         let method = match &with {
             // Invalid settings are reported at once, not after a long reading.
-            OpenMode::Settings(settings) => {
-                Some(MethodChoice::parse(settings.shadow.as_deref().unwrap_or(DEFAULT_SHADOW))?)
-            }
+            OpenMode::Settings(settings) => Some(MethodChoice::parse(&settings.method_spec().to_string())?),
             OpenMode::Scene(_) | OpenMode::Revoxelise => None,
         };
         let (send, result) = channel();
@@ -142,30 +138,31 @@ fn read(
 ) -> Result<OpenedVolume> {
     let (volume, strands, notes, initial) = match with {
         OpenMode::Revoxelise => {
-            let Read { volume, strands } = read_with(&spec, loading)?;
+            let Read { volume, strands } = spec.read(loading)?;
             let notes = volume.provenance.warnings.clone();
             (Arc::new(volume), strands, notes, None)
         }
         OpenMode::Settings(settings) => {
-            let Loaded { volume, strands, tf, tf_source, scene, remarks, .. } = settings.load(loading)?;
+            let Loaded { volume, strands, tf, tf_source, scene, diagnostics, .. } = settings.load(loading)?;
             let (transparent, suiting) = (Some(settings.is_transparent()), settings.suiting());
-            let parts = settings.parts.clone();
+            let parts = settings.masking.clone();
             let initial = InitialState { tf, tf_source, suiting, parts, scene, method, transparent };
-            (volume, strands, texts(remarks), Some(initial))
+            (volume, strands, texts(diagnostics), Some(initial))
         }
         OpenMode::Scene(old) => {
             let assumed = assume_thickness(&mut spec);
             let settings = SceneSettings::of_volume(&spec);
-            let Loaded { volume, strands, tf, tf_source, scene, mut remarks, .. } = settings.load(loading)?;
-            remarks.extend(assumed);
+            let Loaded { volume, strands, tf, tf_source, scene, mut diagnostics, .. } =
+                settings.load(loading)?;
+            diagnostics.extend(assumed);
             // Point lights and meshes belong to the old volume.
             let lights = suitable_lights(&old, &scene);
             let shading = suitable_shading(old.shading, strands.is_some());
             let scene = Scene { camera: scene.camera, lights, mesh: None, shading, ..*old };
             let suiting = Suiting::default();
-            let parts = PartFlags::default();
+            let parts = MaskFlags::default();
             let initial = InitialState { tf, tf_source, suiting, parts, scene, method, transparent: None };
-            (volume, strands, texts(remarks), Some(initial))
+            (volume, strands, texts(diagnostics), Some(initial))
         }
     };
     let histogram = Arc::new(Histogram::of_with(&volume, HISTOGRAM_BINS, loading)?);
@@ -173,18 +170,19 @@ fn read(
 }
 
 /// Assumes a thickness for strands without one, since a dropped file has no flags.
-fn assume_thickness(spec: &mut VolumeSpec) -> Option<Remark> {
+fn assume_thickness(spec: &mut VolumeSpec) -> Option<Diagnostic> {
     let thickness = &mut spec.flags.strands.thickness;
     if thickness.is_some() || spec.flags.raw.is_some() || !lacks_thickness(&spec.source) {
         return None;
     }
     *thickness = Some(ASSUMED_MM);
     let hint = "change it under Strands in the side panel";
-    Some(("note", format!("{} has no thickness: {ASSUMED_MM} mm is assumed; {hint}", spec.source)))
+    let text = format!("{} has no thickness: {ASSUMED_MM} mm is assumed; {hint}", spec.source);
+    Some(Diagnostic::note(text))
 }
 
-fn texts(remarks: Vec<Remark>) -> Vec<String> {
-    remarks.into_iter().map(|(_, text)| text).collect()
+fn texts(diagnostics: Vec<Diagnostic>) -> Vec<String> {
+    diagnostics.into_iter().map(|d| d.message).collect()
 }
 
 /// Keeps directional lights; replaces point lights, which belong to the old volume.

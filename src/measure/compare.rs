@@ -129,7 +129,7 @@ fn beside(
     let mut uses = vec![Uses::new(); methods.len()];
     let mut further = Vec::new();
     for Chosen { method, uses: own } in chosen {
-        match methods.iter().position(|m| m.name() == method.name() && m.values() == method.values()) {
+        match methods.iter().position(|m| m.spec() == method.spec()) {
             Some(place) => uses[place] = own,
             None => {
                 let steps = method_steps(method.as_ref(), effort);
@@ -204,7 +204,7 @@ fn measure_errors<'m>(
                 let size = [job.scene.width, job.scene.height];
                 let mut row = facts.row(&job.scene_name, size, method);
                 row.lights = Some(job.scene.lights_shining());
-                let failed = Compared::failed(row, slug, &e);
+                let failed = Compared::failed(row, method, slug, &e);
                 progress.row(place, &failed.row);
                 rows.push(Err(failed));
                 progress.spare(&Step::new(StepKind::Run, &name), 1 + job.effort.repeats);

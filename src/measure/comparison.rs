@@ -11,8 +11,10 @@ use ndarray::{Array2, Array3};
 
 /// A row with its picture.
 pub struct Compared {
-    /// The row.
+    /// Measured row.
     pub row: Row,
+    /// Method with its settings as asked for: the scene may choose the size of the map, which the row then states.
+    pub method: String,
     /// A name for its files, different for every row.
     pub slug: String,
     /// `height x width x 4`, linear RGBA; `None` where the row failed before it was drawn.
@@ -72,6 +74,7 @@ impl Comparison {
             let method = method.as_ref();
             comparison.compared.push(Compared::failed(
                 facts.row(scene_name, size, method),
+                method,
                 String::new(),
                 error,
             ));
@@ -82,8 +85,15 @@ impl Comparison {
 }
 
 impl Compared {
-    pub(super) fn failed(mut row: Row, slug: String, error: &Error) -> Self {
+    pub(super) fn failed(mut row: Row, method: &dyn Method, slug: String, error: &Error) -> Self {
         row.set_failed(error);
-        Self { row, slug, picture: None, difference: None, left_out: Vec::new() }
+        Self {
+            row,
+            method: method.spec().to_string(),
+            slug,
+            picture: None,
+            difference: None,
+            left_out: Vec::new(),
+        }
     }
 }

@@ -85,7 +85,7 @@ pub(super) fn job_key(job: &Job, facts: &Facts) -> u64 {
 /// The key of a row; `slug` tells a method given twice from itself.
 pub(super) fn row_key(job_key: u64, method: &dyn Method, slug: &str) -> String {
     let mut hasher = DefaultHasher::new();
-    (job_key, slug, format!("{method:?}")).hash(&mut hasher);
+    (job_key, slug, method.spec()).hash(&mut hasher);
     format!("{:016x}", hasher.finish())
 }
 

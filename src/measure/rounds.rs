@@ -33,7 +33,9 @@ impl<'a> TimedRow<'a> {
         picture: Array3<f32>,
     ) -> (Self, Vec<String>) {
         let Measured { row, slug, left_out, notes, frame_ms } = measured;
-        let compared = Compared { row, slug, picture: Some(picture), difference: None, left_out };
+        let spec = method.spec().to_string();
+        let compared =
+            Compared { row, method: spec, slug, picture: Some(picture), difference: None, left_out };
         (Self { method, place, key, compared, frame_ms, rounds: Vec::new(), warm: true }, notes)
     }
 

@@ -1,62 +1,77 @@
-//! The formats that can be read, and reading: from what a user names to a [`Volume`].
-//!
-//! One entry of [`FORMATS`] is all that a format needs: errors, hints, help and the window's dialog read that list.
+//! Registry of volume formats, and reading by it. One entry of [`FORMATS`] is all that a format needs: errors, hints, help
+//! and the window's dialog read that list.
 
-use super::fit::{fitted, room_for};
+use super::layer::{Layer, layer};
+use super::scene_file::key;
 use super::strands::{StrandFlags, is_strand_source, load_strands};
 use super::values;
 use crate::error::{Error, Result};
+use crate::field::Fold;
 use crate::files::hash::sha256_of_files;
-use crate::files::loading::Loading;
+use crate::files::loading::{Loading, Reduced};
+use crate::files::memory_budget::{MemoryBudget, free_bytes};
 use crate::formats::raw::RawFile;
 use crate::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack, vti, zarr};
 use crate::formats::{RawLayout, nifti, raw};
+use crate::gpu::texture_side;
 use crate::phantom::Phantom;
 use crate::scene::Shading;
 use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::{Crop, Downsample, Volume};
+use crate::with_voxels;
 use clap::Args;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// How to read a volume that does not say it itself; absent ones are `None`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
+layer! {
+/// Flags of reading a volume; absent ones are `None`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ReadFlags {
     /// Read VOLUME as raw voxels: DIMXxDIMYxDIMZ:TYPE, TYPE one of u8 i8 u16 i16 u32 i32 f32 f64, then :be for
     /// big-endian [default: from a name like foot_256x256x256_uint8.raw]
     #[arg(long, value_name = "LAYOUT", value_parser = values::raw_layout, help_heading = "Volume")]
+    #[serde(deserialize_with = "key::raw_layout")]
     pub raw: Option<RawLayout>,
-    /// Voxel spacing of a file that does not say it (raw, .npy, TIFF, Zarr), or to win over it, mm [default: the file's, or 1,1,1]
+    /// Voxel spacing, mm, of a file that has none (raw, .npy, TIFF, Zarr), or instead of its own [default: the file's, or 1,1,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::spacing_mm, allow_hyphen_values = true, help_heading = "Volume")]
+    #[serde(deserialize_with = "key::spacing_mm")]
     pub spacing: Option<[f64; 3]>,
     /// Bytes before the first voxel of a raw file [default: 0]
     #[arg(long, value_name = "BYTES", allow_hyphen_values = true, help_heading = "Volume")]
+    #[serde(deserialize_with = "key::text")]
     pub offset: Option<u64>,
-    /// Which series of a folder of DICOM files, from 1, where it holds several: the order of their series numbers
+    /// Series of a DICOM folder that holds several, from 1 in the order of their series numbers
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
+    #[serde(deserialize_with = "key::text")]
     pub series: Option<usize>,
-    /// Which volume of a 4-D file, from 0 [default: 0]
+    /// Volume of a 4-D file, from 0 [default: 0]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
+    #[serde(deserialize_with = "key::text")]
     pub frame: Option<usize>,
-    /// Which size of an image that is there in several, from 0, the finest [default: the finest that fits memory and a texture]
+    /// Resolution level of a multi-resolution image, from 0, the finest [default: the finest that fits memory and a texture]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
+    #[serde(deserialize_with = "key::text")]
     pub level: Option<usize>,
-    /// Only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default: all]
+    /// Read only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default: all]
     #[arg(long, value_name = "RANGES", value_parser = Crop::from_str, allow_hyphen_values = true, help_heading = "Volume")]
+    #[serde(deserialize_with = "key::text")]
     pub crop: Option<Crop>,
-    /// Fewer voxels, each the mean of a block: of 2x2x1 voxels, or the smallest blocks that leave so many bytes of voxels
-    /// (--fit=2GiB), or that the adapter's textures and the machine's free memory hold (--fit) [default: all voxels]
+    /// Downsample to the means of blocks: blocks of 2x2x1 voxels; or the smallest that leave so many bytes of voxels
+    /// (--downsample=2GiB), or as many as the adapter's textures and free memory hold (--downsample) [default: all voxels]
     #[arg(long, value_name = "auto|BYTES|XxYxZ", value_parser = Downsample::from_str, num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
-    pub fit: Option<Downsample>,
-    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
+    #[serde(deserialize_with = "key::text")]
+    pub downsample: Option<Downsample>,
+    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
     pub strands: StrandFlags,
 }
+}
 
-/// Which volume, and what its file does not say itself.
+/// Name of a volume, and how to read it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeSpec {
     /// A path, or `phantom:NAME[:SIZE]` for a built-in volume; a file of [`crate::strands::STRAND_FORMATS`] and
@@ -67,7 +82,7 @@ pub struct VolumeSpec {
 }
 
 impl VolumeSpec {
-    /// A path or `phantom:NAME[:SIZE]`, everything else as the file says.
+    /// Volume of a path or `phantom:NAME[:SIZE]`, without flags.
     pub fn new(source: impl Into<String>) -> Self {
         Self { source: source.into(), flags: ReadFlags::default() }
     }
@@ -76,7 +91,7 @@ impl VolumeSpec {
         Path::new(&self.source)
     }
 
-    /// SHA-256 of the file, or of all of several one after the other; `None` for what is built in.
+    /// SHA-256 of the file, or of several concatenated; `None` for a built-in volume.
     ///
     /// # Errors
     /// A file that cannot be read.
@@ -84,22 +99,22 @@ impl VolumeSpec {
         if self.phantom().is_some() {
             return Ok(None);
         }
-        let files = self.format().map(|format| (format.files)(self)).transpose()?.unwrap_or_default();
+        let files = (self.format().files)(self)?;
         sha256_of_files(files.iter().map(PathBuf::as_path)).map(Some)
     }
 
-    /// What follows after `phantom:`.
+    /// Name behind `phantom:`.
     fn phantom(&self) -> Option<&str> {
         self.source.strip_prefix("phantom:")
     }
 
-    /// The layout of a raw file: someone who gives `--raw` means it, whatever the file's name says.
+    /// Layout of a raw file; `--raw` wins over the file's name.
     fn layout(&self) -> Option<RawLayout> {
         let of_name = || RawLayout::from_file_name(self.path());
         self.phantom().is_none().then(|| self.flags.raw.or_else(of_name)).flatten()
     }
 
-    /// As a raw file: its layout from `--raw`, from what stands beside it, or from its name.
+    /// Raw file with its layout from `--raw`, from a sidecar file, or from its name.
     fn raw_file(&self) -> Result<RawFile> {
         let sidecar = if self.flags.raw.is_none() { Sidecar::beside(self.path())? } else { None };
         let layout = match (&sidecar, self.layout()) {
@@ -114,10 +129,10 @@ impl VolumeSpec {
         Ok(RawFile { layout, spacing_mm, offset_bytes, sidecar })
     }
 
-    /// The format that it is of; `None` where it has no first bytes to tell.
-    fn format(&self) -> Option<&'static Format> {
+    fn format(&self) -> &'static Format {
         let head = if self.phantom().is_some() { Head::default() } else { Head::of(self.path()) };
-        FORMATS.iter().find(|f| (f.sniff)(self, &head))
+        // The last format accepts everything.
+        FORMATS.iter().find(|f| (f.sniff)(self, &head)).unwrap_or(&FORMATS[FORMATS.len() - 1])
     }
 
     fn frame(&self) -> usize {
@@ -129,12 +144,12 @@ impl VolumeSpec {
         zarr::Choice { level, frame: self.frame(), spacing_mm: spacing }
     }
 
-    /// Whether strands are what it names.
+    /// Whether it names strands.
     fn is_of_strands(&self) -> bool {
         self.layout().is_none() && is_strand_source(&self.source)
     }
 
-    /// Refuses a shading that this is not made for.
+    /// Refuses a shading that does not fit the kind of volume.
     pub(super) fn check_shading(&self, shading: Option<Shading>) -> Result<()> {
         match shading {
             Some(Shading::KajiyaKay) if !self.is_of_strands() => {
@@ -152,18 +167,17 @@ impl VolumeSpec {
 }
 
 impl Default for VolumeSpec {
-    /// The default phantom.
     fn default() -> Self {
         Self::new(format!("phantom:{}", Phantom::default()))
     }
 }
 
-/// What has been read.
+/// A volume that was read.
 #[derive(Debug)]
 pub struct Read {
-    /// The voxels.
+    /// Voxels.
     pub volume: Volume,
-    /// What they were made from, where that is strands.
+    /// Strands that the voxels were made from.
     pub strands: Option<Arc<VoxelisedStrands>>,
 }
 
@@ -173,36 +187,35 @@ impl From<Volume> for Read {
     }
 }
 
-/// A kind of input that becomes a volume.
+/// A format of volumes.
 #[derive(Debug)]
 pub struct Format {
-    /// What such a file is, to be said after `SOURCE is`.
+    /// Description that follows `SOURCE is`.
     pub kind: &'static str,
-    /// How a user asks for it, in hints and in help.
-    pub asked_as: &'static str,
-    /// Endings of its files, the last part alone: the window's dialog shows these.
+    /// Usage, in hints and in help.
+    pub usage: &'static str,
+    /// File extensions without their first parts, for the window's dialog.
     pub endings: &'static [&'static str],
-    /// The keys of [`ReadFlags`] that apply.
+    /// Keys of [`ReadFlags`] that apply.
     pub flags: &'static [&'static str],
-    /// Whether an input is of this format: by flags, by its first bytes, by its name.
+    /// Detects the format by flags, first bytes and name.
     sniff: fn(&VolumeSpec, &Head) -> bool,
     read: fn(&VolumeSpec, &Loading) -> Result<Read>,
-    /// The files that an input consists of.
+    /// Files that an input consists of.
     files: fn(&VolumeSpec) -> Result<Vec<PathBuf>>,
 }
 
-/// The file of that name.
 fn itself(spec: &VolumeSpec) -> Result<Vec<PathBuf>> {
     Ok(vec![spec.path().into()])
 }
 
-/// Every format, in the order in which they are tried; the last one takes whatever no other one does, and says why not.
+/// Every format, in the order of detection; the last one accepts every input, and its error lists them all.
 pub const FORMATS: &[Format] = &[
     Format {
         kind: "a built-in volume",
-        asked_as: "phantom:NAME[:SIZE]",
+        usage: "phantom:NAME[:SIZE]",
         endings: &[],
-        flags: &["crop", "fit"],
+        flags: &["crop", "downsample"],
         sniff: |spec, _| spec.phantom().is_some() && !spec.is_of_strands(),
         read: |spec, loading| {
             let (phantom, size) =
@@ -213,9 +226,9 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         kind: "raw voxels",
-        asked_as: "raw files with --raw DIMXxDIMYxDIMZ:TYPE (.raw, .raw.gz)",
+        usage: "raw files with --raw DIMXxDIMYxDIMZ:TYPE (.raw, .raw.gz)",
         endings: &["raw", "gz"],
-        flags: &["raw", "spacing", "offset", "crop", "fit"],
+        flags: &["raw", "spacing", "offset", "crop", "downsample"],
         sniff: |spec, head| {
             let raw = head.is_named(&["raw", "raw.gz"]);
             spec.layout().is_some() || raw && Sidecar::path_of(spec.path()).is_file()
@@ -225,18 +238,18 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         kind: "a Zarr store",
-        asked_as: "OME-Zarr (a folder, .zarr)",
+        usage: "OME-Zarr (a folder, .zarr)",
         endings: zarr::EXTENSIONS,
-        flags: &["frame", "level", "spacing", "crop", "fit"],
+        flags: &["frame", "level", "spacing", "crop", "downsample"],
         sniff: |_, head| zarr::is_zarr(head),
         read: |spec, loading| zarr::read_with(spec.path(), spec.zarr_choice(), loading).map(Read::from),
         files: |spec| zarr::files_of(spec.path(), spec.zarr_choice()),
     },
     Format {
         kind: "a DICOM series",
-        asked_as: "DICOM (a folder, or a file of it)",
+        usage: "DICOM (a folder, or a file of it)",
         endings: dicom::EXTENSIONS,
-        flags: &["series", "frame", "crop", "fit"],
+        flags: &["series", "frame", "crop", "downsample"],
         sniff: |_, head| dicom::is_dicom(head),
         read: |spec, loading| {
             dicom::read_with(spec.path(), spec.flags.series, spec.frame(), loading).map(Read::from)
@@ -245,36 +258,36 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         kind: "NRRD",
-        asked_as: "NRRD (.nrrd, .nhdr)",
+        usage: "NRRD (.nrrd, .nhdr)",
         endings: nrrd::EXTENSIONS,
-        flags: &["frame", "crop", "fit"],
+        flags: &["frame", "crop", "downsample"],
         sniff: |_, head| nrrd::is_nrrd(head),
         read: |spec, loading| nrrd::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| nrrd::files_of(spec.path()),
     },
     Format {
         kind: "a MetaImage",
-        asked_as: "MetaImage (.mha, .mhd)",
+        usage: "MetaImage (.mha, .mhd)",
         endings: metaimage::EXTENSIONS,
-        flags: &["frame", "crop", "fit"],
+        flags: &["frame", "crop", "downsample"],
         sniff: |_, head| metaimage::is_metaimage(head),
         read: |spec, loading| metaimage::read_with(spec.path(), spec.frame(), loading).map(Read::from),
         files: |spec| metaimage::files_of(spec.path()),
     },
     Format {
         kind: "a VTK image",
-        asked_as: "VTK images (.vti)",
+        usage: "VTK images (.vti)",
         endings: vti::EXTENSIONS,
-        flags: &["crop", "fit"],
+        flags: &["crop", "downsample"],
         sniff: |_, head| vti::is_vti(head),
         read: |spec, loading| vti::read_with(spec.path(), loading).map(Read::from),
         files: itself,
     },
     Format {
         kind: "a TIFF stack",
-        asked_as: "TIFF (a file of pages, or a folder of files)",
+        usage: "TIFF (a file of pages, or a folder of files)",
         endings: tiff_stack::EXTENSIONS,
-        flags: &["frame", "spacing", "crop", "fit"],
+        flags: &["frame", "spacing", "crop", "downsample"],
         sniff: |_, head| tiff_stack::is_tiff(head),
         read: |spec, loading| {
             tiff_stack::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -283,9 +296,9 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         kind: "a NumPy array",
-        asked_as: "NumPy (.npy)",
+        usage: "NumPy (.npy)",
         endings: npy::EXTENSIONS,
-        flags: &["frame", "spacing", "crop", "fit"],
+        flags: &["frame", "spacing", "crop", "downsample"],
         sniff: |_, head| npy::is_npy(head),
         read: |spec, loading| {
             npy::read_with(spec.path(), spec.frame(), spec.flags.spacing, loading).map(Read::from)
@@ -294,7 +307,7 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         kind: "of strands",
-        asked_as: "strands (.hair, .tck, .trk, .vtk, .vtp, .obj)",
+        usage: "strands (.hair, .tck, .trk, .vtk, .vtp, .obj)",
         endings: STRAND_EXTENSIONS,
         flags: &["resolution", "kernel", "thickness"],
         sniff: |spec, _| spec.is_of_strands(),
@@ -307,9 +320,9 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         kind: "read as NIfTI",
-        asked_as: "NIfTI and Analyze 7.5 (.nii, .nii.gz, .hdr with .img)",
+        usage: "NIfTI and Analyze 7.5 (.nii, .nii.gz, .hdr with .img)",
         endings: &["nii", "gz", "hdr", "img"],
-        flags: &["frame", "crop", "fit"],
+        flags: &["frame", "crop", "downsample"],
         sniff: |_, _| true,
         read: |spec, loading| {
             let path = spec.path();
@@ -323,64 +336,96 @@ pub const FORMATS: &[Format] = &[
     },
 ];
 
-/// How to ask for each format, as a list in one line.
+/// Usage of every format, in one line.
 pub fn accepted() -> String {
-    FORMATS.iter().map(|f| f.asked_as).collect::<Vec<_>>().join(", ")
+    FORMATS.iter().map(|f| f.usage).collect::<Vec<_>>().join(", ")
 }
 
-/// Loads a volume.
+/// Reads a volume.
 ///
 /// # Errors
-/// The volume cannot be read, or a flag does not apply to its kind.
+/// See [`VolumeSpec::read`].
 pub fn load(spec: &VolumeSpec) -> Result<Volume> {
-    load_with(spec, &Loading::default())
+    spec.read(&Loading::default()).map(|read| read.volume)
 }
 
-/// As [`load`], watched and ended early through `loading`.
-///
-/// # Errors
-/// As there, or it was cancelled.
-pub fn load_with(spec: &VolumeSpec, loading: &Loading) -> Result<Volume> {
-    read_with(spec, loading).map(|read| read.volume)
-}
+impl VolumeSpec {
+    /// Reads the volume, with the strands that it was made from; `loading` reports progress and cancels.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a flag of another format, or cancellation.
+    pub fn read(&self, loading: &Loading) -> Result<Read> {
+        loading.go_on(&self.source)?;
+        let format = self.format();
+        self.check_flags(format)?;
+        let room = self.flags.downsample.map(room_for);
+        // Cropping needs all voxels: they are reduced afterwards.
+        loading.reduce_to(room.filter(|_| self.flags.crop.is_none()));
+        let outcome = (format.read)(self, loading).and_then(|read| {
+            let volume = match self.flags.crop {
+                Some(crop) => read.volume.cropped(crop, loading)?,
+                None => read.volume,
+            };
+            Ok(Read { volume: downsampled(volume, room, loading)?, ..read })
+        });
+        // Cancellation is the cause of any other failure.
+        loading.go_on(&self.source)?;
+        outcome
+    }
 
-/// As [`load_with`], with the strands that a volume was made from.
-///
-/// # Errors
-/// As there.
-pub fn read_with(spec: &VolumeSpec, loading: &Loading) -> Result<Read> {
-    loading.go_on(&spec.source)?;
-    let format = spec.format().unwrap_or(&FORMATS[FORMATS.len() - 1]);
-    refuse_flags(spec, format)?;
-    let room = spec.flags.fit.map(room_for);
-    // Voxels that are cropped have to be there first.
-    loading.reduce_to(room.filter(|_| spec.flags.crop.is_none()));
-    let outcome = (format.read)(spec, loading).and_then(|read| {
-        let volume = match spec.flags.crop {
-            Some(crop) => read.volume.cropped(crop, loading)?,
-            None => read.volume,
+    /// Refuses a flag of other formats.
+    fn check_flags(&self, format: &Format) -> Result<()> {
+        // Every format has a first frame.
+        let flags = ReadFlags { frame: self.flags.frame.filter(|frame| *frame > 0), ..self.flags };
+        let Some(flag) = flags.given("").into_iter().find(|flag| !format.flags.contains(flag)) else {
+            return Ok(());
         };
-        Ok(Read { volume: fitted(volume, room, loading)?, ..read })
-    });
-    // Whatever else went wrong then did so because of that.
-    loading.go_on(&spec.source)?;
-    outcome
+        let other = FORMATS.iter().find(|f| f.flags.contains(&flag)).map_or("nothing", |f| f.usage);
+        let why = format!("{} is {}, and this flag is for {other}", self.source, format.kind);
+        Err(Error::input("cannot use flag", format!("--{flag}"), why))
+    }
 }
 
-/// Refuses a flag that is for other formats.
-fn refuse_flags(spec: &VolumeSpec, format: &Format) -> Result<()> {
-    // The first frame is the only one that every format has.
-    let flags = ReadFlags { frame: spec.flags.frame.filter(|frame| *frame > 0), ..spec.flags };
-    let given =
-        serde_json::to_value(flags).map_err(|e| Error::runtime("cannot use flags", &spec.source, e))?;
-    let mut given = given.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null());
-    let Some((flag, _)) = given.find(|(flag, _)| !format.flags.contains(&flag.as_str())) else {
-        return Ok(());
+/// Limit of a 3-D texture's side in WebGPU, where no adapter can be asked.
+const CORE_TEXTURE_SIDE: usize = 2048;
+/// Largest number of bytes for each voxel on a device that shares the machine's memory.
+const DEVICE_BYTES: u64 = 4;
+
+/// Limits that `--downsample` sets. The memory of a graphics card is unknown; free memory is known on Linux.
+fn room_for(fit: Downsample) -> MemoryBudget {
+    let room = MemoryBudget {
+        fixed: None,
+        most_bytes: u64::MAX,
+        bytes_beside: 0,
+        texture_side: usize::MAX,
+        fits_texture: |dims, side| Fold::with_bricks(dims, side).is_some(),
     };
-    let mut others = FORMATS.iter().filter(|f| f.flags.contains(&flag.as_str()));
-    let other = others.next().map_or("nothing", |f| f.asked_as);
-    let why = format!("{} is {}, and this flag is for {other}", spec.source, format.kind);
-    Err(Error::input("cannot use flag", format!("--{flag}"), why))
+    match fit {
+        Downsample::Factors(factors) => MemoryBudget { fixed: Some(factors), ..room },
+        Downsample::Bytes(bytes) => MemoryBudget { most_bytes: bytes, ..room },
+        Downsample::Auto => MemoryBudget {
+            // A quarter is left for everything else.
+            most_bytes: free_bytes().map_or(u64::MAX, |free| free / 4 * 3),
+            bytes_beside: DEVICE_BYTES,
+            texture_side: texture_side().unwrap_or(CORE_TEXTURE_SIDE),
+            ..room
+        },
+    }
+}
+
+/// Downsamples a volume to its limits, unless its reader has done so.
+fn downsampled(volume: Volume, room: Option<MemoryBudget>, loading: &Loading) -> Result<Volume> {
+    let Some(room) = room else { return Ok(volume) };
+    if let Some(Reduced { from, factors }) = loading.take_reduced() {
+        return Ok(if factors == [1; 3] { volume } else { volume.downsampled_from(factors, from) });
+    }
+    fn bytes_each<T>(_: &ndarray::Array3<T>) -> u64 {
+        size_of::<T>() as u64
+    }
+    let voxel_bytes = with_voxels!(volume.voxels(), a => bytes_each(a));
+    let factors = room.factors(volume.dims(), voxel_bytes);
+    let factors = factors.map_err(|why| Error::input("cannot downsample volume", "--downsample", why))?;
+    volume.downsampled(factors, loading)
 }
 
 #[cfg(test)]
@@ -405,7 +450,7 @@ mod tests {
         assert!(used.is_empty(), "{used:?}");
         // What is done to any volume once it was read.
         for format in FORMATS.iter().filter(|f| f.flags.contains(&"crop")) {
-            assert!(format.flags.contains(&"fit"), "{}", format.kind);
+            assert!(format.flags.contains(&"downsample"), "{}", format.kind);
         }
     }
 
@@ -430,13 +475,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_of_no_format_hears_of_all() {
+    fn unknown_formats_are_refused_with_the_list() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("x.dat");
         for bytes in [&b""[..], b"no volume at all"] {
             std::fs::write(&path, bytes).unwrap();
             let hint = load(&VolumeSpec::new(path.to_string_lossy())).unwrap_err().hint.unwrap();
-            assert!(FORMATS.iter().all(|f| hint.contains(f.asked_as)) && hint.contains(".hair"), "{hint}");
+            assert!(FORMATS.iter().all(|f| hint.contains(f.usage)) && hint.contains(".hair"), "{hint}");
         }
         assert!(load(&VolumeSpec::new("gone.nii")).unwrap_err().hint.is_none());
     }

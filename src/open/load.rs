@@ -1,9 +1,8 @@
-//! From settings to what a scene is of: a volume is read, and looked at through a transfer function.
+//! Loading of a scene: reads a volume, and prepares its transfer function and camera.
 
-use super::parts::LabelList;
+use super::masking::LabelList;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
-use super::remark::Remark;
-use super::{Read, SceneSettings, lights, read_with};
+use super::{Read, SceneSettings};
 use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::render::VisibleBounds;
@@ -14,38 +13,76 @@ use crate::transfer::formats::Imported;
 use crate::volume::Volume;
 use std::sync::Arc;
 
-/// A volume, the transfer function in its units and the scene: what every drawing command starts from.
+/// Severity of a diagnostic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Level {
+    Note,
+    Warning,
+}
+
+impl Level {
+    /// Prefix on the terminal.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Note => "note",
+            Self::Warning => "warning",
+        }
+    }
+}
+
+/// Note or warning about an accepted input.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// Severity.
+    pub level: Level,
+    /// One line.
+    pub message: String,
+}
+
+impl Diagnostic {
+    /// Note: an assumption.
+    pub fn note(message: String) -> Self {
+        Self { level: Level::Note, message }
+    }
+
+    /// Warning: a probable mistake.
+    pub fn warning(message: String) -> Self {
+        Self { level: Level::Warning, message }
+    }
+}
+
+/// A volume, the transfer function in its units, and the scene.
 #[derive(Debug)]
 pub struct Loaded {
-    /// What casts shadows.
+    /// Volume.
     pub volume: Arc<Volume>,
-    /// What the volume was made from, where that is strands.
+    /// Strands that the volume was made from.
     pub strands: Option<Arc<VoxelisedStrands>>,
-    /// Its transfer function.
+    /// Transfer function.
     pub tf: TransferFunction,
-    /// The preset or file that `tf` is.
+    /// Preset or file of the transfer function.
     pub tf_source: String,
     /// Camera, lights and picture.
     pub scene: Scene,
-    /// What a camera frames.
-    pub seen: VisibleBounds,
-    /// What was asked for or found out of units and opacity.
+    /// Bounds that a camera frames.
+    pub bounds: VisibleBounds,
+    /// Units and opacity scale, given or derived from the volume.
     pub suiting: Suiting,
-    /// What was assumed.
-    pub remarks: Vec<Remark>,
+    /// Notes and warnings.
+    pub diagnostics: Vec<Diagnostic>,
 }
 
-/// The transfer functions that settings name, found before anything large is read.
+/// Transfer functions that settings name, found before the volume is read.
 #[derive(Debug)]
 pub struct Functions {
-    /// Of the whole volume; `None`: the preset that suits it.
+    /// Function of the whole volume; `None`: the default preset.
     whole: Option<(String, Found)>,
     of_labels: Vec<(LabelList, Found)>,
 }
 
 impl Functions {
-    /// The same with this function for the whole volume, in the volume's own units or in fractions of its range;
-    /// `source` says where it is from.
+    /// Replaces the function of the whole volume, in the volume's units or in fractions of its range; `source` names it.
     #[must_use]
     pub fn with_whole(self, source: &str, tf: TransferFunction) -> Self {
         let carried = Imported { tf, warnings: Vec::new(), format: "umbravox" };
@@ -54,63 +91,62 @@ impl Functions {
 }
 
 impl Loaded {
-    /// The scene of other settings, which look at this ([`SceneSettings::looks_as`]).
+    /// Scene of other settings with the same appearance ([`SceneSettings::looks_as`]).
     ///
     /// # Errors
-    /// A camera that looks nowhere, or shading that the volume is not made for.
+    /// A camera without direction, or shading that does not fit the volume.
     pub fn scene_of(&self, settings: &SceneSettings) -> Result<Scene> {
         settings.spec().check_shading(settings.shading)?;
-        Ok(Scene { mesh: self.scene.mesh.clone(), ..settings.scene(&self.seen)? })
+        Ok(Scene { mesh: self.scene.mesh.clone(), ..settings.scene(&self.bounds)? })
     }
 }
 
 impl SceneSettings {
-    /// Reads what is named, cheap things first; watched and ended early through `loading`.
+    /// Loads the scene, cheap files first; `loading` reports progress and cancels.
     ///
     /// # Errors
-    /// Whatever of it cannot be read or does not go together, or it was cancelled.
+    /// A file that cannot be read, settings that contradict each other, or cancellation.
     pub fn load(&self, loading: &Loading) -> Result<Loaded> {
         let functions = self.functions(false)?;
-        let mut remarks = Vec::new();
-        let Read { volume, strands } = self.read_volume(&mut remarks, loading)?;
-        self.look_at((Arc::new(volume), strands), functions, remarks, loading)
+        let mut diagnostics = Vec::new();
+        let Read { volume, strands } = self.read_volume(&mut diagnostics, loading)?;
+        self.look_at((Arc::new(volume), strands), functions, diagnostics, loading)
     }
 
-    /// Finds the transfer functions, and refuses what can be refused without the volume; `is_labelled` where its voxels have
-    /// labels without a file of them.
+    /// Finds the transfer functions, and checks everything that needs no volume; `is_labelled`: the volume has labels already.
     ///
     /// # Errors
-    /// A function that cannot be found or read, and settings that do not go together.
+    /// A function that cannot be found or read, or settings that contradict each other.
     pub fn functions(&self, is_labelled: bool) -> Result<Functions> {
         let found = |tf: &String| Ok((tf.clone(), presets::find(tf)?));
         let whole = self.tf.as_ref().map(found).transpose()?;
-        let of_labels = self.parts.find(is_labelled)?;
-        lights::checked(self.light.as_deref())?;
+        let of_labels = self.masking.find(is_labelled)?;
+        self.check_lights()?;
         self.spec().check_shading(self.shading)?;
         Ok(Functions { whole, of_labels })
     }
 
-    /// Reads the volume, and the labels of its voxels; `remarks` gets what was assumed.
+    /// Reads the volume and the labels of its voxels; notes and warnings join `diagnostics`.
     ///
     /// # Errors
-    /// It cannot be read, or it was cancelled.
-    pub fn read_volume(&self, remarks: &mut Vec<Remark>, loading: &Loading) -> Result<Read> {
-        let Read { volume, strands } = read_with(&self.spec(), loading)?;
-        remarks.extend(volume.provenance.warnings.iter().map(|w| ("warning", w.clone())));
-        remarks.extend(self.another_volume()?.map(|remark| ("warning", remark)));
-        let volume = self.parts.label(volume, strands.is_some(), remarks, loading)?;
+    /// A file that cannot be read, or cancellation.
+    pub fn read_volume(&self, diagnostics: &mut Vec<Diagnostic>, loading: &Loading) -> Result<Read> {
+        let Read { volume, strands } = self.spec().read(loading)?;
+        diagnostics.extend(volume.provenance.warnings.iter().cloned().map(Diagnostic::warning));
+        diagnostics.extend(self.checksum_warning()?.map(Diagnostic::warning));
+        let volume = self.masking.label(volume, strands.is_some(), diagnostics, loading)?;
         Ok(Read { volume, strands })
     }
 
-    /// How a volume that is read, with its labels, is looked at; `remarks` are what was assumed before.
+    /// Prepares transfer function, opaque objects and camera of a volume that is read; `diagnostics` are those so far.
     ///
     /// # Errors
-    /// What does not go together with the volume, and opaque things that cannot be read.
+    /// Settings that do not fit the volume, or opaque objects that cannot be read.
     pub fn look_at(
         &self,
         (volume, strands): (Arc<Volume>, Option<Arc<VoxelisedStrands>>),
         functions: Functions,
-        mut remarks: Vec<Remark>,
+        mut diagnostics: Vec<Diagnostic>,
         loading: &Loading,
     ) -> Result<Loaded> {
         let ((tf_source, found), chosen) = match functions.whole {
@@ -122,34 +158,34 @@ impl SceneSettings {
         };
         let ResolvedTransferFunction { mut tf, notes, warnings, suiting } =
             found.suit(&volume, self.suiting())?;
-        // Each by itself: a factor that suits a preset to the volume is none for a file.
+        // Labels have factors of their own: that of a preset does not apply to a file.
         let own = Suiting { units: suiting.units, ..self.suiting() };
-        tf.rules = self.parts.rules(functions.of_labels, &tf, &volume, own, &mut remarks)?;
-        tf.clip = self.parts.planes(strands.is_some())?;
-        remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
-        remarks.extend(chosen.into_iter().chain(notes).map(|note| ("note", note)));
-        let mesh = self.opaque.read(&mut remarks, loading)?;
-        let seen = VisibleBounds::of(&volume, &tf, mesh.as_ref());
-        let scene = Scene { mesh, ..self.scene(&seen)? };
-        Ok(Loaded { volume, strands, tf, tf_source, scene, seen, suiting, remarks })
+        tf.rules = self.masking.rules(functions.of_labels, &tf, &volume, own, &mut diagnostics)?;
+        tf.clip = self.masking.planes(strands.is_some())?;
+        diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));
+        diagnostics.extend(chosen.into_iter().chain(notes).map(Diagnostic::note));
+        let mesh = self.opaque.read(&mut diagnostics, loading)?;
+        let bounds = VisibleBounds::of(&volume, &tf, mesh.as_ref());
+        let scene = Scene { mesh, ..self.scene(&bounds)? };
+        Ok(Loaded { volume, strands, tf, tf_source, scene, bounds, suiting, diagnostics })
     }
 
-    /// Whether both are of one volume.
+    /// Whether both read the same volume in the same way.
     pub fn reads_as(&self, other: &Self) -> bool {
-        let read = |s: &Self| (s.volume.clone(), s.read_flags, s.parts.labels.clone(), s.sha256.clone());
+        let read = |s: &Self| (s.volume.clone(), s.read_flags, s.masking.labels.clone(), s.sha256.clone());
         read(self) == read(other)
     }
 
-    /// Whether both look at a volume in the same way: only cameras, lights and pictures differ.
+    /// Whether only cameras, lights and pictures differ.
     pub fn looks_as(&self, other: &Self) -> bool {
         let look = |s: &Self| {
-            (s.tf.clone(), s.suiting(), s.parts.clone(), s.opaque.clone(), s.disabled_optimizations())
+            (s.tf.clone(), s.suiting(), s.masking.clone(), s.opaque.clone(), s.disabled_optimizations())
         };
         self.reads_as(other) && look(self) == look(other)
     }
 
-    /// Where `sha256` is given: what to say if the volume's file has another.
-    fn another_volume(&self) -> Result<Option<String>> {
+    /// Warning where the volume's file has another SHA-256 than `sha256`.
+    fn checksum_warning(&self) -> Result<Option<String>> {
         let Some(expected) = &self.sha256 else { return Ok(None) };
         let spec = self.spec();
         Ok(match spec.sha256()? {

@@ -1,6 +1,8 @@
-//! Opaque things in a scene as a user names them: files of meshes and of strands, each with a colour.
+//! Opaque objects of a scene: files of meshes and of strands, each with a colour.
 
-use super::remark::Remark;
+use super::Diagnostic;
+use super::layer::layer;
+use super::scene_file::key;
 use super::strands::{load_strands, parse_thickness_mm};
 use crate::error::{Error, Result};
 use crate::files::color;
@@ -8,38 +10,41 @@ use crate::files::loading::Loading;
 use crate::mesh::{self, Mesh, MeshPart, PartSource};
 use crate::strands::{MOST_TRIANGLES, SIDES, Tubes, tubes};
 use clap::Args;
-use serde::{Serialize, Serializer};
-use std::path::{Path, PathBuf};
+use serde::{Deserialize, Serialize, Serializer};
+use std::path::Path;
 use std::sync::Arc;
 
-/// What stands in the volume; absent ones are `None`.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
+layer! {
+/// Opaque objects in the volume; absent ones are `None`.
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(default)]
 pub struct OpaqueFlags {
-    /// An opaque thing in the volume, once or for each of several: an STL, PLY or OBJ file, world mm, and behind it
+    /// Opaque mesh in the volume, may be given several times: an STL, PLY or OBJ file, world mm, followed by
     /// ,color=#rrggbb (sRGB, bone)
     #[arg(long, value_name = "FILE", value_parser = mesh_file, help_heading = "Scene")]
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "key::mesh", skip_serializing_if = "Option::is_none")]
     pub mesh: Option<Vec<MeshFile>>,
-    /// Strands in the volume as opaque tubes, once or for each of several: a .hair, .tck, .trk, .vtk, .vtp or .obj file or
-    /// phantom:hair-NAME[:SEGMENTS], and behind it ,color=#rrggbb (sRGB, blue) and ,thickness=MM (needed where the file
+    /// Strands in the volume as opaque tubes, may be given several times: a .hair, .tck, .trk, .vtk, .vtp or .obj file or
+    /// phantom:hair-NAME[:SEGMENTS], followed by ,color=#rrggbb (sRGB, blue) and ,thickness=MM (needed where the file
     /// has none)
     #[arg(long, value_name = "FILE", value_parser = strand_file, help_heading = "Scene")]
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "key::strands", skip_serializing_if = "Option::is_none")]
     pub strands: Option<Vec<StrandFile>>,
+}
 }
 
 /// A mesh file and its colour: `FILE[,color=#rrggbb]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshFile {
-    /// Where it is.
-    pub path: PathBuf,
+    /// Path.
+    pub source: String,
     /// Linear RGB.
     pub color: [f64; 3],
 }
 
 impl Serialize for MeshFile {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(&format_args!("{},color={}", self.path.display(), color::to_hex(self.color)))
+        serializer.collect_str(&format_args!("{},color={}", self.source, color::to_hex(self.color)))
     }
 }
 
@@ -66,27 +71,27 @@ impl Serialize for StrandFile {
 }
 
 /// `FILE[,color=#rrggbb]` (sRGB).
-fn mesh_file(text: &str) -> Result<MeshFile, String> {
-    let (path, [hex]) = with_keys(text, ["color"])?;
+pub(super) fn mesh_file(text: &str) -> Result<MeshFile, String> {
+    let (source, [hex]) = with_keys(text, ["color"])?;
     let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
-    Ok(MeshFile { path: path.into(), color })
+    Ok(MeshFile { source: source.into(), color })
 }
 
 /// `FILE[,color=#rrggbb][,thickness=MM]` (sRGB).
-fn strand_file(text: &str) -> Result<StrandFile, String> {
+pub(super) fn strand_file(text: &str) -> Result<StrandFile, String> {
     let (source, [hex, mm]) = with_keys(text, ["color", "thickness"])?;
     let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
     let thickness_mm = mm.map(parse_thickness_mm).transpose().map_err(|why| format!("thickness: {why}"))?;
     Ok(StrandFile { source: source.into(), color, thickness_mm })
 }
 
-/// The name of a file, and what its keys behind it say, each `,KEY=VALUE`.
+/// Splits the name of a file from the keys behind it, each `,KEY=VALUE`.
 fn with_keys<'a, const N: usize>(
     text: &'a str,
     keys: [&str; N],
 ) -> Result<(&'a str, [Option<&'a str>; N]), String> {
     let (mut name, mut values) = (text, [None; N]);
-    // From behind: a name may have commas, too.
+    // From the end, since a name may have commas.
     while let Some((before, item)) = name.rsplit_once(',') {
         let known = item.split_once('=').and_then(|(key, value)| {
             Some((keys.iter().position(|known| *known == key.trim())?, value.trim()))
@@ -105,35 +110,29 @@ fn with_keys<'a, const N: usize>(
 }
 
 impl OpaqueFlags {
-    /// Paths of files beside a scene file are theirs.
-    pub(super) fn beside(&mut self, folder: &Path) {
-        for MeshFile { path, .. } in self.mesh.iter_mut().flatten() {
-            let beside = folder.join(&*path);
-            if path.is_relative() && beside.is_file() {
-                *path = beside;
-            }
-        }
-        for StrandFile { source, .. } in self.strands.iter_mut().flatten() {
-            let beside = folder.join(&*source);
-            if !source.starts_with("phantom:") && Path::new(source).is_relative() && beside.is_file() {
-                *source = beside.to_string_lossy().into_owned();
-            }
-        }
+    /// Names of files.
+    pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let meshes = self.mesh.iter_mut().flatten().map(|mesh| &mut mesh.source);
+        meshes.chain(self.strands.iter_mut().flatten().map(|strands| &mut strands.source))
     }
 
-    /// The opaque things of all files, where there are any; what a user should know of them joins `remarks`.
+    /// Reads all opaque objects into one mesh, if there are any; notes and warnings join `diagnostics`.
     ///
     /// # Errors
-    /// A file that cannot be read, is no mesh or no strands, or would have too many triangles.
-    pub(super) fn read(&self, remarks: &mut Vec<Remark>, loading: &Loading) -> Result<Option<Arc<Mesh>>> {
+    /// A file that cannot be read or has another format, or too many triangles.
+    pub(super) fn read(
+        &self,
+        diagnostics: &mut Vec<Diagnostic>,
+        loading: &Loading,
+    ) -> Result<Option<Arc<Mesh>>> {
         let mut parts = Vec::new();
-        for MeshFile { path, color } in self.mesh.iter().flatten() {
-            parts.push(mesh::read(path, *color).map_err(|e| e.at("--mesh"))?);
+        for MeshFile { source, color } in self.mesh.iter().flatten() {
+            parts.push(mesh::read(Path::new(source), *color).map_err(|e| e.at("--mesh"))?);
         }
         let (of_meshes, mut left) = (parts.len(), MOST_TRIANGLES);
         for file in self.strands.iter().flatten() {
             loading.go_on(&file.source)?;
-            let part = file.read(left, remarks, loading).map_err(|e| e.at("--strands"))?;
+            let part = file.read(left, diagnostics, loading).map_err(|e| e.at("--strands"))?;
             left -= part.triangles.len();
             parts.push(part);
         }
@@ -144,28 +143,27 @@ impl OpaqueFlags {
         Ok(Some(Arc::new(Mesh::new(parts).map_err(|e| e.at(flag))?)))
     }
 
-    /// The files of a mesh, the other way than [`Self::read`].
+    /// Flags of a mesh: the inverse of [`Self::read`].
     pub(super) fn of(mesh: Option<&Mesh>) -> Self {
         let (mut files, mut strands) = (Vec::new(), Vec::new());
         for (source, color) in mesh.into_iter().flat_map(Mesh::parts) {
             match source {
-                PartSource::File(path) => files.push(MeshFile { path: path.into(), color }),
+                PartSource::File(path) => files.push(MeshFile { source: path.clone(), color }),
                 PartSource::Strands { source, thickness_mm } => {
                     strands.push(StrandFile { source: source.clone(), color, thickness_mm: *thickness_mm });
                 }
             }
         }
-        let some = |is_empty: bool| (!is_empty).then_some(());
         Self {
-            mesh: some(files.is_empty()).map(|()| files),
-            strands: some(strands.is_empty()).map(|()| strands),
+            mesh: Some(files).filter(|files| !files.is_empty()),
+            strands: Some(strands).filter(|strands| !strands.is_empty()),
         }
     }
 }
 
 impl StrandFile {
-    /// The tubes of its strands, of at most so many triangles.
-    fn read(&self, most: usize, remarks: &mut Vec<Remark>, loading: &Loading) -> Result<MeshPart> {
+    /// Tubes of the strands, with at most `most` triangles.
+    fn read(&self, most: usize, diagnostics: &mut Vec<Diagnostic>, loading: &Loading) -> Result<MeshPart> {
         let Self { source, color, thickness_mm } = self;
         let strands = load_strands(source, *thickness_mm, loading).map_err(|e| match e.hint {
             Some(hint) => {
@@ -173,11 +171,12 @@ impl StrandFile {
             }
             None => e,
         })?;
-        remarks.extend(strands.warnings().iter().map(|w| ("warning", format!("{source}: {w}"))));
+        diagnostics.extend(strands.warnings().iter().map(|w| Diagnostic::warning(format!("{source}: {w}"))));
         let Tubes { triangles, sides, of_most_sides } = tubes(&strands, most)?;
         if triangles.len() < of_most_sides {
             let why = format!("{} would make {of_most_sides} triangles, and {most} are the most", SIDES[0]);
-            remarks.push(("note", format!("{source}: its tubes have {sides} sides, since {why}")));
+            diagnostics
+                .push(Diagnostic::note(format!("{source}: its tubes have {sides} sides, since {why}")));
         }
         let source = PartSource::Strands { source: source.clone(), thickness_mm: *thickness_mm };
         Ok(MeshPart { source, color: *color, triangles })
@@ -191,8 +190,8 @@ mod tests {
     #[test]
     fn files_are_named_with_their_colours() {
         let files = ["a b.stl", "c,d.ply,color=#ff8000"].map(|text| mesh_file(text).unwrap());
-        assert_eq!(files[0].path, Path::new("a b.stl"));
-        assert_eq!((files[1].path.as_path(), files[1].color[0]), (Path::new("c,d.ply"), 1.0));
+        assert_eq!(files[0].source, "a b.stl");
+        assert_eq!((files[1].source.as_str(), files[1].color[0]), ("c,d.ply", 1.0));
         let text = serde_json::to_string(&files[1]).unwrap();
         assert_eq!(text, "\"c,d.ply,color=#ff8000\"");
         assert!(mesh_file("a.stl,color=red").unwrap_err().contains("#rrggbb"));
@@ -223,11 +222,11 @@ mod tests {
         }
     }
 
-    fn read(texts: &[&str]) -> (Result<Option<Arc<Mesh>>>, Vec<Remark>) {
+    fn read(texts: &[&str]) -> (Result<Option<Arc<Mesh>>>, Vec<Diagnostic>) {
         let files = texts.iter().map(|text| strand_file(text).unwrap()).collect();
-        let mut remarks = Vec::new();
+        let mut diagnostics = Vec::new();
         let flags = OpaqueFlags { mesh: None, strands: Some(files) };
-        (flags.read(&mut remarks, &Loading::default()), remarks)
+        (flags.read(&mut diagnostics, &Loading::default()), diagnostics)
     }
 
     #[test]
@@ -241,10 +240,10 @@ mod tests {
         assert!(e.place.contains("--strands") && e.why.contains("thickness"), "{e}");
         assert_eq!(e.hint.unwrap(), "give a diameter with ,thickness=MM behind the file");
         let texts = [format!("{path},thickness=2"), "phantom:hair-fur:24,color=#ff0000".into()];
-        let (mesh, remarks) = read(&texts.each_ref().map(String::as_str));
+        let (mesh, diagnostics) = read(&texts.each_ref().map(String::as_str));
         let mesh = mesh.unwrap().unwrap();
-        assert_eq!(remarks.len(), 1);
-        assert!(remarks[0].1.contains("a.obj: 1 lines of fewer"), "{remarks:?}");
+        assert_eq!(diagnostics.len(), 1);
+        assert!(diagnostics[0].message.contains("a.obj: 1 lines of fewer"), "{diagnostics:?}");
         let flags = OpaqueFlags::of(Some(&mesh));
         assert_eq!(flags.mesh, None);
         assert_eq!(flags.strands.unwrap(), texts.each_ref().map(|text| strand_file(text).unwrap()));
@@ -257,11 +256,12 @@ mod tests {
 
     #[test]
     fn too_many_are_refused_in_numbers() {
-        let (mesh, remarks) = read(&["phantom:hair-curly:50000", "phantom:hair-curly:6000"]);
+        let (mesh, diagnostics) = read(&["phantom:hair-curly:50000", "phantom:hair-curly:6000"]);
         assert!((900_000..=MOST_TRIANGLES).contains(&mesh.unwrap().unwrap().triangles().len()));
         assert!(
-            remarks[0].0 == "note" && remarks[0].1.contains("8 sides, since 12 would make 1246920"),
-            "{remarks:?}"
+            diagnostics[0] == Diagnostic::note(diagnostics[0].message.clone())
+                && diagnostics[0].message.contains("8 sides, since 12 would make 1246920"),
+            "{diagnostics:?}"
         );
         let e = read(&["phantom:hair-curly:200000"]).0.unwrap_err();
         assert!(

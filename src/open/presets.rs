@@ -1,4 +1,4 @@
-//! How a `--tf` value becomes a transfer function that suits a volume.
+//! Transfer functions of `--tf`: finds a preset or file, and adapts it to a volume.
 
 use super::units::{Meaning, Units, ValueKind, of_strands};
 use crate::error::{Error, Result};
@@ -9,23 +9,23 @@ pub use crate::transfer::presets::{PRESETS, Preset, Scale};
 use crate::volume::Volume;
 use std::path::Path;
 
-/// The HU that lie over the value range of a volume that is not in HU.
+/// HU that are scaled to the value range of a volume without HU.
 ///
-/// An 8-bit CT is commonly such a window: air at the bottom, dense bone clipped at the top, which puts soft tissue
-/// at about 0.58 of the range.
+/// An 8-bit CT is commonly such a window: air at the bottom, dense bone clipped at the top, and soft tissue at about 0.58
+/// of the range.
 pub const HU_WINDOW: [f64; 2] = [-1000.0, 800.0];
 
-/// The diagonal of the volumes that presets are made for, mm.
+/// Diagonal of the volumes that presets are made for, mm.
 pub const NOMINAL_DIAGONAL_MM: f64 = 400.0;
-/// Presets stay as they are for a volume whose diagonal is within this factor of that one, or whose voxels are within these
-/// spacings (their geometric mean, mm): every CT of a body or a part of it.
+/// Presets stay unchanged for a volume whose diagonal is within this factor of the nominal one, or whose voxels are within
+/// these spacings (geometric mean, mm): every CT of a body or a part of it.
 const DIAGONAL_FACTOR: f64 = 4.0;
 const BODY_SPACINGS_MM: [f64; 2] = [0.3, 3.0];
 
-/// Extinction beyond this no longer fits 32-bit arithmetic.
+/// Largest extinction in float32 arithmetic.
 const MOST_EXTINCTION: f64 = 1e30;
 
-/// A `--tf` value that has been found and read, not yet suited to a volume.
+/// Transfer function that was found and read, not yet adapted to a volume.
 #[derive(Debug, Clone)]
 pub enum Found {
     /// A built-in function.
@@ -34,10 +34,10 @@ pub enum Found {
     File(Imported),
 }
 
-/// What was asked for beside the function; `None` is as the volume suggests.
+/// Units and opacity scale; `None`: as the volume suggests.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Suiting {
-    /// What the volume's values are taken for.
+    /// Interpretation of the volume's values.
     pub units: Option<Units>,
     /// Factor of the extinction.
     pub opacity_scale: Option<f64>,
@@ -46,17 +46,17 @@ pub struct Suiting {
 /// A transfer function in the units of its volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResolvedTransferFunction {
-    /// The function, laid over the values of the volume.
+    /// Function in the values of the volume.
     pub tf: TransferFunction,
-    /// What was done to suit the volume, a line each.
+    /// Adaptations, one line each.
     pub notes: Vec<String>,
-    /// What the file holds and the function has not, a line each.
+    /// Properties of the file that the function lacks, one line each.
     pub warnings: Vec<String>,
-    /// With this nothing is left to be found out about the volume.
+    /// Units and opacity scale that were applied.
     pub suiting: Suiting,
 }
 
-/// Finds a preset by name; anything that ends as a transfer function's file does, or exists, is read as one.
+/// Finds a preset by name; a path with a known extension, or of an existing file, is read.
 ///
 /// # Errors
 /// No such preset (the hint lists them), or a file that cannot be read.
@@ -79,12 +79,11 @@ pub fn find(name_or_path: &str) -> Result<Found> {
 }
 
 impl Found {
-    /// The transfer function in the volume's units: presets are scaled as their [`Scale`] says, files where they are of
-    /// fractions. The extinction of presets is scaled with the size of the volume, or as was asked; that of files as was
-    /// asked alone.
+    /// Adapts the function to the volume's units: presets by their [`Scale`], files where they hold fractions. Extinction is
+    /// scaled by the given factor, that of presets otherwise by the volume's size.
     ///
     /// # Errors
-    /// Its extinction becomes too large.
+    /// The extinction becomes too large.
     pub fn suit(self, volume: &Volume, asked: Suiting) -> Result<ResolvedTransferFunction> {
         let meaning = Meaning::of(volume, asked.units);
         let (mut notes, mut warnings) = (Vec::new(), Vec::new());
@@ -128,7 +127,7 @@ impl Found {
         Ok(ResolvedTransferFunction { tf, notes, warnings, suiting })
     }
 
-    /// The function in its own units, and what its file holds beside it.
+    /// Function in its own units, with the warnings of its file.
     pub fn as_it_is(self) -> (TransferFunction, Vec<String>) {
         match self {
             Self::Preset(preset) => (preset.transfer_function(), Vec::new()),
@@ -137,7 +136,7 @@ impl Found {
     }
 }
 
-/// A preset for the values of a volume.
+/// Preset in the values of a volume.
 fn preset_for(
     preset: &Preset,
     volume: &Volume,
@@ -161,7 +160,7 @@ fn preset_for(
         Scale::Fraction => laid_over(&tf, [0.0, 1.0], volume, &format!("{name}: 0 to 1"), notes),
         Scale::Extinction => {
             let largest = volume.value_range()[1];
-            // Nothing to stretch to where there is no extinction at all.
+            // Without extinction there is no range to scale to.
             let stretch = if largest > 0.0 { largest } else { 1.0 };
             let mut tf = tf.scale_values(|v| v * stretch);
             tf.points.iter_mut().for_each(|p| p.amount *= stretch);
@@ -173,7 +172,7 @@ fn preset_for(
     }
 }
 
-/// A function whose values `from` are laid over the range of the volume's; `what` begins the note that says so.
+/// Scales the values `from` of a function to the volume's range; `what` begins the note about it.
 fn laid_over(
     tf: &TransferFunction,
     from: [f64; 2],
@@ -182,12 +181,12 @@ fn laid_over(
     notes: &mut Vec<String>,
 ) -> TransferFunction {
     let to = volume.value_range();
-    // A constant volume has no range to scale to; its one value stands for the whole of it.
+    // A constant volume has no range: its value stands for all of it.
     let width = if to[1] > to[0] { to[1] - to[0] } else { 1.0 };
     let mut scaled = tf.scale_values(|v| to[0] + (v - from[0]) / (from[1] - from[0]) * width);
-    // Its values are the volume's own now: written to a file, they are to be taken as they are.
+    // Written to a file, the values are not to be scaled again.
     scaled.units.clear();
-    // One point means one amount everywhere: nothing was moved, so nothing is said.
+    // A single point is one amount everywhere: nothing was scaled.
     if scaled.points.len() > 1 {
         let [lo, hi] = to.map(|v| (v * 1e4).round() / 1e4);
         notes.push(format!("{what} of it lie over the value range {lo} to {hi}"));
@@ -195,14 +194,14 @@ fn laid_over(
     scaled
 }
 
-/// The diagonal of a volume's domain, mm.
+/// Diagonal of a volume's domain, mm.
 fn diagonal_mm(volume: &Volume) -> f64 {
     let corners = volume.corners_mm();
     corners.iter().map(|c| c.distance(corners[0])).fold(0.0, f64::max)
 }
 
-/// By how much the extinction of presets is to be higher in a volume that is far from the size of a body, so that light
-/// fades over the same share of it: a diagonal of [`NOMINAL_DIAGONAL_MM`] by its own. `None` for all that is near it.
+/// Factor on the extinction of presets in a volume far from the size of a body, so that light fades over the same share of
+/// it: [`NOMINAL_DIAGONAL_MM`] over its diagonal. `None` near that size.
 pub fn size_factor(volume: &Volume) -> Option<f64> {
     let spacing_mm = volume.spacing_mm().into_iter().product::<f64>().cbrt();
     let factor = NOMINAL_DIAGONAL_MM / diagonal_mm(volume);
@@ -211,34 +210,34 @@ pub fn size_factor(volume: &Volume) -> Option<f64> {
     (factor.is_finite() && factor > 0.0 && !is_near).then(|| rounded(factor).clamp(1e-6, 1e6))
 }
 
-/// Three digits of a number.
+/// Rounds to three digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
-/// Finds a transfer function and suits it to a volume, by what the volume tells alone.
+/// Finds a transfer function and adapts it to a volume.
 ///
 /// # Errors
-/// As [`find`] and [`Found::suit`].
+/// See [`find`] and [`Found::suit`].
 pub fn resolve(name_or_path: &str, volume: &Volume) -> Result<ResolvedTransferFunction> {
     resolve_as(name_or_path, volume, Suiting::default())
 }
 
-/// As [`resolve`], by what was asked for.
+/// Finds a transfer function and adapts it to a volume, with given units and opacity scale.
 ///
 /// # Errors
-/// As there.
+/// See [`find`] and [`Found::suit`].
 pub fn resolve_as(name_or_path: &str, volume: &Volume, asked: Suiting) -> Result<ResolvedTransferFunction> {
     find(name_or_path)?.suit(volume, asked)
 }
 
-/// The preset where none is asked for: `hair` for strands, `ct` for a volume in HU with air in it, `bone` for one in HU
+/// Default preset: `hair` for strands, `ct` for a volume in HU with air in it, `bone` for one in HU
 /// without (its background, often 0, would be opaque as soft tissue), `engine` otherwise.
 pub fn default_name(volume: &Volume) -> &'static str {
     default_of(&Meaning::of(volume, None))
 }
 
-/// The preset for values of such a meaning.
+/// Default preset for an interpretation of values.
 fn default_of(meaning: &Meaning) -> &'static str {
     match (meaning.kind, meaning.has_air) {
         (ValueKind::Extinction, _) => "hair",
@@ -248,7 +247,7 @@ fn default_of(meaning: &Meaning) -> &'static str {
     }
 }
 
-/// A file's text where it is of this program's own format, else what it was carried over to.
+/// Text of a file in this program's format; others are converted.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -260,7 +259,7 @@ pub fn own_text(path: &Path) -> Result<String> {
     }
 }
 
-/// The preset where none is asked for, and why, where that is a guess which its own notes do not tell.
+/// Default preset, with a note where it rests on a guess that no other note states.
 pub(super) fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str, Option<String>) {
     let meaning = Meaning::of(volume, units);
     let name = default_of(&meaning);

@@ -1,10 +1,10 @@
-//! One description of a scene: command line, scene file and the window's document are views of [`SceneSettings`].
+//! Description of a scene. Command line, scene file and window are views of [`SceneSettings`].
 
-use super::help::{shadow_help, tf_help};
-use super::lights::{self, one_or_list};
+use super::layer::{Layer, layer};
+use super::masking::MaskFlags;
 use super::meshes::OpaqueFlags;
-use super::parts::PartFlags;
-use super::presets::Suiting;
+use super::presets::{PRESETS, Suiting};
+use super::scene_file::key;
 use super::units::Units;
 use super::values::{self, Background, Size};
 use super::view;
@@ -13,163 +13,249 @@ use crate::error::{Error, Result};
 use crate::render::DisabledOptimizations;
 use crate::render::VisibleBounds;
 use crate::scene::{AxisView, Camera, LightSource, Scene, Shading, Skip};
-use crate::shadow::{self, Method};
+use crate::shadow::{METHODS, Method, MethodSpec};
 use clap::Args;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::ops::Not;
 use std::path::PathBuf;
 
-/// Which volume, where nothing is said.
+/// Default volume.
 pub const DEFAULT_VOLUME: &str = "phantom:thorax";
 
-/// The shadow method, where nothing is said.
-pub const DEFAULT_SHADOW: &str = "dsm";
-
-/// A scene as a user describes it; `None` is the default. One field is all of a setting: its doc comment is the help of
-/// its flag, its name the key of a scene file, its parser reads both.
+layer! {
+/// Settings of a scene; `None` is the default. A field is a flag, whose help is its doc comment, and a key of scene files.
 #[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
-#[serde(try_from = "toml::Table")]
+#[serde(default)]
 pub struct SceneSettings {
     /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk, .vtk,
     /// .vtp, .obj) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
     #[arg(value_name = "VOLUME")]
+    #[serde(deserialize_with = "key::text")]
     pub volume: Option<String>,
-    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
+    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
     pub read_flags: ReadFlags,
-    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
+    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
-    pub parts: PartFlags,
-    /// SHA-256 that the volume's file should have; a warning says where it has another
+    pub masking: MaskFlags,
+    /// Expected SHA-256 of the volume's file; a warning says when it differs
     #[arg(long, value_name = "HEX", value_parser = values::sha256, help_heading = "Volume")]
+    #[serde(deserialize_with = "key::sha256")]
     pub sha256: Option<String>,
 
-    /// What tables call the scene [default: the scene file's name, or volume and transfer function]
+    /// Name of the scene in tables [default: the scene file's name, or volume and transfer function]
     #[arg(long, value_name = "TEXT", help_heading = "Scene")]
+    #[serde(deserialize_with = "key::text")]
     pub name: Option<String>,
     /// Transfer function: a preset or a file [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]
     #[arg(long, value_name = "FILE|PRESET", help_heading = "Scene", long_help = tf_help())]
+    #[serde(deserialize_with = "key::text")]
     pub tf: Option<String>,
-    /// Factor of the transfer function's extinction at every value [default: 1; by the volume's size for presets]
+    /// Factor of the transfer function's extinction [default: 1; by the volume's size for presets]
     #[arg(id = "opacity-scale", long, value_name = "F", value_parser = values::opacity_scale, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(rename = "opacity-scale")]
+    #[serde(rename = "opacity-scale", deserialize_with = "key::opacity_scale")]
     pub opacity_scale: Option<f64>,
-    /// What the volume's values are taken for, which decides how presets lie over them [default: what the file or the values tell]
+    /// Interpret values as HU or as fractions of their range, which decides how presets are scaled [default: as the file
+    /// or the values suggest]
     #[arg(long, value_enum, value_name = "UNITS", help_heading = "Scene")]
+    #[serde(deserialize_with = "key::choice")]
     pub units: Option<Units>,
     /// Shadow method and its settings, METHOD[:key=value,...] [default: dsm]
-    #[arg(long, value_name = "METHOD", help_heading = "Scene", long_help = shadow_help())]
-    pub shadow: Option<String>,
+    #[arg(long, value_name = "METHOD", value_parser = values::shadow, help_heading = "Scene", long_help = shadow_help())]
+    #[serde(serialize_with = "display", deserialize_with = "key::shadow", skip_serializing_if = "Option::is_none")]
+    pub shadow: Option<MethodSpec>,
     /// Picture size, pixels [default: 512x512]
     #[arg(long, value_name = "WxH", value_parser = values::size, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::size")]
     pub size: Option<Size>,
-    /// Where the camera is, world mm [default: frames what has extinction, and opaque things]
+    /// Position of the camera, world mm [default: frames the visible part of the volume, and opaque objects]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::point")]
     pub eye: Option<DVec3>,
-    /// What the camera looks at, world mm [default: the middle of what is framed]
+    /// Point that the camera looks at, world mm [default: centre of the framed part]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::point")]
     pub target: Option<DVec3>,
-    /// Which direction is up in the picture [default: 0,0,1]
+    /// Up direction of the picture [default: 0,0,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::direction, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::direction")]
     pub up: Option<DVec3>,
-    /// The side to look from, by its letter: A, P, L, R, S or I [default: front, a little from the side and above]
+    /// Side to look from: A, P, L, R, S or I [default: front, a little from the side and above]
     #[arg(long, value_name = "SIDE", value_parser = values::view, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::view")]
     pub view: Option<AxisView>,
-    /// How much larger everything is in the picture: the field of view narrows [default: 1]
+    /// Zoom factor: narrows the field of view [default: 1]
     #[arg(long, value_name = "F", value_parser = values::zoom, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::zoom")]
     pub zoom: Option<f64>,
     /// Vertical field of view, degrees [default: 40]
     #[arg(long, value_name = "DEG", value_parser = values::fov_deg, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::fov_deg")]
     pub fov: Option<f64>,
-    /// A light, once or for each of several: dir:x,y,z towards one at infinity, or point:x,y,z in world mm, and behind it
+    /// Light, may be given several times: dir:x,y,z towards a light at infinity, or point:x,y,z in world mm, followed by
     /// ,color=#rrggbb (sRGB, white) and ,intensity=F (1) [default: dir:0.5,0.5,0.7071]
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
+    #[serde(serialize_with = "one_or_list", deserialize_with = "key::light", skip_serializing_if = "Option::is_none")]
     pub light: Option<Vec<LightSource>>,
-    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
+    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
     #[command(flatten)]
     #[serde(flatten)]
     pub opaque: OpaqueFlags,
-    /// Share of the light that shadows do not touch, 0 to 1 [default: 0.1]
+    /// Share of ambient light, which shadows do not affect, 0 to 1 [default: 0.1]
     #[arg(long, value_name = "A", value_parser = values::ambient, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::ambient")]
     pub ambient: Option<f64>,
-    /// Shading of surfaces by the gradient, or of strands by their direction (kajiya-kay) [default: none]
+    /// Shading by the gradient, or of strands by their direction (kajiya-kay) [default: none]
     #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
+    #[serde(deserialize_with = "key::choice")]
     pub shading: Option<Shading>,
-    /// Background colour, sRGB, or none: black behind it, and picture files are transparent there [default: #000000]
+    /// Background colour, sRGB; or none: black, and transparent in picture files [default: #000000]
     #[arg(long, value_name = "#RRGGBB|none", value_parser = values::background, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::background")]
     pub background: Option<Background>,
     /// Eye-ray step in units of the smallest voxel spacing, 0.01 to 8 [default: 0.5]
     #[arg(long, value_name = "VOXELS", value_parser = values::step, allow_hyphen_values = true, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::step")]
     pub step: Option<f64>,
-    /// How empty space is passed over [default: bricks]
+    /// Empty-space skipping [default: bricks]
     #[arg(long, value_enum, value_name = "HOW", help_heading = "Scene")]
+    #[serde(deserialize_with = "key::choice")]
     pub skip: Option<Skip>,
     /// Disable optimizations: names separated by commas, as --explain shows them in square brackets, or all
     #[arg(id = "no-skip", long, value_name = "NAMES", value_parser = values::disabled_optimizations, help_heading = "Scene")]
-    #[serde(rename = "no-skip")]
+    #[serde(rename = "no-skip", deserialize_with = "key::disabled_optimizations")]
     pub no_skip: Option<DisabledOptimizations>,
+}
+}
 
-    /// Say what runs, what is left out and why
+layer! {
+/// Flags about the run: the adapter and the output.
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RunFlags {
+    /// Print the plan: which work runs, which is skipped, and why
     #[arg(long)]
-    #[serde(skip_serializing_if = "Not::not")]
+    #[serde(deserialize_with = "key::switch", skip_serializing_if = "Not::not")]
     pub explain: bool,
     /// Print the result as JSON
     #[arg(long)]
-    #[serde(skip_serializing_if = "Not::not")]
+    #[serde(deserialize_with = "key::switch", skip_serializing_if = "Not::not")]
     pub json: bool,
     /// Use the graphics adapter whose name contains NAME [default: the fastest]
     #[arg(long, value_name = "NAME")]
+    #[serde(deserialize_with = "key::text")]
     pub adapter: Option<String>,
 }
+}
 
-/// The shared flags: a scene, and scene files below it.
+layer! {
+/// Everything that a scene file can say: a scene, and flags about the run.
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
+pub struct SceneRequest {
+    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub settings: SceneSettings,
+    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub run: RunFlags,
+}
+}
+
+/// Flags that all commands share, and scene files below them.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct SceneArgs {
-    #[expect(missing_docs, reason = "flags of their own, whose comments are the help")]
+    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
     #[command(flatten)]
-    pub settings: SceneSettings,
-    /// A TOML file with any of these flags as keys, and `volume`; flags win. `compare` takes several, each with its own
+    pub request: SceneRequest,
+    /// TOML file with any of these flags as keys, and `volume`; flags win. `compare` takes several, each with its own
     /// --scene
     #[arg(long, value_name = "FILE.toml", help_heading = "Scene")]
     pub scene: Vec<PathBuf>,
 }
 
 impl SceneArgs {
-    /// What was asked for: the flags over the scene file.
+    /// The flags over the scene file, if any.
     ///
     /// # Errors
     /// The scene file cannot be read, or there is more than one.
-    pub fn into_settings(self) -> Result<SceneSettings> {
+    pub fn into_request(self) -> Result<SceneRequest> {
         if self.scene.len() > 1 {
             return Err(Error::input("bad command line", "--scene", "only `compare` takes more than one"));
         }
-        Ok(self.into_each()?.swap_remove(0))
+        Ok(self.into_requests()?.swap_remove(0))
     }
 
-    /// Settings for each scene file, in their order; the flags alone where there is none.
+    /// The flags over each scene file, in their order; the flags alone where there is none.
     ///
     /// # Errors
     /// A scene file cannot be read.
-    pub fn into_each(self) -> Result<Vec<SceneSettings>> {
-        let Self { settings, scene } = self;
+    pub fn into_requests(self) -> Result<Vec<SceneRequest>> {
+        let Self { request, scene } = self;
         if scene.is_empty() {
-            return Ok(vec![settings]);
+            return Ok(vec![request]);
         }
-        scene.iter().map(|path| settings.over(&SceneSettings::read(path)?)).collect()
+        scene.iter().map(|path| Ok(request.over(&SceneRequest::read(path)?))).collect()
+    }
+}
+
+/// Long help of `--tf`, with the presets.
+fn tf_help() -> String {
+    let mut help = String::from(
+        "Transfer function: a preset, or the path of a file: this program's .json, ParaView's .json, 3D Slicer's .vp and \
+         .vp.json, MRIcroGL's and NiiVue's .json, Inviwo's .itf\n\
+         [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]\n\n\
+         A file is used unchanged, unless its units are `fraction`. A preset in HU is used unchanged on a volume in HU \
+         (`umbravox info` says which and why, --units decides); on any other, -1000 to 800 HU are scaled to the value \
+         range. Fractions are scaled to the value range of every volume. `hair` takes values as extinction in 1/mm. Presets \
+         are denser or thinner in volumes far from the size of a body; --opacity-scale 1 undoes it.\n\n\
+         Presets (`umbravox tf list`):",
+    );
+    for preset in PRESETS {
+        help += &format!("\n  {:<12} {}", preset.name, preset.about);
+    }
+    help
+}
+
+/// Long help of `--shadow`, with the methods, their keys and every default.
+fn shadow_help() -> String {
+    let mut help =
+        String::from("Shadow method and its settings, METHOD[:key=value,...] [default: dsm]\n\nMethods:");
+    for method in METHODS {
+        help += &format!("\n  {:<12} {}", method.name, method.summary);
+        for key in method.keys {
+            help += &format!("\n    {}={} [default: {}] {}", key.name, key.values(), key.default, key.help);
+        }
+    }
+    help
+}
+
+fn display<S: Serializer>(spec: &Option<MethodSpec>, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    spec.as_ref().map(ToString::to_string).serialize(serializer)
+}
+
+/// Serializes a single light as a string, and several as a list.
+fn one_or_list<S: Serializer>(
+    lights: &Option<Vec<LightSource>>,
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    match lights.as_deref() {
+        Some([one]) => one.serialize(serializer),
+        lights => lights.serialize(serializer),
     }
 }
 
 impl SceneSettings {
-    /// A volume, and the defaults for all else.
+    /// Default settings of a volume.
     pub fn of_volume(spec: &VolumeSpec) -> Self {
         Self { volume: Some(spec.source.clone()), read_flags: spec.flags, ..Self::default() }
     }
 
-    /// The volume, and how to read it.
+    /// Volume, and how to read it.
     pub fn spec(&self) -> VolumeSpec {
         VolumeSpec {
             source: self.volume.clone().unwrap_or_else(|| DEFAULT_VOLUME.into()),
@@ -177,15 +263,20 @@ impl SceneSettings {
         }
     }
 
-    /// The shadow method of `--shadow`.
-    ///
-    /// # Errors
-    /// An unknown method or key, or a value out of range.
-    pub fn method(&self) -> Result<Box<dyn Method>> {
-        shadow::parse(self.shadow.as_deref().unwrap_or(DEFAULT_SHADOW)).map_err(|e| e.at("--shadow"))
+    /// Specification of the shadow method.
+    pub fn method_spec(&self) -> MethodSpec {
+        self.shadow.clone().unwrap_or_default()
     }
 
-    /// What is asked for of units and opacity.
+    /// Shadow method.
+    ///
+    /// # Errors
+    /// Settings that do not fit the method.
+    pub fn method(&self) -> Result<Box<dyn Method>> {
+        self.method_spec().method()
+    }
+
+    /// Units and opacity scale.
     pub fn suiting(&self) -> Suiting {
         Suiting { units: self.units, opacity_scale: self.opacity_scale }
     }
@@ -195,43 +286,40 @@ impl SceneSettings {
         self.no_skip.unwrap_or_default()
     }
 
-    /// Whether picture files are to be transparent where there is nothing.
+    /// Whether the background of picture files is transparent.
     pub fn is_transparent(&self) -> bool {
         self.background == Some(Background::None)
     }
 
-    /// The settings with nothing left to a default, for a file that stays true when defaults change: what was given, and
-    /// what `scene` says of the rest.
-    ///
-    /// # Errors
-    /// As [`Self::to_toml`].
-    pub fn resolved(&self, scene: &Scene, tf: &str, suiting: Suiting) -> Result<Self> {
-        let mut all = Self::of_scene(&self.spec(), scene, self.is_transparent()).over(self)?;
+    /// Settings without defaults, for a file that stays valid when defaults change: the given ones, and those of `scene`.
+    #[must_use]
+    pub fn resolved(&self, scene: &Scene, tf: &str, suiting: Suiting) -> Self {
+        let mut all = Self::of_scene(&self.spec(), scene, self.is_transparent()).over(self);
         all.tf = Some(tf.to_owned());
-        // With functions of labels it would be a factor of all of them.
-        let of_all = self.parts.label_tf.is_none();
+        // With functions of labels it would scale all of them.
+        let of_all = self.masking.label_tf.is_none();
         let opacity_scale = if of_all { suiting.opacity_scale } else { self.opacity_scale };
         (all.units, all.opacity_scale) = (suiting.units, opacity_scale);
-        // These are in eye, target, up and field of view now.
+        // Eye, target, up and field of view include them.
         (all.view, all.zoom) = (None, None);
-        // Neither is of the scene: a table has methods of its own, and another machine another adapter.
-        [all.shadow, all.adapter] = [None, None];
-        [all.explain, all.json] = [false, false];
-        Ok(all)
+        // A table lists its methods itself.
+        all.shadow = None;
+        all
     }
 
-    /// The scene for what there is to see, without its opaque things, which [`Self::load`] reads.
+    /// Scene with a camera that frames the visible bounds, without opaque objects ([`Self::load`] reads them).
     ///
     /// # Errors
-    /// A camera that looks nowhere: eye at the target, or up along the view.
-    pub fn scene(&self, seen: &VisibleBounds) -> Result<Scene> {
-        let default = Scene::framing(seen.volume());
+    /// Too many lights, or a camera without direction: eye at the target, or up along the view.
+    pub fn scene(&self, bounds: &VisibleBounds) -> Result<Scene> {
+        let default = Scene::framing(bounds.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
         let Self { eye, target, up, view, zoom, fov, .. } = *self;
-        let asked = view::Asked { eye, target, up, view, zoom, fov };
+        let placement = view::Placement { eye, target, up, view, zoom, fov };
+        self.check_lights()?;
         Ok(Scene {
-            camera: view::camera(&asked, seen, size)?,
-            lights: lights::checked(self.light.as_deref())?.unwrap_or(default.lights),
+            camera: view::camera(&placement, bounds, size)?,
+            lights: self.light.clone().filter(|lights| !lights.is_empty()).unwrap_or(default.lights),
             ambient: self.ambient.unwrap_or(default.ambient),
             shading: self.shading.unwrap_or(default.shading),
             mesh: None,
@@ -247,7 +335,7 @@ impl SceneSettings {
         })
     }
 
-    /// What describes a volume and a scene, the other way than [`Self::spec`] and [`Self::scene`].
+    /// Settings that describe a volume and a scene: the inverse of [`Self::spec`] and [`Self::scene`].
     pub fn of_scene(spec: &VolumeSpec, scene: &Scene, is_transparent: bool) -> Self {
         let Scene { camera, ambient, shading, background, step, skip, width, height, .. } = *scene;
         let Camera { eye, target, up, fov_deg } = camera;
@@ -269,12 +357,29 @@ impl SceneSettings {
         }
     }
 
-    /// Refuses several lights, for what is a question about one.
+    /// Refuses more lights than can be drawn.
+    pub(super) fn check_lights(&self) -> Result<()> {
+        match self.light.iter().flatten().count() {
+            count if count > Scene::MOST_LIGHTS => {
+                let why = format!("there are {count}, and at most {} are drawn", Scene::MOST_LIGHTS);
+                Err(Error::input("too many lights", "--light", why))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses several lights, for a command about a single one.
     ///
     /// # Errors
     /// There is more than one.
     pub fn one_light(&self, command: &str) -> Result<()> {
-        lights::only_one(self.light.as_deref(), command)
+        match self.light.iter().flatten().count() {
+            0 | 1 => Ok(()),
+            count => {
+                let why = format!("there are {count}, and `{command}` takes one");
+                Err(Error::input("too many lights", "--light", why))
+            }
+        }
     }
 }
 
@@ -282,6 +387,7 @@ impl SceneSettings {
 mod tests {
     use super::*;
     use crate::open::load;
+    use crate::scene::Light;
     use clap::Parser;
     use std::sync::Arc;
 
@@ -297,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn the_defaults_are_the_contracts() {
+    fn defaults_are_those_of_the_contract() {
         let scene = scene(&[]).unwrap();
         let volume = load(&VolumeSpec::new("phantom:slab:8")).unwrap();
         assert_eq!(scene, Scene { camera: scene.camera, ..Scene::framing(&volume) });
@@ -307,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_and_its_settings_are_two_views_of_one_thing() {
+    fn a_scene_and_its_settings_describe_each_other() {
         let volume = Arc::new(load(&VolumeSpec::new("phantom:slab:8")).unwrap());
         for (transparent, background) in [(false, "#336699"), (true, "none")] {
             let line = [
@@ -355,7 +461,27 @@ mod tests {
     }
 
     #[test]
-    fn cameras_that_look_nowhere_are_refused() {
+    fn one_light_is_a_text_and_several_are_a_list() {
+        let read = |text: &str| SceneRequest::from_toml(text).unwrap().settings;
+        let one = read("light = 'point:1,2,-3.5'");
+        assert_eq!(one.to_toml().unwrap(), "light = \"point:1.0,2.0,-3.5\"\n");
+        assert_eq!(read("light = ['point:1,2,-3.5']"), one);
+        let two = read("light = ['point:1,2,-3.5', 'dir:0,0,1,color=#ff8000,intensity=0.30000000000000004']");
+        assert_eq!(read(&two.to_toml().unwrap()), two, "to the last bit");
+        let lights = two.light.clone().unwrap();
+        assert_eq!(
+            (lights[1].light, lights[1].intensity),
+            (Light::Directional { toward: DVec3::Z }, 0.1 + 0.2)
+        );
+        assert_eq!(one.over(&two), one);
+        assert!(one.one_light("probe").is_ok() && two.one_light("probe").is_err());
+        let with = |count| SceneSettings { light: Some(vec![lights[0]; count]), ..SceneSettings::default() };
+        assert!(with(17).check_lights().unwrap_err().why.contains("17"));
+        assert!(with(16).check_lights().is_ok());
+    }
+
+    #[test]
+    fn cameras_without_direction_are_refused() {
         assert!(scene(&["--eye=1,2,3", "--target=1,2,3"]).is_err());
         let e = scene(&["--eye=0,0,9", "--target=0,0,0"]).unwrap_err();
         assert!(e.place == "--up" && e.hint.unwrap().contains("0,1,0"));

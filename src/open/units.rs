@@ -1,13 +1,13 @@
-//! What the values of a volume are: Hounsfield units or not, and what says so.
+//! Interpretation of a volume's values: Hounsfield units or not, with the reason.
 //!
-//! The file's own word comes first, then what the values look like. How many bits they are stored in says nothing.
+//! The file's metadata come first, then the distribution of the values. The stored type says nothing.
 
 use crate::strands::STRANDS_FORMAT;
 use crate::volume::{ValueMeaning, Volume, Voxel, Voxels};
 use crate::with_voxels;
 use serde::{Deserialize, Serialize};
 
-/// What values are taken for, as `--units` says it.
+/// Interpretation of values, as in `--units`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
@@ -16,7 +16,7 @@ pub enum Units {
     Fraction,
 }
 
-/// What a volume's values are.
+/// Kind of a volume's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum ValueKind {
     /// Hounsfield units.
@@ -25,13 +25,13 @@ pub enum ValueKind {
     /// Extinction in 1/mm, of strands.
     #[serde(rename = "1/mm")]
     Extinction,
-    /// Anything else: only their place in the volume's range means something.
+    /// Anything else: only the position in the volume's range has a meaning.
     #[serde(rename = "fraction")]
     Other,
 }
 
 impl ValueKind {
-    /// For people.
+    /// Name for people.
     pub fn name(self) -> &'static str {
         match self {
             Self::Hounsfield => "HU",
@@ -41,39 +41,39 @@ impl ValueKind {
     }
 }
 
-/// What a volume's values are, and how that is known.
+/// Interpretation of a volume's values, with the reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Meaning {
-    /// What they are.
+    /// Kind of values.
     pub kind: ValueKind,
-    /// Why, in a few words.
+    /// Reason, in a few words.
     pub why: String,
-    /// It was told from the values alone, and may be wrong.
+    /// Whether it was guessed from the values alone.
     pub is_guess: bool,
-    /// Some values are lower than any tissue but lung.
+    /// Whether some values are below all tissue but lung.
     pub has_air: bool,
 }
 
-/// HU of air, and how far around it air is found.
+/// HU of air, and the width of the interval of air around it.
 const AIR_HU: f64 = -1000.0;
 const AIR_WIDTH: f64 = 100.0;
-/// The share of voxels that air has at least, and how much denser than all values together it lies.
+/// Smallest share of air among the voxels, and smallest ratio of its density to that of all values.
 const AIR_SHARE: f64 = 0.01;
 const AIR_DENSITY: f64 = 3.0;
-/// A volume in HU that has values below this has air in it; no tissue but lung is as thin.
+/// HU below which there is air; no tissue but lung has lower values.
 const AIR_BELOW_HU: f64 = -500.0;
-/// A range of scaled values no wider than this is 8-bit or normalised data, not HU.
+/// Widest range of 8-bit or normalised data that is not HU.
 const MIN_HU_WIDTH: f64 = 300.0;
-/// Beyond these there are no HU: 16 bits of a scanner.
+/// Limits of HU: 16 bits of a scanner.
 const PLAUSIBLE_HU: [f64; 2] = [-32768.0, 32767.0];
-/// The lowest value that scanners pad their field of view with.
+/// Lowest padding value of scanners.
 const PADDING_HU: f64 = -3100.0;
-/// Water, fat, muscle and blood, and the share of voxels that lie there in a cut-out of a body without air around it.
+/// HU of water, fat, muscle and blood, and the smallest share of their voxels in a cropped scan without air around the body.
 const SOFT_HU: [f64; 2] = [-150.0, 250.0];
 const SOFT_SHARE: f64 = 0.3;
-/// Where 8 bits are scaled to a window of HU by the file, it ends within these.
+/// Limits of a window of HU to which a file scales its 8 bits.
 const WINDOW_HU: [f64; 2] = [-1100.0, 4100.0];
-/// Voxels that are looked at.
+/// Largest number of voxels that are examined.
 const MOST_LOOKED_AT: usize = 1 << 20;
 
 /// Whether a volume was made from strands, so that its values are extinction in 1/mm.
@@ -82,7 +82,7 @@ pub fn of_strands(volume: &Volume) -> bool {
 }
 
 impl Meaning {
-    /// Of a volume's values; `asked` decides where it is given.
+    /// Interprets a volume's values; `asked` wins.
     pub fn of(volume: &Volume, asked: Option<Units>) -> Self {
         let [low, high] = volume.value_range();
         let has_air = low < AIR_BELOW_HU;
@@ -108,18 +108,18 @@ impl Meaning {
         if low < PLAUSIBLE_HU[0] || high > PLAUSIBLE_HU[1] {
             return guess(ValueKind::Other, format!("values from {low_text} to {high_text} go beyond HU"));
         }
-        let seen = ValueSummary::of(volume);
-        if seen.air >= AIR_SHARE
-            && seen.air * (high - low) >= AIR_DENSITY * 2.0 * AIR_WIDTH * seen.near(low, high)
+        let summary = ValueSummary::of(volume);
+        if summary.air >= AIR_SHARE
+            && summary.air * (high - low) >= AIR_DENSITY * 2.0 * AIR_WIDTH * summary.near(low, high)
         {
-            let percent = (100.0 * seen.air).round();
+            let percent = (100.0 * summary.air).round();
             return guess(
                 ValueKind::Hounsfield,
                 format!("{percent} % of the voxels are air, about {AIR_HU}"),
             );
         }
-        if has_air && low >= PADDING_HU && seen.soft >= SOFT_SHARE {
-            let percent = (100.0 * seen.soft).round();
+        if has_air && low >= PADDING_HU && summary.soft >= SOFT_SHARE {
+            let percent = (100.0 * summary.soft).round();
             return guess(
                 ValueKind::Hounsfield,
                 format!(
@@ -138,12 +138,12 @@ impl Meaning {
         guess(ValueKind::Other, format!("values from {low_text} to {high_text} have no air about {AIR_HU}"))
     }
 
-    /// Whether they are HU.
+    /// Whether the values are HU.
     pub fn is_hounsfield(&self) -> bool {
         self.kind == ValueKind::Hounsfield
     }
 
-    /// One line: what they are taken for and why, with the way to the other where it was guessed.
+    /// One line: kind and reason, with the flag that overrides a guess.
     pub fn text(&self) -> String {
         let other = if self.is_hounsfield() { "fraction" } else { "hu" };
         let way = if self.is_guess { format!("; --units {other} says otherwise") } else { String::new() };
@@ -151,21 +151,21 @@ impl Meaning {
     }
 }
 
-/// Shares of the voxels looked at.
+/// Shares of the examined voxels.
 struct ValueSummary {
     air: f64,
     soft: f64,
 }
 
 impl ValueSummary {
-    /// Looks at voxels evenly spread over the volume.
+    /// Examines voxels evenly spread over the volume.
     fn of(volume: &Volume) -> Self {
         let scaling = volume.scaling();
         let [mut air, mut soft] = [0usize; 2];
         let looked_at = with_voxels!(volume.voxels(), array => {
             let values = array.as_slice().unwrap_or_default();
             let stride = values.len().div_ceil(MOST_LOOKED_AT).max(1);
-            // One of each group, at a place that wanders: a stride alone could follow the rows.
+            // One of each group, at varying positions: a constant stride could follow the rows.
             let picked = values.chunks(stride).enumerate().map(|(i, group)| group[i.wrapping_mul(7919) % group.len()]);
             let mut count = 0usize;
             for value in picked.map(|v| scaling.apply(v.to_f64())) {
@@ -180,7 +180,7 @@ impl ValueSummary {
         Self { air: share(air), soft: share(soft) }
     }
 
-    /// What of the width around air lies within the range of values: 1 but at its end.
+    /// Share of the interval of air that lies within the range of values.
     fn near(&self, low: f64, high: f64) -> f64 {
         let [a, b] = [(AIR_HU - AIR_WIDTH).max(low), (AIR_HU + AIR_WIDTH).min(high)];
         ((b - a) / (2.0 * AIR_WIDTH)).max(0.0)

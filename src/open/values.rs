@@ -1,23 +1,25 @@
-//! Values of flags: text to typed, or why not, in one line.
+//! Parsers of flag values; an error is the reason, in one line.
 
 use crate::error::Error;
 use crate::files::color;
 use crate::formats::RawLayout;
 use crate::render::DisabledOptimizations;
 use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
+use crate::shadow::MethodSpec;
 use glam::DVec3;
 use serde::{Serialize, Serializer};
+use std::ops::RangeInclusive;
 
-/// Beyond a thousand kilometres 32-bit positions, and their squares, mean nothing.
+/// Limit of coordinates, mm: squares of larger ones lose all precision in float32.
 const MAX_COORDINATE: f64 = 1e9;
 
-/// A direction shorter than this has no direction worth normalising.
+/// Shortest vector that can be normalised.
 const MIN_DIRECTION: f64 = 1e-9;
 
-/// What normalising leaves of a length's square beside 1.
+/// Rounding error of a normalised vector's squared length.
 const ROUNDING: f64 = 1e-14;
 
-/// The largest picture side, the common limit of 2-D textures.
+/// Largest picture side: the common limit of 2-D textures.
 const MAX_PICTURE_SIDE: u32 = 16_384;
 
 /// Width and height of a picture, pixels.
@@ -35,12 +37,12 @@ impl Serialize for Size {
     }
 }
 
-/// What is behind the volume.
+/// Background of pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Background {
     /// Linear RGB.
     Color([f64; 3]),
-    /// Nothing: picture files are transparent there.
+    /// Black, and transparent in picture files.
     None,
 }
 
@@ -70,6 +72,11 @@ pub fn sha256(text: &str) -> Result<String, String> {
     }
 }
 
+/// A shadow method with its settings.
+pub fn shadow(text: &str) -> Result<MethodSpec, String> {
+    text.parse().map_err(|e: Error| format!("{} {}: {}", e.what, e.place, e.why))
+}
+
 /// Names of optimizations, or `all`.
 pub fn disabled_optimizations(text: &str) -> Result<DisabledOptimizations, String> {
     text.parse().map_err(|e: Error| format!("{} {}: {}", e.what, e.place, e.why))
@@ -81,6 +88,12 @@ fn number(text: &str) -> Result<f64, String> {
         Ok(_) => Err("it must be a finite number".into()),
         Err(_) => Err(format!("`{text}` is not a number")),
     }
+}
+
+/// A number in a range, which `range_text` describes.
+fn within(text: &str, range: RangeInclusive<f64>, range_text: &str) -> Result<f64, String> {
+    let x = number(text)?;
+    if range.contains(&x) { Ok(x) } else { Err(format!("it must be {range_text}")) }
 }
 
 fn vector(text: &str) -> Result<DVec3, String> {
@@ -100,7 +113,7 @@ pub fn point(text: &str) -> Result<DVec3, String> {
     Ok(v)
 }
 
-/// A direction `x,y,z` of any length but 0; normalised. One that was written normalised comes back to the last bit.
+/// A direction `x,y,z`, normalised. A normalised one stays the same to the last bit.
 pub fn direction(text: &str) -> Result<DVec3, String> {
     let v = point(text)?;
     if v.length() < MIN_DIRECTION {
@@ -138,49 +151,35 @@ pub fn light(text: &str) -> Result<LightSource, String> {
     Ok(LightSource { light, color, intensity: intensity.unwrap_or(white.intensity) })
 }
 
-/// The brightest that a light may be: sums of more lose what is dim beside them in 32-bit pictures.
+/// Largest intensity of a light: sums of larger ones lose dim lights in float32.
 pub const MOST_INTENSITY: f64 = 1e6;
 
 /// An intensity, 0 or more.
 fn light_intensity(text: &str) -> Result<f64, String> {
-    let x = number(text).map_err(|why| format!("intensity: {why}"))?;
-    match (0.0..=MOST_INTENSITY).contains(&x) {
-        // A zero has one sign here.
-        true => Ok(x + 0.0),
-        false => Err(format!("intensity: it must be from 0 to {MOST_INTENSITY:e}")),
-    }
+    let x = within(text, 0.0..=MOST_INTENSITY, "from 0 to 1e6").map_err(|why| format!("intensity: {why}"))?;
+    // Negative zero becomes zero.
+    Ok(x + 0.0)
 }
 
 /// A vertical field of view, degrees, between 0 and 180.
 pub fn fov_deg(text: &str) -> Result<f64, String> {
-    // At the very ends the tangent, or the distance that frames a volume, leaves 32-bit floats.
-    number(text).and_then(|x| {
-        if (0.001..=179.9).contains(&x) {
-            Ok(x)
-        } else {
-            Err("it must be from 0.001 to 179.9 degrees".into())
-        }
-    })
+    // Beyond, the tangent or the framing distance overflows float32.
+    within(text, 0.001..=179.9, "from 0.001 to 179.9 degrees")
 }
 
 /// A share of the light in `[0, 1]`.
 pub fn ambient(text: &str) -> Result<f64, String> {
-    number(text)
-        .and_then(|x| if (0.0..=1.0).contains(&x) { Ok(x) } else { Err("it must be in [0, 1]".into()) })
+    within(text, 0.0..=1.0, "in [0, 1]")
 }
 
-/// An eye-ray step in voxels; below 1/100 a frame takes minutes, beyond 8 whole structures are missed.
+/// An eye-ray step in voxels: a smaller one takes minutes, a larger one misses structures.
 pub fn step(text: &str) -> Result<f64, String> {
-    number(text).and_then(|x| {
-        if (0.01..=8.0).contains(&x) { Ok(x) } else { Err("it must be from 0.01 to 8 voxels".into()) }
-    })
+    within(text, 0.01..=8.0, "from 0.01 to 8 voxels")
 }
 
 /// A factor of extinction.
 pub fn opacity_scale(text: &str) -> Result<f64, String> {
-    number(text).and_then(|x| {
-        if (1e-6..=1e6).contains(&x) { Ok(x) } else { Err("it must be from 1e-6 to 1e6".into()) }
-    })
+    within(text, 1e-6..=1e6, "from 1e-6 to 1e6")
 }
 
 /// `#rrggbb`, or `none`.
@@ -200,23 +199,20 @@ pub fn spacing_mm(text: &str) -> Result<[f64; 3], String> {
     Ok(v.to_array())
 }
 
-/// A side to look from, by its letter or its name.
+/// A side to look from, by letter or name.
 pub fn view(text: &str) -> Result<AxisView, String> {
     let is = |side: &&AxisView| side.mark.eq_ignore_ascii_case(text) || side.name.eq_ignore_ascii_case(text);
     AXIS_VIEWS.iter().find(is).copied().ok_or_else(|| format!("`{text}` is not one of A, P, L, R, S, I"))
 }
 
-/// How much larger everything is.
+/// A zoom factor.
 pub fn zoom(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|z: &f64| (0.01..=100.0).contains(z))
-        .ok_or_else(|| "expected a factor from 0.01 to 100".into())
+    within(text, 0.01..=100.0, "from 0.01 to 100")
 }
 
 /// The layout of a raw file.
 pub fn raw_layout(text: &str) -> Result<RawLayout, String> {
-    text.parse().map_err(|e: crate::error::Error| e.why)
+    text.parse().map_err(|e: Error| e.why)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Where the camera of a scene is: what was asked for, and what there is to see framed for the rest.
+//! Camera of a scene: the given placement, and framing of the visible bounds for the rest.
 
 use super::values::Size;
 use crate::error::{Error, Result};
@@ -6,16 +6,15 @@ use crate::render::VisibleBounds;
 use crate::scene::{AxisView, Camera};
 use glam::DVec3;
 
-/// Where the camera is from what it looks at, unless something else is asked for: in front, a little to the side and above
-/// (RAS+: +y is anterior).
+/// Default direction from the target to the camera: in front, a little to the side and above (RAS+: +y is anterior).
 const AWAY: DVec3 = DVec3::new(0.5, 0.8, 0.35);
 
 /// Below this sine of the angle between two directions they count as parallel in 32-bit arithmetic.
 const MIN_SINE: f64 = 1e-5;
 
-/// What was asked of a camera; see the flags of these names.
+/// Given placement of a camera; see the flags of these names.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Asked {
+pub(super) struct Placement {
     pub(super) eye: Option<DVec3>,
     pub(super) target: Option<DVec3>,
     pub(super) up: Option<DVec3>,
@@ -24,35 +23,35 @@ pub(super) struct Asked {
     pub(super) fov: Option<f64>,
 }
 
-/// The camera for a picture of this size.
+/// Camera for a picture of this size.
 ///
 /// # Errors
-/// A camera that looks nowhere, or from two places.
-pub(super) fn camera(asked: &Asked, seen: &VisibleBounds, size: Size) -> Result<Camera> {
-    let side = asked.view;
-    if side.is_some() && asked.eye.is_some() {
-        let why = "--eye says where the camera is, and --view asks for a side";
+/// A camera without direction, or with two positions.
+pub(super) fn camera(placement: &Placement, bounds: &VisibleBounds, size: Size) -> Result<Camera> {
+    let side = placement.view;
+    if side.is_some() && placement.eye.is_some() {
+        let why = "--eye and --view exclude each other";
         return Err(Error::input("bad camera", "--view", why));
     }
-    let up = asked.up.or(side.map(|s| s.up)).unwrap_or(DVec3::Z);
-    let fov_deg = asked.fov.unwrap_or(Camera::DEFAULT_FOV_DEG);
+    let up = placement.up.or(side.map(|s| s.up)).unwrap_or(DVec3::Z);
+    let fov_deg = placement.fov.unwrap_or(Camera::DEFAULT_FOV_DEG);
     let half = (0.5 * fov_deg).to_radians().tan();
     let along_up = AWAY.normalize().cross(up).length() < 1e-3 * up.length();
     let away = side.map_or(if along_up { DVec3::Y } else { AWAY }, |s| s.away);
     let aspect = f64::from(size.width) / f64::from(size.height);
-    let (target, eye) = match (asked.target, asked.eye) {
+    let (target, eye) = match (placement.target, placement.eye) {
         (Some(target), Some(eye)) => (target, eye),
-        (None, Some(eye)) => (seen.center_mm(), eye),
+        (None, Some(eye)) => (bounds.center_mm(), eye),
         (target, None) => {
-            let framed = seen.framed(away, up, fov_deg, aspect);
+            let framed = bounds.framed(away, up, fov_deg, aspect);
             let target = target.unwrap_or(framed.target);
             (target, target + framed.eye - framed.target)
         }
     };
-    // The eye stays where it is, so that nothing is passed through.
-    let fov_deg = asked.zoom.map_or(fov_deg, |zoom| 2.0 * (half / zoom).atan().to_degrees());
+    // Zooming keeps the eye, so that the camera enters nothing.
+    let fov_deg = placement.zoom.map_or(fov_deg, |zoom| 2.0 * (half / zoom).atan().to_degrees());
     let view = target - eye;
-    // Nearer than this the direction drowns in the rounding of 32-bit positions.
+    // Closer, the direction is lost in the rounding of float32 positions.
     if view.length() <= 1e-6 * eye.abs().max_element().max(1.0) {
         return Err(Error::input("bad camera", "--eye, --target", "the eye is at the target"));
     }
@@ -76,18 +75,18 @@ mod tests {
         let volume = Arc::new(Phantom::Thorax.build(16).unwrap());
         let size = Size { width: 100, height: 100 };
         let seen = VisibleBounds::whole(&volume);
-        let of = |asked: &Asked| camera(asked, &seen, size).unwrap();
+        let of = |placement: &Placement| camera(placement, &seen, size).unwrap();
         for side in AXIS_VIEWS {
-            let seen = of(&Asked { view: Some(side), ..Asked::default() });
+            let seen = of(&Placement { view: Some(side), ..Placement::default() });
             let forward = seen.frame().forward;
             assert!((forward + side.away).length() < 1e-12, "{}", side.name);
             assert!((seen.frame().up - side.up).length() < 1e-12, "{}", side.name);
         }
-        let plain = of(&Asked::default());
-        let near = of(&Asked { zoom: Some(2.5), ..Asked::default() });
+        let plain = of(&Placement::default());
+        let near = of(&Placement { zoom: Some(2.5), ..Placement::default() });
         let half = |camera: &Camera| (0.5 * camera.fov_deg.to_radians()).tan();
         assert!((half(&plain) / half(&near) - 2.5).abs() < 1e-12 && plain.eye == near.eye);
-        let both = Asked { view: Some(AXIS_VIEWS[0]), eye: Some(DVec3::ONE), ..Asked::default() };
+        let both = Placement { view: Some(AXIS_VIEWS[0]), eye: Some(DVec3::ONE), ..Placement::default() };
         assert!(camera(&both, &seen, size).is_err());
     }
 }

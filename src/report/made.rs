@@ -45,7 +45,7 @@ impl Made {
             .compared
             .iter()
             .filter_map(|c| {
-                let (method, slug) = (c.row.spec(), c.slug.clone());
+                let (method, slug) = (c.method.clone(), c.slug.clone());
                 let scene = scene(&c.row)?;
                 let foreseen = |r: &&RowRecord| !r.chosen && (r.scene, &r.method) == (scene, &method);
                 let chosen = !self.run.rows.iter().any(|r| foreseen(&r));
@@ -89,7 +89,9 @@ mod tests {
             chosen: false,
         };
         let compared = |method: &str| Compared {
-            row: Row { scene: "a".into(), method: method.into(), ..Row::default() },
+            // The scene has chosen the size of the map.
+            row: Row { scene: "a".into(), method: method.into(), map: Some(64), ..Row::default() },
+            method: method.into(),
             slug: format!("{method}-tuned"),
             picture: None,
             difference: None,

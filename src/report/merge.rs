@@ -122,7 +122,7 @@ impl Part {
         }
         let records: Vec<_> = run.rows.iter().filter(|r| r.here).collect();
         let fits = |(row, record): (&Row, &&RowRecord)| {
-            row.spec() == record.method && run.scenes.get(record.scene).is_some_and(|s| s.name == row.scene)
+            record.is_of(row) && run.scenes.get(record.scene).is_some_and(|s| s.name == row.scene)
         };
         if rows.len() != records.len() || !rows.iter().zip(&records).all(fits) {
             return Err(broken("its rows are not those that run.json names".into()));
@@ -245,6 +245,7 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
         run.rows.push(RowRecord { slug: slug.clone(), here: true, ..place.record.clone() });
         made.comparison.compared.push(Compared {
             row,
+            method: place.record.method.clone(),
             slug,
             picture,
             difference: None,

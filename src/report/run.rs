@@ -8,7 +8,8 @@ use crate::measure::compare::slugs;
 use crate::measure::facts::Facts;
 use crate::measure::job::Effort;
 use crate::measure::journal::JOURNAL;
-use crate::shadow::Method;
+use crate::measure::table::Row;
+use crate::shadow::{Method, MethodSpec};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::Path;
@@ -55,6 +56,16 @@ pub struct RowRecord {
     /// Whether a search within a budget added it to those asked for.
     #[serde(default)]
     pub chosen: bool,
+}
+
+impl RowRecord {
+    /// Whether a measured row has these settings; the scene may have chosen the size of its map.
+    pub fn is_of(&self, row: &Row) -> bool {
+        self.method.parse::<MethodSpec>().is_ok_and(|spec| {
+            (spec.entry().name, spec.label()) == (&*row.method, row.params.clone())
+                && spec.map_size().is_none_or(|side| row.map == Some(side))
+        })
+    }
 }
 
 /// One part of a sweep: row `k`, from 0, is in it where `k` modulo `of` is `index - 1`.
@@ -160,7 +171,7 @@ impl Run {
         for (i, scene) in scenes.iter().enumerate() {
             let slugs = slugs(&names::prefix(&scene.name, several), parsed);
             for (method, slug) in parsed.iter().zip(slugs) {
-                let method = facts.row(&scene.name, scene.size, method.as_ref()).spec();
+                let method = method.spec().to_string();
                 let here = shard.is_none_or(|shard| shard.holds(rows.len()));
                 rows.push(RowRecord { scene: i, method, slug, here, chosen: false });
             }

@@ -1,69 +1,53 @@
-//! What a shadow method is to everything else: its line of the registry, what it builds, and what it promises.
+//! Interface of shadow methods: registry entry, settings, lookup, built structure, cost and error bound.
 
-use super::settings::{self, Key, Lookups, MAP, MARCH, Value};
-use super::spec::Setting;
+use super::settings::{Key, Lookups, MAP, MARCH, Value};
+use super::spec::MethodSpec;
 use super::style::Style;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::field::{BuildContext, LightSpace, Optimization, TILE_TEXELS, marches_cells};
 use crate::gpu::{Group, ShaderVariant, Span};
 
-/// A method as all others know it.
+/// Registry entry of a method.
 pub struct Entry {
-    /// Its name on the command line and in tables.
+    /// Name on the command line and in tables.
     pub name: &'static str,
     /// One line for `--help` and the window.
     pub summary: &'static str,
-    /// What can be set.
+    /// Keys of the settings.
     pub keys: &'static [Key],
-    /// Its settings from values of the keys, in their order; `None` where they do not fit.
+    /// Creates the method from values of the keys, in their order; `None` where they do not fit.
     pub make: fn(&[Value]) -> Option<Box<dyn Method>>,
-    /// Its rows in the default comparison, as on the command line; empty for none.
+    /// Rows in the default comparison, as on the command line; empty for none.
     pub compared: &'static str,
-    /// Its curves in a default `probe --curve`; empty for none.
+    /// Curves in a default `probe --curve`; empty for none.
     pub curve: &'static str,
-    /// How it is put to the stability cases.
+    /// Rows in the stability cases.
     pub stability: &'static str,
-    /// How it looks in every figure.
+    /// Colour and marker in every figure.
     pub style: Style,
-    /// What a search within a budget may set, as on the command line: the values that are tried of each key, the default
-    /// among them, numbers in the order in which they cost no less memory. Empty where there is nothing to tune.
-    pub tuned: &'static str,
 }
 
-impl Entry {
-    /// With settings as written (each key with one value).
-    ///
-    /// # Errors
-    /// An unknown key, or a value out of range, naming it and what there is.
-    pub fn with(&self, setting: &Setting) -> Result<Box<dyn Method>> {
-        let values = settings::read(self.name, self.keys, setting)?;
-        (self.make)(&values)
-            .ok_or_else(|| Error::runtime("cannot set", self.name, "values do not fit the keys"))
-    }
-}
-
-/// What a method promises on light rays through texel centres, at every depth `z`:
+/// Error bound of a method on light rays through texel centres, at every depth `z`:
 /// `T_exact(z + depth_mm) - transmittance <= T_method(z) <= T_exact(z - depth_mm) + transmittance`.
 ///
-/// `T_exact` is of a ray that strays no more than `lateral_mm` from the texel's, through values that differ no more than
-/// `value` from the volume's: float32 knows neither better, and a ray that grazes a surface may miss it altogether for
-/// less (`docs/bound.md`).
+/// `T_exact` belongs to a ray within `lateral_mm` of the texel's, through values within `value` of the volume's. These are
+/// the limits of float32: a ray that grazes a surface may miss it for less (`docs/bound.md`).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Bound {
     /// Error in transmittance.
     pub transmittance: f64,
     /// Error in depth, mm.
     pub depth_mm: f64,
-    /// How far the ray may stray sideways, mm.
+    /// Lateral error of the ray, mm.
     pub lateral_mm: f64,
-    /// How far values along it may stray, in the volume's values.
+    /// Error of the values along the ray, in the volume's units.
     pub value: f64,
-    /// Distance from a point light up to which nothing is promised, mm: float32 does not know the texel there.
+    /// Distance from a point light within which no bound holds, mm: float32 does not resolve texels there.
     pub from_light_mm: f64,
 }
 
 impl Bound {
-    /// What the structures of several lights all promise: the loosest of each; `None` where one promises nothing.
+    /// Bound that the structures of several lights all satisfy; `None` where one has no bound.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Option<Self> {
         let looser = |a: Self, b: Self| Self {
             transmittance: a.transmittance.max(b.transmittance),
@@ -77,102 +61,100 @@ impl Bound {
     }
 }
 
-/// Modules, definitions and constants that offer `umbravox::method::transmittance`.
+/// Shader modules, definitions and constants that provide `umbravox::method::transmittance`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Lookup(ShaderVariant);
 
 impl Lookup {
-    /// Of what [`field_shader`](crate::field::field_shader) begins; its entry does not matter.
+    /// Lookup from the modules of a [`field_shader`](crate::field::field_shader), whose entry point is ignored.
     pub fn new(shader: ShaderVariant) -> Self {
         Self(shader)
     }
 
-    /// With a lookup for each eye sample, or shared ones.
+    /// Sets whether eye samples share lookups.
     #[must_use]
-    pub fn asked_by(self, samples: Lookups) -> Self {
+    pub fn with_lookup_mode(self, samples: Lookups) -> Self {
         Self(self.0.defs((samples == Lookups::Each).then_some("LOOKUP_EACH")))
     }
 
-    /// The variant of a file with an entry point that looks light up.
+    /// Shader variant of an entry point that uses the lookup.
     pub fn within(&self, entry: &'static str) -> ShaderVariant {
         ShaderVariant { entry, ..self.0.clone() }
     }
 
-    /// A lookup marches a whole ray: pictures are then made in several dispatches.
+    /// Whether a lookup marches a whole ray; pictures are then drawn in several dispatches.
     pub fn marches(&self) -> bool {
         marches_cells(&self.0)
     }
 }
 
-/// A pass of a published method that nothing would have read.
+/// A pass of a published method that was skipped, since nothing would read its result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PassLeftOut {
-    /// The pass.
+    /// Name of the pass.
     pub what: &'static str,
-    /// Why nothing would have read it.
+    /// Reason.
     pub why: &'static str,
     /// Its name for `--no-skip`, where it can be forced.
     pub optional: Option<Optimization>,
 }
 
-/// The ratio that was chosen for how a whole map's layers share their depth, and what they are then like.
+/// Ratio chosen for the split of a map's layers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SplitChoice {
     /// From linear (0) to logarithmic (1).
     pub ratio: f64,
-    /// Mean correlation of neighbouring layers; 1 where they are the same.
+    /// Mean correlation of neighbouring layers; 1 for equal layers.
     pub correlation: f64,
 }
 
-/// What building cost and made.
+/// Cost and size of a built structure.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BuildReport {
-    /// Host milliseconds from asking for the structure to having it, without those that the device's passes took. The
-    /// renderer fills it in, for all methods alike.
+    /// Host milliseconds of the build without the device's passes; the renderer fills it in.
     pub host_ms: f64,
-    /// The device's passes, repetitions and choices among them; `None` where there are none.
+    /// Time of the device's passes, repetitions and choices included; `None` without passes.
     pub device: Option<Span>,
-    /// Bytes that are allocated for what lookups read.
+    /// Bytes allocated for lookups.
     pub bytes: u64,
-    /// Bytes of these that a lookup can reach.
+    /// Bytes that a lookup can reach.
     pub bytes_used: u64,
-    /// Something was allocated by guess: the next build knows better, and `bytes` will differ.
+    /// Whether a size was guessed, so that `bytes` of the next build will differ.
     pub guessed: bool,
     /// Nodes stored.
     pub nodes_total: Option<u64>,
-    /// The most nodes in one texel.
+    /// Largest number of nodes in a texel.
     pub nodes_max: Option<u64>,
     /// Texels whose ray meets extinction.
     pub texels_hit: Option<u64>,
-    /// Texels whose nodes may be more than the fewest, since the device kept too few corners of their tunnel.
+    /// Texels whose tunnel had too many corners, so that their nodes may not be the fewest.
     pub texels_narrowed: Option<u64>,
     /// Tiles of the map.
     pub tiles: u32,
-    /// Tiles left out since no active brick lies under them.
+    /// Tiles skipped since they cover no active brick.
     pub tiles_left_out: u32,
-    /// What these would have taken.
+    /// Bytes saved by skipped tiles.
     pub bytes_left_out: u64,
-    /// Times the build was repeated because the pool had run out.
+    /// Repetitions of the build since the pool was too small.
     pub pool_growths: u32,
-    /// Passes that nothing would have read.
+    /// Skipped passes.
     pub passes_left_out: &'static [PassLeftOut],
-    /// The ratio that was chosen for the split of layers, where one was.
+    /// Ratio chosen for the split of layers, where a search chose one.
     pub split_choice: Option<SplitChoice>,
 }
 
 impl BuildReport {
-    /// Texels of the tiles that were built.
+    /// Texels of the built tiles.
     pub fn texels_built(&self) -> u64 {
         u64::from((self.tiles - self.tiles_left_out) * TILE_TEXELS)
     }
 
-    /// Fills in the host's part of a build that took so many milliseconds.
+    /// Sets the host's share of a build that took `all_ms`.
     pub fn set_host_ms(&mut self, all_ms: f64) {
         self.host_ms = (all_ms - self.device.map_or(0.0, |s| s.wall_ms)).max(0.0);
     }
 
-    /// Of the structures of several lights, in their order: sums, and the most of what is a most. A choice of split is each
-    /// map's own.
+    /// Sum over the structures of several lights, with the maximum of maxima.
     pub fn of_all<'a>(maps: impl IntoIterator<Item = &'a ShadowMap>) -> Self {
         maps.into_iter().map(|map| map.report).reduce(Self::plus).unwrap_or_default()
     }
@@ -202,70 +184,70 @@ impl BuildReport {
         }
     }
 
-    /// Host plus device milliseconds, by the better clock.
+    /// Host plus device milliseconds, by the more precise clock.
     pub fn build_ms(&self) -> f64 {
         self.host_ms + self.device.map_or(0.0, |s| s.best().0)
     }
 }
 
-/// What transmittance does along a light ray by a method's own definition.
+/// Shape of a method's transmittance along a light ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Curve {
-    /// It falls with depth, and stays within 0 and 1.
+    /// Non-increasing, within 0 and 1.
     #[default]
     Falls,
-    /// It stays within 0 and 1, but may rise.
+    /// Within 0 and 1; may rise.
     Stays,
-    /// It may rise and exceed 1, as a series does that rings.
+    /// May rise and exceed 1, as a ringing series does.
     Rings,
 }
 
-/// Rays whose mean transmittance a map is to give at the centre of a texel.
+/// Rays whose mean transmittance a map stores for the centre of a texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Taps {
-    /// 1, 5 or 9 spread over the texel, as `tap_offset` of `shaders/shadow/dsm/build.wgsl` has them.
+    /// 1, 5 or 9 rays within the texel (`tap_offset` of `shaders/shadow/dsm/build.wgsl`).
     Within(u32),
-    /// The centres of a square of so many texels a side around it.
+    /// Centres of a square with so many texels a side.
     Texels(u32),
 }
 
-/// A built shadow structure for one light.
+/// Built shadow structure of one light.
 pub struct ShadowMap {
     /// Name of the method.
     pub method: &'static str,
-    /// Group 1 of what looks it up.
+    /// Bind group 1 of lookups.
     pub(crate) group: Group,
-    /// How it is looked up; `None`: everything is lit.
+    /// Lookup; `None` where everything is lit.
     pub lookup: Option<Lookup>,
-    /// Its projection.
+    /// Projection of the light.
     pub light_space: LightSpace,
-    /// What it cost.
+    /// Cost and size.
     pub report: BuildReport,
-    /// What it promises, where it promises anything.
+    /// Error bound, where the method has one.
     pub bound: Option<Bound>,
 }
 
 /// A shadow method with its settings.
 pub trait Method: std::fmt::Debug + Send + Sync {
-    /// Its line of the registry.
+    /// Entry of the registry.
     fn entry(&self) -> &'static Entry;
-    /// Its settings: values of the entry's keys, in their order.
+    /// Values of the entry's keys, in their order.
     fn values(&self) -> Vec<Value>;
-    /// How what [`Self::build`] makes is looked up; `None`: everything is lit.
+    /// Lookup into the built structure; `None` where everything is lit.
     fn lookup(&self) -> Option<Lookup>;
-    /// The passes that [`Self::build`] may run, for tests of shaders.
+    /// Passes that [`Self::build`] may run, for tests of shaders.
     fn passes(&self) -> Vec<ShaderVariant> {
         Vec::new()
     }
-    /// Rays whose mean a lookup at a texel's centre stands for.
+    /// Rays whose mean a lookup at a texel's centre returns.
     fn taps(&self) -> Taps {
         Taps::Within(1)
     }
-    /// What transmittance does along a light ray.
+    /// Shape of the transmittance along a light ray.
     fn curve(&self) -> Curve {
         Curve::Falls
     }
-    /// Makes what lookups read.
+    /// Builds the structure that lookups read.
     ///
     /// # Errors
     /// A structure that the adapter cannot hold.
@@ -276,41 +258,30 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         self.entry().name
     }
 
-    /// Its own settings as `key=value` separated by spaces, for tables: the telling ones, and what differs from the
-    /// defaults; without the side of the map, which has a column of its own.
+    /// Specification: entry and values.
+    fn spec(&self) -> MethodSpec {
+        MethodSpec::new(self.entry(), self.values())
+    }
+
+    /// Label of the settings ([`MethodSpec::label`]).
     fn params(&self) -> String {
-        let (keys, values) = (self.entry().keys, self.values());
-        let shown = |(key, value): &(&Key, &Value)| {
-            key.name != MAP
-                && settings::applies(keys, &values, key)
-                && (key.telling || Some(**value) != key.parse(key.default))
-        };
-        let settings = keys.iter().zip(&values).filter(shown);
-        settings.map(|(key, value)| format!("{}={value}", key.name)).collect::<Vec<_>>().join(" ")
+        self.spec().label()
     }
 
     /// The same map marched cell by cell, where it is marched by regular samples.
     fn by_cells(&self) -> Option<Box<dyn Method>> {
-        let (keys, mut values) = (self.entry().keys, self.values());
-        let march = keys.iter().position(|key| key.name == MARCH)?;
-        if values[march] != Value::Choice("samples") || !settings::applies(keys, &values, &keys[march]) {
-            return None;
-        }
-        values[march] = Value::Choice("cells");
-        (self.entry().make)(&values)
+        let spec = self.spec();
+        let is_sampled = spec.is_set(MARCH, "samples");
+        is_sampled.then(|| spec.with(MARCH, "cells")?.method().ok()).flatten()
     }
 
-    /// Whether it has a map, of texels that light rays go through.
+    /// Whether it has a map of texels.
     fn has_map(&self) -> bool {
         self.entry().keys.iter().any(|key| key.name == MAP)
     }
 
-    /// Texels a side, where it has a map and a setting says so; else the scene does ([`LightSpace::map_size`]).
+    /// Texels a side of the map ([`MethodSpec::map_size`]); the scene decides otherwise ([`LightSpace::map_size`]).
     fn map_size(&self) -> Option<u32> {
-        let mut settings = self.entry().keys.iter().zip(self.values());
-        settings.find_map(|(key, value)| match value {
-            Value::Whole(side) if key.name == MAP => Some(side),
-            _ => None,
-        })
+        self.spec().map_size()
     }
 }

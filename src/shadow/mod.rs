@@ -1,19 +1,18 @@
-//! Shadow methods: a folder each, and a line in [`registry`].
+//! Shadow methods: one folder and one line of the [`registry`] each.
 //!
-//! A method states its settings ([`settings`]), builds what its lookup reads, offers that lookup, and says what it
-//! promises. Everything else (light space, march, tiles, ray caster, queries, tables, plots, `--help`, the window)
-//! takes it as it is. `docs/adding-a-method.md` adds one step by step.
+//! A method declares its settings ([`settings`]), builds a shadow structure, offers a lookup into it, and states an error
+//! bound. Light space, march, tiles, ray caster, queries, tables, plots, `--help` and the window work with any method.
+//! `docs/adding-a-method.md` adds one step by step.
 //!
-//! # What a method's shaders find and offer
-//! * Group 0 is the field (`shaders/field/`), binding 0 of group 1 the light space (`umbravox::light`), which
-//!   [`BuildContext`] and [`TileMarch`] bind. The rest of group 1 is the method's own: numbers, textures of any kind,
-//!   samplers. A map of tiles has its table at binding 2.
-//! * A build is one or more passes, most over tiles through [`TileMarch`]. A pass that marches light rays
-//!   (`umbravox::march`) hands the pieces to the method's `umbravox::sink`, whose contract stands in
-//!   `shaders/field/march.wgsl`.
-//! * A lookup is a module `umbravox::method` with `fn transmittance(g: vec3<f32>) -> f32`, whose contract stands in
-//!   `shaders/render/raycast.wgsl`.
-//! * Constants that both sides know come from Rust, as `#{NAME}` ([`Constant`](crate::gpu::Constant)).
+//! # Interface of a method's shaders
+//! * Group 0 is the field (`shaders/field/`). Binding 0 of group 1 is the light space (`umbravox::light`), which
+//!   [`BuildContext`] and [`TileMarch`] bind. The rest of group 1 belongs to the method. A map of tiles has its table at
+//!   binding 2.
+//! * A build is one or more passes, most of them over tiles through [`TileMarch`]. A pass that marches light rays
+//!   (`umbravox::march`) calls the method's `umbravox::sink`; `shaders/field/march.wgsl` states the contract.
+//! * A lookup is a module `umbravox::method` with `fn transmittance(g: vec3<f32>) -> f32`;
+//!   `shaders/render/raycast.wgsl` states the contract.
+//! * Constants of both sides come from Rust, as `#{NAME}` ([`Constant`](crate::gpu::Constant)).
 
 mod avsm;
 mod bom;
@@ -33,7 +32,7 @@ mod rays;
 pub mod registry;
 mod search_space;
 pub mod settings;
-pub mod spec;
+mod spec;
 mod style;
 mod tolerances;
 mod vectors;
@@ -56,6 +55,7 @@ pub use rays::ShadowRays;
 pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_distinct, parse_list};
 pub use search_space::{Axis, SearchSpace};
 pub use settings::{Filter, Key, Kind, Lookups, Value, When};
+pub use spec::MethodSpec;
 pub use style::{Marker, Style};
 
 pub use crate::field::{BuildContext, LightSpace, Projection, TILE, TileMarch};

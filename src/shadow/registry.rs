@@ -1,9 +1,9 @@
-//! Every shadow method, a line each, and what all front doors ask of the list.
+//! Registry of shadow methods.
 
 use super::method::{Entry, Method};
-use super::spec;
+use super::spec::MethodSpec;
 use super::{avsm, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use std::collections::HashSet;
 use std::sync::LazyLock;
 
@@ -24,63 +24,47 @@ pub const METHODS: &[&Entry] = &[
     &super::half::ENTRY,
 ];
 
-/// The line of a method.
+/// Finds a method by its name.
 pub fn entry(name: &str) -> Option<&'static Entry> {
     METHODS.iter().copied().find(|m| m.name == name)
 }
 
-/// Rows of the default comparison, of a default `probe --curve`, and of the stability cases.
-pub static COMPARED: LazyLock<String> = LazyLock::new(|| rows(|m| m.compared));
-/// See [`COMPARED`].
-pub static CURVES: LazyLock<String> = LazyLock::new(|| rows(|m| m.curve));
-/// See [`COMPARED`].
-pub static STABILITY: LazyLock<String> = LazyLock::new(|| rows(|m| m.stability));
+/// Methods of the default comparison.
+pub static COMPARED: LazyLock<String> = LazyLock::new(|| joined(|m| m.compared));
+/// Methods of the default `probe --curve`.
+pub static CURVES: LazyLock<String> = LazyLock::new(|| joined(|m| m.curve));
+/// Methods of the stability cases.
+pub static STABILITY: LazyLock<String> = LazyLock::new(|| joined(|m| m.stability));
 
-/// What all methods have of one list, with `;` between them.
-fn rows(own: impl Fn(&Entry) -> &'static str) -> String {
-    METHODS.iter().map(|m| own(m)).filter(|r| !r.is_empty()).collect::<Vec<_>>().join(";")
+/// Joins one list of every method with `;`.
+fn joined(list: impl Fn(&Entry) -> &'static str) -> String {
+    METHODS.iter().map(|m| list(m)).filter(|r| !r.is_empty()).collect::<Vec<_>>().join(";")
 }
 
 /// Parses `METHOD[:key=value,...]`.
 ///
 /// # Errors
-/// An unknown method or key, or a value out of range, naming it and what there is.
+/// See [`MethodSpec::parse_list`].
 pub fn parse(text: &str) -> Result<Box<dyn Method>> {
-    let mut methods = parse_list(text)?;
-    match (methods.pop(), methods.is_empty()) {
-        (Some(only), true) => Ok(only),
-        _ => Err(Error::input("bad shadow method", text, "one method with one value a key is meant here")),
-    }
+    text.parse::<MethodSpec>()?.method()
 }
 
-/// Parses a list of methods as [`parse_list`] does, each once: the same given twice is one row.
+/// Parses a list of methods ([`MethodSpec::parse_list`]).
 ///
 /// # Errors
-/// As there.
-pub fn parse_distinct(text: &str) -> Result<Vec<Box<dyn Method>>> {
-    let mut seen = HashSet::new();
-    let mut methods = parse_list(text)?;
-    methods.retain(|method| seen.insert(format!("{method:?}")));
-    Ok(methods)
-}
-
-/// Parses a list of methods, with `;` between them; every combination of values is a row.
-///
-/// # Errors
-/// As [`parse`].
+/// See [`MethodSpec::parse_list`].
 pub fn parse_list(text: &str) -> Result<Vec<Box<dyn Method>>> {
-    let mut methods = Vec::new();
-    for spec in spec::parse_list(text)? {
-        for setting in spec.expand()? {
-            let entry = entry(&setting.name).ok_or_else(|| {
-                let names = METHODS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
-                let place = format!("`{}`", setting.name);
-                Error::input("unknown shadow method", place, format!("there is: {names}"))
-            })?;
-            methods.push(entry.with(&setting)?);
-        }
-    }
-    Ok(methods)
+    MethodSpec::parse_list(text)?.iter().map(MethodSpec::method).collect()
+}
+
+/// Parses a list of methods without repetitions.
+///
+/// # Errors
+/// See [`MethodSpec::parse_list`].
+pub fn parse_distinct(text: &str) -> Result<Vec<Box<dyn Method>>> {
+    let (mut specs, mut found) = (MethodSpec::parse_list(text)?, HashSet::new());
+    specs.retain(|spec| found.insert(spec.clone()));
+    specs.iter().map(MethodSpec::method).collect()
 }
 
 #[cfg(test)]
@@ -88,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_method_has_its_defaults_and_stands_in_no_others_way() {
+    fn every_entry_is_complete_and_distinct() {
         for (i, entry) in METHODS.iter().enumerate() {
             let method = parse(entry.name).unwrap();
             assert_eq!((method.name(), method.values().len()), (entry.name, entry.keys.len()));
@@ -100,12 +84,20 @@ mod tests {
             for other in &METHODS[..i] {
                 assert!(other.name != entry.name && other.style != entry.style, "{}", entry.name);
             }
-            let own = |rows: &str| {
-                let names = parse_list(rows).unwrap().iter().map(|m| m.name()).collect::<Vec<_>>();
-                assert!(names.iter().all(|n| *n == entry.name), "{rows}");
-            };
-            own(entry.stability);
-            [entry.compared, entry.curve].into_iter().filter(|r| !r.is_empty()).for_each(own);
+            for list in
+                [entry.stability, entry.compared, entry.curve].into_iter().filter(|list| !list.is_empty())
+            {
+                let methods = parse_list(list).unwrap();
+                assert!(methods.iter().all(|method| method.name() == entry.name), "{list}");
+            }
+            assert!(!entry.stability.is_empty(), "{}", entry.name);
         }
+    }
+
+    #[test]
+    fn repeated_methods_are_dropped() {
+        let count = |text: &str| parse_distinct(text).unwrap().len();
+        assert_eq!(count("dsm:epsilon=0.1,0.1"), 1);
+        assert_eq!(count("none;dsm:epsilon=0.1,0.10,0.02;none;dsm:epsilon=0.02"), 3);
     }
 }

@@ -1,103 +1,83 @@
-//! What a search within a budget may set of a method: the values that its line of the registry lists for each key.
+//! Search space of a method: the values that a search within a budget tries of each key.
 
 use super::method::{Entry, Method};
-use super::settings::{Kind, Value, applies};
-use super::spec::parse_spec;
-use crate::error::{Error, Result};
+use super::settings::{Key, Kind, MAP, Value, applies};
+use super::spec::MethodSpec;
 
 /// A key with the values that are tried of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// Place among the entry's keys.
+    /// Index among the entry's keys.
     key: usize,
     values: Vec<Value>,
-    /// Where a search starts: place of the key's default among the values, or the middle where that is a word for a number.
+    /// Index of the default among the values; the middle where the scene chooses a number.
     default: usize,
-    /// Values are numbers, and each costs no less memory than the one before.
+    /// Whether the values are numbers in the order of non-decreasing memory.
     pub ordered: bool,
 }
 
 impl Axis {
-    /// How many values there are.
+    fn of((at, key): (usize, &Key)) -> Self {
+        let values: Vec<_> = key.search_space.iter().filter_map(|text| key.parse(text)).collect();
+        let default = key.parse(key.default);
+        let default = values.iter().position(|value| Some(*value) == default).unwrap_or(values.len() / 2);
+        let ordered = match key.kind {
+            Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => true,
+            Kind::Choice(names) => names.iter().all(|name| name.parse::<f64>().is_ok()),
+        };
+        Self { key: at, values, default, ordered }
+    }
+
+    /// Number of values.
+    #[expect(clippy::len_without_is_empty, reason = "never empty")]
     pub fn len(&self) -> usize {
         self.values.len()
     }
-
-    /// Whether there are none, which no registry has.
-    pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
-    }
 }
 
-/// The settings among which a search looks: a place is an index into the values of each axis.
+/// Settings that a search explores; a place is an index into the values of each axis.
 #[derive(Clone)]
 pub struct SearchSpace {
-    entry: &'static Entry,
+    defaults: MethodSpec,
     axes: Vec<Axis>,
-    defaults: Vec<Value>,
 }
 
 impl SearchSpace {
-    /// Of a method; `None` where there is nothing to tune.
-    ///
-    /// # Errors
-    /// A line of the registry whose list is not of its own keys and values, or lacks a default.
-    pub fn of(entry: &'static Entry) -> Result<Option<Self>> {
-        if entry.tuned.is_empty() {
-            return Ok(None);
-        }
-        let spec = parse_spec(entry.tuned)?;
-        let wrong =
-            |key: &str, why: &str| Error::runtime("cannot tune", format!("{}:{key}", entry.name), why);
-        let mut axes = Vec::new();
-        for (name, texts) in &spec.params {
-            let found = entry.keys.iter().enumerate().find(|(_, k)| k.name == name);
-            let (place, key) = found.ok_or_else(|| wrong(name, "the method has no such key"))?;
-            let values = texts.iter().map(|text| key.parse(text)).collect::<Option<Vec<_>>>();
-            let values = values.ok_or_else(|| wrong(name, "a value is none of the key's"))?;
-            let default = match key.parse(key.default) {
-                // What a scene makes of a word is not known here: the middle is as good as any other place.
-                Some(Value::Choice(_)) if matches!(key.kind, Kind::WholeOr { .. }) => Some(values.len() / 2),
-                default => values.iter().position(|v| Some(*v) == default),
-            };
-            let default = default.ok_or_else(|| wrong(name, "the default is not among the values"))?;
-            let ordered = match key.kind {
-                Kind::Whole { .. } | Kind::WholeOr { .. } | Kind::Number { .. } => true,
-                Kind::Choice(names) => names.iter().all(|name| name.parse::<f64>().is_ok()),
-            };
-            axes.push(Axis { key: place, values, default, ordered });
-        }
-        let defaults = entry.keys.iter().filter_map(|k| k.parse(k.default)).collect();
-        Ok(Some(Self { entry, axes, defaults }))
+    /// Search space of a method; `None` where no key is searched.
+    pub fn of(entry: &'static Entry) -> Option<Self> {
+        let searched = entry.keys.iter().enumerate().filter(|(_, key)| !key.search_space.is_empty());
+        let mut axes: Vec<_> = searched.map(Axis::of).collect();
+        // The size of the map costs most: it is searched last.
+        axes.sort_by_key(|axis| entry.keys[axis.key].name == MAP);
+        (!axes.is_empty()).then(|| Self { defaults: MethodSpec::default_of(entry), axes })
     }
 
-    /// The keys that are searched.
+    /// Keys that are searched.
     pub fn axes(&self) -> &[Axis] {
         &self.axes
     }
 
-    /// Where every key has its default, or the middle of its values.
+    /// Place at which a search starts.
     pub fn default_place(&self) -> Vec<usize> {
         self.axes.iter().map(|axis| axis.default).collect()
     }
 
-    /// The same settings, keys without effect there at their defaults, so that what is the same is one place.
+    /// Moves keys without effect to their defaults, so that equal settings are one place.
     pub fn canonical(&self, place: &[usize]) -> Vec<usize> {
-        let values = self.values(place);
-        let settle = |(axis, index): (&Axis, &usize)| {
-            let key = &self.entry.keys[axis.key];
-            if applies(self.entry.keys, &values, key) { *index } else { axis.default }
+        let (keys, values) = (self.defaults.entry().keys, self.values(place));
+        let canonical = |(axis, index): (&Axis, &usize)| {
+            if applies(keys, &values, &keys[axis.key]) { *index } else { axis.default }
         };
-        self.axes.iter().zip(place).map(settle).collect()
+        self.axes.iter().zip(place).map(canonical).collect()
     }
 
-    /// The method with the settings of a place; `None` where the entry makes none of them.
+    /// Method with the settings of a place; `None` where the entry rejects them.
     pub fn method(&self, place: &[usize]) -> Option<Box<dyn Method>> {
-        (self.entry.make)(&self.values(&self.canonical(place)))
+        (self.defaults.entry().make)(&self.values(&self.canonical(place)))
     }
 
     fn values(&self, place: &[usize]) -> Vec<Value> {
-        let mut values = self.defaults.clone();
+        let mut values = self.defaults.values().to_vec();
         for (axis, index) in self.axes.iter().zip(place) {
             values[axis.key] = axis.values[*index];
         }
@@ -108,40 +88,40 @@ impl SearchSpace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shadow::{METHODS, parse};
+    use crate::shadow::METHODS;
 
-    /// Every list of the registry: readable, with the defaults, and every place is a method that reads back.
     #[test]
-    fn every_search_space_is_of_its_method() {
+    fn every_searched_value_is_valid_and_every_place_reads_back() {
         let mut tunable = Vec::new();
         for entry in METHODS {
-            let Some(space) = SearchSpace::of(entry).unwrap() else { continue };
+            let Some(space) = SearchSpace::of(entry) else { continue };
             tunable.push(entry.name);
-            // What a scene would choose is searched among numbers.
-            let start = space.method(&space.default_place()).unwrap();
-            let default = parse(entry.name).unwrap();
+            let (start, default) =
+                (space.method(&space.default_place()).unwrap(), MethodSpec::default_of(entry));
             for ((key, start), default) in entry.keys.iter().zip(start.values()).zip(default.values()) {
-                assert!(start == default || matches!(key.kind, Kind::WholeOr { .. }), "{}", key.name);
+                assert!(start == *default || matches!(key.kind, Kind::WholeOr { .. }), "{}", key.name);
             }
             for (i, axis) in space.axes().iter().enumerate() {
-                assert!(axis.len() > 1, "{}", entry.name);
+                let key = &entry.keys[axis.key];
+                assert!(
+                    axis.len() > 1 && axis.len() == key.search_space.len(),
+                    "{}:{}",
+                    entry.name,
+                    key.name
+                );
+                let is_scene_choice = matches!(key.kind, Kind::WholeOr { .. });
+                assert!(is_scene_choice || axis.values[axis.default] == key.parse(key.default).unwrap());
                 for index in 0..axis.len() {
                     let mut place = space.default_place();
                     place[i] = index;
-                    let method = space.method(&place).unwrap();
-                    let map = method.map_size().map_or(String::new(), |n| format!("map={n}"));
-                    let given: Vec<_> = [method.params().replace(' ', ","), map]
-                        .into_iter()
-                        .filter(|s| !s.is_empty())
-                        .collect();
-                    let again = parse(&format!("{}:{}", entry.name, given.join(","))).unwrap();
-                    assert_eq!(again.values(), method.values(), "{}", entry.name);
+                    let spec = space.method(&place).unwrap().spec();
+                    assert_eq!(spec.to_string().parse::<MethodSpec>().unwrap(), spec);
                 }
-                let numbers: Vec<f64> =
-                    axis.values.iter().filter_map(|v| v.to_string().parse().ok()).collect();
                 if axis.ordered {
-                    let rising = numbers.is_sorted_by(|a, b| a < b) || numbers.is_sorted_by(|a, b| a > b);
-                    assert!(rising && numbers.len() == axis.len(), "{}: in order", entry.name);
+                    let numbers: Vec<f64> =
+                        axis.values.iter().filter_map(|v| v.to_string().parse().ok()).collect();
+                    let sorted = numbers.is_sorted_by(|a, b| a < b) || numbers.is_sorted_by(|a, b| a > b);
+                    assert!(sorted && numbers.len() == axis.len(), "{}:{}", entry.name, key.name);
                 }
             }
         }
@@ -152,13 +132,14 @@ mod tests {
 
     #[test]
     fn settings_without_effect_are_one_place() {
-        let space = SearchSpace::of(crate::shadow::entry("bom").unwrap()).unwrap().unwrap();
-        let axis = |name| space.axes().iter().position(|a| space.entry.keys[a.key].name == name).unwrap();
+        let space = SearchSpace::of(crate::shadow::entry("bom").unwrap()).unwrap();
+        let axis =
+            |name| space.axes().iter().position(|a| space.defaults.entry().keys[a.key].name == name).unwrap();
         let (split, ratio) = (axis("split"), axis("ratio"));
         let mut place = space.default_place();
         place[ratio] = 0;
         assert_eq!(space.canonical(&place), place);
-        // `ratio` is of split=hybrid only.
+        // `ratio` has no effect with split=linear.
         place[split] = 0;
         assert_eq!(space.canonical(&place)[ratio], space.default_place()[ratio]);
         assert_eq!(space.method(&place).unwrap().params(), "layers=15 split=linear");

@@ -1,13 +1,10 @@
-//! Settings of methods as typed records. What a key is called, may be, is by default and does stands once, in the
-//! method's own file; parsing, refusals, `--help`, `params`, table columns, the window's controls, shader tests and
-//! default rows all read it from there.
+//! Typed settings of shadow methods. Each method declares the name, values, default and help of its keys once; parsing,
+//! errors, `--help`, table columns, the window's controls and shader tests read them from there.
 
-use super::spec::Setting;
-use crate::error::{Error, Result};
 use crate::field::{MapShape, March};
 use std::fmt;
 
-/// What values a key takes.
+/// Values that a key takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// A whole number.
@@ -17,7 +14,7 @@ pub enum Kind {
         /// The largest.
         most: u32,
     },
-    /// A whole number, or a word for one that a scene chooses.
+    /// A whole number, or a word that leaves it to the scene.
     WholeOr {
         /// The smallest.
         least: u32,
@@ -40,11 +37,11 @@ pub enum Kind {
 /// The value of a key.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
-    /// Of [`Kind::Whole`] and [`Kind::WholeOr`].
+    /// Value of [`Kind::Whole`] and [`Kind::WholeOr`].
     Whole(u32),
-    /// Of [`Kind::Number`].
+    /// Value of [`Kind::Number`].
     Number(f64),
-    /// Of [`Kind::Choice`], and the word of [`Kind::WholeOr`].
+    /// Value of [`Kind::Choice`], and the word of [`Kind::WholeOr`].
     Choice(&'static str),
 }
 
@@ -58,49 +55,52 @@ impl fmt::Display for Value {
     }
 }
 
-/// Under which value of another key a key has an effect.
+/// Condition on another key under which a key has an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum When {
-    /// Whatever the others are.
+    /// No condition.
     Always,
-    /// Only under this value of that key; given elsewhere it is a slip, and refused.
+    /// With this value of that key only; refused elsewhere.
     Is(&'static str, &'static str),
-    /// Everywhere but under this value of that key, where it is passed over.
+    /// Unless that key has this value; ignored there.
     Unless(&'static str, &'static str),
-    /// The same of either of two.
+    /// Unless one of two keys has its value.
     UnlessEither([(&'static str, &'static str); 2]),
 }
 
 /// A setting of a method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Key {
-    /// As it is written: `epsilon`.
+    /// Name, such as `epsilon`.
     pub name: &'static str,
-    /// What it may be.
+    /// Values that it takes.
     pub kind: Kind,
-    /// As it would be written.
+    /// Text of the default value.
     pub default: &'static str,
-    /// One line.
+    /// One line of help.
     pub help: &'static str,
-    /// Stands in `params` also where it is the default.
-    pub telling: bool,
-    /// Where it has an effect.
+    /// Whether labels show the key even at its default.
+    pub in_label: bool,
+    /// Condition under which it has an effect.
     pub when: When,
-    /// While a hand moves: a number is no smaller than this, anything else is this.
+    /// Value during interaction: a lower limit of numbers, a replacement otherwise.
     pub coarse: Option<&'static str>,
+    /// Values that a search within a budget tries, the default among them; numbers in the order of non-decreasing memory.
+    pub search_space: &'static [&'static str],
 }
 
 impl Key {
     const fn new(kind: Kind, default: &'static str, help: &'static str) -> Self {
-        Self { name: "", kind, default, help, telling: false, when: When::Always, coarse: None }
+        let (when, search_space): (_, &[&str]) = (When::Always, &[]);
+        Self { name: "", kind, default, help, in_label: false, when, coarse: None, search_space }
     }
 
-    /// A whole number between two, these included.
+    /// Key of a whole number in a closed range.
     pub const fn whole([least, most]: [u32; 2], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Whole { least, most }, default, help)
     }
 
-    /// The same, or a word.
+    /// Key of a whole number in a closed range, or a word.
     pub const fn whole_or(
         [least, most]: [u32; 2],
         word: &'static str,
@@ -110,32 +110,45 @@ impl Key {
         Self::new(Kind::WholeOr { least, most, word }, default, help)
     }
 
-    /// A number between two, these included.
+    /// Key of a number in a closed range.
     pub const fn number([least, most]: [f64; 2], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Number { least, most }, default, help)
     }
 
-    /// One of some words.
+    /// Key of one of several words.
     pub const fn choice(names: &'static [&'static str], default: &'static str, help: &'static str) -> Self {
         Self::new(Kind::Choice(names), default, help)
     }
 
-    /// The same, always in `params`.
-    pub const fn telling(self) -> Self {
-        Self { telling: true, ..self }
+    /// Shows the key in labels even at its default.
+    pub const fn in_label(self) -> Self {
+        Self { in_label: true, ..self }
     }
 
-    /// The same, with an effect only there.
+    /// Sets the condition under which the key has an effect.
     pub const fn when(self, when: When) -> Self {
         Self { when, ..self }
     }
 
-    /// The same, and this while a hand moves.
+    /// Sets the value during interaction.
     pub const fn coarse(self, coarse: &'static str) -> Self {
         Self { coarse: Some(coarse), ..self }
     }
 
-    /// The values as help and refusals say them: `1..512`, `0..1`, `nearest|bilinear`.
+    /// Sets the values that a search tries.
+    pub const fn search(self, search_space: &'static [&'static str]) -> Self {
+        Self { search_space, ..self }
+    }
+
+    /// Lets a search try every word of a choice.
+    pub const fn search_all(self) -> Self {
+        match self.kind {
+            Kind::Choice(names) => self.search(names),
+            _ => self,
+        }
+    }
+
+    /// Values as help and errors show them: `1..512`, `0..1`, `nearest|bilinear`.
     pub fn values(&self) -> String {
         match self.kind {
             Kind::Whole { least, most } => format!("{least}..{most}"),
@@ -145,7 +158,7 @@ impl Key {
         }
     }
 
-    /// The value that a text says, where it is one of the key's.
+    /// Parses a value of the key.
     pub fn parse(&self, text: &str) -> Option<Value> {
         match self.kind {
             Kind::WholeOr { word, .. } if text == word => Some(Value::Choice(word)),
@@ -153,13 +166,14 @@ impl Key {
                 text.parse().ok().filter(|n| (least..=most).contains(n)).map(Value::Whole)
             }
             Kind::Number { least, most } => {
-                text.parse().ok().filter(|n| (least..=most).contains(n)).map(Value::Number)
+                // Negative zero becomes zero, so that equal values have one text.
+                text.parse().ok().filter(|n| (least..=most).contains(n)).map(|n: f64| Value::Number(n + 0.0))
             }
             Kind::Choice(names) => names.iter().find(|name| **name == text).map(|name| Value::Choice(name)),
         }
     }
 
-    /// What a value of this key becomes while a hand moves.
+    /// Value of this key during interaction.
     pub fn coarser(&self, value: Value) -> Value {
         match (value, self.coarse.and_then(|coarse| self.parse(coarse))) {
             (value, None) => value,
@@ -167,44 +181,6 @@ impl Key {
             (_, Some(coarse)) => coarse,
         }
     }
-}
-
-/// The values of a method's keys, in their order: the given ones, and defaults.
-///
-/// # Errors
-/// An unknown key, a value out of range, or one without effect, naming it and what there is.
-pub(super) fn read(name: &str, keys: &[Key], setting: &Setting) -> Result<Vec<Value>> {
-    let place = |key: &str| format!("{name}:{key}");
-    for (key, _) in &setting.params {
-        if !keys.iter().any(|k| k.name == key) {
-            let names = keys.iter().map(|k| k.name).collect::<Vec<_>>().join(", ");
-            let why =
-                if names.is_empty() { "the method has no keys".into() } else { format!("there is: {names}") };
-            return Err(Error::input("unknown key", place(key), why));
-        }
-    }
-    let given = |key: &Key| setting.params.iter().find(|(k, _)| k == key.name).map(|(_, value)| value);
-    let value = |key: &Key| {
-        let text = given(key).map_or(key.default, String::as_str);
-        let refused = || {
-            Error::input(
-                "bad value",
-                place(&format!("{}={text}", key.name)),
-                format!("expected {}", key.values()),
-            )
-        };
-        key.parse(text).ok_or_else(refused)
-    };
-    let values = keys.iter().map(value).collect::<Result<Vec<_>>>()?;
-    for key in keys {
-        if let (When::Is(other, wanted), Some(_)) = (key.when, given(key))
-            && !applies(keys, &values, key)
-        {
-            let why = format!("it is of {other}={wanted} only");
-            return Err(Error::input("bad value", place(key.name), why));
-        }
-    }
-    Ok(values)
 }
 
 /// Whether a key has an effect under the values of the others.
@@ -221,10 +197,15 @@ pub(super) fn applies(keys: &[Key], values: &[Value], key: &Key) -> bool {
 
 /// A typed field of a method's settings.
 pub(super) trait Field: Copy {
-    /// The field that a key's value stands for.
+    /// Field from the value of its key.
     fn from_value(value: Value) -> Option<Self>;
-    /// The value under a key.
+    /// Value of a key from its field.
     fn to_value(self, key: &Key) -> Option<Value>;
+    /// Appends the value to those of the keys before; the default where code has set a value that the key does not allow.
+    fn push_to(self, values: &mut Vec<Value>, keys: &[Key]) {
+        let key = &keys[values.len()];
+        values.extend(self.to_value(key).or_else(|| key.parse(key.default)));
+    }
 }
 
 impl Field for u32 {
@@ -278,7 +259,7 @@ macro_rules! choices {
         $vis enum $name { $($(#[$doc])* $variant,)* }
 
         impl $name {
-            /// As they are written, in the order of the variants.
+            /// Words, in the order of the variants.
             pub const NAMES: &'static [&'static str] = &[$($text),*];
         }
 
@@ -297,19 +278,51 @@ macro_rules! choices {
     };
 }
 
-/// Declares the settings of a method: a public struct, and its keys, which are named like the fields.
+/// Declares the settings of a method: a public struct, and its keys, which are named like the fields. `..MapSettings` stands
+/// for the settings that all maps share, and adds `shape`.
 macro_rules! settings {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident {
+        $($(#[$doc:meta])* $field:ident: $ty:ty = $key:expr,)*
+        ..MapSettings,
+        $($more:tt)*
+    }) => {
+        $crate::shadow::settings::settings! {
+            $(#[$meta])* $vis struct $name {
+                $($(#[$doc])* $field: $ty = $key,)*
+                /// Occluder.
+                from: $crate::shadow::settings::DrawnFrom = $crate::shadow::settings::FROM_KEY,
+                /// March of light rays.
+                march: $crate::shadow::settings::MarchBy = $crate::shadow::settings::MARCH_KEY,
+                /// Distance of regular samples, in smallest voxel spacings.
+                step: f64 = $crate::shadow::settings::STEP_KEY,
+                /// Texels a side; `None`: by the scene.
+                map: Option<u32> = $crate::shadow::settings::MAP_KEY,
+                /// Region that the map covers.
+                fit: $crate::shadow::settings::Fit = $crate::shadow::settings::FIT_KEY,
+                /// Interpolation between texels.
+                filter: $crate::shadow::Filter = $crate::shadow::settings::FILTER_KEY,
+                $($more)*
+            }
+        }
+
+        impl $name {
+            /// Shape of the map, with the march of its light rays.
+            pub(super) fn shape(&self) -> $crate::field::MapShape {
+                self.fit.shape(self.map, self.from.march(self.march, self.step))
+            }
+        }
+    };
     ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$doc:meta])* $field:ident: $ty:ty = $key:expr,)* }) => {
         $(#[$meta])*
         #[derive(Debug, Clone, Copy, PartialEq)]
         $vis struct $name { $($(#[$doc])* pub $field: $ty,)* }
 
         impl $name {
-            /// What can be set, in the order of the fields.
+            /// Keys, in the order of the fields.
             pub const KEYS: &'static [$crate::shadow::Key] =
                 &[$($crate::shadow::Key { name: stringify!($field), ..$key }),*];
 
-            /// From the values of [`Self::KEYS`].
+            /// Settings from values of [`Self::KEYS`].
             fn from_values(values: &[$crate::shadow::Value]) -> Option<Self> {
                 let mut values = values.iter().copied();
                 Some(Self { $($field: $crate::shadow::settings::Field::from_value(values.next()?)?,)* })
@@ -317,11 +330,9 @@ macro_rules! settings {
 
             /// Values of [`Self::KEYS`].
             fn to_values(self) -> Vec<$crate::shadow::Value> {
-                let mut keys = Self::KEYS.iter();
-                let values = [$(keys.next().and_then(|k| $crate::shadow::settings::Field::to_value(self.$field, k))),*];
-                // A field that code has set to what no key allows shows as the default.
-                let or_default = |(k, v): (&$crate::shadow::Key, Option<_>)| v.or_else(|| k.parse(k.default));
-                Self::KEYS.iter().zip(values).filter_map(or_default).collect()
+                let mut values = Vec::new();
+                $($crate::shadow::settings::Field::push_to(self.$field, &mut values, Self::KEYS);)*
+                values
             }
         }
 
@@ -337,17 +348,17 @@ macro_rules! settings {
 pub(super) use {choices, settings};
 
 choices! {
-    /// How light rays are marched.
+    /// March of light rays.
     pub enum MarchBy {
-        /// Cell by cell, every one exactly.
+        /// Cell by cell, exactly.
         Cells = "cells",
-        /// By regular samples.
+        /// Regular samples.
         Samples = "samples",
     }
 }
 
 impl MarchBy {
-    /// With the distance of samples, in smallest voxel spacings.
+    /// March with samples at a distance in smallest voxel spacings.
     pub fn with_step(self, step: f64) -> March {
         match self {
             Self::Cells => March::Cells,
@@ -357,17 +368,17 @@ impl MarchBy {
 }
 
 choices! {
-    /// What casts the shadows of a map.
+    /// Occluder that a map is drawn from.
     pub enum DrawnFrom {
         /// The volume.
         Voxels = "voxels",
-        /// The strands that it was made from, every segment.
+        /// The segments of the strands that the volume was made from.
         Lines = "lines",
     }
 }
 
 impl DrawnFrom {
-    /// How light rays are marched, with the distance of samples in smallest voxel spacings.
+    /// March through this occluder, with the distance of samples in smallest voxel spacings.
     pub fn march(self, march: MarchBy, step: f64) -> March {
         match self {
             Self::Voxels => march.with_step(step),
@@ -376,45 +387,46 @@ impl DrawnFrom {
     }
 }
 
-/// Name of the key for what is marched through.
+/// Name of the key for the occluder.
 const FROM: &str = "from";
-/// Where a key has no effect since nothing is marched through.
+/// Condition of keys of marches through the volume.
 pub(super) const UNLESS_LINES: When = When::Unless(FROM, "lines");
-/// Key of methods that have a map.
+/// Key for the occluder of a map.
 pub(super) const FROM_KEY: Key = Key::choice(
     DrawnFrom::NAMES,
     "voxels",
     "what casts shadows: the volume, or the strands that it was made from, drawn into the map",
 );
 
-/// Name of the key for texels a side.
+/// Name of the key for the map's size.
 pub(super) const MAP: &str = "map";
-/// Key of methods that have a map.
+/// Key for the size of a map.
 pub(super) const MAP_KEY: Key = Key::whole_or(
     [1, 8192],
     "auto",
     "auto",
     "texels a side; auto: about a voxel each, finer where zoomed in",
-);
+)
+.search(&["64", "96", "128", "192", "256", "384", "512", "768", "1024"]);
 
 choices! {
-    /// What a map is fitted across.
+    /// Region that a map covers.
     pub enum Fit {
-        /// What of the active bricks the camera sees.
+        /// Active bricks that the camera sees.
         View = "view",
-        /// All of them.
+        /// All active bricks.
         Volume = "volume",
     }
 }
 
 impl Fit {
-    /// A map with so many texels a side (`None`: by the scene), marched so.
+    /// Shape of a map with so many texels a side (`None`: by the scene).
     pub fn shape(self, texels: Option<u32>, march: March) -> MapShape {
         MapShape { texels, fits_view: self == Self::View, reach: 1, march }
     }
 }
 
-/// Key of methods that have a map.
+/// Key for the region that a map covers.
 pub(super) const FIT_KEY: Key = Key::choice(
     Fit::NAMES,
     "view",
@@ -422,33 +434,33 @@ pub(super) const FIT_KEY: Key = Key::choice(
 );
 
 choices! {
-    /// How the four texels around a point are used.
+    /// Interpolation between the texels of a map.
     pub enum Filter {
-        /// The nearest one.
+        /// The nearest texel.
         Nearest = "nearest",
-        /// All of them, by how near they are.
+        /// The four texels around a point.
         Bilinear = "bilinear",
     }
 }
 
 choices! {
-    /// How samples of an eye ray ask for light.
+    /// Lookups of light by the samples of an eye ray.
     pub enum Lookups {
-        /// Up to four neighbours share a lookup.
+        /// One for up to four neighbouring samples.
         Shared = "shared",
-        /// Each has its own.
+        /// One for each sample.
         Each = "each",
     }
 }
 
-/// Name of the key for how light rays are marched.
+/// Name of the key for the march of light rays.
 pub(super) const MARCH: &str = "march";
-/// Key of methods that have a map.
+/// Key for the march of light rays.
 pub(super) const MARCH_KEY: Key =
     Key::choice(MarchBy::NAMES, "cells", "light rays cell by cell, exactly, or by regular samples")
         .coarse("samples")
         .when(UNLESS_LINES);
-/// Key of methods that have a map.
+/// Key for the distance of regular samples.
 pub(super) const STEP_KEY: Key = Key::number(
     [0.01, 8.0],
     "0.5",
@@ -456,12 +468,13 @@ pub(super) const STEP_KEY: Key = Key::number(
 )
 .when(When::Is(MARCH, "samples"));
 
-/// Key of every method that is looked up.
+/// Key for the lookups of eye samples.
 pub(super) const LOOKUP_KEY: Key = Key::choice(
     Lookups::NAMES,
     "shared",
     "lookups of light by eye samples: shared by up to four, or one for each",
 );
 
-/// Key of methods whose maps are filtered.
-pub(super) const FILTER_KEY: Key = Key::choice(Filter::NAMES, "bilinear", "texels used for a point");
+/// Key for the interpolation between texels.
+pub(super) const FILTER_KEY: Key =
+    Key::choice(Filter::NAMES, "bilinear", "texels used for a point").search_all();

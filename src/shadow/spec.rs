@@ -1,145 +1,327 @@
-//! The syntax of `--shadow` and `--methods`, whatever the methods are: `NAME[:key=value,...]`, methods separated by
-//! `;`, and a value without `=` is one more for the key before it.
+//! Method specifications: `NAME[:key=value,...]`, methods separated by `;`, and a value without `=` is one more for the
+//! key before it.
 
+use super::method::{Entry, Method};
+use super::registry::{METHODS, entry};
+use super::settings::{Key, MAP, Value, When, applies};
 use crate::error::{Error, Result};
+use std::fmt;
+use std::hash::{Hash, Hasher};
+use std::str::FromStr;
 
 const WHAT: &str = "bad shadow method";
 
-/// More rows than any table is made of; a longer expansion is a slip.
+/// Limit of rows that one text expands to; a longer list is a slip.
 const MAX_COMBINATIONS: usize = 10_000;
 
-/// One method with any number of values a key, as written.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Spec {
-    /// Name of the method.
-    pub name: String,
-    /// Keys in the order written, each once and with at least one value.
-    pub params: Vec<(String, Vec<String>)>,
+/// A shadow method with a value for each of its keys.
+#[derive(Clone)]
+pub struct MethodSpec {
+    entry: &'static Entry,
+    values: Vec<Value>,
 }
 
-/// One method with one value a key: a row of a table.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Setting {
-    /// Name of the method.
-    pub name: String,
-    /// Keys and values, in the order written.
-    pub params: Vec<(String, String)>,
-}
+impl MethodSpec {
+    /// Specification from values of the entry's keys, in their order.
+    pub fn new(entry: &'static Entry, values: Vec<Value>) -> Self {
+        Self { entry, values }
+    }
 
-impl Spec {
-    /// Every combination of the values; the last key varies fastest.
+    /// The method with its default settings.
+    pub fn default_of(entry: &'static Entry) -> Self {
+        Self::new(entry, entry.keys.iter().filter_map(|key| key.parse(key.default)).collect())
+    }
+
+    /// Parses methods separated by `;` (one at the end is allowed); every combination of values is one specification, and
+    /// the last key varies fastest.
     ///
     /// # Errors
-    /// More than 10,000 of them.
-    pub fn expand(&self) -> Result<Vec<Setting>> {
+    /// A text of another form, an unknown method or key, a value out of range, or more than 10,000 combinations.
+    pub fn parse_list(text: &str) -> Result<Vec<Self>> {
+        let text = text.trim();
+        let specs = text.strip_suffix(';').unwrap_or(text).split(';').map(Written::parse);
+        // The form of all is checked before the names of any.
+        let expanded =
+            specs.collect::<Result<Vec<_>>>()?.iter().map(Written::expand).collect::<Result<Vec<_>>>()?;
+        Ok(expanded.concat())
+    }
+
+    /// Entry of the method in the registry.
+    pub fn entry(&self) -> &'static Entry {
+        self.entry
+    }
+
+    /// Values of the entry's keys, in their order.
+    pub fn values(&self) -> &[Value] {
+        &self.values
+    }
+
+    /// Keys with their values.
+    pub fn settings(&self) -> impl Iterator<Item = (&'static Key, Value)> {
+        self.entry.keys.iter().zip(self.values.iter().copied())
+    }
+
+    /// Value of a key, where the method has it.
+    pub fn value(&self, key: &str) -> Option<Value> {
+        self.settings().find(|(k, _)| k.name == key).map(|(_, value)| value)
+    }
+
+    /// The same specification with another value of a key; `None` where the method has no such key or value.
+    #[must_use]
+    pub fn with(mut self, key: &str, value: &str) -> Option<Self> {
+        let at = self.entry.keys.iter().position(|k| k.name == key)?;
+        self.values[at] = self.entry.keys[at].parse(value)?;
+        Some(self)
+    }
+
+    /// Whether a key has this word as its value, and an effect.
+    pub fn is_set(&self, key: &str, word: &'static str) -> bool {
+        self.settings().any(|(k, value)| k.name == key && value == Value::Choice(word) && self.applies(k))
+    }
+
+    /// Texels a side of the map, where a setting says so; the scene decides otherwise.
+    pub fn map_size(&self) -> Option<u32> {
+        if let Some(Value::Whole(side)) = self.value(MAP) { Some(side) } else { None }
+    }
+
+    /// The method itself.
+    ///
+    /// # Errors
+    /// Values that do not fit the keys.
+    pub fn method(&self) -> Result<Box<dyn Method>> {
+        (self.entry.make)(&self.values)
+            .ok_or_else(|| Error::runtime("cannot set", self.entry.name, "values do not fit the keys"))
+    }
+
+    /// Settings as `key=value` separated by spaces, for tables: those that are always shown, and those that differ from the
+    /// defaults; without the size of the map, which has a column of its own.
+    pub fn label(&self) -> String {
+        let shown = |key: &Key, value| {
+            key.name != MAP && self.applies(key) && (key.in_label || Some(value) != key.parse(key.default))
+        };
+        let settings = self.settings().filter(|(key, value)| shown(key, *value));
+        settings.map(|(key, value)| format!("{}={value}", key.name)).collect::<Vec<_>>().join(" ")
+    }
+
+    fn applies(&self, key: &Key) -> bool {
+        applies(self.entry.keys, &self.values, key)
+    }
+}
+
+impl Default for MethodSpec {
+    /// Deep shadow maps.
+    fn default() -> Self {
+        Self::default_of(&super::dsm::ENTRY)
+    }
+}
+
+impl fmt::Display for MethodSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.entry.name)?;
+        let mut separator = ':';
+        for (key, value) in self.settings() {
+            // A key of another setting would be refused when read back.
+            let readable = self.applies(key) || !matches!(key.when, When::Is(..));
+            if readable && (key.in_label && self.applies(key) || Some(value) != key.parse(key.default)) {
+                write!(f, "{separator}{}={value}", key.name)?;
+                separator = ',';
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for MethodSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl FromStr for MethodSpec {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match &mut Self::parse_list(text)?[..] {
+            [only] => Ok(only.clone()),
+            _ => Err(Error::input(WHAT, text, "expected one method with one value for each key")),
+        }
+    }
+}
+
+impl PartialEq for MethodSpec {
+    fn eq(&self, other: &Self) -> bool {
+        self.entry.name == other.entry.name && self.values == other.values
+    }
+}
+
+/// No value is NaN: every key has a range.
+impl Eq for MethodSpec {}
+
+impl Hash for MethodSpec {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.entry.name.hash(state);
+        self.values.iter().for_each(|value| value.to_string().hash(state));
+    }
+}
+
+/// A method with any number of values for each key, as written.
+struct Written<'a> {
+    name: &'a str,
+    /// Keys in the order written, each once and with at least one value.
+    params: Vec<(&'a str, Vec<&'a str>)>,
+}
+
+impl<'a> Written<'a> {
+    fn parse(text: &'a str) -> Result<Self> {
+        let text = text.trim();
+        let refuse = |why: String| Error::input(WHAT, format!("`{text}`"), why);
+        let (name, rest) = match text.split_once(':') {
+            Some((name, rest)) => (name.trim(), Some(rest)),
+            None => (text, None),
+        };
+        if name.is_empty() || name.contains([',', '=']) {
+            return Err(refuse("expected NAME[:key=value,...]".into()));
+        }
+        let mut params: Vec<(&str, Vec<&str>)> = Vec::new();
+        for part in rest.into_iter().flat_map(|rest| rest.split(',')) {
+            let (key, value) = match part.split_once('=') {
+                Some((key, value)) => (Some(key.trim()), value.trim()),
+                None => (None, part.trim()),
+            };
+            if key == Some("") || value.is_empty() {
+                return Err(refuse(format!("`{part}` is not key=value")));
+            }
+            match key {
+                Some(key) if params.iter().any(|(k, _)| *k == key) => {
+                    return Err(refuse(format!("`{key}` is given twice")));
+                }
+                Some(key) => params.push((key, vec![value])),
+                None => match params.last_mut() {
+                    Some((_, values)) => values.push(value),
+                    None => return Err(refuse(format!("`{value}` has no key before it"))),
+                },
+            }
+        }
+        Ok(Self { name, params })
+    }
+
+    /// Every combination of the values.
+    fn expand(&self) -> Result<Vec<MethodSpec>> {
         let count = self.params.iter().try_fold(1_usize, |n, (_, values)| n.checked_mul(values.len()));
         if count.is_none_or(|n| n > MAX_COMBINATIONS) {
-            return Err(Error::input(WHAT, &self.name, "it has more than 10000 combinations"));
+            return Err(Error::input(WHAT, self.name, "it has more than 10000 combinations"));
         }
-        let mut rows = vec![Vec::new()];
-        for (key, values) in &self.params {
-            let with =
-                |row: &Vec<_>, value: &String| [row.as_slice(), &[(key.clone(), value.clone())]].concat();
-            rows = rows.iter().flat_map(|row| values.iter().map(move |v| with(row, v))).collect();
+        let entry = entry(self.name).ok_or_else(|| {
+            let names = METHODS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
+            Error::input("unknown shadow method", format!("`{}`", self.name), format!("there is: {names}"))
+        })?;
+        let mut specs = vec![MethodSpec::default_of(entry)];
+        for (name, texts) in &self.params {
+            let at = entry.keys.iter().position(|key| key.name == *name);
+            let at = at.ok_or_else(|| unknown_key(entry, name))?;
+            let key = &entry.keys[at];
+            let refused = |text: &&str| {
+                let place = format!("{}:{name}={text}", entry.name);
+                Error::input("bad value", place, format!("expected {}", key.values()))
+            };
+            let values = texts.iter().map(|text| key.parse(text).ok_or_else(|| refused(text)));
+            let values = values.collect::<Result<Vec<_>>>()?;
+            let with = |spec: &MethodSpec, value: &Value| {
+                let mut spec = spec.clone();
+                spec.values[at] = *value;
+                spec
+            };
+            specs = specs.iter().flat_map(|spec| values.iter().map(move |value| with(spec, value))).collect();
         }
-        Ok(rows.into_iter().map(|params| Setting { name: self.name.clone(), params }).collect())
+        specs.iter().try_for_each(|spec| self.check_effect(spec))?;
+        Ok(specs)
     }
-}
 
-/// Parses `NAME[:key=value,...]`.
-///
-/// # Errors
-/// An empty name, key or value, a value before any key, or a key given twice.
-pub fn parse_spec(text: &str) -> Result<Spec> {
-    let text = text.trim();
-    let refuse = |why: String| Error::input(WHAT, format!("`{text}`"), why);
-    let (name, rest) = match text.split_once(':') {
-        Some((name, rest)) => (name.trim(), Some(rest)),
-        None => (text, None),
-    };
-    if name.is_empty() || name.contains([',', '=']) {
-        return Err(refuse("expected NAME[:key=value,...]".into()));
-    }
-    let mut params: Vec<(String, Vec<String>)> = Vec::new();
-    for part in rest.into_iter().flat_map(|rest| rest.split(',')) {
-        let (key, value) = match part.split_once('=') {
-            Some((key, value)) => (Some(key.trim()), value.trim()),
-            None => (None, part.trim()),
-        };
-        if key == Some("") || value.is_empty() {
-            return Err(refuse(format!("`{part}` is not key=value")));
-        }
-        match key {
-            Some(key) if params.iter().any(|(k, _)| k == key) => {
-                return Err(refuse(format!("`{key}` is given twice")));
+    /// Refuses a given key that has no effect under the values of the others.
+    fn check_effect(&self, spec: &MethodSpec) -> Result<()> {
+        for key in spec.entry.keys.iter().filter(|key| self.params.iter().any(|(name, _)| *name == key.name))
+        {
+            if let When::Is(other, wanted) = key.when
+                && !spec.applies(key)
+            {
+                let place = format!("{}:{}", spec.entry.name, key.name);
+                return Err(Error::input(
+                    "bad value",
+                    place,
+                    format!("it has an effect with {other}={wanted} only"),
+                ));
             }
-            Some(key) => params.push((key.into(), vec![value.into()])),
-            None => match params.last_mut() {
-                Some((_, values)) => values.push(value.into()),
-                None => return Err(refuse(format!("`{value}` has no key before it"))),
-            },
         }
+        Ok(())
     }
-    Ok(Spec { name: name.into(), params })
 }
 
-/// Parses methods separated by `;`; a `;` at the end is allowed.
-///
-/// # Errors
-/// As [`parse_spec`], or no method at all.
-pub fn parse_list(text: &str) -> Result<Vec<Spec>> {
-    let text = text.trim();
-    text.strip_suffix(';').unwrap_or(text).split(';').map(parse_spec).collect()
+fn unknown_key(entry: &Entry, key: &str) -> Error {
+    let names = entry.keys.iter().map(|k| k.name).collect::<Vec<_>>().join(", ");
+    let why = if names.is_empty() { "the method has no keys".into() } else { format!("there is: {names}") };
+    Error::input("unknown key", format!("{}:{key}", entry.name), why)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
 
-    fn labels(spec: &str) -> Vec<String> {
-        let settings = parse_spec(spec).unwrap().expand().unwrap();
-        let join =
-            |s: &Setting| s.params.iter().map(|(k, v)| format!("{k}={v}")).collect::<Vec<_>>().join(" ");
-        settings.iter().map(join).collect()
+    fn labels(text: &str) -> Vec<String> {
+        MethodSpec::parse_list(text).unwrap().iter().map(ToString::to_string).collect()
     }
 
     #[test]
-    fn a_value_without_key_is_one_more_for_the_key_before() {
-        let spec = parse_spec("dsm:epsilon=0.06,0.02,map=256").unwrap();
-        assert_eq!(spec.name, "dsm");
+    fn every_combination_appears_once_in_a_stable_order() {
+        assert_eq!(labels("none"), ["none"]);
         assert_eq!(
-            spec.params,
-            [("epsilon".into(), vec!["0.06".into(), "0.02".into()]), ("map".into(), vec!["256".into()])]
+            labels("dsm:epsilon=0.06,0.02,map=256"),
+            ["dsm:epsilon=0.06,map=256", "dsm:epsilon=0.02,map=256"]
         );
-    }
-
-    #[test]
-    fn every_combination_once_in_a_stable_order() {
-        assert_eq!(labels("none"), [""]);
         assert_eq!(
             labels("osm:layers=8,32, slicing=uniform,density"),
             [
-                "layers=8 slicing=uniform",
-                "layers=8 slicing=density",
-                "layers=32 slicing=uniform",
-                "layers=32 slicing=density"
+                "osm:layers=8",
+                "osm:layers=8,slicing=density",
+                "osm:layers=32",
+                "osm:layers=32,slicing=density"
             ]
         );
+        assert_eq!(labels("none; rays ;dsm:epsilon=0.1;"), ["none", "rays", "dsm:epsilon=0.1"]);
     }
 
     #[test]
-    fn lists_are_apart_by_semicolons() {
-        let names = |text| parse_list(text).map(|l| l.into_iter().map(|s| s.name).collect::<Vec<_>>());
-        assert_eq!(names("none; rays ;dsm:epsilon=0.1;").unwrap(), ["none", "rays", "dsm"]);
-        assert!(names("none;;rays").is_err());
-        assert!(names("").is_err());
-        assert!(names(";").is_err());
+    fn equal_settings_are_equal_whatever_their_text() {
+        let specs =
+            MethodSpec::parse_list("dsm;dsm:epsilon=0.020;dsm:offset=0;dsm:offset=-0,epsilon=2e-2").unwrap();
+        assert!(specs.iter().all(|spec| *spec == specs[0]));
+        assert_eq!(specs.iter().collect::<HashSet<_>>().len(), 1);
+        assert_ne!(specs[0], specs[0].clone().with("map", "64").unwrap());
+        assert_eq!(specs[0].clone().with("map", "0"), None);
+        assert_eq!(specs[0].clone().with("maps", "64"), None);
+    }
+
+    #[test]
+    fn texts_read_back_as_the_same_settings() {
+        for text in [
+            "rays",
+            "dsm:precompress=off,march=samples,step=0.25,map=64",
+            "osm:from=lines,filter=nearest",
+            "osm:march=samples,step=1",
+            "bom:split=hybrid,ratio=0.75",
+        ] {
+            let spec: MethodSpec = text.parse().unwrap();
+            assert_eq!(spec.to_string().parse::<MethodSpec>().unwrap(), spec, "{text}: {spec}");
+            assert_eq!(spec.method().unwrap().spec(), spec, "{text}");
+        }
     }
 
     #[test]
     fn slips_are_refused_with_their_reason() {
         for (text, why) in [
             ("", "NAME"),
+            (";", "NAME"),
+            ("none;;rays", "NAME"),
             (":epsilon=1", "NAME"),
             ("epsilon=1", "NAME"),
             ("dsm,epsilon=1", "NAME"),
@@ -149,17 +331,21 @@ mod tests {
             ("dsm:epsilon=1,,map=2", "not key=value"),
             ("dsm:0.1", "no key before it"),
             ("dsm:map=1,map=2", "`map` is given twice"),
+            ("dsn", "there is: none, rays"),
+            ("dsm:maps=1", "there is: epsilon"),
+            ("rays:map=1", "there is: lookup"),
+            ("none:map=1", "no keys"),
+            ("dsm:epsilon=2", "expected 0..1"),
+            ("dsm:epsilon=nan", "expected 0..1"),
+            ("osm:step=1", "march=samples only"),
         ] {
-            let e = parse_spec(text).expect_err(text);
+            let e = MethodSpec::parse_list(text).expect_err(text);
             assert!(e.why.contains(why), "{text}: {e}");
             assert_eq!(e.exit_status(), 2);
         }
-    }
-
-    #[test]
-    fn a_runaway_expansion_is_refused() {
+        assert!("dsm:epsilon=0.1,0.2".parse::<MethodSpec>().unwrap_err().why.contains("one value"));
         let values = (0..200).map(|v| v.to_string()).collect::<Vec<_>>().join(",");
-        let spec = parse_spec(&format!("dsm:a={values},b={values}")).unwrap();
-        assert!(spec.expand().unwrap_err().why.contains("more than 10000"));
+        let runaway = format!("dsm:map={values},step={values}");
+        assert!(MethodSpec::parse_list(&runaway).unwrap_err().why.contains("more than 10000"));
     }
 }

@@ -1,7 +1,7 @@
-//! How a method looks in every figure.
+//! Colours and markers of methods in figures.
 
-/// Colour and marker. Colours are of the Okabe-Ito palette (Okabe and Ito 2008), whose yellow is too pale on white, and,
-/// where it ends, of Tol's muted one (Tol 2021).
+/// Colour and marker of a method. Colours come from the palette of Okabe and Ito (2008), without its pale yellow, and from
+/// Tol's muted palette (2021).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Style {
     /// sRGB.

@@ -1,30 +1,29 @@
-//! What maps take for granted of light rays and surfaces, and the terms of what is promised of them, in one place.
-//! `docs/bound.md` derives each.
+//! Tolerances of maps, and the terms of the error bound that all marches share. `docs/bound.md` derives each.
 
 use super::method::Bound;
 use crate::field::{BuildContext, LightSpace, SHORT_PIECE};
 
-/// Optical depth at which a light ray is over (a transmittance of 2^-11).
+/// Optical depth at which a light ray ends (a transmittance of 2^-11).
 pub const OPAQUE_DEPTH: f32 = 7.6246;
-/// What the polyline that a march hands to a sink may stray from the curve between its points, in transmittance.
+/// Largest distance between the curve and the polyline that a march hands to a sink, in transmittance.
 pub const CHORD_TOLERANCE: f64 = 0.0023;
-/// Slope against the light up to which neighbouring texels are taken to see one surface.
+/// Steepest slope against the light at which neighbouring texels count as one surface.
 pub const STEEPEST_SURFACE: f64 = 4.0;
 
-/// Four-point Gauss over stretches on which what opacity lets through changes by a factor of 2 at most, at the
-/// transmittance at which optical depth is worth most (1/e); and a tenth of what is left where opacity nears 1.
+/// Error of four-point Gauss quadrature over stretches on which `1 - opacity` changes by a factor of 2 at most, at the
+/// transmittance at which optical depth weighs most (1/e); and a tenth of the remainder where opacity nears 1.
 const QUADRATURE: f64 = 6e-4;
-/// Sums in float32 ([`MOST_ROUNDINGS`](crate::field::MOST_ROUNDINGS)), at the transmittance at which they are worth most (1/e), and the rounding of
-/// `exp`.
+/// Rounding of float32 sums ([`MOST_ROUNDINGS`](crate::field::MOST_ROUNDINGS)), at the transmittance at which it weighs
+/// most (1/e), and of `exp`.
 const SUMS: f64 = 2e-4;
 
-/// Optical depth whose chord stays within [`CHORD_TOLERANCE`] at transmittance 1: a chord of length `h` strays by at
+/// Largest optical depth whose chord stays within [`CHORD_TOLERANCE`] at transmittance 1: a chord of length `h` strays by at
 /// most `h^2 sigma^2 / 8`.
 pub fn longest_depth() -> f32 {
     (8.0 * CHORD_TOLERANCE).sqrt() as f32
 }
 
-/// What every march cell by cell promises, whatever is made of it.
+/// Error bound of a march cell by cell, before any compression.
 pub fn march_bound(context: &BuildContext<'_>, light_space: &LightSpace) -> Bound {
     let rounding = light_space.rounding(context.volume, context.transfer.clips);
     Bound {

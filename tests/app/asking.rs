@@ -5,7 +5,7 @@ use eframe::egui::{Key, vec2};
 use egui_kittest::kittest::Queryable;
 use umbravox::app::{App, Purpose};
 use umbravox::formats::write_nifti;
-use umbravox::open::SceneSettings;
+use umbravox::open::SceneRequest;
 use umbravox::phantom::Phantom;
 use umbravox::scene::Shading;
 use umbravox::transfer::TransferFunction;
@@ -47,7 +47,7 @@ fn enter_confirms_every_prompt() {
         assert!(path(name).is_file(), "{purpose:?}: {:?}", bench.errors());
     }
     assert!(TransferFunction::read(&path("mine.json")).is_ok());
-    assert!(SceneSettings::read(&path("mine.toml")).is_ok());
+    assert!(SceneRequest::read(&path("mine.toml")).is_ok());
 
     let other = r#"{"name": "other", "units": "", "points": [{"value": 0, "opacity": 0}, {"value": 9, "opacity": 0.5}]}"#;
     std::fs::write(path("other.json"), other).unwrap();
@@ -201,6 +201,6 @@ fn shading_is_off_by_default() {
     let document = bench.app().model.document.clone().unwrap();
     assert_eq!(document.scene.shading, Shading::None);
     // As the command line, which reads the same scene.
-    let read = SceneSettings::from_toml(&document.scene_text("ct").unwrap()).unwrap();
+    let read = SceneRequest::from_toml(&document.scene_text("ct").unwrap()).unwrap().settings;
     assert!(matches!(read.shading, None | Some(Shading::None)));
 }

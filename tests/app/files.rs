@@ -7,12 +7,12 @@ use umbravox::app::curve::Edit;
 use umbravox::files::color::srgb8_from_linear;
 use umbravox::files::loading::Loading;
 use umbravox::files::picture::{Backdrop, read_exr};
-use umbravox::open::SceneSettings;
+use umbravox::open::SceneRequest;
 use umbravox::render::{DisabledOptimizations, Picture, Session};
 
 /// Draws a scene file as `render --scene` does.
 fn drawn_by_the_command_line(scene: &std::path::Path) -> Picture {
-    let settings = SceneSettings::read(scene).unwrap();
+    let settings = SceneRequest::read(scene).unwrap().settings;
     let method = settings.method().unwrap();
     let loaded = settings.load(&Loading::default()).unwrap();
     let session = Session::open(None, loaded.volume, &loaded.tf, DisabledOptimizations::NONE).unwrap();

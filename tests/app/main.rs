@@ -42,7 +42,7 @@ impl Bench {
     /// Opens a command line of `view`; `None`, visibly, where there is no adapter.
     pub fn open(line: &[&str]) -> Option<Self> {
         let mut bench = Self::empty()?;
-        let settings = scene_args(line).into_settings().unwrap();
+        let settings = scene_args(line).into_request().unwrap().settings;
         bench.app().model.open(settings.spec(), OpenMode::Settings(Box::new(settings)));
         bench.settle();
         Some(bench)

@@ -7,7 +7,7 @@ use ndarray::Array3;
 use std::path::Path;
 use umbravox::files::loading::Loading;
 use umbravox::formats::write_volume;
-use umbravox::open::{SceneSettings, VolumeSpec, load};
+use umbravox::open::{SceneRequest, VolumeSpec, load};
 use umbravox::transfer::LabelClass;
 use umbravox::volume::{Provenance, Scaling, Volume};
 
@@ -45,7 +45,7 @@ fn a_clip_plane_is_added_dragged_and_undone() {
 
     // The written scene draws the same picture.
     let text = moved.scene_text("bone").unwrap();
-    let settings = SceneSettings::from_toml(&text).unwrap();
+    let settings = SceneRequest::from_toml(&text).unwrap().settings;
     let loaded = settings.load(&Loading::default()).unwrap();
     assert_eq!(loaded.tf.clip, moved.tf.clip, "{text}");
 
@@ -103,6 +103,6 @@ fn labels_are_hidden_and_shown() {
     assert_eq!(classes, [LabelClass::Hidden, LabelClass::Function(1), LabelClass::Hidden]);
     let text = document.scene_text("ct").unwrap();
     assert!(text.contains("hide = \"0,3\"") && text.contains("1=skin"), "{text}");
-    let loaded = SceneSettings::from_toml(&text).unwrap().load(&Loading::default()).unwrap();
+    let loaded = SceneRequest::from_toml(&text).unwrap().settings.load(&Loading::default()).unwrap();
     assert_eq!(loaded.tf.rules, document.tf.rules);
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use umbravox::app::curve::Edit;
 use umbravox::engine::MethodChoice;
 use umbravox::files::loading::Loading;
-use umbravox::open::SceneSettings;
+use umbravox::open::SceneRequest;
 use umbravox::scene::Shading;
 use umbravox::strands::Kernel;
 
@@ -53,7 +53,7 @@ fn strands_are_voxelised_again_and_other_settings_stay() {
     let dir = tempfile::tempdir().unwrap();
     let scene = dir.path().join("scene.toml");
     bench.app().model.save_scene(&scene);
-    let settings = SceneSettings::read(&scene).unwrap();
+    let settings = SceneRequest::read(&scene).unwrap().settings;
     let read = settings.load(&Loading::default()).unwrap();
     assert_eq!(read.volume.voxels(), after.volume.voxels());
     assert_eq!(read.tf, *after.tf);

@@ -203,7 +203,7 @@ fn a_second_light_is_added_edited_moved_and_removed() {
 
     // A scene file contains both, to the last bit.
     let document = bench.app().model.document.clone().unwrap();
-    let read = umbravox::open::SceneSettings::from_toml(&document.scene_text("ct").unwrap()).unwrap();
+    let read = umbravox::open::SceneRequest::from_toml(&document.scene_text("ct").unwrap()).unwrap().settings;
     assert_eq!(read.scene(&VisibleBounds::whole(&document.volume)).unwrap().lights, back);
 
     // The command line draws the same picture.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use umbravox::files::loading::{Loading, ReadingProgress, ReadingStage};
 use umbravox::formats::write_nifti;
-use umbravox::open::{VolumeSpec, load, load_with};
+use umbravox::open::{VolumeSpec, load};
 use umbravox::strands::{StrandSet, write_hair};
 use umbravox::volume::Histogram;
 
@@ -50,7 +50,7 @@ fn watched(
     let loading = Arc::new(Loading::default());
     let (theirs, spec) = (Arc::clone(&loading), spec(source));
     let thread = std::thread::spawn(move || {
-        let volume = load_with(&spec, &theirs)?;
+        let volume = spec.read(&theirs)?.volume;
         Ok(Histogram::of_with(&volume, 64, &theirs)?.counts.iter().sum())
     });
     while !thread.is_finished() {
@@ -77,7 +77,7 @@ fn the_share_rises_to_one_and_the_volume_is_the_same() {
         );
         let plain = load(&spec(&source)).unwrap();
         assert_eq!(voxels.unwrap(), plain.dims().iter().map(|n| *n as u64).product::<u64>(), "{source}");
-        let again = load_with(&spec(&source), &Loading::default()).unwrap();
+        let again = spec(&source).read(&Loading::default()).unwrap().volume;
         assert_eq!(again.voxels(), plain.voxels(), "{source}");
     }
 }
@@ -91,7 +91,7 @@ fn a_packed_file_is_as_far_as_its_packed_bytes() {
     let half = dir.path().join("half.nii.gz");
     std::fs::write(&half, &bytes[..bytes.len() / 2]).unwrap();
     let loading = Loading::default();
-    assert!(load_with(&spec(half.to_str().unwrap()), &loading).is_err());
+    assert!(spec(half.to_str().unwrap()).read(&loading).is_err());
     assert_eq!(
         loading.progress(),
         ReadingProgress { stage: ReadingStage::Unpacking, share: 0.85 },
@@ -101,7 +101,7 @@ fn a_packed_file_is_as_far_as_its_packed_bytes() {
     let mut more = std::fs::File::options().append(true).open(&path).unwrap();
     more.write_all(&noise(bytes.len())).unwrap();
     let loading = Loading::default();
-    let outcome = load_with(&spec(path.to_str().unwrap()), &loading);
+    let outcome = spec(path.to_str().unwrap()).read(&loading);
     // What follows the stream is no gzip: it is refused, but only after the voxels.
     assert!(outcome.unwrap_err().to_string().contains("damaged after the voxels"));
     let share = loading.progress().share / 0.85;
@@ -148,7 +148,7 @@ fn a_cancelled_reading_does_not_begin() {
     for source in sources {
         let loading = Loading::default();
         loading.cancel();
-        let error = load_with(&spec(&source), &loading).unwrap_err();
+        let error = spec(&source).read(&loading).unwrap_err();
         assert!(error.to_string().contains("cancelled") && error.exit_status() == 1, "{source}: {error}");
         assert_eq!(loading.progress().share, 0.0, "{source}");
     }

@@ -54,7 +54,7 @@ pub fn tune(
     let mut spaces: Vec<(&Entry, SearchSpace)> = Vec::new();
     for entry in methods.iter().map(|m| m.entry()) {
         if spaces.iter().all(|(other, _)| !std::ptr::eq(*other, entry))
-            && let Some(space) = SearchSpace::of(entry)?
+            && let Some(space) = SearchSpace::of(entry)
         {
             spaces.push((entry, space));
         }

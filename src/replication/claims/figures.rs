@@ -154,8 +154,7 @@ impl Wanted {
 
 /// Name of a method with the values of all its keys: equal for equal settings.
 pub fn key(method: &dyn Method) -> String {
-    let values: Vec<String> = method.values().iter().map(ToString::to_string).collect();
-    format!("{} {}", method.name(), values.join(" "))
+    method.spec().to_string()
 }
 
 /// Measures methods on a variant of a scene; a method that fails has a row that says why.

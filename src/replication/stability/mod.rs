@@ -26,8 +26,7 @@ use crate::measure::errors::{RayTest, meets_extinction};
 use crate::measure::rays::pick_texels;
 use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::scene::{Light, Scene};
-use crate::shadow::spec::Setting;
-use crate::shadow::{self, LightSpace, METHODS, Method, ShadowMap};
+use crate::shadow::{LightSpace, Method, MethodSpec, ShadowMap};
 use glam::DVec2;
 use std::sync::Arc;
 
@@ -104,12 +103,12 @@ impl Cost {
 /// Settings that are refused.
 pub fn run(
     renderer: &Arc<Renderer>,
-    methods: &[Setting],
+    methods: &[MethodSpec],
     cases: &[&Case],
     next: &mut dyn FnMut(&str),
 ) -> Result<Vec<Row>> {
     let ordinary = &all()?[0];
-    let plain = methods.iter().map(|m| shadow::parse(&text_of(m))).collect::<Result<Vec<_>>>()?;
+    let plain = methods.iter().map(MethodSpec::method).collect::<Result<Vec<_>>>()?;
     next("what is ordinary");
     let outcomes = measure(renderer, ordinary, &plain);
     // A method that fails on the ordinary case has nothing to be compared with.
@@ -119,8 +118,8 @@ pub fn run(
         next(&case.name);
         let mut concerned = Vec::new();
         for (method, cost) in methods.iter().zip(&costs) {
-            if let Some(setting) = put_over(method, case) {
-                concerned.push((shadow::parse(&text_of(&setting))?, *cost));
+            if let Some(spec) = put_over(method, case) {
+                concerned.push((spec.method()?, *cost));
             }
         }
         let (built, costs): (Vec<_>, Vec<_>) = concerned.into_iter().unzip();
@@ -133,25 +132,16 @@ pub fn run(
 }
 
 /// A method with those of a case's settings put over its own that it can have; nothing where the case does not concern it.
-fn put_over(method: &Setting, case: &Case) -> Option<Setting> {
-    let keys = METHODS.iter().find(|m| m.name == method.name).map_or(&[][..], |m| m.keys);
-    let known =
-        |(key, value): &(&str, String)| keys.iter().any(|k| k.name == *key && k.parse(value).is_some());
-    if case.concerns == Concerns::ThoseWithKeys && !case.settings.iter().all(known) {
-        return None;
+fn put_over(method: &MethodSpec, case: &Case) -> Option<MethodSpec> {
+    let mut spec = method.clone();
+    for (key, value) in &case.settings {
+        match spec.clone().with(key, value) {
+            Some(changed) => spec = changed,
+            None if case.concerns == Concerns::ThoseWithKeys => return None,
+            None => {}
+        }
     }
-    let mut method = method.clone();
-    for (key, value) in case.settings.iter().filter(|setting| known(setting)) {
-        method.params.retain(|(k, _)| k != key);
-        method.params.push(((*key).to_owned(), value.clone()));
-    }
-    Some(method)
-}
-
-/// `NAME:key=value,...`.
-fn text_of(setting: &Setting) -> String {
-    let params: Vec<_> = setting.params.iter().map(|(k, v)| format!("{k}={v}")).collect();
-    if params.is_empty() { setting.name.clone() } else { format!("{}:{}", setting.name, params.join(",")) }
+    Some(spec)
 }
 
 fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost>) -> Row {
@@ -281,32 +271,30 @@ impl Lit<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shadow::spec::parse_list;
-
-    fn setting(text: &str) -> Setting {
-        parse_list(text).unwrap()[0].expand().unwrap().remove(0)
-    }
-
+    use crate::shadow::{self, METHODS};
     #[test]
     fn settings_are_put_over_those_of_methods_that_know_them() {
         let cases = all().unwrap();
         let over = |method: &str, name: &str| {
             let case = cases.iter().find(|c| c.name == name).unwrap();
-            put_over(&setting(method), case).map(|s| text_of(&s))
+            put_over(&method.parse().unwrap(), case).map(|s| s.to_string())
         };
-        assert_eq!(over("dsm:epsilon=0.1,map=64", "epsilon-0").unwrap(), "dsm:map=64,epsilon=0");
+        assert_eq!(over("dsm:epsilon=0.1,map=64", "epsilon-0").unwrap(), "dsm:epsilon=0,map=64");
         assert_eq!(over("osm:map=64", "epsilon-0"), None);
         assert_eq!(over("rays", "map-1"), None);
         assert_eq!(over("osm:layers=4", "bits-8").unwrap(), "osm:layers=4,bits=8");
         assert_eq!(over("rays", "step-too-long").unwrap(), "rays");
-        assert_eq!(over("dsm", "step-too-long").unwrap(), "dsm:precompress=off,march=samples,step=8");
-        assert_eq!(over("bom", "step-too-long").unwrap(), "bom:march=samples,step=8");
+        assert_eq!(
+            over("dsm", "step-too-long").unwrap(),
+            "dsm:epsilon=0.02,precompress=off,march=samples,step=8"
+        );
+        assert_eq!(over("bom", "step-too-long").unwrap(), "bom:layers=15,ratio=0.5,march=samples,step=8");
         assert_eq!(over("none", "comb").unwrap(), "none");
         // Every setting of every case is one that the methods take.
         for case in &cases {
             for method in METHODS {
-                if let Some(s) = put_over(&setting(method.name), case) {
-                    shadow::parse(&text_of(&s)).unwrap();
+                if let Some(spec) = put_over(&MethodSpec::default_of(method), case) {
+                    assert_eq!(spec.to_string().parse::<MethodSpec>().unwrap(), spec);
                 }
             }
         }

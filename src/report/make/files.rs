@@ -182,6 +182,7 @@ mod tests {
     fn one_scale_is_of_all_rows_but_those_without_shadows() {
         let compared = |method: &str, value: f32| Compared {
             row: Row { method: method.into(), ..Row::default() },
+            method: method.into(),
             slug: String::new(),
             picture: None,
             difference: Some(arr2(&[[0.0, value]])),

@@ -14,10 +14,7 @@
 //! * A ray ends at a transmittance of 2^-11, as in every map here.
 
 use super::method::Entry;
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
@@ -28,21 +25,10 @@ settings! {
     /// Settings of an adaptive volumetric shadow map.
     pub struct AdaptiveShadowMap {
         /// Nodes a texel, `N` of the paper.
-        nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "of a texel's transmittance").telling(),
+        nodes: u32 = Key::choice(&["4", "6", "8", "12", "16", "24", "32"], "8", "of a texel's transmittance").in_label().search_all(),
         /// Bits of a node's depth and transmittance, each: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "32", "of a node's depth and transmittance, floats"),
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        bits: u32 = Key::choice(&["16", "32"], "32", "of a node's depth and transmittance, floats").search_all(),
+        ..MapSettings,
         /// How eye samples ask for light.
         lookup: Lookups = LOOKUP_KEY,
     }
@@ -57,8 +43,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "avsm",
     stability: "avsm:map=64",
     style: Style { color: [68, 170, 153], marker: Marker::Spark },
-    tuned: "avsm:nodes=4,6,8,12,16,24,32,bits=16,32,filter=nearest,bilinear,\
-        map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// `AvsmParams` of `shaders/shadow/avsm/params.wgsl`.
@@ -85,7 +69,7 @@ impl VectorMap for AdaptiveShadowMap {
             storage: VectorStorage::floats(self.bits),
             filter: self.filter,
             linear: false,
-            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
+            shape: self.shape(),
             constants: vec![Constant::unsigned("NODES", self.nodes)],
             defs: Vec::new(),
             marches: None,

@@ -25,20 +25,17 @@ use super::layered::{
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, MapShape};
+use crate::field::BuildContext;
 use crate::gpu::ShaderVariant;
 
 settings! {
     /// Settings of a bounding opacity map.
     pub struct BoundingOpacityMap {
         /// Layers, `K` of the thesis.
-        layers: u32 = Key::whole(LAYERS, "15", "layers").telling(),
+        layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
         /// How layers share a texel's extent.
         split: LayerSplit = split_key("hybrid"),
         /// From linear (0) to logarithmic (1).
@@ -51,18 +48,7 @@ settings! {
         depth_bits: u32 = DEPTH_BITS_KEY,
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        ..MapSettings,
         /// What the filter averages.
         average: Average = AVERAGE_KEY,
         /// How eye samples ask for light.
@@ -79,16 +65,9 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "bom:layers=15",
     stability: "bom:map=64",
     style: Style { color: [213, 94, 0], marker: Marker::Diamond },
-    tuned: "bom:layers=1,2,3,5,7,10,15,24,32,split=linear,growing,log,hybrid,auto,texel,\
-        ratio=0,0.25,0.5,0.75,1,depth_bits=8,16,32,bits=8,16,32,filter=nearest,bilinear,\
-        average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl BoundingOpacityMap {
-    fn shape(&self) -> MapShape {
-        self.fit.shape(self.map, self.from.march(self.march, self.step))
-    }
-
     fn layering(&self) -> Layering {
         let Self { layers, split, ratio, log_size, measure, .. } = *self;
         Layering { layers, split, ratio, log_size, measure }
@@ -115,7 +94,7 @@ impl Method for BoundingOpacityMap {
         Some(
             self.layered_map(self.layering().any())
                 .lookup("shadow/layered/lookup.wgsl")
-                .asked_by(self.lookup),
+                .with_lookup_mode(self.lookup),
         )
     }
 

@@ -15,10 +15,7 @@
 //! * A ray ends at a transmittance of 2^-11, as in every map here; the range of depths is that of all matter.
 
 use super::method::Entry;
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
 use super::style::{Marker, Style};
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
@@ -27,23 +24,12 @@ settings! {
     /// Settings of a map of clusters.
     pub struct DensityClusters {
         /// Clusters, `k` of the paper.
-        clusters: u32 = Key::whole([1, 16], "4", "of matter along a light ray").telling(),
+        clusters: u32 = Key::whole([1, 16], "4", "of matter along a light ray").in_label().search(&["1", "2", "3", "4", "6", "8", "12", "16"]),
         /// Times that matter is given to the nearest mean.
-        iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "marches that give matter to the nearest mean"),
+        iterations: u32 = Key::choice(&["1", "2", "4", "8"], "1", "marches that give matter to the nearest mean").search(&["1", "2", "4"]),
         /// Bits of a mean, a spread and an optical depth: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "16", "of a cluster's mean, spread and optical depth, floats"),
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        bits: u32 = Key::choice(&["16", "32"], "16", "of a cluster's mean, spread and optical depth, floats").search_all(),
+        ..MapSettings,
         /// How eye samples ask for light.
         lookup: Lookups = LOOKUP_KEY,
     }
@@ -58,8 +44,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "clusters",
     stability: "clusters:map=64",
     style: Style { color: [153, 153, 51], marker: Marker::Pentagon },
-    tuned: "clusters:clusters=1,2,3,4,6,8,12,16,iterations=1,2,4,bits=16,32,filter=nearest,bilinear,\
-        map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl VectorMap for DensityClusters {
@@ -77,7 +61,7 @@ impl VectorMap for DensityClusters {
             storage: VectorStorage::floats(self.bits),
             filter: self.filter,
             linear: false,
-            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
+            shape: self.shape(),
             constants: vec![Constant::unsigned("CLUSTERS", self.clusters)],
             // The first march finds the end of matter.
             defs: vec!["FROM_BEHIND"],

@@ -22,13 +22,10 @@ use super::layered::{
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, When, choices, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, When, choices, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
-use crate::field::{BuildContext, MapShape};
+use crate::field::BuildContext;
 use crate::gpu::ShaderVariant;
 
 choices! {
@@ -47,7 +44,7 @@ settings! {
     /// Settings of a deep opacity map.
     pub struct DeepOpacityMap {
         /// Layers, `K` of the paper.
-        layers: u32 = Key::whole(LAYERS, "15", "layers").telling(),
+        layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
         /// How layers share their depth.
         split: LayerSplit = split_key("growing"),
         /// From linear (0) to logarithmic (1).
@@ -62,29 +59,20 @@ settings! {
             "0.25",
             "how deep the layers reach, as a share of the map's depth range",
         )
+        .search(&["0.1", "0.25", "0.5", "1"])
         .when(When::Unless("beyond", "cover")),
         /// What becomes of matter behind the last layer.
         beyond: Beyond = Key::choice(
             Beyond::NAMES,
             "extend",
             "what lies behind the last layer: it is in that, nowhere, or there is none since the layers grow",
-        ),
+        )
+        .search(&["extend", "cover"]),
         /// Bits of a stored start depth: 8, 16 or 32.
         depth_bits: u32 = DEPTH_BITS_KEY,
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        ..MapSettings,
         /// What the filter averages.
         average: Average = AVERAGE_KEY,
         /// How eye samples ask for light.
@@ -101,16 +89,9 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "dom:layers=15",
     stability: "dom:map=64",
     style: Style { color: [0, 158, 115], marker: Marker::Up },
-    tuned: "dom:layers=1,2,3,5,7,10,15,24,32,split=linear,growing,log,hybrid,auto,texel,\
-        ratio=0,0.25,0.5,0.75,1,spread=0.1,0.25,0.5,1,beyond=extend,cover,depth_bits=8,16,32,bits=8,16,32,\
-        filter=nearest,bilinear,average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl DeepOpacityMap {
-    fn shape(&self) -> MapShape {
-        self.fit.shape(self.map, self.from.march(self.march, self.step))
-    }
-
     fn layering(&self) -> Layering {
         let Self { layers, split, ratio, log_size, measure, .. } = *self;
         Layering { layers, split, ratio, log_size, measure }
@@ -144,7 +125,7 @@ impl Method for DeepOpacityMap {
         Some(
             self.layered_map(self.layering().any())
                 .lookup("shadow/layered/lookup.wgsl")
-                .asked_by(self.lookup),
+                .with_lookup_mode(self.lookup),
         )
     }
 

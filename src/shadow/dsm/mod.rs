@@ -74,8 +74,9 @@ settings! {
     pub struct DeepShadowMap {
         /// Error in transmittance that the compression may make.
         epsilon: f64 = Key::number([0.0, 1.0], "0.02", "error that compression may make in transmittance")
-            .telling()
-            .coarse("0.05"),
+            .in_label()
+            .coarse("0.05")
+            .search(&["0.2", "0.1", "0.06", "0.04", "0.02", "0.01", "0.005", "0.002"]),
         /// How the curve becomes nodes.
         compress: Compress = Key::choice(
             Compress::NAMES,
@@ -87,6 +88,7 @@ settings! {
         /// Sub-texel rays whose mean a texel stores: 1, 5 or 9.
         prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel")
             .coarse("1")
+            .search(&["1", "5"])
             .when(UNLESS_LINES),
         /// Whether every cell is taken exactly.
         precompress: Precompress = Key::choice(
@@ -126,8 +128,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "dsm:epsilon=0.06,0.02",
     stability: "dsm:map=64",
     style: Style { color: [0, 114, 178], marker: Marker::Circle },
-    tuned: "dsm:epsilon=0.2,0.1,0.06,0.04,0.02,0.01,0.005,0.002,prefilter=1,5,filter=nearest,bilinear,\
-        map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// `Params` of `shaders/shadow/dsm/layout.wgsl`.
@@ -309,7 +309,7 @@ impl Method for DeepShadowMap {
     fn lookup(&self) -> Option<Lookup> {
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let lookup = Lookup::new(shader("").modules(&["shadow/dsm/lookup.wgsl"]).defs(bilinear));
-        Some(lookup.asked_by(self.lookup))
+        Some(lookup.with_lookup_mode(self.lookup))
     }
 
     fn passes(&self) -> Vec<ShaderVariant> {
@@ -322,7 +322,7 @@ impl Method for DeepShadowMap {
         let mut params = self.params_on_device(context, &tiles);
         // The rows of the last build, and some more since the light has moved. At first a quarter more than texels suffices for
         // most scenes.
-        let settings = format!("{self:?}");
+        let settings = self.spec().to_string();
         let known = context.pool_sizes.last(&settings);
         let more = |share: f64| (share * 1.125 * f64::from(params.tile_rows)) as u32 + params.tile_rows / 64;
         let pool_rows = params.tile_rows + known.map_or(params.tile_rows / 4, more);

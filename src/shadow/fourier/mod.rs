@@ -19,10 +19,7 @@
 //! * The hardware filters texels of `bits=16`; the shader filters 32-bit floats, which not every adapter filters.
 
 use super::method::{Curve, Entry};
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, choices, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
@@ -55,25 +52,14 @@ settings! {
     /// Settings of a Fourier opacity map.
     pub struct FourierOpacityMap {
         /// Terms of the series beside the constant, `n` of the paper.
-        terms: u32 = Key::whole([1, 31], "7", "of the series beside the constant").telling(),
+        terms: u32 = Key::whole([1, 31], "7", "of the series beside the constant").in_label().search(&["1", "3", "5", "7", "11", "15", "23", "31"]),
         /// Depths that the series is over.
-        range: SeriesRange = Key::choice(SeriesRange::NAMES, "map", "depths that the series is over: the map's, or each texel's own"),
+        range: SeriesRange = Key::choice(SeriesRange::NAMES, "map", "depths that the series is over: the map's, or each texel's own").search_all(),
         /// How they are weighed.
-        damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos' factors, which ring less"),
+        damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos' factors, which ring less").search_all(),
         /// Bits of a coefficient: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "16", "of a coefficient, a float"),
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        bits: u32 = Key::choice(&["16", "32"], "16", "of a coefficient, a float").search_all(),
+        ..MapSettings,
         /// How eye samples ask for light.
         lookup: Lookups = LOOKUP_KEY,
     }
@@ -88,8 +74,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "fourier:terms=7",
     stability: "fourier:map=64,range=map,texel",
     style: Style { color: [136, 34, 85], marker: Marker::Left },
-    tuned: "fourier:terms=1,3,5,7,11,15,23,31,range=map,texel,damping=none,lanczos,bits=16,32,filter=nearest,bilinear,\
-        map=64,96,128,192,256,384,512,768,1024",
 };
 
 impl VectorMap for FourierOpacityMap {
@@ -111,7 +95,7 @@ impl VectorMap for FourierOpacityMap {
             storage: VectorStorage::floats(self.bits),
             filter: self.filter,
             linear: !texel_range,
-            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
+            shape: self.shape(),
             constants: vec![Constant::unsigned("TERMS", self.terms)],
             defs: defs.into_iter().flatten().collect(),
             marches: texel_range.then_some(2),

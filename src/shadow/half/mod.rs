@@ -14,7 +14,7 @@ settings! {
     /// Settings of `half`.
     pub struct Half {
         /// Of the light that is left behind the first surface.
-        share: f64 = Key::number([0.0, 1.0], "0.5", "of the light that is left behind the first surface").telling(),
+        share: f64 = Key::number([0.0, 1.0], "0.5", "of the light that is left behind the first surface").in_label().search(&["0", "0.25", "0.5", "0.75", "1"]),
     }
 }
 
@@ -27,7 +27,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "half",
     stability: "half",
     style: Style { color: [86, 180, 233], marker: Marker::Down },
-    tuned: "half:share=0,0.25,0.5,0.75,1",
 };
 
 impl Method for Half {

@@ -33,10 +33,12 @@ pub const fn split_key(default: &'static str) -> Key {
         default,
         "how layers share the extent; auto and texel choose the ratio, for all or by region",
     )
+    .search_all()
 }
 
 pub const RATIO_KEY: Key = Key::number([0.0, 1.0], "0.5", "from linear to log (split=hybrid)")
-    .telling()
+    .in_label()
+    .search(&["0", "0.25", "0.5", "0.75", "1"])
     .when(When::Is("split", "hybrid"));
 
 pub const LOG_SIZE_KEY: Key = Key::number(

@@ -52,12 +52,14 @@ pub(super) const BITS_KEY: Key = Key::choice(
     &["8", "16", "32"],
     "16",
     "of a stored optical depth: 8 is a share of kappa, 16 and 32 are floats",
-);
+)
+.search_all();
 pub(super) const DEPTH_BITS_KEY: Key = Key::choice(
     &["8", "16", "32"],
     "16",
     "of a texel's stored depths: 8 and 16 are steps of the map's range, 32 a float",
-);
+)
+.search_all();
 
 choices! {
     /// Quantity that filters average among neighbouring texels.
@@ -73,7 +75,8 @@ pub(super) const AVERAGE_KEY: Key = Key::choice(
     Average::NAMES,
     "depth",
     "what filters average: optical depth, as in the papers, or transmittance",
-);
+)
+.search_all();
 
 const CONSTANTS: &[Constant] = &[
     Constant::unsigned("RECORD_TEXTURE_WIDTH", RECORD_TEXTURE_WIDTH),

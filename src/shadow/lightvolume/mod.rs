@@ -47,13 +47,13 @@ settings! {
     /// Settings of a light volume.
     pub struct LightVolume {
         /// Voxels from one node to the next, along each axis.
-        scale: f64 = Key::number([0.5, 64.0], "2", "voxels from one node to the next").telling(),
+        scale: f64 = Key::number([0.5, 64.0], "2", "voxels from one node to the next").in_label().search(&["16", "8", "6", "4", "3", "2", "1.5", "1"]),
         /// How it is made.
-        build: LightBuild = Key::choice(LightBuild::NAMES, "gather", "a march from every node to the light, or slice by slice").telling(),
+        build: LightBuild = Key::choice(LightBuild::NAMES, "gather", "a march from every node to the light, or slice by slice").in_label().search_all(),
         /// Bits of a node: 8, 16 or 32.
-        bits: u32 = Key::choice(&["8", "16", "32"], "16", "of a node: 8 are steps, 16 and 32 floats"),
+        bits: u32 = Key::choice(&["8", "16", "32"], "16", "of a node: 8 are steps, 16 and 32 floats").search_all(),
         /// What is kept, and filtered.
-        average: Average = Key::choice(Average::NAMES, "transmittance", "what nodes keep, and filters average: optical depth or transmittance"),
+        average: Average = Key::choice(Average::NAMES, "transmittance", "what nodes keep, and filters average: optical depth or transmittance").search_all(),
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
@@ -72,7 +72,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "lightvolume",
     stability: "lightvolume:build=gather,sweep",
     style: Style { color: [17, 119, 51], marker: Marker::Triad },
-    tuned: "lightvolume:scale=16,8,6,4,3,2,1.5,1,build=gather,sweep,bits=8,16,32,average=depth,transmittance",
 };
 
 /// Bytes of packed layers that are copied at a time.
@@ -235,7 +234,7 @@ impl Method for LightVolume {
 
     fn lookup(&self) -> Option<Lookup> {
         let shader = self.shader("").modules(&["shadow/lightvolume/lookup.wgsl"]);
-        Some(Lookup::new(shader.defs((self.bits == 32).then_some("BITS_32"))).asked_by(self.lookup))
+        Some(Lookup::new(shader.defs((self.bits == 32).then_some("BITS_32"))).with_lookup_mode(self.lookup))
     }
 
     fn curve(&self) -> Curve {

@@ -32,10 +32,7 @@
 //! * A ray ends at a transmittance of 2^-11, as in every map here.
 
 use super::method::{Curve, Entry};
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, choices, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
@@ -67,27 +64,16 @@ settings! {
     /// Settings of a map of moments.
     pub struct MomentMap {
         /// Real numbers a texel beside the optical depth: 4, 6 or 8.
-        moments: u32 = Key::choice(&["4", "6", "8"], "6", "numbers beside the optical depth (trigonometric: 2, 3, 4 complex ones)").telling(),
+        moments: u32 = Key::choice(&["4", "6", "8"], "6", "numbers beside the optical depth (trigonometric: 2, 3, 4 complex ones)").in_label().search_all(),
         /// What they are means of.
-        basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle"),
+        basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle").search_all(),
         /// From the least to the greatest optical depth that the moments allow.
-        beta: f64 = Key::number([0.0, 1.0], "0.25", "from the least (0) to the greatest (1) optical depth that moments allow"),
+        beta: f64 = Key::number([0.0, 1.0], "0.25", "from the least (0) to the greatest (1) optical depth that moments allow").search(&["0", "0.25", "0.5", "0.75", "1"]),
         /// Bits of a moment: 16 or 32.
-        bits: u32 = Key::choice(&["16", "32"], "32", "of a moment: 16 in even steps from -1 to 1, or 32, a float"),
+        bits: u32 = Key::choice(&["16", "32"], "32", "of a moment: 16 in even steps from -1 to 1, or 32, a float").search_all(),
         /// Factor to the paper's bias.
         bias: f64 = Key::number([0.0, 1e4], "1", "of moments towards a wide distribution's, as a factor to the paper's"),
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        ..MapSettings,
         /// How eye samples ask for light.
         lookup: Lookups = LOOKUP_KEY,
     }
@@ -102,8 +88,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "moments",
     stability: "moments:moments=4,8,map=64;moments:basis=trigonometric,map=64",
     style: Style { color: [51, 34, 136], marker: Marker::Right },
-    tuned: "moments:moments=4,6,8,basis=power,trigonometric,bits=16,32,beta=0,0.25,0.5,0.75,1,filter=nearest,bilinear,\
-        map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// `MomentParams` of `shaders/shadow/moments/params.wgsl`.
@@ -167,7 +151,7 @@ impl VectorMap for MomentMap {
             storage: if self.in_words() { VectorStorage::Words } else { VectorStorage::Single },
             filter: self.filter,
             linear: true,
-            shape: self.fit.shape(self.map, self.from.march(self.march, self.step)),
+            shape: self.shape(),
             constants: vec![
                 Constant::unsigned("MOMENTS", self.moments),
                 Constant::float("LEAST_NORM", LEAST_NORM),

@@ -19,7 +19,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "",
     stability: "none",
     style: Style { color: [0, 0, 0], marker: Marker::Cross },
-    tuned: "",
 };
 
 impl Method for NoShadows {

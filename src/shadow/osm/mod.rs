@@ -18,10 +18,7 @@ use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitTable,
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, STEP_KEY, Value, choices, settings,
-};
+use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};
@@ -50,29 +47,19 @@ settings! {
     /// Settings of an opacity shadow map.
     pub struct OpacityShadowMap {
         /// Maps, `N` of the paper.
-        layers: u32 = Key::whole(LAYERS, "32", "planes").telling(),
+        layers: u32 = Key::whole(LAYERS, "32", "planes").in_label().search(&["2", "4", "8", "16", "32", "64", "128"]),
         /// Where the planes lie.
         slicing: Slicing = Key::choice(
             Slicing::NAMES,
             "uniform",
             "planes evenly spaced, at equal shares of optical mass or of lost light, or further apart behind",
-        ),
+        )
+        .search_all(),
         /// Texels a side that a lookup averages: 1 or 3.
-        kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged"),
+        kernel: u32 = Key::choice(&["1", "3"], "1", "texels a side that are averaged").search_all(),
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
-        /// What casts shadows.
-        from: DrawnFrom = FROM_KEY,
-        /// How light rays are marched.
-        march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
-        step: f64 = STEP_KEY,
-        /// Texels a side; `None`: by the scene.
-        map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
-        fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
-        filter: Filter = FILTER_KEY,
+        ..MapSettings,
         /// What filters and the kernel average.
         average: Average = AVERAGE_KEY,
         /// How eye samples ask for light.
@@ -89,8 +76,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "osm:layers=16",
     stability: "osm:layers=32,map=64",
     style: Style { color: [230, 159, 0], marker: Marker::Square },
-    tuned: "osm:layers=2,4,8,16,32,64,128,slicing=uniform,density,lit,gamma,kernel=1,3,bits=8,16,32,\
-        filter=nearest,bilinear,average=depth,transmittance,map=64,96,128,192,256,384,512,768,1024",
 };
 
 /// Pass that a single plane does not need.
@@ -104,15 +89,14 @@ fn mass_shader(march: March, lit: bool) -> ShaderVariant {
 }
 
 impl OpacityShadowMap {
-    fn shape(&self) -> MapShape {
-        let shape = self.fit.shape(self.map, self.from.march(self.march, self.step));
-        MapShape { reach: self.kernel.div_ceil(2), ..shape }
+    fn map_shape(&self) -> MapShape {
+        MapShape { reach: self.kernel.div_ceil(2), ..self.shape() }
     }
 
     fn layered_map(&self, split: Split) -> LayeredMap {
         let Self { layers, bits, filter, average, kernel, .. } = *self;
         let record = Record { layers, bits, depths: 0, depth_bits: 0, own_split: false };
-        let shape = self.shape();
+        let shape = self.map_shape();
         LayeredMap { record, split, reach: 1.0, last_takes_rest: true, filter, average, kernel, shape }
     }
 
@@ -137,7 +121,7 @@ impl OpacityShadowMap {
             &tiles.group("optical mass", &[(1, context.kernels.uniform(&params))]),
             &context.kernels.group("optical mass", &stage),
         ];
-        let shader = mass_shader(self.shape().march, self.slicing == Slicing::Lit);
+        let shader = mass_shader(self.map_shape().march, self.slicing == Slicing::Lit);
         let span = context.run("optical mass", &shader, groups, [MASS_RAYS / 8, MASS_RAYS / 8, 1])?;
         Ok((read_back::<u32>(gpu, &mass, SPLIT_BINS)?, span))
     }
@@ -154,7 +138,7 @@ impl Method for OpacityShadowMap {
 
     fn lookup(&self) -> Option<Lookup> {
         let split = self.plain_split().unwrap_or(Split::Tables(Vec::new()));
-        Some(self.layered_map(split).lookup("shadow/osm/lookup.wgsl").asked_by(self.lookup))
+        Some(self.layered_map(split).lookup("shadow/osm/lookup.wgsl").with_lookup_mode(self.lookup))
     }
 
     fn taps(&self) -> Taps {
@@ -172,7 +156,7 @@ impl Method for OpacityShadowMap {
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {
-        let tiles = TileMarch::fit(context, self.shape())?;
+        let tiles = TileMarch::fit(context, self.map_shape())?;
         let (split, weighing) = match self.plain_split() {
             Some(split) => (split, None),
             None => {

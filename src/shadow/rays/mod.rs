@@ -28,7 +28,6 @@ pub(super) static ENTRY: Entry = Entry {
     curve: "",
     stability: "rays",
     style: Style { color: [204, 121, 167], marker: Marker::Star },
-    tuned: "",
 };
 
 impl Method for ShadowRays {
@@ -42,7 +41,7 @@ impl Method for ShadowRays {
 
     fn lookup(&self) -> Option<Lookup> {
         let shader = field_shader("").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
-        Some(Lookup::new(shader).asked_by(self.lookup))
+        Some(Lookup::new(shader).with_lookup_mode(self.lookup))
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<ShadowMap> {

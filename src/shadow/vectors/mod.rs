@@ -171,7 +171,7 @@ impl VectorMapDescriptor {
         let shader = self.shader("").modules(&["shadow/vectors/read.wgsl"]).modules(self.lookup);
         let bilinear = (self.filter == Filter::Bilinear).then_some("FILTER_BILINEAR");
         let shader = shader.defs(bilinear).defs(self.hardware_filter().then_some("HARDWARE_FILTER"));
-        Lookup::new(shader).asked_by(self.lookup_mode)
+        Lookup::new(shader).with_lookup_mode(self.lookup_mode)
     }
 
     /// Bytes of the vectors of a texel.

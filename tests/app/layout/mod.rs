@@ -92,7 +92,7 @@ impl Bench {
 
     /// Opens another command line with the same settings.
     fn open_line(&mut self, line: &[&str]) {
-        let settings = scene_args(line).into_settings().unwrap();
+        let settings = scene_args(line).into_request().unwrap().settings;
         let source = settings.spec().source;
         self.app().model.open(settings.spec(), OpenMode::Settings(Box::new(settings)));
         self.wait_for("opened", |app| app.model.document.as_ref().is_some_and(|d| d.spec.source == source));

@@ -9,7 +9,8 @@ use std::io::Cursor;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use umbravox::open::SceneSettings;
+use umbravox::gpu::Gpu;
+use umbravox::open::SceneRequest;
 use umbravox::scene::Light;
 
 const SCENE: [&str; 4] = ["render", "phantom:thorax:24", "--size=37x29", "--tf=ct"];
@@ -103,7 +104,7 @@ fn pictures_of_a_turntable_are_those_from_their_eyes() {
                 (&frame["file"], &frame["angle_deg"]),
                 (&name.as_str().into(), &(72.0 * k as f64).into())
             );
-            let scene = SceneSettings::from_toml(&scene_text(&bytes(folder, &name))).unwrap();
+            let scene = SceneRequest::from_toml(&scene_text(&bytes(folder, &name))).unwrap().settings;
             // Rodrigues' formula, counterclockwise around `up`.
             let (sin, cos) = (72.0 * k as f64).to_radians().sin_cos();
             let away = eye - target;
@@ -190,7 +191,7 @@ fn lights_of_a_sweep_are_those_given_explicitly() {
     // The camera's pictures carry the lights where they have turned to, and are drawn by that.
     render(folder, &[&place[..], &[&lights[0], &lights[1], "--light-sweep=3", "-o", "sweep.png"]].concat());
     let text = scene_text(&bytes(folder, "sweep_0001.png"));
-    let scene = SceneSettings::from_toml(&text).unwrap();
+    let scene = SceneRequest::from_toml(&text).unwrap().settings;
     let Light::Point { position } = scene.light.unwrap()[1].light else { panic!("{text}") };
     assert!(((position - target).length() - (at - target).length()).abs() < 1e-10);
     std::fs::write(folder.join("scene.toml"), text).unwrap();

@@ -112,8 +112,8 @@ fn bad_clip_planes_and_labels_are_refused_in_a_line() {
     let planes: Vec<String> = (0..9).map(|i| format!("--clip=1,0,0,{i}")).collect();
     let planes: Vec<&str> = planes.iter().map(String::as_str).collect();
     for (flags, said) in [
-        (&["--hide=1"][..], "there is no segmentation"),
-        (&["--label-tf=1=bone"], "there is no segmentation"),
+        (&["--hide=1"][..], "--hide needs --labels FILE"),
+        (&["--label-tf=1=bone"], "--label-tf needs --labels FILE"),
         (&["--labels=none.nii"], "none.nii"),
         (&["--labels=halves.nii.gz", "--label-tf=1=bonny"], "neither a preset nor a file"),
         (&["--labels=halves.nii.gz", "--hide=one"], "no list of labels"),

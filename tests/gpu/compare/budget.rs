@@ -27,7 +27,10 @@ const LEVEL_MS: f64 = 400.0;
 static LEVELS: Entry = Entry {
     name: "levels",
     summary: "planted",
-    keys: &[Key { name: "level", ..Key::whole([0, 6], "5", "planted") }],
+    keys: &[Key {
+        name: "level",
+        ..Key::whole([0, 6], "5", "planted").search(&["0", "1", "2", "3", "4", "5", "6"])
+    }],
     make: |values| match values {
         [Value::Whole(level)] => Some(Box::new(Levels { level: *level, inner: parse("dsm:map=64").ok()? })),
         _ => None,
@@ -36,7 +39,6 @@ static LEVELS: Entry = Entry {
     curve: "",
     stability: "",
     style: Style { color: [1, 2, 3], marker: Marker::Star },
-    tuned: "levels:level=0,1,2,3,4,5,6",
 };
 
 #[derive(Debug)]

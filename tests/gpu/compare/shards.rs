@@ -179,6 +179,32 @@ fn adapters_keep_their_own_fronts_and_files() {
 }
 
 #[test]
+fn shards_with_default_settings_are_merged() {
+    if !common::has_adapter() {
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    scenes(folder);
+    let sweep = |out: &str, more: &[&str]| {
+        let args = ["compare", "--scene=a.toml", "--methods=none;dsm;osm:layers=4;dsm:map=32", "-o", out];
+        done(folder, &[&args[..], &EFFORT, more].concat());
+        Run::read(&folder.join(out)).unwrap().unwrap()
+    };
+    let methods = |run: &Run| run.rows.iter().map(|row| row.method.clone()).collect::<Vec<_>>();
+    let whole = sweep("whole", &[]);
+    let shards = [sweep("part1", &["--shard=1/2"]), sweep("part2", &["--shard=2/2"])];
+    for run in &shards {
+        assert_eq!(methods(run), methods(&whole), "the scene's map size is no part of the specification");
+        assert!(run.rows.iter().all(|row| !row.chosen));
+    }
+    done(folder, &["merge", "part1", "part2", "-o", "all"]);
+    let [whole, all] = ["whole", "all"].map(|name| folder.join(name).join("compare.csv"));
+    assert_eq!(errors(&whole), errors(&all));
+    assert!(read_csv(&all).iter().all(|row| row["method"] == "none" || !row["map"].is_empty()));
+}
+
+#[test]
 fn shards_that_cannot_be_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     for shard in ["0/3", "4/3", "1", "a/b", "1/0", "1/10001"] {

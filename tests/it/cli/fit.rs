@@ -1,4 +1,4 @@
-//! `--fit`: fewer voxels, where they were, said in numbers; what the machine cannot hold is refused before it is read.
+//! `--downsample`: fewer voxels, where they were, said in numbers; what the machine cannot hold is refused before it is read.
 
 use crate::program::{refused, umbravox};
 use std::fs::File;
@@ -24,10 +24,10 @@ fn voxels_are_reduced_alike_while_they_are_read_and_afterwards() {
     let at = folder.path();
     for name in ["whole.nii.gz", "whole.nrrd", "whole.npy", "whole.raw"] {
         done(at, &["convert", "phantom:thorax:50", "-o", name]);
-        let said = done(at, &["convert", name, "--fit=2x3x1", "-o", "streamed.nii"]);
+        let said = done(at, &["convert", name, "--downsample=2x3x1", "-o", "streamed.nii"]);
         assert!(said.contains("reduced by 2x3x1 from 50 x 37 x 25 to 25 x 13 x 25"), "{name}: {said}");
         // A part has to be there before it is reduced.
-        let said = done(at, &["convert", name, "--crop", "0:49,,", "--fit=2x3x1", "-o", "after.nii"]);
+        let said = done(at, &["convert", name, "--crop", "0:49,,", "--downsample=2x3x1", "-o", "after.nii"]);
         assert!(said.contains("reduced by 2x3x1"), "{name}: {said}");
         let [streamed, after] = ["streamed.nii", "after.nii"].map(|name| read(at, name));
         assert_eq!(streamed.voxels(), after.voxels(), "{name}");
@@ -36,13 +36,17 @@ fn voxels_are_reduced_alike_while_they_are_read_and_afterwards() {
         let mean = (0..6).map(|n| whole.value(10 + n % 2, 12 + n / 2, 7)).sum::<f64>() / 6.0;
         assert!((streamed.value(5, 4, 7) - mean).abs() <= 0.5, "{name}");
     }
-    let said = done(at, &["info", "whole.nrrd", "--fit=20kB"]);
+    let said = done(at, &["info", "whole.nrrd", "--downsample=20kB"]);
     assert!(said.contains("reduced by 2x2x2 from 50 x 37 x 25 to 25 x 19 x 13"), "{said}");
     // What fits is left alone, and so nothing is said.
-    assert!(!done(at, &["info", "whole.nrrd", "--fit"]).contains("reduced"));
-    assert!(refused(at, &["info", "whole.nrrd", "--fit=2x2"]).contains("--fit"));
-    assert!(refused(at, &["info", "whole.nrrd", "--fit=1B"]).contains("cannot be reduced to fit 1 bytes"));
-    assert!(refused(at, &["render", "phantom:hair-fur", "--fit", "-o", "a.png"]).contains("--fit"));
+    assert!(!done(at, &["info", "whole.nrrd", "--downsample"]).contains("reduced"));
+    assert!(refused(at, &["info", "whole.nrrd", "--downsample=2x2"]).contains("--downsample"));
+    assert!(
+        refused(at, &["info", "whole.nrrd", "--downsample=1B"]).contains("cannot be reduced to fit 1 bytes")
+    );
+    assert!(
+        refused(at, &["render", "phantom:hair-fur", "--downsample", "-o", "a.png"]).contains("--downsample")
+    );
 }
 
 #[cfg(target_os = "linux")]
@@ -57,5 +61,5 @@ fn more_than_the_machine_has_is_refused_before_it_is_read() {
     let start = std::time::Instant::now();
     let error = refused(folder.path(), &["info", "huge.raw", "--raw", "8192x8192x16384:u8"]);
     assert!(error.contains("its voxels need 1024.0 GiB"), "{error}");
-    assert!(error.contains("--fit") && start.elapsed().as_secs() < 10, "{error}");
+    assert!(error.contains("--downsample") && start.elapsed().as_secs() < 10, "{error}");
 }

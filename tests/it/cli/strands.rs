@@ -101,9 +101,7 @@ fn files_of_tracks_are_volumes_and_are_voxelised() {
             assert!(part.contains(&format!(".{ending}")), "{command}, {from}: {ending}\n{part}");
         }
         let kind = umbravox::open::FORMATS.iter().find(|f| f.kind == "of strands").unwrap();
-        assert!(
-            umbravox::strands::STRAND_EXTENSIONS.iter().all(|e| kind.asked_as.contains(&format!(".{e}")))
-        );
+        assert!(umbravox::strands::STRAND_EXTENSIONS.iter().all(|e| kind.usage.contains(&format!(".{e}"))));
         assert_eq!(kind.endings, umbravox::strands::STRAND_EXTENSIONS);
     }
 }
@@ -192,8 +190,8 @@ fn unfit_strands_are_not_voxelised() {
         (&["voxelise", "gone.hair"], "gone.hair", "No such file"),
         (&["voxelise", "hair-bald"], "phantom:hair-bald", "no strand set"),
         (&["voxelise", "hair-fur:0"], "phantom:hair-fur:0", "1..="),
-        (&["voxelise", "phantom:sphere"], "phantom:sphere", "no strand file or set"),
-        (&["voxelise", "x.nii"], "x.nii", "no strand file or set"),
+        (&["voxelise", "phantom:sphere"], "phantom:sphere", "neither a file of strands"),
+        (&["voxelise", "x.nii"], "x.nii", "neither a file of strands"),
         (&["voxelise", "x.hair", "--resolution", "3"], "--resolution", "4 to 1024"),
         (&["voxelise", "x.hair", "--resolution", "-1"], "--resolution", "4 to 1024"),
         (&["voxelise", "x.hair", "--resolution", "1e9"], "--resolution", "4 to 1024"),

@@ -165,7 +165,10 @@ fn info_says_what_values_are_taken_for_and_why() {
     let voxels: Vec<u8> = (0..4096u32).flat_map(|i| ((762 + i) as u16).to_le_bytes()).collect();
     fs::write(dir.path().join("v_16x16x16_u16.raw"), voxels).unwrap();
     let (text, _) = done(dir.path(), &["info", "v_16x16x16_u16.raw"]);
-    assert!(text.contains("not HU (") && text.contains("no air about -1000; told from the values"), "{text}");
+    assert!(
+        text.contains("not HU (") && text.contains("no air about -1000; guessed from the values"),
+        "{text}"
+    );
     for (units, taken, by_values) in
         [(None, "fraction", true), (Some("hu"), "HU", false), (Some("fraction"), "fraction", false)]
     {

@@ -197,8 +197,7 @@ mod tests {
     #[test]
     fn the_form_starts_with_the_default_comparison() {
         let form = Form::default();
-        let names =
-            |methods: Vec<Box<dyn Method>>| methods.iter().map(|m| format!("{m:?}")).collect::<Vec<_>>();
+        let names = |methods: Vec<Box<dyn Method>>| methods.iter().map(|m| m.spec()).collect::<Vec<_>>();
         assert_eq!(names(form.methods().unwrap()), names(parse_list(&COMPARED).unwrap()));
         assert_eq!(form.families.len(), METHODS.len());
     }

@@ -87,7 +87,7 @@ impl Comparison {
         let scene = Scene { width, height, ..document.scene.clone() };
         let request = TableRequest {
             settings: SceneSettings {
-                parts: document.part_flags(),
+                masking: document.part_flags(),
                 ..SceneSettings::of_scene(&document.spec, &scene, document.transparent)
             },
             adapter: model.adapter.clone(),

@@ -1,11 +1,12 @@
-//! What commands tell: results on stdout, everything else on stderr.
+//! Terminal output: results on stdout, everything else on stderr.
 
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::{Loaded, SceneSettings};
+use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{self, Write};
 
-/// Prints a result to stdout. A reader that has gone away (`| head`) is no error.
+/// Prints a result to stdout; a closed pipe (`| head`) is no error.
 ///
 /// # Errors
 /// stdout cannot be written, e.g. because the disk is full.
@@ -19,28 +20,38 @@ pub fn print_result(text: &impl std::fmt::Display) -> Result<()> {
     }
 }
 
-/// Prints `KIND: TEXT` to stderr, even where stderr is closed.
-pub fn say(kind: &str, text: &impl std::fmt::Display) {
-    // There is nowhere left to say that stderr is gone.
+/// Prints `KIND: TEXT` to stderr.
+pub fn print_message(kind: &str, text: &impl std::fmt::Display) {
     let text: String =
         text.to_string().chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    // A closed stderr is no error.
     let _ = writeln!(io::stderr(), "{kind}: {text}");
 }
 
-/// Reads what settings name, and says on stderr what was assumed.
+/// Loads a scene, and prints its notes and warnings to stderr.
 ///
 /// # Errors
-/// Whatever of it cannot be read or does not go together.
-pub fn load(settings: &SceneSettings) -> Result<Loaded> {
+/// See [`SceneSettings::load`].
+pub fn load_scene(settings: &SceneSettings) -> Result<Loaded> {
     let loaded = settings.load(&Loading::default())?;
-    loaded.remarks.iter().for_each(|(kind, remark)| say(kind, remark));
+    loaded.diagnostics.iter().for_each(|d| print_message(d.level.name(), &d.message));
     Ok(loaded)
+}
+
+/// Progress bar on stderr, where that is a terminal.
+///
+/// # Errors
+/// A template that is not well-formed.
+pub fn progress_bar(length: u64, template: &str) -> Result<ProgressBar> {
+    let style = ProgressStyle::with_template(template)
+        .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
+    Ok(ProgressBar::new(length).with_style(style))
 }
 
 /// Prints a result as JSON to stdout.
 ///
 /// # Errors
-/// As [`print_result`].
+/// See [`print_result`].
 pub fn print_json(result: &impl serde::Serialize) -> Result<()> {
     let json = serde_json::to_string_pretty(result)
         .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;

@@ -1,4 +1,4 @@
-//! A scene that a table is asked of, as the table's folder records it.
+//! Provenance of results: the scene that a table's folder records, and the texts that a picture carries.
 
 use super::presets::{self, PRESETS};
 use super::{Loaded, SceneSettings};
@@ -9,22 +9,21 @@ use crate::measure::job::file_name_part;
 use crate::report::run::SceneRecord;
 use std::path::Path;
 
-/// A scene with what its folder keeps of it.
-pub struct Asked {
-    /// As it was asked for.
+/// A scene with its record.
+pub struct RecordedScene {
+    /// Given settings.
     pub settings: SceneSettings,
-    /// As it is recorded, with nothing left to a default.
+    /// Record in the folder, without defaults.
     pub record: SceneRecord,
-    /// The transfer function's file, where it is no preset.
+    /// Text of the transfer function's file; `None` for a preset.
     pub tf_text: Option<String>,
 }
 
-impl Asked {
-    /// Of settings that look at what is loaded. `tf_text` is the text of the transfer function where that is no preset, `several`
-    /// whether the folder holds other scenes.
+impl RecordedScene {
+    /// Records settings and what they have loaded; `several`: the folder holds other scenes.
     ///
     /// # Errors
-    /// The volume's file cannot be read for its SHA-256, or the settings cannot be said as a scene file of this look.
+    /// The volume's file cannot be read for its SHA-256, or the settings do not fit a scene file.
     pub fn of(
         settings: SceneSettings,
         loaded: &Loaded,
@@ -37,7 +36,7 @@ impl Asked {
         let tf_file = tf_text.as_ref().map_or(String::new(), |_| format!("{prefix}transfer_function.json"));
         let tf = if tf_file.is_empty() { loaded.tf_source.clone() } else { tf_file.clone() };
         let scene = loaded.scene_of(&settings)?;
-        let mut resolved = settings.resolved(&scene, &tf, loaded.suiting)?;
+        let mut resolved = settings.resolved(&scene, &tf, loaded.suiting);
         resolved.name = Some(name.to_owned());
         resolved.sha256 = volume_sha256.clone();
         let record = SceneRecord {
@@ -55,7 +54,7 @@ impl Asked {
     }
 }
 
-/// The text of the transfer function that was read from a file; `None` for a preset.
+/// Text of the transfer function's file; `None` for a preset.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -64,10 +63,10 @@ pub fn function_text(loaded: &Loaded) -> Result<Option<String>> {
     if is_preset { Ok(None) } else { presets::own_text(Path::new(&loaded.tf_source)).map(Some) }
 }
 
-/// Keys and texts that a single picture carries: what drew it, and the scene file that draws it again.
+/// Keys and texts that a single picture carries: program, adapter, and the scene file that draws it again.
 ///
 /// # Errors
-/// As [`SceneSettings::to_toml`].
+/// See [`SceneSettings::to_toml`].
 pub fn picture_texts(adapter: &str, scene: Option<&SceneSettings>) -> Result<Vec<(String, String)>> {
     let program = format!("umbravox {}, revision {REVISION}", env!("CARGO_PKG_VERSION"));
     let scene = scene.map(SceneSettings::to_toml).transpose()?;

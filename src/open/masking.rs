@@ -1,50 +1,53 @@
-//! Which parts of a volume are shown, and through what: clip planes, and the labels of a segmentation.
+//! Masking of a volume: clip planes, and the labels of a segmentation.
 
+use super::layer::layer;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
-use super::remark::Remark;
-use super::{VolumeSpec, load_with};
+use super::scene_file::key;
+use super::{Diagnostic, VolumeSpec};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::transfer::formats::{have_same_quantity, with_quantity_of};
 use crate::transfer::{ClipPlane, LabelRule, LabelVisibility, MOST_CLIP_PLANES, Quantity, TransferFunction};
 use crate::volume::{Labels, Volume};
 use clap::Args;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 use std::collections::BTreeSet;
 use std::fmt;
-use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// Labels that one flag may name.
+/// Limit of labels that one flag names.
 const MOST_NAMED: usize = 4096;
-/// Share of an amount from which on it is said that a function of another kind is not quite the same.
+/// Relative error of a converted function from which a warning is due.
 const OFF_SAID: f64 = 0.002;
-/// Labels that a message shows.
+/// Limit of labels that a message lists.
 const MOST_SHOWN: usize = 12;
 
-/// Flags that say what of a volume has extinction.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
-pub struct PartFlags {
-    /// Only the half-space n·x >= d in world mm, may be given more than once: what is outside has no extinction
+layer! {
+/// Flags that mask parts of a volume.
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
+#[serde(default)]
+pub struct MaskFlags {
+    /// Keep only the half-space n·x >= d, world mm; may be given several times: outside there is no extinction
     /// [default: all]
     #[arg(long, value_name = "NX,NY,NZ,D", value_parser = ClipPlane::from_str, allow_hyphen_values = true, help_heading = "Volume")]
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "key::texts", skip_serializing_if = "Option::is_none")]
     pub clip: Option<Vec<ClipPlane>>,
-    /// A segmentation of the volume, of whole numbers: each voxel has the label of the nearest of its voxels, 0 outside
-    /// [default: none]
+    /// Segmentation of the volume, a file of whole numbers: each voxel takes the label of the nearest of its voxels, 0
+    /// outside [default: none]
     #[arg(long, value_name = "FILE", help_heading = "Volume")]
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "key::text", skip_serializing_if = "Option::is_none")]
     pub labels: Option<String>,
-    /// Labels that have no extinction, such as 1,4-6 [default: none]
+    /// Labels without extinction, such as 1,4-6 [default: none]
     #[arg(long, value_name = "LABELS", value_parser = LabelList::from_str, help_heading = "Volume")]
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "key::text", skip_serializing_if = "Option::is_none")]
     pub hide: Option<LabelList>,
-    /// Another transfer function for some labels, LABELS=FILE|PRESET, may be given more than once: the last for a label
-    /// counts [default: that of --tf for all]
+    /// Transfer function of some labels, LABELS=FILE|PRESET; may be given several times: the last for a label counts
+    /// [default: that of --tf for all]
     #[arg(id = "label-tf", long, value_name = "LABELS=TF", value_parser = LabelFunction::from_str, help_heading = "Volume")]
-    #[serde(rename = "label-tf", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "label-tf", deserialize_with = "key::texts", skip_serializing_if = "Option::is_none")]
     pub label_tf: Option<Vec<LabelFunction>>,
+}
 }
 
 /// Labels, as `1,4-6`.
@@ -57,7 +60,7 @@ impl FromStr for LabelList {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let refuse = || format!("`{text}` is no list of labels such as 1,4-6");
+        let refuse = || format!("`{text}` is not a list of labels such as 1,4-6");
         let number = |text: &str| text.trim().parse::<u32>().map_err(|_| refuse());
         let mut labels = BTreeSet::new();
         for part in text.split(',') {
@@ -104,7 +107,7 @@ impl Serialize for LabelList {
 /// A transfer function for some labels, as `1,4-6=bone`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelFunction {
-    /// Which.
+    /// Labels.
     pub labels: LabelList,
     /// A preset or a file.
     pub tf: String,
@@ -129,16 +132,16 @@ impl Serialize for LabelFunction {
     }
 }
 
-impl PartFlags {
-    /// The clip planes.
+impl MaskFlags {
+    /// Clip planes.
     ///
     /// # Errors
-    /// Too many, or some for strands, which would have to be cut themselves.
+    /// Too many, or any for strands, whose segments would have to be cut.
     pub fn planes(&self, is_of_strands: bool) -> Result<Vec<ClipPlane>> {
         let refuse = |why: String| Err(Error::input("cannot clip", "--clip", why));
         let planes = self.clip.clone().unwrap_or_default();
         if is_of_strands && !planes.is_empty() {
-            return refuse("it clips volumes, and these are strands".into());
+            return refuse("strands cannot be clipped".into());
         }
         if planes.len() > MOST_CLIP_PLANES {
             return refuse(format!("{} planes, at most {MOST_CLIP_PLANES} clip a volume", planes.len()));
@@ -146,16 +149,14 @@ impl PartFlags {
         Ok(planes)
     }
 
-    /// The transfer functions of labels, found before anything large is read; `is_labelled` where the voxels have labels
-    /// without a file of them.
+    /// Finds the transfer functions of labels, before the volume is read; `is_labelled`: the volume has labels already.
     ///
     /// # Errors
-    /// A function that cannot be found or read, or labels that are spoken of without a segmentation.
+    /// A function that cannot be found or read, or flags that need a segmentation where there is none.
     pub fn find(&self, is_labelled: bool) -> Result<Vec<(LabelList, Found)>> {
         let flag = if self.hide.is_some() { "--hide" } else { "--label-tf" };
         if self.labels.is_none() && !is_labelled && (self.hide.is_some() || self.label_tf.is_some()) {
-            let why = "it is about labels, and there is no segmentation";
-            return Err(Error::input("cannot use flag", flag, why).hint("--labels FILE gives one"));
+            return Err(Error::input("cannot use flag", flag, format!("{flag} needs --labels FILE")));
         }
         let functions = self.label_tf.iter().flatten();
         functions
@@ -163,78 +164,72 @@ impl PartFlags {
             .collect()
     }
 
-    /// The volume with the labels of its segmentation, where there is one.
+    /// Volume with the labels of its segmentation, if any.
     ///
     /// # Errors
-    /// The segmentation cannot be read, or is none.
+    /// The segmentation cannot be read, or does not hold whole numbers.
     pub fn label(
         &self,
         volume: Volume,
         is_of_strands: bool,
-        remarks: &mut Vec<Remark>,
+        diagnostics: &mut Vec<Diagnostic>,
         loading: &Loading,
     ) -> Result<Volume> {
         let Some(file) = &self.labels else { return Ok(volume) };
         if is_of_strands {
-            let why = "they are of voxels, and these are strands";
+            let why = "strands have no labels";
             return Err(Error::input("cannot use labels", "--labels", why));
         }
-        let segmentation = load_with(&VolumeSpec::new(file.clone()), loading)?;
-        let warnings = segmentation.provenance.warnings.iter().map(|w| ("warning", format!("{file}: {w}")));
-        remarks.extend(warnings);
+        let segmentation = VolumeSpec::new(file.clone()).read(loading)?.volume;
+        let warnings = segmentation.provenance.warnings.iter();
+        diagnostics.extend(warnings.map(|w| Diagnostic::warning(format!("{file}: {w}"))));
         let labels = Labels::sampled(&segmentation, &volume)?;
         if labels.resampled {
-            remarks.push((
-                "note",
-                format!("{file} has another grid: each voxel takes the nearest of its labels"),
-            ));
+            let text = format!("{file} has another grid: each voxel takes the nearest of its labels");
+            diagnostics.push(Diagnostic::note(text));
         }
         if labels.ids() == [0] {
-            remarks.push((
-                "warning",
-                format!("{file} labels no voxel of the volume: do both lie at the same place?"),
-            ));
+            let text = format!("{file} labels no voxel of the volume: do both lie at the same place?");
+            diagnostics.push(Diagnostic::warning(text));
         }
         let named = self.hide.iter().chain(self.label_tf.iter().flatten().map(|f| &f.labels));
-        let strangers = named.flat_map(|list| &list.labels).filter(|label| !labels.ids().contains(label));
-        let strangers: BTreeSet<u32> = strangers.copied().collect();
-        if !strangers.is_empty() {
-            let strangers: Vec<u32> = strangers.into_iter().collect();
-            let (asked, there) = (shown(&strangers), shown(labels.ids()));
-            remarks.push(("warning", format!("no voxel has label {asked}: {file} has {there}")));
+        let missing = named.flat_map(|list| &list.labels).filter(|label| !labels.ids().contains(label));
+        let missing = LabelList::from_iter(missing.copied()).labels;
+        if !missing.is_empty() {
+            let (missing, present) = (shown(&missing), shown(labels.ids()));
+            diagnostics
+                .push(Diagnostic::warning(format!("no voxel has label {missing}: {file} has {present}")));
         }
         volume.labelled(Arc::new(labels))
     }
 
-    /// The rules for a volume's labels: its functions suited to it and of the kind of `tf`, then what is hidden.
+    /// Rules for a volume's labels: their functions, adapted to the volume and to the kind of `tf`, then the hidden ones.
     ///
     /// # Errors
-    /// A function that cannot be suited.
+    /// A function that cannot be adapted.
     pub fn rules(
         &self,
         found: Vec<(LabelList, Found)>,
         tf: &TransferFunction,
         volume: &Volume,
         suiting: Suiting,
-        remarks: &mut Vec<Remark>,
+        diagnostics: &mut Vec<Diagnostic>,
     ) -> Result<Vec<LabelRule>> {
         let mut rules = Vec::new();
         for (list, found) in found {
             let ResolvedTransferFunction { tf: own, warnings, notes, .. } = found.suit(volume, suiting)?;
-            remarks.extend(warnings.into_iter().map(|warning| ("warning", warning)));
-            remarks.extend(notes.into_iter().map(|note| ("note", note)));
-            // One set of tables holds them all.
+            diagnostics.extend(warnings.into_iter().map(Diagnostic::warning));
+            diagnostics.extend(notes.into_iter().map(Diagnostic::note));
+            // One set of tables holds all functions.
             if !have_same_quantity(&own, tf) {
                 let (name, kind) = (&own.name, kind_of(tf));
-                remarks.push(("note", format!("`{name}`, of labels {list}, became {kind}, as --tf is")));
+                let text = format!("`{name}`, of labels {list}, became {kind}, as --tf is");
+                diagnostics.push(Diagnostic::note(text));
             }
             let (tf, off) = with_quantity_of(&own, tf);
             if off > OFF_SAID {
-                let percent = 100.0 * off;
-                remarks.push((
-                    "warning",
-                    format!("there its amounts are off by up to {percent:.1} % of themselves"),
-                ));
+                let text = format!("there its amounts differ by up to {:.1} %", 100.0 * off);
+                diagnostics.push(Diagnostic::warning(text));
             }
             rules.push(LabelRule { labels: list.labels, visibility: LabelVisibility::Visible(Box::new(tf)) });
         }
@@ -246,20 +241,13 @@ impl PartFlags {
         Ok(rules)
     }
 
-    /// Paths of files beside a scene file in `folder`, where there are such.
-    pub fn beside(&mut self, folder: &Path) {
-        let functions = self.label_tf.iter_mut().flatten().map(|f| &mut f.tf);
-        for name in self.labels.iter_mut().chain(functions) {
-            let beside = folder.join(&*name);
-            let is_preset = presets::PRESETS.iter().any(|p| p.name == name);
-            if !name.is_empty() && !is_preset && Path::new(&*name).is_relative() && beside.exists() {
-                *name = beside.to_string_lossy().into_owned();
-            }
-        }
+    /// Names of files.
+    pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        self.labels.iter_mut().chain(self.label_tf.iter_mut().flatten().map(|f| &mut f.tf))
     }
 }
 
-/// What a function gives, in words.
+/// Quantity of a function, in words.
 fn kind_of(tf: &TransferFunction) -> String {
     match tf.quantity {
         Quantity::Opacity => format!("opacities over {} mm", tf.reference_length_mm),
@@ -267,7 +255,7 @@ fn kind_of(tf: &TransferFunction) -> String {
     }
 }
 
-/// The first of some labels, in words.
+/// The first of some labels, as text.
 fn shown(labels: &[u32]) -> String {
     let first: Vec<String> = labels.iter().take(MOST_SHOWN).map(u32::to_string).collect();
     let more = labels.len().saturating_sub(MOST_SHOWN);
@@ -298,8 +286,8 @@ mod tests {
     }
 
     #[test]
-    fn rules_without_labels_are_refused() {
-        let flags = PartFlags { hide: "1".parse().ok(), ..PartFlags::default() };
+    fn flags_of_labels_need_a_segmentation() {
+        let flags = MaskFlags { hide: "1".parse().ok(), ..MaskFlags::default() };
         assert_eq!(flags.find(false).unwrap_err().place, "--hide");
     }
 }

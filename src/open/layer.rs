@@ -1,0 +1,51 @@
+//! Layers of optional settings: flags over a scene file over defaults.
+
+/// Optional settings that can be laid over others.
+pub trait Layer {
+    /// These settings where given, those below otherwise.
+    #[must_use]
+    fn over(&self, below: &Self) -> Self;
+
+    /// Names of the settings that are given; `name` is that of a single one.
+    fn given(&self, name: &'static str) -> Vec<&'static str>;
+}
+
+impl<T: Clone> Layer for Option<T> {
+    fn over(&self, below: &Self) -> Self {
+        self.clone().or_else(|| below.clone())
+    }
+
+    fn given(&self, name: &'static str) -> Vec<&'static str> {
+        self.iter().map(|_| name).collect()
+    }
+}
+
+impl Layer for bool {
+    fn over(&self, below: &Self) -> Self {
+        *self || *below
+    }
+
+    fn given(&self, name: &'static str) -> Vec<&'static str> {
+        self.then_some(name).into_iter().collect()
+    }
+}
+
+/// Declares a struct of optional settings, or of groups of them, as a [`Layer`].
+macro_rules! layer {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $ty:ty,)* }) => {
+        $(#[$meta])*
+        pub struct $name { $($(#[$field_meta])* pub $field: $ty,)* }
+
+        impl $crate::open::layer::Layer for $name {
+            fn over(&self, below: &Self) -> Self {
+                Self { $($field: self.$field.over(&below.$field),)* }
+            }
+
+            fn given(&self, _: &'static str) -> Vec<&'static str> {
+                [$(self.$field.given(stringify!($field))),*].concat()
+            }
+        }
+    };
+}
+
+pub(super) use layer;

@@ -1,0 +1,382 @@
+//! Scene files: [`SceneRequest`] as TOML.
+
+use super::presets::PRESETS;
+use super::settings::{SceneRequest, SceneSettings};
+use crate::error::{Error, Result};
+use crate::files::input::read_text;
+use clap::Args;
+use serde::Deserialize;
+use std::path::Path;
+use toml::{Table, Value};
+
+const WHAT: &str = "cannot read scene file";
+
+impl SceneRequest {
+    /// Reads a scene file. Relative paths belong to files beside it, or else to files of the working folder.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not TOML, or has an unknown key or a value out of range.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut request = Self::from_toml(&read_text(path, WHAT)?).map_err(|e| e.at(path.display()))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let SceneSettings { volume, tf, masking, opaque, .. } = &mut request.settings;
+        let names = [volume, tf].into_iter().flatten();
+        let names = names.chain(masking.files_mut()).chain(opaque.files_mut());
+        for name in names {
+            // Built-in names are never files.
+            let is_built_in = name.starts_with("phantom:") || PRESETS.iter().any(|p| p.name == name);
+            let beside = folder.join(&*name);
+            if !is_built_in && !name.is_empty() && Path::new(name).is_relative() && beside.exists() {
+                *name = beside.to_string_lossy().into_owned();
+            }
+        }
+        Ok(request)
+    }
+
+    /// Parses the text of a scene file.
+    ///
+    /// # Errors
+    /// See [`Self::read`]; the place is a line or a key.
+    pub fn from_toml(text: &str) -> Result<Self> {
+        let table: Table = toml::from_str(text).map_err(|e: toml::de::Error| {
+            let line = 1 + e.span().map_or(0, |s| text[..s.start].matches('\n').count());
+            Error::input(WHAT, format!("line {line}"), e.message())
+        })?;
+        Self::from_table(&table)
+    }
+
+    /// Reads the keys of a scene file.
+    ///
+    /// # Errors
+    /// An unknown key, or a value out of range; the place is the key.
+    pub fn from_table(table: &Table) -> Result<Self> {
+        let keys: Vec<String> = Self::keys().into_iter().map(|(key, _)| key).collect();
+        let unknown: Vec<&str> =
+            table.keys().map(String::as_str).filter(|k| !keys.iter().any(|key| key == k)).collect();
+        if !unknown.is_empty() {
+            let error = Error::input(WHAT, unknown.join(", "), "unknown key");
+            return Err(error.hint(format!("keys: {}", keys.join(", "))));
+        }
+        let read = |table: Table| Self::deserialize(table).map_err(|e| e.message().to_owned());
+        read(table.clone()).map_err(|why| {
+            // Flattened groups hide the key of an error: the first key that fails alone is the one.
+            let failed = table.iter().find_map(|(key, value)| {
+                read(Table::from_iter([(key.clone(), value.clone())])).err().map(|why| (key.as_str(), why))
+            });
+            let (key, why) = failed.unwrap_or(("settings", why));
+            Error::input(WHAT, key, why)
+        })
+    }
+
+    /// Every key, with the help of its flag.
+    pub fn keys() -> Vec<(String, String)> {
+        let command = Self::augment_args(clap::Command::new("scene"));
+        let help = |a: &clap::Arg| a.get_help().map_or_else(String::new, ToString::to_string);
+        command.get_arguments().map(|a| (a.get_id().to_string(), help(a))).collect()
+    }
+}
+
+impl SceneSettings {
+    /// Text of a scene file with these settings.
+    ///
+    /// # Errors
+    /// A whole number that TOML cannot hold.
+    pub fn to_toml(&self) -> Result<String> {
+        toml::to_string(self).map_err(|e| Error::input("cannot write scene", "settings", e))
+    }
+}
+
+/// Deserializers of scene keys: strings, numbers and arrays of numbers are parsed like the value of a flag.
+pub(super) mod key {
+    use super::super::meshes::{MeshFile, StrandFile};
+    use super::super::values::{Background, Size};
+    use super::super::{meshes, strands, values};
+    use super::*;
+    use crate::formats::RawLayout;
+    use crate::render::DisabledOptimizations;
+    use crate::scene::{AxisView, LightSource};
+    use crate::shadow::MethodSpec;
+    use clap::ValueEnum;
+    use glam::DVec3;
+    use serde::Deserializer;
+    use serde::de::Error as _;
+    use std::fmt::Display;
+    use std::str::FromStr;
+
+    macro_rules! keys {
+        ($($name:ident: $get:ident of $parse:expr => $ty:ty;)*) => { $(
+            pub fn $name<'de, D: Deserializer<'de>>(source: D) -> Result<Option<$ty>, D::Error> {
+                $get(source, $parse)
+            }
+        )* };
+    }
+
+    keys! {
+        sha256: one of values::sha256 => String;
+        opacity_scale: one of values::opacity_scale => f64;
+        shadow: one of values::shadow => MethodSpec;
+        size: one of values::size => Size;
+        point: one of values::point => DVec3;
+        direction: one of values::direction => DVec3;
+        view: one of values::view => AxisView;
+        zoom: one of values::zoom => f64;
+        fov_deg: one of values::fov_deg => f64;
+        light: several of values::light => Vec<LightSource>;
+        ambient: one of values::ambient => f64;
+        background: one of values::background => Background;
+        step: one of values::step => f64;
+        disabled_optimizations: one of values::disabled_optimizations => DisabledOptimizations;
+        raw_layout: one of values::raw_layout => RawLayout;
+        spacing_mm: one of values::spacing_mm => [f64; 3];
+        resolution: one of strands::parse_resolution => usize;
+        thickness_mm: one of strands::parse_thickness_mm => f64;
+        mesh: several of meshes::mesh_file => Vec<MeshFile>;
+        strands: several of meshes::strand_file => Vec<StrandFile>;
+    }
+
+    pub fn text<'de, D: Deserializer<'de>, T: FromStr<Err: Display>>(
+        source: D,
+    ) -> Result<Option<T>, D::Error> {
+        one(source, T::from_str)
+    }
+
+    pub fn texts<'de, D: Deserializer<'de>, T: FromStr<Err: Display>>(
+        source: D,
+    ) -> Result<Option<Vec<T>>, D::Error> {
+        several(source, T::from_str)
+    }
+
+    pub fn choice<'de, D: Deserializer<'de>, T: ValueEnum>(source: D) -> Result<Option<T>, D::Error> {
+        one(source, |text| {
+            T::from_str(text, false).map_err(|_| {
+                let names = T::value_variants().iter().filter_map(T::to_possible_value);
+                format!(
+                    "it is not one of {}",
+                    names.map(|n| n.get_name().to_owned()).collect::<Vec<_>>().join(", ")
+                )
+            })
+        })
+    }
+
+    pub fn switch<'de, D: Deserializer<'de>>(source: D) -> Result<bool, D::Error> {
+        Value::deserialize(source)?.as_bool().ok_or_else(|| D::Error::custom("expected true or false"))
+    }
+
+    fn one<'de, D: Deserializer<'de>, T, E: Display>(
+        source: D,
+        parse: impl Fn(&str) -> Result<T, E>,
+    ) -> Result<Option<T>, D::Error> {
+        parsed(&Value::deserialize(source)?, &parse).map(Some).map_err(D::Error::custom)
+    }
+
+    /// A key that may be given several times takes a list of strings, too.
+    fn several<'de, D: Deserializer<'de>, T, E: Display>(
+        source: D,
+        parse: impl Fn(&str) -> Result<T, E>,
+    ) -> Result<Option<Vec<T>>, D::Error> {
+        let values = match Value::deserialize(source)? {
+            Value::Array(items) if !items.is_empty() && items.iter().all(Value::is_str) => items,
+            value => vec![value],
+        };
+        let values = values.iter().map(|value| parsed(value, &parse)).collect::<Result<_, _>>();
+        values.map(Some).map_err(D::Error::custom)
+    }
+
+    fn parsed<T, E: Display>(value: &Value, parse: &impl Fn(&str) -> Result<T, E>) -> Result<T, String> {
+        let text = text_of(value).ok_or("expected a string, a number or an array of numbers")?;
+        parse(&text).map_err(|e| match e.to_string() {
+            why if why.contains(&format!("`{text}`")) => why,
+            why => format!("`{text}`: {why}"),
+        })
+    }
+
+    /// Text of a value on the command line.
+    fn text_of(value: &Value) -> Option<String> {
+        match value {
+            Value::String(text) => Some(text.clone()),
+            Value::Integer(n) => Some(n.to_string()),
+            Value::Float(x) => Some(x.to_string()),
+            Value::Array(items) => {
+                let is_number = |item: &&Value| item.is_integer() || item.is_float();
+                let texts: Vec<String> = items.iter().filter(is_number).filter_map(text_of).collect();
+                (texts.len() == items.len()).then(|| texts.join(","))
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Layer;
+    use super::*;
+    use clap::{ArgAction, CommandFactory, Parser};
+
+    #[derive(Parser)]
+    #[command(no_binary_name = true, disable_help_flag = true)]
+    struct CommandLine {
+        #[command(flatten)]
+        request: SceneRequest,
+    }
+
+    fn to_toml(request: &SceneRequest) -> String {
+        toml::to_string(request).unwrap()
+    }
+
+    /// Values of flags, those that few flags accept first.
+    const TEXTS: &[&str] = &[
+        "2x2x2:u8",
+        "auto",
+        "2x2x1",
+        "3x3x3:i16:be",
+        "1:2,,3:",
+        ":9,1:4,2:8",
+        "0,0,1,-20",
+        "0,1,0,30",
+        "dir:0,0.28,0.96",
+        "point:1,2.5,-3",
+        "A",
+        "S",
+        "8x9",
+        "7x6",
+        "1,2,3.5",
+        "4,5,6",
+        "#336699",
+        "none",
+        "rays",
+        "1-3,7=bone",
+        "4=skin",
+        "tiles,bricks",
+        "gradients",
+        "64",
+        "65",
+        "0.5",
+        "0.25",
+        "1",
+        "2",
+        "box",
+        "tent",
+        "lambert",
+        "blinn-phong",
+        "bricks",
+        "hu",
+        "fraction",
+        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad",
+        "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
+    ];
+
+    /// Two different values of every setting, as `--key=value`, and its key.
+    fn two_of_each() -> Vec<(String, [SceneRequest; 2])> {
+        let command = CommandLine::command();
+        let keys =
+            command.get_arguments().map(|a| (a.get_id().to_string(), a.is_positional(), a.get_action()));
+        keys.map(|(key, positional, action)| {
+            let lines: Vec<String> = match action {
+                ArgAction::SetTrue => vec![format!("--{key}")],
+                _ if positional => TEXTS.iter().map(|t| (*t).to_owned()).collect(),
+                _ => TEXTS.iter().map(|t| format!("--{key}={t}")).collect(),
+            };
+            let good = lines.iter().filter_map(|line| CommandLine::try_parse_from([line]).ok());
+            let mut good: Vec<_> = good.map(|line| line.request).collect();
+            good.dedup();
+            if matches!(action, ArgAction::SetTrue) {
+                good.push(SceneRequest::default());
+            }
+            assert!(good.len() > 1, "--{key} takes fewer than two of TEXTS");
+            (key, [good[0].clone(), good[1].clone()])
+        })
+        .collect()
+    }
+
+    #[test]
+    fn every_setting_survives_a_file_and_wins_over_one() {
+        let every = two_of_each();
+        assert!(every.len() > 20);
+        for (key, [one, other]) in &every {
+            for settings in [one, other] {
+                let text = to_toml(settings);
+                assert!(text.is_empty() || text.starts_with(&format!("{key} = ")), "{key}: {text}");
+                assert_eq!(SceneRequest::from_toml(&text).unwrap(), *settings, "{text}");
+            }
+            assert_ne!(one, other, "{key}");
+            assert_eq!(one.over(&SceneRequest::default()), *one);
+            assert_eq!(SceneRequest::default().over(one), *one);
+            // A switch that is not given wins over nothing.
+            let winner = if to_toml(other).is_empty() { one } else { other };
+            assert_eq!(other.over(one), *winner, "{key}");
+            assert_eq!(one.given(""), [key.replace('-', "_")]);
+        }
+        let all = every.iter().fold(SceneRequest::default(), |all, (_, [one, _])| one.over(&all));
+        let text = to_toml(&all);
+        assert_eq!(text.lines().count(), every.len(), "{text}");
+        assert_eq!(SceneRequest::from_toml(&text).unwrap(), all);
+    }
+
+    #[test]
+    fn files_of_earlier_versions_are_read() {
+        let text = "volume = 'a.raw'\nraw = '2x2x2:u8'\nspacing = [1, 2, 3.5]\noffset = '1'\nframe = 1\n\
+            resolution = 64\nkernel = 'tent'\nthickness = 0.5\nadapter = 7\ntf = 'bone'\nsize = '8x9'\n\
+            eye = [1, 2, 3]\ntarget = '4,5,6'\nlight = 'point:1,2,3'\nforce = 'tiles,bricks'\nexplain = false\n\
+            background = '#ffffff'\nfov = '50'";
+        let flags = [
+            "--raw=2x2x2:u8",
+            "--spacing=1,2,3.5",
+            "--offset=1",
+            "--frame=1",
+            "--resolution=64",
+            "--kernel=tent",
+            "--thickness=0.5",
+            "--adapter=7",
+            "--tf=bone",
+            "--size=8x9",
+            "--eye=1,2,3",
+            "--target=4,5,6",
+            "--light=point:1,2,3",
+            "--force=tiles,bricks",
+            "--background=#ffffff",
+            "--fov=50",
+            "a.raw",
+        ];
+        let settings = CommandLine::try_parse_from(flags).unwrap().request;
+        assert_eq!(SceneRequest::from_toml(text).unwrap(), settings);
+    }
+
+    #[test]
+    fn a_file_beside_a_scene_file_is_meant_before_one_elsewhere() {
+        let dir = tempfile::tempdir().unwrap();
+        let (scene, tf) = (dir.path().join("scene.toml"), dir.path().join("bone.json"));
+        std::fs::write(&scene, "volume = 'phantom:slab:8'\ntf = 'bone.json'").unwrap();
+        assert_eq!(SceneRequest::read(&scene).unwrap().settings.tf.unwrap(), "bone.json");
+        std::fs::write(&tf, "{}").unwrap();
+        let read = SceneRequest::read(&scene).unwrap().settings;
+        assert_eq!(read.tf.unwrap(), tf.to_string_lossy());
+        assert_eq!(read.volume.unwrap(), "phantom:slab:8");
+        // A preset is never a file.
+        std::fs::write(dir.path().join("bone"), "").unwrap();
+        std::fs::write(&scene, "tf = 'bone'").unwrap();
+        assert_eq!(SceneRequest::read(&scene).unwrap().settings.tf.unwrap(), "bone");
+        // Of meshes and strands each by itself.
+        let things = "['here.stl,color=#ff0000', 'elsewhere.stl', 'phantom:hair-fur']";
+        std::fs::write(&scene, format!("mesh = {things}\nstrands = {things}")).unwrap();
+        std::fs::write(dir.path().join("here.stl"), "").unwrap();
+        let opaque = SceneRequest::read(&scene).unwrap().settings.opaque;
+        let paths: Vec<_> = opaque.mesh.unwrap().into_iter().map(|mesh| mesh.source).collect();
+        let here = dir.path().join("here.stl").to_string_lossy().into_owned();
+        assert_eq!(paths, [&*here, "elsewhere.stl", "phantom:hair-fur"]);
+        let sources: Vec<_> = opaque.strands.unwrap().into_iter().map(|strands| strands.source).collect();
+        assert_eq!(sources, paths);
+    }
+
+    #[test]
+    fn unknown_keys_are_refused_by_name() {
+        let e = SceneRequest::from_toml("fov = 40\nfovv = 40\nscene = 'x.toml'").unwrap_err();
+        assert!(e.place == "fovv, scene" && e.hint.unwrap().contains("fov, light"), "{}", e.place);
+    }
+
+    #[test]
+    fn directions_come_back_to_the_last_bit() {
+        let text = "light = 'dir:0.3,-0.2,0.7'\nup = [0.1, 0.2, 0.3]";
+        let request = SceneRequest::from_toml(text).unwrap();
+        assert_eq!(SceneRequest::from_toml(&to_toml(&request)).unwrap(), request);
+    }
+}
