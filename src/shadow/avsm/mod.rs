@@ -13,8 +13,9 @@
 //!   over each other. With `filter=nearest` their difference is the compression's.
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::Entry;
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
+use super::settings::{Key, Value, settings};
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
 use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};

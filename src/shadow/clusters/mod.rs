@@ -15,8 +15,9 @@
 //! * Clusters of neighbouring texels are not the same matter, and so transmittances are averaged (`filter=bilinear`).
 //! * A ray is over where 2^-11 of the light is left, as in every map here; the range of depths is that of all matter.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::Entry;
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
+use super::settings::{Key, Value, settings};
 use super::style::{Marker, Style};
 use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
 use crate::gpu::Constant;

@@ -18,8 +18,9 @@
 //! * A ray is over where 2^-11 of the light is left, as in every map here: what lies behind does not ring.
 //! * Texels are filtered by the hardware with `bits=16`; 32-bit floats, which not every adapter filters, by the program.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::{Curve, Entry};
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
+use super::settings::{Key, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::vectors::{Numbers, Recipe, TEXELS_FILTER, VectorMap};
 use crate::gpu::Constant;

@@ -9,8 +9,9 @@ use super::{Average, Built, Recipe, Record, Split, SplitTable};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
+use crate::shadow::keys::Filter;
 use crate::shadow::method::SplitChoice;
-use crate::shadow::settings::{Filter, choices};
+use crate::shadow::settings::choices;
 
 /// Ratios 0, 0.1, ... 1.
 pub const RATIOS: u32 = 11;

@@ -32,8 +32,9 @@
 //!   ones, and for powers a tenth of the papers' 6e-5, 6e-4 and 2.5e-3, since steps of Chebyshev's means are finer.
 //! * A ray is over where 2^-11 of the light is left, as in every map here.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::{Curve, Entry};
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
+use super::settings::{Key, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::vectors::{Numbers, Recipe, VectorMap};
 use crate::gpu::Constant;

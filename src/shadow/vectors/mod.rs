@@ -9,8 +9,9 @@
 //! A ray is over at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`: what lies behind is not gathered. But for `avsm`, pieces
 //! of the march are whole stretches of a cell, whose matter is taken to be spread evenly.
 
+use super::keys::{Filter, Lookups};
 use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
-use super::settings::{Filter, Lookups, Value};
+use super::settings::Value;
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TILE, TileMarch, field_shader};
@@ -258,7 +259,7 @@ mod tests {
     use super::*;
     use crate::field::March;
     use crate::gpu::assert_layout;
-    use crate::shadow::settings::Fit;
+    use crate::shadow::keys::Fit;
 
     #[test]
     fn numbers_of_a_map_have_one_layout() {
