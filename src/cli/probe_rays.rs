@@ -27,7 +27,7 @@ pub fn probe_rays(field: &ExactField, text: &str, place: &str) -> Result<String>
 /// The segments of a rays file, world mm.
 ///
 /// # Errors
-/// As [`probe_rays`].
+/// See [`probe_rays`].
 pub fn parse_segments(text: &str, place: &str) -> Result<Vec<(DVec3, DVec3)>> {
     let ends = |[a, b, c, d, e, f]: [f64; 6]| (DVec3::new(a, b, c), DVec3::new(d, e, f));
     let hint = "a line is `x0 y0 z0 x1 y1 z1`, world mm";

@@ -1,24 +1,21 @@
 //! Registry of volume formats, and reading by it. One entry of [`FORMATS`] is all that a format needs: errors, hints, help
 //! and the window's dialog read that list.
 
+use super::downsample::{downsampled, room_for};
+use super::key;
 use super::layer::{Layer, layer};
-use super::scene_file::key;
 use super::strands::{StrandFlags, is_strand_source, load_strands};
 use super::values;
 use crate::error::{Error, Result};
-use crate::field::Fold;
 use crate::files::hash::sha256_of_files;
-use crate::files::loading::{Loading, Reduced};
-use crate::files::memory_budget::{MemoryBudget, free_bytes};
+use crate::files::loading::Loading;
 use crate::formats::raw::RawFile;
 use crate::formats::{Head, Sidecar, dicom, metaimage, npy, nrrd, tiff_stack, vti, zarr};
 use crate::formats::{RawLayout, nifti, raw};
-use crate::gpu::texture_side;
 use crate::phantom::Phantom;
 use crate::scene::Shading;
 use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::{Crop, Downsample, Volume};
-use crate::with_voxels;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -77,7 +74,7 @@ pub struct VolumeSpec {
     /// A path, or `phantom:NAME[:SIZE]` for a built-in volume; a file of [`crate::strands::STRAND_FORMATS`] and
     /// `phantom:hair-NAME[:SEGMENTS]` are strands.
     pub source: String,
-    /// How to read it.
+    /// Flags of reading.
     pub flags: ReadFlags,
 }
 
@@ -384,48 +381,6 @@ impl VolumeSpec {
         let why = format!("{} is {}, and this flag is for {other}", self.source, format.kind);
         Err(Error::input("cannot use flag", format!("--{flag}"), why))
     }
-}
-
-/// Limit of a 3-D texture's side in WebGPU, where no adapter can be asked.
-const CORE_TEXTURE_SIDE: usize = 2048;
-/// Largest number of bytes for each voxel on a device that shares the machine's memory.
-const DEVICE_BYTES: u64 = 4;
-
-/// Limits that `--downsample` sets. The memory of a graphics card is unknown; free memory is known on Linux.
-fn room_for(fit: Downsample) -> MemoryBudget {
-    let room = MemoryBudget {
-        fixed: None,
-        most_bytes: u64::MAX,
-        bytes_beside: 0,
-        texture_side: usize::MAX,
-        fits_texture: |dims, side| Fold::with_bricks(dims, side).is_some(),
-    };
-    match fit {
-        Downsample::Factors(factors) => MemoryBudget { fixed: Some(factors), ..room },
-        Downsample::Bytes(bytes) => MemoryBudget { most_bytes: bytes, ..room },
-        Downsample::Auto => MemoryBudget {
-            // A quarter is left for everything else.
-            most_bytes: free_bytes().map_or(u64::MAX, |free| free / 4 * 3),
-            bytes_beside: DEVICE_BYTES,
-            texture_side: texture_side().unwrap_or(CORE_TEXTURE_SIDE),
-            ..room
-        },
-    }
-}
-
-/// Downsamples a volume to its limits, unless its reader has done so.
-fn downsampled(volume: Volume, room: Option<MemoryBudget>, loading: &Loading) -> Result<Volume> {
-    let Some(room) = room else { return Ok(volume) };
-    if let Some(Reduced { from, factors }) = loading.take_reduced() {
-        return Ok(if factors == [1; 3] { volume } else { volume.downsampled_from(factors, from) });
-    }
-    fn bytes_each<T>(_: &ndarray::Array3<T>) -> u64 {
-        size_of::<T>() as u64
-    }
-    let voxel_bytes = with_voxels!(volume.voxels(), a => bytes_each(a));
-    let factors = room.factors(volume.dims(), voxel_bytes);
-    let factors = factors.map_err(|why| Error::input("cannot downsample volume", "--downsample", why))?;
-    volume.downsampled(factors, loading)
 }
 
 #[cfg(test)]

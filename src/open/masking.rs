@@ -1,8 +1,8 @@
 //! Masking of a volume: clip planes, and the labels of a segmentation.
 
+use super::key;
 use super::layer::layer;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
-use super::scene_file::key;
 use super::{Diagnostic, VolumeSpec};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;

@@ -1,9 +1,10 @@
 //! Opaque objects of a scene: files of meshes and of strands, each with a colour.
 
 use super::Diagnostic;
+use super::key;
 use super::layer::layer;
-use super::scene_file::key;
-use super::strands::{load_strands, parse_thickness_mm};
+use super::strands::load_strands;
+use super::values;
 use crate::error::{Error, Result};
 use crate::files::color;
 use crate::files::loading::Loading;
@@ -12,6 +13,7 @@ use crate::strands::{MOST_TRIANGLES, SIDES, Tubes, tubes};
 use clap::Args;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::Path;
+use std::str::FromStr;
 use std::sync::Arc;
 
 layer! {
@@ -21,14 +23,14 @@ layer! {
 pub struct OpaqueFlags {
     /// Opaque mesh in the volume, may be given several times: an STL, PLY or OBJ file, world mm, followed by
     /// ,color=#rrggbb (sRGB, bone)
-    #[arg(long, value_name = "FILE", value_parser = mesh_file, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::mesh", skip_serializing_if = "Option::is_none")]
+    #[arg(long, value_name = "FILE", value_parser = MeshFile::from_str, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::texts", skip_serializing_if = "Option::is_none")]
     pub mesh: Option<Vec<MeshFile>>,
     /// Strands in the volume as opaque tubes, may be given several times: a .hair, .tck, .trk, .vtk, .vtp or .obj file or
     /// phantom:hair-NAME[:SEGMENTS], followed by ,color=#rrggbb (sRGB, blue) and ,thickness=MM (needed where the file
     /// has none)
-    #[arg(long, value_name = "FILE", value_parser = strand_file, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::strands", skip_serializing_if = "Option::is_none")]
+    #[arg(long, value_name = "FILE", value_parser = StrandFile::from_str, help_heading = "Scene")]
+    #[serde(deserialize_with = "key::texts", skip_serializing_if = "Option::is_none")]
     pub strands: Option<Vec<StrandFile>>,
 }
 }
@@ -70,19 +72,26 @@ impl Serialize for StrandFile {
     }
 }
 
-/// `FILE[,color=#rrggbb]` (sRGB).
-pub(super) fn mesh_file(text: &str) -> Result<MeshFile, String> {
-    let (source, [hex]) = with_keys(text, ["color"])?;
-    let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
-    Ok(MeshFile { source: source.into(), color })
+impl FromStr for MeshFile {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (source, [hex]) = with_keys(text, ["color"])?;
+        let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
+        Ok(Self { source: source.into(), color })
+    }
 }
 
-/// `FILE[,color=#rrggbb][,thickness=MM]` (sRGB).
-pub(super) fn strand_file(text: &str) -> Result<StrandFile, String> {
-    let (source, [hex, mm]) = with_keys(text, ["color", "thickness"])?;
-    let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
-    let thickness_mm = mm.map(parse_thickness_mm).transpose().map_err(|why| format!("thickness: {why}"))?;
-    Ok(StrandFile { source: source.into(), color, thickness_mm })
+impl FromStr for StrandFile {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (source, [hex, mm]) = with_keys(text, ["color", "thickness"])?;
+        let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
+        let thickness_mm = mm.map(values::thickness_mm).transpose();
+        let thickness_mm = thickness_mm.map_err(|why| format!("thickness: {why}"))?;
+        Ok(Self { source: source.into(), color, thickness_mm })
+    }
 }
 
 /// Splits the name of a file from the keys behind it, each `,KEY=VALUE`.
@@ -189,24 +198,24 @@ mod tests {
 
     #[test]
     fn files_are_named_with_their_colours() {
-        let files = ["a b.stl", "c,d.ply,color=#ff8000"].map(|text| mesh_file(text).unwrap());
+        let files = ["a b.stl", "c,d.ply,color=#ff8000"].map(|text| text.parse::<MeshFile>().unwrap());
         assert_eq!(files[0].source, "a b.stl");
         assert_eq!((files[1].source.as_str(), files[1].color[0]), ("c,d.ply", 1.0));
         let text = serde_json::to_string(&files[1]).unwrap();
         assert_eq!(text, "\"c,d.ply,color=#ff8000\"");
-        assert!(mesh_file("a.stl,color=red").unwrap_err().contains("#rrggbb"));
-        assert!(mesh_file(",color=#ffffff").is_err());
-        let flags = OpaqueFlags { mesh: Some(vec![mesh_file("no such file.stl").unwrap()]), strands: None };
+        assert!("a.stl,color=red".parse::<MeshFile>().unwrap_err().contains("#rrggbb"));
+        assert!(",color=#ffffff".parse::<MeshFile>().is_err());
+        let flags = OpaqueFlags { mesh: Some(vec!["no such file.stl".parse().unwrap()]), strands: None };
         let error = flags.read(&mut Vec::new(), &Loading::default()).unwrap_err();
         assert!(error.exit_status() == 2 && error.place.contains("--mesh"), "{error}");
     }
 
     #[test]
     fn strands_are_named_with_colour_and_thickness() {
-        let plain = strand_file("a,b.tck").unwrap();
+        let plain = "a,b.tck".parse::<StrandFile>().unwrap();
         assert_eq!((plain.source.as_str(), plain.thickness_mm), ("a,b.tck", None));
         for text in ["a.tck,color=#ff8000,thickness=0.25", "a.tck, thickness=0.25, color=#ff8000"] {
-            let file = strand_file(text).unwrap();
+            let file = text.parse::<StrandFile>().unwrap();
             assert_eq!((file.source.as_str(), file.color[0], file.thickness_mm), ("a.tck", 1.0, Some(0.25)));
             assert_eq!(serde_json::to_string(&file).unwrap(), "\"a.tck,color=#ff8000,thickness=0.25\"");
         }
@@ -218,12 +227,12 @@ mod tests {
             (",thickness=1", "expected FILE[,color=...][,thickness=...]"),
             ("", "expected FILE"),
         ] {
-            assert!(strand_file(text).unwrap_err().contains(why), "{text}");
+            assert!(text.parse::<StrandFile>().unwrap_err().contains(why), "{text}");
         }
     }
 
     fn read(texts: &[&str]) -> (Result<Option<Arc<Mesh>>>, Vec<Diagnostic>) {
-        let files = texts.iter().map(|text| strand_file(text).unwrap()).collect();
+        let files = texts.iter().map(|text| text.parse::<StrandFile>().unwrap()).collect();
         let mut diagnostics = Vec::new();
         let flags = OpaqueFlags { mesh: None, strands: Some(files) };
         (flags.read(&mut diagnostics, &Loading::default()), diagnostics)
@@ -246,7 +255,7 @@ mod tests {
         assert!(diagnostics[0].message.contains("a.obj: 1 lines of fewer"), "{diagnostics:?}");
         let flags = OpaqueFlags::of(Some(&mesh));
         assert_eq!(flags.mesh, None);
-        assert_eq!(flags.strands.unwrap(), texts.each_ref().map(|text| strand_file(text).unwrap()));
+        assert_eq!(flags.strands.unwrap(), texts.each_ref().map(|text| text.parse::<StrandFile>().unwrap()));
         assert_eq!(OpaqueFlags::of(None), OpaqueFlags::default());
         // Two segments with caps; a tube of fur for each strand.
         assert!(mesh.triangles().len() > 2 * 24 + 120);

@@ -1,12 +1,17 @@
 //! Input: turns what a user names on the command line, in a scene file or in the window into volumes and scenes.
 
+mod diagnostic;
+mod downsample;
 pub mod formats;
+mod key;
 mod layer;
 mod load;
 mod masking;
 mod meshes;
 pub mod presets;
 pub mod provenance;
+#[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
+mod request;
 mod scene_file;
 #[allow(rustdoc::broken_intra_doc_links, reason = "square brackets of the flags' help")]
 pub mod settings;
@@ -15,12 +20,13 @@ pub mod units;
 pub mod values;
 mod view;
 
+pub use diagnostic::{Diagnostic, Level};
 pub use formats::{FORMATS, Read, ReadFlags, VolumeSpec, load};
 pub use layer::Layer;
-pub use load::{Diagnostic, Functions, Level, Loaded};
+pub use load::{Functions, Loaded};
 pub use masking::{LabelFunction, LabelList, MaskFlags};
 pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
-pub use settings::{DEFAULT_VOLUME, RunFlags, SceneArgs, SceneRequest, SceneSettings};
-pub use strands::{
-    StrandFlags, is_strand_source, lacks_thickness, load_strands, parse_resolution, parse_thickness_mm,
-};
+pub use request::{RunFlags, SceneArgs, SceneRequest};
+pub use settings::{DEFAULT_VOLUME, SceneSettings};
+pub use strands::{StrandFlags, is_strand_source, lacks_thickness, load_strands};
+pub use values::{resolution as parse_resolution, thickness_mm as parse_thickness_mm};

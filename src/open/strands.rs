@@ -1,12 +1,12 @@
 //! Flags of strands, and loading of strands.
 
+use super::key;
 use super::layer::layer;
-use super::scene_file::key;
+use super::values;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::strands::{
-    DEFAULT_RESOLUTION, Kernel, MAX_MM, RESOLUTIONS, StrandFormat, StrandSet, StrandVolume, Strands,
-    read_strands,
+    DEFAULT_RESOLUTION, Kernel, StrandFormat, StrandSet, StrandVolume, Strands, read_strands,
 };
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ layer! {
 #[serde(default)]
 pub struct StrandFlags {
     /// Voxels along the longest side of the grid for strands, 4 to 1024 [default: 256]
-    #[arg(long, value_name = "N", value_parser = parse_resolution, allow_hyphen_values = true, help_heading = "Strands")]
+    #[arg(long, value_name = "N", value_parser = values::resolution, allow_hyphen_values = true, help_heading = "Strands")]
     #[serde(deserialize_with = "key::resolution")]
     pub resolution: Option<usize>,
     /// Kernel that distributes the length of strands over voxels [default: box]
@@ -26,7 +26,7 @@ pub struct StrandFlags {
     #[serde(deserialize_with = "key::choice")]
     pub kernel: Option<Kernel>,
     /// Diameter of every strand, mm; wins over the file's, and is needed where it has none [default: the file's]
-    #[arg(long, value_name = "MM", value_parser = parse_thickness_mm, allow_hyphen_values = true, help_heading = "Strands")]
+    #[arg(long, value_name = "MM", value_parser = values::thickness_mm, allow_hyphen_values = true, help_heading = "Strands")]
     #[serde(deserialize_with = "key::thickness_mm")]
     pub thickness: Option<f64>,
 }
@@ -41,29 +41,6 @@ impl StrandFlags {
         let resolution = self.resolution.unwrap_or(DEFAULT_RESOLUTION);
         StrandVolume::of(strands, resolution, self.kernel.unwrap_or_default(), loading)
     }
-}
-
-/// Parses the number of voxels along the longest side.
-///
-/// # Errors
-/// The reason, in one line.
-pub fn parse_resolution(text: &str) -> Result<usize, String> {
-    let known = RESOLUTIONS;
-    text.parse()
-        .ok()
-        .filter(|n| known.contains(n))
-        .ok_or_else(|| format!("expected a whole number from {} to {}", known.start(), known.end()))
-}
-
-/// Parses a strand's diameter, mm.
-///
-/// # Errors
-/// The reason, in one line.
-pub fn parse_thickness_mm(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|d| *d > 0.0 && *d <= f64::from(MAX_MM))
-        .ok_or_else(|| "expected a diameter above 0 and at most 1e9 mm".into())
 }
 
 /// Whether VOLUME names strands: a file of one of their formats, or `phantom:hair-...`.

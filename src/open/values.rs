@@ -6,6 +6,7 @@ use crate::formats::RawLayout;
 use crate::render::DisabledOptimizations;
 use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
 use crate::shadow::MethodSpec;
+use crate::strands::{MAX_MM, RESOLUTIONS};
 use glam::DVec3;
 use serde::{Serialize, Serializer};
 use std::ops::RangeInclusive;
@@ -213,6 +214,23 @@ pub fn zoom(text: &str) -> Result<f64, String> {
 /// The layout of a raw file.
 pub fn raw_layout(text: &str) -> Result<RawLayout, String> {
     text.parse().map_err(|e: Error| e.why)
+}
+
+/// Number of voxels along the longest side of a grid for strands.
+pub fn resolution(text: &str) -> Result<usize, String> {
+    let known = RESOLUTIONS;
+    text.parse()
+        .ok()
+        .filter(|n| known.contains(n))
+        .ok_or_else(|| format!("expected a whole number from {} to {}", known.start(), known.end()))
+}
+
+/// Diameter of a strand, mm.
+pub fn thickness_mm(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|d| *d > 0.0 && *d <= f64::from(MAX_MM))
+        .ok_or_else(|| "expected a diameter above 0 and at most 1e9 mm".into())
 }
 
 #[cfg(test)]

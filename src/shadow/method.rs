@@ -1,11 +1,13 @@
 //! Interface of shadow methods: registry entry, settings, lookup, built structure, cost and error bound.
 
-use super::settings::{Key, Lookups, MAP, MARCH, Value};
-use super::spec::MethodSpec;
+use super::keys::{Lookups, MAP, MARCH};
+use super::settings::{Key, Value, When, applies};
 use super::style::Style;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::field::{BuildContext, LightSpace, Optimization, TILE_TEXELS, marches_cells};
 use crate::gpu::{Group, ShaderVariant, Span};
+use std::fmt;
+use std::hash::{Hash, Hasher};
 
 /// Registry entry of a method.
 pub struct Entry {
@@ -25,6 +27,124 @@ pub struct Entry {
     pub stability: &'static str,
     /// Colour and marker in every figure.
     pub style: Style,
+}
+
+/// A shadow method with a value for each of its keys.
+#[derive(Clone)]
+pub struct MethodSpec {
+    pub(super) entry: &'static Entry,
+    pub(super) values: Vec<Value>,
+}
+
+impl MethodSpec {
+    /// Specification from values of the entry's keys, in their order.
+    pub fn new(entry: &'static Entry, values: Vec<Value>) -> Self {
+        Self { entry, values }
+    }
+
+    /// The method with its default settings.
+    pub fn default_of(entry: &'static Entry) -> Self {
+        Self::new(entry, entry.keys.iter().filter_map(|key| key.parse(key.default)).collect())
+    }
+
+    /// Entry of the method in the registry.
+    pub fn entry(&self) -> &'static Entry {
+        self.entry
+    }
+
+    /// Values of the entry's keys, in their order.
+    pub fn values(&self) -> &[Value] {
+        &self.values
+    }
+
+    /// Keys with their values.
+    pub fn settings(&self) -> impl Iterator<Item = (&'static Key, Value)> {
+        self.entry.keys.iter().zip(self.values.iter().copied())
+    }
+
+    /// Value of a key, where the method has it.
+    pub fn value(&self, key: &str) -> Option<Value> {
+        self.settings().find(|(k, _)| k.name == key).map(|(_, value)| value)
+    }
+
+    /// Sets the value of a key; `None` where the method has no such key or value.
+    #[must_use]
+    pub fn with(mut self, key: &str, value: &str) -> Option<Self> {
+        let at = self.entry.keys.iter().position(|k| k.name == key)?;
+        self.values[at] = self.entry.keys[at].parse(value)?;
+        Some(self)
+    }
+
+    /// Whether a key has this word as its value, and an effect.
+    pub fn is_set(&self, key: &str, word: &'static str) -> bool {
+        self.settings().any(|(k, value)| k.name == key && value == Value::Choice(word) && self.applies(k))
+    }
+
+    /// Texels a side of the map, where a setting says so; the scene decides otherwise.
+    pub fn map_size(&self) -> Option<u32> {
+        if let Some(Value::Whole(side)) = self.value(MAP) { Some(side) } else { None }
+    }
+
+    /// The method itself.
+    ///
+    /// # Errors
+    /// Values that do not fit the keys.
+    pub fn method(&self) -> Result<Box<dyn Method>> {
+        (self.entry.make)(&self.values)
+            .ok_or_else(|| Error::runtime("cannot set", self.entry.name, "values do not fit the keys"))
+    }
+
+    /// Settings as `key=value` separated by spaces, for tables: those that are always shown, and those that differ from the
+    /// defaults; without the size of the map, which has a column of its own.
+    pub fn label(&self) -> String {
+        let shown = |key: &Key, value| {
+            key.name != MAP && self.applies(key) && (key.in_label || Some(value) != key.parse(key.default))
+        };
+        let settings = self.settings().filter(|(key, value)| shown(key, *value));
+        settings.map(|(key, value)| format!("{}={value}", key.name)).collect::<Vec<_>>().join(" ")
+    }
+
+    pub(super) fn applies(&self, key: &Key) -> bool {
+        applies(self.entry.keys, &self.values, key)
+    }
+}
+
+impl fmt::Display for MethodSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.entry.name)?;
+        let mut separator = ':';
+        for (key, value) in self.settings() {
+            // A key of another setting would be refused when read back.
+            let readable = self.applies(key) || !matches!(key.when, When::Is(..));
+            if readable && (key.in_label && self.applies(key) || Some(value) != key.parse(key.default)) {
+                write!(f, "{separator}{}={value}", key.name)?;
+                separator = ',';
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for MethodSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl PartialEq for MethodSpec {
+    fn eq(&self, other: &Self) -> bool {
+        self.entry.name == other.entry.name && self.values == other.values
+    }
+}
+
+/// No value is NaN: every key has a range.
+impl Eq for MethodSpec {}
+
+impl Hash for MethodSpec {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.entry.name.hash(state);
+        self.values.iter().for_each(|value| value.to_string().hash(state));
+    }
 }
 
 /// Error bound of a method on light rays through texel centres, at every depth `z`:
@@ -268,7 +388,7 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         self.spec().label()
     }
 
-    /// The same map marched cell by cell, where it is marched by regular samples.
+    /// Variant that marches cell by cell, for a map that marches by regular samples.
     fn by_cells(&self) -> Option<Box<dyn Method>> {
         let spec = self.spec();
         let is_sampled = spec.is_set(MARCH, "samples");

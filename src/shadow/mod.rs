@@ -22,6 +22,7 @@ mod dsm;
 mod fourier;
 #[cfg(feature = "half")]
 mod half;
+mod keys;
 mod layered;
 mod lightvolume;
 mod method;
@@ -32,7 +33,6 @@ mod rays;
 pub mod registry;
 mod search_space;
 pub mod settings;
-mod spec;
 mod style;
 mod tolerances;
 mod vectors;
@@ -43,10 +43,11 @@ pub use clusters::DensityClusters;
 pub use dom::{Beyond, DeepOpacityMap};
 pub use dsm::{DeepShadowMap, NodeMap, Precompress, node_depths, node_map};
 pub use fourier::{Damping, FourierOpacityMap, SeriesRange};
+pub use keys::{Filter, Lookups};
 pub use layered::{Average, LayerSplit, Measure};
 pub use lightvolume::{LightBuild, LightVolume};
 pub use method::{
-    Bound, BuildReport, Curve, Entry, Lookup, Method, PassLeftOut, ShadowMap, SplitChoice, Taps,
+    Bound, BuildReport, Curve, Entry, Lookup, Method, MethodSpec, PassLeftOut, ShadowMap, SplitChoice, Taps,
 };
 pub use moments::{Basis, MomentMap};
 pub use none::NoShadows;
@@ -54,8 +55,7 @@ pub use osm::{OpacityShadowMap, Slicing};
 pub use rays::ShadowRays;
 pub use registry::{COMPARED, CURVES, METHODS, STABILITY, entry, parse, parse_distinct, parse_list};
 pub use search_space::{Axis, SearchSpace};
-pub use settings::{Filter, Key, Kind, Lookups, Value, When};
-pub use spec::MethodSpec;
+pub use settings::{Key, Kind, Value, When};
 pub use style::{Marker, Style};
 
 pub use crate::field::{BuildContext, LightSpace, Projection, TILE, TileMarch};

@@ -1,11 +1,18 @@
-//! Registry of shadow methods.
+//! Registry of shadow methods, and parsing by it: `NAME[:key=value,...]`, methods separated by `;`, and a value without `=` is
+//! one more for the key before it.
 
-use super::method::{Entry, Method};
-use super::spec::MethodSpec;
+use super::method::{Entry, Method, MethodSpec};
+use super::settings::{Value, When};
 use super::{avsm, bom, clusters, dom, dsm, fourier, lightvolume, moments, none, osm, rays};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use std::collections::HashSet;
+use std::str::FromStr;
 use std::sync::LazyLock;
+
+const WHAT: &str = "bad shadow method";
+
+/// Limit of rows that one text expands to; a longer list is a slip.
+const MAX_COMBINATIONS: usize = 10_000;
 
 /// Every method, in the order of tables and menus.
 pub const METHODS: &[&Entry] = &[
@@ -67,6 +74,138 @@ pub fn parse_distinct(text: &str) -> Result<Vec<Box<dyn Method>>> {
     specs.iter().map(MethodSpec::method).collect()
 }
 
+impl MethodSpec {
+    /// Parses methods separated by `;` (one at the end is allowed); every combination of values is one specification, and
+    /// the last key varies fastest.
+    ///
+    /// # Errors
+    /// A text of another form, an unknown method or key, a value out of range, or more than 10,000 combinations.
+    pub fn parse_list(text: &str) -> Result<Vec<Self>> {
+        let text = text.trim();
+        let specs = text.strip_suffix(';').unwrap_or(text).split(';').map(Written::parse);
+        // The form of all is checked before the names of any.
+        let expanded =
+            specs.collect::<Result<Vec<_>>>()?.iter().map(Written::expand).collect::<Result<Vec<_>>>()?;
+        Ok(expanded.concat())
+    }
+}
+
+impl Default for MethodSpec {
+    /// Deep shadow maps.
+    fn default() -> Self {
+        Self::default_of(&dsm::ENTRY)
+    }
+}
+
+impl FromStr for MethodSpec {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match &mut Self::parse_list(text)?[..] {
+            [only] => Ok(only.clone()),
+            _ => Err(Error::input(WHAT, text, "expected one method with one value for each key")),
+        }
+    }
+}
+
+/// A method with any number of values for each key, as written.
+struct Written<'a> {
+    name: &'a str,
+    /// Keys in the order written, each once and with at least one value.
+    params: Vec<(&'a str, Vec<&'a str>)>,
+}
+
+impl<'a> Written<'a> {
+    fn parse(text: &'a str) -> Result<Self> {
+        let text = text.trim();
+        let refuse = |why: String| Error::input(WHAT, format!("`{text}`"), why);
+        let (name, rest) = match text.split_once(':') {
+            Some((name, rest)) => (name.trim(), Some(rest)),
+            None => (text, None),
+        };
+        if name.is_empty() || name.contains([',', '=']) {
+            return Err(refuse("expected NAME[:key=value,...]".into()));
+        }
+        let mut params: Vec<(&str, Vec<&str>)> = Vec::new();
+        for part in rest.into_iter().flat_map(|rest| rest.split(',')) {
+            let (key, value) = match part.split_once('=') {
+                Some((key, value)) => (Some(key.trim()), value.trim()),
+                None => (None, part.trim()),
+            };
+            if key == Some("") || value.is_empty() {
+                return Err(refuse(format!("`{part}` is not key=value")));
+            }
+            match key {
+                Some(key) if params.iter().any(|(k, _)| *k == key) => {
+                    return Err(refuse(format!("`{key}` is given twice")));
+                }
+                Some(key) => params.push((key, vec![value])),
+                None => match params.last_mut() {
+                    Some((_, values)) => values.push(value),
+                    None => return Err(refuse(format!("`{value}` has no key before it"))),
+                },
+            }
+        }
+        Ok(Self { name, params })
+    }
+
+    /// Every combination of the values.
+    fn expand(&self) -> Result<Vec<MethodSpec>> {
+        let count = self.params.iter().try_fold(1_usize, |n, (_, values)| n.checked_mul(values.len()));
+        if count.is_none_or(|n| n > MAX_COMBINATIONS) {
+            return Err(Error::input(WHAT, self.name, "it has more than 10000 combinations"));
+        }
+        let entry = entry(self.name).ok_or_else(|| {
+            let names = METHODS.iter().map(|m| m.name).collect::<Vec<_>>().join(", ");
+            Error::input("unknown shadow method", format!("`{}`", self.name), format!("there is: {names}"))
+        })?;
+        let mut specs = vec![MethodSpec::default_of(entry)];
+        for (name, texts) in &self.params {
+            let at = entry.keys.iter().position(|key| key.name == *name);
+            let at = at.ok_or_else(|| unknown_key(entry, name))?;
+            let key = &entry.keys[at];
+            let refused = |text: &&str| {
+                let place = format!("{}:{name}={text}", entry.name);
+                Error::input("bad value", place, format!("expected {}", key.values()))
+            };
+            let values = texts.iter().map(|text| key.parse(text).ok_or_else(|| refused(text)));
+            let values = values.collect::<Result<Vec<_>>>()?;
+            let with = |spec: &MethodSpec, value: &Value| {
+                let mut spec = spec.clone();
+                spec.values[at] = *value;
+                spec
+            };
+            specs = specs.iter().flat_map(|spec| values.iter().map(move |value| with(spec, value))).collect();
+        }
+        specs.iter().try_for_each(|spec| self.check_effect(spec))?;
+        Ok(specs)
+    }
+
+    /// Refuses a given key that has no effect under the values of the others.
+    fn check_effect(&self, spec: &MethodSpec) -> Result<()> {
+        for key in spec.entry.keys.iter().filter(|key| self.params.iter().any(|(name, _)| *name == key.name))
+        {
+            if let When::Is(other, wanted) = key.when
+                && !spec.applies(key)
+            {
+                let place = format!("{}:{}", spec.entry.name, key.name);
+                return Err(Error::input(
+                    "bad value",
+                    place,
+                    format!("it has an effect with {other}={wanted} only"),
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn unknown_key(entry: &Entry, key: &str) -> Error {
+    let names = entry.keys.iter().map(|k| k.name).collect::<Vec<_>>().join(", ");
+    let why = if names.is_empty() { "the method has no keys".into() } else { format!("there is: {names}") };
+    Error::input("unknown key", format!("{}:{key}", entry.name), why)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,5 +238,87 @@ mod tests {
         let count = |text: &str| parse_distinct(text).unwrap().len();
         assert_eq!(count("dsm:epsilon=0.1,0.1"), 1);
         assert_eq!(count("none;dsm:epsilon=0.1,0.10,0.02;none;dsm:epsilon=0.02"), 3);
+    }
+
+    fn labels(text: &str) -> Vec<String> {
+        MethodSpec::parse_list(text).unwrap().iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn every_combination_appears_once_in_a_stable_order() {
+        assert_eq!(labels("none"), ["none"]);
+        assert_eq!(
+            labels("dsm:epsilon=0.06,0.02,map=256"),
+            ["dsm:epsilon=0.06,map=256", "dsm:epsilon=0.02,map=256"]
+        );
+        assert_eq!(
+            labels("osm:layers=8,32, slicing=uniform,density"),
+            [
+                "osm:layers=8",
+                "osm:layers=8,slicing=density",
+                "osm:layers=32",
+                "osm:layers=32,slicing=density"
+            ]
+        );
+        assert_eq!(labels("none; rays ;dsm:epsilon=0.1;"), ["none", "rays", "dsm:epsilon=0.1"]);
+    }
+
+    #[test]
+    fn equal_settings_are_equal_whatever_their_text() {
+        let specs =
+            MethodSpec::parse_list("dsm;dsm:epsilon=0.020;dsm:offset=0;dsm:offset=-0,epsilon=2e-2").unwrap();
+        assert!(specs.iter().all(|spec| *spec == specs[0]));
+        assert_eq!(specs.iter().collect::<HashSet<_>>().len(), 1);
+        assert_ne!(specs[0], specs[0].clone().with("map", "64").unwrap());
+        assert_eq!(specs[0].clone().with("map", "0"), None);
+        assert_eq!(specs[0].clone().with("maps", "64"), None);
+    }
+
+    #[test]
+    fn texts_read_back_as_the_same_settings() {
+        for text in [
+            "rays",
+            "dsm:precompress=off,march=samples,step=0.25,map=64",
+            "osm:from=lines,filter=nearest",
+            "osm:march=samples,step=1",
+            "bom:split=hybrid,ratio=0.75",
+        ] {
+            let spec: MethodSpec = text.parse().unwrap();
+            assert_eq!(spec.to_string().parse::<MethodSpec>().unwrap(), spec, "{text}: {spec}");
+            assert_eq!(spec.method().unwrap().spec(), spec, "{text}");
+        }
+    }
+
+    #[test]
+    fn slips_are_refused_with_their_reason() {
+        for (text, why) in [
+            ("", "NAME"),
+            (";", "NAME"),
+            ("none;;rays", "NAME"),
+            (":epsilon=1", "NAME"),
+            ("epsilon=1", "NAME"),
+            ("dsm,epsilon=1", "NAME"),
+            ("dsm:", "not key=value"),
+            ("dsm:epsilon=", "not key=value"),
+            ("dsm:=1", "not key=value"),
+            ("dsm:epsilon=1,,map=2", "not key=value"),
+            ("dsm:0.1", "no key before it"),
+            ("dsm:map=1,map=2", "`map` is given twice"),
+            ("dsn", "there is: none, rays"),
+            ("dsm:maps=1", "there is: epsilon"),
+            ("rays:map=1", "there is: lookup"),
+            ("none:map=1", "no keys"),
+            ("dsm:epsilon=2", "expected 0..1"),
+            ("dsm:epsilon=nan", "expected 0..1"),
+            ("osm:step=1", "march=samples only"),
+        ] {
+            let e = MethodSpec::parse_list(text).expect_err(text);
+            assert!(e.why.contains(why), "{text}: {e}");
+            assert_eq!(e.exit_status(), 2);
+        }
+        assert!("dsm:epsilon=0.1,0.2".parse::<MethodSpec>().unwrap_err().why.contains("one value"));
+        let values = (0..200).map(|v| v.to_string()).collect::<Vec<_>>().join(",");
+        let runaway = format!("dsm:map={values},step={values}");
+        assert!(MethodSpec::parse_list(&runaway).unwrap_err().why.contains("more than 10000"));
     }
 }

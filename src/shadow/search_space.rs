@@ -1,8 +1,8 @@
 //! Search space of a method: the values that a search within a budget tries of each key.
 
-use super::method::{Entry, Method};
-use super::settings::{Key, Kind, MAP, Value, applies};
-use super::spec::MethodSpec;
+use super::keys::MAP;
+use super::method::{Entry, Method, MethodSpec};
+use super::settings::{Key, Kind, Value, applies};
 
 /// A key with the values that are tried of it.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,8 +13,9 @@
 //!   `filter=nearest` both methods differ by the compression only.
 //! * A ray ends at a transmittance of 2^-11, as in every map here.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::Entry;
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
+use super::settings::{Key, Value, settings};
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};

@@ -20,12 +20,13 @@
 //!   is least, which bounds the error.
 //! * Depths are rounded away from the light; `filter=bilinear` as in `dom`, ends like starts.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
+use super::settings::{Key, Value, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::BuildContext;

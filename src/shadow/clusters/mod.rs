@@ -14,8 +14,9 @@
 //! * Clusters of neighbouring texels differ, so transmittances are averaged (`filter=bilinear`).
 //! * A ray ends at a transmittance of 2^-11, as in every map here; the range of depths is that of all matter.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::Entry;
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, settings};
+use super::settings::{Key, Value, settings};
 use super::style::{Marker, Style};
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;

@@ -17,12 +17,13 @@
 //! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, if the four depths are close
 //!   enough to be one surface; otherwise the layers of each texel start at its `z_0`.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, When, choices, settings};
+use super::settings::{Key, Value, When, choices, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::BuildContext;

@@ -29,11 +29,12 @@ pub use count::{NodeMap, node_depths, node_map};
 
 use layout::{DEPTH_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, UPRIGHT_STEPS, shader};
 
-use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
-use super::settings::{
-    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, Key, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY,
-    MarchBy, UNLESS_LINES, Value, When, choices, settings,
+use super::keys::{
+    DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy,
+    UNLESS_LINES,
 };
+use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
+use super::settings::{Key, Value, When, choices, settings};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};

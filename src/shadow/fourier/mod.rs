@@ -18,8 +18,9 @@
 //! * A ray ends at a transmittance of 2^-11, as in every map here: matter behind does not ring.
 //! * The hardware filters texels of `bits=16`; the shader filters 32-bit floats, which not every adapter filters.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::{Curve, Entry};
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
+use super::settings::{Key, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;

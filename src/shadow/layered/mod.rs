@@ -25,8 +25,9 @@ pub use ratio::Measure;
 pub(super) use record::Record;
 pub(super) use split::{SPLIT_BINS, Split, SplitTable};
 
+use super::keys::Filter;
 use super::method::{BuildReport, Lookup, Method, PassLeftOut, ShadowMap};
-use super::settings::{Filter, Key, choices};
+use super::settings::{Key, choices};
 use super::tolerances::{OPAQUE_DEPTH, STEEPEST_SURFACE, longest_depth};
 use crate::error::Result;
 use crate::field::{
@@ -303,7 +304,7 @@ impl Built<'_> {
 mod tests {
     use super::*;
     use crate::gpu::assert_layout;
-    use crate::shadow::settings::Fit;
+    use crate::shadow::keys::Fit;
 
     #[test]
     fn uniforms_match_their_shaders() {

@@ -8,8 +8,9 @@ use super::{Average, Built, LayeredMap, Record, Split, SplitTable};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TileMarch};
 use crate::gpu::{Constant, ShaderVariant, Slot, Span, StorageBuffer, read_back};
+use crate::shadow::keys::Filter;
 use crate::shadow::method::SplitChoice;
-use crate::shadow::settings::{Filter, choices};
+use crate::shadow::settings::choices;
 
 /// Number of the ratios 0, 0.1, ... 1.
 pub const RATIOS: u32 = 11;

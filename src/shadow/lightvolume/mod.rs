@@ -19,10 +19,11 @@
 
 mod lattice;
 
+use super::keys::{LOOKUP_KEY, Lookups, MARCH_KEY, MarchBy, STEP_KEY};
 use super::layered::Average;
 use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
 use super::none::test_space;
-use super::settings::{Key, LOOKUP_KEY, Lookups, MARCH_KEY, MarchBy, STEP_KEY, Value, choices, settings};
+use super::settings::{Key, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;

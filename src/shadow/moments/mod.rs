@@ -31,8 +31,9 @@
 //!   ones, and for powers a tenth of the papers' 6e-5, 6e-4 and 2.5e-3, since steps of Chebyshev means are finer.
 //! * A ray ends at a transmittance of 2^-11, as in every map here.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::{Curve, Entry};
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
+use super::settings::{Key, Value, choices, settings};
 use super::style::{Marker, Style};
 use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;

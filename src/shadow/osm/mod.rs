@@ -14,11 +14,12 @@
 //! * All maps are stored, since a ray caster looks depths up in any order; the paper stores two at a time.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitTable,
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
-use super::settings::{Key, LOOKUP_KEY, Lookups, Value, choices, settings};
+use super::settings::{Key, Value, choices, settings};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};

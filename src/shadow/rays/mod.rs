@@ -1,8 +1,9 @@
 //! `rays`: a shadow ray for each lookup.
 
+use super::keys::{LOOKUP_KEY, Lookups};
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
-use super::settings::{LOOKUP_KEY, Lookups, Value, settings};
+use super::settings::{Value, settings};
 use super::style::{Marker, Style};
 use super::tolerances::march_bound;
 use crate::error::Result;

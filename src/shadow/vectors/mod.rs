@@ -9,8 +9,9 @@
 //! A ray ends at [`OPAQUE_DEPTH`], as in `osm`, `dom` and `bom`. Pieces of the march are whole stretches of a cell, whose
 //! matter is taken to be spread evenly; `avsm` takes shorter pieces.
 
+use super::keys::{Filter, Lookups};
 use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
-use super::settings::{Filter, Lookups, Value};
+use super::settings::Value;
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, TILE, TileMarch, field_shader};
@@ -256,7 +257,7 @@ mod tests {
     use super::*;
     use crate::field::March;
     use crate::gpu::assert_layout;
-    use crate::shadow::settings::Fit;
+    use crate::shadow::keys::Fit;
 
     #[test]
     fn uniforms_match_their_shaders() {

@@ -1,0 +1,51 @@
+//! Downsampling of volumes to given factors, bytes, or the limits of the machine and its adapter.
+
+use crate::error::{Error, Result};
+use crate::field::Fold;
+use crate::files::loading::{Loading, Reduced};
+use crate::files::memory_budget::{MemoryBudget, free_bytes};
+use crate::gpu::texture_side;
+use crate::volume::{Downsample, Volume};
+use crate::with_voxels;
+
+/// Limit of a 3-D texture's side in WebGPU, where no adapter can be asked.
+const CORE_TEXTURE_SIDE: usize = 2048;
+/// Largest number of bytes for each voxel on a device that shares the machine's memory.
+const DEVICE_BYTES: u64 = 4;
+
+/// Limits that `--downsample` sets. The memory of a graphics card is unknown; free memory is known on Linux.
+pub(super) fn room_for(fit: Downsample) -> MemoryBudget {
+    let room = MemoryBudget {
+        fixed: None,
+        most_bytes: u64::MAX,
+        bytes_beside: 0,
+        texture_side: usize::MAX,
+        fits_texture: |dims, side| Fold::with_bricks(dims, side).is_some(),
+    };
+    match fit {
+        Downsample::Factors(factors) => MemoryBudget { fixed: Some(factors), ..room },
+        Downsample::Bytes(bytes) => MemoryBudget { most_bytes: bytes, ..room },
+        Downsample::Auto => MemoryBudget {
+            // A quarter is left for everything else.
+            most_bytes: free_bytes().map_or(u64::MAX, |free| free / 4 * 3),
+            bytes_beside: DEVICE_BYTES,
+            texture_side: texture_side().unwrap_or(CORE_TEXTURE_SIDE),
+            ..room
+        },
+    }
+}
+
+/// Downsamples a volume to its limits, unless its reader has done so.
+pub(super) fn downsampled(volume: Volume, room: Option<MemoryBudget>, loading: &Loading) -> Result<Volume> {
+    let Some(room) = room else { return Ok(volume) };
+    if let Some(Reduced { from, factors }) = loading.take_reduced() {
+        return Ok(if factors == [1; 3] { volume } else { volume.downsampled_from(factors, from) });
+    }
+    fn bytes_each<T>(_: &ndarray::Array3<T>) -> u64 {
+        size_of::<T>() as u64
+    }
+    let voxel_bytes = with_voxels!(volume.voxels(), a => bytes_each(a));
+    let factors = room.factors(volume.dims(), voxel_bytes);
+    let factors = factors.map_err(|why| Error::input("cannot downsample volume", "--downsample", why))?;
+    volume.downsampled(factors, loading)
+}

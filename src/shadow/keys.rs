@@ -1,0 +1,136 @@
+//! Keys that several shadow methods share, with their values.
+
+use super::settings::{Key, When, choices};
+use crate::field::{MapShape, March};
+
+choices! {
+    /// March of light rays.
+    pub enum MarchBy {
+        /// Cell by cell, exactly.
+        Cells = "cells",
+        /// Regular samples.
+        Samples = "samples",
+    }
+}
+
+impl MarchBy {
+    /// March with samples at a distance in smallest voxel spacings.
+    pub fn with_step(self, step: f64) -> March {
+        match self {
+            Self::Cells => March::Cells,
+            Self::Samples => March::Samples { step },
+        }
+    }
+}
+
+choices! {
+    /// Occluder that a map is drawn from.
+    pub enum DrawnFrom {
+        /// The volume.
+        Voxels = "voxels",
+        /// The segments of the strands that the volume was made from.
+        Lines = "lines",
+    }
+}
+
+impl DrawnFrom {
+    /// March through this occluder, with the distance of samples in smallest voxel spacings.
+    pub fn march(self, march: MarchBy, step: f64) -> March {
+        match self {
+            Self::Voxels => march.with_step(step),
+            Self::Lines => March::Lines,
+        }
+    }
+}
+
+/// Name of the key for the occluder.
+const FROM: &str = "from";
+/// Condition of keys of marches through the volume.
+pub(super) const UNLESS_LINES: When = When::Unless(FROM, "lines");
+/// Key for the occluder of a map.
+pub(super) const FROM_KEY: Key = Key::choice(
+    DrawnFrom::NAMES,
+    "voxels",
+    "what casts shadows: the volume, or the strands that it was made from, drawn into the map",
+);
+
+/// Name of the key for the map's size.
+pub(super) const MAP: &str = "map";
+/// Key for the size of a map.
+pub(super) const MAP_KEY: Key = Key::whole_or(
+    [1, 8192],
+    "auto",
+    "auto",
+    "texels a side; auto: about a voxel each, finer where zoomed in",
+)
+.search(&["64", "96", "128", "192", "256", "384", "512", "768", "1024"]);
+
+choices! {
+    /// Region that a map covers.
+    pub enum Fit {
+        /// Active bricks that the camera sees.
+        View = "view",
+        /// All active bricks.
+        Volume = "volume",
+    }
+}
+
+impl Fit {
+    /// Shape of a map with so many texels a side (`None`: by the scene).
+    pub fn shape(self, texels: Option<u32>, march: March) -> MapShape {
+        MapShape { texels, fits_view: self == Self::View, reach: 1, march }
+    }
+}
+
+/// Key for the region that a map covers.
+pub(super) const FIT_KEY: Key = Key::choice(
+    Fit::NAMES,
+    "view",
+    "texels across what the picture shows, or across all that has extinction",
+);
+
+choices! {
+    /// Interpolation between the texels of a map.
+    pub enum Filter {
+        /// The nearest texel.
+        Nearest = "nearest",
+        /// The four texels around a point.
+        Bilinear = "bilinear",
+    }
+}
+
+choices! {
+    /// Lookups of light by the samples of an eye ray.
+    pub enum Lookups {
+        /// One for up to four neighbouring samples.
+        Shared = "shared",
+        /// One for each sample.
+        Each = "each",
+    }
+}
+
+/// Name of the key for the march of light rays.
+pub(super) const MARCH: &str = "march";
+/// Key for the march of light rays.
+pub(super) const MARCH_KEY: Key =
+    Key::choice(MarchBy::NAMES, "cells", "light rays cell by cell, exactly, or by regular samples")
+        .coarse("samples")
+        .when(UNLESS_LINES);
+/// Key for the distance of regular samples.
+pub(super) const STEP_KEY: Key = Key::number(
+    [0.01, 8.0],
+    "0.5",
+    "distance of samples along light rays, in smallest spacings (march=samples)",
+)
+.when(When::Is(MARCH, "samples"));
+
+/// Key for the lookups of eye samples.
+pub(super) const LOOKUP_KEY: Key = Key::choice(
+    Lookups::NAMES,
+    "shared",
+    "lookups of light by eye samples: shared by up to four, or one for each",
+);
+
+/// Key for the interpolation between texels.
+pub(super) const FILTER_KEY: Key =
+    Key::choice(Filter::NAMES, "bilinear", "texels used for a point").search_all();
