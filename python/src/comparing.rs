@@ -99,8 +99,7 @@ pub struct Rows {
 
 /// Effort from given repeats, points, rays and depths.
 pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
-    let mut effort = Effort::default();
-    effort.check_all = match check {
+    let check_all = match check {
         "sample" => false,
         "all" => true,
         other => {
@@ -108,6 +107,7 @@ pub fn effort(given: [Option<i64>; 4], check: &str) -> Outcome<Effort> {
             return Err(Fault::input("bad argument", "check", why));
         }
     };
+    let mut effort = Effort { check_all, ..Effort::default() };
     let fields = [
         ("repeats", Effort::REPEATS, &mut effort.repeats),
         ("points", Effort::POINTS, &mut effort.points),

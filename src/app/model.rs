@@ -349,13 +349,13 @@ impl Model {
             Backdrop::Drawn => document.scene.background,
             Backdrop::LeftOut => [0.0; 3],
         };
-        self.push(Job::Export(Export {
+        self.push(Job::Export(Box::new(Export {
             path: path.into(),
             tf: Arc::clone(&document.tf),
             method: document.method.clone(),
             scene: Scene { width, height, background, ..document.scene.clone() },
             backdrop,
-        }));
+        })));
         self.exporting = Some(Exporting { path: path.display().to_string(), share: 0.0 });
     }
 

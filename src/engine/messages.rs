@@ -42,7 +42,7 @@ pub enum Job {
     Probe(ProbeRequest),
     Difference(Arc<DifferenceRequest>),
     Thumbnail(Box<ThumbnailRequest>),
-    Export(Export),
+    Export(Box<Export>),
 }
 
 /// Message from the render thread.

@@ -47,7 +47,7 @@ impl MergedFunction {
         let hidden_texel = mapping.texel_from_value(hidden);
         let texel_range = [texel_range[0], hidden_texel];
         let mut tables = TransferTables::build(&function, mapping, texel_range);
-        let ends = tf.functions().into_iter().map(|tf| extinction_range(tf, mapping));
+        let ends = tf.functions().map(|tf| extinction_range(tf, mapping));
         if let Some(ends) = ends.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) {
             (tables.first_value, tables.last_value) = ends;
         }

@@ -219,7 +219,6 @@ mod tests {
     use crate::phantom::Phantom;
     use crate::scene::Camera;
     use crate::transfer::{Quantity, TransferFunction};
-    use crate::volume::Bricks;
 
     /// Every ray of a picture that passes through an active brick does so in its tile, between its depths.
     fn nothing_is_missed(volume: &Volume, active: &ActiveBricks, scene: &Scene) -> EyeTiles {

@@ -45,6 +45,9 @@ fn write_files(folder: &Path) {
     fs::write(folder.join("strands.obj"), "v -150 100 -60\nv 0 170 0\nv 150 100 60\nl 1 2 3\n").unwrap();
 }
 
+/// A moved pixel: largest difference of a channel, column, row, colours before and after.
+type Moved = (u8, u32, u32, [u8; 3], [u8; 3]);
+
 /// How a picture differs from the golden one; `None` within the tolerance.
 fn difference(golden: &RgbImage, found: &RgbImage) -> Option<String> {
     if golden.dimensions() != found.dimensions() {
@@ -62,7 +65,7 @@ fn difference(golden: &RgbImage, found: &RgbImage) -> Option<String> {
         return None;
     }
     let (off, x, y, before, after) = moved.iter().max().unwrap();
-    let range = |at: fn(&(u8, u32, u32, [u8; 3], [u8; 3])) -> u32| {
+    let range = |at: fn(&Moved) -> u32| {
         let places = || moved.iter().map(at);
         format!("{}..={}", places().min().unwrap(), places().max().unwrap())
     };

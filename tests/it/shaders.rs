@@ -106,7 +106,7 @@ fn pairwise(mut variants: Vec<(ShaderVariant, bool)>) -> Vec<(ShaderVariant, boo
         });
         let mut settings = vec![hash(live)];
         settings.extend(defs.iter().map(|def| hash(&(def, variant.defs.contains(def)))));
-        settings.extend(variant.constants.iter().map(|constant| hash(constant)));
+        settings.extend(variant.constants.iter().map(hash));
         let mut adds = false;
         for (n, one) in settings.iter().enumerate() {
             for other in &settings[n..] {

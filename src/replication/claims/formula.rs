@@ -11,7 +11,14 @@ pub enum Formula {
     /// A constant.
     Number(f64),
     /// Entries of a named list: all, one, or a range.
-    Name { name: String, need: usize, entries: Option<(Box<Formula>, Option<Box<Formula>>)> },
+    Name {
+        /// Name of the list.
+        name: String,
+        /// Place of the need whose methods it has values for.
+        need: usize,
+        /// First entry, and end of the range where there is one.
+        entries: Option<(Box<Formula>, Option<Box<Formula>>)>,
+    },
     /// A list of lists, joined.
     List(Vec<Formula>),
     /// A function or operator with its arguments.

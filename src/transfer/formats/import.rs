@@ -149,7 +149,7 @@ pub fn curve_in_range<const N: usize>(
     for node in &mut nodes {
         // Infinite amounts stay, and are refused below.
         let inside = node.amounts.map(|x| if x.is_finite() { x.clamp(0.0, 1.0) } else { x });
-        clamped += usize::from(inside.iter().zip(&node.amounts).any(|(a, b)| a < b || a > b));
+        clamped += usize::from(inside.iter().zip(&node.amounts).any(|(a, b)| (a - b).abs() > 0.0));
         node.amounts = inside;
     }
     if clamped > 0 {
