@@ -142,6 +142,7 @@ impl<'a> Reference<'a> {
     }
 
     /// Builds and draws once, which warms the pipelines up, and measures errors.
+    // Long: the stages of one measurement, each of which reads what the stages before measured.
     pub fn measure(
         &mut self,
         method: &dyn Method,

@@ -196,7 +196,7 @@ mod tests {
     fn files_of_earlier_versions_are_read() {
         let text = "volume = 'a.raw'\nraw = '2x2x2:u8'\nspacing = [1, 2, 3.5]\noffset = '1'\nframe = 1\n\
             resolution = 64\nkernel = 'tent'\nthickness = 0.5\nadapter = 7\ntf = 'bone'\nsize = '8x9'\n\
-            eye = [1, 2, 3]\ntarget = '4,5,6'\nlight = 'point:1,2,3'\nforce = 'tiles,bricks'\nexplain = false\n\
+            eye = [1, 2, 3]\ntarget = '4,5,6'\nlight = 'point:1,2,3'\nno-skip = 'tiles,bricks'\nexplain = false\n\
             background = '#ffffff'\nfov = '50'";
         let flags = [
             "--raw=2x2x2:u8",
@@ -212,7 +212,7 @@ mod tests {
             "--eye=1,2,3",
             "--target=4,5,6",
             "--light=point:1,2,3",
-            "--force=tiles,bricks",
+            "--no-skip=tiles,bricks",
             "--background=#ffffff",
             "--fov=50",
             "a.raw",

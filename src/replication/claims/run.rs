@@ -213,7 +213,7 @@ mod tests {
             point_err_mean_signed: value(-0.1),
             image_rmse: value(0.1),
             bound_held: value(1.0).map(|x| x > 0.5),
-            width: 64,
+            width: random.u32(32..512),
             height: 48,
             settings: settings(method),
             ..table::Row::default()
@@ -245,6 +245,7 @@ mod tests {
     #[test]
     fn verdicts_follow_from_the_figures() {
         let mut random = fastrand::Rng::with_seed(7);
+        let mut constant = Vec::new();
         for claim in all().unwrap() {
             let Trial::Judged(judge) = &claim.trial else { continue };
             let mut verdicts = std::collections::BTreeSet::new();
@@ -259,9 +260,21 @@ mod tests {
                     judge.judge(&measured).map_err(|e| format!("{}: {e}", claim.claim)).unwrap().holds,
                 );
             }
-            let fixed = ["kappa", "Many tiles", "linear in the number of shadow samples"];
-            assert!(verdicts.len() > 1 || fixed.iter().any(|f| claim.claim.contains(f)), "{}", claim.claim);
+            if verdicts.len() == 1 {
+                constant.push(claim.claim);
+            }
         }
+        // Random figures follow no power law, and random points have some of every transmittance.
+        let unreachable = [
+            "linear in the number",
+            "direct mapping",
+            "Far fewer layers",
+            "number of nodes in the compressed",
+            "kappa",
+            "Many tiles",
+        ];
+        constant.retain(|claim| unreachable.iter().all(|text| !claim.contains(text)));
+        assert_eq!(constant, Vec::<String>::new(), "the same verdict whatever is measured");
     }
 
     #[test]

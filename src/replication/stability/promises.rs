@@ -8,6 +8,7 @@ use glam::DVec3;
 use std::sync::Arc;
 
 /// Where a promise was once broken, or a loop once went on for ever.
+// Long: a table of cases.
 pub fn promises() -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     // Oblique planes one voxel thick: inside a cell extinction goes low, high, low.

@@ -62,7 +62,7 @@ fn bad_sequences_are_refused_in_a_line() {
         (&["--light-sweep=18446744073709551617"], "a.png", "--light-sweep"),
         (&["--turntable=3", "--light-sweep=3"], "a.png", "cannot be used with"),
         (&["--turntable=3", "--fps=5"], "a.png", "--fps"),
-        (&["--fps=5"], "a.png", "--turntable and --light-sweep"),
+        (&["--fps=5"], "a.png", "--turntable or --light-sweep"),
         (&["--turntable=3", "--fps=0"], "a.gif", "0.1 to 50"),
         (&["--turntable=3", "--fps=nan"], "a.gif", "0.1 to 50"),
         (&[], "a.gif", "must end in one of .png, .exr, .npy"),
@@ -209,7 +209,7 @@ fn one_animated_file_holds_the_numbered_pictures() {
     std::fs::write(folder.join("f_0006.png"), "of a longer turn").unwrap();
     let run = umbravox(folder, &[&SCENE[..], &["--turntable=6", "-o", "f.png"]].concat());
     let said = String::from_utf8(run.stderr).unwrap();
-    assert!(said.contains("warning: f_0006.png is from before"), "{said}");
+    assert!(said.contains("warning: f_0006.png is from an earlier rotation"), "{said}");
     std::fs::remove_file(folder.join("f_0006.png")).unwrap();
     let numbered: Vec<Vec<u8>> = (0..6)
         .map(|k| image::open(folder.join(format!("f_{k:04}.png"))).unwrap().to_rgb8().into_raw())

@@ -116,7 +116,7 @@ fn bad_clip_planes_and_labels_are_refused_in_a_line() {
         (&["--label-tf=1=bone"], "--label-tf needs --labels FILE"),
         (&["--labels=none.nii"], "none.nii"),
         (&["--labels=halves.nii.gz", "--label-tf=1=bonny"], "neither a preset nor a file"),
-        (&["--labels=halves.nii.gz", "--hide=one"], "no list of labels"),
+        (&["--labels=halves.nii.gz", "--hide=one"], "not a list of labels"),
         (&["--labels=phantom:thorax:24"], "is no label"),
         (&["--clip=0,0,0,1"], "normal of length 0"),
         (&["--clip=1,2,3"], "four numbers"),

@@ -203,7 +203,7 @@ fn an_interrupt_reports_how_to_resume() {
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{stderr}");
     assert!(
-        stderr.contains("error: interrupted (out): ") && stderr.contains(" of 5 rows are measured"),
+        stderr.contains("error: interrupted (out): ") && stderr.contains(" of 5 rows are finished"),
         "{stderr}"
     );
     assert!(stderr.contains("hint: the same command line with --resume"), "{stderr}");

@@ -229,7 +229,7 @@ fn lights_that_make_no_sense_are_refused_in_one_line() {
     for what in [["--points", "p.txt"], ["--rays", "p.txt"], ["--curve", "0,0,0"]] {
         let line = [&["probe", "phantom:slab:8", "--scene", "two.toml"], &what[..]].concat();
         let said = refused(dir.path(), &line);
-        assert!(said.contains("--light") && said.contains("`probe` is of one"), "{said}");
+        assert!(said.contains("--light") && said.contains("`probe` takes one"), "{said}");
     }
     let line = ["compare", "phantom:slab:8", "-o", "out", "--each-light", "--light", "dir:0,0,1"];
     assert!(refused(dir.path(), &line).contains("--each-light"));

@@ -78,7 +78,7 @@ fn both_byte_orders_say_the_same() {
 fn notable_contents_are_reported() {
     let warnings =
         |name: &str| read_strands(&folder().join(name), &Loading::default()).unwrap().warnings().to_vec();
-    assert_eq!(warnings("little.tck"), ["1 lines of fewer than two points were left out"]);
+    assert_eq!(warnings("little.tck"), ["1 lines of fewer than two points were skipped"]);
     assert_eq!(warnings("ras.trk"), Vec::<String>::new());
     assert!(warnings("version1.trk")[0].contains("no vox_to_ras"));
     assert!(warnings("places.trk")[0].contains("another order"));

@@ -18,6 +18,7 @@ const CORNERS: f32 = 104.0;
 const ABOVE_CORNERS: f32 = 86.0;
 
 /// Paints the legend and the error under the pointer.
+// Long: one legend from top to bottom: each element is placed below the one before.
 pub fn paint(difference: &Difference, model: &Model, ui: &egui::Ui, rect: Rect) {
     let painter = ui.painter_at(rect);
     let Some(quantity) = difference.shows else { return };
