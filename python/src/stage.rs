@@ -38,7 +38,7 @@ pub struct Stage {
 struct Told {
     /// Cost of the last picture.
     last: Option<Cost>,
-    /// What was assumed, and nobody has been told of.
+    /// Assumptions not yet reported to the caller.
     untold: Vec<Diagnostic>,
     notes: Vec<String>,
 }
@@ -154,7 +154,7 @@ impl Stage {
         });
     }
 
-    /// What was assumed since this was asked last.
+    /// Removes and returns the assumptions made since the last call.
     pub fn take_untold(&self) -> Vec<Diagnostic> {
         std::mem::take(&mut lock(&self.told).untold)
     }
@@ -207,7 +207,7 @@ impl Stage {
         kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))
     }
 
-    /// What to say where nobody has said what an array's values are, and a preset was laid over them.
+    /// Diagnostic for a preset applied to an array whose units were never stated; `None` where they are known.
     fn guess(&self, asked: &Asked, loaded: &Loaded) -> Option<Diagnostic> {
         let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source && p.scale == Scale::Hounsfield);
         let said = self.held.read_by.is_some() || asked.settings.units.is_some() || asked.function.is_some();

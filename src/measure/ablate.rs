@@ -1,4 +1,4 @@
-//! What each omission of the plan is worth: times and bytes with the work forced back on, beside those without.
+//! Ablation of the plan's optimizations: times and bytes with each one disabled, beside those with it enabled.
 
 use super::job::{Job, SLOW_FRAME_MS, name_of};
 use super::progress::{Progress, Step, StepKind};
@@ -14,37 +14,37 @@ use std::time::Instant;
 /// One method and one thing that its plan left out; medians of rounds in which all variants of the method took turns.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Ablation {
-    /// As in the main table.
+    /// Volume and transfer function, or the name of the scene file.
     pub scene: String,
-    /// As in the main table.
+    /// Graphics adapter that the times are from.
     pub adapter: String,
     /// Whose clock build and frame are from; tables are made by the host.
     pub clock: Option<&'static str>,
-    /// As in the main table.
+    /// Shadow method.
     pub method: String,
-    /// As in the main table.
+    /// Settings of the method as `key=value` texts separated by spaces.
     pub params: String,
     /// Name for `--no-skip`.
     pub omission: String,
-    /// What the plan left out.
+    /// Name of the work that the plan skipped.
     pub what: String,
     /// Why it could.
     pub why: String,
     /// Tables of the transfer function and the bricks' classes.
     pub tables_ms: Option<f64>,
-    /// The same with the work forced back on.
+    /// Time to make the transfer function's tables and the bricks' classes with the optimization disabled, ms.
     pub tables_ms_forced: Option<f64>,
     /// Time to make the shadow structure, ms.
     pub build_ms: Option<f64>,
-    /// The same with the work forced back on.
+    /// Time to make the shadow structure with the optimization disabled, ms.
     pub build_ms_forced: Option<f64>,
     /// Time of one picture with the structure made, ms.
     pub frame_ms: Option<f64>,
-    /// The same with the work forced back on.
+    /// Time of one picture with the optimization disabled and the structure made, ms.
     pub frame_ms_forced: Option<f64>,
     /// Shadow structure, tables and bricks.
     pub bytes: Option<u64>,
-    /// The same with the work forced back on.
+    /// Memory of shadow structure, tables and bricks with the optimization disabled, bytes.
     pub bytes_forced: Option<u64>,
     /// Largest channel difference of the two pictures.
     pub picture_difference: Option<f64>,
@@ -52,7 +52,7 @@ pub struct Ablation {
     pub note: String,
 }
 
-/// What one run of a variant took and made.
+/// Times, memory and picture of one run of a variant.
 struct Run {
     tables_ms: f64,
     times: StageTimes,
@@ -85,7 +85,7 @@ pub fn ablate(job: &Job, methods: &[Box<dyn Method>], progress: &mut Progress) -
     Ok(rows)
 }
 
-/// What [`ablate`] tells `progress` once a method.
+/// Progress step that [`ablate`] begins once for each method.
 pub fn step(method: &dyn Method) -> Step {
     Step::new(StepKind::Ablation, &name_of(method))
 }

@@ -54,7 +54,7 @@ struct Envelope {
 }
 
 impl Neighbourhood {
-    /// Of curves of optical depth, which may change places at `depths_mm` (ascending).
+    /// Builds the neighbourhood of some curves of optical depth, which may change places at `depths_mm` (ascending).
     pub fn of(optical_depths: &[impl Fn(f64) -> f64], depths_mm: Vec<f64>) -> Self {
         let mut range = Vec::with_capacity(depths_mm.len());
         let mut before: Vec<f64> = vec![0.0; optical_depths.len()];
@@ -99,7 +99,7 @@ impl Neighbourhood {
 /// One depth of one ray, and how far off the method is there.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Miss {
-    /// As passed to [`BandReport::of_ray`].
+    /// Number of the ray, passed to [`BandReport::of_ray`].
     pub ray: usize,
     /// Along the ray, mm.
     pub depth_mm: f64,
@@ -112,7 +112,7 @@ pub struct Miss {
     pub amount: f64,
 }
 
-/// What the rays tested so far say.
+/// Accumulated result of testing a method's transmittance along rays against the exact curves and the band.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct BandReport {
     /// Rays tested.
@@ -149,8 +149,9 @@ impl BandReport {
         Self::of_ray_among(ray, exact, depths_mm, values, band, |_| None)
     }
 
-    /// The same, with the curves that float32 cannot tell from the exact one: asked for where a depth lies outside its
-    /// band, with the depths (mm, ascending) at which they must be known.
+    /// Tests one ray like [`Self::of_ray`], also against the curves that float32 cannot tell from the exact one.
+    /// `neighbours` is asked for these where a depth lies outside the band of the exact curve, with the depths (mm,
+    /// ascending) at which they must be known.
     ///
     /// # Panics
     /// If the two slices differ in length.
@@ -252,7 +253,7 @@ fn worse(a: Option<Miss>, b: Option<Miss>) -> Option<Miss> {
     }
 }
 
-/// What must hold for any transmittance, bound or no bound.
+/// Violations of properties that any transmittance has, bound or no bound: monotone, within `[0, 1]`, finite.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Sanity {
     /// Values above the smallest one before them by more than the tolerance.

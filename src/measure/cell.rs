@@ -21,7 +21,7 @@ pub enum Cell {
     Flag(bool),
 }
 
-/// As written in CSV: reals in the fewest digits that read back as the same number.
+/// Formats a value for CSV, with reals in the fewest digits that read back as the same number.
 impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {

@@ -26,7 +26,7 @@ const DEPTHS: usize = 24;
 /// Tolerance in transmittance, unless two maps of the method may be further apart whatever marches.
 const TOLERANCE: f64 = 0.1;
 
-/// What a check has found.
+/// Result of a check of a built shadow map against one marched by cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Check {
     /// Texels that meet extinction and were held against cells.

@@ -25,7 +25,7 @@ use std::collections::HashMap;
 /// Opacities of two pictures of one scene differ by no more than eye rays that end early make them.
 const OPACITY_TOLERANCE: f32 = 2e-3;
 
-/// What there is to do for a scene, and how often.
+/// Progress steps of a comparison for one scene, each with its number of repetitions.
 pub fn steps(methods: &[Box<dyn Method>], effort: &Effort) -> Vec<(Step, usize)> {
     let mut steps = vec![(Step::new(StepKind::Points, ""), 1), (Step::new(StepKind::ExactPicture, ""), 1)];
     steps.extend(methods.iter().flat_map(|method| method_steps(method.as_ref(), effort)));
@@ -52,8 +52,9 @@ pub fn compare(
     compare_within(job, methods, &[], journal, progress)
 }
 
-/// As [`compare`], and first searches the settings of every method that has any for the least errors within each budget;
-/// what the searches choose beside the settings of `methods` are further rows, measured like the others.
+/// Searches the settings of every method that has any for the least errors within each budget, then measures as
+/// [`compare`] does; what the searches choose beside the settings of `methods` are further rows, measured like the
+/// others.
 ///
 /// # Errors
 /// As [`compare`].
@@ -234,7 +235,7 @@ fn unequal_opacity(rows: &[&mut TimedRow]) -> Vec<String> {
     others.iter().filter_map(note).collect()
 }
 
-/// What tells the files of each method's row from others', in their order.
+/// Unique file name parts of the methods' rows, in the order of `methods`.
 pub fn slugs(prefix: &str, methods: &[Box<dyn Method>]) -> Vec<String> {
     let mut used = HashMap::new();
     methods.iter().map(|method| unused_slug(prefix, method.as_ref(), &mut used)).collect()

@@ -1,4 +1,4 @@
-//! What comes of a comparison: rows with their pictures, notes and failures.
+//! Result of a comparison: rows with their pictures, notes and failures.
 
 use super::budget::Trial;
 use super::facts::Facts;
@@ -21,7 +21,7 @@ pub struct Compared {
     pub picture: Option<Array3<f32>>,
     /// Largest channel difference to the picture of the scene's `rays` row, `height x width`, where there is one.
     pub difference: Option<Array2<f32>>,
-    /// What the plan left out.
+    /// Work that the plan skipped.
     pub left_out: Vec<Omission>,
 }
 
@@ -30,11 +30,11 @@ pub struct Compared {
 pub struct Comparison {
     /// Scene by scene, in the order of the methods; failed rows too.
     pub compared: Vec<Compared>,
-    /// What a reader of the table should know about how it was made.
+    /// Notes for a reader of the table on how it was made.
     pub notes: Vec<String>,
-    /// What failed, and with what: `dsm epsilon=0.02`.
+    /// Failed parts of the comparison by name, such as `dsm epsilon=0.02`, each with its error.
     pub failures: Vec<(String, Error)>,
-    /// What searches within budgets tried.
+    /// Trials of the searches within budgets.
     pub trials: Vec<Trial>,
     /// Methods of the rows behind those that were asked for: what the searches chose besides them.
     pub tuned: Vec<Box<dyn Method>>,
@@ -61,7 +61,7 @@ impl Comparison {
         self.tuned.append(&mut other.tuned);
     }
 
-    /// What comes of a scene that cannot be drawn at all: a failed row for each method.
+    /// Comparison of a scene that cannot be drawn at all, with a failed row for each method.
     pub fn failed(
         facts: &Facts,
         scene_name: &str,

@@ -52,7 +52,7 @@ pub struct AgainstCylinders {
     pub rms: f64,
     /// Largest error in transmittance.
     pub max: f64,
-    /// Of `rms`, what the finite number of rays may explain: half the rms difference of two halves of each beam.
+    /// Part of `rms` that the finite number of rays may explain: half the rms difference of two halves of each beam.
     pub sampling_rms: f64,
 }
 

@@ -1,5 +1,5 @@
-//! What tables and figures ask of a method besides its measurement: its settings as values, its look, and the rows that
-//! it has where nobody says which.
+//! Properties of a method that tables and figures use besides its measurement: settings as values, figure style and
+//! default rows.
 
 use super::cell::{Cell, FromText};
 use crate::shadow::{Entry, Key, METHODS, Method, Style, entry};

@@ -15,7 +15,7 @@ const ROWS_AT_ONCE: u32 = 4;
 const POINTS_AT_ONCE: usize = 1 << 13;
 const BAND_MS: f64 = 25.0;
 
-/// What is compared.
+/// Quantity whose error the map shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Transmittance from the scene's first light to the point that half of a pixel's opacity lies in front of.
@@ -37,7 +37,7 @@ enum Answer {
     Light {
         /// Pixels that see something, row by row.
         pixels: Vec<u32>,
-        /// What they see (world mm), their opacities, and the exact transmittance there.
+        /// Visible points (world mm), their opacities, and the exact transmittance there.
         points_mm: Vec<DVec3>,
         weights: Vec<f64>,
         exact: Vec<f64>,

@@ -52,7 +52,7 @@ impl SeenReference {
         &self.points_mm
     }
 
-    /// What each stands for.
+    /// Weights of the samples.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
@@ -109,7 +109,7 @@ impl SeenByLights {
         &self.0
     }
 
-    /// As [`SeenReference::errors`], over all lights together, whose structures are in their order.
+    /// Errors like [`SeenReference::errors`], over all lights together, whose structures are in their order.
     ///
     /// # Errors
     /// As there.
@@ -182,7 +182,7 @@ impl RayTest<'_> {
         Ok(report)
     }
 
-    /// As [`Self::run`], but hands each ray's report, depths (mm, ascending) and values to `visit`.
+    /// Runs the test like [`Self::run`] and hands each ray's report, depths (mm, ascending) and values to `visit`.
     ///
     /// # Errors
     /// A lost device.
@@ -197,7 +197,7 @@ impl RayTest<'_> {
         self.visit_asking(field, light, shadow, |points| session.query(shadow, points), visit)
     }
 
-    /// As [`Self::visit`], of a method that answers points (world mm) through `query`.
+    /// Visits the rays like [`Self::visit`], for a method that answers points (world mm) through `query`.
     ///
     /// # Errors
     /// Those of `query`.

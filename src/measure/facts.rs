@@ -25,14 +25,14 @@ pub struct Facts {
     pub threads: u32,
     /// `release` or `debug`.
     pub profile: &'static str,
-    /// Of this program.
+    /// Version of this program.
     pub version: &'static str,
     /// [`REVISION`].
     pub revision: &'static str,
 }
 
 impl Facts {
-    /// Of this program on a device.
+    /// Collects the facts of this program on a device.
     pub fn of(gpu: &Gpu) -> Self {
         Self {
             adapter: gpu.info.name.clone(),

@@ -1,4 +1,4 @@
-//! What to measure on what, and how much.
+//! Measuring jobs: scene, methods and effort.
 
 use super::timing::StageTimes;
 use crate::error::Result;
@@ -33,13 +33,13 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// What `repeats` may be.
+    /// Valid range of `repeats`.
     pub const REPEATS: RangeInclusive<i64> = 1..=1000;
-    /// What `points` may be.
+    /// Valid range of `points`.
     pub const POINTS: RangeInclusive<i64> = 1..=10_000_000;
-    /// What `rays` may be.
+    /// Valid range of `rays`.
     pub const RAYS: RangeInclusive<i64> = 1..=1_000_000;
-    /// What `depths` may be.
+    /// Valid range of `depths`.
     pub const DEPTHS: RangeInclusive<i64> = 2..=4000;
 }
 
@@ -49,23 +49,23 @@ impl Default for Effort {
     }
 }
 
-/// What to compare on what.
+/// Scene on which methods are compared.
 pub struct Job<'a> {
     /// The volume and the transfer function on a device.
     pub session: &'a Session,
-    /// The same volume.
+    /// Volume of the session.
     pub volume: &'a Volume,
-    /// The same transfer function.
+    /// Transfer function of the session.
     pub tf: &'a TransferFunction,
-    /// What the volume was made from, where that is strands.
+    /// Strands that the volume was made from, if any.
     pub strands: Option<&'a Strands>,
     /// Camera, lights, and size of the picture.
     pub scene: &'a Scene,
     /// The column `scene`.
     pub scene_name: String,
-    /// What the names of the scene's files start with; empty where there is but one scene.
+    /// Prefix of the names of the scene's files; empty where there is but one scene.
     pub file_prefix: String,
-    /// What a reader should know of how rows are timed, for their notes and those of the table; may be empty.
+    /// Remark on how rows are timed, for their notes and those of the table; may be empty.
     pub remark: String,
     /// How much to measure.
     pub effort: Effort,

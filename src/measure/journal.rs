@@ -28,7 +28,7 @@ pub struct Measured {
     pub row: Row,
     /// Part of its files' names.
     pub slug: String,
-    /// What the plan left out.
+    /// Work that the plan skipped.
     pub left_out: Vec<Omission>,
     /// For a reader of the table.
     pub notes: Vec<String>,
@@ -76,7 +76,7 @@ enum Line {
 #[derive(Debug, Default)]
 pub struct Journal {
     place: Option<(PathBuf, File)>,
-    /// What pictures say of themselves, by keys.
+    /// Metadata of the pictures, by keys.
     about: Vec<(String, String)>,
     /// Rows that are on disk and belong to this run's table.
     kept: usize,

@@ -32,7 +32,7 @@ impl<'a> Nearby<'a> {
         Self { field, bound, moved: OnceLock::new() }
     }
 
-    /// What lies around the ray from `origin` (world mm, at depth `start_mm`), known at the given depths at least;
+    /// Surroundings of the ray from `origin` (world mm, at depth `start_mm`), known at the given depths at least;
     /// `None` where the promise has no such tolerance.
     pub fn of_ray(
         &self,

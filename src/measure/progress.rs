@@ -28,7 +28,7 @@ pub enum StepKind {
 /// One piece of work; steps of one kind and one method are taken to last as long as each other, in every scene.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Step {
-    /// What kind of work it is.
+    /// Kind of work.
     pub kind: StepKind,
     /// Name and settings; empty where the step is for all methods.
     pub method: String,
@@ -41,12 +41,12 @@ impl Step {
     }
 }
 
-/// What a progress bar shows.
+/// Status that a progress bar shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status<'a> {
     /// Its stage and method.
     pub step: &'a Step,
-    /// What is done now.
+    /// Current step.
     pub what: &'a str,
     /// Steps that are done.
     pub done: usize,

@@ -1,4 +1,4 @@
-//! What the methods of a scene are measured against, and a row as it is before it is timed: errors and a picture.
+//! Reference that the methods of a scene are measured against, and a row as it is before it is timed: errors and a picture.
 
 use super::band::BandReport;
 use super::budget::{Budget, Trial};
@@ -293,7 +293,7 @@ impl<'a> Reference<'a> {
         Ok(notes)
     }
 
-    /// The same of one light and so many rays.
+    /// Measures one light with a given number of rays.
     fn measure_rays_of(
         &mut self,
         method: &dyn Method,

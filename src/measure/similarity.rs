@@ -1,4 +1,4 @@
-//! What a viewer would see of the difference between two pictures.
+//! Visible difference between two pictures.
 
 use crate::error::{Error, Result};
 use crate::files::color::srgb_from_linear;

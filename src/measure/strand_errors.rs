@@ -23,13 +23,13 @@ pub struct StrandReference {
     points_mm: Vec<DVec3>,
     weights: Vec<f64>,
     truth: Vec<f64>,
-    /// What the voxel field itself is off by, and how much of that the number of rays may explain.
+    /// Error of the voxel field itself, and how much of it the number of rays may explain.
     field_rms: f64,
     sampling_rms: f64,
 }
 
 impl StrandReference {
-    /// Of the strands that a job's volume was made from.
+    /// Creates the reference from the strands that a job's volume was made from.
     ///
     /// # Errors
     /// Why there is no such truth for this scene, in a few words.

@@ -18,11 +18,11 @@ use std::sync::LazyLock;
 /// A column of the table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Column {
-    /// As in the header line.
+    /// Name in the header line.
     pub name: &'static str,
-    /// Of its numbers; empty where they have none.
+    /// Unit of its numbers; empty where they have none.
     pub unit: &'static str,
-    /// What it is, in one line.
+    /// Description in one line.
     pub about: String,
 }
 
@@ -88,15 +88,15 @@ columns! {
     /// Time to make the shadow structure for a light that has moved, median of the repeats: host and device together,
     /// with all repetitions and choices.
     build_ms ["ms"]: Option<f64>,
-    /// The same, fastest repeat.
+    /// Fastest repeat of `build_ms`.
     build_ms_min ["ms"]: Option<f64>,
-    /// The same, slowest repeat.
+    /// Slowest repeat of `build_ms`.
     build_ms_max ["ms"]: Option<f64>,
     /// Time of one picture with the structure made, median of the repeats.
     frame_ms ["ms"]: Option<f64>,
-    /// The same, fastest repeat.
+    /// Fastest repeat of `frame_ms`.
     frame_ms_min ["ms"]: Option<f64>,
-    /// The same, slowest repeat.
+    /// Slowest repeat of `frame_ms`.
     frame_ms_max ["ms"]: Option<f64>,
     /// Whose clock these times are from: `gpu` (timestamps of the adapter) or `wall` (the host's).
     clock [""]: Option<Clock>,
@@ -149,13 +149,13 @@ columns! {
     image_ssim [""]: Option<f64>,
     /// How far the exact picture itself may be off: the largest change of a channel, linear, when it is made finer.
     image_exact_err [""]: Option<f64>,
-    /// What the method promises on light rays: tolerance in transmittance; empty where nothing is promised.
+    /// Error bound on light rays: tolerance in transmittance; empty where nothing is promised.
     bound [""]: Option<f64>,
-    /// What the method promises on light rays: tolerance in depth.
+    /// Error bound on light rays: tolerance in depth.
     bound_depth_mm ["mm"]: Option<f64>,
-    /// What the method promises on light rays: how far the ray may stray sideways, which float32 does not know better.
+    /// Error bound on light rays: how far the ray may stray sideways, which float32 does not know better.
     bound_lateral_mm ["mm"]: Option<f64>,
-    /// What the method promises on light rays: how far values along it may stray, in the volume's values.
+    /// Error bound on light rays: how far values along it may stray, in the volume's values.
     bound_value [""]: Option<f64>,
     /// Depths that keep the promise by straying sideways or in value alone.
     bound_limited [""]: Option<u64>,
@@ -193,7 +193,7 @@ columns! {
     tuned [""]: Option<bool>,
     /// The budgets, and the errors that were to be least within them, for which the search chose the row.
     tuned_for [""]: String,
-    /// What the plan left out since the scene does not need it, why, and what that saved.
+    /// Work that the plan skipped because the scene does not need it, why, and what that saved.
     left_out [""]: String,
     /// Lights that shine; times, bytes and errors are of all of them together.
     lights [""]: Option<u32>,
@@ -215,7 +215,7 @@ columns! {
     note [""]: String,
 }
 
-/// As JSON: an object with a key for each column.
+/// JSON object with a key for each column.
 impl Serialize for Row {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(Some(COLUMNS.len()))?;

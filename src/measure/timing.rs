@@ -13,7 +13,7 @@ pub fn clock_name(clock: Clock) -> &'static str {
     }
 }
 
-/// What a clock read; `None` where it read nothing.
+/// Reading of a clock; `None` where it read nothing.
 fn read(clock: Clock, span: Span) -> Option<f64> {
     match clock {
         Clock::GpuTimestamps => span.gpu_ms,
@@ -104,7 +104,7 @@ pub struct Turns<'a> {
     pub rounds: usize,
 }
 
-/// What [`interleave`] tells as it goes; numbers are places in its list.
+/// Progress events of [`interleave`]; numbers are places in its list.
 pub enum Event<'a> {
     /// A run starts that counts, or does not.
     Starts {

@@ -1,4 +1,4 @@
-//! What there is to see of a volume, and the camera that it fills the picture of.
+//! Visible bounds of a volume, and the camera whose picture they fill.
 
 use crate::field::{ActiveBricks, extinction_intervals};
 use crate::mesh::Mesh;
@@ -13,8 +13,8 @@ const MARGIN: f64 = 0.05;
 /// How far before all that is seen the eye stays, as a share of its depth.
 const BEFORE: f64 = 0.1;
 
-/// What there is to see: all cells with extinction somewhere, and the opaque things among them; the whole domain where there
-/// is neither. It does not depend on how a picture is drawn.
+/// Bounds of all cells with extinction and of the opaque meshes among them; the whole domain where there is
+/// neither. They do not depend on how a picture is drawn.
 #[derive(Debug)]
 pub struct VisibleBounds {
     volume: Arc<Volume>,
@@ -31,7 +31,7 @@ pub struct VisibleBounds {
 }
 
 impl VisibleBounds {
-    /// Of a volume by a transfer function, with opaque things in it.
+    /// Computes the visible bounds of a volume under a transfer function, with an optional opaque mesh in it.
     pub fn of(volume: &Arc<Volume>, tf: &TransferFunction, mesh: Option<&Arc<Mesh>>) -> Self {
         let active = ActiveBricks::of(volume.bricks(), tf);
         let to_world = |index: DVec3| volume.world_from_index().transform_point3(index);

@@ -1,4 +1,4 @@
-//! What the shaders of this room share with the host.
+//! Constants that the rendering shaders share with the host.
 
 use crate::field::LINE_THREADS;
 use crate::gpu::Constant;

@@ -1,4 +1,4 @@
-//! What omissions are worth, for reading.
+//! Markdown report of the time and memory that skipped work saves.
 
 use super::tables::escape_markdown;
 use crate::measure::ablate::Ablation;

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// The answer for one scene, budget and error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer<'a> {
-    /// What there is.
+    /// Budget that rows must stay within.
     pub budget: Budget,
     /// Which error is to be least.
     pub by: By,
@@ -61,7 +61,7 @@ fn takes_part(row: &Row, budget: Budget) -> bool {
     stores && !row.has_failed() && budget.holds(row)
 }
 
-/// Of two equally close rows the one that needs less comes first.
+/// Sort key: smaller error first; of equal errors, the row that needs less of the budget.
 fn key((row, error): (&Row, f64), budget: Budget) -> (f64, f64) {
     (error, budget.need(row).unwrap_or(f64::INFINITY))
 }

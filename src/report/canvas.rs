@@ -90,7 +90,7 @@ pub enum Anchor {
     End,
 }
 
-/// Of [`Drawing::bitmap`].
+/// Resolution of [`Drawing::bitmap`], pixels per point.
 pub const PIXELS_PER_POINT: u32 = 2;
 /// The family as SVG viewers see it; pixels are drawn in its first, which is compiled in.
 const FONT_FAMILY: &str = "Ubuntu, Helvetica, Arial, sans-serif";
@@ -118,7 +118,7 @@ impl Drawing {
         [self.width, self.height]
     }
 
-    /// The same on another ground.
+    /// Replaces the background colour of the drawing.
     #[must_use]
     pub fn on(self, ground: Rgb) -> Self {
         Self { ground, ..self }
@@ -151,7 +151,7 @@ impl Drawing {
         self.line(&[a, b, c, d, a], width, color);
     }
 
-    /// What lies within a closed path.
+    /// Fills the interior of a closed path.
     pub fn polygon(&mut self, points: &[Point], color: Rgb) {
         self.add(html! { polygon points=(list(points)) fill=(hex(color)) {} });
     }

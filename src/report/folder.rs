@@ -8,7 +8,7 @@ use crate::measure::job::Effort;
 use crate::measure::journal::JOURNAL;
 use std::path::{Component, Path};
 
-/// What becomes of a table that the folder holds.
+/// Treatment of a table that the output folder already holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
     /// It is refused.
@@ -81,7 +81,7 @@ impl Run {
         }
     }
 
-    /// What keeps this run from going on with an earlier one's table; its rounds may be more.
+    /// Reason why this run cannot resume an earlier one's table, if any; its rounds may be more.
     fn differs_from(&self, earlier: &Self) -> Option<String> {
         if !earlier.merged.is_empty() {
             return Some("its table was merged from several".into());

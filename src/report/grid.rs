@@ -17,7 +17,7 @@ const MOST_HEIGHT: f64 = 650.0;
 const LEAST_CELL: f64 = 64.0;
 /// Pictures are no wider: a single row of two.
 const MOST_CELL: f64 = 220.0;
-/// As far as pictures are made narrower than their columns for the height's sake.
+/// Smallest width of a picture as a share of its column's, where pictures are narrowed to limit their height.
 const MOST_NARROWED: f64 = 0.85;
 /// Height by width beyond which pictures may be narrower than their columns, so that all stand on a page.
 const UPRIGHT: f64 = 1.2;
@@ -35,7 +35,7 @@ const BAR: f64 = 7.0;
 const GREY: super::canvas::Rgb = [130, 130, 130];
 /// Pixels a point of the PNG file: enough for 300 dpi, and for the pictures as they are where that is less.
 const PIXELS_PER_POINT: [f64; 2] = [2.0, 4.0];
-/// Of the whole PNG file, where very many pictures would make more.
+/// Upper limit on the pixels of the whole PNG file, for figures with very many pictures.
 const MOST_PIXELS: f64 = 1e8;
 
 /// A picture with what is said above and below it.
@@ -45,7 +45,7 @@ pub struct Shown<'a> {
     pub name: String,
     /// Its settings, `key=value` each.
     pub settings: Vec<String>,
-    /// What it took and how wrong it is, a line each.
+    /// Times, memory and errors of the method, a line each.
     pub figures: Vec<String>,
     /// `height x width x 4`, linear RGBA.
     pub picture: &'a Array3<f32>,
@@ -54,7 +54,7 @@ pub struct Shown<'a> {
 }
 
 impl<'a> Shown<'a> {
-    /// Of a row of the table.
+    /// Creates the entry for a row of the table.
     pub fn of(row: &Row, picture: &'a Array3<f32>, difference: Option<&'a Array2<f32>>) -> Self {
         let map = row.map.map(|map| format!("map={map}"));
         let settings =
@@ -69,7 +69,7 @@ impl<'a> Shown<'a> {
         Self { name: row.method.clone(), settings, figures, picture, difference }
     }
 
-    /// Of the picture that others differ from, where the table has no row of it.
+    /// Creates the entry for the reference picture, where the table has no row of it.
     pub fn reference(picture: &'a Array3<f32>) -> Self {
         let settings = vec!["(not in the table)".into()];
         Self { name: "rays".into(), settings, figures: Vec::new(), picture, difference: None }
@@ -102,7 +102,7 @@ pub fn files(shown: &[Shown], width: f64, max: f32, label: &str) -> Result<[Vec<
     Ok([png, drawing.pdf()?])
 }
 
-/// Of the PNG file, where the pictures themselves have `own`.
+/// Resolution of the PNG file, pixels per point, for pictures whose own resolution is `own`.
 fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
     let [least, most] = PIXELS_PER_POINT;
     own.clamp(least, most).min((MOST_PIXELS / (width * height)).sqrt())
@@ -111,7 +111,7 @@ fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
 /// How a figure is laid out.
 #[derive(Debug, Clone, PartialEq)]
 struct Layout {
-    /// Of the page, points.
+    /// Width of the page, points.
     width: f64,
     across: usize,
     /// Width of a column, points.
@@ -170,12 +170,12 @@ impl Layout {
         None
     }
 
-    /// What stands above the pictures of a row.
+    /// Height of the captions above a row of pictures, points.
     fn above(&self, row: usize) -> f64 {
         NAME + 3.0 + LINE * self.lines[row] as f64
     }
 
-    /// Of a row of pictures with all that belongs to it, and the gap to the next.
+    /// Height of a row of pictures with its captions, differences and figures, and the gap to the next row, points.
     fn row_height(&self, shown: &[Shown], row: usize) -> f64 {
         let figures = shown.iter().map(|s| s.figures.len()).max().unwrap_or(0) as f64;
         self.above(row) + 2.0 * self.picture[1] + SEAM + 2.0 + LINE * figures + GAP
@@ -203,7 +203,7 @@ fn lines(shown: &[Shown], across: usize, cell: f64) -> Vec<usize> {
     shown.chunks(across).map(most).collect()
 }
 
-/// What the figures under the pictures are, in lines; none where there are none.
+/// Lines of the legend that explains the figures under the pictures; empty where there are no figures.
 fn said(shown: &[Shown], width: f64) -> Vec<String> {
     if shown.iter().all(|s| s.figures.is_empty()) {
         return Vec::new();
@@ -283,7 +283,7 @@ fn put(
     }
 }
 
-/// As a PNG file of the picture has it.
+/// Converts a linear RGBA picture to 8-bit sRGB, as in its PNG file.
 fn encoded(picture: &Array3<f32>) -> RgbImage {
     let (height, width, _) = picture.dim();
     RgbImage::from_fn(width as u32, height as u32, |column, row| {

@@ -10,7 +10,7 @@ use image::{Rgb, RgbImage, imageops};
 use ndarray::Array2;
 use std::path::Path;
 
-/// What is not a number stands out: no error looks like it.
+/// Colour of NaN values, distinct from every colour of the error scale.
 const NOT_A_NUMBER: Rgb<u8> = Rgb([0, 255, 0]);
 
 /// The scale's colour for a share of its length; beyond its ends that of the end. It is `inferno` (Smith and van der Walt

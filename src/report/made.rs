@@ -15,7 +15,7 @@ use std::borrow::BorrowMut;
 pub struct ReferencePicture {
     /// The scene's name.
     pub scene: String,
-    /// Of the rows on the same adapter.
+    /// Name of the adapter whose rows are compared with this reference.
     pub adapter: String,
     /// `height x width x 4`, linear RGBA.
     pub pixels: Array3<f32>,
@@ -32,7 +32,7 @@ pub struct Made {
     pub nodes: Vec<Option<NodeMap>>,
     /// Where no row is by `rays`.
     pub references: Vec<ReferencePicture>,
-    /// What omissions are worth, where that was asked for.
+    /// Ablation rows, if an ablation was requested.
     pub ablations: Option<Vec<Ablation>>,
 }
 

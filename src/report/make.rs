@@ -30,27 +30,27 @@ use page::{program_conditions, scene_conditions, write_page};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What is measured on every scene.
+/// Methods and budgets to measure on every scene.
 pub struct Order<'a> {
     /// A row each, scene by scene. A scene that has none is not even read.
     pub methods: &'a [Vec<Box<dyn Method>>],
-    /// What the settings of each method are searched within, for further rows.
+    /// Budgets within which each method's settings are tuned, for further rows.
     pub budgets: &'a [Budget],
-    /// What a reader should know of how rows are timed; may be empty.
+    /// Remark on how rows are timed; may be empty.
     pub remark: &'a str,
 }
 
-/// What a scene's rows are of.
+/// Volume, transfer function and scene that a scene's rows are measured on.
 pub struct Subject {
     /// The voxels.
     pub volume: Arc<Volume>,
-    /// What is seen of them.
+    /// Transfer function applied to the voxels.
     pub tf: TransferFunction,
-    /// What the volume was made from, where that is strands.
+    /// Strands that the volume was voxelised from, if any.
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// Camera, lights, and size of the picture.
     pub scene: Scene,
-    /// What is done although the scene does not need it.
+    /// Disabled optimizations: work done although the scene does not need it.
     pub forced: DisabledOptimizations,
 }
 
@@ -61,15 +61,15 @@ pub struct Files {
     pub tables: Vec<PathBuf>,
     /// Error against time and memory.
     pub plots: Vec<PathBuf>,
-    /// Of each row, with where they differ, and all of them beside each other.
+    /// Pictures and difference images of each row, and grids of all pictures side by side.
     pub pictures: Vec<PathBuf>,
     /// `report.html`.
     pub report: PathBuf,
     /// Empty unless they were asked for.
     pub ablations: Vec<PathBuf>,
-    /// What was tried within budgets, and which method is closest within each; empty unless there are any.
+    /// Tables of the trials within budgets and of the most accurate method in each; empty without budgets.
     pub budgets: Vec<PathBuf>,
-    /// What could not be put as it was asked for.
+    /// Remarks on output that could not be written as requested.
     pub remarks: Vec<String>,
 }
 

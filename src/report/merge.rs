@@ -32,9 +32,9 @@ const MOST_NAMED: usize = 3;
 struct Part {
     folder: PathBuf,
     run: Run,
-    /// Those that are here, as their records are.
+    /// Measured rows of this folder, in the order of their records.
     rows: Vec<Row>,
-    /// What its searches within budgets tried.
+    /// Trials of the folder's searches within budgets.
     trials: Vec<Trial>,
 }
 
@@ -132,7 +132,7 @@ impl Part {
     }
 }
 
-/// What searches tried; nothing where there was nothing to tune and so no file.
+/// Reads the trials of searches within budgets; empty if the file does not exist, since nothing was tuned.
 fn trials(path: &Path) -> Result<Vec<Trial>> {
     if !path.is_file() {
         return Ok(Vec::new());
@@ -258,7 +258,7 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
     Ok(merged)
 }
 
-/// What the parts say of how they were made; where they say it differently, all of it.
+/// Merges the measurement conditions of all parts; differing values of a condition are joined with semicolons.
 fn conditions(parts: &[Part]) -> Vec<(String, String)> {
     let mut all: Vec<(String, Vec<String>)> = Vec::new();
     for (name, value) in parts.iter().flat_map(|p| &p.run.conditions) {

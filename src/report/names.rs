@@ -5,7 +5,7 @@ use crate::measure::job::file_name_part;
 /// How the table was made.
 pub const RUN: &str = "run.json";
 
-/// What stands before a scene's own files; nothing where there is but one scene.
+/// File name prefix of a scene; empty unless there are several scenes.
 pub fn prefix(scene: &str, several: bool) -> String {
     if several { format!("{}_", file_name_part(scene)) } else { String::new() }
 }
@@ -44,7 +44,7 @@ pub fn plots(part: &str) -> [String; 2] {
 /// Endings of a plot's files.
 pub const PLOT_ENDINGS: [&str; 3] = ["png", "svg", "pdf"];
 
-/// What stands before a scene's files of one of several adapters.
+/// File name prefix of a scene and adapter, where there are several adapters.
 pub fn adapter_prefix(prefix: &str, adapter: &str) -> String {
     format!("{prefix}{}_", file_name_part(adapter))
 }

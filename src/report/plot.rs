@@ -27,7 +27,7 @@ pub(super) fn error_time(rows: &[Row]) -> Drawing {
     figure(rows, Cost::Time)
 }
 
-/// The same against `bytes`, of rows that store a structure.
+/// `point_err_rms` and `ray_err_max` against `bytes`, side by side, for rows that store a structure.
 pub(super) fn error_bytes(rows: &[Row]) -> Drawing {
     figure(rows, Cost::Memory)
 }

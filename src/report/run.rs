@@ -21,7 +21,7 @@ const MAX_SHARDS: u32 = 10_000;
 /// A scene, and what it was read from.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneRecord {
-    /// As the table calls it.
+    /// Scene name in the table.
     pub name: String,
     /// The scene file in the folder; empty where there is none.
     pub file: String,
@@ -105,7 +105,7 @@ impl fmt::Display for Shard {
 /// How a table was made.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// Of the program.
+    /// Version of the program.
     pub version: String,
     /// Commit that the program was built from.
     pub revision: String,
@@ -127,7 +127,7 @@ pub struct Run {
     pub methods: String,
     /// How much was measured.
     pub effort: Effort,
-    /// What the settings of each method were searched within, as `--budget` takes it.
+    /// Budgets within which each method's settings were tuned, in the syntax of `--budget`.
     #[serde(default)]
     pub budgets: Vec<String>,
     /// Whether omissions were measured as well.
@@ -144,14 +144,14 @@ pub struct Run {
     pub rows: Vec<RowRecord>,
     /// Names and values that a reader has to know, as the report says them.
     pub conditions: Vec<(String, String)>,
-    /// What a reader should know about how the table was made.
+    /// Notes on how the table was made.
     pub notes: Vec<String>,
     /// Every file that the run may have written here.
     pub files: Vec<String>,
 }
 
 impl Run {
-    /// Of a sweep over scenes, on a device; `methods` are as given, `parsed` the same as rows.
+    /// Record of a sweep over scenes on a device; `methods` is the text as given, `parsed` its methods, one a row.
     pub fn new(
         facts: &Facts,
         effort: Effort,
@@ -197,12 +197,12 @@ impl Run {
         self.scenes.iter().map(|s| s.name.clone()).collect()
     }
 
-    /// What stands at the beginning of the names of a scene's own files; empty where there is but one.
+    /// File name prefix of a scene; empty unless there are several scenes.
     pub fn prefix(&self, scene: usize) -> String {
         names::prefix(&self.scenes[scene].name, self.scenes.len() > 1)
     }
 
-    /// What stands before the files of a scene's rows on an adapter.
+    /// File name prefix of a scene's rows on an adapter.
     pub fn prefix_of(&self, scene: &str, adapter: &str) -> String {
         let prefix = names::prefix(scene, self.scenes.len() > 1);
         if self.adapters.len() > 1 { names::adapter_prefix(&prefix, adapter) } else { prefix }
@@ -269,12 +269,12 @@ impl Run {
         files
     }
 
-    /// What tells a scene's plots from others: the scene where there are several, the adapter where there are.
+    /// Name parts of a scene's plots, one for each adapter: the scene and the adapter, each only if several exist.
     fn plot_parts(&self, scene: usize) -> Vec<String> {
         self.prefixes(scene).iter().map(|prefix| prefix.trim_end_matches('_').to_owned()).collect()
     }
 
-    /// What stands before the files of a scene, adapter by adapter.
+    /// File name prefixes of a scene, one for each adapter.
     fn prefixes(&self, scene: usize) -> Vec<String> {
         let prefix = self.prefix(scene);
         match self.adapters.len() {

@@ -4,7 +4,7 @@
 pub struct SideTable {
     /// Its file.
     pub file: &'static str,
-    /// What has a row, and what writes it.
+    /// Description of the table's rows and of the command that writes it.
     pub about: &'static str,
     /// Name, unit and meaning of each column, in order.
     pub columns: &'static [[&'static str; 3]],

@@ -198,7 +198,7 @@ fn provenance(run: &Run) -> String {
     out
 }
 
-/// Those of a layout, or these where it does not say which.
+/// Columns chosen by a layout, or `otherwise` if it chooses none.
 fn picked(layout: &Layout, otherwise: Vec<Shown>) -> Vec<Shown> {
     // Names were checked before; one that is none picks nothing more.
     let own = layout.columns.as_deref().and_then(|names| chosen(names).ok());
@@ -241,7 +241,7 @@ fn name(row: &Row) -> String {
     if row.params.is_empty() { row.method.clone() } else { format!("{} {}", row.method, row.params) }
 }
 
-/// The same with the scene and the map's size, where these differ between rows.
+/// Method and parameters, with the scene and the map's size where these differ between rows.
 fn full_name(row: &Row, rows: &[Row]) -> String {
     let scene =
         if rows.iter().any(|r| r.scene != row.scene) { format!("{}: ", row.scene) } else { String::new() };

@@ -20,7 +20,7 @@ pub fn csv<T: Serialize>(rows: &[T]) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|e| failed(&e))
 }
 
-/// The same as a JSON array of objects, keys in the order of the fields: what was not measured is `null`, and so is an
+/// Rows of any kind as a JSON array of objects, keys in field order. What was not measured is `null`, and so is an
 /// infinite value, which JSON has not, such as the PSNR of identical pictures.
 ///
 /// # Errors
@@ -77,7 +77,7 @@ pub fn table_csv(rows: &[Row]) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|e| failed(&e))
 }
 
-/// What each column of [`table_csv`] is, and of the other tables, as Markdown.
+/// Markdown description of every column of [`table_csv`] and of the side tables.
 pub fn columns_markdown() -> String {
     let mut out = String::from(
         "# Columns of compare.csv\n\n\

@@ -368,7 +368,7 @@ impl Volume {
         self.bricks.get_or_init(|| Bricks::build(self))
     }
 
-    /// What a segmentation calls its voxels, where there is one.
+    /// Segmentation label of every voxel, if there is a segmentation.
     pub fn labels(&self) -> Option<&Arc<Labels>> {
         self.labels.as_ref()
     }

@@ -354,7 +354,8 @@ impl Run {
         for (Seed { kind, damaged, .. }, counts) in self.seeds.iter().zip(&self.counts) {
             let (tried, read) = (counts.tried.load(Ordering::Relaxed), counts.read.load(Ordering::Relaxed));
             println!("{kind:<10} {damaged:<30} {tried} tried, {read} of them read");
-            assert!(tried >= self.count && read < tried, "{damaged}");
+            // Few mutants of a series that tolerates damaged slices may all be readable.
+            assert!(tried >= self.count && (read < tried || self.count < 1000), "{damaged}");
         }
         let (took, of) = &*self.slowest.lock().unwrap();
         println!("slowest: {took:?} ({of}); peak memory {:?} bytes", peak_bytes());

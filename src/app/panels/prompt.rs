@@ -91,13 +91,15 @@ impl Prompt {
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(purpose) = self.open else { return };
         let (title, kind, extensions) = purpose.texts();
-        let (mut done, mut cancelled) = (false, false);
+        // Enter confirms, but not the Enter that opened the prompt.
+        let enter = !self.select && context.input(|i| i.key_pressed(Key::Enter));
+        let (mut done, mut cancelled) = (enter, false);
         let response = egui::Modal::new(egui::Id::unique("path")).show(context, |ui| {
             ui.set_width(520.0);
             ui.heading(title);
             ui.add_space(6.0);
             ui.horizontal(|ui| {
-                done |= self.field(ui, &extensions);
+                self.field(ui, &extensions);
                 let path = expanded(self.text.trim());
                 let dialog = || {
                     let dialog = rfd::FileDialog::new().set_title(title).add_filter(kind, &extensions);
@@ -133,16 +135,16 @@ impl Prompt {
                 cancelled = ui.button("Cancel").clicked();
             });
         });
-        if done && !self.text.trim().is_empty() {
+        if cancelled || response.should_close() {
+            self.open = None;
+        } else if done && !self.text.trim().is_empty() {
             self.open = None;
             self.use_path(purpose, model);
-        } else if cancelled || response.should_close() {
-            self.open = None;
         }
     }
 
-    /// Shows the field; returns whether Enter was pressed.
-    fn field(&mut self, ui: &mut egui::Ui, extensions: &[&str]) -> bool {
+    /// Shows the field, with the file name selected in the first frame.
+    fn field(&mut self, ui: &mut egui::Ui, extensions: &[&str]) {
         let id = egui::Id::unique("path field");
         let mut selected = std::mem::take(&mut self.select).then(|| split(&self.text).0.to_owned());
         if selected.is_some() {
@@ -167,8 +169,7 @@ impl Prompt {
             state.store(ui.ctx(), id);
         }
         let field = egui::TextEdit::singleline(&mut self.text).id(id).desired_width(410.0);
-        let field = ui.add(field.hint_text("path").lock_focus(true)).accessible_name("path");
-        field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter))
+        ui.add(field.hint_text("path").lock_focus(true)).accessible_name("path");
     }
 
     fn picture_options(&mut self, ui: &mut egui::Ui) {

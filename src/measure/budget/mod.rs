@@ -18,16 +18,16 @@ use std::str::FromStr;
 
 const WHAT: &str = "bad budget";
 
-/// What a method may need.
+/// Upper limit on the memory or the time of a method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Budget {
     /// Memory of the shadow structure.
     Bytes(u64),
-    /// Of `build_ms + frame_ms`.
+    /// Limit on `build_ms + frame_ms`, ms.
     Ms(f64),
 }
 
-/// As `--budget` takes it.
+/// Formats a budget in the syntax of `--budget`.
 impl fmt::Display for Budget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -88,7 +88,7 @@ impl Budget {
         Ok(budgets)
     }
 
-    /// What a row needs of it; `None` where that is not known.
+    /// Bytes or milliseconds of this budget that a row needs; `None` where unknown.
     pub fn need(&self, row: &Row) -> Option<f64> {
         match self {
             Self::Bytes(_) => row.bytes.map(|n| n as f64),
@@ -165,7 +165,7 @@ impl By {
 /// The budgets, and the errors that were to be least within them, for which settings were chosen.
 pub type Uses = Vec<(Budget, By)>;
 
-/// What a search chose a row for, as in the column `tuned_for`.
+/// Text of the column `tuned_for`: the budgets and errors for which a search chose a row.
 pub fn tuned_for(uses: &[(Budget, By)]) -> String {
     uses.iter().map(|(budget, by)| format!("{budget} {}", by.column())).collect::<Vec<_>>().join("; ")
 }

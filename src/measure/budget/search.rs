@@ -37,7 +37,7 @@ pub struct Search<'a> {
     canonical: Canonical<'a>,
     /// Tries a place.
     attempt: Attempt<'a>,
-    /// What was tried, in order.
+    /// Places tried so far with their trials, in order.
     pub tried: Vec<(Place, Trial)>,
     /// Places in `tried`.
     known: HashMap<Place, usize>,

@@ -6,7 +6,7 @@ use std::cell::Cell;
 /// Costs and errors of a made-up method: map, layers, a word, and a key without effect under the second word.
 #[derive(Clone, Copy)]
 struct Planted {
-    /// What halving a texel, and a layer's share, is worth.
+    /// Error coefficient of the reciprocal map size; `layer` is that of the reciprocal number of layers.
     texel: f64,
     layer: f64,
     /// Error that each word leaves.

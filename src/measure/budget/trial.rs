@@ -3,12 +3,12 @@
 use super::{Budget, By};
 use serde::{Deserialize, Serialize};
 
-/// What a search learnt of a setting. Its times are the slower of two runs where any were asked for.
+/// Measurements of one setting tried by a search. Its times are the slower of two runs where any were asked for.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Trial {
-    /// As in the table.
+    /// Volume and transfer function, or the name of the scene file.
     pub scene: String,
-    /// As in the table.
+    /// Graphics adapter that the times are from.
     #[serde(default)]
     pub adapter: String,
     /// Shadow method.
@@ -34,7 +34,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// What it needs of a budget; `None` where that is not known.
+    /// Bytes or milliseconds of a budget that the trial needs; `None` where unknown.
     pub fn need(&self, budget: Budget) -> Option<f64> {
         match budget {
             Budget::Bytes(_) => self.bytes.map(|n| n as f64),

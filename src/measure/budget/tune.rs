@@ -19,12 +19,12 @@ pub struct Chosen {
     pub uses: Uses,
 }
 
-/// What came of it.
+/// Result of a search over the settings of all methods: chosen settings, trials and notes.
 #[derive(Default)]
 pub struct Tuned {
     /// Settings that were chosen, each once, with what for.
     pub chosen: Vec<Chosen>,
-    /// What was tried, method by method, in order.
+    /// Trials of the search, method by method, in order.
     pub trials: Vec<Trial>,
     /// For a reader of the table.
     pub notes: Vec<String>,

@@ -1,4 +1,4 @@
-//! What is measured of a method on a scene, once for all claims that ask for it.
+//! Measurements of a method on a scene, made once for all claims that need them.
 
 use super::scenes::{Subject, Variant};
 use crate::error::Result;
@@ -22,14 +22,14 @@ use std::sync::Arc;
 /// The points are those of the table's `point_err_*`.
 const SEED: u64 = 1;
 
-/// What a method gives at a point that the camera sees.
+/// Exact and approximate transmittance at a point that the camera sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AtPoint {
     /// Exact transmittance from the light.
     pub exact: f64,
     /// The method's.
     pub method: f64,
-    /// As the camera sees it.
+    /// Weight of the point: the opacity of its pixel.
     pub weight: f64,
 }
 
@@ -135,7 +135,7 @@ pub enum Depth {
     Whole,
 }
 
-/// What is asked for of a scene.
+/// Measurements requested for a variant of a scene.
 pub struct Wanted {
     /// How it is changed.
     pub variant: Variant,

@@ -20,7 +20,7 @@ pub const TIME_SLACK: f64 = 1.15;
 pub const EQUAL: f64 = 1.05;
 
 impl Holds {
-    /// As tables write it.
+    /// Spelling of the verdict in tables.
     pub fn word(self) -> &'static str {
         match self {
             Self::No => "no",
@@ -38,7 +38,7 @@ impl Holds {
         }
     }
 
-    /// Of a claim about several cases: yes or no where they agree, else partly. Nothing asked is nothing shown.
+    /// Combines the verdicts of several cases: `Yes` or `No` where they agree, else `Partly`; `No` for none.
     pub fn all(cases: impl IntoIterator<Item = Self>) -> Self {
         let mut cases = cases.into_iter();
         let Some(first) = cases.next() else { return Self::No };
@@ -75,7 +75,7 @@ pub fn rises(series: &[f64], least: f64) -> Holds {
     Holds::of(whole && series.windows(2).all(|w| w[1] >= w[0]), whole)
 }
 
-/// As [`rises`], the other way.
+/// A series said to fall: the mirror image of [`rises`].
 pub fn falls(series: &[f64], least: f64) -> Holds {
     rises(&series.iter().map(|x| -x).collect::<Vec<_>>(), least)
 }

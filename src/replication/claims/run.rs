@@ -22,7 +22,7 @@ pub fn scene_names(claims: &[Claim], given: &[String]) -> Vec<String> {
     scenes::STAND_INS.iter().filter(named).map(|s| s.name.to_owned()).collect()
 }
 
-/// What a scene's claims need, by variant; a method that several ask for stands once, as whole as any of them asks.
+/// Groups the measurements that claims need by scene variant, each method once at the greatest depth requested.
 fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
     let mut groups: Vec<Wanted> = Vec::new();
     let mut needs: Vec<&Need> = claims.flat_map(|c| &c.needs).filter(|n| n.depth != Depth::Times).collect();
@@ -127,7 +127,7 @@ fn row_of(claim: &Claim, note: impl Into<String>) -> Row {
     }
 }
 
-/// What a claim needs, from all that was measured on its scene.
+/// Selects the figures that a claim needs from all that were measured on its scene.
 fn collect<'a>(
     claim: &Claim,
     known: &'a [(Variant, HashMap<String, Figures>)],

@@ -1,4 +1,4 @@
-//! What claims are tried on: stand-ins for the papers' data that this program makes itself, and ways of changing a
+//! Test scenes for claims: stand-ins for the papers' data that this program makes itself, and ways of changing a
 //! scene where a claim is about the change.
 
 use crate::scene::{Light, Scene, Skip};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct StandIn {
     /// The column `scene`.
     pub name: &'static str,
-    /// What it stands in for.
+    /// Data of the papers that the scene stands in for.
     pub about: &'static str,
     /// The scene file that says the same, but for its extinction.
     pub toml: &'static str,
@@ -63,7 +63,7 @@ pub const FUR: StandIn = StandIn {
     about: "the fur of Kim and Neumann, Plate 3; the grass of Voicu",
     toml: "volume = \"phantom:hair-fur:200000\"\nresolution = 96\nsize = \"256x256\"\nlight = \"dir:0.5,0.6,0.6\"\n",
 };
-/// The same extinction everywhere.
+/// Homogeneous medium: constant extinction throughout the volume.
 pub const EVEN: StandIn = StandIn {
     name: "even medium",
     extinction: 1.0,
@@ -102,7 +102,7 @@ impl StandIn {
 pub struct Subject {
     /// The voxels.
     pub volume: Arc<Volume>,
-    /// What is seen of them.
+    /// Transfer function from voxel values to colour and extinction.
     pub tf: TransferFunction,
     /// Camera, light, and size of the picture.
     pub scene: Scene,
@@ -150,7 +150,7 @@ impl Variant {
         Self { instead: Some(scene.name), ..AS_IS }
     }
 
-    /// The same with so many times the extinction.
+    /// Multiplies the variant's extinction by `factor`.
     pub const fn dense(self, factor: f64) -> Self {
         Self { extinction: self.extinction * factor, ..self }
     }

@@ -8,16 +8,16 @@ use serde::Serialize;
 /// A row as it is written: the columns of `claims.csv`.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Record {
-    /// As cited.
+    /// Short citation of the paper.
     pub paper: String,
     /// Section, table or figure.
     #[serde(rename = "where")]
     pub place: String,
-    /// What the paper states.
+    /// Statement made by the paper.
     pub claim: String,
     /// Its figure or comparison.
     pub claimed: String,
-    /// What was measured, the telling figure first.
+    /// Measured figures, the most telling one first.
     pub measured: String,
     /// `yes`, `partly`, `no`, or empty where it was not tried.
     pub holds: String,
@@ -48,7 +48,7 @@ impl From<&Row> for Record {
 pub struct TriedOn {
     /// The column `scene`.
     pub name: String,
-    /// What it stands in for, or the file it is from.
+    /// Data that the scene stands in for, or the file it was read from.
     pub about: String,
     /// The scene file.
     pub toml: String,

@@ -17,13 +17,13 @@ pub enum Concerns {
 
 /// One case: everything but the method.
 pub struct Case {
-    /// As `--case` takes it.
+    /// Name of the case, in the form that `--case` takes.
     pub name: String,
-    /// What is stiff or extreme in it.
+    /// Description of the stiff or extreme property that the case tests.
     pub about: &'static str,
     /// The voxels.
     pub volume: Arc<Volume>,
-    /// What is seen of them.
+    /// Transfer function from voxel values to colour and extinction.
     pub tf: TransferFunction,
     /// Each with its name.
     pub lights: Vec<(&'static str, Light)>,

@@ -1,4 +1,4 @@
-//! What the cases are made of: small scalar fields, transfer functions and lights.
+//! Building blocks of the stability cases: small scalar fields, transfer functions and lights.
 
 use crate::error::Result;
 use crate::scene::Light;
@@ -21,7 +21,7 @@ pub fn volume_under(
     Ok(Arc::new(Volume::new(Voxels::F32(voxels), Scaling::IDENTITY, world_from_index, provenance)?))
 }
 
-/// The same with voxels of 1 mm.
+/// A volume of float32 values `f(i, j, k)` with voxels of 1 mm.
 pub fn volume(dims: [usize; 3], f: impl Fn(DVec3) -> f64) -> Result<Arc<Volume>> {
     volume_under(DAffine3::IDENTITY, dims, f)
 }

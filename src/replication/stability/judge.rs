@@ -1,4 +1,4 @@
-//! What is wrong with a method on a case, if anything.
+//! Detection of numerical faults of a method on a stability case.
 
 use crate::measure::band::{BandReport, Sanity};
 use crate::shadow::{Bound, Curve};
@@ -27,7 +27,7 @@ impl Status {
     pub const ALL: [Self; 6] =
         [Self::Ok, Self::BoundExceeded, Self::NotMonotone, Self::OutOfRange, Self::Nan, Self::Failed];
 
-    /// As written in tables.
+    /// Spelling of the status in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -39,7 +39,7 @@ impl Status {
         }
     }
 
-    /// As drawn in the summary.
+    /// Symbol of the status in the summary.
     pub fn glyph(self) -> char {
         match self {
             Self::Ok => '✓',
@@ -52,16 +52,16 @@ impl Status {
     }
 }
 
-/// What one light ray test and one picture have shown.
+/// Results of one light ray test and one picture.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Findings {
     /// Transmittance along light rays against the exact curve.
     pub band: BandReport,
-    /// What the method promised of them.
+    /// Error bound that the method guarantees for transmittance along light rays, if any.
     pub promise: Option<Bound>,
-    /// The same transmittances on their own.
+    /// Sanity of transmittance along light rays, judged without the exact curve.
     pub rays: Sanity,
-    /// What transmittance may do along a ray by the method's own definition.
+    /// Shape that the method's definition allows transmittance to have along a ray.
     pub curve: Curve,
     /// Channels of the picture that are not finite, and that are outside `[0, 1]`.
     pub picture_non_finite: usize,
@@ -108,7 +108,7 @@ impl Findings {
         }
     }
 
-    /// What is wrong in words, worst first; nothing where nothing is.
+    /// Descriptions of all faults found, worst first; empty where there are none.
     pub fn complaints(&self) -> Vec<String> {
         let mut said = Vec::new();
         let mut count = |n: usize, what: &str| {
@@ -141,8 +141,8 @@ impl Findings {
     }
 }
 
-/// What is wrong with the values of one ray on their own. A rise is from the smallest value that lies at least `apart_mm`
-/// nearer to the light. Tolerances are of the range and of rises.
+/// Checks the values of one ray without the exact curve. A rise is from the smallest value that lies at least
+/// `apart_mm` nearer to the light. Tolerances are of the range and of rises.
 pub fn sanity(depths_mm: &[f64], values: &[f32], [range, rise]: [f64; 2], apart_mm: f64) -> Sanity {
     let mut found = Sanity { monotone_violations: 0, largest_rise: 0.0, ..Sanity::of_ray(values, range) };
     let finite = || depths_mm.iter().zip(values).filter(|(_, v)| v.is_finite());

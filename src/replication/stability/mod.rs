@@ -56,7 +56,7 @@ const RANGE: f64 = 1e-6;
 /// off by a few 1e-7 of it, and where extinction is 1e4 per mm and more, that is a rise of transmittance.
 const DEPTHS_APART: f64 = 1e-6;
 
-/// What a method took on a case.
+/// Time and memory that a method took on a case.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Cost {
     build_ms: f64,

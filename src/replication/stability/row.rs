@@ -17,7 +17,7 @@ pub struct Row {
     pub status: Status,
     /// Largest `|T_method - T_exact|` along light rays.
     pub ray_err_max: Option<f64>,
-    /// What the method promises of it, but for `bound_depth_mm` of depth.
+    /// Guaranteed bound on the transmittance error along light rays, besides `bound_depth_mm` of depth.
     pub bound: Option<f64>,
     /// Depths at which transmittance rises.
     pub monotone_violations: Option<usize>,
@@ -29,7 +29,7 @@ pub struct Row {
     pub build_ms: Option<f64>,
     /// Memory of the shadow structure.
     pub bytes: Option<u64>,
-    /// What is wrong, and what costs much more than ordinarily.
+    /// Remarks on faults, and on costs far above the ordinary.
     pub note: String,
 }
 

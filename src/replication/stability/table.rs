@@ -3,7 +3,7 @@
 use super::{Row, Status};
 use std::collections::HashMap;
 
-/// What a case does not concern.
+/// Glyph of a cell whose method the case does not concern.
 const ABSENT: char = '·';
 
 /// Cases by methods, one glyph a cell, and every remark below. A method that stands in several settings has a column for

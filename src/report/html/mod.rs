@@ -27,9 +27,9 @@ const POLICY: &str =
 /// A row with its pictures, as PNG files.
 #[derive(Debug, Clone, Default)]
 pub struct Pictured {
-    /// As in the table.
+    /// Table row of the method and setting.
     pub row: Row,
-    /// What the method draws.
+    /// Picture rendered by the method.
     pub picture_png: Option<Vec<u8>>,
     /// Where that is wrong, in false colour with its legend.
     pub error_png: Option<Vec<u8>>,
@@ -37,14 +37,14 @@ pub struct Pictured {
     pub nodes: Option<NodeMap>,
 }
 
-/// What a reader has to know to judge the table.
+/// Title, measurement conditions, picture caption and notes of the report.
 #[derive(Debug, Clone, Default)]
 pub struct Conditions {
     /// Heading of the page.
     pub title: String,
     /// Names and values: adapter, light, repeats.
     pub facts: Vec<(String, String)>,
-    /// What the error pictures show.
+    /// Caption of the error pictures.
     pub error_caption: String,
     /// How the table was made, and what failed.
     pub notes: Vec<String>,

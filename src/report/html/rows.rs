@@ -25,7 +25,7 @@ const MAIN: &[&str] = &[
     "pareto",
     "status",
 ];
-/// Of these, what is only worth its place where rows differ in it.
+/// Columns of [`MAIN`] that are visible at first only where rows differ in them.
 const WHERE_DIFFERENT: &[&str] = &["scene", "adapter", "status"];
 
 /// Method and setting as a reader names it, with the map's size.

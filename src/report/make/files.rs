@@ -1,4 +1,4 @@
-//! What a table is written with besides itself and the report: plots, pictures and what omissions are worth.
+//! Files of a comparison besides its tables and report: plots, pictures and ablation tables.
 
 use super::super::ablation;
 use super::super::grid::{self, Shown};
@@ -19,7 +19,7 @@ use ndarray::Array2;
 use ndarray_npy::WriteNpyExt;
 use std::path::{Path, PathBuf};
 
-/// What a heat map of differences shows.
+/// Legend title of the heat maps of differences.
 pub const DIFFERENCE: &str = "|difference| from rays, linear RGBA";
 
 /// Scene and adapter of a row, which share a scale, a drawing and a front.

@@ -48,7 +48,7 @@ pub fn write_page(made: &Made, folder: &Path) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// What the table was made with, as the report says it.
+/// Names and values of the report's program conditions: adapter, threads, effort and revision.
 pub fn program_conditions(job: &Job) -> Vec<(String, String)> {
     let effort = job.effort;
     let info = &job.session.renderer.gpu().info;
@@ -66,7 +66,7 @@ pub fn program_conditions(job: &Job) -> Vec<(String, String)> {
     facts.map(|(name, value)| (name.to_string(), value)).into()
 }
 
-/// What one scene is.
+/// Names and values of a scene's conditions: volume, transfer function, picture size, lights and camera.
 pub fn scene_conditions(job: &Job) -> [(&'static str, String); 7] {
     let scene = job.scene;
     let camera = &scene.camera;

@@ -15,7 +15,7 @@ pub struct LogAxis {
 pub enum Notation {
     /// In full where no number is long, as powers otherwise.
     Plain,
-    /// As powers of ten.
+    /// Powers of ten only.
     Powers,
 }
 

@@ -1,8 +1,8 @@
-//! What is paid for a small error: the horizontal axis.
+//! Cost on the horizontal axis of the error plots: time or memory.
 
 use crate::measure::table::Row;
 
-/// What an error is paid with.
+/// Quantity on the horizontal axis of an error plot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cost {
     /// `build_ms + frame_ms`.

@@ -33,7 +33,7 @@ pub fn curve_svg(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> St
     figure(curve, methods, scene).svg(None).into_string()
 }
 
-/// The same as a PNG file, two pixels a point.
+/// The drawing as a PNG file, two pixels a point.
 ///
 /// # Errors
 /// The encoder's own.
@@ -41,7 +41,7 @@ pub fn curve_png(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Re
     figure(curve, methods, scene).png()
 }
 
-/// The same as a PDF file.
+/// The drawing as a PDF file.
 ///
 /// # Errors
 /// The encoder's own.

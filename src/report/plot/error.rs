@@ -73,7 +73,7 @@ pub fn figure(rows: &[Row], cost: Cost) -> Drawing {
     drawing
 }
 
-/// What a row is drawn as; nothing where it lacks a cost or an error, or the error is not finite.
+/// Data point of a row; nothing if its cost or error is missing, or the error is not finite.
 fn datum(
     row: &Row,
     label: &str,

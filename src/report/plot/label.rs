@@ -1,4 +1,4 @@
-//! What is written beside the points, and where.
+//! Text and placement of the labels of plotted points.
 
 use crate::measure::table::{Cell, Row};
 use crate::report::canvas::{Point, Rect};
@@ -112,7 +112,7 @@ fn candidates(label: Wanted, radius: f64) -> impl Iterator<Item = (f64, Placed)>
     })
 }
 
-/// What it costs that a leader runs through markers or other labels.
+/// Placement penalty for a leader line that crosses markers or other labels.
 fn crossings(candidate: &Placed, own: usize, markers: &[Rect], placed: &[Option<Placed>]) -> f64 {
     let Some([from, to]) = candidate.leader else { return 0.0 };
     let labels = placed.iter().map(|p| p.map(|p| p.rect));

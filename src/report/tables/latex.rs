@@ -14,7 +14,7 @@ pub struct Latex {
 /// A size of letters with the space on each side of a column.
 struct Size {
     command: &'static str,
-    /// What LaTeX calls it in a class of 10 points.
+    /// Nominal font size in a 10-point document class, in points.
     points: f64,
     /// How much wider than 10-point letters scaled down the font of that size is cut, of its widest letter.
     cut: f64,
@@ -134,7 +134,7 @@ fn text_em(text: &str) -> f64 {
     one_line(text).chars().map(width).sum::<f64>() / 1000.0
 }
 
-/// The same of a number as [`number`] puts it.
+/// Width of a number typeset by [`number`], in em.
 fn number_em(text: &str) -> f64 {
     let minus = |digits: &str| if digits.starts_with('-') { 0.778 - 0.333 } else { 0.0 };
     match text.split_once('e') {

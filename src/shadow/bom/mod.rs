@@ -50,7 +50,7 @@ settings! {
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
-        /// What the filter averages.
+        /// Quantity that the filter averages: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
         /// How eye samples ask for light.
         lookup: Lookups = LOOKUP_KEY,

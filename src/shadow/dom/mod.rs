@@ -62,7 +62,7 @@ settings! {
         )
         .search(&["0.1", "0.25", "0.5", "1"])
         .when(When::Unless("beyond", "cover")),
-        /// What becomes of matter behind the last layer.
+        /// Treatment of matter behind the last layer.
         beyond: Beyond = Key::choice(
             Beyond::NAMES,
             "extend",
@@ -74,7 +74,7 @@ settings! {
         /// Bits of a stored optical depth: 8, 16 or 32.
         bits: u32 = BITS_KEY,
         ..MapSettings,
-        /// What the filter averages.
+        /// Quantity that the filter averages: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
         /// How eye samples ask for light.
         lookup: Lookups = LOOKUP_KEY,

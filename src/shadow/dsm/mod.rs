@@ -84,7 +84,7 @@ settings! {
             "greedy",
             "lines from node to node (Lokovic and Veach), or the fewest nodes within epsilon (Imai and Iri)",
         ),
-        /// What casts shadows.
+        /// Occluder that casts shadows: the voxels, or the strands' segments.
         from: DrawnFrom = FROM_KEY,
         /// Sub-texel rays whose mean a texel stores: 1, 5 or 9.
         prefilter: u32 = Key::choice(&["1", "5", "9"], "1", "sub-texel rays averaged in a texel")
@@ -102,7 +102,7 @@ settings! {
         march: MarchBy = MARCH_KEY.when(When::UnlessEither([("precompress", "off"), ("from", "lines")])),
         /// Texels a side; `None`: by the scene.
         map: Option<u32> = MAP_KEY,
-        /// What it is fitted across.
+        /// Region that the map is fitted to: active bricks in view, or all.
         fit: Fit = FIT_KEY,
         /// How texels around a point are used.
         filter: Filter = FILTER_KEY,

@@ -13,7 +13,7 @@ use crate::gpu::{Group, uniform_buffer};
 settings! {
     /// Settings of `half`.
     pub struct Half {
-        /// Of the light that is left behind the first surface.
+        /// Share of the light that is left behind the first surface.
         share: f64 = Key::number([0.0, 1.0], "0.5", "of the light that is left behind the first surface").in_label().search(&["0", "0.25", "0.5", "0.75", "1"]),
     }
 }

@@ -53,7 +53,7 @@ settings! {
         build: LightBuild = Key::choice(LightBuild::NAMES, "gather", "a march from every node to the light, or slice by slice").in_label().search_all(),
         /// Bits of a node: 8, 16 or 32.
         bits: u32 = Key::choice(&["8", "16", "32"], "16", "of a node: 8 are steps, 16 and 32 floats").search_all(),
-        /// What is kept, and filtered.
+        /// Quantity that nodes store and filters average: optical depth or transmittance.
         average: Average = Key::choice(Average::NAMES, "transmittance", "what nodes keep, and filters average: optical depth or transmittance").search_all(),
         /// How light rays are marched.
         march: MarchBy = MARCH_KEY,

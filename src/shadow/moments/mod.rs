@@ -66,7 +66,7 @@ settings! {
     pub struct MomentMap {
         /// Real numbers a texel beside the optical depth: 4, 6 or 8.
         moments: u32 = Key::choice(&["4", "6", "8"], "6", "numbers beside the optical depth (trigonometric: 2, 3, 4 complex ones)").in_label().search_all(),
-        /// What they are means of.
+        /// Basis functions of the moments: powers of the depth, or of points on the unit circle.
         basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle").search_all(),
         /// From the least to the greatest optical depth that the moments allow.
         beta: f64 = Key::number([0.0, 1.0], "0.25", "from the least (0) to the greatest (1) optical depth that moments allow").search(&["0", "0.25", "0.5", "0.75", "1"]),

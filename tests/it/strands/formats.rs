@@ -93,7 +93,7 @@ fn notable_contents_are_reported() {
     assert!(e.why.contains("thickness") && e.hint.unwrap().contains("--thickness MM"));
     spec.flags.strands.thickness = Some(0.5);
     let volume = load(&spec).unwrap();
-    assert!(volume.provenance.warnings[0].contains("left out"), "{:?}", volume.provenance.warnings);
+    assert!(volume.provenance.warnings[0].contains("skipped"), "{:?}", volume.provenance.warnings);
 }
 
 #[test]
