@@ -147,9 +147,8 @@ impl Prompt {
     fn field(&mut self, ui: &mut egui::Ui, extensions: &[&str]) {
         let id = egui::Id::unique("path field");
         let mut selected = std::mem::take(&mut self.select).then(|| split(&self.text).0.to_owned());
-        if selected.is_some() {
-            ui.memory_mut(|m| m.request_focus(id));
-        } else if ui.memory(|m| m.has_focus(id)) {
+        let first = selected.is_some();
+        if !first && ui.memory(|m| m.has_focus(id)) {
             if ui.input_mut(|i| i.consume_key(Modifiers::SHIFT, Key::Tab)) {
                 ui.memory_mut(|m| m.move_focus(egui::FocusDirection::Previous));
             } else if ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab)) {
@@ -169,7 +168,10 @@ impl Prompt {
             state.store(ui.ctx(), id);
         }
         let field = egui::TextEdit::singleline(&mut self.text).id(id).desired_width(410.0);
-        ui.add(field.hint_text("path").lock_focus(true)).accessible_name("path");
+        let field = ui.add(field.hint_text("path").lock_focus(true)).accessible_name("path");
+        if first {
+            field.request_focus();
+        }
     }
 
     fn picture_options(&mut self, ui: &mut egui::Ui) {

@@ -126,7 +126,7 @@ fn bad_clip_planes_and_labels_are_refused_in_a_line() {
         assert!(error.contains(said), "{flags:?}: {error}");
     }
     let error = refused(dir.path(), &["render", "phantom:hair-fur:100", "--clip=0,0,1,0", "-o", "a.png"]);
-    assert!(error.contains("these are strands"), "{error}");
+    assert!(error.contains("strands cannot be clipped"), "{error}");
 }
 
 #[test]
