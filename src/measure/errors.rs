@@ -52,7 +52,7 @@ impl SeenReference {
         &self.points_mm
     }
 
-    /// Weights of the samples.
+    /// Weights of the visible points in error statistics.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }

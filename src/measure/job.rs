@@ -49,7 +49,7 @@ impl Default for Effort {
     }
 }
 
-/// Scene on which methods are compared.
+/// Volume, transfer function and scene that methods are measured on, with the measuring effort.
 pub struct Job<'a> {
     /// The volume and the transfer function on a device.
     pub session: &'a Session,

@@ -46,7 +46,7 @@ impl Step {
 pub struct Status<'a> {
     /// Its stage and method.
     pub step: &'a Step,
-    /// Current step.
+    /// Description of the current work.
     pub what: &'a str,
     /// Steps that are done.
     pub done: usize,

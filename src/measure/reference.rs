@@ -1,4 +1,4 @@
-//! Reference that the methods of a scene are measured against, and a row as it is before it is timed: errors and a picture.
+//! Reference data that a scene's methods are measured against, and rows before timing: errors and a picture.
 
 use super::band::BandReport;
 use super::budget::{Budget, Trial};

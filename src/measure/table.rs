@@ -153,9 +153,9 @@ columns! {
     bound [""]: Option<f64>,
     /// Error bound on light rays: tolerance in depth.
     bound_depth_mm ["mm"]: Option<f64>,
-    /// Error bound on light rays: how far the ray may stray sideways, which float32 does not know better.
+    /// Error bound on light rays: lateral tolerance of the ray, within which float32 cannot place it.
     bound_lateral_mm ["mm"]: Option<f64>,
-    /// Error bound on light rays: how far values along it may stray, in the volume's values.
+    /// Error bound on light rays: tolerance in the volume's values along the ray.
     bound_value [""]: Option<f64>,
     /// Depths that keep the promise by straying sideways or in value alone.
     bound_limited [""]: Option<u64>,
