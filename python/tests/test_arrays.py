@@ -2,6 +2,7 @@
 
 import warnings
 
+import nibabel
 import numpy as np
 import pytest
 from conftest import FUNCTION, small
@@ -116,7 +117,7 @@ def test_labels_are_hidden_and_seen_otherwise(tmp_path):
         (np.zeros((4, 4)), {}, "three axes"),
         (np.zeros((0, 4, 4)), {}, "dimension is 0"),
         (np.zeros((2, 2, 2), complex), {}, "complex128"),
-        (np.full((2, 2, 2), "a"), {}, "no numbers"),
+        (np.full((2, 2, 2), "a"), {}, "not a real number type"),
         (np.full((2, 2, 2), np.inf), {}, "no voxel has a finite value"),
         (np.zeros((2, 2, 2)), {"affine": np.zeros((4, 4))}, "last row"),
         (np.zeros((2, 2, 2)), {"affine": np.diag([1, 0, 1, 1])}, "singular"),

@@ -210,7 +210,7 @@ def test_progress_is_told(scene, adapter, capfd):
     ("arguments", "words"),
     [
         ({"tff": "bone"}, r"bad argument \(tff\): unknown key"),
-        ({"explain": True}, "of the command line alone"),
+        ({"explain": True}, "to the command line alone"),
         ({"size": (0, 5)}, "bad argument .size"),
         ({"size": (5, 5, 5)}, "bad argument .size"),
         ({"light": "dir:0,0,0"}, "bad argument .light"),
