@@ -60,8 +60,9 @@ impl Purpose {
 pub struct Prompt {
     open: Option<Purpose>,
     text: String,
-    /// Focus the field, and select the file name, in the next frame.
-    select: bool,
+    /// Frames in which the field takes the focus with the file name selected. The first one measures the window and may
+    /// lose both.
+    select_frames: u8,
     size: [u32; 2],
     backdrop: Backdrop,
     browse: Browse,
@@ -75,7 +76,7 @@ impl Prompt {
         *self = Self {
             open: Some(purpose),
             text: format!("{}{}", model.settings.folder, purpose.suggestion()),
-            select: true,
+            select_frames: 2,
             size: document.map_or([512, 512], |d| [d.scene.width, d.scene.height]),
             backdrop: if transparent { Backdrop::LeftOut } else { Backdrop::Drawn },
             browse: Browse::default(),
@@ -92,7 +93,7 @@ impl Prompt {
         let Some(purpose) = self.open else { return };
         let (title, kind, extensions) = purpose.texts();
         // Enter confirms, but not the Enter that opened the prompt.
-        let enter = !self.select && context.input(|i| i.key_pressed(Key::Enter));
+        let enter = self.select_frames == 0 && context.input(|i| i.key_pressed(Key::Enter));
         let (mut done, mut cancelled) = (enter, false);
         let response = egui::Modal::new(egui::Id::unique("path")).show(context, |ui| {
             ui.set_width(520.0);
@@ -107,7 +108,7 @@ impl Prompt {
                 };
                 let pick: Pick = if purpose.saves() { |d| d.save_file() } else { |d| d.pick_file() };
                 if let Some(path) = self.browse.show(ui, Path::new(&path), dialog, pick) {
-                    (self.text, self.select) = (path, true);
+                    (self.text, self.select_frames) = (path, 2);
                     // An opened file needs no confirmation; a saved one has more options here.
                     done |= !purpose.saves();
                 }
@@ -146,9 +147,10 @@ impl Prompt {
     /// Shows the field, with the file name selected in the first frame.
     fn field(&mut self, ui: &mut egui::Ui, extensions: &[&str]) {
         let id = egui::Id::unique("path field");
-        let mut selected = std::mem::take(&mut self.select).then(|| split(&self.text).0.to_owned());
-        let first = selected.is_some();
-        if !first && ui.memory(|m| m.has_focus(id)) {
+        let takes_focus = self.select_frames > 0;
+        self.select_frames = self.select_frames.saturating_sub(1);
+        let mut selected = takes_focus.then(|| split(&self.text).0.to_owned());
+        if !takes_focus && ui.memory(|m| m.has_focus(id)) {
             if ui.input_mut(|i| i.consume_key(Modifiers::SHIFT, Key::Tab)) {
                 ui.memory_mut(|m| m.move_focus(egui::FocusDirection::Previous));
             } else if ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Tab)) {
@@ -169,7 +171,7 @@ impl Prompt {
         }
         let field = egui::TextEdit::singleline(&mut self.text).id(id).desired_width(410.0);
         let field = ui.add(field.hint_text("path").lock_focus(true)).accessible_name("path");
-        if first {
+        if takes_focus {
             field.request_focus();
         }
     }
