@@ -228,7 +228,7 @@ impl Document {
     /// Scene file for `--scene`; `tf` is a preset or a path.
     ///
     /// # Errors
-    /// As [`SceneSettings::to_toml`].
+    /// See [`SceneSettings::to_toml`].
     pub fn scene_text(&self, tf: &str) -> Result<String> {
         // A written function has its opacity scaled already.
         let as_loaded = tf == self.tf_source.0 && !self.tf_edited();

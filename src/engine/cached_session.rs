@@ -39,7 +39,7 @@ impl Prepared<'_> {
     /// Renders a picture.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
+    /// See [`Renderer::render`].
     pub fn render(&self, scene: &Scene) -> Result<Picture> {
         self.renderer.render(self.loaded, self.transfer, self.shadows.clone(), scene)
     }

@@ -41,7 +41,7 @@ impl MethodChoice {
     /// Parses `METHOD[:key=value,...]`.
     ///
     /// # Errors
-    /// As [`shadow::parse`].
+    /// See [`shadow::parse`].
     pub fn parse(text: &str) -> Result<Self> {
         let spec: MethodSpec = text.parse()?;
         let values = spec.values().iter().map(ToString::to_string).collect();

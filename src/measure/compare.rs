@@ -57,7 +57,7 @@ pub fn compare(
 /// others.
 ///
 /// # Errors
-/// As [`compare`].
+/// See [`compare`].
 pub fn compare_within(
     job: &Job,
     methods: &[Box<dyn Method>],

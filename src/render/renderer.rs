@@ -108,7 +108,7 @@ impl Renderer {
     /// the view only; `None` means all points.
     ///
     /// # Errors
-    /// As [`Self::shadow`].
+    /// See [`Self::shadow`].
     pub fn shadow_in(
         &self,
         loaded: &LoadedVolume,

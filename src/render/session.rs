@@ -63,7 +63,7 @@ impl Session {
     /// Makes the tables and classifies the bricks again.
     ///
     /// # Errors
-    /// As [`Renderer::transfer`].
+    /// See [`Renderer::transfer`].
     pub fn fresh_transfer(&self, tf: &TransferFunction) -> Result<DeviceTransfer> {
         self.renderer.transfer(&self.loaded, tf, self.transfer.disabled)
     }
@@ -79,7 +79,7 @@ impl Session {
     /// Builds a shadow structure that is valid at every point.
     ///
     /// # Errors
-    /// As [`Renderer::shadow`].
+    /// See [`Renderer::shadow`].
     pub fn shadow(&self, method: &dyn Method, light: Light) -> Result<ShadowMap> {
         self.renderer.shadow(&self.loaded, &self.transfer, method, light)
     }
@@ -87,7 +87,7 @@ impl Session {
     /// Builds the shadow structure of one light for the picture of a scene.
     ///
     /// # Errors
-    /// As [`Renderer::shadow`].
+    /// See [`Renderer::shadow`].
     pub fn shadow_of(&self, method: &dyn Method, scene: &Scene, light: Light) -> Result<ShadowMap> {
         let view = View::of_shadows(scene);
         self.renderer.shadow_in(&self.loaded, &self.transfer, method, (scene, light), view.as_ref())
@@ -96,7 +96,7 @@ impl Session {
     /// Builds the shadow structure of each light that shines for the picture of a scene, in their order.
     ///
     /// # Errors
-    /// As [`Renderer::shadow`].
+    /// See [`Renderer::shadow`].
     pub fn shadows_of(&self, method: &dyn Method, scene: &Scene) -> Result<Vec<ShadowMap>> {
         let view = View::of_shadows(scene);
         self.renderer.shadows_in(&self.loaded, &self.transfer, method, scene, view.as_ref())
@@ -105,7 +105,7 @@ impl Session {
     /// Renders a picture.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
+    /// See [`Renderer::render`].
     pub fn render<'a>(&self, shadows: impl Into<LightMaps<'a>>, scene: &Scene) -> Result<Picture> {
         self.renderer.render(&self.loaded, &self.transfer, shadows, scene)
     }
@@ -113,7 +113,7 @@ impl Session {
     /// Transmittance from the light to world points (mm).
     ///
     /// # Errors
-    /// As [`Renderer::query`].
+    /// See [`Renderer::query`].
     pub fn query(&self, shadow: &ShadowMap, points_mm: &[DVec3]) -> Result<Vec<f32>> {
         self.renderer.query(&self.loaded, &self.transfer, shadow, points_mm)
     }
@@ -121,7 +121,7 @@ impl Session {
     /// Nodes per texel of a deep shadow map.
     ///
     /// # Errors
-    /// As [`node_map`].
+    /// See [`node_map`].
     pub fn node_map(&self, shadow: &ShadowMap) -> Result<Option<NodeMap>> {
         node_map(self.renderer.kernels(), &self.transfer, shadow)
     }
@@ -129,7 +129,7 @@ impl Session {
     /// Depths of the nodes of texels of a deep shadow map.
     ///
     /// # Errors
-    /// As [`node_depths`].
+    /// See [`node_depths`].
     pub fn node_depths(&self, shadow: &ShadowMap, texels: &[[u32; 2]]) -> Result<Option<Vec<Vec<f64>>>> {
         node_depths(self.renderer.kernels(), &self.transfer, shadow, texels)
     }

@@ -325,7 +325,7 @@ impl Merged {
     /// The rows as `compare.json` has them.
     ///
     /// # Errors
-    /// As [`table_json`].
+    /// See [`table_json`].
     pub fn json(&self) -> Result<String> {
         table_json(&self.rows(), &self.made.run)
     }

@@ -1,6 +1,6 @@
 //! OME-Zarr stores: folders of chunks (NGFF 0.4 in Zarr 2 and 0.5 in Zarr 3), and single arrays.
 //!
-//! Of the resolution levels (0 is the finest), the finest that the host and a device can hold is read. The axes x, y and z
+//! The reader picks the finest resolution level (0 is the finest) that the host and a device can hold. The axes x, y and z
 //! place the volume by scale and translation; all other axes hold frames, the last axis fastest. NGFF defines no anatomical
 //! axes, so x, y and z are taken as RAS+.
 
