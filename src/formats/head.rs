@@ -2,7 +2,7 @@
 
 use super::source::Source;
 use crate::files::loading::Loading;
-use crate::volume::element::read_full;
+use crate::volume::read::read_full;
 use std::path::{Path, PathBuf};
 
 /// Bytes that suffice to recognise a format.

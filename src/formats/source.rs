@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage, Watched};
 use crate::files::memory_budget;
-use crate::volume::element::{ReadFailure, grid_bytes, read_transposed, read_voxels};
+use crate::volume::element::grid_bytes;
+use crate::volume::read::{ReadFailure, read_transposed, read_voxels};
 use crate::volume::{ByteOrder, Element, Voxels};
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use std::fs::File;

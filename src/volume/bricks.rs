@@ -6,7 +6,8 @@
 //! BRICK_CELLS * b + BRICK_CELLS - 1`: neighbouring bricks share the voxels that both interpolate, and every
 //! interpolated value of a brick lies between its minimum and maximum.
 
-use super::{Scaling, Volume, Voxel};
+use super::labels::Labels;
+use super::voxels::{Scaling, Voxel, Voxels};
 use crate::with_voxels;
 use glam::DAffine3;
 use rayon::prelude::*;
@@ -65,16 +66,19 @@ impl Bricks {
         dims.map(|n| (n + 1).div_ceil(BRICK_CELLS))
     }
 
-    /// Finds every brick's range; stored types are compared and only the results scaled. [`Volume::bricks`] calls this once.
-    pub(super) fn build(volume: &Volume) -> Self {
-        let dims = volume.dims();
-        let bricks = with_voxels!(volume.voxels(), a => {
-            build(a.as_slice().unwrap_or_default(), dims, volume.scaling())
-        });
-        let labels = volume
-            .labels()
+    /// Finds every brick's range; stored types are compared and only the results scaled.
+    pub(super) fn build(
+        voxels: &Voxels,
+        scaling: Scaling,
+        labels: Option<&Labels>,
+        world_from_index: DAffine3,
+    ) -> Self {
+        let [nz, ny, nx] = with_voxels!(voxels, a => a.dim()).into();
+        let dims = [nx, ny, nz];
+        let bricks = with_voxels!(voxels, a => build(a.as_slice().unwrap_or_default(), dims, scaling));
+        let labels = labels
             .map(|labels| BrickLabels { ids: labels.ids().to_vec(), sets: rank_sets(labels.ranks(), dims) });
-        Self { labels, world_from_index: volume.world_from_index(), ..bricks }
+        Self { labels, world_from_index, ..bricks }
     }
 
     /// Number of bricks.

@@ -5,7 +5,7 @@
 //! Only the values of [`WANTED`] attributes are read, and none that is longer than any valid one.
 
 use super::attributes::{Attributes, Value, is_padding};
-use crate::volume::element::read_full;
+use crate::volume::read::read_full;
 use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry as _, VirtualVr};
 use dicom_core::{Tag, VR};
 use dicom_dictionary_std::{StandardDataDictionary, tags};

@@ -4,7 +4,7 @@ use super::dataset::{DataSet, MAX_FRAMES, PixelData, is_dicom, printable};
 use super::pixels::Layout;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
-use crate::volume::element::read_full;
+use crate::volume::read::read_full;
 use dicom_dictionary_std::tags;
 use glam::DVec3;
 use rayon::prelude::*;

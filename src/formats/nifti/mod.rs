@@ -13,7 +13,7 @@ use super::common::{frame_warning, inexact_integers, refusal};
 use super::source::{Block, Source};
 use crate::error::Result;
 use crate::files::loading::Loading;
-use crate::volume::element::read_full;
+use crate::volume::read::read_full;
 use crate::volume::{Element, Provenance, Scaling, Volume};
 use std::path::{Path, PathBuf};
 

@@ -2,7 +2,8 @@
 
 use super::metadata::{Array, Layout, Shards};
 use crate::files::loading::{Loading, ReadingStage};
-use crate::volume::element::{grid_bytes, with_element};
+use crate::volume::element::grid_bytes;
+use crate::volume::read::with_element;
 use crate::volume::{Voxel, Voxels};
 use ndarray::Array3;
 use rayon::prelude::*;
