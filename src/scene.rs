@@ -238,7 +238,7 @@ pub enum Skip {
     None,
 }
 
-/// All settings of a picture but the volume, the transfer function and the shadow method.
+/// Settings of a picture apart from the volume, the transfer function and the shadow method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     /// Camera.

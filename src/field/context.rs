@@ -19,7 +19,7 @@ pub struct BuildContext<'a> {
     pub pool_sizes: &'a PoolSizes,
     /// The volume that casts shadows.
     pub volume: &'a Volume,
-    /// Its transfer function on the device.
+    /// Transfer function on the device.
     pub transfer: &'a DeviceTransfer,
     /// Strands that the volume was made from.
     pub strands: Option<&'a VoxelisedStrands>,

@@ -1,5 +1,5 @@
 //! Scalar field on a device: volume, transfer function, bricks, light space, the march along light rays and its tiles.
-//! This module makes group 0 of every pipeline, and binding 0 of group 1, the light space.
+//! This module provides bind group 0 of every pipeline, and binding 0 of group 1, the light space.
 
 mod active_bricks;
 mod constants;
@@ -10,6 +10,7 @@ mod device_volume;
 mod fold;
 mod light_space;
 mod loaded;
+mod march;
 mod merged_function;
 mod optimizations;
 mod shader;
@@ -27,11 +28,9 @@ pub use device_volume::DeviceVolume;
 pub use fold::Fold;
 pub use light_space::{LightSpace, MapShape, Projection, Rounding};
 pub use loaded::{LoadedVolume, PoolSizes, grid_from_world};
+pub use march::{GAUSS, MOST_ROUNDINGS, March, SHORT_PIECE, UNEVEN_DEPTH};
 pub use optimizations::{DisabledOptimizations, Optimization};
-pub use shader::{
-    DEPTH_SINK, GAUSS, MOST_ROUNDINGS, March, SHORT_PIECE, UNEVEN_DEPTH, field_shader, line_of_workgroups,
-    marches_cells, shape_of,
-};
+pub use shader::{DEPTH_SINK, field_shader, line_of_workgroups, marches_cells, shape_of};
 pub use tile_march::TileMarch;
 pub use tile_pace::TilePace;
 pub use view::View;

@@ -1,62 +1,28 @@
-//! The shader modules of this room, the constants that they share with the host, and how a variant takes them in.
+//! Shader modules of the field, their constants, and the shader variants that use them.
 
 use super::constants::{FAR, HIDDEN_SHIFT, LINE_THREADS, NO_TILE, TILE};
 use super::light_space::Projection;
+use super::march::{GAUSS, MOST_PIECES, March, PARTS_OF_SUM, ROOT_TOLERANCE, SHORT_PIECE, UNEVEN_DEPTH};
 use crate::gpu::{Constant, ShaderVariant, WORK_KINDS, WORK_WORDS};
 use crate::transfer::{
     MAX_INTERVALS, MAX_OPACITY, MORE_NODES, MOST_CLIP_PLANES, PAIR_BINS, TABLE_BINS, VALUE_BINS,
 };
 use crate::volume::{BRICK_CELLS, MAX_LABELS};
 
-/// The modules that march light rays: cell by cell, by regular samples, and from segment to segment of strands.
+/// Modules of the march of light rays: cell by cell, by regular samples, and through the segments of strands.
 const MARCH_CELLS: &str = "field/march.wgsl";
 const MARCH_SAMPLES: &str = "field/march_samples.wgsl";
 const MARCH_STRANDS: &str = "field/march_strands.wgsl";
-/// Where what strands do to the rays of texels is bound in group 2.
+/// Binding in group 2 of the strand segments on the rays of texels.
 pub(super) const LINES_BINDING: u32 = 15;
-/// The module that marches along rays by regular samples.
+/// Module of the march by regular samples.
 const RAY_MARCH: &str = "field/ray_march.wgsl";
 
-/// Defined if marches by regular samples skip bricks without extinction.
+/// Definition that lets marches by regular samples skip bricks without extinction.
 const SKIP_BRICKS: &str = "SKIP_BRICKS";
 
-/// The sink that only adds up optical depth.
+/// Sink that accumulates optical depth only.
 pub const DEPTH_SINK: &str = "field/depth_sink.wgsl";
-
-/// How light rays are marched.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum March {
-    /// Cell by cell: every one exactly.
-    Cells,
-    /// By regular samples with the transfer function's integrals between them.
-    Samples {
-        /// Their distance, in smallest voxel spacings.
-        step: f64,
-    },
-    /// Not through the field: through the strands that it was made from, each segment as a piece of the rays that it crosses.
-    Lines,
-}
-
-/// Value to which the light march finds a breakpoint, as a share of the largest of the stretch: 2^-22, four units in the
-/// last place.
-pub(super) const ROOT_TOLERANCE: f32 = 1.0 / 4_194_304.0;
-/// Length below which the light march cuts no piece further, in smallest voxel spacings.
-pub const SHORT_PIECE: f64 = 0.01;
-
-/// Pieces that a sink adds up by themselves before they join the others.
-const PARTS_OF_SUM: u32 = 64;
-/// Pieces of a light ray beyond which it is refused: their sums might be off by more than is promised.
-const MOST_PIECES: u32 = PARTS_OF_SUM * (MOST_ROUNDINGS - PARTS_OF_SUM);
-/// Roundings, one after another, of the optical depth of a light ray whose pieces were added up.
-pub const MOST_ROUNDINGS: u32 = 5000;
-
-/// Points and weights of Gauss and Legendre's four on [0, 1], the other two by symmetry: exact to the seventh degree.
-pub const GAUSS: [[f64; 2]; 2] = [
-    [0.069_431_844_202_973_71, 0.173_927_422_568_726_93],
-    [0.330_009_478_207_571_87, 0.326_072_577_431_273_07],
-];
-/// Optical depth of a whole ray of which a tenth may be lost each time that opacity nears 1, in three stretches a cell.
-pub const UNEVEN_DEPTH: f64 = 4e-4;
 
 const CONSTANTS: &[Constant] = &[
     Constant::unsigned("WORK_KINDS", WORK_KINDS),
@@ -91,7 +57,7 @@ const CONSTANTS: &[Constant] = &[
     Constant::signed("LINES_BINDING", LINES_BINDING as i32),
 ];
 
-/// A variant that reads the field and the light space; methods with tiles have the tile table too.
+/// Shader variant that reads the field and the light space.
 pub fn field_shader(entry: &'static str) -> ShaderVariant {
     let modules = [
         "field/watch.wgsl",
@@ -106,13 +72,13 @@ pub fn field_shader(entry: &'static str) -> ShaderVariant {
 }
 
 impl ShaderVariant {
-    /// With the tile table, which lookups and passes over tiles find their records by.
+    /// Adds the tile table, which maps tiles to their records.
     #[must_use]
     pub fn with_tile_table(self) -> Self {
         self.modules(&["field/tile_table.wgsl"])
     }
 
-    /// With a march, which hands its pieces to a sink.
+    /// Adds a march of light rays that passes its pieces to a sink.
     #[must_use]
     pub fn with_march(self, march: March, sink: &'static str) -> Self {
         let shader = self.modules(&["field/sums.wgsl", sink]);
@@ -129,7 +95,7 @@ impl ShaderVariant {
         self.modules(&[RAY_MARCH]).defs(skip_bricks.then_some(SKIP_BRICKS))
     }
 
-    /// With the march cell by cell and the sink that only adds up optical depth.
+    /// Adds the march cell by cell with the sink of optical depth.
     #[must_use]
     pub fn with_depth_march(self) -> Self {
         self.with_march(March::Cells, DEPTH_SINK)
@@ -141,13 +107,13 @@ pub fn marches_cells(variant: &ShaderVariant) -> bool {
     variant.modules.contains(&MARCH_CELLS)
 }
 
-/// Workgroups of [`LINE_THREADS`] for so many things.
-pub fn line_of_workgroups(things: usize) -> [u32; 3] {
-    shape_of((things as u32).div_ceil(LINE_THREADS))
+/// Dispatch of one thread for each item, in workgroups of [`LINE_THREADS`].
+pub fn line_of_workgroups(items: usize) -> [u32; 3] {
+    shape_of((items as u32).div_ceil(LINE_THREADS))
 }
 
-/// So many workgroups in two dimensions, since one holds no more than 65,535: no more rows than that takes, and less than a
-/// workgroup a row that has nothing to do.
+/// Two-dimensional dispatch of a number of workgroups, since a dimension holds at most 65,535. It has as few rows as
+/// possible, and fewer idle workgroups than rows.
 pub fn shape_of(workgroups: u32) -> [u32; 3] {
     let rows = workgroups.div_ceil(65_535).max(1);
     [workgroups.div_ceil(rows).max(1), rows, 1]

@@ -1,8 +1,8 @@
 //! Counters that shaders write for the host: loops that reach their iteration limit, and work. Every loop in WGSL has a
 //! limit that follows from sizes, and a loop that reaches it is an error.
 
-use super::buffers::{STORAGE, buffer};
 use crate::error::{Error, Result};
+use wgpu::BufferUsages;
 
 /// Counters of a device: `watched` of `shaders/field/watch.wgsl`.
 #[derive(Debug)]
@@ -35,8 +35,14 @@ pub struct Work {
 impl DeviceCounters {
     /// Counters at 0.
     pub(super) fn new(device: &wgpu::Device) -> Self {
-        let bytes = LOOP_COUNTER_BYTES + 4 * u64::from(WORK_WORDS);
-        Self { buffer: buffer(device, "counters of loops and work", bytes, STORAGE) }
+        Self {
+            buffer: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("counters of loops and work"),
+                size: LOOP_COUNTER_BYTES + 4 * u64::from(WORK_WORDS),
+                usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+        }
     }
 
     /// Binding of `watched` of `shaders/field/watch.wgsl`.

@@ -11,7 +11,7 @@ use std::time::Instant;
 pub struct Gpu {
     /// The device.
     pub device: wgpu::Device,
-    /// Its queue.
+    /// Queue of the device.
     pub queue: wgpu::Queue,
     /// Name, backend and driver of the adapter.
     pub info: wgpu::AdapterInfo,

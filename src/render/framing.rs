@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Share of the picture's half that is left free beyond what reaches furthest.
 const MARGIN: f64 = 0.05;
-/// How far before all that is seen the eye stays, as a share of its depth.
+/// Distance of the eye from the visible bounds, relative to their depth.
 const BEFORE: f64 = 0.1;
 
 /// Bounds of all cells with extinction and of the opaque meshes among them; the whole domain where there is
@@ -22,7 +22,7 @@ pub struct VisibleBounds {
     outer: Vec<IVec3>,
     /// Values with extinction, by each of the transfer function's functions.
     intervals: Vec<Vec<[f64; 2]>>,
-    /// Which of them voxels of each label are seen through, in the order of the volume's labels; `None`: hidden.
+    /// Index of the transfer function of each label, in the order of the volume's labels; `None`: hidden.
     functions: Vec<Option<usize>>,
     /// Clip planes in index coordinates: kept is `normal · p >= offset`.
     planes: Vec<(DVec3, f64)>,
@@ -64,7 +64,7 @@ impl VisibleBounds {
         }
     }
 
-    /// All of a volume's domain.
+    /// Bounds of the whole domain of a volume.
     pub fn whole(volume: &Arc<Volume>) -> Self {
         let center_mm = volume.corners_mm().iter().sum::<DVec3>() / 8.0;
         let (intervals, functions, planes) = (Vec::new(), Vec::new(), Vec::new());
@@ -105,7 +105,7 @@ impl VisibleBounds {
         Camera { eye, target, up, fov_deg }
     }
 
-    /// How far it reaches along a direction of any length, from the world's origin and in that length: to a cell.
+    /// Largest extent along a direction from the world origin, in lengths of the direction, to within a cell.
     fn furthest(&self, direction: DVec3) -> f64 {
         let of_mesh = self.mesh.as_ref().map_or(f64::NEG_INFINITY, |mesh| {
             mesh.triangles().iter().flatten().map(|p| p.dot(direction)).fold(f64::NEG_INFINITY, f64::max)
@@ -211,7 +211,7 @@ mod tests {
         Arc::new(Volume::new(Voxels::U8(values), Scaling::IDENTITY, affine, provenance).unwrap())
     }
 
-    /// Where the corners of the box of cells with extinction are seen: -1 to 1 along both sides of the picture.
+    /// Picture positions of the corners of the box of cells with extinction: -1 to 1 along both axes.
     fn reaches(
         volume: &Volume,
         lo: [usize; 3],

@@ -134,3 +134,72 @@ pub(super) const LOOKUP_KEY: Key = Key::choice(
 /// Key for the interpolation between texels.
 pub(super) const FILTER_KEY: Key =
     Key::choice(Filter::NAMES, "bilinear", "texels used for a point").search_all();
+
+/// Declares the settings of a method: a public struct, and its keys, which are named like the fields. `..MapSettings` stands
+/// for the settings that all maps share, and adds `shape`.
+macro_rules! settings {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident {
+        $($(#[$doc:meta])* $field:ident: $ty:ty = $key:expr,)*
+        ..MapSettings,
+        $($more:tt)*
+    }) => {
+        $crate::shadow::keys::settings! {
+            $(#[$meta])* $vis struct $name {
+                $($(#[$doc])* $field: $ty = $key,)*
+                /// Occluder.
+                from: $crate::shadow::keys::DrawnFrom = $crate::shadow::keys::FROM_KEY,
+                /// March of light rays.
+                march: $crate::shadow::keys::MarchBy = $crate::shadow::keys::MARCH_KEY,
+                /// Distance of regular samples, in smallest voxel spacings.
+                step: f64 = $crate::shadow::keys::STEP_KEY,
+                /// Texels a side; `None`: by the scene.
+                map: Option<u32> = $crate::shadow::keys::MAP_KEY,
+                /// Region that the map covers.
+                fit: $crate::shadow::keys::Fit = $crate::shadow::keys::FIT_KEY,
+                /// Interpolation between texels.
+                filter: $crate::shadow::Filter = $crate::shadow::keys::FILTER_KEY,
+                $($more)*
+            }
+        }
+
+        impl $name {
+            /// Shape of the map, with the march of its light rays.
+            pub(super) fn shape(&self) -> $crate::field::MapShape {
+                self.fit.shape(self.map, self.from.march(self.march, self.step))
+            }
+        }
+    };
+    ($(#[$meta:meta])* $vis:vis struct $name:ident { $($(#[$doc:meta])* $field:ident: $ty:ty = $key:expr,)* }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        $vis struct $name { $($(#[$doc])* pub $field: $ty,)* }
+
+        impl $name {
+            /// Keys, in the order of the fields.
+            pub const KEYS: &'static [$crate::shadow::Key] =
+                &[$($crate::shadow::Key { name: stringify!($field), ..$key }),*];
+
+            /// Settings from values of [`Self::KEYS`].
+            fn from_values(values: &[$crate::shadow::Value]) -> Option<Self> {
+                let mut values = values.iter().copied();
+                Some(Self { $($field: $crate::shadow::settings::Field::from_value(values.next()?)?,)* })
+            }
+
+            /// Values of [`Self::KEYS`].
+            fn to_values(self) -> Vec<$crate::shadow::Value> {
+                let mut values = Vec::new();
+                $($crate::shadow::settings::Field::push_to(self.$field, &mut values, Self::KEYS);)*
+                values
+            }
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                let values: Vec<_> = Self::KEYS.iter().filter_map(|k| k.parse(k.default)).collect();
+                Self::from_values(&values).expect("defaults are values of their keys: a test reads them all")
+            }
+        }
+    };
+}
+
+pub(super) use settings;

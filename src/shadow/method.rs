@@ -215,14 +215,14 @@ pub struct PassLeftOut {
     pub what: &'static str,
     /// Reason.
     pub why: &'static str,
-    /// Its name for `--no-skip`, where it can be forced.
+    /// Name for `--no-skip`, if it can be disabled.
     pub optional: Option<Optimization>,
 }
 
 /// Ratio chosen for the split of a map's layers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SplitChoice {
-    /// From linear (0) to logarithmic (1).
+    /// Blend from linear (0) to logarithmic (1) division.
     pub ratio: f64,
     /// Mean correlation of neighbouring layers; 1 for equal layers.
     pub correlation: f64,
@@ -316,7 +316,7 @@ pub enum Curve {
     /// Non-increasing, within 0 and 1.
     #[default]
     Falls,
-    /// Within 0 and 1; may rise.
+    /// Transmittance is within 0 and 1, but may rise with depth.
     Stays,
     /// May rise and exceed 1, as a ringing series does.
     Rings,

@@ -1,111 +1,12 @@
 //! Fit of a map to the active bricks, or to those that the camera may see.
 
-use super::{LightSpace, MapShape, Projection};
-use crate::field::active_bricks::brick_box;
+use super::boxes::{GridBox, Region, active_rows};
+use super::mapping::{LightSpace, MapShape, Projection};
 use crate::field::constants::FAR;
 use crate::field::{ActiveBricks, View, grid_from_world};
 use crate::scene::Light;
 use crate::volume::Volume;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-
-/// Box of cells in grid space (`index + 1`).
-#[derive(Clone, Copy)]
-pub struct GridBox {
-    pub center: DVec3,
-    pub half: DVec3,
-}
-
-impl GridBox {
-    /// Box of the bricks from `first` to `last`, cut to the domain.
-    fn of_bricks(first: [usize; 3], last: [usize; 3], dims: [usize; 3]) -> Self {
-        let [low, high] = brick_box(first, last, dims);
-        Self { center: 0.5 * (low + high), half: 0.5 * (high - low) }
-    }
-
-    /// Box of all active bricks, or of the whole domain without any.
-    fn of_active(active: &ActiveBricks, dims: [usize; 3]) -> Self {
-        let [first, last] = active.bounds.unwrap_or([[0; 3], active.counts.map(|n| n - 1)]);
-        Self::of_bricks(first, last, dims)
-    }
-
-    pub fn corners(&self) -> [DVec3; 8] {
-        std::array::from_fn(|c| {
-            let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };
-            self.center + self.half * DVec3::new(sign(0), sign(1), sign(2))
-        })
-    }
-}
-
-/// Positions of the active bricks, x fastest.
-fn active_positions(active: &ActiveBricks) -> impl Iterator<Item = [usize; 3]> + '_ {
-    let [nx, ny, _] = active.counts;
-    let is_active = active.distance.iter().enumerate().filter(|(_, d)| **d == 0);
-    is_active.map(move |(i, _)| [i % nx, i / nx % ny, i / (nx * ny)])
-}
-
-/// Boxes of the active bricks.
-pub fn active_boxes(active: &ActiveBricks, dims: [usize; 3]) -> impl Iterator<Item = GridBox> + '_ {
-    active_positions(active).map(move |at| GridBox::of_bricks(at, at, dims))
-}
-
-/// Boxes of the active bricks that `wanted` accepts; neighbours along x share one box.
-fn active_rows(active: &ActiveBricks, dims: [usize; 3], wanted: impl Fn(&GridBox) -> bool) -> Vec<GridBox> {
-    let mut rows: Vec<([usize; 3], [usize; 3])> = Vec::new();
-    for at in active_positions(active).filter(|at| wanted(&GridBox::of_bricks(*at, *at, dims))) {
-        let [x, y, z] = at;
-        match rows.last_mut() {
-            Some((_, last)) if *last == [x.wrapping_sub(1), y, z] => *last = at,
-            _ => rows.push((at, at)),
-        }
-    }
-    rows.into_iter().map(|(first, last)| GridBox::of_bricks(first, last, dims)).collect()
-}
-
-/// Rectangle of plane coordinates across the light.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Region {
-    pub lo: DVec2,
-    pub hi: DVec2,
-}
-
-impl Region {
-    /// Smallest rectangle around points.
-    pub fn around(points: impl IntoIterator<Item = DVec2>) -> Self {
-        let empty = Self { lo: DVec2::INFINITY, hi: DVec2::NEG_INFINITY };
-        points.into_iter().fold(empty, |r, p| Self { lo: r.lo.min(p), hi: r.hi.max(p) })
-    }
-
-    fn size(self) -> DVec2 {
-        (self.hi - self.lo).max(DVec2::splat(1e-9))
-    }
-
-    fn area(self) -> f64 {
-        self.size().element_product()
-    }
-
-    /// Intersection with another rectangle.
-    fn within(self, other: Self) -> Self {
-        Self { lo: self.lo.max(other.lo), hi: self.hi.min(other.hi) }
-    }
-
-    /// Rectangle larger by a share of its size on each side.
-    fn grown(self, share: f64) -> Self {
-        Self { lo: self.lo - share * self.size(), hi: self.hi + share * self.size() }
-    }
-
-    /// Square around the rectangle.
-    fn squared(self) -> Self {
-        let half = DVec2::splat(0.5 * self.size().max_element());
-        let middle = 0.5 * (self.lo + self.hi);
-        Self { lo: middle - half, hi: middle + half }
-    }
-
-    /// Whether the rectangle contains another one, apart from rounding.
-    fn contains(self, other: Self) -> bool {
-        let rounding = 1e-9 * self.size();
-        (self.lo - rounding).cmple(other.lo).all() && (self.hi + rounding).cmpge(other.hi).all()
-    }
-}
 
 /// Tangent of the largest half angle of a perspective map. A wider map becomes octahedral, since its corner texels would be
 /// far coarser than its centre.
@@ -300,15 +201,6 @@ impl LightSpace {
     pub fn is_laid_out_as(&self, other: &Self) -> bool {
         (self.map_size, self.world_from_frame, self.texel_scale, self.texel_offset, self.region)
             == (other.map_size, other.world_from_frame, other.texel_scale, other.texel_offset, other.region)
-    }
-
-    /// Range of texels that the map covers, with the texels around it that lookups read; `None`: all texels.
-    pub(super) fn texels_covered(&self) -> Option<[DVec2; 2]> {
-        let reach = DVec2::splat(f64::from(self.shape.reach));
-        self.region.map(|region| {
-            let texel = |plane: DVec2| plane * self.texel_scale + self.texel_offset;
-            [texel(region.lo) - reach, texel(region.hi) + reach]
-        })
     }
 
     /// Whether the map may cover only a part of the active bricks.

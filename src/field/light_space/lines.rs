@@ -1,6 +1,6 @@
 //! Traversal of a map's texels along a line segment.
 
-use super::{LightSpace, Projection};
+use super::mapping::{LightSpace, Projection};
 use glam::DVec3;
 
 /// Part of a line segment within one texel.

@@ -13,9 +13,9 @@
 //!   `filter=nearest` both methods differ by the compression only.
 //! * A ray ends at a transmittance of 2^-11, as in every map here.
 
-use super::keys::{LOOKUP_KEY, Lookups};
+use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::Entry;
-use super::settings::{Key, Value, settings};
+use super::settings::{Key, Value};
 use super::style::{Marker, Style};
 use super::tolerances::longest_depth;
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
@@ -30,7 +30,7 @@ settings! {
         /// Bits of a node's depth and transmittance, each: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "32", "of a node's depth and transmittance, floats").search_all(),
         ..MapSettings,
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

@@ -20,13 +20,13 @@
 //!   is least, which bounds the error.
 //! * Depths are rounded away from the light; `filter=bilinear` as in `dom`, ends like starts.
 
-use super::keys::{LOOKUP_KEY, Lookups};
+use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{Key, Value, settings};
+use super::settings::{Key, Value};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::BuildContext;
@@ -37,13 +37,13 @@ settings! {
     pub struct BoundingOpacityMap {
         /// Layers, `K` of the thesis.
         layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
-        /// How layers share a texel's extent.
+        /// Division of a texel's extent into layers.
         split: LayerSplit = split_key("hybrid"),
-        /// From linear (0) to logarithmic (1).
+        /// Blend from linear (0) to logarithmic (1) division.
         ratio: f64 = RATIO_KEY,
         /// Logarithms go over the interval from 1 to this.
         log_size: f64 = LOG_SIZE_KEY,
-        /// By what a ratio is chosen.
+        /// Measure by which the ratio is chosen.
         measure: Measure = MEASURE_KEY,
         /// Bits of the stored depths: 8, 16 or 32.
         depth_bits: u32 = DEPTH_BITS_KEY,
@@ -52,7 +52,7 @@ settings! {
         ..MapSettings,
         /// Quantity that the filter averages: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

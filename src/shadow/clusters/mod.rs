@@ -14,9 +14,9 @@
 //! * Clusters of neighbouring texels differ, so transmittances are averaged (`filter=bilinear`).
 //! * A ray ends at a transmittance of 2^-11, as in every map here; the range of depths is that of all matter.
 
-use super::keys::{LOOKUP_KEY, Lookups};
+use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::Entry;
-use super::settings::{Key, Value, settings};
+use super::settings::{Key, Value};
 use super::style::{Marker, Style};
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
@@ -31,7 +31,7 @@ settings! {
         /// Bits of a mean, a spread and an optical depth: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "16", "of a cluster's mean, spread and optical depth, floats").search_all(),
         ..MapSettings,
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

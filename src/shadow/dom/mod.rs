@@ -17,13 +17,13 @@
 //! * `filter=bilinear` averages `z_0` and the layers of neighbouring texels, as texture hardware does, if the four depths are close
 //!   enough to be one surface; otherwise the layers of each texel start at its `z_0`.
 
-use super::keys::{LOOKUP_KEY, Lookups};
+use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     AVERAGE_KEY, Average, BITS_KEY, DEPTH_BITS_KEY, LAYERS, LOG_SIZE_KEY, LayerSplit, LayeredMap, Layering,
     MEASURE_KEY, Measure, RATIO_KEY, Record, Split, split_key,
 };
 use super::method::{Entry, Lookup, Method, ShadowMap};
-use super::settings::{Key, Value, When, choices, settings};
+use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::BuildContext;
@@ -32,9 +32,9 @@ use crate::gpu::ShaderVariant;
 choices! {
     /// Treatment of matter behind the last layer.
     pub enum Beyond {
-        /// It is part of the last layer.
+        /// The last layer extends to the end of the ray.
         Extend = "extend",
-        /// It casts no shadow.
+        /// Matter beyond the last layer casts no shadow.
         Ignore = "ignore",
         /// The layers reach behind all matter.
         Cover = "cover",
@@ -46,13 +46,13 @@ settings! {
     pub struct DeepOpacityMap {
         /// Layers, `K` of the paper.
         layers: u32 = Key::whole(LAYERS, "15", "layers").in_label().search(&["1", "2", "3", "5", "7", "10", "15", "24", "32"]),
-        /// How layers share their depth.
+        /// Division of the depth into layers.
         split: LayerSplit = split_key("growing"),
-        /// From linear (0) to logarithmic (1).
+        /// Blend from linear (0) to logarithmic (1) division.
         ratio: f64 = RATIO_KEY,
         /// Logarithms go over the interval from 1 to this.
         log_size: f64 = LOG_SIZE_KEY,
-        /// By what a ratio is chosen.
+        /// Measure by which the ratio is chosen.
         measure: Measure = MEASURE_KEY,
         /// `d_K` as a share of the map's depth range.
         spread: f64 = Key::number(
@@ -76,7 +76,7 @@ settings! {
         ..MapSettings,
         /// Quantity that the filter averages: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

@@ -31,10 +31,10 @@ use layout::{DEPTH_STEPS, NAME, NODE_FORMAT, NODE_TEXTURE_WIDTH, ROW_BYTES, UPRI
 
 use super::keys::{
     DrawnFrom, FILTER_KEY, FIT_KEY, FROM_KEY, Filter, Fit, LOOKUP_KEY, Lookups, MAP_KEY, MARCH_KEY, MarchBy,
-    UNLESS_LINES,
+    UNLESS_LINES, settings,
 };
 use super::method::{Bound, BuildReport, Entry, Lookup, Method, ShadowMap, Taps};
-use super::settings::{Key, Value, When, choices, settings};
+use super::settings::{Key, Value, When, choices};
 use super::style::{Marker, Style};
 use super::tolerances::{CHORD_TOLERANCE, STEEPEST_SURFACE, longest_depth, march_bound};
 use crate::error::{Error, Result};
@@ -78,7 +78,7 @@ settings! {
             .in_label()
             .coarse("0.05")
             .search(&["0.2", "0.1", "0.06", "0.04", "0.02", "0.01", "0.005", "0.002"]),
-        /// How the curve becomes nodes.
+        /// Compression of the curve to nodes.
         compress: Compress = Key::choice(
             Compress::NAMES,
             "greedy",
@@ -98,13 +98,13 @@ settings! {
             "pre-compressed transfer-function table, or regular point samples",
         )
         .when(UNLESS_LINES),
-        /// How light rays are marched.
+        /// March of light rays.
         march: MarchBy = MARCH_KEY.when(When::UnlessEither([("precompress", "off"), ("from", "lines")])),
         /// Texels a side; `None`: by the scene.
         map: Option<u32> = MAP_KEY,
         /// Region that the map is fitted to: active bricks in view, or all.
         fit: Fit = FIT_KEY,
-        /// How texels around a point are used.
+        /// Interpolation between the texels around a point.
         filter: Filter = FILTER_KEY,
         /// Distance of regular samples along the light ray (`march=samples`, `precompress=off`, and twice that of
         /// pre-filtered lattices), in units of the smallest voxel spacing.
@@ -115,7 +115,7 @@ settings! {
         ),
         /// Added to a point's depth before it is looked up, in units of the smallest voxel spacing.
         offset: f64 = Key::number([-8.0, 8.0], "0", "added to a point's depth, in smallest spacings"),
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

@@ -18,9 +18,9 @@
 //! * A ray ends at a transmittance of 2^-11, as in every map here: matter behind does not ring.
 //! * The hardware filters texels of `bits=16`; the shader filters 32-bit floats, which not every adapter filters.
 
-use super::keys::{LOOKUP_KEY, Lookups};
+use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::{Curve, Entry};
-use super::settings::{Key, Value, choices, settings};
+use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
 use super::vectors::{TRANSMITTANCE_FILTER, VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
@@ -32,9 +32,9 @@ const TEXEL_LOOKUP: &[&str] =
 choices! {
     /// Weights of the terms.
     pub enum Damping {
-        /// All 1, as in the paper.
+        /// Weights of 1, as in the paper.
         None = "none",
-        /// By Lanczos' sigma factors.
+        /// Lanczos sigma factors.
         Lanczos = "lanczos",
     }
 }
@@ -56,12 +56,12 @@ settings! {
         terms: u32 = Key::whole([1, 31], "7", "of the series beside the constant").in_label().search(&["1", "3", "5", "7", "11", "15", "23", "31"]),
         /// Depths that the series is over.
         range: SeriesRange = Key::choice(SeriesRange::NAMES, "map", "depths that the series is over: the map's, or each texel's own").search_all(),
-        /// How they are weighed.
+        /// Weights of the coefficients.
         damping: Damping = Key::choice(Damping::NAMES, "none", "weights of the terms: all 1, or Lanczos' factors, which ring less").search_all(),
         /// Bits of a coefficient: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "16", "of a coefficient, a float").search_all(),
         ..MapSettings,
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

@@ -3,7 +3,6 @@
 
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
-use super::settings::settings;
 use super::settings::{Key, Value};
 use super::style::{Marker, Style};
 use crate::error::Result;

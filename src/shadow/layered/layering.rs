@@ -15,13 +15,13 @@ choices! {
         Linear = "linear",
         /// The k-th layer is k times as thick as the first.
         Growing = "growing",
-        /// By the logarithm of the depth.
+        /// Logarithmic in depth.
         Log = "log",
         /// Between linear and logarithmic.
         Hybrid = "hybrid",
-        /// By a hybrid ratio that is chosen for the whole map.
+        /// Hybrid ratio chosen for the whole map.
         Auto = "auto",
-        /// By a hybrid ratio that is chosen for each region.
+        /// Hybrid ratio chosen for each region.
         Texel = "texel",
     }
 }

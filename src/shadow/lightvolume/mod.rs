@@ -19,11 +19,11 @@
 
 mod lattice;
 
-use super::keys::{LOOKUP_KEY, Lookups, MARCH_KEY, MarchBy, STEP_KEY};
+use super::keys::{LOOKUP_KEY, Lookups, MARCH_KEY, MarchBy, STEP_KEY, settings};
 use super::layered::Average;
 use super::method::{BuildReport, Curve, Entry, Lookup, Method, ShadowMap};
 use super::none::test_space;
-use super::settings::{Key, Value, choices, settings};
+use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
 use super::tolerances::OPAQUE_DEPTH;
 use crate::error::Result;
@@ -49,17 +49,17 @@ settings! {
     pub struct LightVolume {
         /// Voxels from one node to the next, along each axis.
         scale: f64 = Key::number([0.5, 64.0], "2", "voxels from one node to the next").in_label().search(&["16", "8", "6", "4", "3", "2", "1.5", "1"]),
-        /// How it is made.
+        /// Construction of the volume.
         build: LightBuild = Key::choice(LightBuild::NAMES, "gather", "a march from every node to the light, or slice by slice").in_label().search_all(),
         /// Bits of a node: 8, 16 or 32.
         bits: u32 = Key::choice(&["8", "16", "32"], "16", "of a node: 8 are steps, 16 and 32 floats").search_all(),
         /// Quantity that nodes store and filters average: optical depth or transmittance.
         average: Average = Key::choice(Average::NAMES, "transmittance", "what nodes keep, and filters average: optical depth or transmittance").search_all(),
-        /// How light rays are marched.
+        /// March of light rays.
         march: MarchBy = MARCH_KEY,
         /// Distance of their samples, in smallest voxel spacings.
         step: f64 = STEP_KEY,
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

@@ -31,9 +31,9 @@
 //!   ones, and for powers a tenth of the papers' 6e-5, 6e-4 and 2.5e-3, since steps of Chebyshev means are finer.
 //! * A ray ends at a transmittance of 2^-11, as in every map here.
 
-use super::keys::{LOOKUP_KEY, Lookups};
+use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::{Curve, Entry};
-use super::settings::{Key, Value, choices, settings};
+use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
 use super::vectors::{VectorMap, VectorMapDescriptor, VectorStorage};
 use crate::gpu::Constant;
@@ -68,14 +68,14 @@ settings! {
         moments: u32 = Key::choice(&["4", "6", "8"], "6", "numbers beside the optical depth (trigonometric: 2, 3, 4 complex ones)").in_label().search_all(),
         /// Basis functions of the moments: powers of the depth, or of points on the unit circle.
         basis: Basis = Key::choice(Basis::NAMES, "power", "moments of powers of the depth, or of points on a circle").search_all(),
-        /// From the least to the greatest optical depth that the moments allow.
+        /// Interpolation between the smallest (0) and largest (1) optical depth that the moments allow.
         beta: f64 = Key::number([0.0, 1.0], "0.25", "from the least (0) to the greatest (1) optical depth that moments allow").search(&["0", "0.25", "0.5", "0.75", "1"]),
         /// Bits of a moment: 16 or 32.
         bits: u32 = Key::choice(&["16", "32"], "32", "of a moment: 16 in even steps from -1 to 1, or 32, a float").search_all(),
         /// Factor to the paper's bias.
         bias: f64 = Key::number([0.0, 1e4], "1", "of moments towards a wide distribution's, as a factor to the paper's"),
         ..MapSettings,
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

@@ -14,12 +14,12 @@
 //! * All maps are stored, since a ray caster looks depths up in any order; the paper stores two at a time.
 //! * 8 bits are the paper's; 16-bit and 32-bit floats hold the optical depth itself.
 
-use super::keys::{LOOKUP_KEY, Lookups};
+use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::layered::{
     self, AVERAGE_KEY, Average, BITS_KEY, LAYERS, LayeredMap, Record, SPLIT_BINS, Split, SplitTable,
 };
 use super::method::{Entry, Lookup, Method, PassLeftOut, ShadowMap, Taps};
-use super::settings::{Key, Value, choices, settings};
+use super::settings::{Key, Value, choices};
 use super::style::{Marker, Style};
 use crate::error::Result;
 use crate::field::{BuildContext, MapShape, March, TileMarch};
@@ -35,11 +35,11 @@ choices! {
     pub enum Slicing {
         /// Evenly spaced.
         Uniform = "uniform",
-        /// At equal shares of the optical mass, lit or not.
+        /// Equal shares of the optical mass, lit or not.
         Density = "density",
-        /// At equal shares of the lost light.
+        /// Equal shares of the absorbed light.
         Lit = "lit",
-        /// With a spacing that grows away from the light.
+        /// Spacing that grows away from the light.
         Gamma = "gamma",
     }
 }
@@ -49,7 +49,7 @@ settings! {
     pub struct OpacityShadowMap {
         /// Maps, `N` of the paper.
         layers: u32 = Key::whole(LAYERS, "32", "planes").in_label().search(&["2", "4", "8", "16", "32", "64", "128"]),
-        /// Where the planes lie.
+        /// Placement of the planes.
         slicing: Slicing = Key::choice(
             Slicing::NAMES,
             "uniform",
@@ -63,7 +63,7 @@ settings! {
         ..MapSettings,
         /// Quantity that filters and the kernel average: optical depth or transmittance.
         average: Average = AVERAGE_KEY,
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

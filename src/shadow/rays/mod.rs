@@ -1,9 +1,9 @@
 //! `rays`: a shadow ray for each lookup.
 
-use super::keys::{LOOKUP_KEY, Lookups};
+use super::keys::{LOOKUP_KEY, Lookups, settings};
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
-use super::settings::{Value, settings};
+use super::settings::Value;
 use super::style::{Marker, Style};
 use super::tolerances::march_bound;
 use crate::error::Result;
@@ -15,7 +15,7 @@ settings! {
     /// Up to four segments of an eye ray share their lookups (`shaders/render/raycast.wgsl`), as with every method here;
     /// `lookup=each` is the shadow ray for each sample of the literature.
     pub struct ShadowRays {
-        /// How eye samples ask for light.
+        /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,
     }
 }

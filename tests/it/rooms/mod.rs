@@ -44,23 +44,10 @@ const KNOWN_CIRCLES: &[&str] = &[
     "app/panels/help.rs",
     "app/panels/keys.rs",
     "app/panels/windows.rs",
-    "field/light_space/fit.rs",
-    "field/light_space/mod.rs",
-    "field/shader.rs",
     "formats/zarr/blosc.rs",
     "formats/zarr/compression.rs",
-    "gpu/buffers.rs",
-    "gpu/counters.rs",
-    "gpu/device.rs",
     "mesh/mod.rs",
     "mesh/tree.rs",
-    "shadow/keys.rs",
-    "shadow/settings.rs",
-    "volume/bricks.rs",
-    "volume/downsample.rs",
-    "volume/element.rs",
-    "volume/labels.rs",
-    "volume/mod.rs",
 ];
 
 /// Rooms of shaders, the lowest first.

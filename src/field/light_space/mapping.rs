@@ -1,0 +1,304 @@
+//! Mapping between world points, the light frame and texels. The host composes all transforms in `f64`;
+//! `shaders/field/light.wgsl` is the same mapping in `f32`.
+
+use super::boxes::{GridBox, Region, active_boxes};
+use crate::field::constants::TILE;
+use crate::field::{ActiveBricks, March};
+use crate::volume::Volume;
+use bytemuck::{Pod, Zeroable};
+use glam::{DAffine3, DVec2, DVec3};
+
+/// Layout of a map, and the march of its light rays.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MapShape {
+    /// Texels per side; `None`: about one per voxel, or more where the picture shows voxels larger.
+    pub texels: Option<u32>,
+    /// Whether the map covers only the active bricks that the camera sees.
+    pub fits_view: bool,
+    /// Texels that a lookup reads on each side of a point.
+    pub reach: u32,
+    /// March of its light rays.
+    pub march: March,
+}
+
+impl MapShape {
+    /// Smallest map with a border; a smaller one covers everything.
+    pub const LEAST_WITH_BORDER: u32 = 8;
+}
+
+/// Mapping of light rays to texels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Projection {
+    /// Parallel rays of a light at infinity.
+    Orthographic = 0,
+    /// Rays of a point light that sees the active bricks within a cone.
+    Perspective = 1,
+    /// Rays in all directions, of a point light inside or close to the active bricks.
+    Octahedral = 2,
+}
+
+/// Octahedral mapping of a direction to the square `[-1, 1]^2`.
+fn octahedral_from_direction(w: DVec3) -> DVec2 {
+    let p = w.truncate() / (w.x.abs() + w.y.abs() + w.z.abs()).max(1e-300);
+    if w.z >= 0.0 { p } else { fold_octahedron(p) }
+}
+
+/// Direction of a point in the octahedral square.
+fn direction_from_octahedral(p: DVec2) -> DVec3 {
+    let z = 1.0 - p.x.abs() - p.y.abs();
+    let p = if z >= 0.0 { p } else { fold_octahedron(p) };
+    p.extend(z).normalize()
+}
+
+fn fold_octahedron(p: DVec2) -> DVec2 {
+    let sign = |v: f64| if v >= 0.0 { 1.0 } else { -1.0 };
+    DVec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y))
+}
+
+/// `LightSpace` of `shaders/field/light.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(in crate::field) struct LightUniform {
+    pub frame_from_grid: [[f32; 4]; 3],
+    pub grid_per_a: [f32; 3],
+    pub light_distance: f32,
+    pub grid_per_b: [f32; 3],
+    pub projection: u32,
+    pub grid_per_h: [f32; 3],
+    pub map_size: u32,
+    pub grid_origin: [f32; 3],
+    pub tiles_across: u32,
+    pub texel_scale: [f32; 2],
+    pub texel_offset: [f32; 2],
+    pub depth_start_mm: f32,
+    pub depth_range_mm: f32,
+    pub step_mm: f32,
+    pub padding: f32,
+}
+
+/// Projection of a shadow map: texels across, millimetres along the light rays.
+#[derive(Debug, Clone)]
+pub struct LightSpace {
+    /// Mapping of light rays to texels.
+    pub projection: Projection,
+    /// Texels per side.
+    pub map_size: u32,
+    /// Affine from light-frame mm to world mm.
+    pub(super) world_from_frame: DAffine3,
+    pub(super) frame_from_world: DAffine3,
+    pub(super) grid_from_world: DAffine3,
+    /// Distance from the light to the frame's origin, mm (perspective).
+    pub(super) light_distance: f64,
+    /// Texel coordinate (centres at whole numbers) = plane coordinate * scale + offset.
+    pub(super) texel_scale: DVec2,
+    pub(super) texel_offset: DVec2,
+    /// Depths between which all active bricks lie, mm.
+    pub z_range: [f64; 2],
+    /// Distance of regular samples along a light ray, mm; 0 for other marches.
+    pub step_mm: f64,
+    /// Region of the plane that the map covers, if it was fitted to a view; `None`: all active bricks.
+    pub(super) region: Option<Region>,
+    pub(super) shape: MapShape,
+}
+
+impl LightSpace {
+    /// Texel coordinates (centres at whole numbers) and depth (mm) of a world point.
+    pub fn light_point(&self, world: DVec3) -> (DVec2, f64) {
+        let p = self.frame_from_world.transform_point3(world);
+        (self.plane(p) * self.texel_scale + self.texel_offset, self.depth(p))
+    }
+
+    /// World point of depth 0 on the ray through texel coordinates, and the ray's unit direction away from the light.
+    pub fn world_ray(&self, texel: DVec2) -> (DVec3, DVec3) {
+        let plane = (texel - self.texel_offset) / self.texel_scale;
+        let (start, w) = match self.projection {
+            Projection::Orthographic => (plane.extend(0.0), DVec3::Z),
+            Projection::Perspective => {
+                let w = plane.extend(1.0).normalize();
+                (self.light_distance * (w - DVec3::Z), w)
+            }
+            Projection::Octahedral => (DVec3::ZERO, direction_from_octahedral(plane)),
+        };
+        (self.world_from_frame.transform_point3(start), self.world_from_frame.transform_vector3(w))
+    }
+
+    /// Smallest depth of a ray: at a point light, or before all active bricks for a directional one.
+    pub fn ray_start(&self) -> f64 {
+        match self.projection {
+            Projection::Orthographic => self.z_range[0],
+            Projection::Perspective => (-self.light_distance).max(self.z_range[0]),
+            Projection::Octahedral => 0.0,
+        }
+    }
+
+    /// Length of [`Self::z_range`], mm; above 0.
+    pub fn depth_range_mm(&self) -> f64 {
+        (self.z_range[1] - self.z_range[0]).max(1e-9)
+    }
+
+    /// Width of a texel in the middle of the map, mm.
+    pub fn texel_mm(&self) -> f64 {
+        self.mm_per_plane() * (1.0 / self.texel_scale).max_element()
+    }
+
+    /// Millimetres across the light per unit of plane coordinates, in the middle of the region.
+    pub(super) fn mm_per_plane(&self) -> f64 {
+        match self.projection {
+            Projection::Orthographic => 1.0,
+            Projection::Perspective => self.light_distance,
+            Projection::Octahedral => self.z_range[1],
+        }
+    }
+
+    /// Tiles along a side of the map.
+    pub fn tiles_across(&self) -> u32 {
+        self.map_size.div_ceil(TILE)
+    }
+
+    /// Tests each tile for active bricks: row-major, [`Self::tiles_across`] squared. The test is conservative: a tile may be
+    /// occupied by the bounding rectangle of a brick alone.
+    pub fn occupied_tiles(&self, volume: &Volume, active: &ActiveBricks) -> Vec<bool> {
+        let across = self.tiles_across();
+        if self.projection == Projection::Octahedral {
+            return vec![active.active > 0; (across * across) as usize];
+        }
+        let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
+        let mut tiles = vec![false; (across * across) as usize];
+        let [first, end] = self.texels_covered().unwrap_or([DVec2::NEG_INFINITY, DVec2::INFINITY]);
+        for brick in active_boxes(active, volume.dims()) {
+            let texel =
+                |g| self.plane(frame_from_grid.transform_point3(g)) * self.texel_scale + self.texel_offset;
+            let Region { lo, hi } = Region::around(brick.corners().map(texel));
+            // Taps of the pre-filter and rounding reach slightly beyond the texels of a brick.
+            let (lo, hi) = ((lo - 1.0).max(first), (hi + 1.0).min(end));
+            if lo.cmpgt(hi).any() {
+                continue;
+            }
+            let last = i64::from(across) - 1;
+            let tile = |t: f64| ((t / f64::from(TILE)).floor() as i64).clamp(0, last) as usize;
+            for y in tile(lo.y)..=tile(hi.y) {
+                for x in tile(lo.x)..=tile(hi.x) {
+                    tiles[y * across as usize + x] = true;
+                }
+            }
+        }
+        tiles
+    }
+
+    /// Range of texels that the map covers, with the texels around it that lookups read; `None`: all texels.
+    fn texels_covered(&self) -> Option<[DVec2; 2]> {
+        let reach = DVec2::splat(f64::from(self.shape.reach));
+        self.region.map(|region| {
+            let texel = |plane: DVec2| plane * self.texel_scale + self.texel_offset;
+            [texel(region.lo) - reach, texel(region.hi) + reach]
+        })
+    }
+
+    /// Uniform of the device, binding 0 of group 1.
+    pub(in crate::field) fn uniform(&self) -> LightUniform {
+        let frame_from_grid = self.frame_from_world * self.grid_from_world.inverse();
+        let grid_from_frame = self.grid_from_world * self.world_from_frame;
+        let m = frame_from_grid.matrix3.transpose();
+        let row = |r: DVec3, t: f64| [r.x as f32, r.y as f32, r.z as f32, t as f32];
+        let t = frame_from_grid.translation;
+        let g = grid_from_frame.matrix3;
+        LightUniform {
+            frame_from_grid: [row(m.x_axis, t.x), row(m.y_axis, t.y), row(m.z_axis, t.z)],
+            grid_per_a: g.x_axis.as_vec3().to_array(),
+            light_distance: self.light_distance as f32,
+            grid_per_b: g.y_axis.as_vec3().to_array(),
+            projection: self.projection as u32,
+            grid_per_h: g.z_axis.as_vec3().to_array(),
+            map_size: self.map_size,
+            grid_origin: grid_from_frame.translation.as_vec3().to_array(),
+            tiles_across: self.tiles_across(),
+            texel_scale: self.texel_scale.as_vec2().to_array(),
+            texel_offset: self.texel_offset.as_vec2().to_array(),
+            depth_start_mm: self.z_range[0] as f32,
+            depth_range_mm: self.depth_range_mm() as f32,
+            step_mm: self.step_mm as f32,
+            padding: 0.0,
+        }
+    }
+
+    /// Plane coordinates of a point of the light frame.
+    pub(super) fn plane(&self, p: DVec3) -> DVec2 {
+        match self.projection {
+            Projection::Orthographic => p.truncate(),
+            Projection::Perspective => p.truncate() / (p.z + self.light_distance),
+            Projection::Octahedral => octahedral_from_direction(p),
+        }
+    }
+
+    /// Depth of a point of the light frame, mm.
+    pub(super) fn depth(&self, p: DVec3) -> f64 {
+        match self.projection {
+            Projection::Orthographic => p.z,
+            Projection::Perspective => {
+                let d = self.light_distance;
+                // |x - light| - d without cancellation.
+                (p.length_squared() + 2.0 * d * p.z) / ((p + DVec3::Z * d).length() + d)
+            }
+            Projection::Octahedral => p.length(),
+        }
+    }
+
+    /// Conservative depth range of a box, mm.
+    pub(super) fn depths(&self, world_from_grid: &DAffine3, bounds: GridBox) -> [f64; 2] {
+        let frame_from_grid = self.frame_from_world * *world_from_grid;
+        let center = frame_from_grid.transform_point3(bounds.center);
+        let m = frame_from_grid.matrix3;
+        if self.projection == Projection::Orthographic {
+            let reach = (m.x_axis.z * bounds.half.x).abs()
+                + (m.y_axis.z * bounds.half.y).abs()
+                + (m.z_axis.z * bounds.half.z).abs();
+            return [center.z - reach, center.z + reach];
+        }
+        // The distance to the light changes by at most the distance to the centre.
+        let radius = bounds
+            .corners()
+            .iter()
+            .map(|g| frame_from_grid.transform_point3(*g).distance(center))
+            .fold(0.0, f64::max);
+        let z = self.depth(center);
+        [(z - radius).max(-self.light_distance), z + radius]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::field_shader;
+    use crate::gpu::wgsl_layout;
+    use std::mem::offset_of;
+
+    #[test]
+    fn the_uniform_has_one_layout() {
+        let shader =
+            field_shader("render/query.wgsl").with_depth_march().modules(&["shadow/rays/lookup.wgsl"]);
+        // The rows of the affine are an array in Rust and three vectors in WGSL.
+        let (size, mut members) = wgsl_layout(&shader, "LightSpace");
+        let rows: Vec<_> = members.drain(..3).collect();
+        for (row, axis) in ["a", "b", "h"].iter().enumerate() {
+            let at = offset_of!(LightUniform, frame_from_grid) + row * size_of::<[f32; 4]>();
+            assert_eq!(rows[row], (format!("frame_from_grid_{axis}"), at));
+        }
+        let offsets = [
+            ("grid_per_a", offset_of!(LightUniform, grid_per_a)),
+            ("light_distance", offset_of!(LightUniform, light_distance)),
+            ("grid_per_b", offset_of!(LightUniform, grid_per_b)),
+            ("projection", offset_of!(LightUniform, projection)),
+            ("grid_per_h", offset_of!(LightUniform, grid_per_h)),
+            ("map_size", offset_of!(LightUniform, map_size)),
+            ("grid_origin", offset_of!(LightUniform, grid_origin)),
+            ("tiles_across", offset_of!(LightUniform, tiles_across)),
+            ("texel_scale", offset_of!(LightUniform, texel_scale)),
+            ("texel_offset", offset_of!(LightUniform, texel_offset)),
+            ("depth_start_mm", offset_of!(LightUniform, depth_start_mm)),
+            ("depth_range_mm", offset_of!(LightUniform, depth_range_mm)),
+            ("step_mm", offset_of!(LightUniform, step_mm)),
+        ];
+        let expected = offsets.map(|(name, at)| (name.to_string(), at)).to_vec();
+        assert_eq!((size, members), (size_of::<LightUniform>(), expected));
+    }
+}
