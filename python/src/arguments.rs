@@ -10,11 +10,11 @@ use umbravox::transfer::TransferFunction;
 const WHAT: &str = "bad argument";
 
 /// Keys of the command line's output.
-pub const NOT_HERE: [&str; 2] = ["explain", "json"];
+pub const COMMAND_LINE_ONLY: [&str; 2] = ["explain", "json"];
 
 /// Request of keyword arguments.
 #[derive(Clone, Default)]
-pub struct Asked {
+pub struct Request {
     pub settings: SceneSettings,
     pub adapter: Option<String>,
     /// `tf` as a function instead of a name.
@@ -23,9 +23,9 @@ pub struct Asked {
     pub cleared: Vec<String>,
 }
 
-impl Asked {
+impl Request {
     /// Reads keyword arguments; those that are `None` count as absent.
-    pub fn of(arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
+    pub fn parse(arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
         let (mut table, mut function, mut cleared) = (Table::new(), None, Vec::new());
         for (name, given) in arguments.into_iter().flatten() {
             let name: String = name.extract()?;
@@ -36,7 +36,7 @@ impl Asked {
             {
                 continue;
             }
-            if NOT_HERE.contains(&key.as_str()) {
+            if COMMAND_LINE_ONLY.contains(&key.as_str()) {
                 return Err(Fault::input(WHAT, name, "it belongs to the command line alone"));
             }
             if key == "tf" && given.cast::<PyDict>().is_ok() {
@@ -91,7 +91,7 @@ impl Asked {
 fn as_names(hint: &str) -> String {
     match hint.strip_prefix("keys: ") {
         Some(keys) => {
-            let names = keys.split(", ").filter(|key| !NOT_HERE.contains(key));
+            let names = keys.split(", ").filter(|key| !COMMAND_LINE_ONLY.contains(key));
             let names: Vec<String> = names.map(|key| key.replace('-', "_")).collect();
             format!("arguments: {}", names.join(", "))
         }

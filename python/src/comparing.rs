@@ -1,9 +1,9 @@
 //! Error-against-time table of one scene, as dictionaries.
 
-use crate::arguments::Asked;
-use crate::attended::Ending;
+use crate::arguments::Request;
 use crate::fault::{Fault, Outcome};
-use crate::volume::Held;
+use crate::interrupts::Cancellation;
+use crate::volume::InputVolume;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyList, PyString};
 use std::path::PathBuf;
@@ -45,21 +45,21 @@ impl Step {
 }
 
 /// Progress listener: a callable, or the line on stderr of `progress=True`.
-pub struct Listener(Option<Py<PyAny>>);
+pub struct ProgressListener(Option<Py<PyAny>>);
 
-/// Listener of the argument `progress`.
-pub fn listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) -> PyResult<Listener> {
-    let Some(given) = progress else { return Ok(Listener(None)) };
-    Ok(Listener(match given.cast::<PyBool>() {
+/// ProgressListener of the argument `progress`.
+pub fn progress_listener(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>) -> PyResult<ProgressListener> {
+    let Some(given) = progress else { return Ok(ProgressListener(None)) };
+    Ok(ProgressListener(match given.cast::<PyBool>() {
         Ok(on) if on.is_true() => Some(py.import("umbravox._progress")?.getattr("Line")?.call0()?.unbind()),
         Ok(_) => None,
         Err(_) => Some(given.clone().unbind()),
     }))
 }
 
-impl Listener {
+impl ProgressListener {
     /// Reports a step.
-    pub fn hear(&self, py: Python<'_>, step: Step) -> PyResult<()> {
+    pub fn report(&self, py: Python<'_>, step: Step) -> PyResult<()> {
         let Some(callable) = &self.0 else { return Ok(()) };
         let dict = PyDict::new(py);
         dict.set_item("done", step.done)?;
@@ -81,7 +81,7 @@ pub struct Table {
 }
 
 /// Scene of a table.
-pub struct Wanted {
+pub struct ComparedScene {
     subject: Subject,
     record: SceneRecord,
     /// Text of the transfer function; `None` for a preset.
@@ -139,9 +139,15 @@ pub fn texts(given: Option<&Bound<'_, PyAny>>, name: &str, joint: &str) -> Outco
 
 impl Table {
     /// Scene to measure, independent of the Python object.
-    pub fn asked(&self, loaded: &Loaded, asked: &Asked, scene: Scene, held: &Held) -> Result<Wanted> {
-        let name = asked.settings.name.clone().unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf));
-        let (record, tf_text) = match (&self.output, held.is_of_files()) {
+    pub fn compared_scene(
+        &self,
+        loaded: &Loaded,
+        request: &Request,
+        scene: Scene,
+        input: &InputVolume,
+    ) -> Result<ComparedScene> {
+        let name = request.settings.name.clone().unwrap_or_else(|| scene_name(&loaded.volume, &loaded.tf));
+        let (record, tf_text) = match (&self.output, input.is_of_files()) {
             (None, _) => {
                 let size = [scene.width, scene.height];
                 (SceneRecord { name, size, ..SceneRecord::default() }, None)
@@ -152,9 +158,9 @@ impl Table {
                     .hint("save the volume to a file, and make the scene of that"));
             }
             (Some(_), true) => {
-                let own = asked.function.as_ref().map(TransferFunction::to_json);
+                let own = request.function.as_ref().map(TransferFunction::to_json);
                 let tf_text = own.map_or_else(|| function_text(loaded), |text| Ok(Some(text)))?;
-                let recorded = RecordedScene::of(asked.settings.clone(), loaded, tf_text, &name, false)?;
+                let recorded = RecordedScene::of(request.settings.clone(), loaded, tf_text, &name, false)?;
                 (recorded.record, recorded.tf_text)
             }
         };
@@ -163,24 +169,24 @@ impl Table {
             tf: loaded.tf.clone(),
             strands: loaded.strands.clone(),
             scene,
-            forced: asked.settings.disabled_optimizations(),
+            forced: request.settings.disabled_optimizations(),
         };
-        Ok(Wanted { subject, record, tf_text })
+        Ok(ComparedScene { subject, record, tf_text })
     }
 
     /// Measures the table, and writes files if there is an output folder.
     pub fn measured(
         &self,
-        wanted: Wanted,
+        compared: ComparedScene,
         renderer: &Arc<Renderer>,
-        ending: &Ending,
-        say: &Sender<Step>,
+        cancellation: &Cancellation,
+        sender: &Sender<Step>,
     ) -> Result<Rows> {
         let list = self.methods.as_deref().unwrap_or(&COMPARED);
         let methods = parse_distinct(list).map_err(|e| e.at("methods"))?;
         let budgets = self.budgets.as_deref().map(Budget::parse_list).transpose();
         let budgets = budgets.map_err(|e| e.at("budget"))?.unwrap_or_default();
-        let Wanted { subject, record, tf_text } = wanted;
+        let ComparedScene { subject, record, tf_text } = compared;
         let facts = Facts::of(renderer.gpu());
         let mut run = Run::new(&facts, self.effort, list, &methods, vec![record], None);
         run.budgets = budgets.iter().map(Budget::to_string).collect();
@@ -205,7 +211,7 @@ impl Table {
         let mut subject = Some(subject);
         let gone = || Error::runtime("cannot compare", "scene", "it was measured already");
         let mut read = |_| subject.take().ok_or_else(gone);
-        let mut progress = Progress::watched(Watcher { ending, say });
+        let mut progress = Progress::watched(Watcher { cancellation, sender });
         let made = make(&order, &run, &mut read, renderer, &mut journal, &mut progress)?;
         let comparison = &made.comparison;
         let failures = comparison.failures.iter().map(|(name, e)| format!("{name} failed: {e}")).collect();
@@ -219,19 +225,19 @@ impl Table {
 
 /// Reports steps, and stops at an interrupt.
 struct Watcher<'a> {
-    ending: &'a Ending,
-    say: &'a Sender<Step>,
+    cancellation: &'a Cancellation,
+    sender: &'a Sender<Step>,
 }
 
 impl Watch for Watcher<'_> {
     fn starts(&mut self, status: &Status) {
         let Status { what, done, total, left_s, .. } = *status;
         // There may be no listener.
-        let _ = self.say.send(Step { done, total, what: what.to_owned(), left_s });
+        let _ = self.sender.send(Step { done, total, what: what.to_owned(), left_s });
     }
 
     fn goes_on(&self) -> bool {
-        self.ending.goes_on()
+        self.cancellation.goes_on()
     }
 }
 

@@ -1,11 +1,11 @@
 //! Errors as Python exceptions with the same texts.
 
 use pyo3::prelude::*;
-use umbravox::error::Fault as Whose;
+use umbravox::error::Fault as Cause;
 
 /// Error of the library, or an exception that Python has raised.
 pub enum Fault {
-    Ours(umbravox::Error),
+    Library(umbravox::Error),
     Raised(PyErr),
 }
 
@@ -15,13 +15,13 @@ pub type Outcome<T> = Result<T, Fault>;
 impl Fault {
     /// Error of the input.
     pub fn input(what: &str, place: impl ToString, why: impl ToString) -> Self {
-        Self::Ours(umbravox::Error::input(what, place, why))
+        Self::Library(umbravox::Error::input(what, place, why))
     }
 }
 
 impl From<umbravox::Error> for Fault {
     fn from(e: umbravox::Error) -> Self {
-        Self::Ours(e)
+        Self::Library(e)
     }
 }
 
@@ -35,7 +35,7 @@ impl From<Fault> for PyErr {
     fn from(fault: Fault) -> Self {
         match fault {
             Fault::Raised(e) => e,
-            Fault::Ours(e) => Python::attach(|py| exception(py, e).unwrap_or_else(|broken| broken)),
+            Fault::Library(e) => Python::attach(|py| exception(py, e).unwrap_or_else(|broken| broken)),
         }
     }
 }
@@ -43,8 +43,8 @@ impl From<Fault> for PyErr {
 /// Creates an exception of `umbravox._errors`, whose classes can be pickled.
 fn exception(py: Python<'_>, e: umbravox::Error) -> PyResult<PyErr> {
     let name = match e.fault {
-        Whose::Input => "InputError",
-        Whose::Runtime | Whose::Cancelled => "RunError",
+        Cause::Input => "InputError",
+        Cause::Runtime | Cause::Cancelled => "RunError",
     };
     let class = py.import("umbravox._errors")?.getattr(name)?;
     Ok(PyErr::from_value(class.call1((e.what, e.place, e.why, e.hint))?))

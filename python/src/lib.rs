@@ -2,12 +2,13 @@
 //! mean the same as the flags of their names.
 
 mod arguments;
-mod attended;
 mod comparing;
 mod device;
 mod fault;
+mod interrupts;
+mod points;
 mod scene;
-mod stage;
+mod state;
 mod volume;
 
 use numpy::{PyReadonlyArray3, PyUntypedArrayMethods};
@@ -57,7 +58,7 @@ fn methods(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 fn arguments_of_scenes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
     for (key, help) in SceneRequest::keys() {
-        if !arguments::NOT_HERE.contains(&key.as_str()) {
+        if !arguments::COMMAND_LINE_ONLY.contains(&key.as_str()) {
             dict.set_item(key.replace('-', "_"), help)?;
         }
     }

@@ -1,18 +1,18 @@
 //! Python class `Scene`: a volume, its settings, and the data that stay on the device between queries.
 
-use crate::arguments::Asked;
-use crate::attended::{attended, interruptible};
+use crate::arguments::Request;
 use crate::comparing::{self, Table};
 use crate::device;
 use crate::fault::{Fault, Outcome};
-use crate::stage::Stage;
-use crate::volume::{Held, PyVolume, read_held, reading, refuse_masked, tell};
+use crate::interrupts::{Cancellation, interruptible, run_reporting};
+use crate::points::{in_pieces, points_of, shaped};
+use crate::state::SceneState;
+use crate::volume::{InputVolume, PyVolume, read_input, reading, warn};
 use glam::DVec3;
 use ndarray::{Array3, s};
-use numpy::{IntoPyArray, PyReadonlyArrayDyn};
+use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
-use rayon::prelude::*;
 use std::path::PathBuf;
 use umbravox::engine::MapCoverage;
 use umbravox::error::{Error, Result};
@@ -22,14 +22,12 @@ use umbravox::open::{SceneRequest, SceneSettings};
 
 /// Rows of an exact picture between checks for an interrupt.
 const EXACT_ROWS: u32 = 4;
-/// Points, or segments, between checks for an interrupt.
-const EXACT_POINTS: usize = 4096;
 
 /// A volume with scene settings; every argument is named like the flag of the command line.
 #[pyclass(frozen, module = "umbravox", name = "Scene")]
 pub struct PyScene {
-    base: Asked,
-    stage: Stage,
+    base: Request,
+    state: SceneState,
 }
 
 #[pymethods]
@@ -46,13 +44,13 @@ impl PyScene {
         let arguments = arguments.map_or_else(|| Ok(PyDict::new(py)), |given| given.copy())?;
         let named =
             |v: &Bound<'_, PyAny>| Ok::<_, PyErr>(v.cast::<PyString>().is_ok() || v.hasattr("__fspath__")?);
-        let held = match volume {
+        let input = match volume {
             Some(array) if !named(array)? && array.cast::<PyVolume>().is_err() => {
                 Some(of_array(py, array, affine, axes, &arguments)?)
             }
             _ if affine.is_some() || axes.is_some() => return Err(unnamed(affine)),
             Some(given) => match given.cast::<PyVolume>() {
-                Ok(volume) => Some(volume.get().held.clone()),
+                Ok(volume) => Some(volume.get().input.clone()),
                 Err(_) => {
                     arguments.set_item("volume", given)?;
                     None
@@ -63,33 +61,33 @@ impl PyScene {
         // The flag `labels` takes no array.
         let labels = arguments.get_item("labels")?.filter(|labels| !labels.is_none());
         let labels = match labels {
-            Some(labels) if !named(&labels)? || held.is_some() => {
+            Some(labels) if !named(&labels)? || input.is_some() => {
                 arguments.del_item("labels")?;
                 Some(labels)
             }
             _ => None,
         };
-        Self::begin(py, held, labels.as_ref(), Asked::of(Some(&arguments))?)
+        Self::begin(py, input, labels.as_ref(), Request::parse(Some(&arguments))?)
     }
 
     /// Scene of a file; arguments win.
     #[staticmethod]
     #[pyo3(signature = (path, **arguments))]
     fn read(py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Self> {
-        let below = Asked::of_file(SceneRequest::read(&path)?);
-        Self::begin(py, None, None, Asked::of(arguments)?.over(&below)?)
+        let below = Request::of_file(SceneRequest::read(&path)?);
+        Self::begin(py, None, None, Request::parse(arguments)?.over(&below)?)
     }
 
     /// Volume.
     #[getter]
     fn volume(&self) -> PyVolume {
-        PyVolume { held: self.stage.held.clone() }
+        PyVolume { input: self.state.input.clone() }
     }
 
     /// Notes, one line each.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        PyList::new(py, self.stage.notes())
+        PyList::new(py, self.state.notes())
     }
 
     /// Renders a picture, height x width x 4: linear RGB over the background, and opacity.
@@ -99,21 +97,21 @@ impl PyScene {
         py: Python<'py>,
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
-        let asked = self.asked(arguments)?;
-        let picture = self.done(py, |ending| self.stage.drawn(&asked, ending))?;
+        let request = self.request(arguments)?;
+        let picture = self.done(py, |cancellation| self.state.drawn(&request, cancellation))?;
         Ok(picture.pixels.into_pyarray(py).into_any())
     }
 
     /// Draws a picture into a file as `umbravox render` does.
     #[pyo3(signature = (path, **arguments))]
     fn write(&self, py: Python<'_>, path: PathBuf, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<()> {
-        let asked = self.asked(arguments)?;
+        let request = self.request(arguments)?;
         check_output(&path, PICTURE_EXTENSIONS)?;
-        self.done(py, |ending| {
-            let picture = self.stage.drawn(&asked, ending)?;
-            let settings = &asked.settings;
+        self.done(py, |cancellation| {
+            let picture = self.state.drawn(&request, cancellation)?;
+            let settings = &request.settings;
             let backdrop = if settings.is_transparent() { Backdrop::LeftOut } else { Backdrop::Drawn };
-            write_picture_with(&path, &picture.pixels, backdrop, &self.stage.texts(&asked, ending)?)
+            write_picture_with(&path, &picture.pixels, backdrop, &self.state.texts(&request, cancellation)?)
         })
     }
 
@@ -125,30 +123,30 @@ impl PyScene {
         progress: Option<&Bound<'py, PyAny>>,
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
-        let asked = self.asked(arguments)?;
-        let hear = comparing::listener(py, progress)?;
-        let picture = attended(
+        let request = self.request(arguments)?;
+        let listener = comparing::progress_listener(py, progress)?;
+        let picture = run_reporting(
             py,
             || (),
-            |py, step| hear.hear(py, step),
-            |ending, say| {
-                let (looks, scene) = self.stage.exact(&asked, ending)?;
-                let (field, height) = (looks.field(), scene.height);
+            |py, step| listener.report(py, step),
+            |cancellation, sender| {
+                let (inputs, scene) = self.state.exact(&request, cancellation)?;
+                let (field, height) = (inputs.field(), scene.height);
                 let mut picture = Array3::zeros((height as usize, scene.width as usize, 4));
                 for row in (0..height).step_by(EXACT_ROWS as usize) {
                     let rows = row..(row + EXACT_ROWS).min(height);
-                    if !ending.goes_on() {
+                    if !cancellation.goes_on() {
                         return Err(Error::cancelled("exact picture"));
                     }
                     // There may be no listener.
-                    let _ = say.send(comparing::Step::of(row as usize, height as usize, "exact picture"));
+                    let _ = sender.send(comparing::Step::of(row as usize, height as usize, "exact picture"));
                     let part = field.picture_rows(&scene, rows.clone());
                     picture.slice_mut(s![rows.start as usize..rows.end as usize, .., ..]).assign(&part);
                 }
                 Ok(picture)
             },
         )?;
-        self.tell(py)?;
+        self.warn(py)?;
         Ok(picture.into_pyarray(py).into_any())
     }
 
@@ -161,22 +159,22 @@ impl PyScene {
         method: Option<&str>,
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
-        let mut asked = self.asked(arguments)?;
-        asked.settings.one_light("transmittance")?;
+        let mut request = self.request(arguments)?;
+        request.settings.one_light("transmittance")?;
         let (points, shape) = points_of(points, "points")?;
         if method == Some("exact") {
-            let found = self.done(py, |ending| {
-                let (looks, scene) = self.stage.exact(&asked, ending)?;
-                let (field, light) = (looks.field(), scene.light());
-                in_pieces(&points, ending, |p| field.transmittance_to_light(*p, &light))
+            let found = self.done(py, |cancellation| {
+                let (inputs, scene) = self.state.exact(&request, cancellation)?;
+                let (field, light) = (inputs.field(), scene.light());
+                in_pieces(&points, cancellation, |p| field.transmittance_to_light(*p, &light))
             })?;
             return Ok(shaped(py, found, shape)?);
         }
         if let Some(method) = method {
-            asked.settings.shadow = Some(method.parse()?);
+            request.settings.shadow = Some(method.parse()?);
         }
-        let found = self.done(py, |ending| {
-            self.stage.prepared(&asked, ending, MapCoverage::AnyPoint, |prepared, _, _| {
+        let found = self.done(py, |cancellation| {
+            self.state.prepared(&request, cancellation, MapCoverage::AnyPoint, |prepared, _, _| {
                 let [map] = prepared.shadows[..] else { return Ok(vec![1.0; points.len()]) };
                 prepared.renderer.query(prepared.loaded, prepared.transfer, map, &points)
             })
@@ -193,17 +191,17 @@ impl PyScene {
         ends: &Bound<'py, PyAny>,
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyAny>> {
-        let asked = self.asked(arguments)?;
+        let request = self.request(arguments)?;
         let ((starts, shape), (ends, _)) = (points_of(starts, "starts")?, points_of(ends, "ends")?);
         if starts.len() != ends.len() {
             let why = format!("{} starts and {} ends", starts.len(), ends.len());
             return Err(Fault::input("bad argument", "ends", why));
         }
         let segments: Vec<(DVec3, DVec3)> = starts.into_iter().zip(ends).collect();
-        let found = self.done(py, |ending| {
-            let (looks, _) = self.stage.exact(&asked, ending)?;
-            let field = looks.field();
-            in_pieces(&segments, ending, |(a, b)| field.optical_depth(*a, *b))
+        let found = self.done(py, |cancellation| {
+            let (inputs, _) = self.state.exact(&request, cancellation)?;
+            let field = inputs.field();
+            in_pieces(&segments, cancellation, |(a, b)| field.optical_depth(*a, *b))
         })?;
         Ok(shaped(py, found, shape)?)
     }
@@ -228,7 +226,7 @@ impl PyScene {
         progress: Option<&Bound<'py, PyAny>>,
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyList>> {
-        let asked = self.asked(arguments)?;
+        let request = self.request(arguments)?;
         let effort = comparing::effort([repeats, points, rays, depths], check)?;
         let methods = comparing::texts(methods, "methods", ";")?;
         let budgets = comparing::texts(budget, "budget", ",")?;
@@ -243,22 +241,22 @@ impl PyScene {
             return Err(Fault::input("bad argument", "resume", "it needs output, the folder to resume in"));
         }
         let table = Table { methods, budgets, effort, output, overwrite, resume };
-        let hear = comparing::listener(py, progress)?;
-        let rows = attended(
+        let listener = comparing::progress_listener(py, progress)?;
+        let rows = run_reporting(
             py,
             || (),
-            |py, step| hear.hear(py, step),
-            |ending, say| {
-                let renderer = device::own(asked.adapter.as_deref())?;
-                let wanted = self.stage.looked_at(&asked, ending, |loaded, scene| {
-                    table.asked(loaded, &asked, scene, &self.stage.held)
+            |py, step| listener.report(py, step),
+            |cancellation, sender| {
+                let renderer = device::own(request.adapter.as_deref())?;
+                let compared = self.state.with_scene(&request, cancellation, |loaded, scene| {
+                    table.compared_scene(loaded, &request, scene, &self.state.input)
                 })?;
-                table.measured(wanted, &renderer, ending, say)
+                table.measured(compared, &renderer, cancellation, sender)
             },
         )?;
-        self.tell(py)?;
+        self.warn(py)?;
         rows.warn(py)?;
-        self.stage.note(&rows.notes);
+        self.state.note(&rows.notes);
         rows.as_dicts(py)
     }
 
@@ -269,8 +267,9 @@ impl PyScene {
         py: Python<'py>,
         arguments: Option<&Bound<'py, PyDict>>,
     ) -> Outcome<Bound<'py, PyDict>> {
-        let asked = self.asked(arguments)?;
-        let scene = self.done(py, |ending| self.stage.looked_at(&asked, ending, |_, scene| Ok(scene)))?;
+        let request = self.request(arguments)?;
+        let scene = self
+            .done(py, |cancellation| self.state.with_scene(&request, cancellation, |_, scene| Ok(scene)))?;
         let camera = scene.camera;
         let dict = PyDict::new(py);
         for (name, v) in [("eye", camera.eye), ("target", camera.target), ("up", camera.up)] {
@@ -282,22 +281,22 @@ impl PyScene {
         Ok(dict)
     }
 
-    /// Text of a scene file with the same settings, without defaults.
+    /// Text of a scene file with the same settings, defaults included.
     #[pyo3(signature = (**arguments))]
     fn to_toml(&self, py: Python<'_>, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<String> {
-        let asked = self.asked(arguments)?;
-        if !self.stage.held.is_of_files() || asked.function.is_some() {
+        let request = self.request(arguments)?;
+        if !self.state.input.is_of_files() || request.function.is_some() {
             let why =
                 "its volume or its transfer function is no file: save both, and make the scene of the files";
             return Err(Fault::input("cannot write scene", "to_toml", why));
         }
-        self.done(py, |ending| self.stage.resolved(&asked, ending)?.to_toml())
+        self.done(py, |cancellation| self.state.resolved(&request, cancellation)?.to_toml())
     }
 
     /// Cost of the last picture: milliseconds, bytes, and skipped work.
     #[getter]
     fn last<'py>(&self, py: Python<'py>) -> Outcome<Option<Bound<'py, PyDict>>> {
-        let Some(cost) = self.stage.last() else { return Ok(None) };
+        let Some(cost) = self.state.last() else { return Ok(None) };
         let dict = PyDict::new(py);
         dict.set_item("adapter", cost.adapter)?;
         dict.set_item("clock", cost.clock)?;
@@ -311,7 +310,7 @@ impl PyScene {
     }
 
     fn __repr__(&self) -> String {
-        let about = &self.stage.held.volume.provenance;
+        let about = &self.state.input.volume.provenance;
         let function = self.base.function.as_ref().map(|f| f.name.clone());
         let tf = function.or_else(|| self.base.settings.tf.clone()).unwrap_or_else(|| "default".into());
         format!("<Scene {}, tf {tf}>", about.source)
@@ -321,65 +320,66 @@ impl PyScene {
 impl PyScene {
     fn begin(
         py: Python<'_>,
-        held: Option<Held>,
+        input: Option<InputVolume>,
         labels: Option<&Bound<'_, PyAny>>,
-        asked: Asked,
+        request: Request,
     ) -> Outcome<Self> {
         let nothing = SceneSettings::default();
-        let held = match held {
-            Some(held) => held,
+        let input = match input {
+            Some(input) => input,
             None => {
                 // Other arguments are checked before a large file is read.
-                asked.settings.functions(labels.is_some())?;
-                let reads = reading(&asked.settings);
-                let held = read_held(py, reads)?;
-                tell(py, &held.diagnostics)?;
-                held
+                request.settings.functions(labels.is_some())?;
+                let reads = reading(&request.settings);
+                let input = read_input(py, reads)?;
+                warn(py, &input.diagnostics)?;
+                input
             }
         };
-        let held = labels.map_or_else(|| Ok(held.clone()), |labels| held.clone().labelled(labels, "ijk"))?;
-        let reads = held.read_by.clone().unwrap_or_else(|| nothing.clone());
-        let base = match asked.settings.reads_as(&nothing) {
-            true => asked.over(&Asked { settings: reads, ..Asked::default() })?,
-            false if held.read_by.as_ref().is_some_and(|by| asked.settings.reads_as(by)) => asked,
+        let input =
+            labels.map_or_else(|| Ok(input.clone()), |labels| input.clone().labelled(labels, "ijk"))?;
+        let reads = input.read_by.clone().unwrap_or_else(|| nothing.clone());
+        let base = match request.settings.reads_as(&nothing) {
+            true => request.over(&Request { settings: reads, ..Request::default() })?,
+            false if input.read_by.as_ref().is_some_and(|by| request.settings.reads_as(by)) => request,
             false => return Err(another_volume()),
         };
-        let scene = Self { base, stage: Stage::new(held) };
+        let scene = Self { base, state: SceneState::new(input) };
         // Contradicting arguments fail now, not with the first picture.
-        scene.done(py, |ending| scene.stage.looked_at(&scene.base, ending, |_, _| Ok(())))?;
+        scene.done(py, |cancellation| scene.state.with_scene(&scene.base, cancellation, |_, _| Ok(())))?;
         scene.base.settings.method()?;
         Ok(scene)
     }
 
     /// Arguments over the settings of the scene.
-    fn asked(&self, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Asked> {
-        let asked = Asked::of(arguments)?.over(&self.base)?;
-        if !asked.settings.reads_as(&self.base.settings) {
+    fn request(&self, arguments: Option<&Bound<'_, PyDict>>) -> Outcome<Request> {
+        let request = Request::parse(arguments)?.over(&self.base)?;
+        if !request.settings.reads_as(&self.base.settings) {
             return Err(another_volume());
         }
-        if asked.adapter != self.base.adapter {
+        if request.adapter != self.base.adapter {
             return Err(Fault::input(
                 "bad argument",
                 "adapter",
                 "the scene is on another: make a scene for each",
             ));
         }
-        Ok(asked)
+        Ok(request)
     }
 
     /// Runs work that Ctrl-C ends, and issues its warnings.
     fn done<T: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&crate::attended::Ending) -> Result<T> + Send,
+        work: impl FnOnce(&Cancellation) -> Result<T> + Send,
     ) -> Outcome<T> {
         let done = interruptible(py, || (), work)?;
-        self.tell(py)?;
+        self.warn(py)?;
         Ok(done)
     }
 
-    fn tell(&self, py: Python<'_>) -> PyResult<()> {
-        tell(py, &self.stage.take_untold())
+    fn warn(&self, py: Python<'_>) -> PyResult<()> {
+        warn(py, &self.state.take_pending())
     }
 }
 
@@ -390,7 +390,7 @@ fn of_array(
     affine: Option<&Bound<'_, PyAny>>,
     axes: Option<&str>,
     arguments: &Bound<'_, PyDict>,
-) -> Outcome<Held> {
+) -> Outcome<InputVolume> {
     let own = PyDict::new(py);
     for (name, given) in
         [("affine", affine.cloned()), ("axes", axes.map(|a| PyString::new(py, a).into_any()))]
@@ -410,7 +410,7 @@ fn of_array(
     }
     let made = py.get_type::<PyVolume>().call((array,), Some(&own))?;
     let made = made.cast::<PyVolume>().map_err(PyErr::from)?;
-    Ok(made.get().held.clone())
+    Ok(made.get().input.clone())
 }
 
 fn unnamed(affine: Option<&Bound<'_, PyAny>>) -> Fault {
@@ -421,53 +421,4 @@ fn unnamed(affine: Option<&Bound<'_, PyAny>>) -> Fault {
 fn another_volume() -> Fault {
     let why = "the volume is there already: arguments about reading a file belong to `read`, or to a scene of that file";
     Fault::input("bad argument", "volume", why)
-}
-
-/// Points of an array whose last axis is x, y and z, and the shape of its other axes.
-fn points_of(given: &Bound<'_, PyAny>, name: &str) -> Outcome<(Vec<DVec3>, Vec<usize>)> {
-    let refuse =
-        || Fault::input("bad argument", name, "expected points in world mm, the last axis of length 3");
-    refuse_masked(given, name)?;
-    let numpy = given.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (given, "f8")).map_err(|_| refuse())?;
-    let array: PyReadonlyArrayDyn<'_, f64> = array.extract().map_err(|_| refuse())?;
-    let points = array.as_array();
-    if points.is_empty() && points.ndim() == 1 {
-        return Ok((Vec::new(), vec![0]));
-    }
-    if points.shape().last() != Some(&3) {
-        return Err(refuse());
-    }
-    // A single point gives an array of one number.
-    let shape = if points.ndim() == 1 { vec![1] } else { points.shape()[..points.ndim() - 1].to_vec() };
-    let points: Vec<DVec3> = points.rows().into_iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect();
-    if points.iter().any(|p| !p.is_finite()) {
-        return Err(Fault::input("bad argument", name, "a point is not finite"));
-    }
-    Ok((points, shape))
-}
-
-/// Reshapes results to the shape of the input.
-fn shaped<'py, T: numpy::Element>(
-    py: Python<'py>,
-    answers: Vec<T>,
-    shape: Vec<usize>,
-) -> PyResult<Bound<'py, PyAny>> {
-    answers.into_pyarray(py).call_method1("reshape", (shape,))
-}
-
-/// Computes results in chunks, between which an interrupt can end the work.
-fn in_pieces<Q: Sync>(
-    asked: &[Q],
-    ending: &crate::attended::Ending,
-    answer: impl Fn(&Q) -> f64 + Sync,
-) -> Result<Vec<f64>> {
-    let mut found = Vec::with_capacity(asked.len());
-    for piece in asked.chunks(EXACT_POINTS) {
-        if !ending.goes_on() {
-            return Err(Error::cancelled("exact answers"));
-        }
-        found.par_extend(piece.par_iter().map(&answer));
-    }
-    Ok(found)
 }

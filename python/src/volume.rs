@@ -1,8 +1,8 @@
 //! Volumes from NumPy arrays and from files.
 
-use crate::arguments::{Asked, text};
-use crate::attended::interruptible;
+use crate::arguments::{Request, text};
 use crate::fault::{Fault, Outcome};
+use crate::interrupts::interruptible;
 use glam::{DAffine3, DMat3, DVec3};
 use ndarray::Array3;
 use numpy::{IntoPyArray, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArray, PyUntypedArrayMethods};
@@ -20,11 +20,11 @@ use umbravox::with_voxels;
 
 const WHAT: &str = "cannot use volume";
 /// 64-bit integers beyond are not all numbers of 64-bit floats.
-const MOST_EXACT: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
+const MAX_EXACT_INTEGER: f64 = (1_u64 << f64::MANTISSA_DIGITS) as f64;
 
 /// Volume in memory.
 #[derive(Clone)]
-pub struct Held {
+pub struct InputVolume {
     pub volume: Arc<Volume>,
     pub strands: Option<Arc<VoxelisedStrands>>,
     /// Settings of reading; `None` for an array.
@@ -34,7 +34,7 @@ pub struct Held {
     pub has_own_labels: bool,
 }
 
-impl Held {
+impl InputVolume {
     /// Whether everything comes from files.
     pub fn is_of_files(&self) -> bool {
         self.read_by.is_some() && !self.has_own_labels
@@ -83,7 +83,7 @@ impl Held {
 /// A scalar field on a regular grid, with an affine to world millimetres (RAS+).
 #[pyclass(frozen, module = "umbravox", name = "Volume")]
 pub struct PyVolume {
-    pub held: Held,
+    pub input: InputVolume,
 }
 
 #[pymethods]
@@ -125,24 +125,30 @@ impl PyVolume {
             let text = "no affine and no spacing given: voxels taken as 1 mm";
             diagnostics.push(Diagnostic::note(text.into()));
         }
-        tell(py, &diagnostics)?;
+        warn(py, &diagnostics)?;
         let has_own_labels = false;
-        let held =
-            Held { volume: Arc::new(volume), strands: None, read_by: None, diagnostics, has_own_labels };
-        let held = labels.map_or_else(|| Ok(held.clone()), |labels| held.clone().labelled(labels, axes))?;
-        Ok(Self { held })
+        let input = InputVolume {
+            volume: Arc::new(volume),
+            strands: None,
+            read_by: None,
+            diagnostics,
+            has_own_labels,
+        };
+        let input =
+            labels.map_or_else(|| Ok(input.clone()), |labels| input.clone().labelled(labels, axes))?;
+        Ok(Self { input })
     }
 
     /// Voxels along the axes i, j and k.
     #[getter]
     fn shape(&self) -> (usize, usize, usize) {
-        self.held.volume.dims().into()
+        self.input.volume.dims().into()
     }
 
     /// World mm (RAS+) from index coordinates, 4 x 4.
     #[getter]
     fn affine<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        let affine = self.held.volume.world_from_index();
+        let affine = self.input.volume.world_from_index();
         let row = |r: usize| {
             let m = affine.matrix3;
             [m.x_axis[r], m.y_axis[r], m.z_axis[r], affine.translation[r]]
@@ -154,36 +160,36 @@ impl PyVolume {
     /// Distance between voxel centres along i, j and k, mm.
     #[getter]
     fn spacing(&self) -> (f64, f64, f64) {
-        self.held.volume.spacing_mm().into()
+        self.input.volume.spacing_mm().into()
     }
 
     /// Smallest and largest value.
     #[getter]
     fn value_range(&self) -> (f64, f64) {
-        self.held.volume.value_range().into()
+        self.input.volume.value_range().into()
     }
 
     /// File, or name of the array.
     #[getter]
     fn name(&self) -> String {
-        self.held.volume.provenance.source.clone()
+        self.input.volume.provenance.source.clone()
     }
 
     /// Notes about reading.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        PyList::new(py, self.held.diagnostics.iter().map(|d| &d.message))
+        PyList::new(py, self.input.diagnostics.iter().map(|d| &d.message))
     }
 
     /// Labels of the voxels; empty without a segmentation.
     #[getter]
     fn labels(&self) -> Vec<u32> {
-        self.held.volume.labels().map_or_else(Vec::new, |labels| labels.ids().to_vec())
+        self.input.volume.labels().map_or_else(Vec::new, |labels| labels.ids().to_vec())
     }
 
     /// Copy of the values, axes i, j, k: in the stored type without scaling, else float64.
     fn voxels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let volume = &self.held.volume;
+        let volume = &self.input.volume;
         let scaling = volume.scaling();
         let array = with_voxels!(volume.voxels(), a => match scaling == Scaling::IDENTITY {
             true => a.clone().into_pyarray(py).into_any(),
@@ -213,11 +219,11 @@ impl PyVolume {
 
     /// Writes the volume without labels, in the format of the file extension, like `umbravox convert`.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Outcome<()> {
-        interruptible(py, || (), |_| write_volume(&self.held.volume, &path))
+        interruptible(py, || (), |_| write_volume(&self.input.volume, &path))
     }
 
     fn __repr__(&self) -> String {
-        let volume = &self.held.volume;
+        let volume = &self.input.volume;
         let ([nx, ny, nz], [x, y, z]) = (volume.dims(), volume.spacing_mm());
         let about = &volume.provenance;
         format!(
@@ -240,15 +246,15 @@ pub fn read(
         all.update(arguments.as_mapping())?;
     }
     all.set_item("volume", path)?;
-    let Asked { settings, function, .. } = Asked::of(Some(&all))?;
+    let Request { settings, function, .. } = Request::parse(Some(&all))?;
     let reads = reading(&settings);
     if settings != reads || function.is_some() {
         let why = "it takes arguments about reading a file, and labels; others belong to a scene";
         return Err(Fault::input("bad argument", "read", why));
     }
-    let held = read_held(py, reads)?;
-    tell(py, &held.diagnostics)?;
-    Ok(PyVolume { held })
+    let input = read_input(py, reads)?;
+    warn(py, &input.diagnostics)?;
+    Ok(PyVolume { input })
 }
 
 /// Settings about reading a volume.
@@ -264,17 +270,17 @@ pub fn reading(settings: &SceneSettings) -> SceneSettings {
 }
 
 /// Reads the volume of settings.
-pub fn read_held(py: Python<'_>, settings: SceneSettings) -> Outcome<Held> {
+pub fn read_input(py: Python<'_>, settings: SceneSettings) -> Outcome<InputVolume> {
     let loading = Loading::default();
     let mut diagnostics = Vec::new();
     let Read { volume, strands } =
         interruptible(py, || loading.cancel(), |_| settings.read_volume(&mut diagnostics, &loading))?;
     let (volume, read_by) = (Arc::new(volume), Some(settings));
-    Ok(Held { volume, strands, read_by, diagnostics, has_own_labels: false })
+    Ok(InputVolume { volume, strands, read_by, diagnostics, has_own_labels: false })
 }
 
 /// Issues warnings of Python.
-pub fn tell(py: Python<'_>, diagnostics: &[Diagnostic]) -> PyResult<()> {
+pub fn warn(py: Python<'_>, diagnostics: &[Diagnostic]) -> PyResult<()> {
     for warning in diagnostics.iter().filter(|d| d.level == Level::Warning) {
         py.import("warnings")?.call_method1("warn", (&warning.message,))?;
     }
@@ -332,7 +338,7 @@ fn stored(given: &Bound<'_, PyAny>, axes: &str, name: &str) -> Outcome<(Voxels, 
         "f4" => voxels!(f32),
         _ => voxels!(f64),
     };
-    let inexact = matches!((&voxels, kind.as_str(), bytes), (Voxels::F64(a), "u" | "i", 8) if a.iter().any(|v| v.abs() >= MOST_EXACT));
+    let inexact = matches!((&voxels, kind.as_str(), bytes), (Voxels::F64(a), "u" | "i", 8) if a.iter().any(|v| v.abs() >= MAX_EXACT_INTEGER));
     Ok((voxels, stored_type, inexact.then(|| "integers beyond 2^53 were rounded to 53 bits".into())))
 }
 

@@ -1,13 +1,13 @@
 """Volumetric shadows for CT volumes, each method with its error against an exact answer.
 
-A scene is a volume and how it is looked at. Its arguments have the names of the command line's flags, with ``_`` for
-``-``, and mean the same (``arguments()`` lists them)::
+A scene is a volume with settings: transfer function, camera, lights, shadow method. Its arguments have the names of the
+command line's flags, with ``_`` for ``-``, and mean the same (``arguments()`` lists them)::
 
     import umbravox as uv
 
     scene = uv.Scene("ct.nii.gz", tf="bone", light="dir:0,1,1", shadow="dsm:epsilon=0.01")
     picture = scene.render(size=(640, 480))                  # height x width x 4, linear RGB and opacity
-    found = scene.transmittance(points)                      # by the scene's method, points n x 3 in world mm
+    transmitted = scene.transmittance(points)                # by the scene's method, points n x 3 in world mm
     exact = scene.transmittance(points, "exact")             # float64, cell by cell
     rows = scene.compare("rays;dsm:epsilon=0.06,0.02")       # a dictionary each, for pandas.DataFrame
 
@@ -46,7 +46,7 @@ __all__ = [
 
 
 def render(volume=None, affine=None, *, axes=None, **arguments):
-    """A picture of a volume: ``Scene(volume, affine, **arguments).render()``."""
+    """Renders a volume: ``Scene(volume, affine, **arguments).render()``."""
     return Scene(volume, affine, axes=axes, **arguments).render()
 
 
@@ -59,13 +59,13 @@ _MEASURING = ("output", "repeats", "points", "rays", "depths", "check", "budget"
 
 
 def compare(volume=None, methods=None, affine=None, **arguments):
-    """The rows of a table, as ``Scene(...).compare(methods, ...)``."""
+    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``."""
     measuring = {name: arguments.pop(name) for name in _MEASURING if name in arguments}
     return Scene(volume, affine, **arguments).compare(methods, **measuring)
 
 
 def srgb8(picture):
-    """A picture as 8-bit sRGB, height x width x 3, as a PNG file of it holds and ``matplotlib`` shows."""
+    """Converts a picture to 8-bit sRGB, height x width x 3, like its PNG file, for ``matplotlib``."""
     import numpy as np
 
     picture = np.asarray(picture, np.float64)

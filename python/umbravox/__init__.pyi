@@ -40,7 +40,7 @@ _Progress = bool | Callable[[Step], object] | None
 
 @type_check_only
 class FormatArguments(TypedDict, total=False):
-    """What a file does not say itself."""
+    """Arguments for data that a file lacks."""
 
     raw: str | None
     spacing: _Three | None
@@ -57,13 +57,13 @@ class FormatArguments(TypedDict, total=False):
 
 @type_check_only
 class ReadArguments(FormatArguments, total=False):
-    """What says how a file is read."""
+    """Arguments about reading a file."""
 
     labels: _Path | None
 
 @type_check_only
 class SceneArguments(TypedDict, total=False):
-    """How a volume is looked at."""
+    """Arguments about the picture: transfer function, camera, lights, method."""
 
     clip: str | Sequence[str] | ArrayLike | None
     hide: str | int | Sequence[int] | NDArray[Any] | None
@@ -93,13 +93,13 @@ class SceneArguments(TypedDict, total=False):
 
 @type_check_only
 class SceneAndReadArguments(SceneArguments, FormatArguments, total=False):
-    """Those of a scene that reads its volume."""
+    """Arguments of a scene that reads its volume from a file."""
 
     labels: ArrayLike | _Path | None
 
 @type_check_only
 class FileArguments(SceneAndReadArguments, total=False):
-    """Those that a scene file may have."""
+    """Arguments that a scene file may contain."""
 
     volume: _Path | None
 
@@ -148,26 +148,26 @@ class Volume:
         """Smallest and largest value."""
     @property
     def name(self) -> str:
-        """The file, or what the array was called."""
+        """File, or name of the array."""
     @property
     def notes(self) -> list[str]:
-        """What was assumed while reading."""
+        """Assumptions made while reading, one line each."""
     @property
     def labels(self) -> list[int]:
-        """The labels that its voxels have; empty without a segmentation."""
+        """Labels of the voxels; empty without a segmentation."""
     def voxels(self) -> NDArray[Any]:
-        """A copy of the values, axes i, j, k: as they are stored where nothing scales them, else float64."""
+        """Copy of the values, axes i, j, k: in the stored type without scaling, else float64."""
     def save(self, path: _Path) -> None:
-        """Writes it as ``umbravox convert`` does: .nii, .nii.gz, .nrrd, .npy or .raw."""
+        """Writes the volume like ``umbravox convert``: .nii, .nii.gz, .nrrd, .npy or .raw."""
 
 @final
 class Scene:
-    """A volume and how it is looked at; every argument is named as the flag of the command line.
+    """A volume with scene settings; every argument has the name of a flag of the command line.
 
-    Methods take the same arguments, which count for that call alone; ``None`` is as if it was not given, an empty list takes away
-    what the scene has (``clip=[]``). ``view`` replaces the scene's eye, target and up. What a call does not change is kept on the device: a new
-    camera costs a picture (and a map, unless the method has ``fit=volume`` and a size of its own), a new light its map. No answer
-    depends on the calls before it.
+    Methods take the same arguments, for that call alone. ``None`` counts as absent; an empty list removes the values of the
+    scene (``clip=[]``). ``view`` replaces the scene's eye, target and up. Data on the device are reused: a new camera costs a
+    picture (and a map, unless the method has ``fit=volume`` and a fixed size), a new light its map. No result depends on
+    earlier calls.
     """
 
     def __new__(
@@ -180,35 +180,35 @@ class Scene:
     ) -> Scene: ...
     @staticmethod
     def read(path: _Path, **arguments: Unpack[FileArguments]) -> Scene:
-        """The scene of a file (TOML), with some of it given otherwise."""
+        """Scene of a TOML file; arguments replace its settings."""
     @property
     def volume(self) -> Volume:
-        """The volume."""
+        """Volume of the scene."""
     @property
     def notes(self) -> list[str]:
-        """What was assumed, a line each."""
+        """Assumptions, one line each."""
     @property
     def last(self) -> Cost | None:
-        """What the last picture took: milliseconds, bytes, and what was left out."""
+        """Cost of the last picture: milliseconds, bytes, and skipped work."""
     def render(self, **arguments: Unpack[SceneArguments]) -> NDArray[np.float32]:
-        """A picture, height x width x 4: linear RGB over the background, and opacity."""
+        """Renders a picture, height x width x 4: linear RGB over the background, and opacity."""
     def write(self, path: _Path, **arguments: Unpack[SceneArguments]) -> None:
-        """Draws a picture into a file (.png, .exr, .npy) as ``umbravox render`` does."""
+        """Renders a picture to a file (.png, .exr, .npy) like ``umbravox render``."""
     def exact_picture(
         self, *, progress: _Progress = None, **arguments: Unpack[SceneArguments]
     ) -> NDArray[np.float32]:
-        """The picture by the exact reference; minutes for large ones."""
+        """Renders the exact reference picture, which takes minutes at large sizes."""
     def transmittance(
         self, points: ArrayLike, method: str | None = None, **arguments: Unpack[SceneArguments]
     ) -> NDArray[np.floating[Any]]:
-        """Transmittance from the light to points in world mm: by the scene's method, by another, or ``"exact"``.
+        """Transmittance from the light to points in world mm by the scene's method, another one, or ``"exact"``.
 
         The last axis of ``points`` is x, y and z, and the answer has the shape of the rest; float32 by a method, float64 exactly.
         """
     def optical_depth(
         self, starts: ArrayLike, ends: ArrayLike, **arguments: Unpack[SceneArguments]
     ) -> NDArray[np.float64]:
-        """The exact optical depth of segments between points in world mm, as many starts as ends."""
+        """Exact optical depth of segments between points in world mm, as many starts as ends."""
     def compare(
         self,
         methods: str | Sequence[str] | None = None,
@@ -225,18 +225,18 @@ class Scene:
         progress: _Progress = None,
         **arguments: Unpack[SceneArguments],
     ) -> list[dict[str, Any]]:
-        """The rows of the error-against-time table: the columns of ``compare.csv``, ``None`` where nothing was measured.
+        """Rows of the error-against-time table: the columns of ``compare.csv``, ``None`` for empty cells.
 
         With ``output``, a folder, all the files of ``umbravox compare`` are written as well. ``progress`` is called with a
         :class:`Step`, or is ``True`` for a line on stderr.
         """
     def camera(self, **arguments: Unpack[SceneArguments]) -> Camera:
-        """The camera that arguments ask for, as arguments."""
+        """Camera of the arguments, as arguments."""
     def to_toml(self, **arguments: Unpack[SceneArguments]) -> str:
-        """The scene file that says the same, with nothing left to a default."""
+        """Text of a scene file with the same settings, defaults included."""
 
 def read(path: _Path, **arguments: Unpack[ReadArguments]) -> Volume:
-    """Reads a volume, as the command line does with flags of these names."""
+    """Reads a volume; arguments are the flags of the command line."""
 
 def render(
     volume: Volume | ArrayLike | _Path | None = None,
@@ -245,7 +245,7 @@ def render(
     axes: str | None = None,
     **arguments: Unpack[SceneAndReadArguments],
 ) -> NDArray[np.float32]:
-    """A picture of a volume: ``Scene(volume, affine, **arguments).render()``."""
+    """Renders a volume: ``Scene(volume, affine, **arguments).render()``."""
 
 def transmittance(
     volume: Volume | ArrayLike | _Path | None,
@@ -264,19 +264,19 @@ def compare(
     affine: ArrayLike | None = None,
     **arguments: Any,
 ) -> list[dict[str, Any]]:
-    """The rows of a table, as ``Scene(...).compare(methods, ...)``."""
+    """Rows of a comparison table: ``Scene(volume, affine, ...).compare(methods, ...)``."""
 
 def arguments() -> dict[str, str]:
-    """Arguments that a scene takes, with their help."""
+    """Arguments of a scene, with their help."""
 
 def methods() -> dict[str, str]:
-    """Names of the shadow methods, with a line on each."""
+    """Names of the shadow methods, with descriptions."""
 
 def presets() -> dict[str, str]:
-    """Names of the transfer functions that are built in, with what they show."""
+    """Names of the built-in transfer functions, with descriptions."""
 
 def srgb8(picture: ArrayLike) -> NDArray[np.uint8]:
-    """A picture as 8-bit sRGB, height x width x 3."""
+    """Converts a picture to 8-bit sRGB, height x width x 3."""
 
 def write_picture(path: _Path, picture: ArrayLike, *, transparent: bool = False) -> None:
-    """Writes a picture (height x width x 4) by the ending of the name: .png, .exr or .npy."""
+    """Writes a picture (height x width x 4) by its file extension: .png, .exr or .npy."""

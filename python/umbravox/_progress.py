@@ -1,4 +1,4 @@
-"""The line on stderr that ``progress=True`` asks for."""
+"""Progress line on stderr, for ``progress=True``."""
 
 import sys
 

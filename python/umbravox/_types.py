@@ -1,4 +1,4 @@
-"""What dictionaries of the module hold."""
+"""Types of the dictionaries that the module takes and returns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TypedDict
 
 
 class Step(TypedDict):
-    """What ``progress`` hears of: a step that begins, and seconds that are left of all, where that is known."""
+    """Step that begins, as passed to ``progress``, and an estimate of the seconds left."""
 
     done: int
     total: int
@@ -15,7 +15,7 @@ class Step(TypedDict):
 
 
 class Camera(TypedDict):
-    """A camera, as arguments of a scene; what was zoomed is in ``fov``."""
+    """Camera as arguments of a scene; ``fov`` includes the zoom."""
 
     eye: tuple[float, float, float]
     target: tuple[float, float, float]
@@ -25,7 +25,7 @@ class Camera(TypedDict):
 
 
 class Cost(TypedDict):
-    """What a picture took; tables and maps that were kept are ``None``."""
+    """Time and memory of a picture; the time of a reused table or map is ``None``."""
 
     adapter: str
     clock: str

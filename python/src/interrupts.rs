@@ -7,47 +7,47 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 /// Interval between checks for an interrupt.
-const LISTENING: Duration = Duration::from_millis(25);
+const SIGNAL_CHECK_INTERVAL: Duration = Duration::from_millis(25);
 
 /// Flag that asks work to end.
 #[derive(Default)]
-pub struct Ending(AtomicBool);
+pub struct Cancellation(AtomicBool);
 
-impl Ending {
+impl Cancellation {
     /// Whether the work continues.
     pub fn goes_on(&self) -> bool {
         !self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Runs `work` on its own thread without the interpreter lock. This thread passes its messages to `hear` and checks for
-/// interrupts. If `hear` fails or Python is interrupted, `end` is called, and the error returns once the work has ended.
-pub fn attended<T: Send, N: Send>(
+/// Runs `work` on its own thread without the interpreter lock. This thread passes its messages to `on_message` and checks for
+/// interrupts. If `on_message` fails or Python is interrupted, `end` is called, and the error returns once the work has ended.
+pub fn run_reporting<T: Send, N: Send>(
     py: Python<'_>,
     end: impl Fn(),
-    mut hear: impl FnMut(Python<'_>, N) -> PyResult<()>,
-    work: impl FnOnce(&Ending, &Sender<N>) -> umbravox::Result<T> + Send,
+    mut on_message: impl FnMut(Python<'_>, N) -> PyResult<()>,
+    work: impl FnOnce(&Cancellation, &Sender<N>) -> umbravox::Result<T> + Send,
 ) -> Outcome<T> {
     refuse_forked()?;
-    let ending = Ending::default();
-    let (say, mut said) = channel();
+    let cancellation = Cancellation::default();
+    let (sender, mut messages) = channel();
     let mut raised = None;
     let outcome = std::thread::scope(|scope| {
-        let ending = &ending;
+        let cancellation = &cancellation;
         // Dropping the sender marks the end of the work.
         let worker = scope.spawn(move || {
-            let outcome = work(ending, &say);
-            drop(say);
+            let outcome = work(cancellation, &sender);
+            drop(sender);
             outcome
         });
-        while let Some(news) = next(py, &mut said) {
-            let heard = match news {
-                Some(news) if raised.is_none() => hear(py, news),
+        while let Some(message) = next(py, &mut messages) {
+            let handled = match message {
+                Some(message) if raised.is_none() => on_message(py, message),
                 _ => Ok(()),
             };
-            if let Err(e) = heard.and_then(|()| py.check_signals()) {
+            if let Err(e) = handled.and_then(|()| py.check_signals()) {
                 raised.get_or_insert(e);
-                ending.0.store(true, Ordering::Relaxed);
+                cancellation.0.store(true, Ordering::Relaxed);
                 end();
             }
         }
@@ -55,7 +55,7 @@ pub fn attended<T: Send, N: Send>(
     });
     match (raised, outcome) {
         (Some(e), _) => Err(Fault::Raised(e)),
-        (None, Ok(outcome)) => outcome.map_err(Fault::Ours),
+        (None, Ok(outcome)) => outcome.map_err(Fault::Library),
         (None, Err(panic)) => std::panic::resume_unwind(panic),
     }
 }
@@ -75,19 +75,19 @@ fn refuse_forked() -> Outcome<()> {
     }
 }
 
-/// Runs work without messages; see [`attended`].
+/// Runs work without messages; see [`run_reporting`].
 pub fn interruptible<T: Send>(
     py: Python<'_>,
     end: impl Fn(),
-    work: impl FnOnce(&Ending) -> umbravox::Result<T> + Send,
+    work: impl FnOnce(&Cancellation) -> umbravox::Result<T> + Send,
 ) -> Outcome<T> {
-    attended(py, end, |_, ()| Ok(()), |ending, _| work(ending))
+    run_reporting(py, end, |_, ()| Ok(()), |cancellation, _| work(cancellation))
 }
 
 /// Next message; `Some(None)` after an interval without one, `None` at the end of the work.
-fn next<N: Send>(py: Python<'_>, said: &mut Receiver<N>) -> Option<Option<N>> {
-    py.detach(move || match said.recv_timeout(LISTENING) {
-        Ok(news) => Some(Some(news)),
+fn next<N: Send>(py: Python<'_>, messages: &mut Receiver<N>) -> Option<Option<N>> {
+    py.detach(move || match messages.recv_timeout(SIGNAL_CHECK_INTERVAL) {
+        Ok(message) => Some(Some(message)),
         Err(RecvTimeoutError::Timeout) => Some(None),
         Err(RecvTimeoutError::Disconnected) => None,
     })

@@ -1,9 +1,9 @@
 //! Questions about a scene and the device state that they share, without Python types.
 
-use crate::arguments::Asked;
-use crate::attended::Ending;
+use crate::arguments::Request;
 use crate::device;
-use crate::volume::Held;
+use crate::interrupts::Cancellation;
+use crate::volume::InputVolume;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 use umbravox::engine::{CachedSession, MapCoverage, Prepared, ReusePolicy, ShadowCache, Work};
@@ -21,29 +21,29 @@ use umbravox::transfer::TransferFunction;
 use umbravox::volume::{DirectionMoments, Volume};
 
 /// Interval between two attempts to lock the device state.
-const WAITING: Duration = Duration::from_millis(2);
+const RETRY_INTERVAL: Duration = Duration::from_millis(2);
 /// Duration of a band of a picture, after which cancellation is checked, ms.
-const PART_MS: f64 = 200.0;
+const BAND_MS: f64 = 200.0;
 
 /// Volume and the state shared by the questions about it. No answer depends on the questions before it.
-pub struct Stage {
-    pub held: Held,
-    kit: Mutex<Kit>,
+pub struct SceneState {
+    pub input: InputVolume,
+    cache: Mutex<Cache>,
     /// Locked separately, so that reading notes does not wait for a picture.
-    told: Mutex<Told>,
+    reported: Mutex<Reported>,
 }
 
 /// Notes and costs of the questions so far.
 #[derive(Default)]
-struct Told {
+struct Reported {
     /// Cost of the last picture.
     last: Option<Cost>,
     /// Assumptions not yet reported to the caller.
-    untold: Vec<Diagnostic>,
+    pending: Vec<Diagnostic>,
     notes: Vec<String>,
 }
 
-impl Told {
+impl Reported {
     /// Adds a note unless it is known; returns whether it was added.
     fn note(&mut self, line: &str) -> bool {
         let is_new = !self.notes.iter().any(|note| note == line);
@@ -56,20 +56,20 @@ impl Told {
 
 /// Device state and the last look, reused by later questions.
 #[derive(Default)]
-struct Kit {
+struct Cache {
     session: Option<CachedSession>,
-    looked: Option<Looked>,
+    scene: Option<CachedScene>,
 }
 
 /// Transfer function and scene defaults for one set of settings.
-struct Looked {
-    asked: Asked,
+struct CachedScene {
+    request: Request,
     loaded: Loaded,
     /// Settings of the camera and the camera framed for them: framing takes longer than a small picture.
     framed: Option<(SceneSettings, Camera)>,
 }
 
-impl Looked {
+impl CachedScene {
     /// Scene for settings with the same look.
     fn scene(&mut self, settings: &SceneSettings) -> Result<Scene> {
         let of_camera = SceneSettings {
@@ -113,13 +113,13 @@ pub struct Cost {
 }
 
 /// Inputs of the exact reference, copied so that the lock is released meanwhile.
-pub struct Looks {
+pub struct ExactInputs {
     volume: Arc<Volume>,
     tf: TransferFunction,
     directions: Option<Arc<DirectionMoments>>,
 }
 
-impl Looks {
+impl ExactInputs {
     fn of(loaded: &Loaded, scene: &Scene) -> Result<Self> {
         let strands = loaded.strands.as_ref().filter(|_| scene.shading.is_of_strands());
         let directions = strands.map(|strands| strands.directions()).transpose()?;
@@ -131,88 +131,90 @@ impl Looks {
     }
 }
 
-impl Stage {
+impl SceneState {
     /// Creates a stage without device state.
-    pub fn new(held: Held) -> Self {
-        let mut told = Told::default();
-        held.diagnostics.iter().for_each(|d| {
-            told.note(&d.message);
+    pub fn new(input: InputVolume) -> Self {
+        let mut reported = Reported::default();
+        input.diagnostics.iter().for_each(|d| {
+            reported.note(&d.message);
         });
-        Self { held, kit: Mutex::default(), told: Mutex::new(told) }
+        Self { input, cache: Mutex::default(), reported: Mutex::new(reported) }
     }
 
     /// Assumptions, one line each.
     pub fn notes(&self) -> Vec<String> {
-        lock(&self.told).notes.clone()
+        lock(&self.reported).notes.clone()
     }
 
     /// Adds notes.
     pub fn note(&self, notes: &[String]) {
-        let mut told = lock(&self.told);
+        let mut reported = lock(&self.reported);
         notes.iter().for_each(|line| {
-            told.note(line);
+            reported.note(line);
         });
     }
 
     /// Removes and returns the assumptions made since the last call.
-    pub fn take_untold(&self) -> Vec<Diagnostic> {
-        std::mem::take(&mut lock(&self.told).untold)
+    pub fn take_pending(&self) -> Vec<Diagnostic> {
+        std::mem::take(&mut lock(&self.reported).pending)
     }
 
     /// Cost of the last picture.
     pub fn last(&self) -> Option<Cost> {
-        lock(&self.told).last.clone()
+        lock(&self.reported).last.clone()
     }
 
     /// Passes the volume's look and scene to `ask`; the look is cached.
-    pub fn looked_at<T>(
+    pub fn with_scene<T>(
         &self,
-        asked: &Asked,
-        ending: &Ending,
+        request: &Request,
+        cancellation: &Cancellation,
         ask: impl FnOnce(&Loaded, Scene) -> Result<T>,
     ) -> Result<T> {
-        let mut kit = self.kit(ending)?;
-        let looked = self.look(&mut kit, asked)?;
-        let scene = looked.scene(&asked.settings)?;
-        ask(&looked.loaded, scene)
+        let mut cache = self.cache(cancellation)?;
+        let cached = self.cached_scene(&mut cache, request)?;
+        let scene = cached.scene(&request.settings)?;
+        ask(&cached.loaded, scene)
     }
 
     /// Inputs of the exact reference, and the scene.
-    pub fn exact(&self, asked: &Asked, ending: &Ending) -> Result<(Looks, Scene)> {
-        self.looked_at(asked, ending, |loaded, scene| Ok((Looks::of(loaded, &scene)?, scene)))
+    pub fn exact(&self, request: &Request, cancellation: &Cancellation) -> Result<(ExactInputs, Scene)> {
+        self.with_scene(request, cancellation, |loaded, scene| Ok((ExactInputs::of(loaded, &scene)?, scene)))
     }
 
-    fn look<'s>(&self, kit: &'s mut Kit, asked: &Asked) -> Result<&'s mut Looked> {
-        let same =
-            |l: &Looked| l.asked.settings.looks_as(&asked.settings) && l.asked.function == asked.function;
-        if !kit.looked.as_ref().is_some_and(same) {
-            let settings = &asked.settings;
-            let mut functions = settings.functions(self.held.volume.labels().is_some())?;
-            if let Some(tf) = &asked.function {
+    fn cached_scene<'s>(&self, cache: &'s mut Cache, request: &Request) -> Result<&'s mut CachedScene> {
+        let same = |l: &CachedScene| {
+            l.request.settings.looks_as(&request.settings) && l.request.function == request.function
+        };
+        if !cache.scene.as_ref().is_some_and(same) {
+            let settings = &request.settings;
+            let mut functions = settings.functions(self.input.volume.labels().is_some())?;
+            if let Some(tf) = &request.function {
                 functions = functions.with_whole(&tf.name, tf.clone());
             }
-            let field = (Arc::clone(&self.held.volume), self.held.strands.clone());
+            let field = (Arc::clone(&self.input.volume), self.input.strands.clone());
             let loaded = settings.look_at(field, functions, Vec::new(), &Loading::default())?;
-            let mut told = lock(&self.told);
-            for diagnostic in loaded.diagnostics.iter().cloned().chain(self.guess(asked, &loaded)) {
-                if told.note(&diagnostic.message) {
-                    told.untold.push(diagnostic);
+            let mut reported = lock(&self.reported);
+            for diagnostic in loaded.diagnostics.iter().cloned().chain(self.guess(request, &loaded)) {
+                if reported.note(&diagnostic.message) {
+                    reported.pending.push(diagnostic);
                 }
             }
-            if let Some(session) = &mut kit.session {
+            if let Some(session) = &mut cache.session {
                 session.reset(settings.disabled_optimizations());
             }
-            kit.looked = Some(Looked { asked: asked.clone(), loaded, framed: None });
+            cache.scene = Some(CachedScene { request: request.clone(), loaded, framed: None });
         }
-        kit.looked.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "nothing is looked at"))
+        cache.scene.as_mut().ok_or_else(|| Error::runtime("cannot draw", "scene", "no scene is loaded"))
     }
 
     /// Diagnostic for a preset applied to an array whose units were never stated; `None` where they are known.
-    fn guess(&self, asked: &Asked, loaded: &Loaded) -> Option<Diagnostic> {
+    fn guess(&self, request: &Request, loaded: &Loaded) -> Option<Diagnostic> {
         let is_preset = PRESETS.iter().any(|p| p.name == loaded.tf_source && p.scale == Scale::Hounsfield);
-        let said = self.held.read_by.is_some() || asked.settings.units.is_some() || asked.function.is_some();
-        let is_chosen = asked.settings.tf.is_none();
-        let units = loaded.suiting.units.filter(|_| (is_preset || is_chosen) && !said)?;
+        let is_known =
+            self.input.read_by.is_some() || request.settings.units.is_some() || request.function.is_some();
+        let is_chosen = request.settings.tf.is_none();
+        let units = loaded.suiting.units.filter(|_| (is_preset || is_chosen) && !is_known)?;
         let taken = match units {
             Units::Hu => "Hounsfield units",
             Units::Fraction => "fractions of their range",
@@ -224,13 +226,13 @@ impl Stage {
     }
 
     /// Waits for the device state.
-    fn kit(&self, ending: &Ending) -> Result<MutexGuard<'_, Kit>> {
+    fn cache(&self, cancellation: &Cancellation) -> Result<MutexGuard<'_, Cache>> {
         loop {
-            match self.kit.try_lock() {
-                Ok(kit) => return Ok(kit),
+            match self.cache.try_lock() {
+                Ok(cache) => return Ok(cache),
                 // The state stays valid after a failed question.
                 Err(TryLockError::Poisoned(left)) => return Ok(left.into_inner()),
-                Err(TryLockError::WouldBlock) if ending.goes_on() => std::thread::sleep(WAITING),
+                Err(TryLockError::WouldBlock) if cancellation.goes_on() => std::thread::sleep(RETRY_INTERVAL),
                 Err(TryLockError::WouldBlock) => {
                     return Err(Error::cancelled("waiting for another question"));
                 }
@@ -238,52 +240,52 @@ impl Stage {
         }
     }
 
-    pub fn renderer(&self, asked: &Asked) -> Result<Arc<Renderer>> {
-        device::renderer(asked.adapter.as_deref())
+    pub fn renderer(&self, request: &Request) -> Result<Arc<Renderer>> {
+        device::renderer(request.adapter.as_deref())
     }
 
     /// Prepares a picture or a query and passes it to `then` with its scene.
     pub fn prepared<T>(
         &self,
-        asked: &Asked,
-        ending: &Ending,
+        request: &Request,
+        cancellation: &Cancellation,
         coverage: MapCoverage,
         then: impl FnOnce(Prepared<'_>, &Scene, Work) -> Result<T>,
     ) -> Result<T> {
-        let mut kit = self.kit(ending)?;
-        let renderer = self.renderer(asked)?;
+        let mut cache = self.cache(cancellation)?;
+        let renderer = self.renderer(request)?;
         // A lost device has lost everything on it.
-        if kit.session.as_ref().is_some_and(|session| !Arc::ptr_eq(&session.renderer, &renderer)) {
-            *kit = Kit::default();
+        if cache.session.as_ref().is_some_and(|session| !Arc::ptr_eq(&session.renderer, &renderer)) {
+            *cache = Cache::default();
         }
-        let looked = self.look(&mut kit, asked)?;
-        let (forced, tf) = (looked.asked.settings.disabled_optimizations(), looked.loaded.tf.clone());
-        let scene = looked.scene(&asked.settings)?;
-        if kit.session.is_none() {
+        let cached = self.cached_scene(&mut cache, request)?;
+        let (forced, tf) = (cached.request.settings.disabled_optimizations(), cached.loaded.tf.clone());
+        let scene = cached.scene(&request.settings)?;
+        if cache.session.is_none() {
             // No answer depends on the questions before it.
-            let cache = ShadowCache::new(ShadowCache::INTERACTIVE, ReusePolicy::Exact);
-            let mut session = CachedSession::new(renderer, forced, cache);
-            session.load(Arc::clone(&self.held.volume), self.held.strands.clone())?;
-            kit.session = Some(session);
+            let maps = ShadowCache::new(ShadowCache::INTERACTIVE, ReusePolicy::Exact);
+            let mut session = CachedSession::new(renderer, forced, maps);
+            session.load(Arc::clone(&self.input.volume), self.input.strands.clone())?;
+            cache.session = Some(session);
         }
         let none = || Error::runtime("cannot draw", "scene", "it has no device");
-        let session = kit.session.as_mut().ok_or_else(none)?;
+        let session = cache.session.as_mut().ok_or_else(none)?;
         let mut work = Work::default();
         session.set_transfer(&tf, &mut work)?;
-        let method = asked.settings.method()?;
+        let method = request.settings.method()?;
         then(session.prepare(method.as_ref(), (&scene, coverage), &mut work)?, &scene, work)
     }
 
     /// Draws a picture in bands; it can be cancelled between them.
-    pub fn drawn(&self, asked: &Asked, ending: &Ending) -> Result<Picture> {
-        self.prepared(asked, ending, MapCoverage::Picture, |prepared, scene, work| {
+    pub fn drawn(&self, request: &Request, cancellation: &Cancellation) -> Result<Picture> {
+        self.prepared(request, cancellation, MapCoverage::Picture, |prepared, scene, work| {
             let Prepared { renderer, loaded, transfer, shadows } = prepared;
             let bytes = BuildReport::of_all(shadows.iter().copied()).bytes;
-            let proceed = |_| ending.goes_on();
-            let drawn = renderer.render_in_bands(loaded, transfer, shadows, scene, PART_MS, proceed)?;
+            let proceed = |_| cancellation.goes_on();
+            let drawn = renderer.render_in_bands(loaded, transfer, shadows, scene, BAND_MS, proceed)?;
             let picture = drawn.ok_or_else(|| Error::cancelled("picture"))?;
             let (frame_ms, clock) = picture.span.best();
-            lock(&self.told).last = Some(Cost {
+            lock(&self.reported).last = Some(Cost {
                 adapter: renderer.gpu().info.name.clone(),
                 clock: clock.to_string(),
                 work,
@@ -296,9 +298,9 @@ impl Stage {
     }
 
     /// Settings with every default filled in.
-    pub fn resolved(&self, asked: &Asked, ending: &Ending) -> Result<SceneSettings> {
-        let settings = &asked.settings;
-        let mut resolved = self.looked_at(asked, ending, |loaded, scene| {
+    pub fn resolved(&self, request: &Request, cancellation: &Cancellation) -> Result<SceneSettings> {
+        let settings = &request.settings;
+        let mut resolved = self.with_scene(request, cancellation, |loaded, scene| {
             Ok(settings.resolved(&scene, &loaded.tf_source, loaded.suiting))
         })?;
         resolved.shadow = Some(settings.method_spec());
@@ -306,15 +308,15 @@ impl Stage {
     }
 
     /// Text chunks of a picture file.
-    pub fn texts(&self, asked: &Asked, ending: &Ending) -> Result<Vec<(String, String)>> {
-        let adapter = self.renderer(asked)?.gpu().info.name.clone();
-        let is_of_files = self.held.is_of_files() && asked.function.is_none();
-        let scene = if is_of_files { Some(self.resolved(asked, ending)?) } else { None };
+    pub fn texts(&self, request: &Request, cancellation: &Cancellation) -> Result<Vec<(String, String)>> {
+        let adapter = self.renderer(request)?.gpu().info.name.clone();
+        let is_of_files = self.input.is_of_files() && request.function.is_none();
+        let scene = if is_of_files { Some(self.resolved(request, cancellation)?) } else { None };
         picture_texts(&adapter, scene.as_ref())
     }
 }
 
 /// Locks for a moment only.
-fn lock(told: &Mutex<Told>) -> MutexGuard<'_, Told> {
-    told.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock(reported: &Mutex<Reported>) -> MutexGuard<'_, Reported> {
+    reported.lock().unwrap_or_else(PoisonError::into_inner)
 }
