@@ -1,6 +1,6 @@
 //! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
 
-use super::console::{load_scene, print_message, print_result, progress_bar};
+use super::console::{load_scene, print_message, print_result, progress_bar, show_step};
 use super::interrupt::Interrupt;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
@@ -10,10 +10,10 @@ use crate::measure::budget::Budget;
 use crate::measure::facts::Facts;
 use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
-use crate::measure::progress::{Progress, Status, Watch, spoken};
+use crate::measure::progress::{Progress, Status, Watch};
 use crate::measure::table::Row;
 use crate::open::provenance::{RecordedScene, function_text};
-use crate::open::{Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings};
+use crate::open::{Layer, Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings};
 use crate::render::Renderer;
 use crate::report::Start;
 use crate::report::make::{Files, Made, Order, Subject, make, scene_name};
@@ -140,11 +140,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let paths = args.scene.scene.clone();
     let requests = args.scene.into_requests()?;
     let adapter = one_adapter(&requests)?;
-    let output = RunFlags {
-        explain: requests.iter().any(|request| request.run.explain),
-        json: requests.iter().any(|request| request.run.json),
-        adapter: None,
-    };
+    let output = requests.iter().fold(RunFlags::default(), |all, request| request.run.over(&all));
     let scenes: Vec<_> = requests.into_iter().map(|request| request.settings).collect();
     if scenes.iter().any(|s| s.shadow.is_some()) {
         print_message("note", &"compare ignores --shadow; --methods lists its methods");
@@ -222,15 +218,11 @@ struct Bar<'a> {
 
 impl Watch for Bar<'_> {
     fn starts(&mut self, status: &Status) {
-        self.bar.set_length(status.total as u64);
-        self.bar.set_position(status.done as u64);
-        // The remaining time comes first: the end of the line may be cut off.
-        let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
-        self.bar.set_message(format!("{left}{}", status.what));
+        show_step(self.bar, status);
     }
 
     fn goes_on(&self) -> bool {
-        !self.interrupt.has_come()
+        !self.interrupt.is_requested()
     }
 }
 
@@ -315,12 +307,12 @@ fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Res
     } else {
         print_result(&summary(&rows, layout))?;
     }
-    say_files(&files);
+    list_files(&files);
     verdict(&rows, folder)
 }
 
 /// Lists the files on stderr.
-pub fn say_files(files: &Files) {
+pub fn list_files(files: &Files) {
     files.remarks.iter().for_each(|remark| print_message("note", remark));
     let report = [files.report.clone()];
     for (what, paths) in [
