@@ -117,7 +117,8 @@ fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
 #[derive(Debug, clap::Args)]
 pub struct CurveFlags {
     #[arg(long, value_name = "METHODS", conflicts_with_all = ["rays", "points"],
-        help = format!("With --curve: methods separated by `;`; a value without `=` is one more for the key before it [default: the method of --shadow, or {}]", CURVES.as_str()))]
+        help = format!("With --curve: methods separated by `;`; a value without `=` is one more for \
+            the key before it [default: the method of --shadow, or {}]", CURVES.as_str()))]
     pub methods: Option<String>,
     /// With --curve: a .csv, .svg, .png or .pdf file, or a folder for curve.csv, curve.svg, curve.png and curve.pdf
     /// [default: CSV on stdout]
