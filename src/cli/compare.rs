@@ -230,22 +230,15 @@ impl Watch for Bar<'_> {
 fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
     let count = run.count_here();
     let why = format!("{} of {count} rows are finished and kept", journal.kept().min(count));
-    let mut error = Error::runtime("interrupted", folder.display(), why);
-    error.hint = Some("the same command line with --resume continues".into());
-    error
+    Error::runtime("interrupted", folder.display(), why).hint("the same command line with --resume continues")
 }
 
 /// Parses budgets without repetitions.
 fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
-    let mut budgets = Vec::new();
-    for text in texts {
-        for budget in Budget::parse_list(text).map_err(|e| e.at("--budget"))? {
-            if !budgets.contains(&budget) {
-                budgets.push(budget);
-            }
-        }
-    }
-    Ok(budgets)
+    let parse = |text: &String| Budget::parse_list(text).map_err(|e| e.at("--budget"));
+    let all = texts.iter().map(parse).collect::<Result<Vec<_>>>()?.concat();
+    let is_first = |(i, budget): &(usize, &Budget)| !all[..*i].contains(budget);
+    Ok(all.iter().enumerate().filter(is_first).map(|(_, budget)| *budget).collect())
 }
 
 /// Reads every scene first, so that an error in the last one is found at once; returns their records, and the first scene.
