@@ -72,8 +72,8 @@ mod tests {
                 (b - a).cross(c - b).dot(plane.normal)
             };
             assert!((0..sides).all(|i| turn(i) * turn(0) > 0.0), "{text}");
-            let held = handle(&unit_box(), &plane);
-            assert!((plane.normal.dot(held) - plane.offset_mm).abs() < 1e-12);
+            let point = handle(&unit_box(), &plane);
+            assert!((plane.normal.dot(point) - plane.offset_mm).abs() < 1e-12);
         }
     }
 

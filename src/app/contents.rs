@@ -57,7 +57,7 @@ impl App {
 
     /// Shows one frame. Without a `render_state` pictures are drawn but not shown (tests).
     pub fn show(&mut self, ui: &mut egui::Ui, render_state: Option<&RenderState>) {
-        self.take_news();
+        self.handle_events();
         let context = ui.ctx().clone();
         self.windows.comparison.take_updates(&mut self.model, &context);
         let Self { model, windows, difference, presets, slices, strands, times } = self;
@@ -85,9 +85,9 @@ impl App {
     }
 
     /// Handles the events of other threads.
-    fn take_news(&mut self) {
+    fn handle_events(&mut self) {
         self.model.take_reading();
-        for event in self.model.events() {
+        for event in self.model.thread.events() {
             let model = &mut self.model;
             match event {
                 Event::Uploaded(opened) => self.take_volume(*opened),
@@ -102,7 +102,7 @@ impl App {
                 }
                 Event::Thumbnail(thumbnail) => self.presets.take(*thumbnail),
                 Event::Differences(found) => self.difference.take(*found),
-                Event::DifferenceInterrupted(request) => self.difference.ask_again(&request),
+                Event::DifferenceInterrupted(request) => self.difference.request_again(&request),
                 Event::ExportProgress(share) => {
                     if let Some(exporting) = &mut model.exporting {
                         exporting.share = share;
@@ -139,8 +139,8 @@ impl App {
 
     /// Continues after a device loss.
     pub fn resume(&mut self, resume: Resume) {
-        let said = format!("the graphics device was lost ({}); a new one is in use", resume.why);
-        self.model.say(said, None, true);
+        let text = format!("the graphics device was lost ({}); a new one is in use", resume.why);
+        self.model.add_message(text, None, true);
         let Some((document, split, difference)) = resume.open else { return };
         self.model.split = split.without_flicker();
         self.difference = difference;

@@ -24,9 +24,9 @@ pub struct Cell {
 
 /// Axes along a face.
 fn sides(face: IVec3) -> [IVec3; 2] {
-    let across = [IVec3::X, IVec3::Y, IVec3::Z].map(|axis| (axis, (axis * face) == IVec3::ZERO));
-    match across {
-        [(a, true), (b, true), _] | [(a, true), _, (b, true)] | [_, (a, true), (b, true)] => [a, b],
+    match face.abs() {
+        IVec3::X => [IVec3::Y, IVec3::Z],
+        IVec3::Y => [IVec3::X, IVec3::Z],
         _ => [IVec3::X, IVec3::Y],
     }
 }
@@ -72,19 +72,14 @@ pub fn cells(frame: &CameraFrame) -> Vec<Cell> {
 
 /// Direction of the cell at a point on screen; `None` beside the cube.
 pub fn hit(frame: &CameraFrame, at: DVec2) -> Option<IVec3> {
-    faces(frame).find_map(|(face, _)| {
-        let [u, v] = sides(face);
-        // Coordinates of the point along both sides of the face.
-        let (p, a, b) = (
-            at - on_screen(frame, face.as_dvec3()),
-            on_screen(frame, u.as_dvec3()),
-            on_screen(frame, v.as_dvec3()),
-        );
-        let area = a.perp_dot(b);
-        let along = [p.perp_dot(b) / area, a.perp_dot(p) / area];
-        let cell = |x: f64| if x.abs() <= MIDDLE { 0 } else { x.signum() as i32 };
-        along.iter().all(|x| x.abs() <= 1.0).then(|| face + cell(along[0]) * u + cell(along[1]) * v)
-    })
+    let contains = |cell: &Cell| {
+        let sides = [0, 1, 2, 3].map(|i| {
+            let [from, to] = [cell.corners[i], cell.corners[(i + 1) % 4]];
+            (to - from).perp_dot(at - from)
+        });
+        sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0)
+    };
+    cells(frame).into_iter().find(contains).map(|cell| cell.away)
 }
 
 /// Direction from the target to the eye and up vector for a direction of the cube; the anatomical view where there is one.
@@ -112,13 +107,13 @@ mod tests {
 
     #[test]
     fn from_each_anatomical_side_that_face_alone_is_seen_upright() {
-        for seen in &AXIS_VIEWS {
-            let frame = frame(seen.away, seen.up);
+        for side in &AXIS_VIEWS {
+            let frame = frame(side.away, side.up);
             let faces: Vec<_> = faces(&frame).collect();
             assert_eq!(faces.len(), 1);
-            assert_eq!(hit(&frame, DVec2::ZERO), Some(seen.away.as_ivec3()), "{}", seen.name);
-            assert_eq!(view(seen.away.as_ivec3()), (seen.away, seen.up));
-            assert_eq!(name(seen.away.as_ivec3()), seen.name.to_lowercase());
+            assert_eq!(hit(&frame, DVec2::ZERO), Some(side.away.as_ivec3()), "{}", side.name);
+            assert_eq!(view(side.away.as_ivec3()), (side.away, side.up));
+            assert_eq!(name(side.away.as_ivec3()), side.name.to_lowercase());
             // The corners form a square.
             for corner in cells(&frame).iter().flat_map(|cell| cell.corners) {
                 assert!(corner.abs().max_element() <= 1.0 + 1e-12);

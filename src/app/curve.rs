@@ -2,12 +2,11 @@
 
 use crate::files::color;
 use crate::transfer::{ControlPoint, Quantity, TransferFunction};
+use eframe::egui::util::undoer::Undoer;
 use std::mem::{Discriminant, discriminant};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Maximum number of undo steps.
-const MAX_STEPS: usize = 200;
 /// Edits of one kind within this time form one undo step.
 const ONE_EDIT: Duration = Duration::from_millis(700);
 /// Minimum extinction at the top of the editor, 1/mm.
@@ -196,60 +195,46 @@ impl AmountAxis {
     }
 }
 
-/// Undo history.
+/// Undo history of a transfer function.
 #[derive(Debug, Clone, Default)]
 pub struct History {
-    past: Vec<Arc<TransferFunction>>,
-    future: Vec<Arc<TransferFunction>>,
+    undoer: Undoer<Arc<TransferFunction>>,
     last: Option<(Discriminant<Edit>, Instant)>,
 }
 
 impl History {
-    /// Records the function before an edit, unless the edit continues the last one, as in a drag.
-    pub fn note_edit(&mut self, before: Arc<TransferFunction>, edit: Edit) {
+    /// Records an edit, unless it continues the last one, as in a drag.
+    pub fn note_edit(&mut self, [before, after]: [&Arc<TransferFunction>; 2], edit: Edit) {
         let kind = discriminant(&edit);
-        let goes_on = self.last.is_some_and(|(last, when)| last == kind && when.elapsed() < ONE_EDIT);
-        if !goes_on {
-            self.note(before);
+        if self.last.is_none_or(|(last, when)| last != kind || when.elapsed() >= ONE_EDIT) {
+            self.note([before, after]);
         }
         self.last = Some((kind, Instant::now()));
     }
 
-    /// Records the function before a replacement.
-    pub fn note(&mut self, before: Arc<TransferFunction>) {
+    /// Records a replacement.
+    pub fn note(&mut self, [before, after]: [&Arc<TransferFunction>; 2]) {
         self.last = None;
-        if self.past.last().is_some_and(|last| **last == *before) {
-            return;
-        }
-        self.past.push(before);
-        if self.past.len() > MAX_STEPS {
-            self.past.remove(0);
-        }
-        self.future.clear();
-    }
-
-    /// Whether an edit can be undone.
-    pub fn can_undo(&self) -> bool {
-        !self.past.is_empty()
-    }
-
-    /// Whether an edit can be redone.
-    pub fn can_redo(&self) -> bool {
-        !self.future.is_empty()
+        self.undoer.add_undo(before);
+        // A change removes what could be redone; the time has no effect.
+        self.undoer.feed_state(0.0, after);
     }
 
     /// Restores the function before the last edit.
     pub fn undo(&mut self, now: &mut Arc<TransferFunction>) {
-        let Some(before) = self.past.pop() else { return };
-        self.future.push(std::mem::replace(now, before));
         self.last = None;
+        self.undoer.undo(now).cloned().into_iter().for_each(|before| *now = before);
     }
 
     /// Restores the function that was undone last.
     pub fn redo(&mut self, now: &mut Arc<TransferFunction>) {
-        let Some(after) = self.future.pop() else { return };
-        self.past.push(std::mem::replace(now, after));
         self.last = None;
+        self.undoer.redo(now).cloned().into_iter().for_each(|after| *now = after);
+    }
+
+    /// Whether an edit can be undone, and redone.
+    pub fn is_possible(&self, now: &Arc<TransferFunction>) -> [bool; 2] {
+        [self.undoer.has_undo(now), self.undoer.has_redo(now)]
     }
 }
 
@@ -312,14 +297,19 @@ mod tests {
     fn undo_goes_back_a_whole_drag_and_redo_forward() {
         let first = Arc::new(PRESETS[0].transfer_function());
         let mut history = History::default();
-        history.note(Arc::clone(&first));
-        history.note(Arc::clone(&first));
         let second = Arc::new(apply(&first, Edit::Remove { index: 0 }).unwrap());
+        history.note([&first, &first]);
+        history.note([&first, &second]);
         let mut now = Arc::clone(&second);
         history.undo(&mut now);
         assert_eq!(now, first);
-        assert!(!history.can_undo() && history.can_redo());
+        assert_eq!(history.is_possible(&now), [false, true]);
         history.redo(&mut now);
         assert_eq!(now, second);
+        // Another edit replaces what could be redone.
+        history.undo(&mut now);
+        let third = Arc::new(apply(&first, Edit::Scale { factor: 2.0 }).unwrap());
+        history.note([&first, &third]);
+        assert_eq!(history.is_possible(&third), [true, false]);
     }
 }

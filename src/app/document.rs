@@ -1,13 +1,13 @@
 //! Document: a volume with its transfer function, method and scene, and its scene file.
 
 use super::curve::{Edit, History, apply};
-use crate::engine::method_choice::MethodChoice;
 use crate::engine::reading::{InitialState, OpenedVolume};
 use crate::error::Result;
 use crate::files::output::write_whole;
 use crate::open::presets::{self, Suiting};
 use crate::open::{MaskFlags, SceneSettings, VolumeSpec};
-use crate::scene::{Camera, Light, LightSource, Scene, Shading};
+use crate::scene::{Camera, Light, LightSource, Scene};
+use crate::shadow::MethodSpec;
 use crate::strands::VoxelisedStrands;
 use crate::transfer::formats::with_quantity_of;
 use crate::transfer::{ClipPlane, LabelRule, LabelVisibility, TransferFunction};
@@ -42,9 +42,9 @@ pub struct Document {
     /// Values at the editor's left and right edge; `None`: the range of the volume.
     pub value_window: Option<[f64; 2]>,
     /// Shadow method.
-    pub method: MethodChoice,
+    pub method: MethodSpec,
     /// Method on the right of the split.
-    pub other: MethodChoice,
+    pub other: MethodSpec,
     /// Camera, lights and picture settings.
     pub scene: Scene,
     /// Index of the edited light; see [`Self::chosen_light`].
@@ -57,7 +57,7 @@ pub struct Document {
 
 impl Document {
     /// Creates a document from an opened volume and its initial state.
-    pub fn new(opened: OpenedVolume, begin: InitialState, [method, other]: [MethodChoice; 2]) -> Self {
+    pub fn new(opened: OpenedVolume, begin: InitialState, [method, other]: [MethodSpec; 2]) -> Self {
         let tf = Arc::new(begin.tf);
         Self {
             spec: opened.spec,
@@ -109,18 +109,17 @@ impl Document {
     /// # Errors
     /// A result that no file can hold.
     pub fn edit(&mut self, edit: Edit) -> std::result::Result<(), &'static str> {
-        let tf = apply(&self.tf, edit)?;
-        if tf != *self.tf {
-            self.history.note_edit(Arc::clone(&self.tf), edit);
-            self.tf = Arc::new(tf);
+        let tf = Arc::new(apply(&self.tf, edit)?);
+        if tf != self.tf {
+            self.history.note_edit([&self.tf, &tf], edit);
+            self.tf = tf;
         }
         Ok(())
     }
 
     /// Replaces the transfer function as one undo step; clip planes and label rules stay.
     pub fn replace_tf(&mut self, tf: TransferFunction, source: String) {
-        self.history.note(Arc::clone(&self.tf));
-        self.tf = Arc::new(with_masks_of(tf, &self.tf));
+        self.set_tf(with_masks_of(tf, &self.tf), true);
         self.tf_source = (source, Arc::clone(&self.tf));
         self.selected = None;
     }
@@ -133,7 +132,7 @@ impl Document {
     /// Sets the clip planes; `begins` starts an undo step.
     pub fn set_clip(&mut self, clip: Vec<ClipPlane>, begins: bool) {
         if clip != self.tf.clip {
-            self.set_masks(TransferFunction { clip, ..(*self.tf).clone() }, begins);
+            self.set_tf(TransferFunction { clip, ..(*self.tf).clone() }, begins);
         }
     }
 
@@ -144,14 +143,16 @@ impl Document {
         if !labels.is_empty() {
             rules.push(LabelRule { labels, visibility: LabelVisibility::Hidden });
         }
-        self.set_masks(TransferFunction { rules, ..(*self.tf).clone() }, true);
+        self.set_tf(TransferFunction { rules, ..(*self.tf).clone() }, true);
     }
 
-    fn set_masks(&mut self, tf: TransferFunction, begins: bool) {
+    /// Replaces the whole function; `begins` starts an undo step.
+    fn set_tf(&mut self, tf: TransferFunction, begins: bool) {
+        let tf = Arc::new(tf);
         if begins {
-            self.history.note(Arc::clone(&self.tf));
+            self.history.note([&self.tf, &tf]);
         }
-        self.tf = Arc::new(tf);
+        self.tf = tf;
     }
 
     /// Flags of labels and clip planes.
@@ -175,9 +176,9 @@ impl Document {
     /// Frames the visible part of the volume from the current direction.
     pub fn frame_visible(&mut self) {
         let Scene { camera, width, height, .. } = self.scene;
-        let seen = crate::render::VisibleBounds::of(&self.volume, &self.tf, self.scene.mesh.as_ref());
+        let bounds = crate::render::VisibleBounds::of(&self.volume, &self.tf, self.scene.mesh.as_ref());
         let aspect = f64::from(width) / f64::from(height);
-        self.scene.camera = seen.framed(camera.eye - camera.target, camera.up, camera.fov_deg, aspect);
+        self.scene.camera = bounds.framed(camera.eye - camera.target, camera.up, camera.fov_deg, aspect);
     }
 
     /// Index of the edited light; the last one where there are fewer.
@@ -237,7 +238,7 @@ impl Document {
             tf: Some(tf.to_owned()),
             opacity_scale,
             units: self.suiting.units,
-            shadow: Some(self.method.spec().parse()?),
+            shadow: Some(self.method.clone()),
             masking: self.part_flags(),
             ..SceneSettings::of_scene(&self.spec, &self.scene, self.transparent)
         };
@@ -270,14 +271,4 @@ fn with_masks_of(tf: TransferFunction, before: &TransferFunction) -> TransferFun
         }
     }
     TransferFunction { rules, clip: before.clip.clone(), ..tf }
-}
-
-/// Name of a shading on the command line.
-pub fn name_of(shading: Shading) -> &'static str {
-    match shading {
-        Shading::None => "none",
-        Shading::Lambert => "lambert",
-        Shading::BlinnPhong => "blinn-phong",
-        Shading::KajiyaKay => "kajiya-kay",
-    }
 }

@@ -6,11 +6,11 @@ use super::document::Document;
 use super::settings::Settings;
 use super::split::Split;
 use crate::engine::RenderThread;
-use crate::engine::mailbox::Wake;
 use crate::engine::messages::{
-    Event, Export, Exported, Frame, FrameRequest, FrameSettings, Job, ProbeRequest, ProbeResult, ProbeTarget,
+    Export, Exported, Frame, FrameRequest, FrameSettings, Job, ProbeRequest, ProbeResult, ProbeTarget,
 };
 use crate::engine::reading::{InitialState, OpenMode, OpenedVolume, ReadTask};
+use crate::engine::task::Wake;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::check_output;
@@ -19,6 +19,7 @@ use crate::gpu::{DeviceLoss, Gpu};
 use crate::open::{SceneRequest, SceneSettings, VolumeSpec, presets};
 use crate::scene::AXIS_VIEWS;
 use crate::scene::{Light, Scene};
+use crate::shadow::{METHODS, MethodSpec};
 use eframe::egui::{self, Rect};
 use std::path::Path;
 use std::sync::Arc;
@@ -51,7 +52,8 @@ pub struct Exporting {
 
 /// State shared by the panels.
 pub struct Model {
-    thread: RenderThread,
+    /// Thread that draws pictures and runs jobs.
+    pub thread: RenderThread,
     /// Callback of other threads for new events.
     pub wake: Wake,
     /// Full name of the graphics adapter.
@@ -68,7 +70,7 @@ pub struct Model {
     /// Last finished picture.
     pub frame: Option<Frame>,
     /// Last requested picture, to avoid identical requests.
-    pub asked: Option<FrameSettings>,
+    pub requested: Option<FrameSettings>,
     /// Whether the last picture is final and current.
     pub settled: bool,
     /// Division of the view between two methods.
@@ -107,7 +109,7 @@ impl Model {
             reading: None,
             exporting: None,
             frame: None,
-            asked: None,
+            requested: None,
             settled: false,
             split: Split::default(),
             probe: None,
@@ -124,16 +126,16 @@ impl Model {
     /// Shows an error.
     pub fn fail(&mut self, error: &Error) {
         tracing::info!("{error}");
-        self.say(error.to_string(), error.hint.clone(), true);
+        self.add_message(error.to_string(), error.hint.clone(), true);
     }
 
     /// Shows a note.
     pub fn note(&mut self, text: impl Into<String>) {
-        self.say(text.into(), None, false);
+        self.add_message(text.into(), None, false);
     }
 
     /// Shows a message; errors stay until they are closed.
-    pub fn say(&mut self, text: String, hint: Option<String>, is_error: bool) {
+    pub fn add_message(&mut self, text: String, hint: Option<String>, is_error: bool) {
         self.messages.retain(|m| m.text != text);
         self.messages.push(Message { text, hint, is_error, since: Instant::now() });
         if self.messages.len() > MAX_MESSAGES {
@@ -142,7 +144,7 @@ impl Model {
     }
 
     /// Reports the result of writing a file.
-    fn say_saved(&mut self, path: &Path, outcome: Result<()>) {
+    fn report_saved(&mut self, path: &Path, outcome: Result<()>) {
         match outcome {
             Ok(()) => self.note(format!("saved {}", path.display())),
             Err(e) => self.fail(&e),
@@ -186,14 +188,14 @@ impl Model {
             // The written function includes the scale.
             document.suiting.opacity_scale = None;
         }
-        self.say_saved(path, outcome);
+        self.report_saved(path, outcome);
     }
 
     /// Writes a scene file for the command line.
     pub fn save_scene(&mut self, path: &Path) {
         let Some(document) = &self.document else { return };
         let outcome = document.write_scene(path);
-        self.say_saved(path, outcome);
+        self.report_saved(path, outcome);
     }
 
     /// Undoes the last edit of the transfer function.
@@ -228,8 +230,7 @@ impl Model {
 
     /// Starts to open a volume; the current document stays until the new one is ready.
     pub fn open(&mut self, spec: VolumeSpec, with: OpenMode) {
-        let wake = Arc::clone(&self.wake);
-        match ReadTask::start(spec, with, move || wake()) {
+        match ReadTask::start(spec, with, Arc::clone(&self.wake)) {
             Ok(reading) => self.reading = Some(reading),
             Err(e) => self.fail(&e),
         }
@@ -265,14 +266,14 @@ impl Model {
         let Some(outcome) = self.reading.as_ref().and_then(ReadTask::poll) else { return };
         self.reading = None;
         match outcome {
-            Ok(opened) => self.push(Job::Upload(Box::new(opened))),
+            Ok(opened) => self.thread.push(Job::Upload(Box::new(opened))),
             Err(e) => self.fail(&e),
         }
     }
 
     /// Continues with the document of a lost device.
     pub fn resume(&mut self, document: Document) {
-        self.push(Job::Upload(Box::new(document.opened())));
+        self.thread.push(Job::Upload(Box::new(document.opened())));
         self.document = Some(document);
     }
 
@@ -294,7 +295,7 @@ impl Model {
             }
         }
         self.probe = None;
-        self.asked = None;
+        self.requested = None;
         notes.into_iter().for_each(|n| self.note(n));
         true
     }
@@ -303,22 +304,13 @@ impl Model {
         let old = self.document.take();
         initial.transparent.get_or_insert(old.as_ref().is_some_and(|d| d.transparent));
         let method = initial.method.take().or_else(|| old.as_ref().map(|d| d.method.clone()));
-        let methods = [method, old.map(|d| d.other)].map(Option::unwrap_or_default);
+        let first = || MethodSpec::default_of(METHODS[0]);
+        let methods = [method, old.map(|d| d.other)].map(|method| method.unwrap_or_else(first));
         self.document = Some(Document::new(opened, initial, methods));
         self.frame = None;
     }
 
     // Render thread.
-
-    /// Requests a job of the render thread.
-    pub fn push(&self, job: Job) {
-        self.thread.push(job);
-    }
-
-    /// Events of the render thread since the last call.
-    pub fn events(&self) -> Vec<Event> {
-        self.thread.events()
-    }
 
     /// Whether the last picture is final and current, and nothing else runs.
     pub fn is_settled(&self) -> bool {
@@ -349,7 +341,7 @@ impl Model {
             Backdrop::Drawn => document.scene.background,
             Backdrop::LeftOut => [0.0; 3],
         };
-        self.push(Job::Export(Box::new(Export {
+        self.thread.push(Job::Export(Box::new(Export {
             path: path.into(),
             tf: Arc::clone(&document.tf),
             method: document.method.clone(),
@@ -357,11 +349,6 @@ impl Model {
             backdrop,
         })));
         self.exporting = Some(Exporting { path: path.display().to_string(), share: 0.0 });
-    }
-
-    /// Cancels the running export.
-    pub fn cancel_export(&self) {
-        self.thread.cancel_export();
     }
 
     /// Takes the result of an export.
@@ -380,44 +367,44 @@ impl Model {
         let light = document.light().light;
         self.probed_light = Some(light);
         let other = self.split.share.map(|_| &document.other).filter(|other| **other != document.method);
-        let methods = std::iter::once(&document.method).chain(other).cloned();
-        self.push(Job::Probe(ProbeRequest {
+        self.thread.push(Job::Probe(ProbeRequest {
             target,
             tf: Arc::clone(&document.tf),
             light,
             ambient: document.scene.ambient,
-            // Invalid settings have no curve.
-            methods: methods.filter(|m| m.method().is_ok()).collect(),
+            methods: std::iter::once(&document.method).chain(other).cloned().collect(),
         }));
     }
 
     /// Requests the current picture, unless it was requested last.
     pub fn ask(&mut self) {
         let Some(document) = &self.document else { return };
-        if document.method.method().is_err() {
-            return;
-        }
-        let other = self.split.share.map(|_| &document.other).filter(|other| other.method().is_ok());
+        let other = self.split.share.map(|_| &document.other);
         let settings = FrameSettings {
             tf: Arc::clone(&document.tf),
             methods: std::iter::once(&document.method).chain(other).cloned().collect(),
             scene: document.scene.clone(),
         };
-        if self.asked.as_ref() != Some(&settings) {
+        if self.requested.as_ref() != Some(&settings) {
             self.settled = false;
             self.revision += 1;
             let (since, revision) = (Instant::now(), self.revision);
             self.thread.request_frame(FrameRequest { settings: settings.clone(), since, revision });
-            self.asked = Some(settings);
+            self.requested = Some(settings);
         }
         // The probe's curves follow when the picture is final.
         if let Some(point) = self.probe.as_ref().map(|p| p.point).filter(|_| self.settled) {
             let differs = |(a, b): (&FrameSettings, &FrameSettings)| a.tf != b.tf || a.methods != b.methods;
             let elsewhere = self.probed_light != Some(document.light().light);
-            if self.probed.as_ref().zip(self.asked.as_ref()).is_some_and(|both| elsewhere || differs(both)) {
+            if self
+                .probed
+                .as_ref()
+                .zip(self.requested.as_ref())
+                .is_some_and(|both| elsewhere || differs(both))
+            {
                 self.probe(ProbeTarget::Point(point));
             }
-            self.probed.clone_from(&self.asked);
+            self.probed.clone_from(&self.requested);
         }
     }
 

@@ -22,28 +22,11 @@ pub struct Surface {
 #[derive(Default)]
 struct Failures(u32);
 
-/// Reaction to a frame.
-#[derive(Debug, PartialEq, Eq)]
-enum Verdict {
-    Fine,
-    /// Try another frame.
-    Again,
-    /// Try another frame and report.
-    Say(String),
-}
-
 impl Failures {
-    fn judge(&mut self, error: Option<Uncaptured>) -> Verdict {
-        let Some(error) = error else {
-            self.0 = 0;
-            return Verdict::Fine;
-        };
+    /// Counts a failed frame. Returns an error to report: once, not with every frame.
+    fn count(&mut self, error: Uncaptured) -> Option<String> {
         self.0 = self.0.saturating_add(1);
-        // Report once, not with every frame.
-        if (error.out_of_memory && self.0 == 1) || self.0 == MAX_FAILURES {
-            return Verdict::Say(error.why);
-        }
-        Verdict::Again
+        ((error.out_of_memory && self.0 == 1) || self.0 == MAX_FAILURES).then_some(error.why)
     }
 }
 
@@ -56,11 +39,12 @@ impl Surface {
 
     /// Checks the last frame before the next one; returns an error to report.
     pub fn before_frame(&mut self, context: &egui::Context, frame: &mut eframe::Frame) -> Option<Error> {
-        let verdict = self.failures.judge(self.sharing.take_error());
-        if verdict == Verdict::Fine {
+        let Some(error) = self.sharing.take_error() else {
+            self.failures.0 = 0;
             self.sharing.release();
             return None;
-        }
+        };
+        let report = self.failures.count(error);
         // Pausing the render thread does not help against persistent failures.
         if self.failures.0 > MAX_FAILURES {
             self.sharing.release();
@@ -73,10 +57,7 @@ impl Surface {
         }
         // At least one more frame, to resume the render thread.
         context.request_repaint();
-        match verdict {
-            Verdict::Say(why) => Some(Error::runtime("the graphics device failed", &self.adapter, why)),
-            _ => None,
-        }
+        report.map(|why| Error::runtime("the graphics device failed", &self.adapter, why))
     }
 }
 
@@ -90,26 +71,16 @@ fn changed(config: SurfaceConfig) -> SurfaceConfig {
 mod tests {
     use super::*;
 
-    fn failed(out_of_memory: bool) -> Option<Uncaptured> {
-        Some(Uncaptured { why: "it does not fit".into(), out_of_memory })
-    }
-
     #[test]
-    fn what_another_frame_mends_is_not_said_and_what_none_mends_is_said_once() {
+    fn failures_that_stay_are_reported_once_and_missing_memory_at_once() {
+        let failed = |out_of_memory| Uncaptured { why: "it does not fit".into(), out_of_memory };
         let mut failures = Failures::default();
-        for _ in 0..3 {
-            for _ in 1..MAX_FAILURES {
-                assert_eq!(failures.judge(failed(false)), Verdict::Again);
-            }
-            assert_eq!(failures.judge(None), Verdict::Fine);
-        }
-        let verdicts: Vec<Verdict> = (0..3 * MAX_FAILURES).map(|_| failures.judge(failed(false))).collect();
-        let said = verdicts.iter().filter(|v| matches!(v, Verdict::Say(_))).count();
-        assert_eq!(said, 1);
-        assert_eq!(verdicts[MAX_FAILURES as usize - 1], Verdict::Say("it does not fit".into()));
-        failures.judge(None);
-        assert!(matches!(failures.judge(failed(true)), Verdict::Say(_)), "memory is said at once");
-        assert_eq!(failures.judge(failed(true)), Verdict::Again);
+        let reports: Vec<_> = (1..3 * MAX_FAILURES).map(|_| failures.count(failed(false))).collect();
+        assert_eq!(reports.iter().flatten().count(), 1);
+        assert_eq!(reports[MAX_FAILURES as usize - 1].as_deref(), Some("it does not fit"));
+        failures.0 = 0;
+        assert!(failures.count(failed(true)).is_some());
+        assert_eq!(failures.count(failed(true)), None);
     }
 
     #[test]

@@ -46,8 +46,8 @@ pub fn colors(visuals: &Visuals) -> &'static Colors {
 
 /// Applies a theme.
 pub fn show(context: &egui::Context, dark: bool) {
-    let told = egui::Id::unique("umbravox theme");
-    if !context.data(|d| d.get_temp::<bool>(told).unwrap_or(false)) {
+    let applied = egui::Id::unique("umbravox theme");
+    if !context.data(|d| d.get_temp::<bool>(applied).unwrap_or(false)) {
         for theme in [Theme::Dark, Theme::Light] {
             context.set_visuals_of(theme, visuals(theme));
             // Scroll bars beside the content, not over it.
@@ -56,7 +56,7 @@ pub fn show(context: &egui::Context, dark: bool) {
                 style.number_formatter = NumberFormatter::new(number);
             });
         }
-        context.data_mut(|d| d.insert_temp(told, true));
+        context.data_mut(|d| d.insert_temp(applied, true));
     }
     context.set_theme(if dark { Theme::Dark } else { Theme::Light });
 }
@@ -187,8 +187,8 @@ mod tests {
             assert!(found.len() > 40);
             let never_disabled = ["active", "hovered", "open", "probe", "method"];
             for (name, text, back) in found {
-                let seen = contrast(text, back);
-                assert!(seen >= MIN_CONTRAST, "{theme:?}: {name}: {seen:.2}");
+                let ratio = contrast(text, back);
+                assert!(ratio >= MIN_CONTRAST, "{theme:?}: {name}: {ratio:.2}");
                 // Disabled text fades with its background into the panel.
                 if never_disabled
                     .iter()
@@ -198,8 +198,8 @@ mod tests {
                 }
                 let [text, back] =
                     [text, back].map(|c| over(c.gamma_multiply(v.disabled_alpha), v.panel_fill));
-                let seen = contrast(text, back);
-                assert!(seen >= MIN_CONTRAST, "{theme:?}: disabled {name}: {seen:.2}");
+                let ratio = contrast(text, back);
+                assert!(ratio >= MIN_CONTRAST, "{theme:?}: disabled {name}: {ratio:.2}");
             }
         }
     }
@@ -208,8 +208,8 @@ mod tests {
     fn text_over_pictures_can_be_read_on_any_picture() {
         for text in [OVER_PICTURE, DIM_OVER_PICTURE] {
             for picture in [Color32::BLACK, NO_PICTURE, Color32::from_gray(128), Color32::WHITE] {
-                let seen = contrast(text, over(PLATE, picture));
-                assert!(seen >= MIN_CONTRAST, "{text:?} over {picture:?}: {seen:.2}");
+                let ratio = contrast(text, over(PLATE, picture));
+                assert!(ratio >= MIN_CONTRAST, "{text:?} over {picture:?}: {ratio:.2}");
             }
         }
     }

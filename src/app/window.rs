@@ -43,15 +43,6 @@ enum Ended {
     Lost(Box<Resume>, Option<Box<dyn FrameHook>>),
 }
 
-/// Initial content of a window.
-#[derive(Default)]
-struct Begin {
-    settings: Settings,
-    scene: Option<SceneSettings>,
-    hook: Option<Box<dyn FrameHook>>,
-    resume: Option<Resume>,
-}
-
 /// A device lost within this time counts as unusable.
 const MIN_LIFETIME: Duration = Duration::from_secs(2);
 /// Losses within a time after which the window gives up.
@@ -63,30 +54,36 @@ const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 /// # Errors
 /// No display, no adapter, a system that refuses the window, or a device that is lost again at once.
 pub fn run(start: Start) -> Result<()> {
-    let settings = if start.clean { Settings::default() } else { Settings::read() };
-    let scene = start.scene.or_else(|| last_scene(&settings.last_scene));
-    let mut begin =
-        Begin { settings, scene: Some(scene.unwrap_or_default()), hook: start.hook, resume: None };
+    let Start { scene, adapter, clean, mut hook } = start;
+    let mut settings = if clean { Settings::default() } else { Settings::read() };
+    let scene = scene.or_else(|| last_scene(&settings.last_scene)).unwrap_or_default();
+    let (mut scene, mut resume) = (Some(scene), None);
     let mut losses: Vec<Instant> = Vec::new();
     loop {
         let since = Instant::now();
-        match open(start.adapter.as_deref(), start.clean, begin)? {
+        match open(adapter.as_deref(), clean, settings, (scene.take(), resume.take()), hook)? {
             Ended::Closed(outcome) => return outcome,
-            Ended::Lost(resume, hook) => {
-                losses.retain(|lost| lost.elapsed() < LOSSES_WITHIN);
+            Ended::Lost(lost, next_hook) => {
+                losses.retain(|loss| loss.elapsed() < LOSSES_WITHIN);
                 losses.push(Instant::now());
                 if since.elapsed() < MIN_LIFETIME || losses.len() >= MAX_LOSSES {
-                    return Err(resume.give_up(Resume::kept_scene()));
+                    return Err(lost.give_up(Resume::recovery_path()));
                 }
-                let settings = resume.settings.clone();
-                begin = Begin { settings, scene: None, hook, resume: Some(*resume) };
+                (settings, hook) = (lost.settings.clone(), next_hook);
+                resume = Some(*lost);
             }
         }
     }
 }
 
-fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
-    let Begin { settings, scene, hook, resume } = begin;
+/// Opens a window with a scene, or with the document of a lost device.
+fn open(
+    adapter: Option<&str>,
+    clean: bool,
+    settings: Settings,
+    (scene, resume): (Option<SceneSettings>, Option<Resume>),
+    hook: Option<Box<dyn FrameHook>>,
+) -> Result<Ended> {
     let setup = egui_wgpu::WgpuSetupCreateNew {
         native_adapter_selector: adapter.map(select_by_name),
         device_descriptor: Arc::new(Gpu::device_descriptor),
@@ -131,12 +128,12 @@ fn open(adapter: Option<&str>, clean: bool, begin: Begin) -> Result<Ended> {
         if let Some(scene) = scene {
             app.model.open(scene.spec(), OpenMode::Settings(Box::new(scene)));
         }
-        let kept = (!clean).then(Instant::now);
-        Ok(Box::new(Window { app, surface, kept, hook, outcome: reported, ended: false }))
+        let last_write = (!clean).then(Instant::now);
+        Ok(Box::new(Window { app, surface, last_write, hook, outcome: reported, ended: false }))
     });
     let ran = eframe::run_native("umbravox", options, create);
     if let (Err(_), Some(resume)) = (&ran, lock(&resume).take()) {
-        return Err(resume.give_up(Resume::kept_scene()));
+        return Err(resume.give_up(Resume::recovery_path()));
     }
     ran.map_err(|e| failed(e.to_string()))?;
     Ok(std::mem::replace(&mut *lock(&outcome), Ended::Closed(Ok(()))))
@@ -166,7 +163,7 @@ struct Window {
     app: App,
     surface: Surface,
     /// Time of the last write of the settings; `None` with `--clean`.
-    kept: Option<Instant>,
+    last_write: Option<Instant>,
     hook: Option<Box<dyn FrameHook>>,
     outcome: Arc<Mutex<Ended>>,
     /// The device is lost and the window is closing.
@@ -222,11 +219,11 @@ impl eframe::App for Window {
         if let Some(hook) = &mut self.hook {
             hook.after_frame(ui.ctx());
         }
-        if self.kept.is_some_and(|when| when.elapsed() > WRITE_INTERVAL)
-            || (self.kept.is_some() && ui.input(|i| i.viewport().close_requested()))
+        if self.last_write.is_some_and(|when| when.elapsed() > WRITE_INTERVAL)
+            || (self.last_write.is_some() && ui.input(|i| i.viewport().close_requested()))
         {
             self.write_settings(ui.ctx());
-            self.kept = Some(Instant::now());
+            self.last_write = Some(Instant::now());
         }
     }
 

@@ -1,23 +1,18 @@
 //! `umbravox claims`: what the papers of the methods claim, tried.
 
-use super::console::{load_scene, print_message, print_result};
+use super::console::{load_scene, progress_bar, show_step};
+use super::table_flags::TableFlags;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
-use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
-use crate::gpu::Gpu;
 use crate::measure::facts::Facts;
 use crate::measure::job::Effort;
-use crate::measure::progress::{Progress, spoken};
+use crate::measure::progress::Progress;
 use crate::open::{SceneRequest, SceneSettings};
-use crate::render::Renderer;
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
 use crate::replication::claims::table::{Record, TriedOn, counts, markdown};
 use crate::replication::claims::{Claim, all, find_paper, run as run_claims, scene_names};
-use crate::report::writers::{csv, json};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Points, light rays and depths: enough for verdicts, so that all claims take minutes on two cores.
 const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100, check_all: false };
@@ -25,9 +20,8 @@ const EFFORT: Effort = Effort { repeats: 3, points: 4000, rays: 500, depths: 100
 /// Try what the methods' papers claim with a figure or a comparison: what was claimed, what is measured here, whether it holds
 #[derive(Debug, Args)]
 pub struct ClaimsArgs {
-    /// The folder for claims.csv and claims.md; made when it is missing
-    #[arg(short, long, value_name = "DIR")]
-    pub output: PathBuf,
+    #[command(flatten)]
+    table: TableFlags,
     /// Only claims of this paper, by an author's name: kim, hadwiger, yuksel, voicu; may be given again
     #[arg(long = "paper", value_name = "NAME")]
     pub papers: Vec<String>,
@@ -38,15 +32,6 @@ pub struct ClaimsArgs {
     #[arg(long, value_name = "N", default_value_t = EFFORT.repeats as u32,
         value_parser = clap::value_parser!(u32).range(Effort::REPEATS))]
     pub repeats: u32,
-    /// Use the graphics adapter whose name contains NAME [default: the fastest]
-    #[arg(long, value_name = "NAME")]
-    pub adapter: Option<String>,
-    /// Write the table anew where DIR holds one
-    #[arg(long)]
-    pub overwrite: bool,
-    /// The rows as JSON on stdout
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// Runs the command.
@@ -57,29 +42,16 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let mut claims = all()?;
     let papers = args.papers.iter().map(|name| find_paper(name, &claims)).collect::<Result<Vec<_>>>()?;
     claims.retain(|c: &Claim| papers.is_empty() || papers.contains(&c.paper));
-    check_output_dir(&args.output)?;
-    if !args.overwrite {
-        check_no_table(&args.output, "claims.csv")?;
-    }
+    args.table.check("claims")?;
     let given = given_scenes(&args.scene)?;
     // A mistake in the last file is not to be found minutes later.
     for (name, settings) in &given {
         settings.one_light("claims").map_err(|e| e.at(name))?;
         settings.load(&Loading::default()).map_err(|e| e.at(name))?;
     }
-    let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
-    // Made last: what is refused before leaves no empty folder.
-    prepare_output_dir(&args.output)?;
-
-    let style = ProgressStyle::with_template("{bar:20} {pos}/{len} {wide_msg}")
-        .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
-    let bar = ProgressBar::new(0).with_style(style);
-    let mut progress = Progress::new(|status| {
-        bar.set_length(status.total as u64);
-        bar.set_position(status.done as u64);
-        let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
-        bar.set_message(format!("{left}{}", status.what));
-    });
+    let renderer = args.table.open()?;
+    let bar = progress_bar(0, "{bar:20} {pos}/{len} {wide_msg}")?;
+    let mut progress = Progress::new(|status| show_step(&bar, status));
     let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
     let mut read = |name: &str| {
         let loaded = load_scene(&settings_of(name, &given)?)?;
@@ -100,13 +72,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     let tried =
         scene_names(&claims, &names).iter().map(|n| tried_on(n, &given)).collect::<Result<Vec<_>>>()?;
     let records: Vec<Record> = rows.iter().map(Record::from).collect();
-    let page = markdown(&rows, &tried, &made_by);
-    for (name, bytes) in [("claims.csv", csv(&records)?), ("claims.md", page.into_bytes())] {
-        let path = args.output.join(name);
-        write_whole(&path, |file| file.write_all(&bytes))?;
-        print_message("table", &path.display());
-    }
-    if args.json { print_result(&json(&records)?) } else { print_result(&counts(&rows)) }
+    args.table.write("claims", &records, &markdown(&rows, &tried, &made_by), &counts(&rows))
 }
 
 /// Scene files by their names without ending, which must differ.

@@ -1,6 +1,6 @@
 //! `umbravox compare`: the error-against-time table of several methods on one or more scenes.
 
-use super::console::{load_scene, print_message, print_result, progress_bar};
+use super::console::{load_scene, print_message, print_result, progress_bar, show_step};
 use super::interrupt::Interrupt;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
@@ -10,10 +10,10 @@ use crate::measure::budget::Budget;
 use crate::measure::facts::Facts;
 use crate::measure::job::{Effort, file_name_part};
 use crate::measure::journal::{JOURNAL, Journal};
-use crate::measure::progress::{Progress, Status, Watch, spoken};
+use crate::measure::progress::{Progress, Status, Watch};
 use crate::measure::table::Row;
 use crate::open::provenance::{RecordedScene, function_text};
-use crate::open::{Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings};
+use crate::open::{Layer, Loaded, RunFlags, SceneArgs, SceneRequest, SceneSettings};
 use crate::render::Renderer;
 use crate::report::Start;
 use crate::report::make::{Files, Made, Order, Subject, make, scene_name};
@@ -140,11 +140,7 @@ pub fn run(args: CompareArgs) -> Result<()> {
     let paths = args.scene.scene.clone();
     let requests = args.scene.into_requests()?;
     let adapter = one_adapter(&requests)?;
-    let output = RunFlags {
-        explain: requests.iter().any(|request| request.run.explain),
-        json: requests.iter().any(|request| request.run.json),
-        adapter: None,
-    };
+    let output = requests.iter().fold(RunFlags::default(), |all, request| request.run.over(&all));
     let scenes: Vec<_> = requests.into_iter().map(|request| request.settings).collect();
     if scenes.iter().any(|s| s.shadow.is_some()) {
         print_message("note", &"compare ignores --shadow; --methods lists its methods");
@@ -222,15 +218,11 @@ struct Bar<'a> {
 
 impl Watch for Bar<'_> {
     fn starts(&mut self, status: &Status) {
-        self.bar.set_length(status.total as u64);
-        self.bar.set_position(status.done as u64);
-        // The remaining time comes first: the end of the line may be cut off.
-        let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
-        self.bar.set_message(format!("{left}{}", status.what));
+        show_step(self.bar, status);
     }
 
     fn goes_on(&self) -> bool {
-        !self.interrupt.has_come()
+        !self.interrupt.is_requested()
     }
 }
 
@@ -238,22 +230,15 @@ impl Watch for Bar<'_> {
 fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
     let count = run.count_here();
     let why = format!("{} of {count} rows are finished and kept", journal.kept().min(count));
-    let mut error = Error::runtime("interrupted", folder.display(), why);
-    error.hint = Some("the same command line with --resume continues".into());
-    error
+    Error::runtime("interrupted", folder.display(), why).hint("the same command line with --resume continues")
 }
 
 /// Parses budgets without repetitions.
 fn distinct_budgets(texts: &[String]) -> Result<Vec<Budget>> {
-    let mut budgets = Vec::new();
-    for text in texts {
-        for budget in Budget::parse_list(text).map_err(|e| e.at("--budget"))? {
-            if !budgets.contains(&budget) {
-                budgets.push(budget);
-            }
-        }
-    }
-    Ok(budgets)
+    let parse = |text: &String| Budget::parse_list(text).map_err(|e| e.at("--budget"));
+    let all = texts.iter().map(parse).collect::<Result<Vec<_>>>()?.concat();
+    let is_first = |(i, budget): &(usize, &Budget)| !all[..*i].contains(budget);
+    Ok(all.iter().enumerate().filter(is_first).map(|(_, budget)| *budget).collect())
 }
 
 /// Reads every scene first, so that an error in the last one is found at once; returns their records, and the first scene.
@@ -315,12 +300,12 @@ fn publish(made: Made, output: &RunFlags, folder: &Path, layout: &Layout) -> Res
     } else {
         print_result(&summary(&rows, layout))?;
     }
-    say_files(&files);
+    list_files(&files);
     verdict(&rows, folder)
 }
 
 /// Lists the files on stderr.
-pub fn say_files(files: &Files) {
+pub fn list_files(files: &Files) {
     files.remarks.iter().for_each(|remark| print_message("note", remark));
     let report = [files.report.clone()];
     for (what, paths) in [

@@ -2,8 +2,10 @@
 
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
+use crate::measure::progress::{Status, spoken};
 use crate::open::{Loaded, SceneSettings};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 use std::io::{self, Write};
 
 /// Prints a result to stdout; a closed pipe (`| head`) is no error.
@@ -13,9 +15,7 @@ use std::io::{self, Write};
 pub fn print_result(text: &impl std::fmt::Display) -> Result<()> {
     let mut stdout = io::stdout().lock();
     match write!(stdout, "{text}").and_then(|()| stdout.flush()) {
-        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::runtime("cannot print result", "stdout", e))
-        }
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(not_printed(e)),
         _ => Ok(()),
     }
 }
@@ -48,12 +48,35 @@ pub fn progress_bar(length: u64, template: &str) -> Result<ProgressBar> {
     Ok(ProgressBar::new(length).with_style(style))
 }
 
+/// Shows the running step and the estimated time of the others.
+pub fn show_step(bar: &ProgressBar, status: &Status) {
+    bar.set_length(status.total as u64);
+    bar.set_position(status.done as u64);
+    // The remaining time comes first: the end of the line may be cut off.
+    let left = status.left_s.map_or(String::new(), |s| format!("about {} left, ", spoken(s)));
+    bar.set_message(format!("{left}{}", status.what));
+}
+
+/// Prints the properties of a result to stdout, as JSON or as TOML for people.
+///
+/// # Errors
+/// See [`print_result`].
+pub fn print_properties(result: &impl Serialize, as_json: bool) -> Result<()> {
+    match as_json {
+        true => print_json(result),
+        false => print_result(&toml::to_string(result).map_err(not_printed)?),
+    }
+}
+
 /// Prints a result as JSON to stdout.
 ///
 /// # Errors
 /// See [`print_result`].
-pub fn print_json(result: &impl serde::Serialize) -> Result<()> {
-    let json = serde_json::to_string_pretty(result)
-        .map_err(|e| Error::runtime("cannot print result", "stdout", e))?;
+pub fn print_json(result: &impl Serialize) -> Result<()> {
+    let json = serde_json::to_string_pretty(result).map_err(not_printed)?;
     print_result(&format_args!("{json}\n"))
+}
+
+fn not_printed(why: impl std::fmt::Display) -> Error {
+    Error::runtime("cannot print result", "stdout", why.to_string())
 }

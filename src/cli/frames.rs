@@ -1,6 +1,6 @@
 //! Pictures of a rotation: `render --turntable` and `--light-sweep`.
 
-use super::console::print_message;
+use super::console::{print_message, progress_bar};
 use super::interrupt::Interrupt;
 use crate::engine::{CachedSession, MapCoverage, Prepared, RotatedScene, Rotation, Work};
 use crate::error::{Error, Result};
@@ -11,7 +11,6 @@ use crate::render::Picture;
 use crate::scene::Scene;
 use crate::shadow::Method;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 
 /// Extensions of the output files.
@@ -130,12 +129,6 @@ impl FrameRecord {
     }
 }
 
-/// Destination of the pictures.
-enum Sink {
-    Numbered,
-    Animated(Box<Animation>),
-}
-
 /// Draws the pictures of a rotation and writes them.
 pub struct RotationWriter<'a> {
     pub plan: &'a RotationPlan,
@@ -155,7 +148,7 @@ impl RotationWriter<'_> {
         session: &mut CachedSession,
         method: &dyn Method,
         scene: &Scene,
-        on_first: impl FnOnce(&Prepared<'_>, &Picture) -> T,
+        on_first: impl Fn(&Prepared<'_>, &Picture) -> T,
     ) -> Result<(T, Vec<FrameRecord>)> {
         let RotationPlan { rotation, count, fps, output } = self.plan;
         let written = match is_animation(output) {
@@ -164,22 +157,19 @@ impl RotationWriter<'_> {
         };
         // Before a file is begun, so that an interruption leaves none.
         let interrupt = Interrupt::between_steps(written);
-        let mut sink = match is_animation(output) {
-            false => Sink::Numbered,
-            true => {
-                let (size, backdrop, texts) =
-                    ([scene.width, scene.height], self.backdrop, (self.texts)(scene)?);
-                let settings = Animated { size, frames: *count, fps: *fps, backdrop, texts };
-                Sink::Animated(Box::new(Animation::begin(output, settings)?))
-            }
-        };
+        let mut animation = None;
+        if is_animation(output) {
+            let (size, texts) = ([scene.width, scene.height], (self.texts)(scene)?);
+            let settings = Animated { size, frames: *count, fps: *fps, backdrop: self.backdrop, texts };
+            animation = Some(Animation::begin(output, settings)?);
+        }
         if !rotation.changes(scene) {
             print_message("note", &"every light lies on the rotation axis: all pictures are identical");
         }
-        let bar = progress_bar(*count)?;
-        let (mut on_first, mut first, mut frames) = (Some(on_first), None, Vec::new());
+        let bar = progress_bar((*count).into(), "{bar:20} {pos}/{len} about {eta} left, {wide_msg}")?;
+        let (mut first, mut frames) = (None, Vec::new());
         for RotatedScene { angle_deg, scene } in rotation.scenes(scene, *count) {
-            if interrupt.has_come() {
+            if interrupt.is_requested() {
                 bar.finish_and_clear();
                 let why = format!("{} of {count} pictures are drawn; {written}", frames.len());
                 return Err(Error::runtime("interrupted", output.display(), why));
@@ -189,9 +179,9 @@ impl RotationWriter<'_> {
             let prepared = session.prepare(method, (&scene, MapCoverage::Picture), &mut work)?;
             let picture = prepared.render(&scene)?;
             let pixels = &picture.pixels;
-            let file = match &mut sink {
-                Sink::Animated(animation) => animation.add(pixels).map(|()| None),
-                Sink::Numbered => {
+            let file = match &mut animation {
+                Some(animation) => animation.add(pixels).map(|()| None),
+                None => {
                     let path = self.plan.frame_path(frames.len() as u32);
                     write_picture_with(&path, pixels, self.backdrop, &(self.texts)(&scene)?)
                         .map(|()| Some(path))
@@ -206,19 +196,17 @@ impl RotationWriter<'_> {
                 frame_ms: picture.span.best().0,
                 frame_wall_ms: picture.span.wall_ms,
             });
-            if let Some(on_first) = on_first.take() {
-                first = Some(on_first(&prepared, &picture));
-            }
+            first.get_or_insert_with(|| on_first(&prepared, &picture));
             bar.inc(1);
         }
         bar.finish_and_clear();
-        if matches!(sink, Sink::Animated(_)) && interrupt.has_come() {
+        if animation.is_some() && interrupt.is_requested() {
             let why = format!("all {count} pictures are drawn; {written}");
             return Err(Error::runtime("interrupted", output.display(), why));
         }
-        match sink {
-            Sink::Animated(animation) => animation.finish()?,
-            Sink::Numbered => self.warn_of_others(),
+        match animation {
+            Some(animation) => animation.finish()?,
+            None => self.warn_of_others(),
         }
         let none = || Error::runtime("cannot render", output.display(), "the rotation has no pictures");
         Ok((first.ok_or_else(none)?, frames))
@@ -231,11 +219,4 @@ impl RotationWriter<'_> {
             print_message("warning", &format_args!("{} is from an earlier rotation", next.display()));
         }
     }
-}
-
-/// Progress bar on stderr, if it is a terminal.
-fn progress_bar(count: u32) -> Result<ProgressBar> {
-    let style = ProgressStyle::with_template("{bar:20} {pos}/{len} about {eta} left, {wide_msg}")
-        .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
-    Ok(ProgressBar::new(count.into()).with_style(style))
 }

@@ -1,13 +1,13 @@
 //! `umbravox info`: properties of a volume.
 
-use super::console::{print_json, print_result};
+use super::console::print_properties;
 use crate::error::Result;
 use crate::open::units::{Meaning, Units, ValueKind};
 use crate::open::{ReadFlags, VolumeSpec, load};
-use crate::volume::{AffineSource, Bricks, Scaling, Volume, Voxels};
+use crate::volume::{Bricks, Provenance, Scaling, Volume, Voxels};
 use clap::Args;
+use glam::{DMat4, DVec3};
 use serde::Serialize;
-use std::fmt::Write as _;
 
 /// Print the properties of a volume file
 #[derive(Debug, Args)]
@@ -21,26 +21,22 @@ pub struct InfoArgs {
     /// Interpret values as HU or as fractions of their range [default: as the file or the values suggest]
     #[arg(long, value_enum, value_name = "UNITS")]
     pub units: Option<Units>,
-    /// Print the result as JSON
+    /// Print the result as JSON instead of TOML
     #[arg(long)]
     pub json: bool,
 }
 
-/// Properties of a volume; the keys of `info --json`.
+/// Properties of a volume; the keys of `info`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Info {
-    pub source: String,
-    /// `nifti1`, `nifti2`, `analyze`, `dicom`, `nrrd`, `metaimage`, `zarr`, `vti`, `tiff`, `npy`, `raw`, `phantom` or `strands`.
-    pub format: String,
+    #[serde(flatten)]
+    pub provenance: Provenance,
     /// Voxels along the index axes.
     pub dims: [usize; 3],
-    /// Element type in the file.
-    pub stored_type: String,
     /// Element type in memory.
     pub memory_type: &'static str,
     /// World mm (RAS+) from index coordinates, row by row.
     pub affine: [[f64; 4]; 4],
-    pub affine_source: AffineSource,
     pub spacing_mm: [f64; 3],
     /// Lengths of the domain `[-0.5, n - 0.5]^3` along the index axes.
     pub size_mm: [f64; 3],
@@ -58,32 +54,23 @@ pub struct Info {
     pub scaling: Scaling,
     /// Whether the scaling changes anything.
     pub scaled: bool,
-    pub frames: usize,
-    /// The frame read, counted from 0.
-    pub frame: usize,
     /// Bricks along the index axes, and in all.
     pub brick_counts: [usize; 3],
     pub bricks: usize,
     pub memory_bytes: u64,
-    pub non_finite: usize,
-    pub warnings: Vec<String>,
 }
 
 impl Info {
     /// Properties of a volume.
     pub fn of(volume: &Volume, units: Option<Units>) -> Self {
         let meaning = Meaning::of(volume, units);
-        let provenance = &volume.provenance;
-        let affine = volume.world_from_index();
         let dims = volume.dims();
         let spacing_mm = volume.spacing_mm();
         let corners = volume.corners_mm();
         let brick_counts = Bricks::counts_for(dims);
         Self {
-            source: provenance.source.clone(),
-            format: provenance.format.clone(),
+            provenance: volume.provenance.clone(),
             dims,
-            stored_type: provenance.stored_type.clone(),
             memory_type: match volume.voxels() {
                 Voxels::U8(_) => "uint8",
                 Voxels::I16(_) => "int16",
@@ -91,19 +78,12 @@ impl Info {
                 Voxels::F32(_) => "float32",
                 Voxels::F64(_) => "float64",
             },
-            affine: std::array::from_fn(|row| {
-                std::array::from_fn(|column| match (row, column) {
-                    (3, _) => f64::from(u8::from(column == 3)),
-                    (_, 3) => affine.translation[row],
-                    _ => affine.matrix3.col(column)[row],
-                })
-            }),
-            affine_source: provenance.affine_source,
+            affine: DMat4::from(volume.world_from_index()).transpose().to_cols_array_2d(),
             spacing_mm,
             size_mm: std::array::from_fn(|axis| dims[axis] as f64 * spacing_mm[axis]),
             bounds_mm: [
-                corners.iter().copied().reduce(glam::DVec3::min).unwrap_or_default().to_array(),
-                corners.iter().copied().reduce(glam::DVec3::max).unwrap_or_default().to_array(),
+                corners.into_iter().reduce(DVec3::min).unwrap_or_default().to_array(),
+                corners.into_iter().reduce(DVec3::max).unwrap_or_default().to_array(),
             ],
             value_range: volume.value_range(),
             units: meaning.kind,
@@ -112,88 +92,10 @@ impl Info {
             stored_range: volume.stored_range(),
             scaling: volume.scaling(),
             scaled: volume.scaling() != Scaling::IDENTITY,
-            frames: provenance.frames,
-            frame: provenance.frame,
             brick_counts,
             bricks: brick_counts.iter().product(),
             memory_bytes: volume.bytes(),
-            non_finite: provenance.non_finite,
-            warnings: provenance.warnings.clone(),
         }
-    }
-
-    /// Text for people, one aligned line for each property.
-    pub fn to_text(&self) -> String {
-        let times = |values: [String; 3]| values.join(" x ");
-        let mut text = String::new();
-        let mut line = |name: &str, value: String| {
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "{name:<12} {value}");
-        };
-        line("source", self.source.clone());
-        line("format", self.format.clone());
-        let kept = if self.stored_type.starts_with(self.memory_type) {
-            String::new()
-        } else {
-            format!(" (kept as {})", self.memory_type)
-        };
-        line("type", format!("{}{kept}", self.stored_type));
-        line("dimensions", format!("{} voxels", times(self.dims.map(|n| n.to_string()))));
-        line("spacing", format!("{} mm", times(self.spacing_mm.map(number))));
-        line("size", format!("{} mm", times(self.size_mm.map(number))));
-        let form = match self.affine_source {
-            AffineSource::Sform => "sform",
-            AffineSource::Qform => "qform",
-            AffineSource::Axes => "directions and origin",
-            AffineSource::Spacing => "voxel sizes",
-        };
-        for (row, values) in self.affine[..3].iter().enumerate() {
-            let name = if row == 0 { "affine" } else { "" };
-            let cells: Vec<String> = values.iter().map(|v| format!("{:>12}", number(*v))).collect();
-            let from = if row == 0 { format!("   from {form}") } else { String::new() };
-            line(name, format!("{}{from}", cells.concat()));
-        }
-        let [low, high] = self.bounds_mm.map(|corner| corner.map(number).join(", "));
-        line("world box", format!("({low}) to ({high}) mm"));
-        let [low, high] = self.value_range.map(number);
-        line("values", format!("{low} to {high}"));
-        let guessed = if self.units_guessed { "; guessed from the values, --units decides" } else { "" };
-        line("taken as", format!("{} ({}{guessed})", self.units.name(), self.units_why));
-        let scaling = if self.scaled {
-            format!("stored x {} + {}", number(self.scaling.slope), number(self.scaling.intercept))
-        } else {
-            "none".into()
-        };
-        line("scaling", scaling);
-        line("non-finite", format!("{} voxels", self.non_finite));
-        line("frame", format!("{} of {} (counted from 0)", self.frame, self.frames));
-        line("bricks", format!("{} ({})", times(self.brick_counts.map(|n| n.to_string())), self.bricks));
-        line("memory", bytes(self.memory_bytes));
-        for warning in &self.warnings {
-            line("warning", warning.clone());
-        }
-        text
-    }
-}
-
-/// Six significant digits at the most, without trailing zeros.
-fn number(value: f64) -> String {
-    let magnitude = value.abs();
-    if magnitude != 0.0 && !(1e-4..1e7).contains(&magnitude) {
-        return format!("{value:.5e}");
-    }
-    let decimals = if magnitude < 1.0 { 6 } else { 5 - magnitude.log10().floor().min(5.0) as usize };
-    let text = format!("{value:.decimals$}");
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    if text == "-0" { "0".into() } else { text.into() }
-}
-
-fn bytes(count: u64) -> String {
-    let units = ["bytes", "KiB", "MiB", "GiB", "TiB"];
-    let step = (count.max(1).ilog2() / 10).min(4);
-    match step {
-        0 => format!("{count} {}", units[0]),
-        _ => format!("{:.1} {}", count as f64 / 1024f64.powi(step as i32), units[step as usize]),
     }
 }
 
@@ -203,33 +105,5 @@ fn bytes(count: u64) -> String {
 /// The volume cannot be read, or stdout cannot be written to.
 pub fn run(args: &InfoArgs) -> Result<()> {
     let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
-    let info = Info::of(&volume, args.units);
-    if args.json { print_json(&info) } else { print_result(&info.to_text()) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_short_and_true() {
-        let cases = [
-            (0.0, "0"),
-            (-0.0, "0"),
-            (1.0, "1"),
-            (0.72, "0.72"),
-            (-1024.0, "-1024"),
-            (2.208627, "2.20863"),
-            (123456.7, "123457"),
-            (1.5e-9, "1.50000e-9"),
-            (4e9, "4.00000e9"),
-            (100.0, "100"),
-        ];
-        for (value, text) in cases {
-            assert_eq!(number(value), text);
-        }
-        assert_eq!(bytes(0), "0 bytes");
-        assert_eq!(bytes(1023), "1023 bytes");
-        assert_eq!(bytes(9_540_608), "9.1 MiB");
-    }
+    print_properties(&Info::of(&volume, args.units), args.json)
 }

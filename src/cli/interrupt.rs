@@ -6,8 +6,8 @@ use crate::files::output::abandon_and;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-static COME: AtomicU32 = AtomicU32::new(0);
-static LISTENS: OnceLock<Result<(), String>> = OnceLock::new();
+static COUNT: AtomicU32 = AtomicU32::new(0);
+static HANDLER: OnceLock<Result<(), String>> = OnceLock::new();
 /// Outcome of the work when it ends between two steps.
 static OUTCOME: OnceLock<&str> = OnceLock::new();
 
@@ -23,8 +23,8 @@ impl Interrupt {
     }
 
     /// Whether an interrupt has arrived.
-    pub fn has_come(&self) -> bool {
-        COME.load(Ordering::SeqCst) > 0
+    pub fn is_requested(&self) -> bool {
+        COUNT.load(Ordering::SeqCst) > 0
     }
 }
 
@@ -34,7 +34,7 @@ impl Interrupt {
 /// # Errors
 /// The system refuses the handler.
 pub fn listen() -> Result<()> {
-    let heard = || match (COME.fetch_add(1, Ordering::SeqCst), OUTCOME.get()) {
+    let handler = || match (COUNT.fetch_add(1, Ordering::SeqCst), OUTCOME.get()) {
         (0, Some(outcome)) => {
             print_message(
                 "note",
@@ -43,7 +43,7 @@ pub fn listen() -> Result<()> {
         }
         _ => abandon_and(system::end),
     };
-    let listens = LISTENS.get_or_init(|| system::set_handler(heard).map_err(|e| e.to_string()));
+    let listens = HANDLER.get_or_init(|| system::set_handler(handler).map_err(|e| e.to_string()));
     listens.clone().map_err(|why| Error::runtime("cannot listen for interrupts", "signals", why))
 }
 
@@ -52,12 +52,12 @@ mod system {
     use nix::sys::signal::{SigHandler, Signal, raise, signal};
 
     /// Installs the handler, but keeps signals ignored that `nohup`, or a background job of a shell, ignores.
-    pub fn set_handler(heard: impl FnMut() + Send + 'static) -> Result<(), ctrlc::Error> {
+    pub fn set_handler(handler: impl FnMut() + Send + 'static) -> Result<(), ctrlc::Error> {
         let handled = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP];
         // SAFETY: an ignored signal runs no code.
         let ignore = |s| unsafe { signal(s, SigHandler::SigIgn) };
         let ignored = handled.map(|s| matches!(ignore(s), Ok(SigHandler::SigIgn)));
-        let set = ctrlc::set_handler(heard);
+        let set = ctrlc::set_handler(handler);
         for (s, _) in handled.into_iter().zip(ignored).filter(|(_, ignored)| *ignored) {
             // The call succeeded just before.
             let _ = ignore(s);

@@ -1,6 +1,6 @@
 //! `umbravox merge`: combines the tables of several jobs.
 
-use super::compare::{LayoutFlags, say_files};
+use super::compare::{LayoutFlags, list_files};
 use super::console::{print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::output::{check_output_dir, prepare_output_dir};
@@ -61,6 +61,6 @@ pub fn run(args: &MergeArgs) -> Result<()> {
         Some(json) => print_result(&json)?,
         None => print_result(&summary(&rows, &layout))?,
     }
-    say_files(&files);
+    list_files(&files);
     Ok(())
 }

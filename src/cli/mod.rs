@@ -15,6 +15,7 @@ mod probe_curve;
 pub mod probe_rays;
 pub mod render;
 pub mod stability;
+mod table_flags;
 pub mod tf;
 pub mod view;
 pub mod voxelise;
@@ -23,8 +24,7 @@ use crate::error::Result;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use console::{print_message, print_result};
-use std::env;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::io::{self, IsTerminal};
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
@@ -113,11 +113,6 @@ fn named_command(args: &[OsString]) -> Option<String> {
     args.iter().skip(1).find_map(named)
 }
 
-/// Whether the log has colours: on a terminal, unless `NO_COLOR` is set and not empty (no-color.org).
-fn has_color(is_terminal: bool, no_color: Option<&OsStr>) -> bool {
-    is_terminal && no_color.is_none_or(OsStr::is_empty)
-}
-
 fn log_to_stderr(verbose: u8) {
     // Warnings of the GPU stack are nothing a user can act on.
     let filter = match verbose {
@@ -129,10 +124,11 @@ fn log_to_stderr(verbose: u8) {
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(EnvFilter::new(filter))
         .with_writer(io::stderr)
-        .with_ansi(has_color(io::stderr().is_terminal(), env::var_os("NO_COLOR").as_deref()))
         .with_target(verbose > 1)
         .without_time()
         .log_internal_errors(false);
+    // By default there are colours, unless `NO_COLOR` is set (no-color.org).
+    let subscriber = if io::stderr().is_terminal() { subscriber } else { subscriber.with_ansi(false) };
     // A second call in a process fails; the settings of the first one stay.
     let _ = subscriber.try_init();
 }
@@ -144,12 +140,5 @@ mod tests {
     #[test]
     fn the_command_definitions_are_sound() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn no_color_turns_colors_off() {
-        assert!(has_color(true, None) && has_color(true, Some(OsStr::new(""))));
-        assert!(!has_color(true, Some(OsStr::new("1"))) && !has_color(true, Some(OsStr::new("0"))));
-        assert!(!has_color(false, None));
     }
 }

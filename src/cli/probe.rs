@@ -3,7 +3,7 @@
 use super::console::{load_scene, print_result};
 use super::probe_curve::{self, CurveFlags};
 use super::probe_rays::{parse_points, probe_rays};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::exact::ExactField;
 use crate::files::input::read_text;
 use crate::open::{Loaded, SceneArgs, SceneRequest, values};
@@ -24,13 +24,13 @@ pub struct ProbeArgs {
     #[command(flatten)]
     pub curve_flags: CurveFlags,
     /// Print the columns of --rays or --points in a first line that begins with `#`; always on a terminal
-    #[arg(long)]
+    #[arg(long, conflicts_with = "curve")]
     pub header: bool,
 }
 
 /// Line of `--header`, or nothing.
-fn header(asked: bool, columns: &str) -> String {
-    if asked || io::stdout().is_terminal() { format!("# {columns}\n") } else { String::new() }
+fn header(requested: bool, columns: &str) -> String {
+    if requested || io::stdout().is_terminal() { format!("# {columns}\n") } else { String::new() }
 }
 
 /// Query.
@@ -57,18 +57,7 @@ pub fn run(args: ProbeArgs) -> Result<()> {
     let SceneRequest { settings, run } = args.scene.into_request()?;
     settings.one_light("probe")?;
     if let Some(point_mm) = args.what.curve {
-        if args.header {
-            let why = "the CSV of --curve has a header";
-            return Err(Error::input("bad command line", "--header", why));
-        }
-        let CurveFlags { methods, output } = &args.curve_flags;
-        return probe_curve::run(&settings, &run, point_mm, methods.as_deref(), output.as_deref());
-    }
-    let CurveFlags { methods, output } = &args.curve_flags;
-    for (flag, given) in [("--methods", methods.is_some()), ("--output", output.is_some())] {
-        if given {
-            return Err(Error::input("bad command line", flag, "it needs --curve"));
-        }
+        return probe_curve::run(&settings, &run, point_mm, &args.curve_flags);
     }
     // Small files are checked before the volume is read.
     if let Some(path) = &args.what.rays {

@@ -1,9 +1,9 @@
 //! `umbravox probe --curve`: transmittance against depth along a light ray, of several methods and exact.
 
 use super::console::{load_scene, print_json, print_message, print_result};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::exact::ExactField;
-use crate::files::output::{check_output, check_output_dir, prepare_output_dir, write_whole};
+use crate::files::output::{check_output, check_output_dir, extension, prepare_output_dir, write_whole};
 use crate::measure::light_curve::{LightCurve, MethodCurve};
 use crate::open::{Loaded, RunFlags, SceneSettings};
 use crate::render::Session;
@@ -18,14 +18,6 @@ use std::sync::Arc;
 /// Extensions of output files; any other name is a folder for all of them.
 const ENDINGS: &[&str] = &["csv", "svg", "png", "pdf"];
 
-/// Destination of the result.
-enum Destination<'a> {
-    /// CSV (or JSON) on stdout.
-    Stdout,
-    File(&'a Path),
-    Folder(&'a Path),
-}
-
 /// The result as JSON.
 #[derive(Serialize)]
 struct Json<'a> {
@@ -38,18 +30,12 @@ struct Json<'a> {
 ///
 /// # Errors
 /// Bad input, or a failure of the device or disk.
-pub fn run(
-    settings: &SceneSettings,
-    run: &RunFlags,
-    point_mm: DVec3,
-    methods: Option<&str>,
-    output: Option<&Path>,
-) -> Result<()> {
-    let methods = match (methods, &settings.shadow) {
+pub fn run(settings: &SceneSettings, run: &RunFlags, point_mm: DVec3, flags: &CurveFlags) -> Result<()> {
+    let methods = match (&flags.methods, &settings.shadow) {
         (None, Some(one)) => vec![one.method()?],
-        (list, _) => parse_list(list.unwrap_or(&CURVES)).map_err(|e| e.at("--methods"))?,
+        (list, _) => parse_list(list.as_deref().unwrap_or(&CURVES)).map_err(|e| e.at("--methods"))?,
     };
-    let destination = destination(output)?;
+    let files = files(flags.output.as_deref())?;
     let Loaded { volume, strands, tf, scene, .. } = load_scene(settings)?;
     let curve = LightCurve::through(&ExactField::new(&volume, &tf), &scene.light(), point_mm)
         .map_err(|e| e.at("--curve"))?;
@@ -74,47 +60,32 @@ pub fn run(
         "pdf" => curve_pdf(&curve, &found, &about),
         _ => curve.csv(&found),
     };
-    let write = |path: &Path, ending: &str| {
+    // Created last, so that a refused input leaves no empty folder.
+    flags.output.iter().filter(|_| files.len() > 1).try_for_each(|folder| prepare_output_dir(folder))?;
+    for (path, ending) in &files {
         let bytes = file(ending)?;
         write_whole(path, |f| f.write_all(&bytes))?;
         print_message("written", &path.display());
-        Ok(())
-    };
-    match destination {
-        Destination::Stdout => {}
-        Destination::File(path) => write(path, ending_of(path).unwrap_or("csv"))?,
-        Destination::Folder(folder) => {
-            // Created last, so that a refused input leaves no empty folder.
-            prepare_output_dir(folder)?;
-            ENDINGS.iter().try_for_each(|ending| write(&folder.join(format!("curve.{ending}")), ending))?;
-        }
     }
-    let broken = |e: &dyn std::fmt::Display| Error::runtime("cannot print result", "stdout", e);
     if run.json {
         return print_json(&Json { curve: &curve, methods: &found });
     }
-    match destination {
-        Destination::Stdout => print_result(&String::from_utf8(file("csv")?).map_err(|e| broken(&e))?),
-        _ => print_result(&summary(&curve, &found)),
+    match files.is_empty() {
+        true => print_result(&String::from_utf8_lossy(&file("csv")?)),
+        false => print_result(&summary(&curve, &found)),
     }
 }
 
-/// Checks the output before any work is done.
-fn destination(output: Option<&Path>) -> Result<Destination<'_>> {
-    let Some(path) = output else { return Ok(Destination::Stdout) };
+/// Output files with their extensions, checked before any work is done; none for stdout.
+fn files(output: Option<&Path>) -> Result<Vec<(PathBuf, &'static str)>> {
+    let Some(path) = output else { return Ok(Vec::new()) };
     // A name with another extension is more likely an unknown format than a folder.
     if path.extension().is_some() && !path.is_dir() {
         check_output(path, ENDINGS)?;
-        return Ok(Destination::File(path));
+        return Ok(vec![(path.into(), extension(path, ENDINGS)?)]);
     }
     check_output_dir(path)?;
-    Ok(Destination::Folder(path))
-}
-
-/// Extension of a name among [`ENDINGS`], case-insensitive.
-fn ending_of(path: &Path) -> Option<&'static str> {
-    let extension = path.extension()?.to_str()?.to_lowercase();
-    ENDINGS.iter().copied().find(|e| *e == extension)
+    Ok(ENDINGS.iter().map(|ending| (path.join(format!("curve.{ending}")), *ending)).collect())
 }
 
 /// Summary of the ray, and of the largest error of each method.
@@ -145,12 +116,13 @@ fn summary(curve: &LightCurve, methods: &[MethodCurve]) -> String {
 /// Flags of `--curve`.
 #[derive(Debug, clap::Args)]
 pub struct CurveFlags {
-    #[arg(long, value_name = "METHODS", help = format!("With --curve: methods separated by `;`; a value without `=` \
-        is one more for the key before it [default: the method of --shadow, or {}]", CURVES.as_str()))]
+    #[arg(long, value_name = "METHODS", conflicts_with_all = ["rays", "points"],
+        help = format!("With --curve: methods separated by `;`; a value without `=` is one more for \
+            the key before it [default: the method of --shadow, or {}]", CURVES.as_str()))]
     pub methods: Option<String>,
     /// With --curve: a .csv, .svg, .png or .pdf file, or a folder for curve.csv, curve.svg, curve.png and curve.pdf
     /// [default: CSV on stdout]
-    #[arg(short, long, value_name = "DIR|FILE")]
+    #[arg(short, long, value_name = "DIR|FILE", conflicts_with_all = ["rays", "points"])]
     pub output: Option<PathBuf>,
 }
 
@@ -162,16 +134,16 @@ mod tests {
     fn an_ending_makes_a_file_and_a_name_without_one_a_folder() {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
-        let file = |name: &str| matches!(destination(Some(&at(name))), Ok(Destination::File(_)));
-        let folder = |name: &str| matches!(destination(Some(&at(name))), Ok(Destination::Folder(_)));
+        let count = |name: &str| files(Some(&at(name))).unwrap().len();
+        let (file, folder) = (|name| count(name) == 1, |name| count(name) == ENDINGS.len());
         assert!(file("a.csv") && file("a.SVG") && file("a.png"));
         assert!(folder("a") && folder("a.b/c"));
-        assert!(destination(Some(Path::new("a.txt"))).is_err());
+        assert!(files(Some(Path::new("a.txt"))).is_err());
         std::fs::create_dir(at("x.csv")).unwrap();
         assert!(folder("x.csv"));
         std::fs::write(at("taken"), "").unwrap();
-        assert_eq!(destination(Some(&at("taken"))).err().map(|e| e.exit_status()), Some(2));
-        assert_eq!(destination(Some(&at("no/a.csv"))).err().map(|e| e.exit_status()), Some(2));
+        assert_eq!(files(Some(&at("taken"))).err().map(|e| e.exit_status()), Some(2));
+        assert_eq!(files(Some(&at("no/a.csv"))).err().map(|e| e.exit_status()), Some(2));
     }
 
     #[test]

@@ -29,21 +29,8 @@ pub fn probe_rays(field: &ExactField, text: &str, place: &str) -> Result<String>
 /// # Errors
 /// See [`probe_rays`].
 pub fn parse_segments(text: &str, place: &str) -> Result<Vec<(DVec3, DVec3)>> {
-    let ends = |[a, b, c, d, e, f]: [f64; 6]| (DVec3::new(a, b, c), DVec3::new(d, e, f));
-    let hint = "a line is `x0 y0 z0 x1 y1 z1`, world mm";
-    let rows = parse_rows(text, WHAT, place, hint)?;
-    rows.into_iter()
-        .map(|(line, row)| {
-            let (from, to) = ends(row);
-            match (to - from).is_finite() {
-                true => Ok((from, to)),
-                false => {
-                    Err(Error::input(WHAT, format!("{place}: line {line}"), "the ends are too far apart")
-                        .hint(hint))
-                }
-            }
-        })
-        .collect()
+    let rows = parse_rows(text, WHAT, place, "a line is `x0 y0 z0 x1 y1 z1`, world mm")?;
+    Ok(rows.into_iter().map(|[a, b, c, d, e, f]| (DVec3::new(a, b, c), DVec3::new(d, e, f))).collect())
 }
 
 /// The points of a points file, `x y z` (world mm) a line; blank lines are ignored.
@@ -52,34 +39,26 @@ pub fn parse_segments(text: &str, place: &str) -> Result<Vec<(DVec3, DVec3)>> {
 /// A line that is not three finite numbers, by its number.
 pub fn parse_points(text: &str, place: &str) -> Result<Vec<DVec3>> {
     let rows = parse_rows(text, "cannot read points", place, "a line is `x y z`, world mm")?;
-    Ok(rows.into_iter().map(|(_, row)| DVec3::from_array(row)).collect())
+    Ok(rows.into_iter().map(DVec3::from_array).collect())
 }
 
-/// Lines of `N` finite numbers separated by white space, each with its line number; blank lines are ignored.
-fn parse_rows<const N: usize>(
-    text: &str,
-    what: &str,
-    place: &str,
-    hint: &str,
-) -> Result<Vec<(usize, [f64; N])>> {
-    let mut rows = Vec::new();
-    for (line, content) in (1..).zip(text.lines()) {
+/// Coordinates from which on the lengths of segments overflow.
+const MAX_COORDINATE: f64 = 1e300;
+
+/// Lines of `N` numbers separated by white space; blank lines are ignored.
+fn parse_rows<const N: usize>(text: &str, what: &str, place: &str, hint: &str) -> Result<Vec<[f64; N]>> {
+    let lines = (1..).zip(text.lines()).filter(|(_, content)| !content.trim().is_empty());
+    let row = |(line, content): (usize, &str)| {
         let refuse = |why: String| Error::input(what, format!("{place}: line {line}"), why).hint(hint);
-        let mut numbers = Vec::with_capacity(N);
-        for word in content.split_whitespace() {
-            match word.parse::<f64>() {
-                Ok(number) if number.is_finite() => numbers.push(number),
-                Ok(_) => return Err(refuse(format!("`{word}` is not finite"))),
-                Err(_) => return Err(refuse(format!("`{word}` is not a number"))),
-            }
-        }
-        match <[f64; N]>::try_from(numbers) {
-            Ok(row) => rows.push((line, row)),
-            Err(none) if none.is_empty() => {}
-            Err(other) => return Err(refuse(format!("{} numbers where {N} are wanted", other.len()))),
-        }
-    }
-    Ok(rows)
+        let number = |word: &str| {
+            let known = word.parse().ok().filter(|x: &f64| x.abs() < MAX_COORDINATE);
+            known.ok_or_else(|| refuse(format!("`{word}` is not a finite number below 1e300")))
+        };
+        let numbers = content.split_whitespace().map(number).collect::<Result<Vec<_>>>()?;
+        let wrong = |numbers: Vec<f64>| refuse(format!("{} numbers where {N} are expected", numbers.len()));
+        <[f64; N]>::try_from(numbers).map_err(wrong)
+    };
+    lines.map(row).collect()
 }
 
 #[cfg(test)]
@@ -116,13 +95,13 @@ mod tests {
     #[test]
     fn refuses_by_line_number() {
         for (text, why) in [
-            ("0 0 0 1 1 1\n0 0 NaN 1 1 1", "rays.txt: line 2): `NaN` is not finite"),
-            ("\n0 0 -inf 1 1 1", "rays.txt: line 2): `-inf` is not finite"),
-            ("0 0 1e999 1 1 1", "rays.txt: line 1): `1e999` is not finite"),
+            ("0 0 0 1 1 1\n0 0 NaN 1 1 1", "rays.txt: line 2): `NaN` is not a finite number"),
+            ("\n0 0 -inf 1 1 1", "rays.txt: line 2): `-inf` is not a finite number"),
+            ("0 0 1e999 1 1 1", "rays.txt: line 1): `1e999` is not a finite number"),
             ("0 0 1 1 1", "rays.txt: line 1): 5 numbers"),
             ("0 0 1 1 1 2 3", "rays.txt: line 1): 7 numbers"),
-            ("0,0,1,1,1,2", "rays.txt: line 1): `0,0,1,1,1,2` is not a number"),
-            ("-1e308 0 0 1e308 0 0", "rays.txt: line 1): the ends are too far apart"),
+            ("0,0,1,1,1,2", "rays.txt: line 1): `0,0,1,1,1,2` is not a finite number"),
+            ("-1e308 0 0 1e308 0 0", "rays.txt: line 1): `-1e308` is not a finite number"),
         ] {
             let error = parse_segments(text, "rays.txt").unwrap_err();
             assert_eq!(error.exit_status(), 2);

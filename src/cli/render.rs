@@ -166,26 +166,29 @@ impl Summary {
     }
 
     fn explain(&self) {
-        let say = |line: String| print_message("plan", &line);
-        say(format!("adapter {}, times by {}", self.adapter, self.clock));
+        let print = |line: String| print_message("plan", &line);
+        print(format!("adapter {}, times by {}", self.adapter, self.clock));
         if self.volume_tiles > 1 {
             let [x, y, z] = self.volume_texture;
-            say(format!("volume folded: {} slabs of it in a texture of {x} x {y} x {z}", self.volume_tiles));
+            print(format!(
+                "volume folded: {} slabs of it in a texture of {x} x {y} x {z}",
+                self.volume_tiles
+            ));
         }
         let march_table = self.march_table_ms.map(|ms| format!(", pre-compressed table {ms:.1} ms"));
         let tables = format!("tables {:.1} ms{}", self.table_ms, march_table.unwrap_or_default());
-        say(format!("{tables}, bricks classified in {:.1} ms", self.classify_ms));
+        print(format!("{tables}, bricks classified in {:.1} ms", self.classify_ms));
         let built = format!("{:.1} ms, {:.2} MB", self.build_ms, self.bytes as f64 * 1e-6);
-        say(format!("shadow method {} {}: {built}", self.method, self.params));
+        print(format!("shadow method {} {}: {built}", self.method, self.params));
         if self.lights.len() > 1 {
             for LightCost { light, build_ms, bytes } in &self.lights {
-                say(format!("light {}: {build_ms:.1} ms, {:.2} MB", light.text(), *bytes as f64 * 1e-6));
+                print(format!("light {}: {build_ms:.1} ms, {:.2} MB", light.text(), *bytes as f64 * 1e-6));
             }
         }
-        say(format!("ray cast {:.1} ms", self.frame_ms));
-        self.left_out.iter().for_each(|o| say(o.to_string()));
+        print(format!("ray cast {:.1} ms", self.frame_ms));
+        self.left_out.iter().for_each(|o| print(o.to_string()));
         if let Some(frames) = &self.frames {
-            say(FrameRecord::summary(frames));
+            print(FrameRecord::summary(frames));
         }
     }
 }

@@ -1,40 +1,24 @@
 //! `umbravox stability`: the stiff and extreme cases, every method.
 
-use super::console::{print_message, print_result};
+use super::console::progress_bar;
+use super::table_flags::TableFlags;
 use crate::error::{Error, Result};
-use crate::files::output::{check_no_table, check_output_dir, prepare_output_dir, write_whole};
-use crate::gpu::Gpu;
-use crate::render::Renderer;
 use crate::replication::stability::table::{counted, markdown};
 use crate::replication::stability::{Case, Row, Status, all, run as run_cases};
-use crate::report::writers::{csv, json};
 use crate::shadow::{MethodSpec, STABILITY};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
-use std::path::PathBuf;
-use std::sync::Arc;
 
 /// Take every shadow method through stiff and extreme cases; exit status 1 where one is not well
 #[derive(Debug, Args)]
 pub struct StabilityArgs {
-    /// The folder for stability.csv and stability.md; made when it is missing
-    #[arg(short, long, value_name = "DIR")]
-    pub output: PathBuf,
+    #[command(flatten)]
+    table: TableFlags,
     /// Methods separated by `;`; a value without `=` is one more for the key before it, and every combination is a row
     #[arg(long, value_name = "METHODS", default_value_t = STABILITY.clone())]
     pub methods: String,
     /// Cases, separated by commas [default: all]
     #[arg(long = "case", value_name = "NAME", value_delimiter = ',')]
     pub cases: Vec<String>,
-    /// Use the graphics adapter whose name contains NAME [default: the fastest]
-    #[arg(long, value_name = "NAME")]
-    pub adapter: Option<String>,
-    /// Write the table anew where DIR holds one
-    #[arg(long)]
-    pub overwrite: bool,
-    /// The rows as JSON on stdout
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// Runs the command.
@@ -46,16 +30,9 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     let methods = MethodSpec::parse_list(&args.methods).map_err(|e| e.at("--methods"))?;
     let every = all()?;
     let cases = pick(&every, &args.cases)?;
-    check_output_dir(&args.output)?;
-    if !args.overwrite {
-        check_no_table(&args.output, "stability.csv")?;
-    }
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}")
-        .map_err(|e| Error::runtime("cannot show progress", "stderr", e))?;
-    let bar = ProgressBar::new(cases.len() as u64 + 1).with_style(style);
-    let renderer = Arc::new(Renderer::new(Gpu::open(args.adapter.as_deref())?));
-    // Made last: what is refused before leaves no empty folder.
-    prepare_output_dir(&args.output)?;
+    args.table.check("stability")?;
+    let bar = progress_bar(cases.len() as u64 + 1, "{bar:30} {pos}/{len} {msg}")?;
+    let renderer = args.table.open()?;
     let rows = run_cases(&renderer, &methods, &cases, &mut |what| {
         bar.set_message(what.to_owned());
         bar.inc(1);
@@ -63,19 +40,8 @@ pub fn run(args: &StabilityArgs) -> Result<()> {
     bar.finish_and_clear();
     let rows = rows?;
     let summary = markdown(&rows);
-    let path = args.output.join("stability.csv");
-    for (path, bytes) in
-        [(&path, csv(&rows)?), (&args.output.join("stability.md"), summary.clone().into_bytes())]
-    {
-        write_whole(path, |file| file.write_all(&bytes))?;
-        print_message("table", &path.display());
-    }
-    if args.json {
-        print_result(&json(&rows)?)?;
-    } else {
-        print_result(&summary)?;
-    }
-    verdict(&rows, &path.display())
+    args.table.write("stability", &rows, &summary, &summary)?;
+    verdict(&rows, &args.table.output.join("stability.csv").display())
 }
 
 /// The named cases in the order of the list, or all of them.

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 
 /// Transfer functions: presets, and those of other programs
 #[derive(Debug, Args)]
+#[command(arg_required_else_help = false)]
 pub struct TfArgs {
     #[command(subcommand)]
     command: TfCommand,
@@ -63,7 +64,7 @@ struct Target {
     output: PathBuf,
     /// The format [default: vp where the name ends in .vp, umbravox otherwise]
     #[arg(long, value_name = "FORMAT", value_parser = written_format())]
-    to: Option<&'static str>,
+    to: Option<&'static TransferFormat>,
     /// Values to scale a function of fractions to: 0 to LO, 1 to HI
     #[arg(long, value_name = "LO,HI", value_parser = range, allow_hyphen_values = true)]
     range: Option<[f64; 2]>,
@@ -73,9 +74,9 @@ struct Target {
 }
 
 /// Parser of the name of a format that is written.
-fn written_format() -> impl TypedValueParser<Value = &'static str> {
+fn written_format() -> impl TypedValueParser<Value = &'static TransferFormat> {
     let written = TRANSFER_FORMATS.iter().filter(|f| f.write.is_some()).map(|f| f.name);
-    PossibleValuesParser::new(written).map(|name| format_named(&name).map_or("", |format| format.name))
+    PossibleValuesParser::new(written).try_map(|name| format_named(&name).ok_or("no such format"))
 }
 
 fn format_named(name: &str) -> Option<&'static TransferFormat> {
@@ -172,14 +173,13 @@ fn list(json: bool) -> Result<()> {
 /// Format that is given, or that the file's extension implies.
 fn target(target: &Target) -> Result<&'static TransferFormat> {
     let name = target.output.to_string_lossy().to_ascii_lowercase();
+    let refuse = |why| Error::input("cannot write file", target.output.display(), why);
     if name.ends_with(".vp.json") && target.to.is_none() {
-        let why = "3D Slicer's .vp.json is read and not written";
-        return Err(Error::input("cannot write file", target.output.display(), why)
+        return Err(refuse("3D Slicer's .vp.json is read and not written")
             .hint("give a name that ends in .vp, or say --to umbravox"));
     }
-    let by_name = if name.ends_with(".vp") { "vp" } else { "umbravox" };
-    let none = || Error::input("cannot write file", target.output.display(), "there is no such format");
-    format_named(target.to.unwrap_or(by_name)).ok_or_else(none)
+    let by_name = || format_named(if name.ends_with(".vp") { "vp" } else { "umbravox" });
+    target.to.or_else(by_name).ok_or_else(|| refuse("there is no such format"))
 }
 
 fn check(target: &Target, format: &TransferFormat) -> Result<()> {

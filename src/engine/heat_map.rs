@@ -28,14 +28,14 @@ pub fn compare(
     session.set_transfer(&request.tf, &mut work)?;
     let scene = &request.view.scene;
     let mut found = Vec::new();
-    for choice in &request.methods {
-        let made = session.prepare(choice.method()?, (scene, MapCoverage::Picture), &mut work)?;
+    for spec in &request.methods {
+        let made = session.prepare(spec.method()?.as_ref(), (scene, MapCoverage::Picture), &mut work)?;
         let map = request.view.errors(made.renderer, made.loaded, made.transfer, made.shadows, &proceed)?;
         let Some(map) = map else {
             events.send(Event::DifferenceInterrupted(Arc::clone(request)));
             return Ok(());
         };
-        found.push((choice.spec(), map));
+        found.push((format!("{spec:#}"), map));
     }
     let largest = found.iter().map(|(_, map)| round_max(&map.errors.mapv(f32::abs))).fold(0.0, f32::max);
     let side = |(spec, map): (String, crate::measure::error_map::ErrorMap)| {

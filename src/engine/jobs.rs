@@ -54,15 +54,15 @@ pub fn probe(session: &mut CachedSession, request: &ProbeRequest, events: &Event
     session.set_transfer(&request.tf, &mut work)?;
     let scene = Scene { ambient: request.ambient, ..Scene::framing(&volume).under(request.light.into()) };
     let mut methods = Vec::new();
-    for choice in &request.methods {
-        let method = choice.method()?;
-        let made = session.prepare(method, (&scene, MapCoverage::AnyPoint), &mut work)?;
+    for spec in &request.methods {
+        let method = spec.method()?;
+        let made = session.prepare(method.as_ref(), (&scene, MapCoverage::AnyPoint), &mut work)?;
         let Some(shadow) = made.shadows.first() else { continue };
         let found = made.renderer.query(made.loaded, made.transfer, shadow, &points)?;
         let at_point = found.last().copied().map_or(1.0, f64::from);
         let curve = depths.iter().zip(&found).map(|(&z, &t)| [z, f64::from(t)]).collect();
         let bound = test_bound(&made, method.taps(), &field, request.light, point)?;
-        methods.push(MethodCurve { spec: choice.spec(), points: curve, at_point, bound });
+        methods.push(MethodCurve { spec: format!("{spec:#}"), points: curve, at_point, bound });
     }
     let index = volume.index_from_world().transform_point3(point);
     events.send(Event::Probed(Box::new(ProbeResult {
@@ -107,7 +107,11 @@ pub fn export(
     }
     let mut work = Work::default();
     session.set_transfer(&export.tf, &mut work)?;
-    let made = session.prepare(export.method.method()?, (&export.scene, MapCoverage::Picture), &mut work)?;
+    let made = session.prepare(
+        export.method.method()?.as_ref(),
+        (&export.scene, MapCoverage::Picture),
+        &mut work,
+    )?;
     let mut last = -1.0_f32;
     let go_on = |share: f32| {
         if share - last >= 0.01 {

@@ -1,10 +1,11 @@
 //! Queue between the window and the render thread: the newest picture request, jobs in order, and events back.
 
 use super::messages::{Event, FrameRequest, Job};
+use super::task::Wake;
 use std::collections::VecDeque;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 #[derive(Default)]
@@ -93,9 +94,6 @@ impl Mailbox {
         slots.jobs.pop_front().map(Next::Job).or_else(|| slots.frame.take().map(Next::Draw))
     }
 }
-
-/// Callback that makes the window look for events.
-pub type Wake = Arc<dyn Fn() + Send + Sync>;
 
 /// Sender of the render thread's events.
 pub struct EventSender {

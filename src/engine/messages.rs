@@ -1,6 +1,5 @@
 //! Messages between the window and the render thread.
 
-use super::method_choice::MethodChoice;
 use super::reading::OpenedVolume;
 use super::shadow_cache::Work;
 use crate::error::{Error, Result};
@@ -8,7 +7,7 @@ use crate::files::picture::Backdrop;
 use crate::measure::error_map::{ErrorMap, ExactView};
 use crate::render::{DisplayTexture, Omission};
 use crate::scene::{Light, Scene};
-use crate::shadow::{Bound, BuildReport};
+use crate::shadow::{Bound, BuildReport, MethodSpec};
 use crate::transfer::TransferFunction;
 use crate::volume::Volume;
 use glam::DVec3;
@@ -21,7 +20,7 @@ use std::time::Instant;
 pub struct FrameSettings {
     pub tf: Arc<TransferFunction>,
     /// The method, and in a split view the second one.
-    pub methods: Vec<MethodChoice>,
+    pub methods: Vec<MethodSpec>,
     /// Scene; its width and height are the view's, in pixels.
     pub scene: Scene,
 }
@@ -116,7 +115,7 @@ pub struct ProbeRequest {
     pub tf: Arc<TransferFunction>,
     pub light: Light,
     pub ambient: f64,
-    pub methods: Vec<MethodChoice>,
+    pub methods: Vec<MethodSpec>,
 }
 
 /// Transmittance curve of a method along the light ray.
@@ -170,7 +169,7 @@ pub struct ProbeResult {
 pub struct DifferenceRequest {
     pub view: Arc<ExactView>,
     pub tf: Arc<TransferFunction>,
-    pub methods: Vec<MethodChoice>,
+    pub methods: Vec<MethodSpec>,
     pub logarithmic: bool,
 }
 
@@ -214,7 +213,7 @@ pub struct Thumbnail {
 pub struct Export {
     pub path: PathBuf,
     pub tf: Arc<TransferFunction>,
-    pub method: MethodChoice,
+    pub method: MethodSpec,
     /// Scene with the size of the exported picture.
     pub scene: Scene,
     pub backdrop: Backdrop,

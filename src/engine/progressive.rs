@@ -116,14 +116,14 @@ impl ProgressiveRenderer {
         let scene = Scene { width, height, step, shading, ..scene.clone() };
         let mut sides = Vec::with_capacity(2);
         let mut longest_band_ms = 0.0_f64;
-        for choice in &quality.choices {
-            let method = choice.method()?;
+        for spec in &quality.methods {
+            let method = spec.method()?;
             let mut built = Work::default();
-            let made = self.session.prepare(method, (&scene, MapCoverage::Picture), &mut built)?;
+            let made = self.session.prepare(method.as_ref(), (&scene, MapCoverage::Picture), &mut built)?;
             if let Some(ms) = built.build_ms {
                 *work.build_ms.get_or_insert(0.0) += ms;
                 let map = made.shadows.iter().map(|map| map.light_space.map_size).max().unwrap_or(0);
-                self.speeds.record_build(choice, map, ms / built.built.max(1) as f64);
+                self.speeds.record_build(spec, map, ms / built.built.max(1) as f64);
             }
             if !proceed() {
                 return Ok(None);
@@ -139,7 +139,7 @@ impl ProgressiveRenderer {
             longest_band_ms = longest_band_ms.max(drawn.longest_band_ms);
             sides.push(MethodFrame {
                 texture,
-                spec: choice.spec(),
+                spec: format!("{spec:#}"),
                 report,
                 bound,
                 skipped: drawn.plan.left_out,
@@ -148,9 +148,9 @@ impl ProgressiveRenderer {
         }
         let latency_ms = request.since.elapsed().as_secs_f64() * 1e3;
         tracing::debug!(
-            "{width} x {height}, {}: {work:?}, rays {:.1} ms, longest band {longest_band_ms:.1} ms, latency \
+            "{width} x {height}, {:#}: {work:?}, rays {:.1} ms, longest band {longest_band_ms:.1} ms, latency \
              {latency_ms:.0} ms",
-            quality.choices[0].spec(),
+            quality.methods[0],
             sides.iter().map(|side| side.frame_ms).sum::<f64>(),
         );
         let mut sides = sides.into_iter();

@@ -2,8 +2,8 @@
 
 use super::cached_session::CachedSession;
 use super::messages::FrameSettings;
-use super::method_choice::MethodChoice;
 use crate::render::Pace;
+use crate::shadow::{Key, MethodSpec, Value};
 
 /// Time budget of a picture during interaction, shadow map included.
 const MOVING_MS: f64 = 75.0;
@@ -26,15 +26,15 @@ pub struct Quality {
     pub height: u32,
     pub step: f64,
     /// Methods, coarse or as requested.
-    pub choices: Vec<MethodChoice>,
+    pub methods: Vec<MethodSpec>,
 }
 
 impl Quality {
     /// Full quality.
     pub fn full(settings: &FrameSettings) -> Self {
         let scene = &settings.scene;
-        let choices = settings.methods.clone();
-        Self { width: scene.width, height: scene.height, step: scene.step, choices }
+        let methods = settings.methods.clone();
+        Self { width: scene.width, height: scene.height, step: scene.step, methods }
     }
 
     fn pixels(&self) -> f64 {
@@ -68,13 +68,15 @@ impl Speeds {
     }
 
     /// Records the build time of a map of `map` texels a side.
-    pub fn record_build(&mut self, choice: &MethodChoice, map: u32, ms: f64) {
-        let Some(set) = choice.map(0) else { return };
-        if set == 0 {
+    pub fn record_build(&mut self, spec: &MethodSpec, map: u32, ms: f64) {
+        if self.map(spec) == 0 {
+            return;
+        }
+        if spec.map_size().is_none() {
             self.chosen_map = map;
         }
         let now = ms / (f64::from(map) * f64::from(map)).max(1.0);
-        let kind = kind(choice);
+        let kind = kind(spec);
         match self.build_ms_per_texel.iter_mut().find(|(known, _)| *known == kind) {
             Some((_, known)) => *known = 0.5 * (*known + now),
             None => self.build_ms_per_texel.push((kind, now)),
@@ -82,45 +84,46 @@ impl Speeds {
     }
 
     /// Texels a side; 0 where the method has no map.
-    fn map(&self, choice: &MethodChoice) -> u32 {
-        choice.map(self.chosen_map).unwrap_or(0)
+    fn map(&self, spec: &MethodSpec) -> u32 {
+        spec.value("map").map_or(0, |_| spec.map_size().unwrap_or(self.chosen_map))
     }
 
     /// Estimated time to build the missing maps of all lights.
-    fn build_ms(&self, choice: &MethodChoice, settings: &FrameSettings, session: &CachedSession) -> f64 {
-        let map = self.map(choice);
-        let missing = choice.method().map_or(0, |method| session.missing(method, &settings.scene)) as f64;
+    fn build_ms(&self, spec: &MethodSpec, settings: &FrameSettings, session: &CachedSession) -> f64 {
+        let map = self.map(spec);
+        let missing =
+            spec.method().map_or(0, |method| session.missing(method.as_ref(), &settings.scene)) as f64;
         if map == 0 || missing == 0.0 {
             return 0.0;
         }
-        let kind = kind(choice);
+        let kind = kind(spec);
         let known = self.build_ms_per_texel.iter().find(|(known, _)| *known == kind);
         known.map_or(MOVING_MS, |(_, ms)| missing * ms * f64::from(map) * f64::from(map))
     }
 
     /// Whether a picture is expected soon enough to need no coarse one before it.
     pub fn is_fast(&self, quality: &Quality, settings: &FrameSettings, session: &CachedSession) -> bool {
-        let build_ms: f64 = quality.choices.iter().map(|c| self.build_ms(c, settings, session)).sum();
-        let pixels = quality.pixels() * quality.choices.len() as f64;
+        let build_ms: f64 = quality.methods.iter().map(|c| self.build_ms(c, settings, session)).sum();
+        let pixels = quality.pixels() * quality.methods.len() as f64;
         build_ms + pixels / self.full.pixels_per_ms() <= FAST_MS
     }
 
     /// Quality that fits the time budget during interaction.
     pub fn coarse(&mut self, full: &Quality, settings: &FrameSettings, session: &CachedSession) -> Quality {
-        let count = full.choices.len() as f64;
-        let build_ms = |choice: &MethodChoice| self.build_ms(choice, settings, session);
-        let coarse = |choice: &MethodChoice| {
+        let count = full.methods.len() as f64;
+        let build_ms = |spec: &MethodSpec| self.build_ms(spec, settings, session);
+        let coarse = |spec: &MethodSpec| {
             // A cached map is finer and costs nothing.
-            if build_ms(choice) == 0.0 {
-                return choice.clone();
+            if build_ms(spec) == 0.0 {
+                return spec.clone();
             }
-            let own = self.map(choice);
-            let fits = |side: &&u32| build_ms(&choice.coarse(own, **side)) <= 0.5 * MOVING_MS / count;
+            let own = self.map(spec);
+            let fits = |side: &&u32| build_ms(&coarse_method(spec, own, **side)) <= 0.5 * MOVING_MS / count;
             let side = MAP_SIDES.iter().find(fits).copied().unwrap_or(MAP_SIDES[MAP_SIDES.len() - 1]);
-            choice.coarse(own, side)
+            coarse_method(spec, own, side)
         };
-        let choices: Vec<MethodChoice> = full.choices.iter().map(coarse).collect();
-        let left_ms = (MOVING_MS - choices.iter().map(build_ms).sum::<f64>()).max(0.3 * MOVING_MS) / count;
+        let methods: Vec<MethodSpec> = full.methods.iter().map(coarse).collect();
+        let left_ms = (MOVING_MS - methods.iter().map(build_ms).sum::<f64>()).max(0.3 * MOVING_MS) / count;
         let fits = |d: &&f64| full.pixels() / (*d * *d) <= left_ms * self.moving.pixels_per_ms();
         let divisor = DIVISORS.iter().find(fits).copied().unwrap_or(DIVISORS[DIVISORS.len() - 1]);
         if divisor > TOO_LARGE {
@@ -133,12 +136,39 @@ impl Speeds {
             width: side(full.width),
             height: side(full.height),
             step: (full.step * self.moving_step).min(8.0).max(full.step),
-            choices,
+            methods,
         }
     }
 }
 
 /// Name of the methods that share a build time: method and marching mode.
-fn kind(choice: &MethodChoice) -> String {
-    format!("{} {}", choice.name, choice.get("march").unwrap_or_default())
+fn kind(spec: &MethodSpec) -> String {
+    let march = spec.value("march").map_or(String::new(), |march| march.to_string());
+    format!("{} {march}", spec.entry().name)
+}
+
+/// Cheaper variant for use during interaction: coarse values, and at most `map` texels a side where the method has
+/// `own` of them.
+fn coarse_method(spec: &MethodSpec, own: u32, map: u32) -> MethodSpec {
+    let coarse = |(key, value): (&Key, Value)| match key.name {
+        "map" if own > map => Value::Whole(map),
+        _ => key.coarser(value),
+    };
+    MethodSpec::new(spec.entry(), spec.settings().map(coarse).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shadow::METHODS;
+
+    #[test]
+    fn coarse_methods_are_valid_and_their_maps_never_finer() {
+        for entry in METHODS {
+            coarse_method(&MethodSpec::default_of(entry), 512, 64).method().unwrap();
+        }
+        let map = |own, map| coarse_method(&"dsm:epsilon=0.01,map=256".parse().unwrap(), own, map).map_size();
+        assert_eq!((map(256, 128), map(256, 512)), (Some(128), Some(256)));
+        assert_eq!(coarse_method(&MethodSpec::default(), 300, 512).map_size(), None);
+    }
 }

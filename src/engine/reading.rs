@@ -1,16 +1,17 @@
 //! Background reading of a volume: voxels, histogram and a suitable transfer function.
 
-use super::method_choice::MethodChoice;
+use super::task::{Task, Wake};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::open::presets::Suiting;
 use crate::open::{Diagnostic, Loaded, MaskFlags, Read, SceneSettings, VolumeSpec, lacks_thickness};
 use crate::scene::{Light, LightSource, Scene, Shading};
+use crate::shadow::MethodSpec;
 use crate::strands::VoxelisedStrands;
 use crate::transfer::TransferFunction;
 use crate::volume::{Histogram, Volume};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::TryRecvError;
 use std::time::Instant;
 
 /// Bins of the histogram behind the editor.
@@ -50,7 +51,7 @@ pub struct InitialState {
     /// Camera, lights and picture settings.
     pub scene: Scene,
     /// Shadow method; `None`: unchanged.
-    pub method: Option<MethodChoice>,
+    pub method: Option<MethodSpec>,
     /// Whether pictures are written without their background; `None`: unchanged.
     pub transparent: Option<bool>,
 }
@@ -74,51 +75,32 @@ pub struct ReadTask {
     pub since: Instant,
     /// Progress and cancellation.
     pub loading: Arc<Loading>,
-    result: Receiver<Result<OpenedVolume>>,
+    task: Task<Result<OpenedVolume>>,
 }
 
 impl ReadTask {
     /// Starts reading; `wake` is called at the end.
     ///
     /// # Errors
-    /// An invalid shadow method, or a system that cannot start a thread.
-    pub fn start(spec: VolumeSpec, with: OpenMode, wake: impl Fn() + Send + 'static) -> Result<Self> {
-        let method = match &with {
-            // Invalid settings are reported at once, not after a long reading.
-            OpenMode::Settings(settings) => Some(MethodChoice::parse(&settings.method_spec().to_string())?),
-            OpenMode::Scene(_) | OpenMode::Revoxelise => None,
-        };
-        let (send, result) = channel();
-        let source = spec.source.clone();
-        let place = source.clone();
-        let loading = Arc::new(Loading::default());
+    /// The system cannot start a thread.
+    pub fn start(spec: VolumeSpec, with: OpenMode, wake: Wake) -> Result<Self> {
+        let (source, loading) = (spec.source.clone(), Arc::new(Loading::default()));
         let progress = Arc::clone(&loading);
-        std::thread::Builder::new()
-            .name("open".into())
-            .spawn(move || {
-                let work = std::panic::AssertUnwindSafe(|| read(spec, with, method, &progress));
-                let outcome = std::panic::catch_unwind(work).unwrap_or_else(|_| {
-                    Err(Error::runtime(
-                        "cannot read volume",
-                        place,
-                        "an internal error occurred while reading it",
-                    ))
-                });
-                // The receiver is gone after a cancellation.
-                let _ = send.send(outcome);
-                wake();
-            })
-            .map_err(|e| Error::runtime("cannot read volume", "window", e))?;
-        Ok(Self { source, since: Instant::now(), loading, result })
+        let task = Task::start("open", wake, move |sender, _| {
+            // The receiver is gone after a cancellation.
+            let _ = sender.send(read(spec, with, &progress));
+        })?;
+        Ok(Self { source, since: Instant::now(), loading, task })
     }
 
     /// Result; `None` while reading.
     pub fn poll(&self) -> Option<Result<OpenedVolume>> {
-        match self.result.try_recv() {
+        match self.task.poll() {
             Ok(outcome) => Some(outcome),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {
-                Some(Err(Error::runtime("cannot read volume", &self.source, "its thread ended")))
+                let why = "an internal error occurred while reading it";
+                Some(Err(Error::runtime("cannot read volume", &self.source, why)))
             }
         }
     }
@@ -130,12 +112,7 @@ impl Drop for ReadTask {
     }
 }
 
-fn read(
-    mut spec: VolumeSpec,
-    with: OpenMode,
-    method: Option<MethodChoice>,
-    loading: &Loading,
-) -> Result<OpenedVolume> {
+fn read(mut spec: VolumeSpec, with: OpenMode, loading: &Loading) -> Result<OpenedVolume> {
     let (volume, strands, notes, initial) = match with {
         OpenMode::Revoxelise => {
             let Read { volume, strands } = spec.read(loading)?;
@@ -145,7 +122,7 @@ fn read(
         OpenMode::Settings(settings) => {
             let Loaded { volume, strands, tf, tf_source, scene, diagnostics, .. } = settings.load(loading)?;
             let (transparent, suiting) = (Some(settings.is_transparent()), settings.suiting());
-            let parts = settings.masking.clone();
+            let (parts, method) = (settings.masking.clone(), Some(settings.method_spec()));
             let initial = InitialState { tf, tf_source, suiting, parts, scene, method, transparent };
             (volume, strands, texts(diagnostics), Some(initial))
         }
@@ -161,7 +138,8 @@ fn read(
             let scene = Scene { camera: scene.camera, lights, mesh: None, shading, ..*old };
             let suiting = Suiting::default();
             let parts = MaskFlags::default();
-            let initial = InitialState { tf, tf_source, suiting, parts, scene, method, transparent: None };
+            let initial =
+                InitialState { tf, tf_source, suiting, parts, scene, method: None, transparent: None };
             (volume, strands, texts(diagnostics), Some(initial))
         }
     };

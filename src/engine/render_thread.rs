@@ -2,9 +2,10 @@
 //!
 //! The window never waits for it.
 
-use super::mailbox::{EventSender, Mailbox, Next, Wake};
+use super::mailbox::{EventSender, Mailbox, Next};
 use super::messages::{Event, Exported, FrameRequest, Job};
 use super::progressive::ProgressiveRenderer;
+use super::task::Wake;
 use super::{heat_map, jobs};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;

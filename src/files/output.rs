@@ -155,7 +155,10 @@ pub fn prepare_output_dir(path: &Path) -> Result<()> {
 }
 
 /// Ending of a file name among `extensions`, ignoring case (`nii.gz` counts as one ending).
-pub(super) fn extension(path: &Path, extensions: &[&'static str]) -> Result<&'static str> {
+///
+/// # Errors
+/// It has none of them.
+pub fn extension(path: &Path, extensions: &[&'static str]) -> Result<&'static str> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends =
         |e: &str| name.strip_suffix(e).and_then(|stem| stem.strip_suffix('.')).is_some_and(|s| !s.is_empty());

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use exr::prelude::{Image, SpecificChannels, Text, Vec2, WritableImage as _};
 use ndarray::Array3;
 use ndarray_npy::WriteNpyExt;
+use png::text_metadata::{EncodableTextChunk, ITXtChunk};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -166,24 +167,24 @@ pub(super) fn png_encoder<W: std::io::Write>(
     Ok(encoder)
 }
 
-/// Adds texts to a PNG file of 8 bits a channel.
+/// Bytes of the signature and the first chunk of a PNG file, behind which texts may stand.
+const PNG_HEADER: usize = 33;
+
+/// Adds texts to a PNG file.
 ///
 /// # Errors
-/// The file is no such PNG.
-pub fn with_texts(file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u8>> {
-    if texts.is_empty() {
-        return Ok(file);
+/// The file is no PNG, or a key is no keyword of one.
+pub fn with_texts(mut file: Vec<u8>, texts: &[(String, String)]) -> Result<Vec<u8>> {
+    if file.len() < PNG_HEADER {
+        return Err(Error::runtime(WHAT, "PNG", "it is cut off"));
     }
-    let failed = |why: String| Error::runtime(WHAT, "PNG", why);
-    let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().map_err(|e| failed(e.to_string()))?;
-    let size = reader.output_buffer_size().ok_or_else(|| failed("it is too large".into()))?;
-    let mut codes = vec![0; size];
-    let info = reader.next_frame(&mut codes).map_err(|e| failed(e.to_string()))?;
-    if info.bit_depth != png::BitDepth::Eight {
-        return Err(failed("it has not 8 bits a channel".into()));
+    let mut chunks = Vec::new();
+    for (key, text) in texts {
+        let chunk = ITXtChunk::new(key, text);
+        chunk.encode(&mut chunks).map_err(|e| Error::runtime(WHAT, "PNG", e))?;
     }
-    codes.truncate(info.buffer_size());
-    encode_png(&codes, [info.width, info.height], info.color_type, texts)
+    file.splice(PNG_HEADER..PNG_HEADER, chunks);
+    Ok(file)
 }
 
 /// 8-bit sRGB and straight alpha of a linear colour that is multiplied by its opacity; black where the opacity is 0.

@@ -58,8 +58,8 @@ mod tests {
     #[test]
     fn long_tags_are_refused_but_long_texts_are_not() {
         let attributes: String = (0..2000).map(|i| format!(" a{i}='1'")).collect();
-        let said = parse(&format!("<a>\n<b{attributes}/></a>"), 100).unwrap_err();
-        assert!(said.line == 2 && said.why.contains("4096"), "{said:?}");
+        let error = parse(&format!("<a>\n<b{attributes}/></a>"), 100).unwrap_err();
+        assert!(error.line == 2 && error.why.contains("4096"), "{error:?}");
         let long = "x".repeat(10_000);
         for text in [
             format!("<a b='1'>{long}</a>"),

@@ -2,8 +2,7 @@
 //! and the window's dialog read that list.
 
 use super::downsample::{downsampled, room_for};
-use super::key;
-use super::layer::{Layer, layer};
+use super::layer::layer;
 use super::strands::{StrandFlags, is_strand_source, load_strands};
 use super::values;
 use crate::error::{Error, Result};
@@ -17,51 +16,41 @@ use crate::scene::Shading;
 use crate::strands::{STRAND_EXTENSIONS, StrandSet, StrandVolume, VoxelisedStrands};
 use crate::volume::{Crop, Downsample, Volume};
 use clap::Args;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 
 layer! {
 /// Flags of reading a volume; absent ones are `None`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
 pub struct ReadFlags {
     /// Read VOLUME as raw voxels: DIMXxDIMYxDIMZ:TYPE, TYPE one of u8 i8 u16 i16 u32 i32 f32 f64, then :be for
     /// big-endian [default: from a name like foot_256x256x256_uint8.raw]
-    #[arg(long, value_name = "LAYOUT", value_parser = values::raw_layout, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::raw_layout")]
+    #[arg(long, value_name = "LAYOUT", help_heading = "Volume")]
     pub raw: Option<RawLayout>,
     /// Voxel spacing, mm, of a file that has none (raw, .npy, TIFF, Zarr), or instead of its own [default: the file's, or 1,1,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::spacing_mm, allow_hyphen_values = true, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::spacing_mm")]
     pub spacing: Option<[f64; 3]>,
     /// Bytes before the first voxel of a raw file [default: 0]
     #[arg(long, value_name = "BYTES", allow_hyphen_values = true, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::text")]
     pub offset: Option<u64>,
     /// Series of a DICOM folder that holds several, from 1 in the order of their series numbers
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::text")]
     pub series: Option<usize>,
     /// Volume of a 4-D file, from 0 [default: 0]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::text")]
     pub frame: Option<usize>,
     /// Resolution level of a multi-resolution image, from 0, the finest [default: the finest that fits memory and a texture]
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::text")]
     pub level: Option<usize>,
     /// Read only these voxels, x0:x1,y0:y1,z0:z1 by index from 0, both ends included; parts may be empty [default: all]
-    #[arg(long, value_name = "RANGES", value_parser = Crop::from_str, allow_hyphen_values = true, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::text")]
+    #[arg(long, value_name = "RANGES", allow_hyphen_values = true, help_heading = "Volume")]
     pub crop: Option<Crop>,
     /// Downsample to the means of blocks: blocks of 2x2x1 voxels; or the smallest that leave so many bytes of voxels
     /// (--downsample=2GiB), or as many as the adapter's textures and free memory hold (--downsample) [default: all voxels]
-    #[arg(long, value_name = "auto|BYTES|XxYxZ", value_parser = Downsample::from_str, num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
-    #[serde(deserialize_with = "key::text")]
+    #[arg(long, value_name = "auto|BYTES|XxYxZ", num_args = 0..=1, require_equals = true, default_missing_value = "auto", help_heading = "Volume")]
     pub downsample: Option<Downsample>,
-    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    /// Flags of voxelising strands.
     #[command(flatten)]
     #[serde(flatten)]
     pub strands: StrandFlags,
@@ -115,7 +104,7 @@ impl VolumeSpec {
     fn raw_file(&self) -> Result<RawFile> {
         let sidecar = if self.flags.raw.is_none() { Sidecar::beside(self.path())? } else { None };
         let layout = match (&sidecar, self.layout()) {
-            (Some(said), _) => said.raw_layout()?,
+            (Some(sidecar), _) => sidecar.raw_layout()?,
             (None, Some(layout)) => layout,
             (None, None) => {
                 return Err(Error::input("cannot read raw volume", &self.source, "nothing says its layout")
@@ -374,10 +363,11 @@ impl VolumeSpec {
     fn check_flags(&self, format: &Format) -> Result<()> {
         // Every format has a first frame.
         let flags = ReadFlags { frame: self.flags.frame.filter(|frame| *frame > 0), ..self.flags };
-        let Some(flag) = flags.given("").into_iter().find(|flag| !format.flags.contains(flag)) else {
+        let given = toml::Table::try_from(flags).unwrap_or_default();
+        let Some(flag) = given.keys().find(|flag| !format.flags.contains(&flag.as_str())) else {
             return Ok(());
         };
-        let other = FORMATS.iter().find(|f| f.flags.contains(&flag)).map_or("nothing", |f| f.usage);
+        let other = FORMATS.iter().find(|f| f.flags.contains(&flag.as_str())).map_or("nothing", |f| f.usage);
         let why = format!("{} is {}, and this flag is for {other}", self.source, format.kind);
         Err(Error::input("cannot use flag", format!("--{flag}"), why))
     }

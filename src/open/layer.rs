@@ -5,28 +5,17 @@ pub trait Layer {
     /// These settings where given, those below otherwise.
     #[must_use]
     fn over(&self, below: &Self) -> Self;
-
-    /// Names of the settings that are given; `name` is that of a single one.
-    fn given(&self, name: &'static str) -> Vec<&'static str>;
 }
 
 impl<T: Clone> Layer for Option<T> {
     fn over(&self, below: &Self) -> Self {
         self.clone().or_else(|| below.clone())
     }
-
-    fn given(&self, name: &'static str) -> Vec<&'static str> {
-        self.iter().map(|_| name).collect()
-    }
 }
 
 impl Layer for bool {
     fn over(&self, below: &Self) -> Self {
         *self || *below
-    }
-
-    fn given(&self, name: &'static str) -> Vec<&'static str> {
-        self.then_some(name).into_iter().collect()
     }
 }
 
@@ -39,10 +28,6 @@ macro_rules! layer {
         impl $crate::open::layer::Layer for $name {
             fn over(&self, below: &Self) -> Self {
                 Self { $($field: self.$field.over(&below.$field),)* }
-            }
-
-            fn given(&self, _: &'static str) -> Vec<&'static str> {
-                [$(self.$field.given(stringify!($field))),*].concat()
             }
         }
     };

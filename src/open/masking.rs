@@ -1,6 +1,5 @@
 //! Masking of a volume: clip planes, and the labels of a segmentation.
 
-use super::key;
 use super::layer::layer;
 use super::presets::{self, Found, ResolvedTransferFunction, Suiting};
 use super::{Diagnostic, VolumeSpec};
@@ -10,7 +9,7 @@ use crate::transfer::formats::{have_same_quantity, with_quantity_of};
 use crate::transfer::{ClipPlane, LabelRule, LabelVisibility, MOST_CLIP_PLANES, Quantity, TransferFunction};
 use crate::volume::{Labels, Volume};
 use clap::Args;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Serialize, Serializer};
 use std::collections::BTreeSet;
 use std::fmt;
 use std::str::FromStr;
@@ -25,27 +24,23 @@ const MOST_SHOWN: usize = 12;
 
 layer! {
 /// Flags that mask parts of a volume.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct MaskFlags {
     /// Keep only the half-space n·x >= d, world mm; may be given several times: outside there is no extinction
     /// [default: all]
-    #[arg(long, value_name = "NX,NY,NZ,D", value_parser = ClipPlane::from_str, allow_hyphen_values = true, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::texts", skip_serializing_if = "Option::is_none")]
+    #[arg(long, value_name = "NX,NY,NZ,D", allow_hyphen_values = true, help_heading = "Volume")]
     pub clip: Option<Vec<ClipPlane>>,
     /// Segmentation of the volume, a file of whole numbers: each voxel takes the label of the nearest of its voxels, 0
     /// outside [default: none]
     #[arg(long, value_name = "FILE", help_heading = "Volume")]
-    #[serde(deserialize_with = "key::text", skip_serializing_if = "Option::is_none")]
     pub labels: Option<String>,
     /// Labels without extinction, such as 1,4-6 [default: none]
-    #[arg(long, value_name = "LABELS", value_parser = LabelList::from_str, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::text", skip_serializing_if = "Option::is_none")]
+    #[arg(long, value_name = "LABELS", help_heading = "Volume")]
     pub hide: Option<LabelList>,
     /// Transfer function of some labels, LABELS=FILE|PRESET; may be given several times: the last for a label counts
     /// [default: that of --tf for all]
-    #[arg(id = "label-tf", long, value_name = "LABELS=TF", value_parser = LabelFunction::from_str, help_heading = "Volume")]
-    #[serde(rename = "label-tf", deserialize_with = "key::texts", skip_serializing_if = "Option::is_none")]
+    #[arg(id = "label-tf", long, value_name = "LABELS=TF", help_heading = "Volume")]
+    #[serde(rename = "label-tf")]
     pub label_tf: Option<Vec<LabelFunction>>,
 }
 }

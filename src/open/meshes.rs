@@ -1,7 +1,6 @@
 //! Opaque objects of a scene: files of meshes and of strands, each with a colour.
 
 use super::Diagnostic;
-use super::key;
 use super::layer::layer;
 use super::strands::load_strands;
 use super::values;
@@ -11,118 +10,65 @@ use crate::files::loading::Loading;
 use crate::mesh::{self, Mesh, MeshPart, PartSource};
 use crate::strands::{MOST_TRIANGLES, SIDES, Tubes, tubes};
 use clap::Args;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Serialize, Serializer};
 use std::path::Path;
-use std::str::FromStr;
 use std::sync::Arc;
 
 layer! {
 /// Opaque objects in the volume; absent ones are `None`.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct OpaqueFlags {
     /// Opaque mesh in the volume, may be given several times: an STL, PLY or OBJ file, world mm, followed by
     /// ,color=#rrggbb (sRGB, bone)
-    #[arg(long, value_name = "FILE", value_parser = MeshFile::from_str, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::texts", skip_serializing_if = "Option::is_none")]
-    pub mesh: Option<Vec<MeshFile>>,
+    #[arg(long, value_name = "FILE", value_parser = mesh_file, help_heading = "Scene")]
+    pub mesh: Option<Vec<OpaqueFile>>,
     /// Strands in the volume as opaque tubes, may be given several times: a .hair, .tck, .trk, .vtk, .vtp or .obj file or
     /// phantom:hair-NAME[:SEGMENTS], followed by ,color=#rrggbb (sRGB, blue) and ,thickness=MM (needed where the file
     /// has none)
-    #[arg(long, value_name = "FILE", value_parser = StrandFile::from_str, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::texts", skip_serializing_if = "Option::is_none")]
-    pub strands: Option<Vec<StrandFile>>,
+    #[arg(long, value_name = "FILE", value_parser = strand_file, help_heading = "Scene")]
+    pub strands: Option<Vec<OpaqueFile>>,
 }
 }
 
-/// A mesh file and its colour: `FILE[,color=#rrggbb]`.
+/// A file of an opaque object, its colour, and the diameter of strands: `FILE[,color=#rrggbb][,thickness=MM]`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MeshFile {
-    /// Path.
-    pub source: String,
-    /// Linear RGB.
-    pub color: [f64; 3],
-}
-
-impl Serialize for MeshFile {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(&format_args!("{},color={}", self.source, color::to_hex(self.color)))
-    }
-}
-
-/// A file of strands, their colour and diameter: `FILE[,color=#rrggbb][,thickness=MM]`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StrandFile {
+pub struct OpaqueFile {
     /// A path, or `phantom:hair-NAME[:SEGMENTS]`.
     pub source: String,
     /// Linear RGB.
     pub color: [f64; 3],
-    /// Diameter, mm; `None`: the file's.
+    /// Diameter of strands, mm; `None`: the file's.
     pub thickness_mm: Option<f64>,
 }
 
-impl Serialize for StrandFile {
+impl Serialize for OpaqueFile {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let thickness = self.thickness_mm.map(|mm| format!(",thickness={mm}")).unwrap_or_default();
-        serializer.collect_str(&format_args!(
-            "{},color={}{thickness}",
-            self.source,
-            color::to_hex(self.color)
-        ))
+        let color = color::to_hex(self.color);
+        serializer.collect_str(&format_args!("{},color={color}{thickness}", self.source))
     }
 }
 
-impl FromStr for MeshFile {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (source, [hex]) = with_keys(text, ["color"])?;
-        let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
-        Ok(Self { source: source.into(), color })
-    }
+/// Parses a mesh file with its colour.
+fn mesh_file(text: &str) -> Result<OpaqueFile, String> {
+    let (source, [hex]) = values::with_keys(text, ["color"])?;
+    let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_COLOR))?;
+    Ok(OpaqueFile { source: source.into(), color, thickness_mm: None })
 }
 
-impl FromStr for StrandFile {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (source, [hex, mm]) = with_keys(text, ["color", "thickness"])?;
-        let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
-        let thickness_mm = mm.map(values::thickness_mm).transpose();
-        let thickness_mm = thickness_mm.map_err(|why| format!("thickness: {why}"))?;
-        Ok(Self { source: source.into(), color, thickness_mm })
-    }
-}
-
-/// Splits the name of a file from the keys behind it, each `,KEY=VALUE`.
-fn with_keys<'a, const N: usize>(
-    text: &'a str,
-    keys: [&str; N],
-) -> Result<(&'a str, [Option<&'a str>; N]), String> {
-    let (mut name, mut values) = (text, [None; N]);
-    // From the end, since a name may have commas.
-    while let Some((before, item)) = name.rsplit_once(',') {
-        let known = item.split_once('=').and_then(|(key, value)| {
-            Some((keys.iter().position(|known| *known == key.trim())?, value.trim()))
-        });
-        let Some((place, value)) = known else { break };
-        if values[place].replace(value).is_some() {
-            return Err(format!("`{}` is given twice", keys[place]));
-        }
-        name = before;
-    }
-    if name.is_empty() {
-        let keys: String = keys.iter().map(|key| format!("[,{key}=...]")).collect();
-        return Err(format!("expected FILE{keys}"));
-    }
-    Ok((name, values))
+/// Parses a file of strands with its colour and diameter.
+fn strand_file(text: &str) -> Result<OpaqueFile, String> {
+    let (source, [hex, mm]) = values::with_keys(text, ["color", "thickness"])?;
+    let color = color::parse_hex(hex.unwrap_or(Mesh::DEFAULT_STRAND_COLOR))?;
+    let thickness_mm = mm.map(values::thickness_mm).transpose();
+    let thickness_mm = thickness_mm.map_err(|why| format!("thickness: {why}"))?;
+    Ok(OpaqueFile { source: source.into(), color, thickness_mm })
 }
 
 impl OpaqueFlags {
     /// Names of files.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
-        let meshes = self.mesh.iter_mut().flatten().map(|mesh| &mut mesh.source);
-        meshes.chain(self.strands.iter_mut().flatten().map(|strands| &mut strands.source))
+        [&mut self.mesh, &mut self.strands].into_iter().flatten().flatten().map(|file| &mut file.source)
     }
 
     /// Reads all opaque objects into one mesh, if there are any; notes and warnings join `diagnostics`.
@@ -135,7 +81,7 @@ impl OpaqueFlags {
         loading: &Loading,
     ) -> Result<Option<Arc<Mesh>>> {
         let mut parts = Vec::new();
-        for MeshFile { source, color } in self.mesh.iter().flatten() {
+        for OpaqueFile { source, color, .. } in self.mesh.iter().flatten() {
             parts.push(mesh::read(Path::new(source), *color).map_err(|e| e.at("--mesh"))?);
         }
         let (of_meshes, mut left) = (parts.len(), MOST_TRIANGLES);
@@ -156,12 +102,11 @@ impl OpaqueFlags {
     pub(super) fn of(mesh: Option<&Mesh>) -> Self {
         let (mut files, mut strands) = (Vec::new(), Vec::new());
         for (source, color) in mesh.into_iter().flat_map(Mesh::parts) {
-            match source {
-                PartSource::File(path) => files.push(MeshFile { source: path.clone(), color }),
-                PartSource::Strands { source, thickness_mm } => {
-                    strands.push(StrandFile { source: source.clone(), color, thickness_mm: *thickness_mm });
-                }
-            }
+            let (list, source, thickness_mm) = match source {
+                PartSource::File(path) => (&mut files, path, None),
+                PartSource::Strands { source, thickness_mm } => (&mut strands, source, *thickness_mm),
+            };
+            list.push(OpaqueFile { source: source.clone(), color, thickness_mm });
         }
         Self {
             mesh: Some(files).filter(|files| !files.is_empty()),
@@ -170,7 +115,7 @@ impl OpaqueFlags {
     }
 }
 
-impl StrandFile {
+impl OpaqueFile {
     /// Tubes of the strands, with at most `most` triangles.
     fn read(&self, most: usize, diagnostics: &mut Vec<Diagnostic>, loading: &Loading) -> Result<MeshPart> {
         let Self { source, color, thickness_mm } = self;
@@ -198,24 +143,24 @@ mod tests {
 
     #[test]
     fn files_are_named_with_their_colours() {
-        let files = ["a b.stl", "c,d.ply,color=#ff8000"].map(|text| text.parse::<MeshFile>().unwrap());
+        let files = ["a b.stl", "c,d.ply,color=#ff8000"].map(|text| mesh_file(text).unwrap());
         assert_eq!(files[0].source, "a b.stl");
         assert_eq!((files[1].source.as_str(), files[1].color[0]), ("c,d.ply", 1.0));
         let text = serde_json::to_string(&files[1]).unwrap();
         assert_eq!(text, "\"c,d.ply,color=#ff8000\"");
-        assert!("a.stl,color=red".parse::<MeshFile>().unwrap_err().contains("#rrggbb"));
-        assert!(",color=#ffffff".parse::<MeshFile>().is_err());
-        let flags = OpaqueFlags { mesh: Some(vec!["no such file.stl".parse().unwrap()]), strands: None };
+        assert!(mesh_file("a.stl,color=red").unwrap_err().contains("#rrggbb"));
+        assert!(mesh_file(",color=#ffffff").is_err());
+        let flags = OpaqueFlags { mesh: Some(vec![mesh_file("no such file.stl").unwrap()]), strands: None };
         let error = flags.read(&mut Vec::new(), &Loading::default()).unwrap_err();
         assert!(error.exit_status() == 2 && error.place.contains("--mesh"), "{error}");
     }
 
     #[test]
     fn strands_are_named_with_colour_and_thickness() {
-        let plain = "a,b.tck".parse::<StrandFile>().unwrap();
+        let plain = strand_file("a,b.tck").unwrap();
         assert_eq!((plain.source.as_str(), plain.thickness_mm), ("a,b.tck", None));
         for text in ["a.tck,color=#ff8000,thickness=0.25", "a.tck, thickness=0.25, color=#ff8000"] {
-            let file = text.parse::<StrandFile>().unwrap();
+            let file = strand_file(text).unwrap();
             assert_eq!((file.source.as_str(), file.color[0], file.thickness_mm), ("a.tck", 1.0, Some(0.25)));
             assert_eq!(serde_json::to_string(&file).unwrap(), "\"a.tck,color=#ff8000,thickness=0.25\"");
         }
@@ -227,12 +172,12 @@ mod tests {
             (",thickness=1", "expected FILE[,color=...][,thickness=...]"),
             ("", "expected FILE"),
         ] {
-            assert!(text.parse::<StrandFile>().unwrap_err().contains(why), "{text}");
+            assert!(strand_file(text).unwrap_err().contains(why), "{text}");
         }
     }
 
     fn read(texts: &[&str]) -> (Result<Option<Arc<Mesh>>>, Vec<Diagnostic>) {
-        let files = texts.iter().map(|text| text.parse::<StrandFile>().unwrap()).collect();
+        let files = texts.iter().map(|text| strand_file(text).unwrap()).collect();
         let mut diagnostics = Vec::new();
         let flags = OpaqueFlags { mesh: None, strands: Some(files) };
         (flags.read(&mut diagnostics, &Loading::default()), diagnostics)
@@ -255,7 +200,7 @@ mod tests {
         assert!(diagnostics[0].message.contains("a.obj: 1 lines of fewer"), "{diagnostics:?}");
         let flags = OpaqueFlags::of(Some(&mesh));
         assert_eq!(flags.mesh, None);
-        assert_eq!(flags.strands.unwrap(), texts.each_ref().map(|text| text.parse::<StrandFile>().unwrap()));
+        assert_eq!(flags.strands.unwrap(), texts.each_ref().map(|text| strand_file(text).unwrap()));
         assert_eq!(OpaqueFlags::of(None), OpaqueFlags::default());
         // Two segments with caps; a tube of fur for each strand.
         assert!(mesh.triangles().len() > 2 * 24 + 120);

@@ -3,7 +3,6 @@
 mod diagnostic;
 mod downsample;
 pub mod formats;
-mod key;
 mod layer;
 mod load;
 mod masking;
@@ -25,8 +24,9 @@ pub use formats::{FORMATS, Read, ReadFlags, VolumeSpec, load};
 pub use layer::Layer;
 pub use load::{Functions, Loaded};
 pub use masking::{LabelFunction, LabelList, MaskFlags};
-pub use meshes::{MeshFile, OpaqueFlags, StrandFile};
+pub use meshes::{OpaqueFile, OpaqueFlags};
 pub use request::{RunFlags, SceneArgs, SceneRequest};
+pub use scene_file::flag_error;
 pub use settings::{DEFAULT_VOLUME, SceneSettings};
 pub use strands::{StrandFlags, is_strand_source, lacks_thickness, load_strands};
 pub use values::{resolution as parse_resolution, thickness_mm as parse_thickness_mm};

@@ -84,8 +84,8 @@ impl Found {
     ///
     /// # Errors
     /// The extinction becomes too large.
-    pub fn suit(self, volume: &Volume, asked: Suiting) -> Result<ResolvedTransferFunction> {
-        let meaning = Meaning::of(volume, asked.units);
+    pub fn suit(self, volume: &Volume, requested: Suiting) -> Result<ResolvedTransferFunction> {
+        let meaning = Meaning::of(volume, requested.units);
         let (mut notes, mut warnings) = (Vec::new(), Vec::new());
         let (tf, by_size) = match self {
             Self::Preset(preset) => {
@@ -104,8 +104,8 @@ impl Found {
                 (tf, None)
             }
         };
-        let factor = asked.opacity_scale.or(by_size.as_ref().map(|(_, factor)| *factor)).unwrap_or(1.0);
-        if let Some((name, factor)) = by_size.filter(|_| asked.opacity_scale.is_none()) {
+        let factor = requested.opacity_scale.or(by_size.as_ref().map(|(_, factor)| *factor)).unwrap_or(1.0);
+        if let Some((name, factor)) = by_size.filter(|_| requested.opacity_scale.is_none()) {
             notes.push(format!(
                 "{name} is made for volumes of about {NOMINAL_DIAGONAL_MM} mm, and this one is {} mm across: its extinction is \
                  {factor} times as high (--opacity-scale 1 undoes that)",
@@ -227,8 +227,12 @@ pub fn resolve(name_or_path: &str, volume: &Volume) -> Result<ResolvedTransferFu
 ///
 /// # Errors
 /// See [`find`] and [`Found::suit`].
-pub fn resolve_as(name_or_path: &str, volume: &Volume, asked: Suiting) -> Result<ResolvedTransferFunction> {
-    find(name_or_path)?.suit(volume, asked)
+pub fn resolve_as(
+    name_or_path: &str,
+    volume: &Volume,
+    requested: Suiting,
+) -> Result<ResolvedTransferFunction> {
+    find(name_or_path)?.suit(volume, requested)
 }
 
 /// Default preset: `hair` for strands, `ct` for a volume in HU with air in it, `bone` for one in HU
@@ -263,8 +267,8 @@ pub fn own_text(path: &Path) -> Result<String> {
 pub(super) fn default_as(volume: &Volume, units: Option<Units>) -> (&'static str, Option<String>) {
     let meaning = Meaning::of(volume, units);
     let name = default_of(&meaning);
-    let untold = meaning.is_guess && meaning.kind == ValueKind::Other;
-    (name, untold.then(|| format!("values are taken as {}: preset `{name}`", meaning.text())))
+    let needs_note = meaning.is_guess && meaning.kind == ValueKind::Other;
+    (name, needs_note.then(|| format!("values are taken as {}: preset `{name}`", meaning.text())))
 }
 
 #[cfg(test)]
@@ -290,13 +294,13 @@ mod tests {
     #[test]
     fn hounsfield_presets_stay_on_hounsfield_volumes() {
         let r = resolve("vessels", &volume(-1024.0, 3071.0)).unwrap();
-        assert_eq!((r.tf.points[0].value, r.notes.len()), (190.0, 1), "a guess is said");
-        let mut said = volume(0.0, 100.0);
-        said.provenance.values = ValueMeaning::Hounsfield("DICOM modality CT".into());
-        let r = resolve("vessels", &said).unwrap();
+        assert_eq!((r.tf.points[0].value, r.notes.len()), (190.0, 1), "a guess is stated");
+        let mut stated = volume(0.0, 100.0);
+        stated.provenance.values = ValueMeaning::Hounsfield("DICOM modality CT".into());
+        let r = resolve("vessels", &stated).unwrap();
         assert_eq!((r.tf.points[0].value, r.notes.len(), r.tf.units.as_str()), (190.0, 0, "HU"));
-        let asked = Suiting { units: Some(Units::Hu), ..Suiting::default() };
-        let r = resolve_as("vessels", &volume(0.0, 4095.0), asked).unwrap();
+        let requested = Suiting { units: Some(Units::Hu), ..Suiting::default() };
+        let r = resolve_as("vessels", &volume(0.0, 4095.0), requested).unwrap();
         assert_eq!((r.tf.points[0].value, r.notes.len()), (190.0, 0));
         assert_eq!(r.suiting, Suiting { units: Some(Units::Hu), opacity_scale: Some(1.0) });
     }
@@ -313,10 +317,13 @@ mod tests {
             );
             assert_eq!(r.tf.units, "", "its values are the volume's own");
         }
-        let asked = Suiting { units: Some(Units::Fraction), ..Suiting::default() };
-        assert_eq!(resolve_as("vessels", &volume(-1000.0, 800.0), asked).unwrap().tf.points[0].value, 190.0);
+        let requested = Suiting { units: Some(Units::Fraction), ..Suiting::default() };
         assert_eq!(
-            resolve_as("vessels", &volume(-1000.0, 2600.0), asked).unwrap().tf.points[0].value,
+            resolve_as("vessels", &volume(-1000.0, 800.0), requested).unwrap().tf.points[0].value,
+            190.0
+        );
+        assert_eq!(
+            resolve_as("vessels", &volume(-1000.0, 2600.0), requested).unwrap().tf.points[0].value,
             1380.0
         );
     }
@@ -397,11 +404,11 @@ mod tests {
             assert!((ratio / factor - 1.0).abs() < 1e-12, "{mm}: {ratio}");
             assert!(r.notes.iter().any(|n| n.contains("--opacity-scale 1")), "{:?}", r.notes);
             assert_eq!(r.suiting.opacity_scale, Some(factor));
-            for asked in [1.0, 0.5] {
-                let asked = Suiting { opacity_scale: Some(asked), ..Suiting::default() };
-                let r = resolve_as("bone", &hu(mm), asked).unwrap();
+            for requested in [1.0, 0.5] {
+                let requested = Suiting { opacity_scale: Some(requested), ..Suiting::default() };
+                let r = resolve_as("bone", &hu(mm), requested).unwrap();
                 let ratio = r.tf.extinction(800.0) / bone.extinction(800.0);
-                assert!((ratio - asked.opacity_scale.unwrap()).abs() < 1e-12 && r.notes.len() == 1);
+                assert!((ratio - requested.opacity_scale.unwrap()).abs() < 1e-12 && r.notes.len() == 1);
             }
         }
     }

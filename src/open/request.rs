@@ -1,43 +1,40 @@
 //! Everything that a command line or a scene file can say: scene settings, and flags about the run.
 
 use super::SceneSettings;
-use super::key;
 use super::layer::{Layer, layer};
 use crate::error::{Error, Result};
 use clap::Args;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::ops::Not;
 use std::path::PathBuf;
 
 layer! {
 /// Flags about the run: the adapter and the output.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct RunFlags {
     /// Print the plan: which work runs, which is skipped, and why
     #[arg(long)]
-    #[serde(deserialize_with = "key::switch", skip_serializing_if = "Not::not")]
+    #[serde(skip_serializing_if = "Not::not")]
     pub explain: bool,
     /// Print the result as JSON
     #[arg(long)]
-    #[serde(deserialize_with = "key::switch", skip_serializing_if = "Not::not")]
+    #[serde(skip_serializing_if = "Not::not")]
     pub json: bool,
     /// Use the graphics adapter whose name contains NAME [default: the fastest]
     #[arg(long, value_name = "NAME")]
-    #[serde(deserialize_with = "key::text")]
     pub adapter: Option<String>,
 }
 }
 
 layer! {
 /// Everything that a scene file can say: a scene, and flags about the run.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
 pub struct SceneRequest {
-    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    /// Settings of the scene.
     #[command(flatten)]
     #[serde(flatten)]
     pub settings: SceneSettings,
-    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    /// Flags about the run.
     #[command(flatten)]
     #[serde(flatten)]
     pub run: RunFlags,
@@ -47,7 +44,7 @@ pub struct SceneRequest {
 /// Flags that all commands share, and scene files below them.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct SceneArgs {
-    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    /// Flags that are also keys of scene files.
     #[command(flatten)]
     pub request: SceneRequest,
     /// TOML file with any of these flags as keys, and `volume`; flags win. `compare` takes several, each with its own

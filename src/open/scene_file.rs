@@ -1,13 +1,14 @@
-//! Scene files: [`SceneRequest`] as TOML.
+//! Scene files: [`SceneRequest`] as TOML. The value of a key is parsed as that of the flag of this name.
 
+use super::layer::Layer;
 use super::presets::PRESETS;
 use super::{SceneRequest, SceneSettings};
 use crate::error::{Error, Result};
 use crate::files::input::read_text;
-use clap::Args;
-use serde::Deserialize;
+use clap::{ArgAction, Args, FromArgMatches};
+use std::error::Error as _;
 use std::path::Path;
-use toml::Table;
+use toml::{Table, Value};
 
 const WHAT: &str = "cannot read scene file";
 
@@ -57,14 +58,35 @@ impl SceneRequest {
             let error = Error::input(WHAT, unknown.join(", "), "unknown key");
             return Err(error.hint(format!("keys: {}", keys.join(", "))));
         }
-        let read = |table: Table| Self::deserialize(table).map_err(|e| e.message().to_owned());
-        read(table.clone()).map_err(|why| {
-            // Flattened groups hide the key of an error: the first key that fails alone is the one.
-            let failed = table.iter().find_map(|(key, value)| {
-                read(Table::from_iter([(key.clone(), value.clone())])).err().map(|why| (key.as_str(), why))
-            });
-            let (key, why) = failed.unwrap_or(("settings", why));
-            Error::input(WHAT, key, why)
+        table.iter().try_fold(Self::default(), |request, (key, value)| {
+            let of_key = Self::from_key(key, value).map_err(|why| Error::input(WHAT, key, why))?;
+            Ok(of_key.over(&request))
+        })
+    }
+
+    /// Parses the value of a key by the flag of that name.
+    fn from_key(key: &str, value: &Value) -> Result<Self, String> {
+        let command = Self::augment_args(clap::Command::new("scene")).no_binary_name(true);
+        let arg = command.get_arguments().find(|arg| arg.get_id() == key).ok_or("unknown key")?;
+        // A flag that may be given several times takes a list of strings, too.
+        let values = match value {
+            Value::Array(items) if !items.is_empty() && items.iter().all(Value::is_str) => &items[..],
+            value => std::slice::from_ref(value),
+        };
+        let line: Vec<String> = if let ArgAction::SetTrue = arg.get_action() {
+            let is_given = value.as_bool().ok_or("expected true or false")?;
+            is_given.then(|| format!("--{key}")).into_iter().collect()
+        } else {
+            let texts = values.iter().map(flag_text).collect::<Result<Vec<_>, _>>()?;
+            match arg.is_positional() {
+                true => ["--".to_owned()].into_iter().chain(texts).collect(),
+                false => texts.iter().map(|text| format!("--{key}={text}")).collect(),
+            }
+        };
+        let matches = command.try_get_matches_from(line);
+        matches.and_then(|matches| Self::from_arg_matches(&matches)).map_err(|e| match e.source() {
+            Some(why) => why.to_string(),
+            None => flag_error(&e),
         })
     }
 
@@ -86,11 +108,30 @@ impl SceneSettings {
     }
 }
 
+/// Text of a value on the command line.
+fn flag_text(value: &Value) -> Result<String, String> {
+    match value {
+        Value::String(text) => Ok(text.clone()),
+        Value::Integer(n) => Ok(n.to_string()),
+        Value::Float(x) => Ok(x.to_string()),
+        Value::Array(items) if !items.iter().any(Value::is_str) => {
+            Ok(items.iter().map(flag_text).collect::<Result<Vec<_>, _>>()?.join(","))
+        }
+        _ => Err("expected a string, a number or an array of numbers".into()),
+    }
+}
+
+/// Reason of an error of clap, in one line.
+pub fn flag_error(e: &clap::Error) -> String {
+    let message = e.to_string();
+    let reason = message.split("\n\n").next().unwrap_or_default();
+    reason.trim_start_matches("error: ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::Layer;
     use super::*;
-    use clap::{ArgAction, CommandFactory, Parser};
+    use clap::{CommandFactory, Parser};
 
     #[derive(Parser)]
     #[command(no_binary_name = true, disable_help_flag = true)]
@@ -184,7 +225,6 @@ mod tests {
             // A switch that is not given wins over nothing.
             let winner = if to_toml(other).is_empty() { one } else { other };
             assert_eq!(other.over(one), *winner, "{key}");
-            assert_eq!(one.given(""), [key.replace('-', "_")]);
         }
         let all = every.iter().fold(SceneRequest::default(), |all, (_, [one, _])| one.over(&all));
         let text = to_toml(&all);

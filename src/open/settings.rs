@@ -1,13 +1,11 @@
 //! Description of a scene. Command line, scene file and window are views of [`SceneSettings`].
 
-use super::key;
 use super::layer::{Layer, layer};
 use super::masking::MaskFlags;
 use super::meshes::OpaqueFlags;
 use super::presets::{PRESETS, Suiting};
 use super::units::Units;
 use super::values::{self, Background, Size};
-use super::view;
 use super::{ReadFlags, VolumeSpec};
 use crate::error::{Error, Result};
 use crate::render::DisabledOptimizations;
@@ -16,115 +14,96 @@ use crate::scene::{AxisView, Camera, LightSource, Scene, Shading, Skip};
 use crate::shadow::{METHODS, Method, MethodSpec};
 use clap::Args;
 use glam::DVec3;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Serialize, Serializer};
 
 /// Default volume.
 pub const DEFAULT_VOLUME: &str = "phantom:thorax";
 
 layer! {
 /// Settings of a scene; `None` is the default. A field is a flag, whose help is its doc comment, and a key of scene files.
-#[derive(Debug, Clone, Default, PartialEq, Args, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Debug, Clone, Default, PartialEq, Args, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub struct SceneSettings {
     /// A volume (NIfTI, DICOM folder, NRRD, MetaImage, OME-Zarr, TIFF, .vti, .npy, raw), strands (.hair, .tck, .trk, .vtk,
     /// .vtp, .obj) or a built-in one, phantom:NAME[:SIZE] [default: phantom:thorax]
     #[arg(value_name = "VOLUME")]
-    #[serde(deserialize_with = "key::text")]
     pub volume: Option<String>,
-    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    /// Flags of reading the volume.
     #[command(flatten)]
     #[serde(flatten)]
     pub read_flags: ReadFlags,
-    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    /// Flags that mask parts of the volume.
     #[command(flatten)]
     #[serde(flatten)]
     pub masking: MaskFlags,
     /// Expected SHA-256 of the volume's file; a warning says when it differs
     #[arg(long, value_name = "HEX", value_parser = values::sha256, help_heading = "Volume")]
-    #[serde(deserialize_with = "key::sha256")]
     pub sha256: Option<String>,
 
     /// Name of the scene in tables [default: the scene file's name, or volume and transfer function]
     #[arg(long, value_name = "TEXT", help_heading = "Scene")]
-    #[serde(deserialize_with = "key::text")]
     pub name: Option<String>,
     /// Transfer function: a preset or a file [default: ct for a volume in HU with air, bone in HU without, hair for strands, engine otherwise]
     #[arg(long, value_name = "FILE|PRESET", help_heading = "Scene", long_help = tf_help())]
-    #[serde(deserialize_with = "key::text")]
     pub tf: Option<String>,
     /// Factor of the transfer function's extinction [default: 1; by the volume's size for presets]
-    #[arg(id = "opacity-scale", long, value_name = "F", value_parser = values::opacity_scale, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(rename = "opacity-scale", deserialize_with = "key::opacity_scale")]
+    #[arg(id = "opacity-scale", long, value_name = "F", value_parser = values::within(1e-6..=1e6), allow_hyphen_values = true, help_heading = "Scene")]
     pub opacity_scale: Option<f64>,
     /// Interpret values as HU or as fractions of their range, which decides how presets are scaled [default: as the file
     /// or the values suggest]
     #[arg(long, value_enum, value_name = "UNITS", help_heading = "Scene")]
-    #[serde(deserialize_with = "key::choice")]
     pub units: Option<Units>,
     /// Shadow method and its settings, METHOD[:key=value,...] [default: dsm]
-    #[arg(long, value_name = "METHOD", value_parser = values::shadow, help_heading = "Scene", long_help = shadow_help())]
-    #[serde(serialize_with = "display", deserialize_with = "key::shadow", skip_serializing_if = "Option::is_none")]
+    #[arg(long, value_name = "METHOD", help_heading = "Scene", long_help = shadow_help())]
+    #[serde(serialize_with = "display", skip_serializing_if = "Option::is_none")]
     pub shadow: Option<MethodSpec>,
     /// Picture size, pixels [default: 512x512]
     #[arg(long, value_name = "WxH", value_parser = values::size, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::size")]
     pub size: Option<Size>,
     /// Position of the camera, world mm [default: frames the visible part of the volume, and opaque objects]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::point")]
     pub eye: Option<DVec3>,
     /// Point that the camera looks at, world mm [default: centre of the framed part]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::point")]
     pub target: Option<DVec3>,
     /// Up direction of the picture [default: 0,0,1]
     #[arg(long, value_name = "X,Y,Z", value_parser = values::direction, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::direction")]
     pub up: Option<DVec3>,
     /// Side to look from: A, P, L, R, S or I [default: front, a little from the side and above]
     #[arg(long, value_name = "SIDE", value_parser = values::view, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::view")]
     pub view: Option<AxisView>,
     /// Zoom factor: narrows the field of view [default: 1]
-    #[arg(long, value_name = "F", value_parser = values::zoom, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::zoom")]
+    #[arg(long, value_name = "F", value_parser = values::within(0.01..=100.0), allow_hyphen_values = true, help_heading = "Scene")]
     pub zoom: Option<f64>,
     /// Vertical field of view, degrees [default: 40]
-    #[arg(long, value_name = "DEG", value_parser = values::fov_deg, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::fov_deg")]
+    #[arg(long, value_name = "DEG", value_parser = values::within(0.001..=179.9), allow_hyphen_values = true, help_heading = "Scene")]
     pub fov: Option<f64>,
     /// Light, may be given several times: dir:x,y,z towards a light at infinity, or point:x,y,z in world mm, followed by
     /// ,color=#rrggbb (sRGB, white) and ,intensity=F (1) [default: dir:0.5,0.5,0.7071]
     #[arg(long, value_name = "LIGHT", value_parser = values::light, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(serialize_with = "one_or_list", deserialize_with = "key::light", skip_serializing_if = "Option::is_none")]
+    #[serde(serialize_with = "one_or_list", skip_serializing_if = "Option::is_none")]
     pub light: Option<Vec<LightSource>>,
-    #[expect(missing_docs, reason = "a group of flags, whose comments are the help")]
+    /// Opaque objects in the volume.
     #[command(flatten)]
     #[serde(flatten)]
     pub opaque: OpaqueFlags,
     /// Share of ambient light, which shadows do not affect, 0 to 1 [default: 0.1]
-    #[arg(long, value_name = "A", value_parser = values::ambient, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::ambient")]
+    #[arg(long, value_name = "A", value_parser = values::within(0.0..=1.0), allow_hyphen_values = true, help_heading = "Scene")]
     pub ambient: Option<f64>,
     /// Shading by the gradient, or of strands by their direction (kajiya-kay) [default: none]
     #[arg(long, value_enum, value_name = "MODEL", help_heading = "Scene")]
-    #[serde(deserialize_with = "key::choice")]
     pub shading: Option<Shading>,
     /// Background colour, sRGB; or none: black, and transparent in picture files [default: #000000]
     #[arg(long, value_name = "#RRGGBB|none", value_parser = values::background, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::background")]
     pub background: Option<Background>,
     /// Eye-ray step in units of the smallest voxel spacing, 0.01 to 8 [default: 0.5]
-    #[arg(long, value_name = "VOXELS", value_parser = values::step, allow_hyphen_values = true, help_heading = "Scene")]
-    #[serde(deserialize_with = "key::step")]
+    #[arg(long, value_name = "VOXELS", value_parser = values::within(0.01..=8.0), allow_hyphen_values = true, help_heading = "Scene")]
     pub step: Option<f64>,
     /// Empty-space skipping [default: bricks]
     #[arg(long, value_enum, value_name = "HOW", help_heading = "Scene")]
-    #[serde(deserialize_with = "key::choice")]
     pub skip: Option<Skip>,
     /// Disable optimizations: names separated by commas, as --explain shows them in square brackets, or all
-    #[arg(id = "no-skip", long, value_name = "NAMES", value_parser = values::disabled_optimizations, help_heading = "Scene")]
-    #[serde(rename = "no-skip", deserialize_with = "key::disabled_optimizations")]
+    #[arg(id = "no-skip", long, value_name = "NAMES", help_heading = "Scene")]
     pub no_skip: Option<DisabledOptimizations>,
 }
 }
@@ -240,11 +219,9 @@ impl SceneSettings {
     pub fn scene(&self, bounds: &VisibleBounds) -> Result<Scene> {
         let default = Scene::framing(bounds.volume());
         let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
-        let Self { eye, target, up, view, zoom, fov, .. } = *self;
-        let placement = view::Placement { eye, target, up, view, zoom, fov };
         self.check_lights()?;
         Ok(Scene {
-            camera: view::camera(&placement, bounds, size)?,
+            camera: self.camera(bounds, size)?,
             lights: self.light.clone().filter(|lights| !lights.is_empty()).unwrap_or(default.lights),
             ambient: self.ambient.unwrap_or(default.ambient),
             shading: self.shading.unwrap_or(default.shading),
@@ -285,13 +262,7 @@ impl SceneSettings {
 
     /// Refuses more lights than can be drawn.
     pub(super) fn check_lights(&self) -> Result<()> {
-        match self.light.iter().flatten().count() {
-            count if count > Scene::MOST_LIGHTS => {
-                let why = format!("there are {count}, and at most {} are drawn", Scene::MOST_LIGHTS);
-                Err(Error::input("too many lights", "--light", why))
-            }
-            _ => Ok(()),
-        }
+        self.check_light_count(Scene::MOST_LIGHTS, &format!("at most {} are drawn", Scene::MOST_LIGHTS))
     }
 
     /// Refuses several lights, for a command about a single one.
@@ -299,12 +270,15 @@ impl SceneSettings {
     /// # Errors
     /// There is more than one.
     pub fn one_light(&self, command: &str) -> Result<()> {
+        self.check_light_count(1, &format!("`{command}` takes one"))
+    }
+
+    fn check_light_count(&self, most: usize, why: &str) -> Result<()> {
         match self.light.iter().flatten().count() {
-            0 | 1 => Ok(()),
-            count => {
-                let why = format!("there are {count}, and `{command}` takes one");
-                Err(Error::input("too many lights", "--light", why))
+            count if count > most => {
+                Err(Error::input("too many lights", "--light", format!("there are {count}, and {why}")))
             }
+            _ => Ok(()),
         }
     }
 }

@@ -1,6 +1,5 @@
 //! Flags of strands, and loading of strands.
 
-use super::key;
 use super::layer::layer;
 use super::values;
 use crate::error::{Error, Result};
@@ -9,25 +8,21 @@ use crate::strands::{
     DEFAULT_RESOLUTION, Kernel, StrandFormat, StrandSet, StrandVolume, Strands, read_strands,
 };
 use clap::Args;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::path::Path;
 
 layer! {
 /// Flags of voxelising strands; absent ones are `None`.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize, Deserialize)]
-#[serde(default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Args, Serialize)]
 pub struct StrandFlags {
     /// Voxels along the longest side of the grid for strands, 4 to 1024 [default: 256]
     #[arg(long, value_name = "N", value_parser = values::resolution, allow_hyphen_values = true, help_heading = "Strands")]
-    #[serde(deserialize_with = "key::resolution")]
     pub resolution: Option<usize>,
     /// Kernel that distributes the length of strands over voxels [default: box]
     #[arg(long, value_enum, value_name = "KERNEL", help_heading = "Strands")]
-    #[serde(deserialize_with = "key::choice")]
     pub kernel: Option<Kernel>,
     /// Diameter of every strand, mm; wins over the file's, and is needed where it has none [default: the file's]
     #[arg(long, value_name = "MM", value_parser = values::thickness_mm, allow_hyphen_values = true, help_heading = "Strands")]
-    #[serde(deserialize_with = "key::thickness_mm")]
     pub thickness: Option<f64>,
 }
 }

@@ -5,10 +5,10 @@
 use crate::strands::STRANDS_FORMAT;
 use crate::volume::{ValueMeaning, Volume, Voxel, Voxels};
 use crate::with_voxels;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Interpretation of values, as in `--units`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs, reason = "a comment would be a line of `--help`")]
 pub enum Units {
@@ -82,12 +82,12 @@ pub fn of_strands(volume: &Volume) -> bool {
 }
 
 impl Meaning {
-    /// Interprets a volume's values; `asked` wins.
-    pub fn of(volume: &Volume, asked: Option<Units>) -> Self {
+    /// Interprets a volume's values; `requested` wins.
+    pub fn of(volume: &Volume, requested: Option<Units>) -> Self {
         let [low, high] = volume.value_range();
         let has_air = low < AIR_BELOW_HU;
         let known = |kind, why: &str| Self { kind, why: why.into(), is_guess: false, has_air };
-        match asked {
+        match requested {
             Some(Units::Hu) => return known(ValueKind::Hounsfield, "--units hu"),
             Some(Units::Fraction) => return known(ValueKind::Other, "--units fraction"),
             None => {}
@@ -100,42 +100,33 @@ impl Meaning {
             ValueMeaning::Other(by) => return known(ValueKind::Other, by),
             ValueMeaning::Unknown => {}
         }
-        let guess = |kind, why: String| Self { kind, why, is_guess: true, has_air };
         let [low_text, high_text] = [low, high].map(|v| (v * 1e2).round() / 1e2);
-        if high - low <= MIN_HU_WIDTH {
-            return guess(ValueKind::Other, format!("values from {low_text} to {high_text} span too little"));
-        }
-        if low < PLAUSIBLE_HU[0] || high > PLAUSIBLE_HU[1] {
-            return guess(ValueKind::Other, format!("values from {low_text} to {high_text} go beyond HU"));
-        }
-        let summary = ValueSummary::of(volume);
-        if summary.air >= AIR_SHARE
-            && summary.air * (high - low) >= AIR_DENSITY * 2.0 * AIR_WIDTH * summary.near(low, high)
-        {
-            let percent = (100.0 * summary.air).round();
-            return guess(
-                ValueKind::Hounsfield,
-                format!("{percent} % of the voxels are air, about {AIR_HU}"),
-            );
-        }
-        if has_air && low >= PADDING_HU && summary.soft >= SOFT_SHARE {
-            let percent = (100.0 * summary.soft).round();
-            return guess(
-                ValueKind::Hounsfield,
-                format!(
-                    "{percent} % of the voxels are from {} to {}, as soft tissue is, and there are gases",
-                    SOFT_HU[0], SOFT_HU[1]
-                ),
-            );
-        }
-        let scaled_bytes = matches!(volume.voxels(), Voxels::U8(_)) && volume.scaling().slope != 1.0;
-        if scaled_bytes && (WINDOW_HU[0]..=0.0).contains(&low) && high <= WINDOW_HU[1] {
-            return guess(
-                ValueKind::Hounsfield,
-                format!("the file scales its 8 bits to {low_text} to {high_text}, a window of HU"),
-            );
-        }
-        guess(ValueKind::Other, format!("values from {low_text} to {high_text} have no air about {AIR_HU}"))
+        let range = format!("values from {low_text} to {high_text}");
+        let (kind, why) = if high - low <= MIN_HU_WIDTH {
+            (ValueKind::Other, format!("{range} span too little"))
+        } else if low < PLAUSIBLE_HU[0] || high > PLAUSIBLE_HU[1] {
+            (ValueKind::Other, format!("{range} go beyond HU"))
+        } else {
+            let ValueSummary { air, soft } = ValueSummary::of(volume);
+            let percent = |share: f64| (100.0 * share).round();
+            let is_dense = air * (high - low) >= AIR_DENSITY * 2.0 * AIR_WIDTH * near_air(low, high);
+            let scaled_bytes = matches!(volume.voxels(), Voxels::U8(_)) && volume.scaling().slope != 1.0;
+            if air >= AIR_SHARE && is_dense {
+                (ValueKind::Hounsfield, format!("{} % of the voxels are air, about {AIR_HU}", percent(air)))
+            } else if has_air && low >= PADDING_HU && soft >= SOFT_SHARE {
+                let ([from, to], percent) = (SOFT_HU, percent(soft));
+                let why = format!(
+                    "{percent} % of the voxels are from {from} to {to}, as soft tissue is, and there are gases"
+                );
+                (ValueKind::Hounsfield, why)
+            } else if scaled_bytes && (WINDOW_HU[0]..=0.0).contains(&low) && high <= WINDOW_HU[1] {
+                let why = format!("the file scales its 8 bits to {low_text} to {high_text}, a window of HU");
+                (ValueKind::Hounsfield, why)
+            } else {
+                (ValueKind::Other, format!("{range} have no air about {AIR_HU}"))
+            }
+        };
+        Self { kind, why, is_guess: true, has_air }
     }
 
     /// Whether the values are HU.
@@ -179,12 +170,12 @@ impl ValueSummary {
         let share = |count: usize| count as f64 / looked_at.max(1) as f64;
         Self { air: share(air), soft: share(soft) }
     }
+}
 
-    /// Share of the interval of air that lies within the range of values.
-    fn near(&self, low: f64, high: f64) -> f64 {
-        let [a, b] = [(AIR_HU - AIR_WIDTH).max(low), (AIR_HU + AIR_WIDTH).min(high)];
-        ((b - a) / (2.0 * AIR_WIDTH)).max(0.0)
-    }
+/// Share of the interval of air that lies within the range of values.
+fn near_air(low: f64, high: f64) -> f64 {
+    let [a, b] = [(AIR_HU - AIR_WIDTH).max(low), (AIR_HU + AIR_WIDTH).min(high)];
+    ((b - a) / (2.0 * AIR_WIDTH)).max(0.0)
 }
 
 #[cfg(test)]

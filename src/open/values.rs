@@ -1,11 +1,7 @@
 //! Parsers of flag values; an error is the reason, in one line.
 
-use crate::error::Error;
 use crate::files::color;
-use crate::formats::RawLayout;
-use crate::render::DisabledOptimizations;
 use crate::scene::{AXIS_VIEWS, AxisView, Light, LightSource};
-use crate::shadow::MethodSpec;
 use crate::strands::{MAX_MM, RESOLUTIONS};
 use glam::DVec3;
 use serde::{Serialize, Serializer};
@@ -73,16 +69,6 @@ pub fn sha256(text: &str) -> Result<String, String> {
     }
 }
 
-/// A shadow method with its settings.
-pub fn shadow(text: &str) -> Result<MethodSpec, String> {
-    text.parse().map_err(|e: Error| format!("{} {}: {}", e.what, e.place, e.why))
-}
-
-/// Names of optimizations, or `all`.
-pub fn disabled_optimizations(text: &str) -> Result<DisabledOptimizations, String> {
-    text.parse().map_err(|e: Error| format!("{} {}: {}", e.what, e.place, e.why))
-}
-
 fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
@@ -91,10 +77,12 @@ fn number(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A number in a range, which `range_text` describes.
-fn within(text: &str, range: RangeInclusive<f64>, range_text: &str) -> Result<f64, String> {
-    let x = number(text)?;
-    if range.contains(&x) { Ok(x) } else { Err(format!("it must be {range_text}")) }
+/// Parser of a number in a range.
+pub fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    move |text| match number(text)? {
+        x if range.contains(&x) => Ok(x),
+        _ => Err(format!("it must be from {} to {}", range.start(), range.end())),
+    }
 }
 
 fn vector(text: &str) -> Result<DVec3, String> {
@@ -125,31 +113,42 @@ pub fn direction(text: &str) -> Result<DVec3, String> {
 
 /// `dir:x,y,z` or `point:x,y,z`, and behind it `,color=#rrggbb` (sRGB) and `,intensity=F`, each once at most.
 pub fn light(text: &str) -> Result<LightSource, String> {
-    let (place, keys) = match text.find('=') {
-        // The key begins behind the last comma before its sign.
-        Some(sign) => text[..sign].rfind(',').map_or((text, None), |at| (&text[..at], Some(&text[at + 1..]))),
-        None => (text, None),
-    };
+    let (place, [color, intensity]) = with_keys(text, ["color", "intensity"])?;
+    if let Some((item, _)) = place.split_once('=') {
+        return Err(format!("`{item}` is no key of a light: there is color=, intensity="));
+    }
     let light = match place.split_once(':') {
         Some(("dir", v)) => Light::Directional { toward: direction(v)? },
         Some(("point", v)) => Light::Point { position: point(v)? },
         _ => return Err("expected dir:x,y,z or point:x,y,z".into()),
     };
-    let (mut color, mut intensity) = (None, None);
-    for item in keys.into_iter().flat_map(|keys| keys.split(',')) {
-        let (key, value) = item.split_once('=').unwrap_or((item, ""));
-        let twice = match key.trim() {
-            "color" => color.replace(color::parse_hex(value.trim())?).is_some(),
-            "intensity" => intensity.replace(light_intensity(value)?).is_some(),
-            other => return Err(format!("`{other}` is no key of a light: there is color=, intensity=")),
-        };
-        if twice {
-            return Err(format!("`{}` is given twice", key.trim()));
-        }
-    }
     let white = LightSource::from(light);
-    let color = color.unwrap_or(white.color);
-    Ok(LightSource { light, color, intensity: intensity.unwrap_or(white.intensity) })
+    let color = color.map_or(Ok(white.color), color::parse_hex)?;
+    Ok(LightSource { light, color, intensity: intensity.map_or(Ok(white.intensity), light_intensity)? })
+}
+
+/// Splits a text from the keys behind it, each `,KEY=VALUE`.
+pub(super) fn with_keys<'a, const N: usize>(
+    text: &'a str,
+    keys: [&str; N],
+) -> Result<(&'a str, [Option<&'a str>; N]), String> {
+    let (mut name, mut values) = (text, [None; N]);
+    // From the end, since a name may have commas.
+    while let Some((before, item)) = name.rsplit_once(',') {
+        let known = item.split_once('=').and_then(|(key, value)| {
+            Some((keys.iter().position(|known| *known == key.trim())?, value.trim()))
+        });
+        let Some((place, value)) = known else { break };
+        if values[place].replace(value).is_some() {
+            return Err(format!("`{}` is given twice", keys[place]));
+        }
+        name = before;
+    }
+    if name.is_empty() {
+        let keys: String = keys.iter().map(|key| format!("[,{key}=...]")).collect();
+        return Err(format!("expected FILE{keys}"));
+    }
+    Ok((name, values))
 }
 
 /// Largest intensity of a light: sums of larger ones lose dim lights in float32.
@@ -157,30 +156,8 @@ pub const MOST_INTENSITY: f64 = 1e6;
 
 /// An intensity, 0 or more.
 fn light_intensity(text: &str) -> Result<f64, String> {
-    let x = within(text, 0.0..=MOST_INTENSITY, "from 0 to 1e6").map_err(|why| format!("intensity: {why}"))?;
     // Negative zero becomes zero.
-    Ok(x + 0.0)
-}
-
-/// A vertical field of view, degrees, between 0 and 180.
-pub fn fov_deg(text: &str) -> Result<f64, String> {
-    // Beyond, the tangent or the framing distance overflows float32.
-    within(text, 0.001..=179.9, "from 0.001 to 179.9 degrees")
-}
-
-/// A share of the light in `[0, 1]`.
-pub fn ambient(text: &str) -> Result<f64, String> {
-    within(text, 0.0..=1.0, "in [0, 1]")
-}
-
-/// An eye-ray step in voxels: a smaller one takes minutes, a larger one misses structures.
-pub fn step(text: &str) -> Result<f64, String> {
-    within(text, 0.01..=8.0, "from 0.01 to 8 voxels")
-}
-
-/// A factor of extinction.
-pub fn opacity_scale(text: &str) -> Result<f64, String> {
-    within(text, 1e-6..=1e6, "from 1e-6 to 1e6")
+    within(0.0..=MOST_INTENSITY)(text).map(|x| x + 0.0).map_err(|why| format!("intensity: {why}"))
 }
 
 /// `#rrggbb`, or `none`.
@@ -204,16 +181,6 @@ pub fn spacing_mm(text: &str) -> Result<[f64; 3], String> {
 pub fn view(text: &str) -> Result<AxisView, String> {
     let is = |side: &&AxisView| side.mark.eq_ignore_ascii_case(text) || side.name.eq_ignore_ascii_case(text);
     AXIS_VIEWS.iter().find(is).copied().ok_or_else(|| format!("`{text}` is not one of A, P, L, R, S, I"))
-}
-
-/// A zoom factor.
-pub fn zoom(text: &str) -> Result<f64, String> {
-    within(text, 0.01..=100.0, "from 0.01 to 100")
-}
-
-/// The layout of a raw file.
-pub fn raw_layout(text: &str) -> Result<RawLayout, String> {
-    text.parse().map_err(|e: Error| e.why)
 }
 
 /// Number of voxels along the longest side of a grid for strands.
@@ -255,7 +222,7 @@ mod tests {
         assert_eq!(spacing_mm("1,2,0.5"), Ok([1.0, 2.0, 0.5]));
         assert_eq!(background("#ff0000"), Ok(Background::Color([1.0, 0.0, 0.0])));
         assert_eq!(background("none"), Ok(Background::None));
-        assert_eq!((fov_deg("40"), ambient("0"), step("8")), (Ok(40.0), Ok(0.0), Ok(8.0)));
+        assert_eq!((within(0.0..=1.0)("0"), within(0.01..=8.0)("8")), (Ok(0.0), Ok(8.0)));
     }
 
     #[test]
@@ -286,20 +253,11 @@ mod tests {
             ("intensity=2,", "no key"),
             ("intensity=2,5", "no key"),
         ] {
-            let said = light(&format!("dir:0,0,1,{keys}")).unwrap_err();
-            assert!(said.contains(why), "{keys}: {said}");
+            let error = light(&format!("dir:0,0,1,{keys}")).unwrap_err();
+            assert!(error.contains(why), "{keys}: {error}");
         }
-        for bad in ["0", "180", "-5", "nan", "inf", "x", "360"] {
-            assert!(fov_deg(bad).is_err(), "{bad}");
-        }
-        for bad in ["-0.1", "1.1", "nan"] {
-            assert!(ambient(bad).is_err(), "{bad}");
-        }
-        for bad in ["0", "-1", "8.1", "nan", "1e-9"] {
-            assert!(step(bad).is_err(), "{bad}");
-        }
-        for bad in ["0", "-1", "1e7", "nan", "x"] {
-            assert!(opacity_scale(bad).is_err(), "{bad}");
+        for bad in ["0", "180", "-5", "nan", "inf", "x", "1e-9"] {
+            assert!(within(0.001..=179.9)(bad).is_err(), "{bad}");
         }
         for bad in ["1,1,0", "-1,1,1", "1,1"] {
             assert!(spacing_mm(bad).is_err(), "{bad}");

@@ -41,6 +41,7 @@ pub struct Order<'a> {
 }
 
 /// Volume, transfer function and scene that a scene's rows are measured on.
+#[derive(Debug, Clone)]
 pub struct Subject {
     /// The voxels.
     pub volume: Arc<Volume>,

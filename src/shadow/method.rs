@@ -109,6 +109,7 @@ impl MethodSpec {
     }
 }
 
+/// `METHOD[:key=value,...]`; the alternate form `{:#}` has no defaults.
 impl fmt::Display for MethodSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.entry.name)?;
@@ -116,7 +117,8 @@ impl fmt::Display for MethodSpec {
         for (key, value) in self.settings() {
             // A key of another setting would be refused when read back.
             let readable = self.applies(key) || !matches!(key.when, When::Is(..));
-            if readable && (key.in_label && self.applies(key) || Some(value) != key.parse(key.default)) {
+            let is_labelled = !f.alternate() && key.in_label && self.applies(key);
+            if readable && (is_labelled || Some(value) != key.parse(key.default)) {
                 write!(f, "{separator}{}={value}", key.name)?;
                 separator = ',';
             }

@@ -46,7 +46,7 @@ pub enum AffineSource {
 }
 
 /// Meaning of the values by their file, with the evidence, e.g. `DICOM modality CT`.
-#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum ValueMeaning {
     /// The file gives no meaning.
     #[default]
@@ -73,6 +73,7 @@ pub struct Provenance {
     /// Frame that was read, from 0.
     pub frame: usize,
     /// Meaning of the values.
+    #[serde(skip)]
     pub values: ValueMeaning,
     /// Number of non-finite voxels, which the smallest finite value replaces.
     pub non_finite: usize,

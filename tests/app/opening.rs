@@ -63,7 +63,7 @@ fn dropped_files_open_by_their_kind() {
     bench.wait_for("a scene", |app| source(app) == "phantom:comb:14");
     bench.settle();
     let document = bench.app().model.document.clone().unwrap();
-    assert_eq!((document.method.name, document.scene.ambient), ("rays", 0.25));
+    assert_eq!((document.method.entry().name, document.scene.ambient), ("rays", 0.25));
     assert!(document.transparent && document.scene_text("ct").unwrap().contains("background = \"none\""));
 
     // Broken files are reported and the old volume stays.

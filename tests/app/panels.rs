@@ -5,7 +5,6 @@ use eframe::egui::{self, Modifiers, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use std::time::Duration;
 use umbravox::app::curve::Edit;
-use umbravox::engine::MethodChoice;
 use umbravox::files::loading::Loading;
 use umbravox::open::SceneRequest;
 use umbravox::scene::Shading;
@@ -173,8 +172,8 @@ fn nothing_in_the_side_panel_is_cut() {
         ["dsm:epsilon=0.0123,map=96,prefilter=5,precompress=off", "bom:map=96,layers=16", "osm:map=64"]
     {
         let document = bench.app().model.document.as_mut().unwrap();
-        document.method = MethodChoice::parse(spec).unwrap();
-        document.other = MethodChoice::parse("dom:map=96,layers=12").unwrap();
+        document.method = spec.parse().unwrap();
+        document.other = "dom:map=96,layers=12".parse().unwrap();
         bench.app().model.split.share = Some(0.5);
         bench.settle();
         // The layout settles one frame after its contents.

@@ -10,13 +10,11 @@ fn presets_have_thumbnails_and_are_loaded_by_a_click() {
     let Some(mut bench) = Bench::open(&["phantom:thorax:32", "--tf=bone", "--shadow=none"]) else { return };
     let (work, picture) = (bench.app().model.frames, bench.pixels());
     bench.click("preset");
-    bench.wait_for("all pictures", |app| {
-        app.presets.thumbnails.iter().filter(|t| t.is_some()).count() == PRESETS.len()
-    });
+    bench.wait_for("all pictures", |app| app.presets.thumbnails.len() == PRESETS.len());
     assert_eq!(bench.app().model.frames, work, "the view is not drawn again for them");
     let pixels = |bench: &mut Bench, name: &str| {
         let index = PRESETS.iter().position(|p| p.name == name).unwrap();
-        let texture = bench.app().presets.thumbnails[index].as_ref().unwrap().texture.clone();
+        let texture = bench.app().presets.thumbnails[&index].texture.clone();
         bench.read(&texture)
     };
     let [bone, skin, lung] = ["bone", "skin", "lung"].map(|name| pixels(&mut bench, name));

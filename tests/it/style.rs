@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 /// Lines of a file.
 const LONGEST_FILE: usize = 450;
 /// Files that are still longer: to become fewer, never more.
-const KNOWN_LONG_FILES: [&str; 6] = [
-    "examples/window_shots.rs",
+const KNOWN_LONG_FILES: [&str; 5] = [
     "src/formats/dicom/dataset.rs",
     "src/measure/band.rs",
     "src/measure/table.rs",

@@ -1,8 +1,10 @@
 //! "Browse…" button with the system's file dialog, on its own thread.
 
+use crate::engine::task::Task;
 use eframe::egui;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::Arc;
+use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
 /// A dialog that closes within this time was never shown.
@@ -14,7 +16,7 @@ pub type Pick = fn(rfd::FileDialog) -> Option<PathBuf>;
 /// State of the button.
 #[derive(Default)]
 pub struct Browse {
-    pending: Option<(Instant, Receiver<Option<PathBuf>>)>,
+    pending: Option<(Instant, Task<Option<PathBuf>>)>,
     /// The system showed no dialog.
     pub is_unavailable: bool,
 }
@@ -33,25 +35,20 @@ impl Browse {
             if let Some(folder) = path.ancestors().find(|p| p.is_dir()) {
                 dialog = dialog.set_directory(folder);
             }
-            let (sender, chosen) = channel();
             let context = ui.ctx().clone();
-            let work = move || {
-                let _ = sender.send(pick(dialog));
-                context.request_repaint();
-            };
-            let thread = std::thread::Builder::new().name("file dialog".into()).spawn(work);
-            self.is_unavailable = thread.is_err();
-            self.pending = thread.ok().map(|_| (Instant::now(), chosen));
+            let wake = Arc::new(move || context.request_repaint());
+            let task = Task::start("file dialog", wake, move |sender, _| _ = sender.send(pick(dialog)));
+            self.is_unavailable = task.is_err();
+            self.pending = task.ok().map(|task| (Instant::now(), task));
         }
         self.take()
     }
 
     fn take(&mut self) -> Option<String> {
-        let (since, chosen) = self.pending.as_ref()?;
-        let path = match chosen.try_recv() {
+        let (since, task) = self.pending.as_ref()?;
+        let path = match task.poll() {
             Err(TryRecvError::Empty) => return None,
-            Err(TryRecvError::Disconnected) => None,
-            Ok(path) => path,
+            path => path.unwrap_or_default(),
         };
         self.is_unavailable = path.is_none() && since.elapsed() < MIN_DIALOG_TIME;
         self.pending = None;
@@ -62,24 +59,31 @@ impl Browse {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::mpsc::{Sender, channel};
 
     #[test]
     fn dialogs_that_close_at_once_are_unavailable() {
         let answer = |age: Duration, path: Option<&str>| {
-            let (sender, chosen) = channel();
+            let (reply, replied) = channel::<Option<PathBuf>>();
+            let work =
+                move |sender: &Sender<Option<PathBuf>>, _: &_| sender.send(replied.recv().unwrap()).unwrap();
+            let task = Task::start("dialog", Arc::new(|| ()), work).unwrap();
             let since = Instant::now().checked_sub(age)?;
-            let mut browse = Browse { pending: Some((since, chosen)), is_unavailable: false };
+            let mut browse = Browse { pending: Some((since, task)), is_unavailable: false };
             assert_eq!(browse.take(), None, "still open");
-            sender.send(path.map(Into::into)).unwrap();
-            let path = browse.take();
-            Some((path, browse.is_unavailable, browse.pending.is_some()))
+            reply.send(path.map(Into::into)).unwrap();
+            let mut path = browse.take();
+            while browse.pending.is_some() {
+                path = browse.take();
+            }
+            Some((path, browse.is_unavailable))
         };
         let later = 2 * MIN_DIALOG_TIME;
         for (age, path, unavailable) in
             [(Duration::ZERO, None, true), (later, None, false), (later, Some("a.nii"), false)]
         {
             let Some(answered) = answer(age, path) else { continue };
-            assert_eq!(answered, (path.map(Into::into), unavailable, false));
+            assert_eq!(answered, (path.map(Into::into), unavailable));
         }
     }
 }

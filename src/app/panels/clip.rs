@@ -6,7 +6,7 @@ use crate::app::document::Document;
 use crate::app::model::Model;
 use crate::scene::AXIS_VIEWS;
 use crate::transfer::{ClipPlane, MOST_CLIP_PLANES};
-use eframe::egui::{self, Color32, Pos2, Rect, Shape, Stroke, Vec2, vec2};
+use eframe::egui::{self, Color32, Pos2, Rect, Sense, Shape, Stroke, Vec2, vec2};
 use glam::DVec3;
 
 /// Radius of a handle, points.
@@ -45,9 +45,9 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
             }
             if turned && normal.length() > 1e-6 {
                 // Rotation about the handle keeps it in the picture.
-                let held = clip::handle(&corners, plane);
+                let fixed = clip::handle(&corners, plane);
                 let normal = normal.normalize();
-                *plane = ClipPlane { normal, offset_mm: normal.dot(held) };
+                *plane = ClipPlane { normal, offset_mm: normal.dot(fixed) };
             }
             let remove = ui.small_button("−").on_hover_text("Remove this plane");
             if remove.accessible_name(format!("clip {} remove", i + 1)).clicked() {
@@ -87,9 +87,9 @@ pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
     let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
     for plane in &document.tf.clip {
         let points = clip::outline(&corners, plane);
-        let seen: Option<Vec<Pos2>> = points.iter().map(|p| project_anywhere(&camera, rect, *p)).collect();
-        if let Some(seen) = seen.filter(|seen| seen.len() > 2) {
-            painter.add(Shape::closed_line(seen, Stroke::new(1.0, COLOR.gamma_multiply(0.45))));
+        let outline: Option<Vec<Pos2>> = points.iter().map(|p| project_anywhere(&camera, rect, *p)).collect();
+        if let Some(outline) = outline.filter(|outline| outline.len() > 2) {
+            painter.add(Shape::closed_line(outline, Stroke::new(1.0, COLOR.gamma_multiply(0.45))));
         }
         if let Some(at) = project(&camera, rect, clip::handle(&corners, plane)) {
             let square = Rect::from_center_size(at, Vec2::splat(9.0));
@@ -99,41 +99,25 @@ pub fn paint(painter: &egui::Painter, rect: Rect, document: &Document) {
     }
 }
 
-/// Moves a plane by its handle; returns whether a handle is dragged.
-pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, response: &egui::Response) -> bool {
-    let id = ui.scope_id().with("clip handle");
+/// Moves planes by their handles, whose responses join `any`.
+pub fn follow(ui: &egui::Ui, rect: Rect, document: &mut Document, any: &mut egui::Response) {
     let (camera, corners) = (document.scene.camera, document.volume.corners_mm());
-    let handles: Vec<Option<Pos2>> =
-        document.tf.clip.iter().map(|plane| project(&camera, rect, clip::handle(&corners, plane))).collect();
-    let under = |p: Pos2| {
-        let near = handles.iter().enumerate().filter_map(|(i, at)| at.map(|at| (i, at.distance(p))));
-        near.filter(|(_, far)| *far <= REACH).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
-    };
-    if response.hover_pos().and_then(under).is_some() {
-        ui.ctx().set_cursor_icon(egui::CursorIcon::Grab);
-    }
-    let started = response.drag_started_by(egui::PointerButton::Primary);
-    if started {
-        let from = ui.input(|i| i.pointer.press_origin()).or_else(|| response.interact_pointer_pos());
-        ui.data_mut(|d| d.insert_temp(id, from.and_then(under)));
-    }
-    let held = ui.data(|d| d.get_temp::<Option<usize>>(id)).flatten();
-    let Some(i) = held.filter(|i| *i < document.tf.clip.len()) else { return false };
-    if response.drag_stopped() {
-        ui.data_mut(|d| d.insert_temp(id, None::<usize>));
-        return true;
-    }
-    if !response.dragged_by(egui::PointerButton::Primary) {
-        return false;
-    }
     let mut planes = document.tf.clip.clone();
-    let plane = &mut planes[i];
-    let at = clip::handle(&corners, plane);
-    let moved = drag_mm(&camera, rect, at, plane.normal, response.drag_delta());
-    let [low, high] = clip::offsets_mm(&corners, plane.normal);
-    plane.offset_mm = (plane.offset_mm + moved).clamp(low, high);
-    document.set_clip(planes, started);
-    true
+    let mut begins = false;
+    for (i, plane) in planes.iter_mut().enumerate() {
+        let handle = clip::handle(&corners, plane);
+        let Some(at) = project_anywhere(&camera, rect, handle) else { continue };
+        let grip = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
+        let grip = ui.interact(grip, ui.scope_id().with(("clip handle", i)), Sense::click_and_drag());
+        if grip.dragged_by(egui::PointerButton::Primary) {
+            let moved = drag_mm(&camera, rect, handle, plane.normal, grip.drag_delta());
+            let [low, high] = clip::offsets_mm(&corners, plane.normal);
+            plane.offset_mm = (plane.offset_mm + moved).clamp(low, high);
+        }
+        begins |= grip.drag_started();
+        *any |= grip.on_hover_cursor(egui::CursorIcon::Grab);
+    }
+    document.set_clip(planes, begins);
 }
 
 /// Distance along `normal` for a drag at a point, mm.

@@ -1,10 +1,31 @@
 //! List of keyboard shortcuts and pointer actions.
 
-use super::keys::KEYS;
 use eframe::egui;
 
 /// Title of the window.
 pub const TITLE: &str = "Keys and pointer";
+
+/// Keys and their actions.
+const KEYS: [(&str, &str); 18] = [
+    ("Ctrl+O", "open a volume, strands or a scene"),
+    ("Ctrl+S", "save the scene"),
+    ("Ctrl+E", "export a picture"),
+    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo (transfer function)"),
+    ("1 … 6", "look from anterior, posterior, left, right, superior, inferior"),
+    ("Home", "reset the camera"),
+    ("0", "frame the visible part"),
+    ("C", "split view on or off"),
+    ("X", "switch the two methods"),
+    ("F", "flicker between the two methods on or off"),
+    ("D", "error against exact: light, picture, off"),
+    ("T", "compare methods in a table"),
+    ("V", "slices on or off"),
+    ("M", "anatomical letters on or off"),
+    ("O", "orientation cube on or off"),
+    ("Delete", "remove the selected point"),
+    ("Esc", "close the topmost: prompt, this list, comparison, probe"),
+    ("F1", "this list"),
+];
 
 const POINTER: [(&str, &str); 10] = [
     ("Drag", "rotate the camera"),

@@ -6,28 +6,6 @@ use super::windows::Windows;
 use crate::app::model::Model;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 
-/// Keys and their actions.
-pub const KEYS: [(&str, &str); 18] = [
-    ("Ctrl+O", "open a volume, strands or a scene"),
-    ("Ctrl+S", "save the scene"),
-    ("Ctrl+E", "export a picture"),
-    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo (transfer function)"),
-    ("1 … 6", "look from anterior, posterior, left, right, superior, inferior"),
-    ("Home", "reset the camera"),
-    ("0", "frame the visible part"),
-    ("C", "split view on or off"),
-    ("X", "switch the two methods"),
-    ("F", "flicker between the two methods on or off"),
-    ("D", "error against exact: light, picture, off"),
-    ("T", "compare methods in a table"),
-    ("V", "slices on or off"),
-    ("M", "anatomical letters on or off"),
-    ("O", "orientation cube on or off"),
-    ("Delete", "remove the selected point"),
-    ("Esc", "close the topmost: prompt, this list, comparison, probe"),
-    ("F1", "this list"),
-];
-
 /// Handles pressed keys.
 pub fn shortcuts(
     context: &egui::Context,

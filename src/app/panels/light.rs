@@ -1,12 +1,13 @@
 //! Lights, ambient light and shading: section of the side panel.
 
 use crate::app::camera;
-use crate::app::document::{Document, name_of};
+use crate::app::document::Document;
 use crate::app::model::Model;
 use crate::files::color;
 use crate::open::values::MOST_INTENSITY;
 use crate::scene::{Camera, Light, Scene, Shading};
-use eframe::egui::{self, Color32, Sense, Stroke, vec2};
+use clap::ValueEnum;
+use eframe::egui::{self, Color32, Painter, Pos2, Sense, Stroke, vec2};
 use glam::DVec3;
 
 /// Shows the section.
@@ -69,8 +70,9 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model) {
         ui.label("Shading").on_hover_text(help);
         let of_strands = document.strands.is_some();
         for shading in Shading::ALL.into_iter().filter(|shading| of_strands || !shading.is_of_strands()) {
-            ui.selectable_value(&mut document.scene.shading, shading, name_of(shading))
-                .accessible_name(format!("shading {}", name_of(shading)));
+            let Some(value) = shading.to_possible_value() else { continue };
+            ui.selectable_value(&mut document.scene.shading, shading, value.get_name())
+                .accessible_name(format!("shading {}", value.get_name()));
         }
     });
     ui.weak("Shift-drag in the view moves the edited light");
@@ -90,18 +92,7 @@ fn sphere(ui: &mut egui::Ui, camera: &Camera, toward: DVec3) -> Option<DVec3> {
         0.5 * radius,
         Stroke::new(1.0, visuals.weak_text_color().gamma_multiply(0.6)),
     );
-    if let Some([x, y]) = camera::disc_from_direction(camera, toward) {
-        let at = center + vec2(x as f32, -y as f32) * radius;
-        let behind = x.hypot(y) > 0.5;
-        let color = Color32::from_rgb(255, 205, 70);
-        painter.line_segment([center, at], Stroke::new(1.5, color.gamma_multiply(0.6)));
-        painter.circle(
-            at,
-            6.5,
-            if behind { visuals.extreme_bg_color } else { color },
-            Stroke::new(2.0, color),
-        );
-    }
+    paint_light(painter, (center, radius), camera, toward, visuals.extreme_bg_color);
     let p = response.interact_pointer_pos().filter(|_| response.dragged() || response.clicked());
     let tooltip = "Direction of the light in camera space: the centre is behind the eye, the inner circle is \
         perpendicular to the view, the rim is behind the volume";
@@ -110,6 +101,22 @@ fn sphere(ui: &mut egui::Ui, camera: &Camera, toward: DVec3) -> Option<DVec3> {
         let offset = (p - center) / radius;
         camera::direction_from_disc(camera, [f64::from(offset.x), f64::from(-offset.y)])
     })
+}
+
+/// Paints a light direction on a disc; `behind` fills the point where the light is behind the volume.
+pub fn paint_light(
+    painter: &Painter,
+    (center, radius): (Pos2, f32),
+    camera: &Camera,
+    toward: DVec3,
+    behind: Color32,
+) {
+    let Some([x, y]) = camera::disc_from_direction(camera, toward) else { return };
+    let at = center + vec2(x as f32, -y as f32) * radius;
+    let color = Color32::from_rgb(255, 205, 70);
+    painter.line_segment([center, at], Stroke::new(1.5, color.gamma_multiply(0.6)));
+    let fill = if x.hypot(y) > 0.5 { behind } else { color };
+    painter.circle(at, 6.5, fill, Stroke::new(2.0, color));
 }
 
 /// List of the lights, with buttons to add and remove.

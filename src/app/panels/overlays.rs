@@ -2,13 +2,13 @@
 
 use super::clip;
 use super::difference::{Difference, legend};
+use super::light;
 use super::widgets::{project, shadowed_text};
 use crate::app::camera;
 use crate::app::model::Model;
 use crate::app::theme;
-use crate::scene::{Camera, Light};
-use eframe::egui::{self, Align2, Color32, Rect, Stroke, Vec2, vec2};
-use glam::DVec3;
+use crate::scene::Light;
+use eframe::egui::{self, Align2, Color32, Rect, Stroke, vec2};
 
 /// Minimum distance between letters and the split line, points.
 const BESIDE_LINE: f32 = 22.0;
@@ -60,18 +60,8 @@ pub fn paint(ui: &egui::Ui, rect: Rect, below_tags: f32, model: &Model, differen
     shadowed_text(painter, at, Align2::RIGHT_BOTTOM, &quality, 11.5, theme::DIM_OVER_PICTURE);
     let shift = ui.input(|i| i.modifiers.shift);
     if shift && let Light::Directional { toward } = document.light().light {
-        light_arrow(painter, rect, &camera, toward);
+        let radius = 0.4 * rect.height().min(rect.width());
+        let behind = Color32::from_black_alpha(120);
+        light::paint_light(painter, (rect.center(), radius), &camera, toward, behind);
     }
-}
-
-/// Paints the direction of the light during a drag.
-fn light_arrow(painter: &egui::Painter, rect: Rect, camera: &Camera, toward: DVec3) {
-    let Some([x, y]) = camera::disc_from_direction(camera, toward) else { return };
-    let radius = 0.4 * rect.height().min(rect.width());
-    let color = Color32::from_rgb(255, 220, 110);
-    let from = rect.center() + Vec2::new(x as f32, -y as f32) * radius;
-    painter.line_segment([rect.center(), from], Stroke::new(1.0, color.gamma_multiply(0.6)));
-    let behind = x.hypot(y) > 0.5;
-    let fill = if behind { Color32::from_black_alpha(120) } else { color };
-    painter.circle(from, 8.0, fill, Stroke::new(2.0, color));
 }

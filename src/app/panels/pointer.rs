@@ -6,7 +6,7 @@ use crate::app::model::Model;
 use crate::app::split::Split;
 use crate::engine::messages::ProbeTarget;
 use crate::scene::Light;
-use eframe::egui::{self, Rect, vec2};
+use eframe::egui::{self, Rect, Sense, vec2};
 
 /// Rotation of a drag across the height of the view, radians.
 const TURN: f64 = 1.2 * std::f64::consts::PI;
@@ -17,17 +17,16 @@ const NOTCH: f64 = 1.15;
 pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Response) {
     let Some(document) = &mut model.document else { return };
     let height = f64::from(rect.height().max(1.0));
-    let delta = response.drag_delta();
-    let (right, down) = (f64::from(delta.x) / height, f64::from(delta.y) / height);
     let modifiers = ui.input(|i| i.modifiers);
     let (_, radius) = document.bounding_sphere();
-    let wiping = is_wiping(ui, rect, &model.split, response);
-    let holds = !wiping && clip::follow(ui, rect, document, response);
-    if response.dragged_by(egui::PointerButton::Primary) && !holds {
-        if wiping && let Some(p) = response.interact_pointer_pos() {
-            let share = ((p.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
-            model.split.share = model.split.share.map(|_| share);
-        } else if modifiers.shift {
+    // Handles take drags of the primary button; everything else is as beside them.
+    let mut any = response.clone();
+    clip::follow(ui, rect, document, &mut any);
+    drag_split(ui, rect, &mut model.split, &mut any);
+    let delta = any.drag_delta();
+    let (right, down) = (f64::from(delta.x) / height, f64::from(delta.y) / height);
+    if response.dragged_by(egui::PointerButton::Primary) {
+        if modifiers.shift {
             let scale = match document.light().light {
                 Light::Directional { .. } => TURN,
                 Light::Point { .. } => 2.0 * (0.5 * document.scene.camera.fov_deg.to_radians()).tan(),
@@ -40,11 +39,10 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
             camera::orbit(&mut document.scene.camera, model.settings.orbit, TURN * right, TURN * down);
         }
     }
-    if response.dragged_by(egui::PointerButton::Middle) || response.dragged_by(egui::PointerButton::Secondary)
-    {
+    if any.dragged_by(egui::PointerButton::Middle) || any.dragged_by(egui::PointerButton::Secondary) {
         camera::pan(&mut document.scene.camera, right, down);
     }
-    if let Some(p) = response.hover_pos() {
+    if let Some(p) = any.hover_pos() {
         let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
         let factor = NOTCH.powf(-f64::from(scroll) / 50.0) / f64::from(pinch);
         if factor != 1.0 {
@@ -53,8 +51,8 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
             camera::zoom(&mut document.scene.camera, factor, cursor, radius);
         }
     }
-    if response.clicked()
-        && let Some(p) = response.interact_pointer_pos()
+    if any.clicked()
+        && let Some(p) = any.interact_pointer_pos()
     {
         let scene = &document.scene;
         let pixel =
@@ -66,19 +64,18 @@ pub fn follow(ui: &egui::Ui, rect: Rect, model: &mut Model, response: &egui::Res
     }
 }
 
-/// Whether the split line is dragged.
-fn is_wiping(ui: &egui::Ui, rect: Rect, split: &Split, response: &egui::Response) -> bool {
-    let near = split.share.filter(|_| !split.flickers()).is_some_and(|share| {
-        let x = rect.left() + share * rect.width();
-        let from = response.interact_pointer_pos().or_else(|| response.hover_pos());
-        from.is_some_and(|p| (p.x - x).abs() < 8.0)
-    });
-    if near {
-        ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+/// Moves the split by its line, whose response joins `any`.
+fn drag_split(ui: &egui::Ui, rect: Rect, split: &mut Split, any: &mut egui::Response) {
+    let flickers = split.flickers();
+    let Some(share) = split.share.as_mut().filter(|_| !flickers) else { return };
+    let x = rect.left() + *share * rect.width();
+    let line = Rect::from_x_y_ranges(x..=x, rect.y_range());
+    let line =
+        ui.interact(line.expand2(vec2(8.0, 0.0)), ui.scope_id().with("split"), Sense::click_and_drag());
+    if line.dragged_by(egui::PointerButton::Primary)
+        && let Some(p) = line.interact_pointer_pos()
+    {
+        *share = ((p.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
     }
-    let wipe = ui.scope_id().with("wipe");
-    if response.drag_started_by(egui::PointerButton::Primary) {
-        ui.data_mut(|d| d.insert_temp(wipe, near));
-    }
-    ui.data(|d| d.get_temp::<bool>(wipe)).unwrap_or(false)
+    *any |= line.on_hover_and_drag_cursor(egui::CursorIcon::ResizeHorizontal);
 }

@@ -9,6 +9,7 @@ use crate::render::DisplayTexture;
 use crate::scene::{Scene, Shading, Skip};
 use eframe::egui::{self, Color32, FontId, Sense, vec2};
 use eframe::egui_wgpu::RenderState;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Size of a thumbnail, pixels.
@@ -23,7 +24,7 @@ const AMBIENT: f64 = 0.35;
 #[derive(Default)]
 pub struct Presets {
     /// Thumbnails by preset.
-    pub thumbnails: Vec<Option<Thumbnail>>,
+    pub thumbnails: HashMap<usize, Thumbnail>,
     /// Preset that is being drawn.
     waiting: Option<usize>,
 }
@@ -59,7 +60,7 @@ impl Presets {
     /// Thumbnail of a preset for the open volume.
     fn thumbnail(&self, index: usize, model: &Model) -> Option<&Thumbnail> {
         let document = model.document.as_ref()?;
-        let found = self.thumbnails.get(index)?.as_ref()?;
+        let found = self.thumbnails.get(&index)?;
         Arc::ptr_eq(&found.volume, &document.volume).then_some(found)
     }
 
@@ -87,17 +88,13 @@ impl Presets {
         let volume = Arc::clone(&document.volume);
         let Ok(found) = presets::resolve_as(PRESETS[index].name, &volume, document.suiting) else { return };
         self.waiting = Some(index);
-        model.push(Job::Thumbnail(Box::new(ThumbnailRequest { index, tf: found.tf, scene, volume })));
+        model.thread.push(Job::Thumbnail(Box::new(ThumbnailRequest { index, tf: found.tf, scene, volume })));
     }
 
     /// Takes a thumbnail.
     pub fn take(&mut self, thumbnail: Thumbnail) {
         self.waiting = None;
-        self.thumbnails.resize_with(PRESETS.len(), || None);
-        let index = thumbnail.index;
-        if let Some(place) = self.thumbnails.get_mut(index) {
-            *place = Some(thumbnail);
-        }
+        self.thumbnails.insert(thumbnail.index, thumbnail);
     }
 }
 

@@ -26,32 +26,26 @@ pub enum Purpose {
 }
 
 impl Purpose {
-    /// Title of the prompt, kind of the files and their extensions.
-    fn texts(self) -> (&'static str, &'static str, Vec<&'static str>) {
+    /// Title of the prompt, kind of the files, their extensions, and a suggested name; empty where a file is opened.
+    fn texts(self) -> (&'static str, &'static str, Vec<&'static str>, &'static str) {
         match self {
             Self::OpenVolume => {
                 let extensions = FORMATS.iter().flat_map(|f| f.endings).chain(&["toml"]).copied().collect();
-                ("Open a volume, strands or a scene", "Volumes, strands, scenes", extensions)
+                ("Open a volume, strands or a scene", "Volumes, strands, scenes", extensions, "")
             }
-            Self::LoadTransfer => ("Load a transfer function", "Transfer functions", endings()),
-            Self::SaveTransfer => ("Save the transfer function", "Transfer functions", vec!["json"]),
-            Self::SaveScene => ("Save the scene", "Scenes", vec!["toml"]),
-            Self::ExportPicture => ("Export a picture", "Pictures", PICTURE_EXTENSIONS.to_vec()),
-        }
-    }
-
-    /// Suggested file name; empty where a file is opened.
-    fn suggestion(self) -> &'static str {
-        match self {
-            Self::OpenVolume | Self::LoadTransfer => "",
-            Self::SaveTransfer => "transfer.json",
-            Self::SaveScene => "scene.toml",
-            Self::ExportPicture => "picture.png",
+            Self::LoadTransfer => ("Load a transfer function", "Transfer functions", endings(), ""),
+            Self::SaveTransfer => {
+                ("Save the transfer function", "Transfer functions", vec!["json"], "transfer.json")
+            }
+            Self::SaveScene => ("Save the scene", "Scenes", vec!["toml"], "scene.toml"),
+            Self::ExportPicture => {
+                ("Export a picture", "Pictures", PICTURE_EXTENSIONS.to_vec(), "picture.png")
+            }
         }
     }
 
     fn saves(self) -> bool {
-        !self.suggestion().is_empty()
+        !self.texts().3.is_empty()
     }
 }
 
@@ -75,7 +69,7 @@ impl Prompt {
         let transparent = document.is_some_and(|d| d.transparent);
         *self = Self {
             open: Some(purpose),
-            text: format!("{}{}", model.settings.folder, purpose.suggestion()),
+            text: format!("{}{}", model.settings.folder, purpose.texts().3),
             select_frames: 2,
             size: document.map_or([512, 512], |d| [d.scene.width, d.scene.height]),
             backdrop: if transparent { Backdrop::LeftOut } else { Backdrop::Drawn },
@@ -91,7 +85,7 @@ impl Prompt {
     /// Shows the open prompt; a confirmed path is used.
     pub fn show(&mut self, context: &egui::Context, model: &mut Model) {
         let Some(purpose) = self.open else { return };
-        let (title, kind, extensions) = purpose.texts();
+        let (title, kind, extensions, _) = purpose.texts();
         // Enter confirms, but not the Enter that opened the prompt.
         let enter = self.select_frames == 0 && context.input(|i| i.key_pressed(Key::Enter));
         let (mut done, mut cancelled) = (enter, false);

@@ -1,12 +1,11 @@
 //! Side panel section of the shadow methods: settings from the registry, and build reports.
 
 use super::difference::Difference;
-use super::widgets::error_label;
+use super::widgets::{error_label, property};
 use crate::app::model::Model;
 use crate::app::split::RATES_HZ;
 use crate::engine::messages::MethodFrame;
-use crate::engine::method_choice::MethodChoice;
-use crate::shadow::{Key, Kind, METHODS};
+use crate::shadow::{Key, Kind, METHODS, MethodSpec};
 use eframe::egui;
 
 /// Width of the buttons beside a setting, points.
@@ -58,11 +57,7 @@ pub fn show(ui: &mut egui::Ui, model: &mut Model, difference: &mut Difference) {
 /// Shows the build report of a method.
 fn report(ui: &mut egui::Ui, side: &MethodFrame, split: bool, is_final: bool) {
     egui::Grid::new(("report", &side.spec, split)).num_columns(2).show(ui, |ui| {
-        let mut row = |name: &str, value: String, tooltip: &str| {
-            ui.weak(name).on_hover_text(tooltip);
-            ui.add(egui::Label::new(value).wrap());
-            ui.end_row();
-        };
+        let mut row = |name, value, tooltip| property(ui, name, value, tooltip);
         if split || !is_final {
             row("as drawn", side.spec.clone(), "Coarser settings during interaction");
         }
@@ -80,30 +75,39 @@ fn report(ui: &mut egui::Ui, side: &MethodFrame, split: bool, is_final: bool) {
 }
 
 /// Editor of a method and its settings.
-fn method_editor(ui: &mut egui::Ui, name: &str, choice: &mut MethodChoice) {
-    let response =
-        egui::ComboBox::from_id_salt(name).selected_text(choice.name).width(200.0).show_ui(ui, |ui| {
-            for entry in METHODS {
-                let label =
-                    ui.selectable_label(entry.name == choice.name, entry.name).on_hover_text(entry.summary);
-                if label.clicked() && entry.name != choice.name {
-                    *choice = MethodChoice::of(entry);
-                }
+fn method_editor(ui: &mut egui::Ui, name: &str, spec: &mut MethodSpec) {
+    let shown = spec.entry().name;
+    let response = egui::ComboBox::from_id_salt(name).selected_text(shown).width(200.0).show_ui(ui, |ui| {
+        for entry in METHODS {
+            let label = ui.selectable_label(entry.name == shown, entry.name).on_hover_text(entry.summary);
+            if label.clicked() && entry.name != shown {
+                *spec = MethodSpec::default_of(entry);
             }
-        });
+        }
+    });
     response.response.accessible_name(name);
-    let entry = choice.entry();
+    let entry = spec.entry();
     ui.add(egui::Label::new(egui::RichText::new(entry.summary).weak().small()).wrap());
-    egui::Grid::new((name, choice.name)).num_columns(2).show(ui, |ui| {
-        let mut values = choice.values().to_vec();
-        for (key, value) in entry.keys.iter().zip(&mut values) {
+    let mut invalid = None;
+    egui::Grid::new((name, entry.name)).num_columns(2).show(ui, |ui| {
+        for (key, value) in spec.clone().settings() {
             ui.label(key.name).on_hover_text(format!("{} [default: {}]", key.help, key.default));
-            setting(ui, name, key, value);
+            // A typed text stays as it is, valid or not, until the value changes elsewhere.
+            let id = ui.scope_id().with((name, entry.name, key.name));
+            let typed = ui.data(|d| d.get_temp::<(String, String)>(id));
+            let typed = typed.filter(|(_, of)| *of == value.to_string());
+            let mut text = typed.map_or_else(|| value.to_string(), |(text, _)| text);
+            setting(ui, name, key, &mut text);
+            match spec.clone().with(key.name, text.trim()) {
+                Some(changed) => *spec = changed,
+                None => invalid = format!("{}:{}={text}", entry.name, key.name).parse::<MethodSpec>().err(),
+            }
+            let now = spec.value(key.name).unwrap_or(value).to_string();
+            ui.data_mut(|d| d.insert_temp(id, (text, now)));
             ui.end_row();
         }
-        choice.set_values(values);
     });
-    if let Err(e) = choice.method() {
+    if let Some(e) = invalid {
         error_label(ui, &e);
     }
 }

@@ -3,7 +3,7 @@
 use super::difference::Difference;
 use super::strands::StrandsForm;
 use super::times::Times;
-use super::widgets::unfilled;
+use super::widgets::{property, unfilled};
 use super::{clip, labels, light, shadows, strands};
 use crate::app::camera::{self, Orbit};
 use crate::app::model::Model;
@@ -122,11 +122,7 @@ fn volume(ui: &mut egui::Ui, model: &Model) {
     let Some(document) = &model.document else { return };
     let volume = &document.volume;
     egui::Grid::new("volume").num_columns(2).show(ui, |ui| {
-        let mut row = |name: &str, value: String| {
-            ui.weak(name);
-            ui.add(egui::Label::new(value).wrap());
-            ui.end_row();
-        };
+        let mut row = |name, value| property(ui, name, value, "");
         let [x, y, z] = volume.dims();
         let [sx, sy, sz] = volume.spacing_mm();
         let [lo, hi] = volume.value_range();

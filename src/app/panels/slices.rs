@@ -14,6 +14,9 @@ use std::sync::Arc;
 /// Maximum side of a slice's texture; larger slices are subsampled.
 const MAX_TEXELS: usize = 512;
 
+/// Depth and window of a texture.
+type Shown = (usize, [f64; 2]);
+
 /// Crosshair and textures of the slices.
 #[derive(Default)]
 pub struct Slices {
@@ -21,7 +24,8 @@ pub struct Slices {
     at: DVec3,
     /// Values of black and white; `None` without a volume.
     window: Option<[f64; 2]>,
-    textures: [Option<(egui::TextureHandle, usize, [f64; 2])>; 3],
+    /// Textures and their contents.
+    textures: [Option<(egui::TextureHandle, Shown)>; 3],
 }
 
 /// Index axes to the right, down and across of each slice.
@@ -181,6 +185,7 @@ impl Slices {
         probes
     }
 
+    /// Texture of a slice, made again where its depth or the window changes.
     fn texture(
         &mut self,
         context: &egui::Context,
@@ -189,40 +194,22 @@ impl Slices {
         depth: usize,
     ) -> egui::TextureId {
         let window = self.window.unwrap_or([0.0, 1.0]);
-        if let Some((texture, d, w)) = &self.textures[plane]
-            && *d == depth
-            && *w == window
-        {
+        let shown = self.textures[plane].as_ref().filter(|(_, of)| *of == (depth, window));
+        if let Some((texture, _)) = shown {
             return texture.id();
         }
         let [across, down, through] = PLANES[plane];
         let dims = volume.dims();
         let stride = dims[across].max(dims[down]).div_ceil(MAX_TEXELS);
-        let size = [dims[across].div_ceil(stride), dims[down].div_ceil(stride)];
-        let mut pixels = Vec::with_capacity(size[0] * size[1]);
-        for y in 0..size[1] {
-            for x in 0..size[0] {
-                let mut index = [0; 3];
-                index[across] = x * stride;
-                index[down] = y * stride;
-                index[through] = depth;
-                let share =
-                    (volume.value(index[0], index[1], index[2]) - window[0]) / (window[1] - window[0]);
-                pixels.push(Color32::from_gray((255.0 * share.clamp(0.0, 1.0)).round() as u8));
-            }
-        }
-        let image = egui::ColorImage::new(size, pixels);
-        let options = egui::TextureOptions::LINEAR;
-        match &mut self.textures[plane] {
-            Some((texture, d, w)) => {
-                texture.set(image, options);
-                (*d, *w) = (depth, window);
-                texture.id()
-            }
-            none => {
-                let texture = context.load_texture(format!("slice {plane}"), image, options);
-                none.insert((texture, depth, window)).0.id()
-            }
-        }
+        let [width, height] = [across, down].map(|axis| dims[axis].div_ceil(stride));
+        let pixel = |i: usize| {
+            let mut index = [0; 3];
+            (index[across], index[down], index[through]) = (i % width * stride, i / width * stride, depth);
+            let share = (volume.value(index[0], index[1], index[2]) - window[0]) / (window[1] - window[0]);
+            Color32::from_gray((255.0 * share.clamp(0.0, 1.0)).round() as u8)
+        };
+        let image = egui::ColorImage::new([width, height], (0..width * height).map(pixel).collect());
+        let texture = context.load_texture(format!("slice {plane}"), image, egui::TextureOptions::LINEAR);
+        self.textures[plane].insert((texture, (depth, window))).0.id()
     }
 }

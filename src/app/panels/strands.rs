@@ -37,21 +37,16 @@ impl StrandsForm {
 
     /// Shows the fields.
     pub fn show(&mut self, ui: &mut egui::Ui, model: &mut Model) {
-        let (mut resolution, mut thickness) = (Ok(None), Ok(None));
+        let (mut resolution, mut thickness) = (None, None);
         egui::Grid::new("strands").num_columns(2).show(ui, |ui| {
-            let tooltip = format!(
-                "Voxels along the grid's longest side, {} to {} [default: {DEFAULT_RESOLUTION}]",
-                RESOLUTIONS.start(),
-                RESOLUTIONS.end()
+            let [least, most] = [RESOLUTIONS.start(), RESOLUTIONS.end()];
+            let (tooltip, hint) = (
+                format!(
+                    "Voxels along the grid's longest side, {least} to {most} [default: {DEFAULT_RESOLUTION}]"
+                ),
+                DEFAULT_RESOLUTION.to_string(),
             );
-            ui.label("Resolution").on_hover_text(&tooltip);
-            let hint = DEFAULT_RESOLUTION.to_string();
-            ui.vertical(|ui| {
-                let edit = egui::TextEdit::singleline(&mut self.resolution).hint_text(hint);
-                named(ui, edit, "strands resolution", &tooltip);
-                resolution = said(ui, typed(&self.resolution, parse_resolution));
-            });
-            ui.end_row();
+            resolution = field(ui, "Resolution", [&tooltip, &hint], &mut self.resolution, parse_resolution);
             ui.label("Kernel").on_hover_text("Distribution of a strand's length over voxels");
             ui.horizontal(|ui| {
                 for kernel in Kernel::value_variants() {
@@ -65,16 +60,10 @@ impl StrandsForm {
                 }
             });
             ui.end_row();
-            let tooltip = "Diameter of all strands, mm; empty: from the file";
-            ui.label("Thickness").on_hover_text(tooltip);
-            ui.vertical(|ui| {
-                let edit = egui::TextEdit::singleline(&mut self.thickness_mm).hint_text("from the file, mm");
-                named(ui, edit, "strands thickness", tooltip);
-                thickness = said(ui, typed(&self.thickness_mm, parse_thickness_mm));
-            });
-            ui.end_row();
+            let texts = ["Diameter of all strands, mm; empty: from the file", "from the file, mm"];
+            thickness = field(ui, "Thickness", texts, &mut self.thickness_mm, parse_thickness_mm);
         });
-        let (Ok(resolution), Ok(thickness)) = (resolution, thickness) else {
+        let (Some(resolution), Some(thickness)) = (resolution, thickness) else {
             ui.add_enabled(false, egui::Button::new("Voxelise again"));
             return;
         };
@@ -98,17 +87,27 @@ fn typed<T>(text: &str, parse: impl Fn(&str) -> Result<T, String>) -> Result<Opt
     if text.is_empty() { Ok(None) } else { parse(text).map(Some) }
 }
 
-/// Field with an accessible name.
-fn named(ui: &mut egui::Ui, edit: egui::TextEdit<'_>, name: &str, tooltip: &str) {
-    ui.add(edit.desired_width(110.0)).on_hover_text(tooltip).accessible_name(name);
-}
-
-/// Shows the error of an invalid field.
-fn said<T>(ui: &mut egui::Ui, typed: Result<T, String>) -> Result<T, ()> {
-    typed.map_err(|why| {
-        let color = ui.visuals().error_fg_color;
-        ui.add(egui::Label::new(egui::RichText::new(why).color(color)).wrap());
-    })
+/// Shows a field, and its error below it; `None` where it is invalid.
+fn field<T>(
+    ui: &mut egui::Ui,
+    label: &str,
+    [tooltip, hint]: [&str; 2],
+    text: &mut String,
+    parse: impl Fn(&str) -> Result<T, String>,
+) -> Option<Option<T>> {
+    ui.label(label).on_hover_text(tooltip);
+    let value = ui.vertical(|ui| {
+        let edit = egui::TextEdit::singleline(text).hint_text(hint).desired_width(110.0);
+        let name = format!("strands {}", label.to_lowercase());
+        ui.add(edit).on_hover_text(tooltip).accessible_name(name);
+        let error = |why: String| {
+            let color = ui.visuals().error_fg_color;
+            ui.add(egui::Label::new(egui::RichText::new(why).color(color)).wrap());
+        };
+        typed(text, parse).map_err(error).ok()
+    });
+    ui.end_row();
+    value.inner
 }
 
 #[cfg(test)]

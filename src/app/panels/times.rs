@@ -10,23 +10,11 @@ const MAX_PICTURES: usize = 120;
 /// Width of the value column, points.
 const VALUE_WIDTH: f32 = 78.0;
 
-/// Values of one quantity over recent pictures.
-#[derive(Default)]
-pub struct Series(VecDeque<f64>);
-
 /// Formatter of a value.
 type Text = fn(f64) -> String;
 
 fn milliseconds(ms: f64) -> String {
     format!("{ms:.1} ms")
-}
-
-fn megabytes(bytes: f64) -> String {
-    format!("{:.2} MB", bytes * 1e-6)
-}
-
-fn count(n: f64) -> String {
-    format!("{n:.0}")
 }
 
 /// Name, tooltip and formatter of each series.
@@ -36,50 +24,41 @@ const ROWS: [(&str, &str, Text); 7] = [
     ("map", "Build of the shadow map, ms", milliseconds),
     ("frame", "Ray casting, ms", milliseconds),
     ("latency", "From the input to the finished picture, ms", milliseconds),
-    ("memory", "Bytes of the shadow map (both in a split view)", megabytes),
-    ("nodes", "Nodes of the deep shadow map (both in a split view)", count),
+    ("memory", "Bytes of the shadow map (both in a split view)", |bytes| format!("{:.2} MB", bytes * 1e-6)),
+    ("nodes", "Nodes of the deep shadow map (both in a split view)", |n| format!("{n:.0}")),
 ];
 
-impl Series {
-    fn push(&mut self, value: f64) {
-        self.0.push_back(value);
-        if self.0.len() > MAX_PICTURES {
-            self.0.pop_front();
-        }
+/// Shows a series as a row of a grid, with a sparkline.
+fn show_series(ui: &mut egui::Ui, series: &VecDeque<f64>, name: &str, tooltip: &str, text: Text) {
+    let last = series.back().map_or("–".to_owned(), |value| text(*value));
+    ui.label(name).on_hover_text(tooltip);
+    // A fixed width keeps the panel from changing with the values.
+    ui.scope(|ui| {
+        ui.set_min_width(VALUE_WIDTH);
+        ui.label(egui::RichText::new(last).monospace());
+    });
+    let width = (ui.available_width() - 6.0).max(30.0);
+    let (rect, response) = ui.allocate_exact_size(egui::vec2(width, 18.0), egui::Sense::hover());
+    let largest = series.iter().copied().fold(0.0, f64::max);
+    let (pictures, most) = (series.len(), text(largest));
+    response.on_hover_text(format!("{tooltip}; the last {pictures} pictures, at most {most}"));
+    let visuals = ui.visuals();
+    ui.painter().rect_filled(rect, 2.0, visuals.extreme_bg_color);
+    if series.len() > 1 && largest > 0.0 {
+        let point = |(i, v): (usize, &f64)| {
+            let x = rect.left() + rect.width() * i as f32 / (MAX_PICTURES - 1) as f32;
+            egui::pos2(x, rect.bottom() - 1.0 - (rect.height() - 3.0) * (*v / largest) as f32)
+        };
+        let line = series.iter().enumerate().map(point).collect();
+        ui.painter().line(line, egui::Stroke::new(1.2, visuals.selection.bg_fill));
     }
-
-    /// Shows the series as a sparkline.
-    fn show(&self, ui: &mut egui::Ui, name: &str, tooltip: &str, text: Text) {
-        let last = self.0.back().map_or("–".to_owned(), |value| text(*value));
-        ui.label(name).on_hover_text(tooltip);
-        // A fixed width keeps the panel from changing with the values.
-        ui.scope(|ui| {
-            ui.set_min_width(VALUE_WIDTH);
-            ui.label(egui::RichText::new(last).monospace());
-        });
-        let width = (ui.available_width() - 6.0).max(30.0);
-        let (rect, response) = ui.allocate_exact_size(egui::vec2(width, 18.0), egui::Sense::hover());
-        let largest = self.0.iter().copied().fold(0.0, f64::max);
-        let (pictures, most) = (self.0.len(), text(largest));
-        response.on_hover_text(format!("{tooltip}; the last {pictures} pictures, at most {most}"));
-        let visuals = ui.visuals();
-        ui.painter().rect_filled(rect, 2.0, visuals.extreme_bg_color);
-        if self.0.len() > 1 && largest > 0.0 {
-            let point = |(i, v): (usize, &f64)| {
-                let x = rect.left() + rect.width() * i as f32 / (MAX_PICTURES - 1) as f32;
-                egui::pos2(x, rect.bottom() - 1.0 - (rect.height() - 3.0) * (*v / largest) as f32)
-            };
-            let line = self.0.iter().enumerate().map(point).collect();
-            ui.painter().line(line, egui::Stroke::new(1.2, visuals.selection.bg_fill));
-        }
-        ui.end_row();
-    }
+    ui.end_row();
 }
 
 /// Series of the side panel, in the order of [`ROWS`].
 #[derive(Default)]
 pub struct Times {
-    series: [Series; ROWS.len()],
+    series: [VecDeque<f64>; ROWS.len()],
     /// Whether the last picture rebuilt tables, bricks and map.
     last_made: [bool; 3],
 }
@@ -102,7 +81,8 @@ impl Times {
             (!nodes.is_empty()).then(|| nodes.iter().sum::<u64>() as f64),
         ];
         for (series, cost) in self.series.iter_mut().zip(costs) {
-            cost.into_iter().for_each(|cost| series.push(cost));
+            series.extend(cost);
+            series.drain(..series.len().saturating_sub(MAX_PICTURES));
         }
     }
 
@@ -112,7 +92,7 @@ impl Times {
             for (i, ((name, tooltip, text), series)) in ROWS.iter().zip(&self.series).enumerate() {
                 let idle = self.last_made.get(i).is_some_and(|made| !made);
                 let needed_none = if idle { "; reused by the last picture" } else { "" };
-                series.show(ui, name, &format!("{tooltip}{needed_none}"), *text);
+                show_series(ui, series, name, &format!("{tooltip}{needed_none}"), *text);
             }
         });
         if let Some(frame) = &model.frame {

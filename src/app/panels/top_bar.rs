@@ -45,7 +45,7 @@ fn status(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     }
     if let Some(exporting) = &model.exporting {
         if ui.button("Cancel").on_hover_text("End the export").clicked() {
-            model.cancel_export();
+            model.thread.cancel_export();
         }
         let bar = egui::ProgressBar::new(exporting.share).desired_width(120.0).show_percentage();
         ui.add(bar).on_hover_text(&exporting.path);
@@ -59,11 +59,20 @@ fn status(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     }
 }
 
+/// Entry of a menu; returns whether it was chosen.
+fn entry(ui: &mut egui::Ui, enabled: bool, text: &str, keys: &str, tooltip: &str) -> bool {
+    let button = ui.add_enabled(enabled, egui::Button::new(text).shortcut_text(keys));
+    let chosen = if tooltip.is_empty() { button } else { button.on_hover_text(tooltip) }.clicked();
+    if chosen {
+        ui.close();
+    }
+    chosen
+}
+
 fn file_menu(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
     let has_document = model.document.is_some();
-    if ui.add(egui::Button::new("Open…").shortcut_text("Ctrl+O")).clicked() {
+    if entry(ui, true, "Open…", "Ctrl+O", "") {
         windows.prompt.ask(model, Purpose::OpenVolume);
-        ui.close();
     }
     let mut chosen = None;
     ui.menu_button("Built-in", |ui| {
@@ -94,25 +103,16 @@ fn file_menu(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
         ui.close();
     }
     ui.separator();
-    let mut item = |text: &str, keys: &str, tooltip: &str, purpose: Purpose| {
-        let button = egui::Button::new(text).shortcut_text(keys);
-        if ui.add_enabled(has_document, button).on_hover_text(tooltip).clicked() {
-            windows.prompt.ask(model, purpose);
-            ui.close();
-        }
-    };
-    item(
-        "Save scene…",
-        "Ctrl+S",
-        "A .toml file for the command line, which draws identical pixels",
-        Purpose::SaveScene,
-    );
-    item("Export picture…", "Ctrl+E", "PNG, EXR or NPY of any size", Purpose::ExportPicture);
-    let compare = egui::Button::new("Compare methods…").shortcut_text("T");
+    let tooltip = "A .toml file for the command line, which draws identical pixels";
+    if entry(ui, has_document, "Save scene…", "Ctrl+S", tooltip) {
+        windows.prompt.ask(model, Purpose::SaveScene);
+    }
+    if entry(ui, has_document, "Export picture…", "Ctrl+E", "PNG, EXR or NPY of any size") {
+        windows.prompt.ask(model, Purpose::ExportPicture);
+    }
     let tooltip = "Errors and times of several methods as tables, plots and a report";
-    if ui.add_enabled(has_document, compare).on_hover_text(tooltip).clicked() {
+    if entry(ui, has_document, "Compare methods…", "T", tooltip) {
         windows.comparison.open = !windows.comparison.open;
-        ui.close();
     }
     ui.separator();
     if ui.button("Quit").clicked() {
@@ -122,20 +122,13 @@ fn file_menu(ui: &mut egui::Ui, model: &mut Model, windows: &mut Windows) {
 
 fn view_menu(ui: &mut egui::Ui, model: &mut Model) {
     for (i, view) in AXIS_VIEWS.iter().enumerate() {
-        if ui
-            .add(
-                egui::Button::new(format!("From {}", view.name.to_lowercase()))
-                    .shortcut_text((i + 1).to_string()),
-            )
-            .clicked()
-        {
+        let text = format!("From {}", view.name.to_lowercase());
+        if entry(ui, true, &text, &(i + 1).to_string(), "") {
             model.look_from(i);
-            ui.close();
         }
     }
-    if ui.add(egui::Button::new("Reset camera").shortcut_text("Home")).clicked() {
+    if entry(ui, true, "Reset camera", "Home", "") {
         model.reset_camera();
-        ui.close();
     }
     ui.separator();
     ui.checkbox(&mut model.settings.slices, "Slices");

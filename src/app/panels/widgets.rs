@@ -56,6 +56,16 @@ pub fn error_label(ui: &mut egui::Ui, e: &Error) {
     ui.colored_label(ui.visuals().error_fg_color, format!("{}: {}", e.place, e.why));
 }
 
+/// Shows a row of a grid: a name and its value.
+pub fn property(ui: &mut egui::Ui, name: &str, value: String, tooltip: &str) {
+    let label = ui.weak(name);
+    if !tooltip.is_empty() {
+        label.on_hover_text(tooltip);
+    }
+    ui.add(egui::Label::new(value).wrap());
+    ui.end_row();
+}
+
 /// Method without its settings.
 pub fn method_name(spec: &str) -> &str {
     spec.split(':').next().unwrap_or(spec)

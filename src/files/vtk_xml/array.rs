@@ -1,4 +1,4 @@
-//! Bytes of an array of a VTK XML file, as a stream that holds at most one packed block in memory.
+//! Bytes of an array of a VTK XML file, as a stream that holds at most one block in memory.
 //!
 //! A plain array has its number of bytes before it. A compressed array consists of blocks. Before them stand their number, the
 //! bytes of a whole block and of the last one where that is not whole, and the compressed bytes of each. In base64 these numbers
@@ -9,7 +9,7 @@ use base64::engine::general_purpose::STANDARD;
 use base64::read::DecoderReader;
 use flate2::read::ZlibDecoder;
 use roxmltree::Node;
-use std::io::{self, Cursor, Read, Take};
+use std::io::{self, Cursor, Read};
 
 /// Largest compression ratio of zlib.
 const MOST_RATIO: u64 = 1100;
@@ -163,7 +163,8 @@ fn packed<'a, R: Read + 'a>(
     if bytes > packed_bytes.saturating_mul(MOST_RATIO) {
         return Err(format!("it says that {packed_bytes} bytes unpack to {bytes}, which they cannot"));
     }
-    let stream = CompressedBlocks { input: text.stream(packed_bytes), sizes, next: 0, block: None };
+    let (input, block) = (text.stream(packed_bytes), Cursor::default());
+    let stream = CompressedBlocks { input, sizes: sizes.into_iter(), block };
     Ok(ArrayBytes { bytes, stream: Box::new(stream) })
 }
 
@@ -171,36 +172,32 @@ fn packed<'a, R: Read + 'a>(
 struct CompressedBlocks<'a> {
     input: Box<dyn Read + 'a>,
     /// Packed and unpacked bytes of each block.
-    sizes: Vec<(u64, u64)>,
-    next: usize,
-    /// Present block, limited to one byte more than it should have.
-    block: Option<Take<ZlibDecoder<Cursor<Vec<u8>>>>>,
+    sizes: std::vec::IntoIter<(u64, u64)>,
+    /// Unpacked bytes of the present block.
+    block: Cursor<Vec<u8>>,
 }
 
 impl Read for CompressedBlocks<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let bad = |why: String| io::Error::new(io::ErrorKind::InvalidData, why);
         loop {
-            if let Some(block) = &mut self.block {
-                let (number, wanted) = (self.next - 1, self.sizes[self.next - 1].1);
-                let got = block.read(buffer).map_err(|e| bad(format!("block {number} is broken: {e}")))?;
-                let found = wanted.saturating_add(1) - block.limit();
-                if found > wanted || got == 0 && !buffer.is_empty() && found < wanted {
-                    let why = format!("block {number} unpacks to {found} bytes or more, not {wanted}");
-                    return Err(bad(why));
-                }
-                if got > 0 || buffer.is_empty() {
-                    return Ok(got);
-                }
+            let got = self.block.read(buffer)?;
+            if got > 0 || buffer.is_empty() {
+                return Ok(got);
             }
-            let Some(&(size, wanted)) = self.sizes.get(self.next) else { return Ok(0) };
-            let mut packed = Vec::new();
+            let Some((size, expected)) = self.sizes.next() else { return Ok(0) };
+            let (mut packed, mut bytes) = (Vec::new(), Vec::new());
             let got = self.input.by_ref().take(size).read_to_end(&mut packed).map_err(|e| bad(broken(e)))?;
             if (got as u64) < size {
                 return Err(bad(cut(size)));
             }
-            self.next += 1;
-            self.block = Some(ZlibDecoder::new(Cursor::new(packed)).take(wanted.saturating_add(1)));
+            let mut decoder = ZlibDecoder::new(&packed[..]).take(expected.saturating_add(1));
+            decoder.read_to_end(&mut bytes).map_err(|e| bad(format!("a block is broken: {e}")))?;
+            if bytes.len() as u64 != expected {
+                let why = format!("a block unpacks to {} bytes or more, not {expected}", bytes.len());
+                return Err(bad(why));
+            }
+            self.block = Cursor::new(bytes);
         }
     }
 }

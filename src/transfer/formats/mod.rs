@@ -47,6 +47,7 @@ impl FormatInput<'_> {
 pub type Write = fn(&TransferFunction) -> Result<Written, String>;
 
 /// File format of transfer functions.
+#[derive(Debug)]
 pub struct TransferFormat {
     /// Name for `tf convert --to` and reports.
     pub name: &'static str,

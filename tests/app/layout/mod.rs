@@ -13,7 +13,6 @@ use eframe::egui::{self, Event, Key, Vec2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use umbravox::app::{Model, OpenMode};
-use umbravox::engine::MethodChoice;
 use umbravox::measure::error_map::Quantity;
 use umbravox::scene::Light;
 
@@ -102,9 +101,9 @@ impl Bench {
     fn choose(&mut self, main: &str, other: Option<&str>) {
         let model = &mut self.app().model;
         let document = model.document.as_mut().unwrap();
-        document.method = MethodChoice::parse(main).unwrap();
+        document.method = main.parse().unwrap();
         if let Some(other) = other {
-            document.other = MethodChoice::parse(other).unwrap();
+            document.other = other.parse().unwrap();
         }
         model.split.set(other.is_some());
         self.settle();
@@ -168,7 +167,7 @@ fn nothing_is_cut_covered_or_unreadable_around_a_volume() {
     }
     let long =
         "cannot read volume (/data/of/some/study/series-0003.nii.gz): it ends after 1234567 bytes".to_owned();
-    bench.app().model.say(long, Some("is it still being copied?".to_owned()), true);
+    bench.app().model.add_message(long, Some("is it still being copied?".to_owned()), true);
     bench.look("messages", &mut found);
     bench.app().model.messages.clear();
     found.assert_none();

@@ -8,23 +8,29 @@ mod task;
 
 use super::widgets::error_label;
 use crate::app::model::Model;
+use crate::engine::task::Task;
 use crate::error::{Error, Result};
 use crate::measure::journal::JOURNAL;
 use crate::measure::progress::{StepKind, spoken};
 use crate::measure::table::Row;
 use crate::open::SceneSettings;
+use crate::render::DisabledOptimizations;
+use crate::report::make::Subject;
 use crate::scene::Scene;
 use eframe::egui;
 use form::Form;
-use results::{Picked, Results};
+use results::Results;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
-use task::{ComparisonTask, CurrentStep, FinishedTable, REMARK, TableRequest, Update};
+use task::{CurrentStep, FinishedTable, REMARK, TableRequest, Update};
 
 /// Title of the window.
 pub const TITLE: &str = "Comparison";
 
+/// Maximum time that closing the window waits for the current step.
+const LAST_STEP: Duration = Duration::from_secs(3);
 /// Interval between two looks at the progress. Each is a frame of the interface, which disturbs the timing.
 const REFRESH: Duration = Duration::from_millis(300);
 const REFRESH_WHILE_TIMING: Duration = Duration::from_millis(1000);
@@ -33,31 +39,24 @@ const REFRESH_WHILE_TIMING: Duration = Duration::from_millis(1000);
 pub type Opener = fn(&Path) -> std::io::Result<()>;
 
 /// Window of the comparison and its background task.
+#[derive(Default)]
 pub struct Comparison {
     pub open: bool,
     form: Form,
     /// Collapse the form in the next frame, to make space for rows.
     collapse: bool,
-    running: Option<(ComparisonTask, Option<CurrentStep>)>,
+    running: Option<(Task<Update>, Option<CurrentStep>)>,
     outcome: Option<Result<Box<FinishedTable>>>,
     results: Results,
-    /// Opener of the report: the system's, except in tests.
-    pub opener: Opener,
+    /// Opener of the report; `None`: the system's.
+    pub opener: Option<Opener>,
     open_error: Option<Error>,
 }
 
-impl Default for Comparison {
-    fn default() -> Self {
-        Self {
-            open: false,
-            form: Form::default(),
-            collapse: false,
-            running: None,
-            outcome: None,
-            results: Results::default(),
-            opener: |path| open::that_detached(path),
-            open_error: None,
-        }
+impl Drop for Comparison {
+    /// Waits for the current step, which uses the device.
+    fn drop(&mut self) {
+        self.running.iter().for_each(|(task, _)| task.end_within(LAST_STEP));
     }
 }
 
@@ -91,10 +90,13 @@ impl Comparison {
                 ..SceneSettings::of_scene(&document.spec, &scene, document.transparent)
             },
             adapter: model.adapter.clone(),
-            volume: Arc::clone(&document.volume),
-            strands: document.strands.clone(),
-            tf: Arc::clone(&document.tf),
-            scene,
+            subject: Subject {
+                volume: Arc::clone(&document.volume),
+                strands: document.strands.clone(),
+                tf: (*document.tf).clone(),
+                scene,
+                forced: DisabledOptimizations::NONE,
+            },
             methods,
             effort: self.form.effort,
             folder,
@@ -102,7 +104,7 @@ impl Comparison {
         };
         self.results.replace(Vec::new());
         (self.form.folder_error, self.open_error, self.outcome) = (None, None, None);
-        match ComparisonTask::start(request, Arc::clone(&model.wake)) {
+        match task::start(request, Arc::clone(&model.wake)) {
             Ok(task) => (self.running, self.collapse) = (Some((task, None)), true),
             Err(e) => self.outcome = Some(Err(e)),
         }
@@ -112,11 +114,16 @@ impl Comparison {
     pub fn take_updates(&mut self, model: &mut Model, context: &egui::Context) {
         let Some((task, step)) = &mut self.running else { return };
         let (mut ended, rows) = (None, self.results.rows().len());
-        for update in task.updates() {
-            match update {
-                Update::Step(current) => *step = Some(current),
-                Update::Row(place, row) => self.results.put(place, *row),
-                Update::Ended(outcome) => ended = Some(outcome),
+        while ended.is_none() {
+            match task.poll() {
+                Ok(Update::Step(current)) => *step = Some(current),
+                Ok(Update::Row(place, row)) => self.results.put(place, *row),
+                Ok(Update::Ended(outcome)) => ended = Some(outcome),
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => {
+                    ended =
+                        Some(Err(Error::runtime("cannot compare", "window", "an internal error occurred")));
+                }
             }
         }
         let timing = step.as_ref().is_some_and(|step| step.kind == StepKind::Run);
@@ -177,10 +184,10 @@ impl Comparison {
         }
         ui.separator();
         let Some(document) = &mut model.document else { return };
-        match self.results.show(ui, Some(&document.method)) {
-            Some(Picked { choice, shift: false }) => document.method = choice,
-            Some(Picked { choice, shift: true }) => {
-                document.other = choice;
+        match self.results.show(ui, &document.method) {
+            Some((method, false)) => document.method = method,
+            Some((method, true)) => {
+                document.other = method;
                 model.split.share.get_or_insert(0.5);
             }
             None => {}
@@ -229,7 +236,8 @@ impl Comparison {
                         ui.button("Open report").on_hover_text("Table, plots and pictures in one page");
                     if button.clicked() {
                         let failed = |e| Error::runtime("cannot open the report", path.display(), e);
-                        self.open_error = (self.opener)(path).err().map(failed);
+                        let opener = self.opener.unwrap_or(|path| open::that_detached(path));
+                        self.open_error = opener(path).err().map(failed);
                     }
                     if ui.button("Copy path").clicked() {
                         ui.ctx().copy_text(text.clone());

@@ -1,9 +1,9 @@
 //! Sortable table of a comparison's rows.
 
-use crate::engine::MethodChoice;
 use crate::measure::table::{COLUMNS, Row};
 use crate::measure::timing::clock_name;
 use crate::report::number::significant;
+use crate::shadow::MethodSpec;
 use eframe::egui::{self, RichText};
 use egui_extras::{Column as Width, TableBuilder};
 use std::cmp::Ordering;
@@ -29,58 +29,33 @@ const TABLE_HEIGHT: f32 = 380.0;
 /// Width of the arrow in a heading, points.
 const ARROW_WIDTH: f32 = 12.0;
 
-/// Value of a cell.
-#[derive(Debug, Clone, PartialEq)]
-enum Value {
-    Empty,
-    Text(String),
-    Number(f64),
-}
-
-impl Value {
-    fn new(text: &str) -> Self {
-        match text.parse() {
-            Ok(number) => Self::Number(number),
-            Err(_) if text.is_empty() => Self::Empty,
-            Err(_) => Self::Text(text.to_owned()),
-        }
-    }
-
-    fn text(&self) -> String {
-        match self {
-            Self::Empty => String::new(),
-            Self::Text(text) => text.clone(),
-            // Counts have no decimal places.
-            Self::Number(x) if x.fract() == 0.0 && *x >= 10.0 => format!("{x:.0}"),
-            Self::Number(x) => significant(*x, 3),
-        }
-    }
-
-    /// Order of two cells; empty ones are last in both directions.
-    fn compare(&self, other: &Self, descending: bool) -> Ordering {
-        let order = match (self, other) {
-            (Self::Empty, _) | (_, Self::Empty) => {
-                return (*self == Self::Empty).cmp(&(*other == Self::Empty));
-            }
-            (Self::Number(a), Self::Number(b)) => a.total_cmp(b),
-            _ => self.text().cmp(&other.text()),
-        };
-        if descending { order.reverse() } else { order }
+/// Text of a cell for reading.
+fn shown(cell: &str) -> String {
+    match cell.parse::<f64>() {
+        // Counts have no decimal places.
+        Ok(x) if x.fract() == 0.0 && x >= 10.0 => format!("{x:.0}"),
+        Ok(x) => significant(x, 3),
+        Err(_) => cell.to_owned(),
     }
 }
 
-/// Row with its cells, and its method as the shadows panel takes it.
+/// Order of two cells; empty ones are last in both directions.
+fn order(a: &str, b: &str, descending: bool) -> Ordering {
+    if a.is_empty() || b.is_empty() {
+        return a.is_empty().cmp(&b.is_empty());
+    }
+    let order = match (a.parse::<f64>(), b.parse::<f64>()) {
+        (Ok(a), Ok(b)) => a.total_cmp(&b),
+        _ => a.cmp(b),
+    };
+    if descending { order.reverse() } else { order }
+}
+
+/// Row with its cells.
 struct TableRow {
     row: Row,
-    cells: Vec<Value>,
-    choice: Option<MethodChoice>,
-}
-
-/// Row that was clicked.
-pub struct Picked {
-    pub choice: MethodChoice,
-    /// Shift was pressed: for the second method.
-    pub shift: bool,
+    /// Texts of the columns, as in `compare.csv`.
+    cells: Vec<String>,
 }
 
 /// Rows of a table, finished or not.
@@ -95,8 +70,8 @@ impl Results {
     /// Puts a row at its index in the table.
     pub fn put(&mut self, place: usize, row: Row) {
         let texts = row.texts();
-        let cells = SHOWN.map(|name| Value::new(texts.get(name).map_or("", String::as_str))).to_vec();
-        let made = TableRow { choice: MethodChoice::parse(&row.spec()).ok(), row, cells };
+        let cells = SHOWN.map(|name| texts.get(name).cloned().unwrap_or_default()).to_vec();
+        let made = TableRow { row, cells };
         match self.rows.get_mut(place) {
             Some(old) => *old = made,
             None => self.rows.push(made),
@@ -114,17 +89,17 @@ impl Results {
         self.rows.iter().map(|line| &line.row)
     }
 
-    /// Shows the table and returns a clicked row; `current` is the method in the view.
-    pub fn show(&mut self, ui: &mut egui::Ui, current: Option<&MethodChoice>) -> Option<Picked> {
+    /// Shows the table; `current` is the method in the view. Returns the method of a clicked row, and whether Shift was pressed.
+    pub fn show(&mut self, ui: &mut egui::Ui, current: &MethodSpec) -> Option<(MethodSpec, bool)> {
         let mut picked = None;
         if let Some(TableRow { row, .. }) = self.rows.first() {
             let clock = row.clock.map_or(String::new(), |clock| format!(" · {} clock", clock_name(clock)));
             ui.weak(format!("{} · {} x {} pixels{clock}", row.scene, row.width, row.height));
         }
-        let mut order: Vec<usize> = (0..self.rows.len()).collect();
+        let mut places: Vec<usize> = (0..self.rows.len()).collect();
         if let Some((column, descending)) = self.sort {
             let cell = |row: &usize| &self.rows[*row].cells[column];
-            order.sort_by(|a, b| cell(a).compare(cell(b), descending));
+            places.sort_by(|a, b| order(cell(a), cell(b), descending));
         }
         egui::ScrollArea::horizontal().id_salt("comparison table").show(ui, |ui| {
             let height = ui.text_style_height(&egui::TextStyle::Body) + 4.0;
@@ -153,12 +128,13 @@ impl Results {
                 }
             });
             table.body(|body| {
-                body.rows(height, order.len(), |mut table_row| {
-                    let TableRow { row, cells, choice } = &self.rows[order[table_row.index()]];
-                    table_row.set_selected(choice.is_some() && choice.as_ref() == current);
+                body.rows(height, places.len(), |mut table_row| {
+                    let TableRow { row, cells } = &self.rows[places[table_row.index()]];
+                    let method: Option<MethodSpec> = row.spec().parse().ok();
+                    table_row.set_selected(method.as_ref() == Some(current));
                     for (i, cell) in cells.iter().enumerate() {
                         table_row.col(|ui| {
-                            let mut text = RichText::new(cell.text());
+                            let mut text = RichText::new(shown(cell));
                             if row.has_failed() {
                                 text = text.color(ui.visuals().error_fg_color);
                             }
@@ -168,8 +144,8 @@ impl Results {
                     }
                     let response = table_row.response();
                     let shift = response.ctx.input(|i| i.modifiers.shift);
-                    if let Some(choice) = choice.clone().filter(|_| response.clicked()) {
-                        picked = Some(Picked { choice, shift });
+                    if let Some(method) = method.filter(|_| response.clicked()) {
+                        picked = Some((method, shift));
                     }
                     let help = "Click: into the shadows panel; Shift-click: as the second method";
                     response.on_hover_text([help, &row.note, &row.left_out].join("\n").trim());
@@ -181,7 +157,7 @@ impl Results {
 
     /// Whether a column has numbers.
     fn is_number(&self, column: usize) -> bool {
-        self.rows.iter().any(|row| matches!(row.cells[column], Value::Number(_)))
+        self.rows.iter().any(|row| row.cells[column].parse::<f64>().is_ok())
     }
 
     /// Shows a heading; clicks sort in ascending, descending and the table's order.

@@ -1,7 +1,7 @@
 //! Comparison on its own thread and device.
 
-use crate::engine::mailbox::Wake;
-use crate::error::{Error, Result};
+use crate::engine::task::{Task, Wake};
+use crate::error::Result;
 use crate::files::hash::sha256;
 use crate::files::output::prepare_output_dir;
 use crate::gpu::Gpu;
@@ -11,40 +11,28 @@ use crate::measure::journal::Journal;
 use crate::measure::progress::{Progress, Status, StepKind, Watch};
 use crate::measure::table::Row;
 use crate::open::SceneSettings;
-use crate::render::{DisabledOptimizations, Renderer};
+use crate::render::Renderer;
 use crate::report::Start;
 use crate::report::make::{Files, Order, Subject, make, scene_name};
 use crate::report::run::{Run, SceneRecord};
 use crate::report::tables::Layout;
-use crate::scene::Scene;
 use crate::shadow::Method;
-use crate::strands::VoxelisedStrands;
-use crate::transfer::TransferFunction;
-use crate::volume::Volume;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::sync::mpsc::Sender;
 
 /// Note of every row.
 pub const REMARK: &str = "timed while the window was open, which draws with the same processor";
 /// File of the transfer function in the output folder.
 const TRANSFER_FUNCTION: &str = "transfer_function.json";
-/// Maximum time that closing the window waits for the current step.
-const LAST_STEP: Duration = Duration::from_secs(3);
 
 /// Inputs of a comparison, copied at its start.
 pub struct TableRequest {
     /// Whole name of the adapter.
     pub adapter: String,
-    pub volume: Arc<Volume>,
-    pub strands: Option<Arc<VoxelisedStrands>>,
-    pub tf: Arc<TransferFunction>,
-    /// Scene with the picture size of the table.
-    pub scene: Scene,
+    /// Volume, function and scene, with the picture size of the table.
+    pub subject: Subject,
     /// Settings of a scene file, without the transfer function.
     pub settings: SceneSettings,
     pub methods: Vec<Box<dyn Method>>,
@@ -80,60 +68,15 @@ pub enum Update {
     Ended(Result<Box<FinishedTable>>),
 }
 
-/// Running comparison; dropping it cancels the thread.
-pub struct ComparisonTask {
-    cancel: Arc<AtomicBool>,
-    updates: Receiver<Update>,
-    thread: JoinHandle<()>,
-}
-
-impl ComparisonTask {
-    /// Starts the thread; `wake` is called at its end.
-    ///
-    /// # Errors
-    /// The system cannot start a thread.
-    pub fn start(request: TableRequest, wake: Wake) -> Result<Self> {
-        let cancel = Arc::new(AtomicBool::new(false));
-        let (sender, updates) = channel();
-        let watcher = Watcher { sender: sender.clone(), cancel: Arc::clone(&cancel) };
-        let work = move || {
-            let place = request.folder.display().to_string();
-            let outcome = catch_unwind(AssertUnwindSafe(|| run(request, watcher))).unwrap_or_else(|_| {
-                Err(Error::runtime("cannot compare", place, "an internal error occurred"))
-            });
-            let _ = sender.send(Update::Ended(outcome.map(Box::new)));
-            wake();
-        };
-        let thread = std::thread::Builder::new()
-            .name("compare".into())
-            .spawn(work)
-            .map_err(|e| Error::runtime("cannot compare", "window", e))?;
-        Ok(Self { cancel, updates, thread })
-    }
-
-    /// Cancels after the current step.
-    pub fn cancel(&self) {
-        self.cancel.store(true, Ordering::Relaxed);
-    }
-
-    pub fn is_cancelled(&self) -> bool {
-        self.cancel.load(Ordering::Relaxed)
-    }
-
-    /// Messages since the last call.
-    pub fn updates(&self) -> Vec<Update> {
-        self.updates.try_iter().collect()
-    }
-}
-
-impl Drop for ComparisonTask {
-    fn drop(&mut self) {
-        self.cancel();
-        let start = Instant::now();
-        while !self.thread.is_finished() && start.elapsed() < LAST_STEP {
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
+/// Starts a comparison.
+///
+/// # Errors
+/// The system cannot start a thread.
+pub fn start(request: TableRequest, wake: Wake) -> Result<Task<Update>> {
+    Task::start("compare", wake, |sender, cancelled| {
+        let watcher = Watcher { sender: sender.clone(), cancel: Arc::clone(cancelled) };
+        let _ = sender.send(Update::Ended(run(request, watcher).map(Box::new)));
+    })
 }
 
 /// Forwards progress. It does not wake the window, which would disturb the timing.
@@ -159,14 +102,14 @@ impl Watch for Watcher {
 }
 
 fn run(request: TableRequest, watcher: Watcher) -> Result<FinishedTable> {
-    let TableRequest { adapter, volume, strands, tf, scene, mut settings, methods, effort, folder, resume } =
-        request;
+    let TableRequest { adapter, subject, mut settings, methods, effort, folder, resume } = request;
+    let Subject { volume, tf, scene, .. } = &subject;
     let renderer = Arc::new(Renderer::new(Gpu::open(Some(&adapter))?));
     prepare_output_dir(&folder)?;
     let (start, tf_text) = (if resume { Start::Resume } else { Start::Overwrite }, tf.to_json());
     let facts = Facts::of(renderer.gpu());
     let texts: Vec<_> = methods.iter().map(|m| facts.row("", [1, 1], m.as_ref()).spec()).collect();
-    settings.name = Some(scene_name(&volume, &tf));
+    settings.name = Some(scene_name(volume, tf));
     settings.tf = Some(TRANSFER_FUNCTION.into());
     settings.sha256 = settings.spec().sha256()?;
     let record = SceneRecord {
@@ -189,11 +132,7 @@ fn run(request: TableRequest, watcher: Watcher) -> Result<FinishedTable> {
     progress.check("opening the device")?;
     let methods = [methods];
     let order = Order { methods: &methods, budgets: &[], remark: REMARK };
-    let mut read = |_| {
-        let (volume, tf, scene) = (Arc::clone(&volume), (*tf).clone(), scene.clone());
-        let strands = strands.clone();
-        Ok(Subject { volume, tf, strands, scene, forced: DisabledOptimizations::NONE })
-    };
+    let mut read = |_| Ok(subject.clone());
     let made = make(&order, &run, &mut read, &renderer, &mut journal, &mut progress)?;
     let (rows, notes) = (made.comparison.rows(), made.comparison.notes.clone());
     Ok(FinishedTable { rows, notes, files: made.write(&folder, &Layout::default())? })

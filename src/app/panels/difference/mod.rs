@@ -6,10 +6,12 @@ pub mod legend;
 
 use crate::app::model::Model;
 use crate::engine::messages::{DifferenceRequest, Differences, FrameSettings, Job};
+use crate::engine::task::Task;
 use crate::measure::error_map::{ExactView, Quantity};
 use eframe::egui;
-use exact::{Computing, Question};
+use exact::Question;
 use std::sync::Arc;
+use std::sync::mpsc::TryRecvError;
 
 /// State of the heat map.
 #[derive(Default)]
@@ -20,11 +22,11 @@ pub struct Difference {
     pub logarithmic: bool,
     /// Inputs of the exact picture.
     question: Option<Question>,
-    computing: Option<Computing>,
+    computing: Option<Task<ExactView>>,
     /// Finest exact picture so far.
     view: Option<Arc<ExactView>>,
     /// Last request to compare.
-    asked: Option<Arc<DifferenceRequest>>,
+    requested: Option<Arc<DifferenceRequest>>,
     pub found: Option<Differences>,
 }
 
@@ -36,11 +38,12 @@ impl Difference {
 
     /// Whether the finest result is shown.
     pub fn is_done(&self) -> bool {
-        let compared = match (&self.asked, &self.found) {
-            (Some(asked), Some(found)) => Arc::ptr_eq(asked, &found.request),
-            _ => false,
-        };
-        self.shows.is_none() || (self.computing.is_none() && compared)
+        self.shows.is_none() || (self.computing.is_none() && self.is_compared())
+    }
+
+    /// Whether the last request was answered.
+    fn is_compared(&self) -> bool {
+        self.found.as_ref().is_some_and(|found| self.is_last(&found.request))
     }
 
     /// Restarts the exact picture after a change, when the picture is final.
@@ -62,7 +65,7 @@ impl Difference {
                 return;
             }
             let subject = (Arc::clone(&document.volume), document.strands.clone());
-            match Computing::start(subject, question.clone(), Arc::clone(&model.wake)) {
+            match exact::start(subject, question.clone(), Arc::clone(&model.wake)) {
                 Ok(computing) => {
                     self.question = Some(question);
                     self.computing = Some(computing);
@@ -75,9 +78,9 @@ impl Difference {
         }
         while let Some(computing) = &self.computing {
             match computing.poll() {
-                (Some(view), _) => self.view = Some(Arc::new(view)),
-                (None, true) => break,
-                (None, false) => self.computing = None,
+                Ok(view) => self.view = Some(Arc::new(view)),
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => self.computing = None,
             }
         }
         self.compare(model);
@@ -85,47 +88,46 @@ impl Difference {
 
     /// Requests a comparison with the finest exact picture, unless it was requested last.
     fn compare(&mut self, model: &Model) {
-        let (Some(view), Some(FrameSettings { tf, methods, .. })) = (&self.view, &model.asked) else {
+        let (Some(view), Some(FrameSettings { tf, methods, .. })) = (&self.view, &model.requested) else {
             return;
         };
         let logarithmic = self.logarithmic;
-        let known = self.asked.as_ref().is_some_and(|asked| {
-            Arc::ptr_eq(&asked.view, view) && asked.methods == *methods && asked.logarithmic == logarithmic
+        let known = self.requested.as_ref().is_some_and(|requested| {
+            Arc::ptr_eq(&requested.view, view)
+                && requested.methods == *methods
+                && requested.logarithmic == logarithmic
         });
         if known || !model.settled {
             return;
         }
         let (view, tf, methods) = (Arc::clone(view), Arc::clone(tf), methods.clone());
         let request = Arc::new(DifferenceRequest { view, tf, methods, logarithmic });
-        self.asked = Some(Arc::clone(&request));
-        model.push(Job::Difference(request));
+        self.requested = Some(Arc::clone(&request));
+        model.thread.push(Job::Difference(request));
     }
 
-    fn was_asked(&self, request: &Arc<DifferenceRequest>) -> bool {
-        self.asked.as_ref().is_some_and(|asked| Arc::ptr_eq(asked, request))
+    /// Whether it is the last request.
+    fn is_last(&self, request: &Arc<DifferenceRequest>) -> bool {
+        self.requested.as_ref().is_some_and(|requested| Arc::ptr_eq(requested, request))
     }
 
     /// Takes heat maps of the last request.
     pub fn take(&mut self, found: Differences) {
-        if self.was_asked(&found.request) {
+        if self.is_last(&found.request) {
             self.found = Some(found);
         }
     }
 
     /// Repeats an interrupted request, unless there is a newer one.
-    pub fn ask_again(&mut self, request: &Arc<DifferenceRequest>) {
-        if self.was_asked(request) {
-            self.asked = None;
+    pub fn request_again(&mut self, request: &Arc<DifferenceRequest>) {
+        if self.is_last(request) {
+            self.requested = None;
         }
     }
 
     /// Turns the heat map off after a failure.
     pub fn fail(&mut self) {
-        let waits = match (&self.asked, &self.found) {
-            (Some(asked), Some(found)) => !Arc::ptr_eq(asked, &found.request),
-            (asked, _) => asked.is_some(),
-        };
-        if waits {
+        if self.requested.is_some() && !self.is_compared() {
             self.shows = None;
         }
     }

@@ -6,7 +6,7 @@ mod plot;
 use super::presets::Presets;
 use super::prompt::{Prompt, Purpose};
 use super::widgets::unfilled;
-use crate::app::curve::{AmountAxis, Edit, History, top_of};
+use crate::app::curve::{AmountAxis, Edit, top_of};
 use crate::app::model::Model;
 use crate::files::color;
 use crate::transfer::Quantity;
@@ -57,29 +57,24 @@ fn tools(
     prompt: &mut Prompt,
     render_state: Option<&RenderState>,
 ) {
-    let history =
-        |can: fn(&History) -> bool, model: &Model| model.document.as_ref().is_some_and(|d| can(&d.history));
+    let [can_undo, can_redo] =
+        model.document.as_ref().map_or([false; 2], |document| document.history.is_possible(&document.tf));
     ui.horizontal_wrapped(|ui| {
         ui.strong("Transfer function");
         presets.show(ui, model, render_state);
-        if ui
-            .button("Load…")
-            .on_hover_text(
-                "Load a file of this program (.json), ParaView, 3D Slicer, MRIcroGL, NiiVue or Inviwo",
-            )
-            .clicked()
-        {
+        let tooltip = "Load a file of this program (.json), ParaView, 3D Slicer, MRIcroGL, NiiVue or Inviwo";
+        if ui.button("Load…").on_hover_text(tooltip).clicked() {
             prompt.ask(model, Purpose::LoadTransfer);
         }
         if ui.button("Save…").on_hover_text("Save the function as a .json file").clicked() {
             prompt.ask(model, Purpose::SaveTransfer);
         }
         ui.separator();
-        let undo = ui.add_enabled(history(History::can_undo, model), egui::Button::new("Undo"));
+        let undo = ui.add_enabled(can_undo, egui::Button::new("Undo"));
         if undo.on_hover_text("Ctrl+Z").clicked() {
             model.undo();
         }
-        let redo = ui.add_enabled(history(History::can_redo, model), egui::Button::new("Redo"));
+        let redo = ui.add_enabled(can_redo, egui::Button::new("Redo"));
         if redo.on_hover_text("Ctrl+Shift+Z").clicked() {
             model.redo();
         }

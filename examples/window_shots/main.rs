@@ -23,43 +23,24 @@
 //! ```
 //! `#` starts a comment.
 
+mod steps;
+
 use clap::Parser;
 use eframe::egui::accesskit::{Action, ActionRequest, TreeId};
-use eframe::egui::{self, Event, Id, Key, Modifiers, PointerButton, Pos2, Rect, pos2};
+use eframe::egui::{self, Event, Id, Modifiers, PointerButton, Pos2, Rect, pos2};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use steps::{Step, WHAT, read_steps};
 use umbravox::app::{App, FrameHook, Start, run};
 use umbravox::cli::view::ViewArgs;
 use umbravox::error::{Error, Result};
-use umbravox::files::input::read_text;
 use umbravox::files::output::write_whole;
 
-const WHAT: &str = "cannot replay script";
 /// Maximum duration of a step.
 const MAX_STEP: Duration = Duration::from_secs(120);
-
-#[derive(Debug, Clone, PartialEq)]
-enum Step {
-    Window { size: [f32; 2] },
-    Resize { size: [f32; 2] },
-    Silent,
-    Settle,
-    Compared,
-    Drag { name: String, from: [f32; 2], to: [f32; 2], seconds: f32, modifiers: Modifiers, screen: bool },
-    Click { at: [f32; 2], screen: bool, double: bool },
-    Move { at: [f32; 2], screen: bool },
-    Press { name: String },
-    Type { text: String },
-    Key { key: Key, modifiers: Modifiers },
-    Pause { seconds: f32 },
-    Open { source: String },
-    Shot { path: PathBuf },
-    Times { path: PathBuf },
-    Lose,
-}
 
 /// Measurements of a drag.
 #[derive(Debug, Clone)]
@@ -95,14 +76,14 @@ fn main() -> ExitCode {
 }
 
 fn replay(args: Args) -> Result<()> {
-    let script = Script::read(&args.script)?;
+    let script = Script { steps: read_steps(&args.script)?, ..Script::default() };
     let request = args.view.scene.into_request()?;
     let (adapter, clean) = (request.run.adapter, args.view.clean);
     run(Start { scene: Some(request.settings), adapter, clean, hook: Some(Box::new(script)) })
 }
 
 /// Running script.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Script {
     steps: VecDeque<Step>,
     /// Frames and time since the start of the step.
@@ -116,36 +97,6 @@ struct Script {
     shot: Shot,
     /// Widget to be pressed, its place, and the frame since which it is visible.
     target: Option<(Id, Rect, Option<u32>)>,
-}
-
-impl Script {
-    /// Reads a script.
-    ///
-    /// # Errors
-    /// The file cannot be read, or a line is none of the steps.
-    fn read(path: &Path) -> Result<Self> {
-        let mut steps = VecDeque::new();
-        for (line, text) in (1..).zip(read_text(path, WHAT)?.lines()) {
-            let words: Vec<&str> = text.split('#').next().unwrap_or_default().split_whitespace().collect();
-            if words.is_empty() {
-                continue;
-            }
-            let place = format!("{}: line {line}", path.display());
-            steps.push_back(parse(&words).ok_or_else(|| Error::input(WHAT, place, "this is no step"))?);
-        }
-        Ok(Self {
-            steps,
-            frame: 0,
-            since: None,
-            last_frame: None,
-            running: None,
-            pictures_before: 0,
-            measured: Vec::new(),
-            failed: None,
-            shot: Shot::default(),
-            target: None,
-        })
-    }
 }
 
 impl FrameHook for Script {
@@ -389,48 +340,6 @@ impl Script {
     }
 }
 
-fn parse(words: &[&str]) -> Option<Step> {
-    let number = |i: usize| words.get(i).and_then(|w| w.parse::<f32>().ok()).filter(|x| x.is_finite());
-    let has = |word: &str| words.contains(&word);
-    let modifiers = if has("shift") {
-        Modifiers::SHIFT
-    } else if has("ctrl") {
-        Modifiers::COMMAND | Modifiers::CTRL
-    } else {
-        Modifiers::NONE
-    };
-    let rest = || words.get(1..).map(|w| w.join(" ")).filter(|w| !w.is_empty());
-    let screen = has("screen");
-    Some(match words[0] {
-        "window" => Step::Window { size: [number(1)?, number(2)?] },
-        "resize" => Step::Resize { size: [number(1)?, number(2)?] },
-        "silent" => Step::Silent,
-        "settle" => Step::Settle,
-        "compared" => Step::Compared,
-        "drag" => Step::Drag {
-            name: (*words.get(1)?).to_owned(),
-            from: [number(2)?, number(3)?],
-            to: [number(4)?, number(5)?],
-            seconds: number(6)?,
-            modifiers,
-            screen,
-        },
-        "click" | "double" => {
-            Step::Click { at: [number(1)?, number(2)?], screen, double: words[0] == "double" }
-        }
-        "move" => Step::Move { at: [number(1)?, number(2)?], screen },
-        "key" => Step::Key { key: Key::from_name(words.get(1)?)?, modifiers },
-        "press" => Step::Press { name: rest()? },
-        "type" => Step::Type { text: rest()? },
-        "pause" => Step::Pause { seconds: number(1)? },
-        "open" => Step::Open { source: rest()? },
-        "shot" => Step::Shot { path: rest()?.into() },
-        "lose" => Step::Lose,
-        "times" => Step::Times { path: rest()?.into() },
-        _ => return None,
-    })
-}
-
 fn write_png(path: &Path, image: &egui::ColorImage) -> Result<()> {
     use image::ImageEncoder;
     use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -441,26 +350,4 @@ fn write_png(path: &Path, image: &egui::ColorImage) -> Result<()> {
         .write_image(&rgb, image.width() as u32, image.height() as u32, image::ExtendedColorType::Rgb8)
         .map_err(|e| Error::runtime("cannot encode picture", path.display(), e))?;
     write_whole(path, |file| file.write_all(&bytes))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn steps_are_read_and_slips_refused_by_line() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("s.txt");
-        std::fs::write(&path, "settle # first\n\ndrag light 0.1 0.2 0.3 0.4 2 shift\nkey C\nshot a b.png\n")
-            .unwrap();
-        let script = Script::read(&path).unwrap();
-        assert_eq!(script.steps.len(), 4);
-        assert_eq!(script.steps[3], Step::Shot { path: "a b.png".into() });
-        assert!(matches!(&script.steps[1], Step::Drag { modifiers, .. } if modifiers.shift));
-        for bad in ["drag x 1 2", "click 1", "key Nope", "jump 3", "shot", "resize 3", "press"] {
-            std::fs::write(&path, format!("settle\n{bad}\n")).unwrap();
-            let error = Script::read(&path).unwrap_err();
-            assert!(error.place.contains("line 2") && error.exit_status() == 2, "{bad}: {error}");
-        }
-    }
 }
