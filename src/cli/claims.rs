@@ -11,7 +11,7 @@ use crate::measure::progress::{Progress, spoken};
 use crate::open::{SceneRequest, SceneSettings};
 use crate::render::Renderer;
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
-use crate::replication::claims::table::{Record, TriedOn, counts, markdown};
+use crate::replication::claims::table::{TriedOn, counts, markdown};
 use crate::replication::claims::{Claim, all, find_paper, run as run_claims, scene_names};
 use crate::report::writers::{csv, json};
 use clap::Args;
@@ -99,14 +99,13 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     );
     let tried =
         scene_names(&claims, &names).iter().map(|n| tried_on(n, &given)).collect::<Result<Vec<_>>>()?;
-    let records: Vec<Record> = rows.iter().map(Record::from).collect();
     let page = markdown(&rows, &tried, &made_by);
-    for (name, bytes) in [("claims.csv", csv(&records)?), ("claims.md", page.into_bytes())] {
+    for (name, bytes) in [("claims.csv", csv(&rows)?), ("claims.md", page.into_bytes())] {
         let path = args.output.join(name);
         write_whole(&path, |file| file.write_all(&bytes))?;
         print_message("table", &path.display());
     }
-    if args.json { print_result(&json(&records)?) } else { print_result(&counts(&rows)) }
+    if args.json { print_result(&json(&rows)?) } else { print_result(&counts(&rows)) }
 }
 
 /// Scene files by their names without ending, which must differ.
@@ -133,7 +132,8 @@ fn settings_of(name: &str, given: &[(String, SceneSettings)]) -> Result<SceneSet
         return Ok(settings.clone());
     }
     let unknown = || Error::runtime("cannot try claims", name, "there is no such scene");
-    Ok(SceneRequest::from_toml(STAND_INS.iter().find(|s| s.name == name).ok_or_else(unknown)?.toml)?.settings)
+    Ok(SceneRequest::from_toml(&STAND_INS.iter().find(|s| s.name == name).ok_or_else(unknown)?.toml)?
+        .settings)
 }
 
 fn tried_on(name: &str, given: &[(String, SceneSettings)]) -> Result<TriedOn> {
@@ -151,9 +151,9 @@ mod tests {
 
     #[test]
     fn every_stand_in_is_a_scene_file() {
-        for stand_in in STAND_INS {
-            let settings = settings_of(stand_in.name, &[]).unwrap();
-            let again = SceneRequest::from_toml(&tried_on(stand_in.name, &[]).unwrap().toml).unwrap();
+        for stand_in in STAND_INS.iter() {
+            let settings = settings_of(&stand_in.name, &[]).unwrap();
+            let again = SceneRequest::from_toml(&tried_on(&stand_in.name, &[]).unwrap().toml).unwrap();
             assert_eq!(settings, again.settings, "{}", stand_in.name);
             assert!(settings.size.is_some() && settings.light.is_some(), "{}", stand_in.name);
         }

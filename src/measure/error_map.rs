@@ -48,14 +48,14 @@ enum Answer {
 /// Errors of one method.
 #[derive(Debug, Clone)]
 pub struct ErrorMap {
-    /// `height x width`, method less exact; NaN where nothing is seen, infinite where the method gives no number.
+    /// `height x width`, method less exact; NaN without extinction, infinite where the method gives no number.
     pub errors: Array2<f32>,
-    /// Over the pixels that see something, each by its opacity; `None` where nothing is seen.
+    /// Over the pixels with opacity, each weighted by it; `None` where there are none.
     pub stats: Option<ErrorStats>,
 }
 
 impl ExactView {
-    /// Computes the answer at the scene's size; `None` where `go_on` ended it, which is asked every few rows.
+    /// Computes the answer at the scene's size; `None` where `go_on` ended it, which is called every few rows.
     ///
     /// [`Quantity::Light`] takes a ray from each pixel and one from what it sees; [`Quantity::Picture`] a hundred or more.
     pub fn new(
@@ -65,7 +65,7 @@ impl ExactView {
         go_on: impl Fn() -> bool,
     ) -> Option<Self> {
         let (scene, light) = (scene.clone(), scene.light());
-        let mut seen = Vec::new();
+        let mut visible = Vec::new();
         let mut rows_done: Vec<Array3<f32>> = Vec::new();
         for first in (0..scene.height).step_by(ROWS_AT_ONCE as usize) {
             if !go_on() {
@@ -77,7 +77,7 @@ impl ExactView {
                     let first_pixel = first * scene.width;
                     let found = field.visible_points_of_pixels(&scene, rows);
                     let lit = (first_pixel..).zip(found).collect::<Vec<_>>().into_par_iter();
-                    seen.par_extend(lit.filter_map(|(pixel, point)| {
+                    visible.par_extend(lit.filter_map(|(pixel, point)| {
                         let point = point?;
                         let exact = field.transmittance_to_light(point.position, &light);
                         Some((pixel, point, exact))
@@ -88,10 +88,10 @@ impl ExactView {
         }
         let answer = match quantity {
             Quantity::Light => Answer::Light {
-                pixels: seen.iter().map(|s| s.0).collect(),
-                points_mm: seen.iter().map(|s| s.1.position).collect(),
-                weights: seen.iter().map(|s| s.1.weight).collect(),
-                exact: seen.iter().map(|s| s.2).collect(),
+                pixels: visible.iter().map(|s| s.0).collect(),
+                points_mm: visible.iter().map(|s| s.1.position).collect(),
+                weights: visible.iter().map(|s| s.1.weight).collect(),
+                exact: visible.iter().map(|s| s.2).collect(),
             },
             Quantity::Picture => {
                 let parts: Vec<_> = rows_done.iter().map(|rows| rows.view()).collect();
@@ -103,7 +103,7 @@ impl ExactView {
         Some(Self { scene, answer })
     }
 
-    /// A method's errors; `shadows` are of this scene's lights, in their order. `None` where `go_on`, which is asked now and
+    /// A method's errors; `shadows` are of this scene's lights, in their order. `None` where `go_on`, which is called now and
     /// then, ended it.
     ///
     /// # Errors
