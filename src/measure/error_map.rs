@@ -2,10 +2,9 @@
 
 use super::stats::ErrorStats;
 use crate::error::Result;
-use crate::exact::ExactField;
+use crate::exact::{ExactField, VisiblePoint};
 use crate::render::{DeviceTransfer, LightMaps, LoadedVolume, Renderer};
 use crate::scene::Scene;
-use glam::DVec3;
 use ndarray::{Array2, Array3, Axis, concatenate};
 use rayon::prelude::*;
 
@@ -34,14 +33,8 @@ pub struct ExactView {
 
 #[derive(Debug, Clone)]
 enum Answer {
-    Light {
-        /// Pixels that see something, row by row.
-        pixels: Vec<u32>,
-        /// Visible points (world mm), their opacities, and the exact transmittance there.
-        points_mm: Vec<DVec3>,
-        weights: Vec<f64>,
-        exact: Vec<f64>,
-    },
+    /// Pixels with opacity, row by row: their numbers, visible points, and the exact transmittance there.
+    Light(Vec<(u32, VisiblePoint, f64)>),
     Picture(Array3<f32>),
 }
 
@@ -87,12 +80,7 @@ impl ExactView {
             }
         }
         let answer = match quantity {
-            Quantity::Light => Answer::Light {
-                pixels: visible.iter().map(|s| s.0).collect(),
-                points_mm: visible.iter().map(|s| s.1.position).collect(),
-                weights: visible.iter().map(|s| s.1.weight).collect(),
-                exact: visible.iter().map(|s| s.2).collect(),
-            },
+            Quantity::Light => Answer::Light(visible),
             Quantity::Picture => {
                 let parts: Vec<_> = rows_done.iter().map(|rows| rows.view()).collect();
                 // Rows of one width in order make a picture.
@@ -122,19 +110,19 @@ impl ExactView {
         let known = |error: f64| if error.is_nan() { f64::INFINITY } else { error };
         let mut weighted = Vec::new();
         match &self.answer {
-            Answer::Light { pixels, points_mm, weights, exact } => {
+            Answer::Light(visible) => {
                 let Some(shadow) = shadows.maps().first() else { return Ok(None) };
-                let mut values = Vec::with_capacity(points_mm.len());
-                for some in points_mm.chunks(POINTS_AT_ONCE) {
+                for some in visible.chunks(POINTS_AT_ONCE) {
                     if !go_on() {
                         return Ok(None);
                     }
-                    values.extend(renderer.query(loaded, transfer, shadow, some)?);
-                }
-                for (((pixel, weight), value), exact) in pixels.iter().zip(weights).zip(values).zip(exact) {
-                    let error = known(f64::from(value) - exact);
-                    errors[[*pixel as usize / width, *pixel as usize % width]] = error as f32;
-                    weighted.push((error, *weight));
+                    let points_mm: Vec<_> = some.iter().map(|(_, point, _)| point.position).collect();
+                    let values = renderer.query(loaded, transfer, shadow, &points_mm)?;
+                    for ((pixel, point, exact), value) in some.iter().zip(values) {
+                        let error = known(f64::from(value) - exact);
+                        errors[[*pixel as usize / width, *pixel as usize % width]] = error as f32;
+                        weighted.push((error, point.weight));
+                    }
                 }
             }
             Answer::Picture(exact) => {

@@ -50,7 +50,7 @@ impl VisiblePoints {
         Self { points_mm: self.points_mm[..n].to_vec(), weights, exact }
     }
 
-    /// The same points with another exact transmittance at each.
+    /// Copy of the points with another exact transmittance at each.
     pub fn with_exact(&self, exact: Vec<f64>) -> Self {
         Self { points_mm: self.points_mm.clone(), weights: self.weights.clone(), exact }
     }
