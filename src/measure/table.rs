@@ -47,16 +47,18 @@ macro_rules! columns {
                 cells
             }
 
-            /// The row whose cells, written as text, are these by their columns; a missing one is empty.
+            /// The row whose cells, written as text, are these by their columns; a missing one has its default.
             ///
             /// # Errors
             /// The first column whose text is no value of it.
             pub fn from_texts(texts: &BTreeMap<String, String>) -> Result<Self, &'static str> {
-                let text = |column: &str| texts.get(column).map_or("", String::as_str);
                 let given = |key: &str| texts.get(key).filter(|text| !text.is_empty());
                 let setting = |(key, _)| Some((key, Cell::from_text(given(key)?)?));
                 Ok(Self {
-                    $($name: FromText::from_text(text(stringify!($name))).ok_or(stringify!($name))?,)*
+                    $($name: match texts.get(stringify!($name)) {
+                        Some(text) => FromText::from_text(text).ok_or(stringify!($name))?,
+                        None => Default::default(),
+                    },)*
                     settings: setting_columns().into_iter().filter_map(setting).collect(),
                 })
             }

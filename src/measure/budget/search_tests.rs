@@ -60,8 +60,8 @@ fn every_place() -> Vec<Place> {
 /// The least error that a budget holds anywhere.
 fn least(planted: &Planted, budget: Budget, by: By) -> Option<f64> {
     let trials = every_place().into_iter().map(|p| planted.trial(&canonical(&p)));
-    let held = trials.filter(|t| budget.need(&t).unwrap() <= budget.amount());
-    held.filter_map(|t| by.error(&t)).reduce(f64::min)
+    let allowed = trials.filter(|t| budget.need(t).unwrap() <= budget.amount());
+    allowed.filter_map(|t| by.error(&t)).reduce(f64::min)
 }
 
 #[test]
