@@ -9,7 +9,7 @@ use crate::measure::job::Effort;
 use crate::measure::progress::Progress;
 use crate::open::{SceneRequest, SceneSettings};
 use crate::replication::claims::scenes::{STAND_INS, StandIn, Subject};
-use crate::replication::claims::table::{Record, TriedOn, counts, markdown};
+use crate::replication::claims::table::{TriedOn, counts, markdown};
 use crate::replication::claims::{Claim, all, find_paper, run as run_claims, scene_names};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -71,8 +71,7 @@ pub fn run(args: &ClaimsArgs) -> Result<()> {
     );
     let tried =
         scene_names(&claims, &names).iter().map(|n| tried_on(n, &given)).collect::<Result<Vec<_>>>()?;
-    let records: Vec<Record> = rows.iter().map(Record::from).collect();
-    args.table.write("claims", &records, &markdown(&rows, &tried, &made_by), &counts(&rows))
+    args.table.write("claims", &rows, &markdown(&rows, &tried, &made_by), &counts(&rows))
 }
 
 /// Scene files by their names without ending, which must differ.
@@ -99,7 +98,8 @@ fn settings_of(name: &str, given: &[(String, SceneSettings)]) -> Result<SceneSet
         return Ok(settings.clone());
     }
     let unknown = || Error::runtime("cannot try claims", name, "there is no such scene");
-    Ok(SceneRequest::from_toml(STAND_INS.iter().find(|s| s.name == name).ok_or_else(unknown)?.toml)?.settings)
+    Ok(SceneRequest::from_toml(&STAND_INS.iter().find(|s| s.name == name).ok_or_else(unknown)?.toml)?
+        .settings)
 }
 
 fn tried_on(name: &str, given: &[(String, SceneSettings)]) -> Result<TriedOn> {
@@ -117,9 +117,9 @@ mod tests {
 
     #[test]
     fn every_stand_in_is_a_scene_file() {
-        for stand_in in STAND_INS {
-            let settings = settings_of(stand_in.name, &[]).unwrap();
-            let again = SceneRequest::from_toml(&tried_on(stand_in.name, &[]).unwrap().toml).unwrap();
+        for stand_in in STAND_INS.iter() {
+            let settings = settings_of(&stand_in.name, &[]).unwrap();
+            let again = SceneRequest::from_toml(&tried_on(&stand_in.name, &[]).unwrap().toml).unwrap();
             assert_eq!(settings, again.settings, "{}", stand_in.name);
             assert!(settings.size.is_some() && settings.light.is_some(), "{}", stand_in.name);
         }

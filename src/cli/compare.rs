@@ -229,7 +229,7 @@ impl Watch for Bar<'_> {
 /// Error of an interrupted run.
 fn interrupted(folder: &Path, run: &Run, journal: &Journal) -> Error {
     let count = run.count_here();
-    let why = format!("{} of {count} rows are finished and kept", journal.kept().min(count));
+    let why = format!("{} of {count} rows are finished and recorded", journal.recorded().min(count));
     Error::runtime("interrupted", folder.display(), why).hint("the same command line with --resume continues")
 }
 

@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn one_row_that_is_not_well_makes_the_verdict() {
-        let row = |status| Row::new("comb", "dsm", String::new(), status);
+        let row = |status| Row { status, ..Row::default() };
         assert!(verdict(&[row(Status::Ok), row(Status::Ok)], &"x").is_ok());
         for status in Status::ALL.into_iter().filter(|s| *s != Status::Ok) {
             let error = verdict(&[row(Status::Ok), row(status)], &"x").unwrap_err();

@@ -38,8 +38,8 @@ pub fn test_bound(
         RayTest { texels: &texels, taps, depths: DEPTHS, default_depth_mm: bound.depth_mm, nodes_mm: &[] };
     let query = |points: &[DVec3]| made.renderer.query(made.loaded, made.transfer, shadow, points);
     let mut nearest = None;
-    test.visit_asking(field, light, shadow, query, |report, _, _| {
-        nearest = report.ray_err_max().zip(report.held()).map(|(largest, satisfied)| NearestRay {
+    test.visit(field, light, shadow, query, |report, _, _| {
+        nearest = report.ray_err_max().zip(report.satisfied()).map(|(largest, satisfied)| NearestRay {
             texels_away: at.distance(center),
             largest,
             satisfied,

@@ -2,13 +2,12 @@
 
 use super::job::{Job, SLOW_FRAME_MS, name_of};
 use super::progress::{Progress, Step, StepKind};
-use super::stats::{Spread, image_difference};
+use super::stats::image_difference;
 use super::timing::{StageTimes, Timing, Turns, clock_name, interleave};
 use crate::error::{Error, Result};
 use crate::render::{DisabledOptimizations, Omission, Optimization, Picture, View};
 use crate::shadow::{BuildReport, Method};
 use serde::Serialize;
-use std::cell::RefCell;
 use std::time::Instant;
 
 /// One method and one thing that its plan left out; medians of rounds in which all variants of the method took turns.
@@ -54,16 +53,9 @@ pub struct Ablation {
 
 /// Times, memory and picture of one run of a variant.
 struct Run {
-    tables_ms: f64,
     times: StageTimes,
     bytes: u64,
     picture: Picture,
-}
-
-/// A variant of a method, forced or not, over all rounds.
-struct Variant {
-    forced: DisabledOptimizations,
-    tables_ms: RefCell<Vec<f64>>,
 }
 
 /// Measures every omission of every method's plan that can be forced. What fails is a row that says why in its note: one
@@ -108,42 +100,27 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
     let lean = run(job, method, base)?;
     let omissions: Vec<(Optimization, Omission)> =
         lean.picture.plan.left_out.iter().filter_map(|o| Some((o.optional?, o.clone()))).collect();
-    let variants: Vec<Variant> = [base]
+    let variants: Vec<DisabledOptimizations> = [base]
         .into_iter()
         .chain(omissions.iter().map(|(optional, _)| base.and(DisabledOptimizations::only(*optional))))
-        .map(|forced| Variant { forced, tables_ms: RefCell::default() })
         .collect();
     // The first run of each, which warms its pipelines up, is also the one whose picture and bytes count.
     let rounds = if lean.times.frame.best().0 > SLOW_FRAME_MS { 1 } else { job.effort.repeats };
-    let first: Vec<Result<Run>> = variants[1..].iter().map(|v| run(job, method, v.forced)).collect();
+    let first: Vec<Result<Run>> = variants[1..].iter().map(|v| run(job, method, *v)).collect();
     let mut turns: Vec<Turns> = variants
         .iter()
-        .map(|variant| Turns {
-            run: Box::new(move || {
-                let run = run(job, method, variant.forced)?;
-                variant.tables_ms.borrow_mut().push(run.tables_ms);
-                Ok(run.times)
-            }),
-            warmup: 0,
-            rounds,
-        })
+        .map(|variant| Turns { run: Box::new(|| Ok(run(job, method, *variant)?.times)), warmup: 0, rounds })
         .collect();
-    let timed = interleave(&mut turns, &mut |_| Ok(()))?;
-    drop(turns);
-    let mut medians = timed.into_iter().zip(&variants).map(|(times, variant)| {
-        let timing = times.and_then(|t| Timing::of(&t));
-        timing.map(|t| (t, Spread::of(&variant.tables_ms.borrow()).map(|s| s.median)))
-    });
-    let (own, own_tables_ms) = medians
-        .next()
-        .unwrap_or_else(|| Err(Error::runtime("cannot time", name_of(method), "no run was counted")))?;
-    let rows = omissions.iter().zip(first).zip(medians).map(|(((optional, omission), first), forced)| {
+    let mut timings = interleave(&mut turns, &mut |_| Ok(()))?.into_iter().map(|t| Timing::of(&t?));
+    let none = || Err(Error::runtime("cannot time", name_of(method), "no run was counted"));
+    let own = timings.next().unwrap_or_else(none)?;
+    let rows = omissions.iter().zip(first).zip(timings).map(|(((optional, omission), first), forced)| {
         let mut row = Ablation {
             clock: Some(clock_name(own.clock)),
             omission: optional.to_string(),
             what: omission.what.clone(),
             why: omission.why.clone(),
-            tables_ms: own_tables_ms,
+            tables_ms: own.tables_ms,
             build_ms: Some(own.build_ms.median),
             frame_ms: Some(own.frame_ms.median),
             bytes: Some(lean.bytes),
@@ -156,8 +133,8 @@ fn one_method(job: &Job, method: &dyn Method) -> Result<Vec<Ablation>> {
             forced
         });
         match measured {
-            Ok((timing, tables_ms)) => {
-                row.tables_ms_forced = tables_ms;
+            Ok(timing) => {
+                row.tables_ms_forced = timing.tables_ms;
                 row.build_ms_forced = Some(timing.build_ms.median);
                 row.frame_ms_forced = Some(timing.frame_ms.median);
             }
@@ -180,8 +157,8 @@ fn run(job: &Job, method: &dyn Method, forced: DisabledOptimizations) -> Result<
     let march = transfer.march_table();
     let report = BuildReport::of_all(&shadows);
     Ok(Run {
-        tables_ms: transfer.table_ms + transfer.classify_ms + march.map_or(0.0, |t| t.table_ms),
         times: StageTimes {
+            tables_ms: Some(transfer.table_ms + transfer.classify_ms + march.map_or(0.0, |t| t.table_ms)),
             build_host_ms: report.host_ms,
             build_device: report.device,
             build_wall_ms,

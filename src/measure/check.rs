@@ -1,12 +1,12 @@
-//! The check of a map whose light rays were marched by regular samples: a random share of its texels held against the same
+//! The check of a map whose light rays were marched by regular samples: a random share of its texels compared with the same
 //! map marched cell by cell.
 //!
-//! Samples promise nothing: what lies between two of them may be missed. But a method that is marched cell by cell is as
+//! Samples have no error bound: what lies between two of them may be missed. But a method that is marched cell by cell is as
 //! good as it can be, and so the difference is what the samples have cost. A texel is within tolerance where at each of 24
 //! depths `T_cells(z + d) - t <= T_samples(z) <= T_cells(z - d) + t`, with `d` a step and `t` a tolerance in transmittance.
 //! Texels are drawn by chance among those that meet extinction, and depths by chance in even stretches of the map's range.
 //! Where none of `n` texels strays further, with 99 % confidence fewer than `4.6 / n` of such draws do: the chance of `n`
-//! misses of a share `p` is `(1 - p)^n < exp(-p n)`. What strays over a small part of the range alone is seen as often as a
+//! misses of a share `p` is `(1 - p)^n < exp(-p n)`. What strays over a small part of the range alone is found as often as a
 //! depth falls there.
 
 use super::rays::mix;
@@ -17,7 +17,7 @@ use crate::shadow::{Method, ShadowMap};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
-/// Texels that are held against cells.
+/// Texels that are compared with cells.
 const TEXELS: usize = 1024;
 /// Texels drawn for them, since those that meet nothing say nothing.
 const DRAWN: usize = 8 * TEXELS;
@@ -29,7 +29,7 @@ const TOLERANCE: f64 = 0.1;
 /// Result of a check of a built shadow map against one marched by cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Check {
-    /// Texels that meet extinction and were held against cells.
+    /// Texels that meet extinction and were compared with cells.
     pub texels: u64,
     /// The least tolerance in transmittance within which all of them stay.
     pub max: f64,
@@ -40,7 +40,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Whether the stated tolerance held.
+    /// Whether the stated tolerance is satisfied.
     pub fn ok(&self) -> bool {
         self.max <= self.tolerance
     }

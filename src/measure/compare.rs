@@ -1,24 +1,23 @@
 //! The error-against-time table of one scene: every method's errors first, then its times in turn.
 //!
-//! Each is kept in the [`Journal`] as soon as it is there: a row with its errors and picture, then round by round its
-//! times, each round of all methods. What an earlier run has kept is not measured again: a row's errors are then
+//! Each is recorded in the [`Journal`] as soon as it is there: a row with its errors and picture, then round by round its
+//! times, each round of all methods. What an earlier run has recorded is not measured again: a row's errors are then
 //! taken as they are, and of its timed rounds only those that are missing are run, in turn with those of the other
 //! methods that miss some.
 
 use super::budget::tune::{Chosen, tune};
 use super::budget::{Budget, By, Uses, tuned_for};
-use super::comparison::{Compared, Comparison};
+use super::comparison::{Compared, Comparison, take_differences};
 use super::facts::{Facts, job_key, row_key};
 use super::job::{Effort, Job, SLOW_FRAME_MS, file_name_part, name_of};
-use super::journal::Journal;
+use super::journal::{Journal, Recorded};
+use super::pareto::mark_pareto;
 use super::progress::{Progress, Step, StepKind};
 use super::reference::Shared;
 use super::rounds::{TimedRow, time};
-use super::stats::image_difference;
-use super::table::mark_pareto;
 use crate::error::{Error, Result};
 use crate::exact::ExactField;
-use crate::shadow::{Method, ShadowRays};
+use crate::shadow::Method;
 use ndarray::Axis;
 use std::collections::HashMap;
 
@@ -109,18 +108,15 @@ pub fn compare_within(
     if !job.remark.is_empty() && result.compared.iter().any(|c| c.row.note.contains(&job.remark)) {
         result.notes.insert(0, job.remark.clone());
     }
-    mark_pareto(&mut result.compared.iter_mut().map(|c| &mut c.row).collect::<Vec<_>>());
-    let is_reference = |c: &Compared| c.row.method == ShadowRays::default().name();
-    let reference = result.compared.iter().find(|c| is_reference(c)).and_then(|c| c.picture.clone());
-    for compared in result.compared.iter_mut().filter(|c| !is_reference(c)) {
-        if let (Some(picture), Some(reference)) = (&compared.picture, &reference) {
-            compared.difference = Some(image_difference(picture.view(), reference.view())?);
-        }
+    mark_pareto(result.compared.iter_mut().map(|c| &mut c.row));
+    let reference = result.compared.iter().find(|c| c.is_reference()).and_then(|c| c.picture.clone());
+    if let Some(reference) = reference {
+        take_differences(&mut result.compared, &reference)?;
     }
     Ok(result)
 }
 
-/// The methods among the chosen that are not asked for anyway, and what each method, those asked for first, was chosen for.
+/// Chosen methods besides the requested ones, and what each method, requested ones first, was chosen for.
 fn beside(
     methods: &[Box<dyn Method>],
     chosen: Vec<Chosen>,
@@ -176,16 +172,17 @@ fn measure_errors<'m>(
         let name = name_of(method);
         let slug = unused_slug(&job.file_prefix, method, &mut slugs);
         let key = row_key(job_key, method, &slug);
-        let measured = if let Some(kept) = journal.take(&key) {
+        let measured = if let Some(recorded) = journal.take(&key) {
             progress.spare(&Step::new(StepKind::Draw, &name), 1);
             progress.spare(&Step::new(StepKind::Errors, &name), 1);
-            Ok(TimedRow::kept(method, place, key, kept))
+            Ok(TimedRow::new(method, place, key, recorded, false))
         } else {
             let reference = shared.get(progress);
             match reference.and_then(|r| r.measure(method, &slug, progress)) {
                 Ok((measured, picture)) => {
-                    journal.keep(&key, &measured, &picture)?;
-                    Ok(TimedRow::new(method, place, key, measured, picture))
+                    journal.record(&key, &measured, &picture)?;
+                    let recorded = Recorded { measured, picture, rounds: Vec::new() };
+                    Ok(TimedRow::new(method, place, key, recorded, true))
                 }
                 Err(e) if e.is_cancelled() => return Err(e),
                 Err(e) => Err(e),

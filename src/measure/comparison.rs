@@ -1,28 +1,31 @@
 //! Result of a comparison: rows with their pictures, notes and failures.
 
-use super::budget::Trial;
 use super::facts::Facts;
 use super::job::name_of;
+use super::stats::image_difference;
 use super::table::Row;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::render::Omission;
-use crate::shadow::Method;
+use crate::shadow::{Method, NodeMap, ShadowRays};
 use ndarray::{Array2, Array3};
+use std::borrow::BorrowMut;
 
 /// A row with its picture.
 pub struct Compared {
     /// Measured row.
     pub row: Row,
-    /// Method with its settings as asked for: the scene may choose the size of the map, which the row then states.
+    /// Method with its requested settings: the scene may choose the size of the map, which the row then states.
     pub method: String,
     /// A name for its files, different for every row.
     pub slug: String,
     /// `height x width x 4`, linear RGBA; `None` where the row failed before it was drawn.
     pub picture: Option<Array3<f32>>,
-    /// Largest channel difference to the picture of the scene's `rays` row, `height x width`, where there is one.
-    pub difference: Option<Array2<f32>>,
     /// Work that the plan skipped.
     pub left_out: Vec<Omission>,
+    /// Largest channel difference to the picture of the scene's `rays` row, `height x width`, where there is one.
+    pub difference: Option<Array2<f32>>,
+    /// Nodes by texel, where the method stores nodes and they were counted.
+    pub nodes: Option<NodeMap>,
 }
 
 /// Everything that came of a comparison.
@@ -35,8 +38,8 @@ pub struct Comparison {
     /// Failed parts of the comparison by name, such as `dsm epsilon=0.02`, each with its error.
     pub failures: Vec<(String, Error)>,
     /// Trials of the searches within budgets.
-    pub trials: Vec<Trial>,
-    /// Methods of the rows behind those that were asked for: what the searches chose besides them.
+    pub trials: Vec<Row>,
+    /// Methods of the rows behind the requested ones: the choices of the searches.
     pub tuned: Vec<Box<dyn Method>>,
 }
 
@@ -85,6 +88,11 @@ impl Comparison {
 }
 
 impl Compared {
+    /// Whether the row is by `rays`, which others are compared with.
+    pub fn is_reference(&self) -> bool {
+        self.row.method == ShadowRays::default().name()
+    }
+
     pub(super) fn failed(mut row: Row, method: &dyn Method, slug: String, error: &Error) -> Self {
         row.set_failed(error);
         Self {
@@ -93,7 +101,22 @@ impl Compared {
             slug,
             picture: None,
             difference: None,
+            nodes: None,
             left_out: Vec::new(),
         }
     }
+}
+
+/// Fills the differences of the rows' pictures from the reference.
+///
+/// # Errors
+/// Pictures of different sizes.
+pub fn take_differences(compared: &mut [impl BorrowMut<Compared>], reference: &Array3<f32>) -> Result<()> {
+    for c in compared {
+        let c = c.borrow_mut();
+        if let Some(picture) = c.picture.as_ref().filter(|_| !c.is_reference()) {
+            c.difference = Some(image_difference(picture.view(), reference.view())?);
+        }
+    }
+    Ok(())
 }

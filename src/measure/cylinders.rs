@@ -90,9 +90,9 @@ pub fn against_cylinders(
         .par_iter()
         .zip(&halves)
         .map(|(middle_mm, [a, b])| {
-            let seen = field.transmittance_to_light(*middle_mm, &light);
+            let voxelised = field.transmittance_to_light(*middle_mm, &light);
             let truth = 0.5 * (a + b);
-            [truth, seen - truth, 0.5 * (a - b)]
+            [truth, voxelised - truth, 0.5 * (a - b)]
         })
         .collect();
     let mean = |f: &dyn Fn(&[f64; 3]) -> f64| each.iter().map(f).sum::<f64>() / each.len() as f64;

@@ -3,6 +3,7 @@
 
 use super::cell::{Cell, FromText};
 use crate::shadow::{Entry, Key, METHODS, Method, Style, entry};
+use itertools::Itertools as _;
 
 /// A method's settings by their keys, given or not, in the order of the columns; the size of its map, which has a column
 /// of its own, is not among them.
@@ -16,13 +17,8 @@ pub fn settings(method: &dyn Method) -> Vec<(&'static str, Cell)> {
 
 /// Every key of every method, once each.
 fn keys() -> Vec<&'static Key> {
-    let mut keys: Vec<&Key> = Vec::new();
-    for key in METHODS.iter().flat_map(|entry| entry.keys).filter(|key| key.name != "map") {
-        if keys.iter().all(|k| k.name != key.name) {
-            keys.push(key);
-        }
-    }
-    keys
+    let keys = METHODS.iter().flat_map(|entry| entry.keys).filter(|key| key.name != "map");
+    keys.unique_by(|key| key.name).collect()
 }
 
 /// Every key of every method with what it is: the last columns of the table.

@@ -2,10 +2,9 @@
 
 use super::stats::ErrorStats;
 use crate::error::Result;
-use crate::exact::ExactField;
+use crate::exact::{ExactField, VisiblePoint};
 use crate::render::{DeviceTransfer, LightMaps, LoadedVolume, Renderer};
 use crate::scene::Scene;
-use glam::DVec3;
 use ndarray::{Array2, Array3, Axis, concatenate};
 use rayon::prelude::*;
 
@@ -34,28 +33,22 @@ pub struct ExactView {
 
 #[derive(Debug, Clone)]
 enum Answer {
-    Light {
-        /// Pixels that see something, row by row.
-        pixels: Vec<u32>,
-        /// Visible points (world mm), their opacities, and the exact transmittance there.
-        points_mm: Vec<DVec3>,
-        weights: Vec<f64>,
-        exact: Vec<f64>,
-    },
+    /// Pixels with opacity, row by row: their numbers, visible points, and the exact transmittance there.
+    Light(Vec<(u32, VisiblePoint, f64)>),
     Picture(Array3<f32>),
 }
 
 /// Errors of one method.
 #[derive(Debug, Clone)]
 pub struct ErrorMap {
-    /// `height x width`, method less exact; NaN where nothing is seen, infinite where the method gives no number.
+    /// `height x width`, method less exact; NaN without extinction, infinite where the method gives no number.
     pub errors: Array2<f32>,
-    /// Over the pixels that see something, each by its opacity; `None` where nothing is seen.
+    /// Over the pixels with opacity, each weighted by it; `None` where there are none.
     pub stats: Option<ErrorStats>,
 }
 
 impl ExactView {
-    /// Computes the answer at the scene's size; `None` where `go_on` ended it, which is asked every few rows.
+    /// Computes the answer at the scene's size; `None` where `go_on` ended it, which is called every few rows.
     ///
     /// [`Quantity::Light`] takes a ray from each pixel and one from what it sees; [`Quantity::Picture`] a hundred or more.
     pub fn new(
@@ -65,7 +58,7 @@ impl ExactView {
         go_on: impl Fn() -> bool,
     ) -> Option<Self> {
         let (scene, light) = (scene.clone(), scene.light());
-        let mut seen = Vec::new();
+        let mut visible = Vec::new();
         let mut rows_done: Vec<Array3<f32>> = Vec::new();
         for first in (0..scene.height).step_by(ROWS_AT_ONCE as usize) {
             if !go_on() {
@@ -77,7 +70,7 @@ impl ExactView {
                     let first_pixel = first * scene.width;
                     let found = field.visible_points_of_pixels(&scene, rows);
                     let lit = (first_pixel..).zip(found).collect::<Vec<_>>().into_par_iter();
-                    seen.par_extend(lit.filter_map(|(pixel, point)| {
+                    visible.par_extend(lit.filter_map(|(pixel, point)| {
                         let point = point?;
                         let exact = field.transmittance_to_light(point.position, &light);
                         Some((pixel, point, exact))
@@ -87,12 +80,7 @@ impl ExactView {
             }
         }
         let answer = match quantity {
-            Quantity::Light => Answer::Light {
-                pixels: seen.iter().map(|s| s.0).collect(),
-                points_mm: seen.iter().map(|s| s.1.position).collect(),
-                weights: seen.iter().map(|s| s.1.weight).collect(),
-                exact: seen.iter().map(|s| s.2).collect(),
-            },
+            Quantity::Light => Answer::Light(visible),
             Quantity::Picture => {
                 let parts: Vec<_> = rows_done.iter().map(|rows| rows.view()).collect();
                 // Rows of one width in order make a picture.
@@ -103,7 +91,7 @@ impl ExactView {
         Some(Self { scene, answer })
     }
 
-    /// A method's errors; `shadows` are of this scene's lights, in their order. `None` where `go_on`, which is asked now and
+    /// A method's errors; `shadows` are of this scene's lights, in their order. `None` where `go_on`, which is called now and
     /// then, ended it.
     ///
     /// # Errors
@@ -122,19 +110,19 @@ impl ExactView {
         let known = |error: f64| if error.is_nan() { f64::INFINITY } else { error };
         let mut weighted = Vec::new();
         match &self.answer {
-            Answer::Light { pixels, points_mm, weights, exact } => {
+            Answer::Light(visible) => {
                 let Some(shadow) = shadows.maps().first() else { return Ok(None) };
-                let mut values = Vec::with_capacity(points_mm.len());
-                for some in points_mm.chunks(POINTS_AT_ONCE) {
+                for some in visible.chunks(POINTS_AT_ONCE) {
                     if !go_on() {
                         return Ok(None);
                     }
-                    values.extend(renderer.query(loaded, transfer, shadow, some)?);
-                }
-                for (((pixel, weight), value), exact) in pixels.iter().zip(weights).zip(values).zip(exact) {
-                    let error = known(f64::from(value) - exact);
-                    errors[[*pixel as usize / width, *pixel as usize % width]] = error as f32;
-                    weighted.push((error, *weight));
+                    let points_mm: Vec<_> = some.iter().map(|(_, point, _)| point.position).collect();
+                    let values = renderer.query(loaded, transfer, shadow, &points_mm)?;
+                    for ((pixel, point, exact), value) in some.iter().zip(values) {
+                        let error = known(f64::from(value) - exact);
+                        errors[[*pixel as usize / width, *pixel as usize % width]] = error as f32;
+                        weighted.push((error, point.weight));
+                    }
                 }
             }
             Answer::Picture(exact) => {

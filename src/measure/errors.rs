@@ -1,10 +1,11 @@
 //! Transmittance errors of a built shadow structure against the exact field: at points that the camera sees, and
 //! along light rays through texel centres.
 
-use super::band::{BandReport, Curve, MeanCurve, Neighbourhood, test_depths};
-use super::nearby::Nearby;
+use super::bound_check::BoundReport;
 use super::rays::pick_texels;
+use super::rounding_envelope::{NearbyRays, RoundingEnvelope};
 use super::stats::ErrorStats;
+use super::test_depths::{sort_distinct, test_depths};
 use crate::error::Result;
 use crate::exact::{ExactField, OpticalDepthCurve, VisiblePoint};
 use crate::render::Session;
@@ -15,31 +16,43 @@ use rayon::prelude::*;
 
 /// Every run tests the same points.
 const SEED: u64 = 1;
-/// Rays whose exact curves are held at once; each takes tens of kilobytes.
+/// Rays whose exact curves are in memory at once; each takes tens of kilobytes.
 const RAYS_AT_ONCE: usize = 256;
 /// Texels a side that are tested for meeting anything; on larger maps one stands for a block.
 const MOST_TESTED_TEXELS: u32 = 512;
 /// Share of the map's depth range by which a ray is tested before and behind what it meets.
 const MARGIN: f64 = 0.02;
 
-/// Points that the camera sees with the exact transmittance from the light to each.
-pub struct SeenReference {
+/// Visible points with the exact transmittance from the light to each.
+pub struct VisiblePoints {
     points_mm: Vec<DVec3>,
     weights: Vec<f64>,
     exact: Vec<f64>,
 }
 
-impl SeenReference {
+impl VisiblePoints {
     /// About `count` points, under a scene's first light; fewer, or none, where the camera sees little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
         Self::of(field, &field.visible_points(scene, count, SEED), scene.light())
     }
 
-    fn of(field: &ExactField, seen: &[VisiblePoint], light: Light) -> Self {
+    fn of(field: &ExactField, points: &[VisiblePoint], light: Light) -> Self {
         let to_light = |p: &DVec3| field.transmittance_to_light(*p, &light);
-        let points_mm: Vec<_> = seen.iter().map(|p| p.position).collect();
+        let points_mm: Vec<_> = points.iter().map(|p| p.position).collect();
         let exact = points_mm.par_iter().map(to_light).collect();
-        Self { points_mm, weights: seen.iter().map(|p| p.weight).collect(), exact }
+        Self { points_mm, weights: points.iter().map(|p| p.weight).collect(), exact }
+    }
+
+    /// The first `count` points, or all where there are fewer.
+    pub fn first(&self, count: usize) -> Self {
+        let n = self.len().min(count);
+        let [weights, exact] = [&self.weights, &self.exact].map(|values| values[..n].to_vec());
+        Self { points_mm: self.points_mm[..n].to_vec(), weights, exact }
+    }
+
+    /// Copy of the points with another exact transmittance at each.
+    pub fn with_exact(&self, exact: Vec<f64>) -> Self {
+        Self { points_mm: self.points_mm.clone(), weights: self.weights.clone(), exact }
     }
 
     /// How many points there are.
@@ -83,33 +96,33 @@ impl SeenReference {
     }
 }
 
-/// Points that the camera sees, shared out among the lights that shine: each part is spread over the picture as all are.
-pub struct SeenByLights(Vec<SeenReference>);
+/// Visible points, divided among the lights that shine; the points of each light are spread over the whole picture.
+pub struct VisiblePointsByLight(Vec<VisiblePoints>);
 
-impl SeenByLights {
+impl VisiblePointsByLight {
     /// About `count` points in all; fewer, or none, where the camera sees little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
-        let seen = field.visible_points(scene, count, SEED);
+        let points = field.visible_points(scene, count, SEED);
         let lights = scene.shining();
         // Any stretch of the sequence that points are from is spread evenly.
-        let place = |i: usize| i * seen.len() / lights.len();
+        let place = |i: usize| i * points.len() / lights.len();
         let part = |(i, source): (usize, &LightSource)| {
-            SeenReference::of(field, &seen[place(i)..place(i + 1)], source.light)
+            VisiblePoints::of(field, &points[place(i)..place(i + 1)], source.light)
         };
         Self(lights.iter().enumerate().map(part).collect())
     }
 
     /// How many points there are.
     pub fn count(&self) -> usize {
-        self.0.iter().map(SeenReference::len).sum()
+        self.0.iter().map(VisiblePoints::len).sum()
     }
 
     /// The points of each light.
-    pub fn parts(&self) -> &[SeenReference] {
+    pub fn parts(&self) -> &[VisiblePoints] {
         &self.0
     }
 
-    /// Errors like [`SeenReference::errors`], over all lights together, whose structures are in their order.
+    /// Errors like [`VisiblePoints::errors`], over all lights together, whose structures are in their order.
     ///
     /// # Errors
     /// As there.
@@ -159,14 +172,14 @@ pub struct RayTest<'a> {
     pub taps: Taps,
     /// Depths a ray.
     pub depths: usize,
-    /// Depth tolerance that the depths are crowded by where the method promises none, mm.
+    /// Depth tolerance that the depths are crowded by where the method has no error bound, mm.
     pub default_depth_mm: f64,
-    /// Depths that each texel's ray is asked at besides (mm), in the order of the texels; of every one or of none.
+    /// Further test depths of each texel's ray (mm), in the order of the texels; of every one or of none.
     pub nodes_mm: &'a [Vec<f64>],
 }
 
 impl RayTest<'_> {
-    /// Compares the method with the exact curve of each texel; a miss's `ray` is an index into `texels`.
+    /// Compares the method with the exact curve of each texel; the `ray` of a deviation is an index into `texels`.
     ///
     /// # Errors
     /// A lost device.
@@ -176,46 +189,33 @@ impl RayTest<'_> {
         light: Light,
         session: &Session,
         shadow: &ShadowMap,
-    ) -> Result<BandReport> {
-        let mut report = BandReport::default();
-        self.visit(field, light, session, shadow, |own, _, _| report = report.merge(own))?;
+    ) -> Result<BoundReport> {
+        let mut report = BoundReport::default();
+        let query = |points: &[DVec3]| session.query(shadow, points);
+        self.visit(field, light, shadow, query, |own, _, _| report = report.merge(own))?;
         Ok(report)
     }
 
-    /// Runs the test like [`Self::run`] and hands each ray's report, depths (mm, ascending) and values to `visit`.
-    ///
-    /// # Errors
-    /// A lost device.
-    pub fn visit(
-        &self,
-        field: &ExactField,
-        light: Light,
-        session: &Session,
-        shadow: &ShadowMap,
-        visit: impl FnMut(BandReport, &[f64], &[f32]),
-    ) -> Result<()> {
-        self.visit_asking(field, light, shadow, |points| session.query(shadow, points), visit)
-    }
-
-    /// Visits the rays like [`Self::visit`], for a method that answers points (world mm) through `query`.
+    /// Hands the report, depths (mm, ascending) and values of each ray to `visit`, for a method whose transmittance at
+    /// points (world mm) is given by `query`.
     ///
     /// # Errors
     /// Those of `query`.
-    pub fn visit_asking(
+    pub fn visit(
         &self,
         field: &ExactField,
         light: Light,
         shadow: &ShadowMap,
         query: impl Fn(&[DVec3]) -> Result<Vec<f32>>,
-        mut visit: impl FnMut(BandReport, &[f64], &[f32]),
+        mut visit: impl FnMut(BoundReport, &[f64], &[f32]),
     ) -> Result<()> {
-        let band = shadow.bound;
-        let nearby = Nearby::new(field, band.unwrap_or_default());
-        let from_light_mm = band.map_or(0.0, |b| b.from_light_mm);
-        let tolerance_mm = band.map_or(self.default_depth_mm, |b| b.depth_mm);
+        let bound = shadow.bound;
+        let nearby = NearbyRays::new(field, bound.unwrap_or_default());
+        let from_light_mm = bound.map_or(0.0, |b| b.from_light_mm);
+        let tolerance_mm = bound.map_or(self.default_depth_mm, |b| b.depth_mm);
         let space = &shadow.light_space;
         for (chunk, texels) in self.texels.chunks(RAYS_AT_ONCE).enumerate() {
-            let rays: Vec<(MeanCurve<ExactRay>, Vec<f64>)> = texels
+            let rays: Vec<(Vec<ExactRay>, Vec<f64>)> = texels
                 .par_iter()
                 .enumerate()
                 .map(|(i, &[column, row])| {
@@ -225,20 +225,19 @@ impl RayTest<'_> {
                         .map(|offset| ExactRay::new(field, LightRay::new(space, light, center + offset)))
                         .collect();
                     let [first, last] = tested_range(&curves, space.z_range, tolerance_mm);
-                    let promised = match light {
+                    let nearest = match light {
                         Light::Point { .. } => LightRay::new(space, light, center).start_mm + from_light_mm,
                         Light::Directional { .. } => first,
                     };
-                    let range = [first.max(promised), last];
+                    let range = [first.max(nearest), last];
                     let mut jumps: Vec<_> = curves.iter().flat_map(ExactRay::jumps).collect();
                     jumps.sort_by(f64::total_cmp);
                     let mut depths = test_depths(range, &jumps, self.depths, tolerance_mm);
                     if let Some(nodes) = self.nodes_mm.get(chunk * RAYS_AT_ONCE + i) {
                         depths.extend(nodes.iter().filter(|z| (range[0]..=range[1]).contains(*z)));
-                        depths.sort_by(f64::total_cmp);
-                        depths.dedup();
+                        sort_distinct(&mut depths);
                     }
-                    (MeanCurve(curves), depths)
+                    (curves, depths)
                 })
                 .collect();
             let points_mm: Vec<_> = texels
@@ -257,15 +256,16 @@ impl RayTest<'_> {
                 rest = others;
                 let ray = chunk * RAYS_AT_ONCE + i;
                 let [column, row] = texels[i].map(f64::from);
-                let neighbours = |known: Vec<f64>| -> Option<Neighbourhood> {
+                let envelope = |known: Vec<f64>| {
                     let around = |offset| {
                         let ray = LightRay::new(space, light, DVec2::new(column, row) + offset);
-                        nearby.of_ray(ray.at(ray.start_mm), ray.direction, ray.start_mm, &known)
+                        nearby.envelope(ray.at(ray.start_mm), ray.direction, ray.start_mm, &known)
                     };
                     let all: Option<Vec<_>> = tap_offsets(self.taps).into_iter().map(around).collect();
-                    Some(Neighbourhood::mean(all?))
+                    all.map(RoundingEnvelope::mean)
                 };
-                let report = BandReport::of_ray_among(ray, exact, depths, own, band, neighbours);
+                let mean = |z| exact.iter().map(|ray| ray.transmittance(z)).sum::<f64>() / exact.len() as f64;
+                let report = BoundReport::of_ray(ray, &mean, depths, own, bound, envelope);
                 visit(report, depths, own);
             }
         }
@@ -318,9 +318,7 @@ impl<'a> ExactRay<'a> {
     fn jumps(&self) -> Vec<f64> {
         self.curve.jumps().into_iter().map(|z| z + self.start_mm).collect()
     }
-}
 
-impl Curve for ExactRay<'_> {
     fn transmittance(&self, z: f64) -> f64 {
         self.curve.transmittance_at(z - self.start_mm)
     }

@@ -1,5 +1,5 @@
-//! On what and by what a row is measured: facts that stand in the row, and the key by which a row kept on disk is known
-//! to be the one asked for.
+//! On what and by what a row is measured: facts that stand in the row, and the key by which a recorded row is known
+//! to be the requested one.
 
 use super::defaults::settings;
 use super::job::{Effort, Job};

@@ -71,7 +71,20 @@ pub struct Job<'a> {
     pub effort: Effort,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
+    /// A job on a volume without strands, in a folder of its own.
+    pub fn new(
+        session: &'a Session,
+        (volume, tf): (&'a Volume, &'a TransferFunction),
+        scene: &'a Scene,
+        scene_name: &str,
+        effort: Effort,
+    ) -> Self {
+        let [file_prefix, remark] = [const { String::new() }; 2];
+        let scene_name = scene_name.into();
+        Self { session, volume, tf, strands: None, scene, scene_name, file_prefix, remark, effort }
+    }
+
     /// Which way strands run, where the scene is shaded by that.
     ///
     /// # Errors
@@ -88,7 +101,8 @@ impl Job<'_> {
         let build_wall_ms = start.elapsed().as_secs_f64() * 1e3;
         let frame = self.session.render(&shadows, self.scene)?.span;
         let report = BuildReport::of_all(&shadows);
-        Ok(StageTimes { build_host_ms: report.host_ms, build_device: report.device, build_wall_ms, frame })
+        let (build_host_ms, build_device) = (report.host_ms, report.device);
+        Ok(StageTimes { tables_ms: None, build_host_ms, build_device, build_wall_ms, frame })
     }
 }
 

@@ -4,7 +4,6 @@
 //! A line is a row with its errors, written after its picture is on disk, one timed round of a row, or a trial of a
 //! search within a budget. Lines are only ever added, each whole and in one write; what an interruption has left of a last line is dropped.
 
-use super::budget::Trial;
 use super::table::Row;
 use super::timing::StageTimes;
 use crate::error::{Error, Result};
@@ -22,9 +21,10 @@ use std::path::{Path, PathBuf};
 pub const JOURNAL: &str = "compare.rows.jsonl";
 
 /// A row without its times, as it is measured first.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// The row, times left out.
+    #[serde(rename = "cells", with = "row_as_texts")]
     pub row: Row,
     /// Part of its files' names.
     pub slug: String,
@@ -36,9 +36,24 @@ pub struct Measured {
     pub frame_ms: f64,
 }
 
+/// Rows as their cells in CSV, by column: JSON has no infinity.
+mod row_as_texts {
+    use super::{BTreeMap, Deserialize, Row, Serialize};
+    use serde::{Deserializer, Serializer, de::Error};
+
+    pub fn serialize<S: Serializer>(row: &Row, serializer: S) -> Result<S::Ok, S::Error> {
+        row.texts().serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Row, D::Error> {
+        let texts = BTreeMap::deserialize(deserializer)?;
+        Row::from_texts(&texts).map_err(|column| D::Error::custom(format!("`{column}` has no such value")))
+    }
+}
+
 /// A row of an earlier run, with what it was timed so far.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Kept {
+pub struct Recorded {
     /// The row as it was measured.
     pub measured: Measured,
     /// `height x width x 4`, linear RGBA.
@@ -48,18 +63,14 @@ pub struct Kept {
 }
 
 #[derive(Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "lowercase")]
 enum Line {
     Row {
         key: String,
-        slug: String,
         /// Tells its picture from another of that name.
         picture: String,
-        frame_ms: f64,
-        /// The row's cells as CSV has them: JSON has no infinity.
-        cells: BTreeMap<String, String>,
-        left_out: Vec<Omission>,
-        notes: Vec<String>,
+        #[serde(flatten)]
+        measured: Measured,
     },
     Round {
         key: String,
@@ -68,28 +79,29 @@ enum Line {
     },
     Trial {
         key: String,
-        trial: Trial,
+        #[serde(with = "row_as_texts")]
+        trial: Row,
     },
 }
 
-/// Rows kept by their keys, and the file that new ones go to.
+/// Recorded rows by their keys, and the file of new ones.
 #[derive(Debug, Default)]
 pub struct Journal {
     place: Option<(PathBuf, File)>,
     /// Metadata of the pictures, by keys.
     about: Vec<(String, String)>,
     /// Rows that are on disk and belong to this run's table.
-    kept: usize,
+    recorded: usize,
     /// This run of the program; the first that writes to a journal is 1.
     run: u32,
     /// Each with its picture's fingerprint.
     rows: HashMap<String, (Measured, String)>,
     rounds: HashMap<String, Vec<(u32, StageTimes)>>,
-    trials: HashMap<String, Trial>,
+    trials: HashMap<String, Row>,
 }
 
 impl Journal {
-    /// Keeps nothing.
+    /// A journal that records nothing.
     pub fn nowhere() -> Self {
         Self::default()
     }
@@ -100,7 +112,7 @@ impl Journal {
     /// A file that cannot be read or written, that another run is writing to, or with a line that is none of a journal.
     pub fn open(folder: &Path, resume: bool) -> Result<Self> {
         let path = folder.join(JOURNAL);
-        let failed = |e: std::io::Error| Error::runtime("cannot keep rows", path.display(), e);
+        let failed = |e: std::io::Error| Error::runtime("cannot record rows", path.display(), e);
         let mut file = OpenOptions::new()
             .read(true)
             .write(true)
@@ -108,10 +120,10 @@ impl Journal {
             .truncate(false)
             .open(&path)
             .map_err(failed)?;
-        // Where a file system has no locks there is nothing to be told.
+        // A file system without locks cannot say who writes.
         if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
             let why = "another `umbravox compare` is writing to the folder";
-            return Err(Error::input("cannot keep rows", path.display(), why));
+            return Err(Error::input("cannot record rows", path.display(), why));
         }
         let mut journal = Self { run: 1, ..Self::default() };
         let mut whole = 0;
@@ -142,11 +154,11 @@ impl Journal {
     }
 
     /// How many rows of the table are on disk by now: measured by this run, or by earlier ones and taken or not yet.
-    pub fn kept(&self) -> usize {
-        self.kept + self.rows.len()
+    pub fn recorded(&self) -> usize {
+        self.recorded + self.rows.len()
     }
 
-    /// Texts by their keys for the pictures that are kept from now on; what the method is, each says itself.
+    /// Sets the texts, by key, of the pictures that are recorded from now on, besides their methods.
     pub fn describe(&mut self, about: Vec<(String, String)>) {
         self.about = about;
     }
@@ -158,12 +170,10 @@ impl Journal {
 
     fn read(&mut self, line: &[u8]) -> Result<(), String> {
         match serde_json::from_slice(line).map_err(|e| e.to_string())? {
-            Line::Row { key, slug, picture, frame_ms, cells, left_out, notes } => {
-                let row =
-                    Row::from_texts(&cells).map_err(|column| format!("`{column}` has no such value"))?;
+            Line::Row { key, picture, measured } => {
                 // A row measured again, because its picture was gone, is timed again.
                 self.rounds.remove(&key);
-                self.rows.insert(key, (Measured { row, slug, left_out, notes, frame_ms }, picture));
+                self.rows.insert(key, (measured, picture));
             }
             Line::Round { key, run, times } => {
                 self.run = self.run.max(run + 1);
@@ -178,31 +188,30 @@ impl Journal {
 
     /// The row of that key, if an earlier run measured it and its pictures are still there: rows of other settings have
     /// pictures of the same name.
-    pub fn take(&mut self, key: &str) -> Option<Kept> {
+    pub fn take(&mut self, key: &str) -> Option<Recorded> {
         let (measured, expected) = self.rows.remove(key)?;
         let [png, exr] = self.pictures(&measured.slug)?;
         let picture = read_exr(&exr).ok()?;
         let rounds = self.rounds.remove(key).unwrap_or_default();
-        let kept = png.is_file() && fingerprint(&picture) == expected;
-        self.kept += usize::from(kept);
-        kept.then_some(Kept { measured, picture, rounds })
+        let recorded = png.is_file() && fingerprint(&picture) == expected;
+        self.recorded += usize::from(recorded);
+        recorded.then_some(Recorded { measured, picture, rounds })
     }
 
     /// Puts a row's pictures on disk, and then the row.
     ///
     /// # Errors
     /// Files that cannot be written.
-    pub fn keep(&mut self, key: &str, measured: &Measured, picture: &Array3<f32>) -> Result<()> {
+    pub fn record(&mut self, key: &str, measured: &Measured, picture: &Array3<f32>) -> Result<()> {
         let Some(pictures) = self.pictures(&measured.slug) else { return Ok(()) };
         let mut about = self.about.clone();
         about.push(("Description".into(), measured.row.spec()));
         for path in &pictures {
             write_picture_with(path, picture, Backdrop::Drawn, &about)?;
         }
-        let Measured { row, slug, left_out, notes, frame_ms } = measured.clone();
-        let (cells, picture) = (row.texts(), fingerprint(picture));
-        self.write(&[Line::Row { key: key.into(), slug, picture, frame_ms, cells, left_out, notes }])?;
-        self.kept += 1;
+        let (picture, measured) = (fingerprint(picture), measured.clone());
+        self.write(&[Line::Row { key: key.into(), picture, measured }])?;
+        self.recorded += 1;
         Ok(())
     }
 
@@ -210,14 +219,14 @@ impl Journal {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn keep_round<'k>(&mut self, times: impl IntoIterator<Item = (&'k str, StageTimes)>) -> Result<()> {
+    pub fn record_round<'k>(&mut self, times: impl IntoIterator<Item = (&'k str, StageTimes)>) -> Result<()> {
         let run = self.run;
         let line = |(key, times): (&str, _)| Line::Round { key: key.into(), run, times };
         self.write(&times.into_iter().map(line).collect::<Vec<_>>())
     }
 
     /// The trial of that key, if an earlier run made it.
-    pub fn trial(&self, key: &str) -> Option<Trial> {
+    pub fn trial(&self, key: &str) -> Option<Row> {
         self.trials.get(key).cloned()
     }
 
@@ -225,7 +234,7 @@ impl Journal {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn keep_trial(&mut self, key: &str, trial: &Trial) -> Result<()> {
+    pub fn record_trial(&mut self, key: &str, trial: &Row) -> Result<()> {
         self.write(&[Line::Trial { key: key.into(), trial: trial.clone() }])
     }
 
@@ -242,8 +251,9 @@ impl Journal {
 
     fn write(&mut self, lines: &[Line]) -> Result<()> {
         let Some((folder, file)) = &mut self.place else { return Ok(()) };
-        let failed =
-            |e: &dyn std::fmt::Display| Error::runtime("cannot keep rows", folder.join(JOURNAL).display(), e);
+        let failed = |e: &dyn std::fmt::Display| {
+            Error::runtime("cannot record rows", folder.join(JOURNAL).display(), e)
+        };
         let mut bytes = Vec::new();
         for line in lines {
             serde_json::to_writer(&mut bytes, line).map_err(|e| failed(&e))?;
@@ -259,7 +269,9 @@ fn remove_pictures(journal: &mut File, folder: &Path) {
     // What cannot be read or removed stays, and is written over where a row of that name comes again.
     let _ = journal.read_to_end(&mut bytes);
     for line in bytes.split(|b| *b == b'\n') {
-        let Ok(Line::Row { slug, .. }) = serde_json::from_slice(line) else { continue };
+        let Ok(Line::Row { measured: Measured { slug, .. }, .. }) = serde_json::from_slice(line) else {
+            continue;
+        };
         // Whatever the journal says, nothing outside the folder is touched.
         if !slug.contains(['/', '\\']) {
             for ending in ["png", "exr"] {
@@ -296,6 +308,7 @@ mod tests {
     fn times(ms: f64) -> StageTimes {
         let span = Span { gpu_ms: None, wall_ms: ms };
         StageTimes {
+            tables_ms: None,
             build_host_ms: 1.0 / 3.0,
             build_device: Some(span),
             build_wall_ms: 0.1 + ms,
@@ -306,9 +319,9 @@ mod tests {
     /// Two rows, one with a round.
     fn written(folder: &Path) {
         let mut journal = Journal::open(folder, false).unwrap();
-        journal.keep("k1", &measured(1), &picture()).unwrap();
-        journal.keep("k2", &measured(2), &picture()).unwrap();
-        journal.keep_round([("k1", times(0.7))]).unwrap();
+        journal.record("k1", &measured(1), &picture()).unwrap();
+        journal.record("k2", &measured(2), &picture()).unwrap();
+        journal.record_round([("k1", times(0.7))]).unwrap();
     }
 
     #[test]
@@ -317,12 +330,12 @@ mod tests {
         written(dir.path());
         let mut journal = Journal::open(dir.path(), true).unwrap();
         assert_eq!((journal.len(), journal.run()), (2, 2));
-        let kept = Kept { measured: measured(1), picture: picture(), rounds: vec![(1, times(0.7))] };
-        assert_eq!(journal.take("k1"), Some(kept));
+        let recorded = Recorded { measured: measured(1), picture: picture(), rounds: vec![(1, times(0.7))] };
+        assert_eq!(journal.take("k1"), Some(recorded));
         assert_eq!(journal.take("k2").unwrap().rounds, []);
         assert_eq!(journal.take("k3"), None);
         // Rounds of the second run are added to those of the first.
-        journal.keep_round([("k1", times(0.9)), ("k2", times(0.3))]).unwrap();
+        journal.record_round([("k1", times(0.9)), ("k2", times(0.3))]).unwrap();
         drop(journal);
         let rounds = Journal::open(dir.path(), true).unwrap().take("k1").unwrap().rounds;
         assert_eq!(rounds, [(1, times(0.7)), (2, times(0.9))]);
@@ -331,9 +344,8 @@ mod tests {
     #[test]
     fn trials_come_back_as_they_were() {
         let dir = tempfile::tempdir().unwrap();
-        let trial =
-            Trial { method: "dsm".into(), bytes: Some(7), frame_ms: Some(0.1 + 0.2), ..Trial::default() };
-        Journal::open(dir.path(), false).unwrap().keep_trial("t1", &trial).unwrap();
+        let trial = Row { method: "dsm".into(), bytes: Some(7), frame_ms: Some(0.1 + 0.2), ..Row::default() };
+        Journal::open(dir.path(), false).unwrap().record_trial("t1", &trial).unwrap();
         let journal = Journal::open(dir.path(), true).unwrap();
         assert_eq!((journal.trial("t1"), journal.trial("t2"), journal.len()), (Some(trial), None, 0));
     }
@@ -349,7 +361,7 @@ mod tests {
             std::fs::write(&path, &bytes[..length]).unwrap();
             let mut journal = Journal::open(dir.path(), true).unwrap();
             assert!(journal.take("k1").is_some_and(|k| k.rounds.is_empty()), "{length}");
-            journal.keep("k4", &measured(4), &picture()).unwrap();
+            journal.record("k4", &measured(4), &picture()).unwrap();
             drop(journal);
             let mut journal = Journal::open(dir.path(), true).unwrap();
             assert!(journal.take("k4").is_some(), "{length}: what follows is whole");
@@ -376,13 +388,13 @@ mod tests {
         drop(journal);
         // Another row's picture of the same name is not its own.
         let mut journal = Journal::open(dir.path(), true).unwrap();
-        journal.keep("k1", &measured(1), &picture()).unwrap();
-        journal.keep("other", &measured(1), &(picture() + 1.0)).unwrap();
+        journal.record("k1", &measured(1), &picture()).unwrap();
+        journal.record("other", &measured(1), &(picture() + 1.0)).unwrap();
         drop(journal);
         let mut journal = Journal::open(dir.path(), true).unwrap();
         assert!(journal.take("k1").is_none() && journal.take("other").is_some());
         // The rounds of before are not those of the row measured again.
-        journal.keep("k1", &measured(1), &picture()).unwrap();
+        journal.record("k1", &measured(1), &picture()).unwrap();
         drop(journal);
         assert_eq!(Journal::open(dir.path(), true).unwrap().take("k1").unwrap().rounds, []);
     }

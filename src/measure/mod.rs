@@ -1,9 +1,9 @@
 //! How wrong a shadow method is and how long it takes, as rows.
 //!
 //! Errors are of transmittance from the light, `T_method - T_exact`, and taken in two places that answer two
-//! questions. Along **light rays** through texel centres ([`rays`] picks the texels, [`band::test_depths`] the
-//! depths) they say whether a method keeps its promise: [`band`] compares it with the exact curve, widened by
-//! the promised tolerance in value and in depth, and `ray_err_max` is the plain largest difference. At **points
+//! questions. Along **light rays** through texel centres ([`rays`] picks the texels, [`test_depths`] the
+//! depths) they say whether a method satisfies its error bound: [`bound_check`] compares it with the exact curve, widened
+//! by the tolerances in transmittance and in depth, and `ray_err_max` is the plain largest difference. At **points
 //! that the camera sees**, weighted as it sees them, they say what a user notices ([`stats::ErrorStats`]). The
 //! **picture** itself is compared with the exact one in linear RGBA ([`stats::image_error`]) and as a viewer sees
 //! it ([`similarity::ssim`]); [`mod@error_map`] has errors pixel by pixel.
@@ -12,7 +12,7 @@
 //! turns ([`timing::interleave`]); `build_ms` makes the shadow structure, `frame_ms` one picture with it made,
 //! and the column `clock` says whose clock it was.
 //!
-//! [`errors`] asks a built method and the exact field the same questions; [`mod@compare`] makes the
+//! [`errors`] compares a built method with the exact field; [`mod@compare`] makes the
 //! [`Row`](table::Row)s of a scene, one a method and setting, and [`mod@ablate`] those of what the plan leaves out;
 //! [`budget`] searches settings within so many bytes or milliseconds;
 //! [`mod@stability`] takes every method through stiff and extreme cases, and [`light_curve`] follows a single light ray.
@@ -20,7 +20,7 @@
 //! them end it. What becomes of rows is the business of [`report`](crate::report).
 
 pub mod ablate;
-pub mod band;
+pub mod bound_check;
 pub mod budget;
 mod cell;
 pub mod check;
@@ -34,13 +34,16 @@ pub mod facts;
 pub mod job;
 pub mod journal;
 pub mod light_curve;
-mod nearby;
+pub mod pareto;
 pub mod progress;
 pub mod rays;
 mod reference;
+pub mod rounding_envelope;
 mod rounds;
+mod row_measurements;
 pub mod similarity;
 pub mod stats;
 mod strand_errors;
 pub mod table;
+pub mod test_depths;
 pub mod timing;

@@ -1,4 +1,4 @@
-//! How far a table is, and how long what is left will take by what its steps have taken so far; who watches it is told,
+//! How far a table is, and how long what is left will take by what its steps have taken so far; a watcher is informed,
 //! and may end it between two steps.
 
 use super::table::Row;
@@ -52,7 +52,7 @@ pub struct Status<'a> {
     pub done: usize,
     /// Steps in all.
     pub total: usize,
-    /// Seconds that what is left will take, as far as that can be told.
+    /// Seconds that what is left will take, as far as that is known.
     pub left_s: Option<f64>,
 }
 
@@ -72,7 +72,7 @@ pub trait Watch {
     /// finished table is known what is on its Pareto front.
     fn row(&mut self, _place: usize, _row: &Row) {}
 
-    /// Asked between steps: `false` ends the table there.
+    /// Called between steps: `false` ends the table there.
     fn goes_on(&self) -> bool {
         true
     }
@@ -100,12 +100,12 @@ pub struct Progress<'a> {
 }
 
 impl<'a> Progress<'a> {
-    /// `show` is told whenever something starts.
+    /// Progress whose `show` is called whenever a step starts.
     pub fn new(show: impl FnMut(&Status) + 'a) -> Self {
         Self::watched(Look(show))
     }
 
-    /// `watch` is told everything, and may end the table.
+    /// Progress whose `watch` is informed of everything, and may end the table.
     pub fn watched(watch: impl Watch + 'a) -> Self {
         let (left, took) = (HashMap::new(), HashMap::new());
         Self { left, took, now: None, done: 0, rows_before: 0, watch: Box::new(watch) }
@@ -144,7 +144,7 @@ impl<'a> Progress<'a> {
         Ok(())
     }
 
-    /// Asks inside a step whether to go on.
+    /// Checks inside a step whether to go on.
     ///
     /// # Errors
     /// It is to end here ([`Error::cancelled`]).
@@ -157,7 +157,7 @@ impl<'a> Progress<'a> {
         self.watch.row(self.rows_before + place, row);
     }
 
-    /// Rows told of from here on are those of another scene, after so many of this one.
+    /// Begins another scene, after so many rows of this one.
     pub fn next_scene(&mut self, rows: usize) {
         self.rows_before += rows;
     }

@@ -81,17 +81,7 @@ fn spread(line: &[u64], count: usize) -> Vec<u64> {
 
 /// Bits 0, 2, 4, ... of a Morton code, packed: one coordinate.
 fn even_bits(code: u64) -> u32 {
-    let mut x = code & 0x5555_5555_5555_5555;
-    for (shift, mask) in [
-        (1, 0x3333_3333_3333_3333),
-        (2, 0x0f0f_0f0f_0f0f_0f0f),
-        (4, 0x00ff_00ff_00ff_00ff),
-        (8, 0x0000_ffff_0000_ffff),
-        (16, 0x0000_0000_ffff_ffff),
-    ] {
-        x = (x | (x >> shift)) & mask;
-    }
-    x as u32
+    (0..u64::BITS / 2).fold(0, |packed, bit| packed | ((code >> (2 * bit)) as u32 & 1) << bit)
 }
 
 #[cfg(test)]

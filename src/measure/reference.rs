@@ -1,9 +1,9 @@
 //! Reference data that a scene's methods are measured against, and rows before timing: errors and a picture.
 
-use super::band::BandReport;
-use super::budget::{Budget, Trial};
+use super::bound_check::BoundReport;
+use super::budget::Budget;
 use super::check::{Check, check};
-use super::errors::{RayTest, SeenByLights, texels_to_test};
+use super::errors::{RayTest, VisiblePointsByLight, texels_to_test};
 use super::facts::Facts;
 use super::job::{Job, SLOW_FRAME_MS, name_of};
 use super::journal::Measured;
@@ -22,10 +22,10 @@ use glam::DVec2;
 use ndarray::Array3;
 use std::time::Instant;
 
-/// Pixels of the exact picture that `image_*` compare with, and those of them by which its own error is told.
+/// Pixels of the exact picture that `image_*` compare with, and those of them that its own error is estimated from.
 const EXACT_PIXELS: f64 = 48.0 * 32.0;
 const EXACT_PIXELS_CHECKED: usize = 64;
-/// Depth tolerance around which depths are crowded for methods that promise nothing, in smallest spacings.
+/// Depth tolerance around which depths are crowded for methods without an error bound, in smallest spacings.
 const DEFAULT_DEPTH: f64 = 0.02;
 /// Timed runs of a trial, of which the slower counts: what is chosen by it should keep its budget once more.
 const TRIAL_RUNS: usize = 2;
@@ -45,7 +45,7 @@ pub(super) struct Reference<'a> {
     job: &'a Job<'a>,
     facts: &'a Facts,
     field: &'a ExactField<'a>,
-    seen: SeenByLights,
+    visible: VisiblePointsByLight,
     exact_picture: ExactPicture,
     /// Where the volume stands for strands.
     strands: Option<StrandReference>,
@@ -89,9 +89,9 @@ impl<'a> Reference<'a> {
     fn new(job: &'a Job, facts: &'a Facts, field: &'a ExactField, progress: &mut Progress) -> Result<Self> {
         let mut notes = Vec::new();
         progress.begin(Step::new(StepKind::Points, ""), "exact transmittance at points")?;
-        let seen = SeenByLights::new(field, job.scene, job.effort.points);
-        if seen.count() < job.effort.points {
-            notes.push(format!("point errors are of {} points: the camera sees little", seen.count()));
+        let visible = VisiblePointsByLight::new(field, job.scene, job.effort.points);
+        if visible.count() < job.effort.points {
+            notes.push(format!("point errors are of {} points: the camera sees little", visible.count()));
         }
         progress.begin(Step::new(StepKind::ExactPicture, ""), "exact picture")?;
         let small = small_scene(job.scene);
@@ -106,7 +106,7 @@ impl<'a> Reference<'a> {
             notes.push(format!("image_ssim is left out: its window is {SSIM_WINDOW} pixels wide"));
         }
         let exact_picture = ExactPicture { scene: small, pixels, error };
-        let strands = match job.strands.map(|strands| StrandReference::new(strands, job, &seen)) {
+        let strands = match job.strands.map(|strands| StrandReference::new(strands, job, &visible)) {
             Some(Ok(reference)) => {
                 notes.push(reference.note());
                 Some(reference)
@@ -130,7 +130,7 @@ impl<'a> Reference<'a> {
             job,
             facts,
             field,
-            seen,
+            visible,
             exact_picture,
             strands,
             texels: Vec::new(),
@@ -203,7 +203,7 @@ impl<'a> Reference<'a> {
             bricks_ms: self.bricks_ms,
             tables_ms: self.tables_ms.map(|ms| ms + march_table_ms),
             left_out: left_out.iter().map(Omission::text).collect::<Vec<_>>().join("; "),
-            ..self.facts.row(&job.scene_name, [job.scene.width, job.scene.height], method)
+            ..self.row(method)
         };
         if !job.remark.is_empty() {
             row.add_note(&job.remark);
@@ -221,7 +221,7 @@ impl<'a> Reference<'a> {
         let mut notes = self.notes.clone();
         // A structure that was not built has no errors of its own.
         if needed.is_ok() {
-            if let Some(stats) = self.seen.errors(job.session, &shadows)? {
+            if let Some(stats) = self.visible.errors(job.session, &shadows)? {
                 row.set_point_errors(&stats);
             }
             if let (Some(strands), [shadow]) = (&self.strands, &shadows[..]) {
@@ -242,9 +242,13 @@ impl<'a> Reference<'a> {
         Ok((measured, picture.pixels))
     }
 
-    /// Tries a setting: what it needs of each kind of budget, and its errors where one may hold it. `trial` says whose
-    /// it is.
-    pub fn trial(&self, method: &dyn Method, budgets: &[Budget], mut trial: Trial) -> Result<Trial> {
+    /// Row of a method without measurements.
+    pub fn row(&self, method: &dyn Method) -> Row {
+        self.facts.row(&self.job.scene_name, [self.job.scene.width, self.job.scene.height], method)
+    }
+
+    /// Fills the row of a trial: what the setting needs of each kind of budget, and its errors where one may allow it.
+    pub fn try_setting(&self, method: &dyn Method, budgets: &[Budget], trial: &mut Row) -> Result<()> {
         let job = self.job;
         let mut shadows = job.session.shadows_of(method, job.scene)?;
         if BuildReport::of_all(&shadows).guessed {
@@ -266,22 +270,22 @@ impl<'a> Reference<'a> {
                 }
             }
         }
-        if budgets.iter().any(|b| trial.need(*b).is_some_and(|need| need <= b.amount())) {
-            trial.point_err_rms = self.seen.errors(job.session, &shadows)?.map(|stats| stats.rms);
+        if budgets.iter().any(|b| b.holds(trial)) {
+            trial.point_err_rms = self.visible.errors(job.session, &shadows)?.map(|stats| stats.rms);
             trial.image_rmse = Some(image_error(drawn.pixels.view(), self.exact_picture.pixels.view())?.rmse);
         }
-        Ok(trial)
+        Ok(())
     }
 
-    /// Fills what is measured along the rays of all lights, whose structures are in their order; says where a promise is
-    /// not kept.
+    /// Fills what is measured along the rays of all lights, whose structures are in their order; notes where an error
+    /// bound is violated.
     fn measure_rays(
         &mut self,
         method: &dyn Method,
         shadows: &[ShadowMap],
         row: &mut Row,
     ) -> Result<Vec<String>> {
-        let (mut all, mut notes) = (BandReport::default(), Vec::new());
+        let (mut all, mut notes) = (BoundReport::default(), Vec::new());
         for (source, shadow) in self.job.scene.shining().iter().zip(shadows) {
             // Together they are as many rays as one light's.
             let count = self.job.effort.rays.div_ceil(shadows.len());
@@ -299,7 +303,7 @@ impl<'a> Reference<'a> {
         method: &dyn Method,
         (light, shadow): (Light, &ShadowMap),
         count: usize,
-    ) -> Result<(BandReport, Option<String>)> {
+    ) -> Result<(BoundReport, Option<String>)> {
         let job = self.job;
         let space = &shadow.light_space;
         let field = self.field;

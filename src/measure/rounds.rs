@@ -2,12 +2,11 @@
 
 use super::comparison::Compared;
 use super::job::{Job, SLOW_FRAME_MS, name_of};
-use super::journal::{Journal, Kept, Measured};
+use super::journal::{Journal, Measured, Recorded};
 use super::progress::{Progress, Step, StepKind};
 use super::timing::{Event, StageTimes, Timing, Turns, interleave};
 use crate::error::{Error, Result};
 use crate::shadow::Method;
-use ndarray::Array3;
 
 /// A method whose errors are known and whose times may be.
 pub struct TimedRow<'a> {
@@ -24,24 +23,18 @@ pub struct TimedRow<'a> {
 }
 
 impl<'a> TimedRow<'a> {
-    /// With the notes about it.
+    /// Row of a measured method, with the notes about it; `warm` where this run of the program has drawn it.
     pub fn new(
         method: &'a dyn Method,
         place: usize,
         key: String,
-        measured: Measured,
-        picture: Array3<f32>,
+        Recorded { measured, picture, rounds }: Recorded,
+        warm: bool,
     ) -> (Self, Vec<String>) {
         let Measured { row, slug, left_out, notes, frame_ms } = measured;
-        let spec = method.spec().to_string();
-        let compared =
-            Compared { row, method: spec, slug, picture: Some(picture), difference: None, left_out };
-        (Self { method, place, key, compared, frame_ms, rounds: Vec::new(), warm: true }, notes)
-    }
-
-    pub fn kept(method: &'a dyn Method, place: usize, key: String, kept: Kept) -> (Self, Vec<String>) {
-        let (timed, notes) = Self::new(method, place, key, kept.measured, kept.picture);
-        (Self { rounds: kept.rounds, warm: false, ..timed }, notes)
+        let (spec, picture) = (method.spec().to_string(), Some(picture));
+        let compared = Compared { row, method: spec, slug, picture, left_out, difference: None, nodes: None };
+        (Self { method, place, key, compared, frame_ms, rounds, warm }, notes)
     }
 }
 
@@ -64,7 +57,7 @@ pub fn time(
         if rounds > 0 {
             missing.push((i, warmup, rounds));
             let row = &mut timed.compared.row;
-            // A row kept by another run may have been timed otherwise.
+            // A row recorded by another run may have been timed otherwise.
             if !job.remark.is_empty() && !row.note.contains(&job.remark) {
                 row.add_note(&job.remark);
             }
@@ -91,7 +84,7 @@ pub fn time(
             progress.begin(Step::new(StepKind::Run, &name), &format!("{name}: {what}"))
         }
         Event::Round(times) => {
-            journal.keep_round(times.iter().map(|(i, times)| (keys[*i].as_str(), *times)))?;
+            journal.record_round(times.iter().map(|(i, times)| (keys[*i].as_str(), *times)))?;
             for (i, times) in times {
                 let (place, row, all) = &mut shown[*i];
                 all.push(*times);

@@ -5,7 +5,7 @@
 //! wide as a voxel, through the cylinders ([`cylinders`](super::cylinders)).
 
 use super::cylinders::beam_halves;
-use super::errors::SeenByLights;
+use super::errors::{VisiblePoints, VisiblePointsByLight};
 use super::job::Job;
 use super::stats::ErrorStats;
 use crate::error::Result;
@@ -13,16 +13,14 @@ use crate::render::Session;
 use crate::scene::Light;
 use crate::shadow::ShadowMap;
 use crate::strands::Strands;
-use glam::DVec3;
 
-/// Points that are held against strands; each takes a beam of 256 rays.
+/// Points that are compared with strands; each takes a beam of 256 rays.
 const MOST_BEAMS: usize = 4000;
 
 /// The true transmittance at some of the points that the camera sees.
 pub struct StrandReference {
-    points_mm: Vec<DVec3>,
-    weights: Vec<f64>,
-    truth: Vec<f64>,
+    /// Points with the transmittance through the strands.
+    truth: VisiblePoints,
     /// Error of the voxel field itself, and how much of it the number of rays may explain.
     field_rms: f64,
     sampling_rms: f64,
@@ -33,8 +31,8 @@ impl StrandReference {
     ///
     /// # Errors
     /// Why there is no such truth for this scene, in a few words.
-    pub fn new(strands: &Strands, job: &Job, seen: &SeenByLights) -> Result<Self, &'static str> {
-        let [seen] = seen.parts() else {
+    pub fn new(strands: &Strands, job: &Job, visible: &VisiblePointsByLight) -> Result<Self, &'static str> {
+        let [visible] = visible.parts() else {
             return Err("beams are of one light, and there are several");
         };
         let Light::Directional { toward } = job.scene.light() else {
@@ -43,18 +41,17 @@ impl StrandReference {
         if !job.tf.leaves_extinction(job.volume.value_range()[1]) {
             return Err("the transfer function does not take the strands' extinction as it is");
         }
-        let count = seen.len().min(MOST_BEAMS);
-        let points_mm = seen.points_mm()[..count].to_vec();
-        let weights = seen.weights()[..count].to_vec();
-        let halves = beam_halves(strands, &points_mm, toward, job.volume.min_spacing_mm());
-        let truth: Vec<f64> = halves.iter().map(|[a, b]| 0.5 * (a + b)).collect();
+        let points = visible.first(MOST_BEAMS);
+        let halves = beam_halves(strands, points.points_mm(), toward, job.volume.min_spacing_mm());
+        let truth = points.with_exact(halves.iter().map(|[a, b]| 0.5 * (a + b)).collect());
         let rms = |errors: &mut dyn Iterator<Item = f64>| {
-            let stats = ErrorStats::of(errors.zip(weights.iter().copied()));
+            let stats = ErrorStats::of(errors.zip(truth.weights().iter().copied()));
             stats.ok().flatten().map(|s| s.rms).ok_or("the camera sees nothing")
         };
-        let field_rms = rms(&mut seen.exact().iter().zip(&truth).map(|(field, truth)| field - truth))?;
+        let field_rms =
+            rms(&mut points.exact().iter().zip(truth.exact()).map(|(field, truth)| field - truth))?;
         let sampling_rms = rms(&mut halves.iter().map(|[a, b]| 0.5 * (a - b)))?;
-        Ok(Self { points_mm, weights, truth, field_rms, sampling_rms })
+        Ok(Self { truth, field_rms, sampling_rms })
     }
 
     /// Root mean square of `T_method - T_strands` at these points, weighted as the camera sees them.
@@ -62,9 +59,7 @@ impl StrandReference {
     /// # Errors
     /// A lost device.
     pub fn rms(&self, session: &Session, shadow: &ShadowMap) -> Result<Option<f64>> {
-        let values = session.query(shadow, &self.points_mm)?;
-        let errors = values.iter().zip(&self.truth).map(|(value, truth)| f64::from(*value) - truth);
-        Ok(ErrorStats::of(errors.zip(self.weights.iter().copied()))?.map(|stats| stats.rms))
+        Ok(self.truth.errors(session, shadow)?.map(|stats| stats.rms))
     }
 
     /// For a reader of the table: what no method that goes through voxels can better but by chance.

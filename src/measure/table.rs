@@ -1,16 +1,10 @@
 //! The rows that `compare` makes, and their Pareto front.
 
-use super::band::BandReport;
 pub use super::cell::Cell;
 use super::cell::FromText;
-use super::check::Check;
 use super::defaults::setting_columns;
-use super::stats::{ErrorStats, ImageError};
-use super::timing::Timing;
-use crate::gpu::{Clock, Work};
-use crate::shadow::Bound;
+use crate::gpu::Clock;
 use serde::ser::{Serialize, SerializeMap, Serializer};
-use std::borrow::BorrowMut;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::LazyLock;
@@ -53,16 +47,18 @@ macro_rules! columns {
                 cells
             }
 
-            /// The row whose cells, written as text, are these by their columns; a missing one is empty.
+            /// The row whose cells, written as text, are these by their columns; a missing one has its default.
             ///
             /// # Errors
             /// The first column whose text is no value of it.
             pub fn from_texts(texts: &BTreeMap<String, String>) -> Result<Self, &'static str> {
-                let text = |column: &str| texts.get(column).map_or("", String::as_str);
                 let given = |key: &str| texts.get(key).filter(|text| !text.is_empty());
                 let setting = |(key, _)| Some((key, Cell::from_text(given(key)?)?));
                 Ok(Self {
-                    $($name: FromText::from_text(text(stringify!($name))).ok_or(stringify!($name))?,)*
+                    $($name: match texts.get(stringify!($name)) {
+                        Some(text) => FromText::from_text(text).ok_or(stringify!($name))?,
+                        None => Default::default(),
+                    },)*
                     settings: setting_columns().into_iter().filter_map(setting).collect(),
                 })
             }
@@ -77,7 +73,7 @@ columns! {
     adapter [""]: String,
     /// Shadow method.
     method [""]: String,
-    /// Its settings as `key=value` texts separated by spaces, those by which it is told from others of its method.
+    /// Its settings as `key=value` texts separated by spaces, those by which it differs from others of its method.
     params [""]: String,
     /// Texels a side of the shadow map.
     map ["texels"]: Option<u32>,
@@ -149,7 +145,7 @@ columns! {
     image_ssim [""]: Option<f64>,
     /// How far the exact picture itself may be off: the largest change of a channel, linear, when it is made finer.
     image_exact_err [""]: Option<f64>,
-    /// Error bound on light rays: tolerance in transmittance; empty where nothing is promised.
+    /// Error bound on light rays: tolerance in transmittance; empty for methods without a bound.
     bound [""]: Option<f64>,
     /// Error bound on light rays: tolerance in depth.
     bound_depth_mm ["mm"]: Option<f64>,
@@ -157,19 +153,19 @@ columns! {
     bound_lateral_mm ["mm"]: Option<f64>,
     /// Error bound on light rays: tolerance in the volume's values along the ray.
     bound_value [""]: Option<f64>,
-    /// Depths that keep the promise by straying sideways or in value alone.
+    /// Depths that satisfy the bound only by its tolerances sideways or in value.
     bound_limited [""]: Option<u64>,
-    /// Whether the promise held at every depth tested; empty where nothing is promised.
+    /// Whether the bound is satisfied at every depth tested; empty for methods without a bound.
     bound_held [""]: Option<bool>,
-    /// Texels whose light rays were marched by regular samples and were held against the same map marched by cells; empty
+    /// Texels whose light rays were marched by regular samples and compared with the same map marched by cells; empty
     /// where rays are marched by cells.
     check_n [""]: Option<u64>,
     /// The least tolerance in transmittance within which all of them stay, where curves may be a step of depth apart.
     check_max [""]: Option<f64>,
     /// The tolerance that is stated: 0.1, or twice what one such map may be off by itself where that is more.
     check_tolerance [""]: Option<f64>,
-    /// Whether it held in all of them at 24 random depths each: with 99 % confidence fewer than `4.6 / check_n` of texels
-    /// that meet extinction, asked so, break it.
+    /// Whether it is satisfied in all of them at 24 random depths each: with 99 % confidence fewer than `4.6 / check_n` of texels
+    /// that meet extinction, tested so, violate it.
     check_ok [""]: Option<bool>,
     /// Work of a picture, counted and not timed on the picture that `image_rmse` is of: samples of the volume by its filter,
     /// a pixel.
@@ -232,33 +228,6 @@ pub const OK: &str = "ok";
 pub const FAILED: &str = "failed";
 
 impl Row {
-    /// Fills the times and the frame rates that follow from them.
-    pub fn set_timing(&mut self, timing: &Timing) {
-        let (build, frame) = (timing.build_ms, timing.frame_ms);
-        [self.build_ms, self.build_ms_min, self.build_ms_max] =
-            [build.median, build.min, build.max].map(Some);
-        [self.frame_ms, self.frame_ms_min, self.frame_ms_max] =
-            [frame.median, frame.min, frame.max].map(Some);
-        self.clock = Some(timing.clock);
-        [self.build_gpu_ms, self.frame_gpu_ms] = [timing.build_gpu_ms, timing.frame_gpu_ms];
-        [self.build_wall_ms, self.frame_wall_ms] = [timing.build_wall_ms, timing.frame_wall_ms].map(Some);
-        self.repeats = u32::try_from(timing.repeats).ok();
-        self.fps_static = Some(1000.0 / frame.median);
-        self.fps_moving = Some(1000.0 / (build.median + frame.median));
-    }
-
-    /// Fills `point_err_*`.
-    pub fn set_point_errors(&mut self, stats: &ErrorStats) {
-        [self.point_err_max, self.point_err_rms, self.point_err_p99] =
-            [stats.max_abs, stats.rms, stats.p99_abs].map(Some);
-        self.point_err_mean_signed = Some(stats.mean);
-    }
-
-    /// Fills `image_rmse` and `image_psnr`.
-    pub fn set_image_error(&mut self, error: &ImageError) {
-        [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
-    }
-
     /// Says that the row failed, and why; what was measured before stays.
     pub fn set_failed(&mut self, why: &dyn fmt::Display) {
         self.status = FAILED.into();
@@ -291,7 +260,17 @@ impl Row {
         self.settings.iter().find(|(k, _)| *k == key).map_or(Cell::Empty, |(_, value)| value.clone())
     }
 
-    /// Whether the row is not what was asked for.
+    /// Scene and adapter: rows that share them have one scale, one drawing and one front.
+    pub fn group(&self) -> (&str, &str) {
+        (&self.scene, &self.adapter)
+    }
+
+    /// Scene, adapter and size of the picture: rows that share them are compared with each other.
+    pub fn place(&self) -> (&str, &str, u32, u32) {
+        (&self.scene, &self.adapter, self.width, self.height)
+    }
+
+    /// Whether the method failed.
     pub fn has_failed(&self) -> bool {
         self.status == FAILED
     }
@@ -303,72 +282,21 @@ impl Row {
         texts.filter(|(_, text): &(_, String)| !text.is_empty()).collect()
     }
 
-    /// Fills what is measured along light rays.
-    pub fn set_ray_errors(&mut self, report: &BandReport, promise: Option<Bound>) {
-        self.ray_err_max = report.ray_err_max();
-        self.bound = promise.map(|p| p.transmittance);
-        self.bound_depth_mm = promise.map(|p| p.depth_mm);
-        self.bound_lateral_mm = promise.map(|p| p.lateral_mm);
-        self.bound_value = promise.map(|p| p.value);
-        self.bound_limited = promise.map(|_| report.limited as u64);
-        self.bound_held = report.held();
-        self.rays_tested = Some(report.rays as u64);
-        self.depths_tested = Some(report.depths as u64);
-    }
-
-    /// Fills `work_*`: of a build of so many texels, and of a picture of so many pixels.
-    pub fn set_work(&mut self, (build, texels): (Work, u64), (picture, pixels): (Work, u64)) {
-        let each = |work: u64, of: u64| (of > 0).then_some(work as f64 / of as f64);
-        self.work_samples = each(picture.samples, pixels);
-        self.work_lookups = each(picture.lookups, pixels);
-        self.work_loads = each(picture.loads, pixels);
-        self.work_cells = each(build.cells + build.samples, texels);
-        self.work_pieces = each(build.pieces, texels);
-    }
-
-    /// Fills `check_*`.
-    pub fn set_check(&mut self, check: &Check) {
-        self.check_n = Some(check.texels);
-        [self.check_max, self.check_tolerance] = [check.max, check.tolerance].map(Some);
-        self.check_ok = Some(check.ok());
-    }
-
     /// Median time with the light moving, `build_ms + frame_ms`; a missing `build_ms` counts as 0.
     pub fn moving_ms(&self) -> Option<f64> {
         self.frame_ms.map(|frame| self.build_ms.unwrap_or(0.0) + frame)
     }
 }
 
-/// Fills `pareto`: a row is on the front unless another of the same scene, adapter and picture size is at once
-/// faster (greater `fps_moving`) and closer (smaller `point_err_rms`).
-///
-/// Both are strict: of two equally fast rows, or two equally close ones, neither puts the other off the front.
-/// Rows that lack either figure (or hold NaN) get no answer and put nobody off.
-pub fn mark_pareto(rows: &mut [impl BorrowMut<Row>]) {
-    let place = |row: &Row| (row.scene.clone(), row.adapter.clone(), row.width, row.height);
-    let points: Vec<_> = rows
-        .iter()
-        .map(|row| {
-            let row: &Row = row.borrow();
-            let (fps, error) = (row.fps_moving?, row.point_err_rms?);
-            (!fps.is_nan() && !error.is_nan()).then(|| (place(row), fps, error))
-        })
-        .collect();
-    for (row, point) in rows.iter_mut().zip(&points) {
-        row.borrow_mut().pareto = point.as_ref().map(|(here, fps, error)| {
-            !points.iter().flatten().any(|(there, other_fps, other_error)| {
-                here == there && other_fps > fps && other_error < error
-            })
-        });
-    }
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::measure::bound_check::BoundReport;
     use crate::measure::defaults::{settings, settings_of};
+    use crate::measure::pareto::mark_pareto;
     use crate::measure::stats::Spread;
-    use crate::shadow::{METHODS, parse, parse_list};
+    use crate::measure::timing::Timing;
+    use crate::shadow::{Bound, METHODS, parse, parse_list};
 
     /// Rows as `compare` would make them, every kind of cell among them.
     pub(crate) fn sample_rows() -> Vec<Row> {
@@ -388,6 +316,7 @@ pub(crate) mod tests {
                 build_ms: spread(build),
                 frame_ms: spread(frame),
                 clock: Clock::Wall,
+                tables_ms: None,
                 build_gpu_ms: None,
                 build_wall_ms: build,
                 frame_gpu_ms: None,
@@ -407,12 +336,13 @@ pub(crate) mod tests {
         ];
         rows[1].image_psnr = Some(f64::INFINITY);
         rows[2].set_ray_errors(
-            &BandReport::of_ray(
+            &BoundReport::of_ray(
                 0,
                 &|_: f64| 1.0,
                 &[0.0],
                 &[0.95],
                 Some(Bound { transmittance: 0.06, depth_mm: 0.1, ..Bound::default() }),
+                |_| None,
             ),
             Some(Bound { transmittance: 0.06, depth_mm: 0.1, ..Bound::default() }),
         );
@@ -483,38 +413,5 @@ pub(crate) mod tests {
         assert_eq!((rows[2].fps_static, rows[2].fps_moving), (Some(1000.0 / 85.0), Some(1000.0 / 145.0)));
         assert_eq!((rows[2].frame_ms_min, rows[2].frame_ms_max), (Some(76.5), Some(106.25)));
         assert_eq!(rows[2].moving_ms(), Some(145.0));
-    }
-
-    #[test]
-    fn pareto_front_by_hand() {
-        // Faster and closer rows: none (80 ms) is fastest, rays closest, dsm 145 and 160 ms between them;
-        // osm is as fast as the second dsm and worse than the first.
-        let marks: Vec<_> = sample_rows().iter().map(|r| r.pareto).collect();
-        assert_eq!(marks, [true, true, true, true, false].map(Some));
-    }
-
-    #[test]
-    fn pareto_ties_gaps_and_other_scenes() {
-        let row = |scene: &str, fps, error| Row {
-            scene: scene.into(),
-            fps_moving: fps,
-            point_err_rms: error,
-            ..Row::default()
-        };
-        let mut rows = [
-            row("a", Some(10.0), Some(0.1)),
-            row("a", Some(10.0), Some(0.2)), // as fast, worse: not beaten
-            row("a", Some(5.0), Some(0.1)),  // as close, slower: not beaten
-            row("a", Some(5.0), Some(0.2)),  // beaten by the first
-            row("a", Some(10.0), Some(0.1)), // the same as the first
-            row("a", None, Some(0.0)),
-            row("a", Some(99.0), None),
-            row("a", Some(99.0), Some(f64::NAN)),
-            row("b", Some(1.0), Some(0.9)), // another scene
-        ];
-        mark_pareto(&mut rows);
-        let marks: Vec<_> = rows.iter().map(|r| r.pareto).collect();
-        let (yes, no) = (Some(true), Some(false));
-        assert_eq!(marks, [yes, yes, yes, no, yes, None, None, None, yes]);
     }
 }

@@ -24,6 +24,9 @@ fn read(clock: Clock, span: Span) -> Option<f64> {
 /// One run's stages, in ms, as the run measured them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
+    /// Tables of the transfer function and the bricks' classes, where the run makes them.
+    #[serde(default)]
+    pub tables_ms: Option<f64>,
     /// The host's part of making the shadow structure: all but the device's passes.
     pub build_host_ms: f64,
     /// The device's part; `None` where there is none.
@@ -42,7 +45,7 @@ impl StageTimes {
     }
 }
 
-/// One method's stages over all repeats, in ms; medians where no spread is kept.
+/// One method's stages over all repeats, in ms; medians where there is no spread.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
     /// To make the shadow structure.
@@ -51,6 +54,8 @@ pub struct Timing {
     pub frame_ms: Spread,
     /// Whose clock these two are from.
     pub clock: Clock,
+    /// Tables of the transfer function and the bricks' classes.
+    pub tables_ms: Option<f64>,
     /// `build_ms` by the adapter's timestamps.
     pub build_gpu_ms: Option<f64>,
     /// From asking for the structure to having it, by the host's clock.
@@ -82,6 +87,7 @@ impl Timing {
             build_ms,
             frame_ms,
             clock,
+            tables_ms: median(&|t| t.tables_ms),
             build_gpu_ms: median(&|t| t.build_device?.gpu_ms),
             build_wall_ms: median(&|t| Some(t.build_wall_ms)).ok_or_else(none)?,
             frame_gpu_ms: median(&|t| t.frame.gpu_ms),
@@ -117,7 +123,7 @@ pub enum Event<'a> {
     Round(&'a [(usize, StageTimes)]),
 }
 
-/// Times everyone in turn, warming up first. One answer each, in their order, with as many runs as were asked for. One
+/// Times everyone in turn, warming up first. One answer each, in their order, with as many runs as requested. One
 /// that fails is left out of later rounds and the others go on.
 ///
 /// # Errors
@@ -156,9 +162,9 @@ pub fn interleave(
 
 /// Timestamps that wrap or were never written must not end up in a median.
 fn sensible(times: StageTimes) -> Result<StageTimes> {
-    let StageTimes { build_host_ms, build_device, build_wall_ms, frame } = times;
+    let StageTimes { tables_ms, build_host_ms, build_device, build_wall_ms, frame } = times;
     let of = |span: Span| [Some(span.wall_ms), span.gpu_ms];
-    let read = [Some(build_host_ms), Some(build_wall_ms)].into_iter().chain(of(frame));
+    let read = [tables_ms, Some(build_host_ms), Some(build_wall_ms)].into_iter().chain(of(frame));
     let wrong = read
         .chain(build_device.into_iter().flat_map(of))
         .flatten()
@@ -174,7 +180,7 @@ mod tests {
     use super::*;
     use std::cell::{Cell, RefCell};
 
-    /// A clock that moves only when told to.
+    /// A clock that moves only on request.
     #[derive(Default)]
     struct FakeClock(Cell<f64>);
 
@@ -196,6 +202,7 @@ mod tests {
 
     fn stages(build: f64, frame: f64) -> StageTimes {
         StageTimes {
+            tables_ms: None,
             build_host_ms: 0.0,
             build_device: Some(wall(build)),
             build_wall_ms: build,
@@ -233,6 +240,7 @@ mod tests {
     fn a_median_is_of_one_clock() {
         let both = |gpu_ms, wall_ms| Span { gpu_ms, wall_ms };
         let run = |gpu_ms| StageTimes {
+            tables_ms: None,
             build_host_ms: 3.0,
             build_device: Some(both(Some(1.0), 2.0)),
             build_wall_ms: 6.0,

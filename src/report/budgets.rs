@@ -5,12 +5,12 @@
 //! winner, the next one the runner-up.
 
 use super::number::significant;
-use super::writers::csv;
+use super::writers::{side_table_csv, write_files};
 use crate::error::Result;
-use crate::files::output::write_whole;
-use crate::measure::budget::{Budget, By, Trial, budgets_of};
+use crate::measure::budget::{Budget, By, budgets_of};
 use crate::measure::table::Row;
-use serde::Serialize;
+use itertools::Itertools as _;
+use std::borrow::Borrow;
 use std::path::{Path, PathBuf};
 
 /// The answer for one scene, budget and error.
@@ -27,22 +27,15 @@ pub struct Answer<'a> {
 /// The answers of every scene, adapter and picture size, budget by budget, each by both errors; none where no row was
 /// tuned.
 pub fn answers(rows: &[Row]) -> Vec<Answer<'_>> {
-    let place = |row: &Row| (row.scene.clone(), row.adapter.clone(), row.width, row.height);
-    let mut places = Vec::new();
-    for row in rows {
-        if !places.contains(&place(row)) {
-            places.push(place(row));
-        }
-    }
     let budgets = budgets_of(rows);
     let mut answers = Vec::new();
-    for here in &places {
+    for place in rows.iter().map(Row::place).unique() {
         for (budget, by) in budgets.iter().flat_map(|b| By::ALL.map(|by| (*b, by))) {
-            let own = rows.iter().filter(|row| place(row) == *here && takes_part(row, budget));
+            let own = rows.iter().filter(|row| row.place() == place && takes_part(row, budget));
             let mut ranked: Vec<(&Row, f64)> = Vec::new();
             for (row, error) in own.filter_map(|row| Some((row, by.error(row)?))) {
                 match ranked.iter_mut().find(|(other, _)| other.method == row.method) {
-                    Some(best) if closer((row, error), *best, budget) => *best = (row, error),
+                    Some(best) if key((row, error), budget) < key(*best, budget) => *best = (row, error),
                     Some(_) => {}
                     None => ranked.push((row, error)),
                 }
@@ -64,10 +57,6 @@ fn takes_part(row: &Row, budget: Budget) -> bool {
 /// Sort key: smaller error first; of equal errors, the row that needs less of the budget.
 fn key((row, error): (&Row, f64), budget: Budget) -> (f64, f64) {
     (error, budget.need(row).unwrap_or(f64::INFINITY))
-}
-
-fn closer(a: (&Row, f64), b: (&Row, f64), budget: Budget) -> bool {
-    key(a, budget) < key(b, budget)
 }
 
 /// A line each answer: the winner, and by how much the runner-up is behind it. `name` says a row's method and settings,
@@ -100,23 +89,17 @@ pub fn lines(rows: &[Row], name: &dyn Fn(&Row) -> String) -> Vec<String> {
     answers(rows).into_iter().filter_map(said).collect()
 }
 
-/// An answer's rank as `budgets.csv` has it.
-#[derive(Debug, Default, Serialize)]
-pub struct Ranked<'a> {
-    scene: &'a str,
-    adapter: &'a str,
-    budget: String,
-    by: &'static str,
+/// Row of `budgets.csv`: a row of the table with its answer and its rank in it.
+struct Ranked<'a> {
+    row: &'a Row,
+    answer: &'a Answer<'a>,
     rank: usize,
-    method: &'a str,
-    params: &'a str,
-    map: Option<u32>,
-    tuned: Option<bool>,
-    bytes: Option<u64>,
-    build_ms: Option<f64>,
-    frame_ms: Option<f64>,
-    point_err_rms: Option<f64>,
-    image_rmse: Option<f64>,
+}
+
+impl Borrow<Row> for Ranked<'_> {
+    fn borrow(&self) -> &Row {
+        self.row
+    }
 }
 
 /// Writes `budgets.csv`, every method's closest row within each budget by rank, and `trials.csv`, what searches tried, into
@@ -124,38 +107,24 @@ pub struct Ranked<'a> {
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write_budgets(rows: &[Row], trials: &[Trial], folder: &Path) -> Result<Vec<PathBuf>> {
+pub fn write_budgets(rows: &[Row], trials: &[Row], folder: &Path) -> Result<Vec<PathBuf>> {
     let answers = answers(rows);
     if answers.is_empty() && trials.is_empty() {
         return Ok(Vec::new());
     }
     let mut ranked = Vec::new();
-    for Answer { budget, by, ranked: own } in &answers {
-        for (i, (row, _)) in own.iter().enumerate() {
-            ranked.push(Ranked {
-                scene: &row.scene,
-                adapter: &row.adapter,
-                budget: budget.to_string(),
-                by: by.column(),
-                rank: i + 1,
-                method: &row.method,
-                params: &row.params,
-                map: row.map,
-                tuned: row.tuned,
-                bytes: row.bytes,
-                build_ms: row.build_ms,
-                frame_ms: row.frame_ms,
-                point_err_rms: row.point_err_rms,
-                image_rmse: row.image_rmse,
-            });
-        }
+    for answer in &answers {
+        let ranks = answer.ranked.iter().zip(1..);
+        ranked.extend(ranks.map(|((row, _), rank)| Ranked { row, answer, rank }));
     }
-    let files = [("budgets.csv", csv(&ranked)?), ("trials.csv", csv(trials)?)];
-    let write = |(name, bytes): (&str, Vec<u8>)| {
-        let path = folder.join(name);
-        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
-    };
-    files.into_iter().map(write).collect()
+    let budgets = side_table_csv("budgets.csv", &ranked, |Ranked { answer, rank, .. }, name| match name {
+        "budget" => Some(answer.budget.to_string()),
+        "by" => Some(answer.by.column().into()),
+        "rank" => Some(rank.to_string()),
+        _ => None,
+    })?;
+    let trials = side_table_csv("trials.csv", trials, |_, _| None)?;
+    write_files(folder, [("budgets.csv", budgets), ("trials.csv", trials)])
 }
 
 #[cfg(test)]
@@ -233,7 +202,7 @@ mod tests {
         assert!(super::answers(&rows).is_empty());
         let folder = tempfile::tempdir().unwrap();
         assert!(write_budgets(&rows, &[], folder.path()).unwrap().is_empty());
-        let paths = write_budgets(&planted(), &[Trial::default()], folder.path()).unwrap();
+        let paths = write_budgets(&planted(), &[Row::default()], folder.path()).unwrap();
         let text = std::fs::read_to_string(&paths[0]).unwrap();
         assert_eq!(text.lines().count(), 1 + 3 + 4 + 3 + 3);
         assert!(text.lines().nth(1).unwrap().starts_with("planted,,bytes=100,point_err_rms,1,dom,layers=3,"));

@@ -1,11 +1,13 @@
 //! A drawing in points: an SVG document, and that same document as pixels and as a PDF file.
 
 use crate::error::{Error, Result};
+use crate::files::color::srgb8_from_linear;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 use maud::{Markup, PreEscaped, html};
+use ndarray::Array3;
 use resvg::{tiny_skia, usvg};
 use skrifa::instance::{LocationRef, Size};
 use skrifa::{FontRef, MetadataProvider};
@@ -40,6 +42,11 @@ impl Rect {
     pub fn around(center: Point, half_width: f64, half_height: f64) -> Self {
         let Point(x, y) = center;
         Self { left: x - half_width, top: y - half_height, right: x + half_width, bottom: y + half_height }
+    }
+
+    /// Its middle.
+    pub fn middle(&self) -> Point {
+        Point(0.5 * (self.left + self.right), 0.5 * (self.top + self.bottom))
     }
 
     /// Moves every side inwards.
@@ -324,4 +331,14 @@ pub fn encode_png(picture: &RgbImage) -> Result<Vec<u8>> {
         .write_to(&mut bytes, image::ImageFormat::Png)
         .map_err(|e| Error::runtime("cannot encode picture", "PNG", e))?;
     Ok(bytes.into_inner())
+}
+
+/// Converts a linear RGBA picture to 8-bit sRGB, as in its PNG file.
+pub fn srgb_picture(picture: &Array3<f32>) -> RgbImage {
+    let (height, width, _) = picture.dim();
+    RgbImage::from_fn(width as u32, height as u32, |column, row| {
+        image::Rgb(
+            [0, 1, 2].map(|c| srgb8_from_linear(f64::from(picture[[row as usize, column as usize, c]]))),
+        )
+    })
 }

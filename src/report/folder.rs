@@ -1,10 +1,9 @@
 //! The folder of a table: whose it is, so that no table is lost in silence and no two mix.
 
 use super::names::RUN;
-use super::run::{RowRecord, Run, scenes_differ};
+use super::run::{RowRecord, Run};
 use crate::error::{Error, Result};
 use crate::files::output::write_whole;
-use crate::measure::job::Effort;
 use crate::measure::journal::JOURNAL;
 use std::path::{Component, Path};
 
@@ -13,7 +12,7 @@ use std::path::{Component, Path};
 pub enum Start {
     /// It is refused.
     New,
-    /// It is gone on with, and so it must be of the same scenes and settings.
+    /// The run resumes it, so scenes and settings must be the same.
     Resume,
     /// All its files go, and no others.
     Overwrite,
@@ -86,10 +85,6 @@ impl Run {
         if !earlier.merged.is_empty() {
             return Some("its table was merged from several".into());
         }
-        let effort = |run: &Self| Effort { repeats: 0, ..run.effort };
-        if effort(self) != effort(earlier) {
-            return Some("its errors are of other numbers of points, rays or depths".into());
-        }
         if self.adapter != earlier.adapter {
             return Some(format!("it was measured on {}, not {}", earlier.adapter, self.adapter));
         }
@@ -98,24 +93,24 @@ impl Run {
                 |run: &Self| run.shard.as_ref().map_or("the whole table".into(), |s| format!("shard {s}"));
             return Some(format!("it is {}, not {}", shard(earlier), shard(self)));
         }
-        if let Some(difference) = scenes_differ(&self.scenes, &earlier.scenes) {
+        if let Some(difference) = self.sweep_differs(earlier) {
             return Some(difference);
         }
         if let Some(budget) = earlier.budgets.iter().find(|b| !self.budgets.contains(b)) {
             return Some(format!(
-                "its rows are tuned within {budget}, which is not among the budgets asked for"
+                "its rows are tuned within {budget}, which is not among the requested budgets"
             ));
         }
         // What a search chooses follows from the budgets.
         let lost = |row: &&RowRecord| {
-            let asked = row.here && !row.chosen;
-            asked && !self.rows.iter().any(|r| r.here && (r.scene, &r.slug) == (row.scene, &row.slug))
+            let requested = row.here && !row.chosen;
+            requested && !self.rows.iter().any(|r| r.here && (r.scene, &r.slug) == (row.scene, &row.slug))
         };
         let row = earlier.rows.iter().find(lost)?;
-        Some(format!("{} is among its rows and not among those asked for", row.method))
+        Some(format!("{} is among its rows and not among the requested ones", row.method))
     }
 
-    /// Starts: removes what an earlier run wrote here, if that is asked for, and writes the record and what the table is
+    /// Starts: removes what an earlier run wrote here, if that is requested, and writes the record and what the table is
     /// made from. `tf_texts` are the transfer functions' files, scene by scene.
     ///
     /// # Errors
@@ -128,8 +123,9 @@ impl Run {
         self.again = self.command_again(folder);
         self.files = self.file_names();
         // Rows that a search chose are not foreseen, and their files are there.
-        let kept = earlier.filter(|_| start == Start::Resume).map_or_else(Vec::new, |earlier| earlier.files);
-        let more: Vec<String> = kept.into_iter().filter(|name| !self.files.contains(name)).collect();
+        let earlier_files =
+            earlier.filter(|_| start == Start::Resume).map_or_else(Vec::new, |earlier| earlier.files);
+        let more: Vec<String> = earlier_files.into_iter().filter(|name| !self.files.contains(name)).collect();
         self.files.extend(more);
         self.finished = false;
         self.write(folder)?;

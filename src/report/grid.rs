@@ -1,14 +1,12 @@
 //! All pictures of a scene beside each other as a figure for a page: above each its method and settings, under it where it
 //! is wrong and what it took, with one colour bar for all.
 
-use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, text_width};
+use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, srgb_picture, text_width};
 use super::heat::{bar_height, colour_bar, false_colour};
 use super::number::significant;
 use super::plot::shorten;
 use crate::error::Result;
-use crate::files::color::srgb8_from_linear;
 use crate::measure::table::Row;
-use image::{Rgb, RgbImage};
 use ndarray::{Array2, Array3};
 
 /// It is no higher where its pictures are wide enough in that.
@@ -40,7 +38,7 @@ const MOST_PIXELS: f64 = 1e8;
 
 /// A picture with what is said above and below it.
 #[derive(Debug, Clone)]
-pub struct Shown<'a> {
+pub struct GridCell<'a> {
     /// The method.
     pub name: String,
     /// Its settings, `key=value` each.
@@ -53,7 +51,7 @@ pub struct Shown<'a> {
     pub difference: Option<&'a Array2<f32>>,
 }
 
-impl<'a> Shown<'a> {
+impl<'a> GridCell<'a> {
     /// Creates the entry for a row of the table.
     pub fn of(row: &Row, picture: &'a Array3<f32>, difference: Option<&'a Array2<f32>>) -> Self {
         let map = row.map.map(|map| format!("map={map}"));
@@ -77,24 +75,29 @@ impl<'a> Shown<'a> {
 
     /// Lines of settings no wider than `width`, broken where a setting ends.
     fn lines(&self, width: f64) -> Vec<String> {
-        let mut lines: Vec<String> = Vec::new();
-        for setting in &self.settings {
-            let longer = lines.last().map(|last| format!("{last}, {setting}"));
-            match (longer.filter(|longer| text_width(longer, TEXT) <= width), lines.last_mut()) {
-                (Some(longer), Some(last)) => *last = longer,
-                _ => lines.push(shorten(setting.clone(), TEXT, width)),
-            }
-        }
-        lines
+        wrapped(self.settings.iter().cloned(), ", ", width)
     }
 }
 
+/// Lines no wider than `width`, broken between pieces, which are joined by a separator.
+fn wrapped(pieces: impl Iterator<Item = String>, separator: &str, width: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for piece in pieces {
+        let longer = lines.last().map(|last| format!("{last}{separator}{piece}"));
+        match (longer.filter(|longer| text_width(longer, TEXT) <= width), lines.last_mut()) {
+            (Some(longer), Some(last)) => *last = longer,
+            _ => lines.push(shorten(piece, TEXT, width)),
+        }
+    }
+    lines
+}
+
 /// The figure as a PNG and as a PDF file, `width` points wide: black is no difference, the end of the colour bar is `max`, which
-/// `label` says the meaning of. In the PDF file every pixel of every picture is kept, and text is text.
+/// `label` says the meaning of. The PDF file has every pixel of every picture, and text is text.
 ///
 /// # Errors
 /// The drawing backend's own.
-pub fn files(shown: &[Shown], width: f64, max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
+pub fn files(shown: &[GridCell], width: f64, max: f32, label: &str) -> Result<[Vec<u8>; 2]> {
     let (drawing, wide) = figure(shown, width, max, label);
     let widest = shown.iter().map(|s| s.picture.dim().1).max().unwrap_or(1) as f64;
     let png =
@@ -125,7 +128,7 @@ struct Layout {
 impl Layout {
     /// The one with the widest pictures that leaves few places empty and fits on a page; where none does, one that is
     /// higher than a page.
-    fn of(shown: &[Shown], width: f64) -> Self {
+    fn of(shown: &[GridCell], width: f64) -> Self {
         let all = 1..=shown.len().clamp(1, MOST_ACROSS);
         let all = all.filter_map(|across| Self::across(shown, width, across));
         let worth = |layout: &Self| {
@@ -143,7 +146,7 @@ impl Layout {
     }
 
     /// With so many pictures a row; `None` where these would be too narrow.
-    fn across(shown: &[Shown], width: f64, across: usize) -> Option<Self> {
+    fn across(shown: &[GridCell], width: f64, across: usize) -> Option<Self> {
         let (column, shape) = (column(width, across), shape(shown));
         let upright = shape > UPRIGHT;
         let (mut cell, mut high) =
@@ -176,14 +179,14 @@ impl Layout {
     }
 
     /// Height of a row of pictures with its captions, differences and figures, and the gap to the next row, points.
-    fn row_height(&self, shown: &[Shown], row: usize) -> f64 {
+    fn row_height(&self, shown: &[GridCell], row: usize) -> f64 {
         let figures = shown.iter().map(|s| s.figures.len()).max().unwrap_or(0) as f64;
         self.above(row) + 2.0 * self.picture[1] + SEAM + 2.0 + LINE * figures + GAP
     }
 
-    fn height(&self, shown: &[Shown]) -> f64 {
+    fn height(&self, shown: &[GridCell]) -> f64 {
         let rows: f64 = (0..self.lines.len()).map(|row| self.row_height(shown, row)).sum();
-        rows + bar_height(BAR, TEXT) + LINE * said(shown, self.width).len() as f64 + 0.4 * LINE
+        rows + bar_height(BAR, TEXT) + LINE * explanation(shown, self.width).len() as f64 + 0.4 * LINE
     }
 }
 
@@ -193,37 +196,28 @@ fn column(width: f64, across: usize) -> f64 {
 }
 
 /// Height of a picture by its width; all of a scene have one.
-fn shape(shown: &[Shown]) -> f64 {
+fn shape(shown: &[GridCell]) -> f64 {
     let dims = shown.first().map_or((1, 1), |s| (s.picture.dim().0, s.picture.dim().1));
     dims.0 as f64 / dims.1.max(1) as f64
 }
 
-fn lines(shown: &[Shown], across: usize, cell: f64) -> Vec<usize> {
-    let most = |row: &[Shown]| row.iter().map(|s| s.lines(cell).len()).max().unwrap_or(0);
+fn lines(shown: &[GridCell], across: usize, cell: f64) -> Vec<usize> {
+    let most = |row: &[GridCell]| row.iter().map(|s| s.lines(cell).len()).max().unwrap_or(0);
     shown.chunks(across).map(most).collect()
 }
 
 /// Lines of the legend that explains the figures under the pictures; empty where there are no figures.
-fn said(shown: &[Shown], width: f64) -> Vec<String> {
+fn explanation(shown: &[GridCell], width: f64) -> Vec<String> {
     if shown.iter().all(|s| s.figures.is_empty()) {
         return Vec::new();
     }
     let words = "Below each: time to build its shadows + to draw, memory of its shadows, error of transmittance where the \
                  camera looks.";
-    let mut lines = vec![String::new()];
-    for word in words.split_inclusive(' ') {
-        // There is always a last line.
-        let last = lines.len() - 1;
-        match text_width(&lines[last], TEXT) + text_width(word.trim_end(), TEXT) <= width {
-            true => lines[last] += word,
-            false => lines.push(word.to_owned()),
-        }
-    }
-    lines
+    wrapped(words.split(' ').map(str::to_owned), " ", width)
 }
 
 /// The figure, and the width of its pictures in points.
-fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) {
+fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f64) {
     let layout = Layout::of(shown, width);
     let (cell, picture) = (layout.cell, layout.picture);
     let mut drawing = Drawing::new(width, layout.height(shown).ceil());
@@ -241,9 +235,9 @@ fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) 
     let half = 0.5 * used.max(200.0).min(width) - 16.0;
     let bar = Rect { left: 0.5 * width - half, top, right: 0.5 * width + half, bottom: top + BAR };
     colour_bar(&mut drawing, bar, max, &shorten(label.into(), TEXT, width), TEXT);
-    for (i, line) in said(shown, width).iter().enumerate() {
+    for (i, line) in explanation(shown, width).iter().enumerate() {
         let place = Point(0.5 * width, top + bar_height(BAR, TEXT) + (i as f64 + 0.7) * LINE);
-        drawing.text(place, Anchor::Middle, TEXT, INK, line.trim_end());
+        drawing.text(place, Anchor::Middle, TEXT, INK, line);
     }
     (drawing, picture[0])
 }
@@ -252,7 +246,7 @@ fn figure(shown: &[Shown], width: f64, max: f32, label: &str) -> (Drawing, f64) 
 /// so high.
 fn put(
     drawing: &mut Drawing,
-    s: &Shown,
+    s: &GridCell,
     Point(left, top): Point,
     [cell, above]: [f64; 2],
     [wide, high]: [f64; 2],
@@ -266,7 +260,7 @@ fn put(
     }
     let place = |top: f64| Rect { left, top, right: left + wide, bottom: top + high };
     let (upper, lower) = (place(top + above), place(top + above + high + SEAM));
-    drawing.picture(upper, encoded(s.picture));
+    drawing.picture(upper, srgb_picture(s.picture));
     match s.difference {
         Some(difference) => drawing.picture(lower, false_colour(difference, max)),
         None if high < LINE => {}
@@ -283,22 +277,15 @@ fn put(
     }
 }
 
-/// Converts a linear RGBA picture to 8-bit sRGB, as in its PNG file.
-fn encoded(picture: &Array3<f32>) -> RgbImage {
-    let (height, width, _) = picture.dim();
-    RgbImage::from_fn(width as u32, height as u32, |column, row| {
-        Rgb([0, 1, 2].map(|c| srgb8_from_linear(f64::from(picture[[row as usize, column as usize, c]]))))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::heat::inferno;
     use super::*;
+    use image::Rgb;
 
     const WIDTH: f64 = 455.0;
 
-    fn shown<'a>(picture: &'a Array3<f32>, settings: &[&str]) -> Shown<'a> {
+    fn shown<'a>(picture: &'a Array3<f32>, settings: &[&str]) -> GridCell<'a> {
         let row = Row {
             method: "dsm".into(),
             params: settings.join(" "),
@@ -309,7 +296,7 @@ mod tests {
             point_err_rms: Some(0.012_345),
             ..Row::default()
         };
-        Shown::of(&row, picture, None)
+        GridCell::of(&row, picture, None)
     }
 
     #[test]
@@ -319,7 +306,7 @@ mod tests {
         assert_eq!((s.name.as_str(), s.settings), ("dsm", vec!["epsilon=0.06".to_owned(), "map=512".into()]));
         assert_eq!(s.figures, ["1234 + 67.9 ms", "1.50 MiB", "rms error 0.0123"]);
         let none = Row { method: "none".into(), ..Row::default() };
-        assert!(Shown::of(&none, &picture, None).settings.is_empty());
+        assert!(GridCell::of(&none, &picture, None).settings.is_empty());
     }
 
     #[test]
@@ -353,8 +340,8 @@ mod tests {
         let all = vec![shown(&square, &["epsilon=0.06"]); 4];
         let across = [100.0, 220.0, 5000.0].map(|width| Layout::of(&all, width).across);
         assert_eq!(across, [1, 2, 4]);
-        assert!(said(&all, WIDTH).len() == 1 && said(&all, 220.0).len() == 2);
-        assert!(said(&all, 100.0).iter().all(|line| text_width(line.trim_end(), TEXT) <= 100.0));
+        assert!(explanation(&all, WIDTH).len() == 1 && explanation(&all, 220.0).len() == 2);
+        assert!(explanation(&all, 100.0).iter().all(|line| text_width(line, TEXT) <= 100.0));
     }
 
     #[test]
@@ -362,14 +349,15 @@ mod tests {
         let picture = |grey: f32| Array3::from_elem((60, 80, 4), grey);
         let (dark, bright) = (picture(0.0), picture(1.0));
         let (half, full) = (Array2::from_elem((60, 80), 0.05), Array2::from_elem((60, 80), 0.1));
-        let of = |name: &str, picture, difference| Shown {
+        let of = |name: &str, picture, difference| GridCell {
             name: name.into(),
             settings: vec!["map=256".into()],
             figures: vec!["1 MiB".into()],
             picture,
             difference,
         };
-        let all = [Shown::reference(&bright), of("osm", &dark, Some(&half)), of("dom", &dark, Some(&full))];
+        let all =
+            [GridCell::reference(&bright), of("osm", &dark, Some(&half)), of("dom", &dark, Some(&full))];
         let layout = Layout::of(&all, WIDTH);
         let (drawing, cell) = figure(&all, WIDTH, 0.1, "how wrong");
         assert_eq!((layout.across, cell), (3, column(WIDTH, 3)));
@@ -396,8 +384,8 @@ mod tests {
         let picture = Array3::from_shape_fn((300, 301, 4), |(j, i, c)| (i * j * (c + 1)) as f32 / 3e5);
         let difference = Array2::from_elem((300, 301), 0.01);
         let all = [
-            Shown { difference: None, ..shown(&picture, &[]) },
-            Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) },
+            GridCell { difference: None, ..shown(&picture, &[]) },
+            GridCell { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) },
         ];
         let [png, pdf] = files(&all, WIDTH, 0.02, "difference").unwrap();
         assert!(image::load_from_memory(&png).unwrap().width() >= 2 * 455);
@@ -418,8 +406,8 @@ mod tests {
             let picture = Array3::zeros((height, width, 4));
             let difference = Array2::zeros((height, width));
             for count in [1, 3, 8] {
-                let one = Shown { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) };
-                let all: Vec<_> = std::iter::once(Shown::reference(&picture))
+                let one = GridCell { difference: Some(&difference), ..shown(&picture, &["epsilon=0.06"]) };
+                let all: Vec<_> = std::iter::once(GridCell::reference(&picture))
                     .chain(std::iter::repeat_n(one, count))
                     .collect();
                 let layout = Layout::of(&all, WIDTH);
@@ -439,7 +427,7 @@ mod tests {
     fn a_reference_is_named_where_there_is_room() {
         let svg = |height, width| {
             let picture = Array3::zeros((height, width, 4));
-            let all = [Shown::reference(&picture), shown(&picture, &[])];
+            let all = [GridCell::reference(&picture), shown(&picture, &[])];
             figure(&all, WIDTH, 0.1, "").0.svg(None).into_string()
         };
         assert!(svg(40, 40).contains("reference") && !svg(2, 600).contains("reference"));

@@ -1,14 +1,10 @@
 //! False-colour pictures of errors, with a legend.
 
-use super::canvas::{
-    Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, Rect, WHITE, encode_png, text_width,
-};
+use super::canvas::{Anchor, BLACK, Drawing, INK, PIXELS_PER_POINT, Point, Rect, encode_png, text_width};
 use super::number::significant;
 use crate::error::Result;
-use crate::files::output::write_whole;
-use image::{Rgb, RgbImage, imageops};
+use image::{Rgb, RgbImage};
 use ndarray::Array2;
-use std::path::Path;
 
 /// Colour of NaN values, distinct from every colour of the error scale.
 const NOT_A_NUMBER: Rgb<u8> = Rgb([0, 255, 0]);
@@ -59,17 +55,16 @@ const LEGEND_MIN_WIDTH_PX: u32 = 420;
 /// # Errors
 /// The drawing backend's own.
 pub fn with_legend(picture: &RgbImage, max: f32, label: &str) -> Result<RgbImage> {
-    let width_px = picture.width().max(LEGEND_MIN_WIDTH_PX);
     let points = |px: u32| f64::from(px) / f64::from(PIXELS_PER_POINT);
-    let (width, height) = (points(width_px), points(LEGEND_HEIGHT_PX));
-    let mut legend = Drawing::new(width, height);
-    let bar = Rect { left: 24.0, top: 6.0, right: width - 24.0, bottom: 17.0 };
-    colour_bar(&mut legend, bar, max, label, 11.5);
-
-    let mut page = RgbImage::from_pixel(width_px, picture.height() + LEGEND_HEIGHT_PX, Rgb(WHITE));
-    imageops::replace(&mut page, picture, i64::from((width_px - picture.width()) / 2), 0);
-    imageops::replace(&mut page, &legend.bitmap()?, 0, i64::from(picture.height()));
-    Ok(page)
+    let width = points(picture.width().max(LEGEND_MIN_WIDTH_PX));
+    let (wide, high) = (points(picture.width()), points(picture.height()));
+    let mut page = Drawing::new(width, high + points(LEGEND_HEIGHT_PX));
+    // Whole pixels, so that the picture is shown as it is.
+    let left = points(((width - wide) / points(1) / 2.0) as u32);
+    page.picture(Rect { left, top: 0.0, right: left + wide, bottom: high }, picture.clone());
+    let bar = Rect { left: 24.0, top: high + 6.0, right: width - 24.0, bottom: high + 17.0 };
+    colour_bar(&mut page, bar, max, label, 11.5);
+    page.bitmap()
 }
 
 /// The scale of [`false_colour`] from 0 to `max`, below it numbers and `label` in letters of a size; all that takes
@@ -119,18 +114,10 @@ pub fn heat_map_png(values: &Array2<f32>, max: f32, label: &str) -> Result<Vec<u
     encode_png(&with_legend(&false_colour(values, max), max, label)?)
 }
 
-/// Writes [`heat_map_png`], whole or not at all.
-///
-/// # Errors
-/// A file that cannot be written.
-pub fn write_heat_map(path: &Path, values: &Array2<f32>, max: f32, label: &str) -> Result<()> {
-    let png = heat_map_png(values, max, label)?;
-    write_whole(path, |file| file.write_all(&png))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::imageops;
 
     #[test]
     fn the_scale_is_matplotlibs_inferno_and_its_lightness_rises() {
@@ -202,11 +189,8 @@ mod tests {
 
     #[test]
     fn the_file_is_a_png_that_reads_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("error.png");
-        write_heat_map(&path, &Array2::from_elem((64, 64), 0.5), 1.0, "error").unwrap();
-        let size = image::open(&path).unwrap().to_rgb8().dimensions();
+        let png = heat_map_png(&Array2::from_elem((64, 64), 0.5), 1.0, "error").unwrap();
+        let size = image::load_from_memory(&png).unwrap().to_rgb8().dimensions();
         assert_eq!(size, (LEGEND_MIN_WIDTH_PX, 64 + LEGEND_HEIGHT_PX));
-        assert!(write_heat_map(&folder.path().join("no/such.png"), &Array2::zeros((1, 1)), 1.0, "").is_err());
     }
 }

@@ -1,14 +1,10 @@
 //! All that the files of a table are made of.
 
 use super::run::{RowRecord, Run};
-use crate::error::Result;
 use crate::measure::ablate::Ablation;
-use crate::measure::comparison::{Compared, Comparison};
-use crate::measure::stats::image_difference;
+use crate::measure::comparison::Comparison;
 use crate::measure::table::Row;
-use crate::shadow::{Method, NodeMap, ShadowRays};
 use ndarray::Array3;
-use std::borrow::BorrowMut;
 
 /// The picture by `rays` that a scene's differences are from, where none of its rows is one.
 #[derive(Debug, Clone)]
@@ -28,8 +24,6 @@ pub struct Made {
     pub comparison: Comparison,
     /// How it was made.
     pub run: Run,
-    /// Nodes by texel, row by row, of those that have any.
-    pub nodes: Vec<Option<NodeMap>>,
     /// Where no row is by `rays`.
     pub references: Vec<ReferencePicture>,
     /// Ablation rows, if an ablation was requested.
@@ -63,20 +57,10 @@ impl Made {
     }
 }
 
-/// Fills where the rows' pictures differ from the reference.
-pub fn take_differences(compared: &mut [impl BorrowMut<Compared>], reference: &Array3<f32>) -> Result<()> {
-    for c in compared {
-        let c = c.borrow_mut();
-        if let Some(picture) = c.picture.as_ref().filter(|_| c.row.method != ShadowRays::default().name()) {
-            c.difference = Some(image_difference(picture.view(), reference.view())?);
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::comparison::Compared;
     use crate::report::run::SceneRecord;
 
     #[test]
@@ -95,6 +79,7 @@ mod tests {
             slug: format!("{method}-tuned"),
             picture: None,
             difference: None,
+            nodes: None,
             left_out: Vec::new(),
         };
         let scene = SceneRecord { name: "a".into(), ..SceneRecord::default() };

@@ -5,7 +5,6 @@ mod files;
 mod page;
 
 use super::budgets::write_budgets;
-use super::made::take_differences;
 pub use super::made::{Made, ReferencePicture};
 use super::run::Run;
 use super::tables::{Layout, write_tables};
@@ -13,7 +12,7 @@ use crate::error::Result;
 use crate::measure::ablate;
 use crate::measure::budget::Budget;
 use crate::measure::compare::{compare_within, steps};
-use crate::measure::comparison::{Compared, Comparison};
+use crate::measure::comparison::{Compared, Comparison, take_differences};
 use crate::measure::facts::Facts;
 use crate::measure::job::Job;
 use crate::measure::journal::Journal;
@@ -66,7 +65,7 @@ pub struct Files {
     pub pictures: Vec<PathBuf>,
     /// `report.html`.
     pub report: PathBuf,
-    /// Empty unless they were asked for.
+    /// Tables of the ablation; empty unless it was requested.
     pub ablations: Vec<PathBuf>,
     /// Tables of the trials within budgets and of the most accurate method in each; empty without budgets.
     pub budgets: Vec<PathBuf>,
@@ -106,15 +105,10 @@ pub fn make(
             Ok(session) => {
                 let session = session.with_strands(strands.clone());
                 let job = Job {
-                    session: &session,
-                    volume: &volume,
-                    tf: &tf,
                     strands: strands.as_deref().map(|of| &of.strands),
-                    scene: &scene,
-                    scene_name: name,
                     file_prefix: run.prefix(i),
                     remark: order.remark.to_owned(),
-                    effort,
+                    ..Job::new(&session, (&volume, &tf), &scene, &name, effort)
                 };
                 rows = made.add(&job, order.budgets, methods, journal, progress)?;
             }
@@ -123,7 +117,6 @@ pub fn make(
                 steps(methods, &effort).iter().for_each(|(step, times)| progress.spare(step, *times));
                 let facts = Facts::of(renderer.gpu());
                 let failed = Comparison::failed(&facts, &name, [scene.width, scene.height], methods, &error);
-                made.nodes.extend(methods.iter().map(|_| None));
                 made.comparison.append(failed);
             }
         }
@@ -160,9 +153,7 @@ impl Made {
         if several {
             all.name_scene(&job.scene_name);
         }
-        let has_rays =
-            all.compared.iter().any(|c| c.row.method == ShadowRays::default().name() && c.picture.is_some());
-        if !has_rays {
+        if !all.compared.iter().any(|c| c.is_reference() && c.picture.is_some()) {
             progress.check("reference picture")?;
             match reference(job) {
                 Ok(reference) => {
@@ -172,12 +163,12 @@ impl Made {
                 Err(e) => all.notes.push(format!("{prefix}differences are left out: {e}")),
             }
         }
-        for (method, c) in methods.iter().chain(&all.tuned).zip(&all.compared) {
+        for (method, c) in methods.iter().chain(&all.tuned).zip(&mut all.compared) {
             progress.check("nodes")?;
-            self.nodes.push(nodes(job, method.as_ref(), c).unwrap_or_else(|e| {
+            c.nodes = nodes(job, method.as_ref(), c).unwrap_or_else(|e| {
                 all.notes.push(format!("{}: nodes are not shown: {e}", c.row.spec()));
                 None
-            }));
+            });
         }
         let rows = all.compared.len();
         self.comparison.append(all);

@@ -4,24 +4,22 @@
 //! several adapters stay apart: each adapter has its own front, plots and scale.
 
 use super::Start;
-use super::made::{Made, ReferencePicture, take_differences};
+use super::made::{Made, ReferencePicture};
 use super::make::{Files, node_map};
 use super::names;
-use super::run::{RowRecord, Run, scenes_differ};
+use super::run::{RowRecord, Run};
 use super::tables::Layout;
 use super::writers::table_json;
 use crate::error::{Error, Result};
 use crate::files::output::write_whole;
 use crate::files::picture::read_exr;
-use crate::measure::budget::Trial;
-use crate::measure::comparison::Compared;
-use crate::measure::job::Effort;
-use crate::measure::table::{Row, mark_pareto};
-use crate::shadow::{Method, ShadowRays};
-use ndarray::Array2;
-use ndarray_npy::ReadNpyExt;
-use std::collections::BTreeMap;
-use std::fs::{self, File};
+use crate::measure::comparison::{Compared, take_differences};
+use crate::measure::pareto::mark_pareto;
+use crate::measure::table::Row;
+use itertools::Itertools as _;
+use ndarray_npy::read_npy;
+use std::fmt;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 const WHAT: &str = "cannot merge";
@@ -35,7 +33,7 @@ struct Part {
     /// Measured rows of this folder, in the order of their records.
     rows: Vec<Row>,
     /// Trials of the folder's searches within budgets.
-    trials: Vec<Trial>,
+    trials: Vec<Row>,
 }
 
 /// Tables that have been put together, not yet written.
@@ -46,14 +44,18 @@ pub struct Merged {
     tf_texts: Vec<Option<String>>,
 }
 
-/// A row's place in the merged table.
+/// A row of the merged table, and where it is from.
 struct Place<'a> {
-    scene: usize,
-    adapter: usize,
-    row: usize,
     part: &'a Part,
     record: &'a RowRecord,
-    values: &'a Row,
+    row: &'a Row,
+}
+
+impl<'a> Place<'a> {
+    /// Scene and method.
+    fn wanted(&self) -> (usize, &'a str) {
+        (self.record.scene, &self.record.method)
+    }
 }
 
 /// Reads folders and puts their rows together; with `partial`, rows that none of them has may be missing.
@@ -67,33 +69,16 @@ pub fn merge(folders: &[PathBuf], partial: bool) -> Result<Merged> {
     };
     others.iter().try_for_each(|other| agree(first, other))?;
 
-    let mut adapters: Vec<String> = Vec::new();
-    let mut wanted: Vec<(usize, &str)> = Vec::new();
-    for part in &parts {
-        if !adapters.contains(&part.run.adapter) {
-            adapters.push(part.run.adapter.clone());
-        }
-        for row in &part.run.rows {
-            if !wanted.contains(&(row.scene, row.method.as_str())) {
-                wanted.push((row.scene, &row.method));
-            }
-        }
-    }
+    let rows = parts.iter().flat_map(|part| &part.run.rows);
+    let wanted: Vec<(usize, &str)> = rows.map(|row| (row.scene, row.method.as_str())).unique().collect();
+    let adapters: Vec<String> = parts.iter().map(|part| part.run.adapter.clone()).unique().collect();
     let places = places(&parts, &adapters, &wanted)?;
-    let missing: Vec<_> = wanted
-        .iter()
-        .filter(|w| !places.iter().any(|p| (p.record.scene, &*p.record.method) == **w))
-        .collect();
+    let missing: Vec<_> = wanted.iter().filter(|w| places.iter().all(|p| p.wanted() != **w)).collect();
     if !partial && !missing.is_empty() {
-        let named: Vec<_> = missing.iter().take(MOST_NAMED).map(|(_, method)| *method).collect();
+        let named = missing.iter().take(MOST_NAMED).map(|(_, method)| method).join(", ");
         let more = if missing.len() > MOST_NAMED { ", ..." } else { "" };
-        let why = format!(
-            "{} of {} rows are in none of them: {}{more}",
-            missing.len(),
-            wanted.len(),
-            named.join(", ")
-        );
-        return Err(Error::input(WHAT, shown(folders), why)
+        let why = format!("{} of {} rows are in none of them: {named}{more}", missing.len(), wanted.len());
+        return Err(Error::input(WHAT, folders.iter().map(|f| f.display()).join(", "), why)
             .hint("measure the missing shards, or merge what there is with --partial"));
     }
     assemble(&parts, adapters, &places, missing.len())
@@ -112,34 +97,31 @@ impl Part {
             return Err(refuse("it is merged from several adapters".into()).hint("merge its parts instead"));
         }
         let table = folder.join("compare.csv");
-        let broken = |why: String| Error::input(WHAT, table.display(), why);
-        let mut reader = csv::Reader::from_path(&table).map_err(|e| broken(e.to_string()))?;
-        let mut rows = Vec::new();
-        for line in reader.deserialize::<BTreeMap<String, String>>() {
-            let texts = line.map_err(|e| broken(e.to_string()))?;
-            let row = Row::from_texts(&texts).map_err(|c| broken(format!("`{c}` has no such value")))?;
-            rows.push(row);
-        }
+        let rows = read_rows(&table)?;
         let records: Vec<_> = run.rows.iter().filter(|r| r.here).collect();
         let fits = |(row, record): (&Row, &&RowRecord)| {
             record.is_of(row) && run.scenes.get(record.scene).is_some_and(|s| s.name == row.scene)
         };
         if rows.len() != records.len() || !rows.iter().zip(&records).all(fits) {
-            return Err(broken("its rows are not those that run.json names".into()));
+            return Err(Error::input(WHAT, table.display(), "its rows are not those that run.json names"));
         }
-        let trials = if run.budgets.is_empty() { Vec::new() } else { trials(&folder.join("trials.csv"))? };
+        let trials = folder.join("trials.csv");
+        // The file does not exist where nothing was tuned.
+        let tuned = !run.budgets.is_empty() && trials.is_file();
+        let trials = if tuned { read_rows(&trials)? } else { Vec::new() };
         Ok(Self { folder: folder.into(), run, rows, trials })
     }
 }
 
-/// Reads the trials of searches within budgets; empty if the file does not exist, since nothing was tuned.
-fn trials(path: &Path) -> Result<Vec<Trial>> {
-    if !path.is_file() {
-        return Ok(Vec::new());
-    }
-    let broken = |e: csv::Error| Error::input(WHAT, path.display(), e);
-    let mut reader = csv::Reader::from_path(path).map_err(broken)?;
-    reader.deserialize().collect::<Result<_, _>>().map_err(broken)
+/// Reads the rows of a CSV file with columns of the comparison.
+fn read_rows(path: &Path) -> Result<Vec<Row>> {
+    let broken = |why: &dyn fmt::Display| Error::input(WHAT, path.display(), why);
+    let mut reader = csv::Reader::from_path(path).map_err(|e| broken(&e))?;
+    let row = |line: csv::Result<_>| {
+        let texts = line.map_err(|e| broken(&e))?;
+        Row::from_texts(&texts).map_err(|column| broken(&format!("`{column}` has no such value")))
+    };
+    reader.deserialize().map(row).collect()
 }
 
 /// Refuses what is of another program, other scenes, another effort or another driver of the same adapter.
@@ -152,10 +134,6 @@ fn agree(first: &Part, other: &Part) -> Result<()> {
     if program(a) != program(b) {
         return refuse(format!("it was measured by {}, not {}", program(b), program(a)));
     }
-    let effort = |run: &Run| Effort { repeats: 0, ..run.effort };
-    if effort(a) != effort(b) {
-        return refuse("its errors are of other numbers of points, rays or depths".into());
-    }
     if a.budgets != b.budgets {
         let said = |run: &Run| match run.budgets.join(", ") {
             none if none.is_empty() => "nothing".into(),
@@ -163,7 +141,7 @@ fn agree(first: &Part, other: &Part) -> Result<()> {
         };
         return refuse(format!("it is tuned within {}, not {}", said(b), said(a)));
     }
-    if let Some(why) = scenes_differ(&a.scenes, &b.scenes) {
+    if let Some(why) = a.sweep_differs(b) {
         return refuse(why);
     }
     if a.adapter == b.adapter && a.driver != b.driver {
@@ -174,21 +152,23 @@ fn agree(first: &Part, other: &Part) -> Result<()> {
 
 /// The rows in the order of the sweep: scene by scene, and in each adapter by adapter.
 fn places<'a>(parts: &'a [Part], adapters: &[String], wanted: &[(usize, &str)]) -> Result<Vec<Place<'a>>> {
-    let mut places: Vec<Place> = Vec::new();
-    for part in parts {
-        let adapter = adapters.iter().position(|a| *a == part.run.adapter).unwrap_or_default();
-        for (record, values) in part.run.rows.iter().filter(|r| r.here).zip(&part.rows) {
-            let key = (record.scene, record.method.as_str());
-            let row = wanted.iter().position(|w| *w == key).unwrap_or_default();
-            if let Some(twice) = places.iter().find(|p| (p.row, p.adapter) == (row, adapter)) {
-                let why = format!("{} is in {} too", record.method, twice.part.folder.display());
-                return Err(Error::input(WHAT, part.folder.display(), why));
-            }
-            places.push(Place { scene: record.scene, adapter, row, part, record, values });
+    let of = |part: &'a Part| {
+        let records = part.run.rows.iter().filter(|r| r.here);
+        records.zip(&part.rows).map(move |(record, row)| Place { part, record, row })
+    };
+    let mut places: Vec<Place> = parts.iter().flat_map(of).collect();
+    let key = |p: &Place| {
+        let adapter = adapters.iter().position(|a| *a == p.part.run.adapter);
+        (p.record.scene, adapter, wanted.iter().position(|w| *w == p.wanted()))
+    };
+    places.sort_by_key(key);
+    match places.iter().tuple_windows().find(|(a, b)| key(a) == key(b)) {
+        Some((first, second)) => {
+            let why = format!("{} is in {} too", second.record.method, first.part.folder.display());
+            Err(Error::input(WHAT, second.part.folder.display(), why))
         }
+        None => Ok(places),
     }
-    places.sort_by_key(|p| (p.scene, p.adapter, p.row));
-    Ok(places)
 }
 
 /// The merged table of rows in their order.
@@ -197,23 +177,14 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
     run.shard = None;
     run.merged = parts.iter().map(|p| p.folder.display().to_string()).collect();
     run.adapter = adapters.join("; ");
-    let unique = |texts: &mut dyn Iterator<Item = String>| {
-        let mut all: Vec<String> = Vec::new();
-        texts.for_each(|text| {
-            if !all.contains(&text) {
-                all.push(text)
-            }
-        });
-        all
-    };
-    run.driver = unique(&mut parts.iter().map(|p| p.run.driver.clone())).join("; ");
-    run.methods = unique(&mut places.iter().map(|p| p.record.method.clone())).join(";");
+    run.driver = parts.iter().map(|p| &p.run.driver).unique().join("; ");
+    run.methods = places.iter().map(|p| &p.record.method).unique().join(";");
     run.conditions = conditions(parts);
     run.adapters = if adapters.len() > 1 { adapters } else { Vec::new() };
     (run.command, run.rows) = (Vec::new(), Vec::new());
     let mut merged = Merged { made: Made::default(), copies: Vec::new(), tf_texts: tf_texts(parts)? };
     let made = &mut merged.made;
-    made.comparison.notes = unique(&mut parts.iter().flat_map(|p| p.run.notes.clone()));
+    made.comparison.notes = parts.iter().flat_map(|p| p.run.notes.clone()).unique().collect();
     made.comparison.notes.push(format!("merged from {} runs: times are from each in turn", parts.len()));
     if missing > 0 {
         made.comparison.notes.push(format!("{missing} rows of the sweep are missing"));
@@ -226,49 +197,37 @@ fn assemble(parts: &[Part], adapters: Vec<String>, places: &[Place], missing: us
             _ => names::adapter_prefix("", &place.part.run.adapter),
         };
         let slug = format!("{adapter_part}{}", place.record.slug);
-        let exr = source(format!("{}.exr", names::picture(&place.record.slug)));
+        let [from, to] = [&place.record.slug, &slug].map(|slug| names::picture(slug));
+        let exr = source(format!("{from}.exr"));
         let picture = if exr.is_file() { Some(read_exr(&exr)?) } else { None };
-        if picture.is_none() && !place.values.has_failed() {
+        if picture.is_none() && !place.row.has_failed() {
             return Err(Error::input(WHAT, exr.display(), "the picture is missing"));
         }
-        if picture.is_some() {
-            for ending in ["png", "exr"] {
-                let from = source(format!("{}.{ending}", names::picture(&place.record.slug)));
-                merged.copies.push((from, format!("{}.{ending}", names::picture(&slug))));
-            }
-        }
-        made.nodes.push(match File::open(source(names::nodes(&place.record.slug))) {
-            Ok(file) => Array2::<i32>::read_npy(file).ok().map(|signed| node_map(&signed)),
-            Err(_) => None,
-        });
-        let row = place.values.clone();
+        let copied = ["png", "exr"].into_iter().filter(|_| picture.is_some());
+        merged.copies.extend(copied.map(|e| (source(format!("{from}.{e}")), format!("{to}.{e}"))));
+        let nodes = read_npy(source(names::nodes(&place.record.slug)));
         run.rows.push(RowRecord { slug: slug.clone(), here: true, ..place.record.clone() });
         made.comparison.compared.push(Compared {
-            row,
+            row: place.row.clone(),
             method: place.record.method.clone(),
             slug,
             picture,
             difference: None,
             left_out: Vec::new(),
+            nodes: nodes.ok().map(|signed| node_map(&signed)),
         });
     }
     made.run = run;
     differences(made, parts)?;
-    mark_pareto(&mut made.comparison.compared.iter_mut().map(|c| &mut c.row).collect::<Vec<_>>());
+    mark_pareto(made.comparison.compared.iter_mut().map(|c| &mut c.row));
     Ok(merged)
 }
 
 /// Merges the measurement conditions of all parts; differing values of a condition are joined with semicolons.
 fn conditions(parts: &[Part]) -> Vec<(String, String)> {
-    let mut all: Vec<(String, Vec<String>)> = Vec::new();
-    for (name, value) in parts.iter().flat_map(|p| &p.run.conditions) {
-        match all.iter_mut().find(|(n, _)| n == name) {
-            Some((_, values)) if values.contains(value) => {}
-            Some((_, values)) => values.push(value.clone()),
-            None => all.push((name.clone(), vec![value.clone()])),
-        }
-    }
-    all.into_iter().map(|(name, values)| (name, values.join("; "))).collect()
+    let all = || parts.iter().flat_map(|p| &p.run.conditions);
+    let values = |name| all().filter(|(n, _)| n == name).map(|(_, value)| value).unique().join("; ");
+    all().map(|(name, _)| name).unique().map(|name| (name.clone(), values(name))).collect()
 }
 
 /// The transfer functions' files, scene by scene, from whichever folder has them.
@@ -284,32 +243,23 @@ fn tf_texts(parts: &[Part]) -> Result<Vec<Option<String>>> {
 
 /// Fills where pictures differ from that by `rays` of the same scene and adapter: a row, or what a part has drawn for it.
 fn differences(made: &mut Made, parts: &[Part]) -> Result<()> {
-    let group = |row: &Row| (row.scene.clone(), row.adapter.clone());
-    let mut groups: Vec<_> = made.comparison.compared.iter().map(|c| group(&c.row)).collect();
-    groups.dedup();
-    for wanted in groups {
-        let is_own = |c: &&mut Compared| group(&c.row) == wanted;
-        let compared = &mut made.comparison.compared;
-        let rays =
-            compared.iter().find(|c| c.row.method == ShadowRays::default().name() && group(&c.row) == wanted);
-        let pixels = match rays.and_then(|c| c.picture.clone()) {
-            Some(pixels) => Some(pixels),
-            None => {
-                let of = |part: &&Part| part.run.adapter == wanted.1;
-                let name = names::prefix(&wanted.0, made.run.scenes.len() > 1);
-                let file = format!("{}.exr", names::reference(&name));
-                let drawn = parts.iter().filter(of).map(|p| p.folder.join(&file)).find(|p| p.is_file());
-                let pixels = drawn.map(|path| read_exr(&path)).transpose()?;
-                made.references.extend(pixels.iter().map(|pixels| ReferencePicture {
-                    scene: wanted.0.clone(),
-                    adapter: wanted.1.clone(),
-                    pixels: pixels.clone(),
-                }));
-                pixels
-            }
-        };
+    let group = |c: &Compared| (c.row.scene.clone(), c.row.adapter.clone());
+    let compared = &mut made.comparison.compared;
+    for wanted in compared.iter().map(group).unique().collect::<Vec<_>>() {
+        let (scene, adapter) = &wanted;
+        let rays = compared.iter().find(|c| c.is_reference() && group(c) == wanted);
+        let mut pixels = rays.and_then(|c| c.picture.clone());
+        if pixels.is_none() {
+            let prefix = names::prefix(scene, made.run.scenes.len() > 1);
+            let file = format!("{}.exr", names::reference(&prefix));
+            let own = parts.iter().filter(|part| part.run.adapter == *adapter);
+            let drawn = own.map(|part| part.folder.join(&file)).find(|path| path.is_file());
+            pixels = drawn.map(|path| read_exr(&path)).transpose()?;
+            let (scene, adapter) = wanted.clone();
+            made.references.extend(pixels.clone().map(|pixels| ReferencePicture { scene, adapter, pixels }));
+        }
         if let Some(pixels) = pixels {
-            let mut own: Vec<&mut Compared> = compared.iter_mut().filter(is_own).collect();
+            let mut own: Vec<_> = compared.iter_mut().filter(|c| group(c) == wanted).collect();
             take_differences(&mut own, &pixels)?;
         }
     }
@@ -350,8 +300,4 @@ impl Merged {
         }
         self.made.write(folder, layout)
     }
-}
-
-fn shown(folders: &[PathBuf]) -> String {
-    folders.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join(", ")
 }

@@ -16,6 +16,7 @@ pub mod heat;
 pub mod html;
 mod made;
 pub mod make;
+pub mod markdown;
 pub mod merge;
 mod names;
 pub mod nodes;

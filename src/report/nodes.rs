@@ -1,10 +1,11 @@
 //! Figures of a deep shadow map's nodes: the map of nodes per tile (Hadwiger et al. 2006, Figure 5) and the histogram of
 //! nodes per texel.
 
-use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, encode_png};
+use super::canvas::{Anchor, Drawing, INK, Rect, Rgb, encode_png};
 use super::heat::{false_colour, with_legend};
 use super::number::significant;
-use super::plot::axis::LinearAxis;
+use super::plot::axis::{Axis, axis_titles, draw_axes};
+use super::plot::page::TEXT;
 use crate::error::Result;
 use crate::shadow::NodeMap;
 use image::imageops;
@@ -15,8 +16,6 @@ const PICTURE_SIDE_PX: usize = 384;
 const LEFT_OUT: Rgb = [150, 150, 150];
 /// More bars than this are put together.
 const MOST_BARS: usize = 40;
-const GRID: Rgb = [225, 225, 225];
-const TEXT: f64 = 13.0;
 
 /// Totals of a map in words.
 pub fn summary(map: &NodeMap) -> String {
@@ -60,52 +59,33 @@ pub fn tile_png(map: &NodeMap) -> Result<Vec<u8>> {
 
 /// How many texels have how many nodes, as bars of a colour: shares of the texels that meet anything.
 pub(super) fn histogram(map: &NodeMap, color: Rgb) -> Drawing {
-    const FRAME: Rect = Rect { left: 64.0, top: 20.0, right: 548.0, bottom: 300.0 };
-    let mut drawing = Drawing::new(560.0, 356.0);
-    let middle = 0.5 * (FRAME.left + FRAME.right);
+    const FRAME: Rect = Rect { left: 96.0, top: 20.0, right: 548.0, bottom: 300.0 };
+    let mut drawing = Drawing::new(560.0, 360.0);
     let (shares, nodes_a_bar) = bars(&map.histogram());
-    let title = match nodes_a_bar {
+    let x_title = match nodes_a_bar {
         1 => "nodes in a texel".to_string(),
         n => format!("nodes in a texel, {n} numbers a bar"),
     };
-    drawing.text(Point(middle, FRAME.bottom + 38.0), Anchor::Middle, TEXT, BLACK, &title);
-    let y_title = "texels that meet anything [%]";
-    drawing.rotated_text(Point(FRAME.left - 48.0, 0.5 * (FRAME.top + FRAME.bottom)), TEXT, BLACK, y_title);
+    let titles = [x_title.as_str(), "texels that meet anything [%]"];
     let highest = shares.iter().copied().fold(0.0, f64::max);
     if highest <= 0.0 {
+        axis_titles(&mut drawing, FRAME, titles);
         drawing.outline(FRAME, 1.2, INK);
-        let text = "no texel meets anything";
-        drawing.text(Point(middle, 160.0), Anchor::Middle, TEXT, INK, text);
+        drawing.text(FRAME.middle(), Anchor::Middle, TEXT, INK, "no texel meets anything");
         return drawing;
     }
     // The first bar is around 1, and a bar's middle stands for its numbers.
     let last = (shares.len() * nodes_a_bar) as f64 + 0.5;
-    let x = LinearAxis::new([0.5, last], FRAME.left, FRAME.right);
-    let y = LinearAxis::new([0.0, 1.06 * highest], FRAME.bottom, FRAME.top);
-    for tick in y.ticks(7) {
-        let at = y.place(tick.value);
-        drawing.line(&[Point(FRAME.left, at), Point(FRAME.right, at)], 0.8, GRID);
-        let text = tick.label.map_or(String::new(), |l| l.0);
-        drawing.text(Point(FRAME.left - 7.0, at), Anchor::End, TEXT, INK, &text);
-    }
+    let mut x = Axis::linear([0.5, last], FRAME.left, FRAME.right, 10);
+    x.ticks.retain(|tick| tick.value.fract() == 0.0);
+    let y = Axis::linear([0.0, 1.06 * highest], FRAME.bottom, FRAME.top, 7);
+    draw_axes(&mut drawing, FRAME, [&x, &y], titles);
     for (i, share) in shares.iter().enumerate() {
         let edge = |n: usize| x.place((n * nodes_a_bar) as f64 + 0.5);
         let air = 0.1 * (edge(1) - edge(0));
-        let rect = Rect {
-            left: edge(i) + air,
-            right: edge(i + 1) - air,
-            top: y.place(*share),
-            bottom: FRAME.bottom,
-        };
-        drawing.polygon(&rect.corners(), color);
+        let (left, right) = (edge(i) + air, edge(i + 1) - air);
+        drawing.polygon(&Rect { left, right, top: y.place(*share), bottom: FRAME.bottom }.corners(), color);
     }
-    for tick in x.ticks(10).into_iter().filter(|t| t.value.fract() == 0.0) {
-        let at = x.place(tick.value);
-        drawing.line(&[Point(at, FRAME.bottom), Point(at, FRAME.bottom + 5.0)], 1.0, INK);
-        let text = format!("{}", tick.value);
-        drawing.text(Point(at, FRAME.bottom + 16.0), Anchor::Middle, TEXT, INK, &text);
-    }
-    drawing.outline(FRAME, 1.2, INK);
     drawing
 }
 

@@ -1,6 +1,6 @@
 //! Figures as PNG, SVG and PDF, all of one drawing.
 //!
-//! A method has one colour and one marker in every figure (told apart with any colour vision, and by shape in print).
+//! A method has one colour and one marker in every figure (distinct with any colour vision, and by shape in print).
 
 pub(super) mod axis;
 mod cost;
@@ -8,13 +8,13 @@ pub mod curve;
 mod error;
 mod front;
 mod label;
-mod page;
+pub(super) mod page;
 mod style;
 
 use super::canvas::Drawing;
 use super::names::PLOT_ENDINGS;
+use super::writers::write_files;
 use crate::error::Result;
-use crate::files::output::write_whole;
 use crate::files::picture::with_texts;
 use crate::measure::table::Row;
 use cost::Cost;
@@ -43,7 +43,7 @@ pub fn write_plots(
     stems: &[String; 2],
     texts: &[(String, String)],
 ) -> Result<Vec<PathBuf>> {
-    let mut paths = Vec::new();
+    let mut files = Vec::new();
     for (drawing, stem) in [error_time(rows), error_bytes(rows)].into_iter().zip(stems) {
         for ending in PLOT_ENDINGS {
             let bytes = match ending {
@@ -51,10 +51,8 @@ pub fn write_plots(
                 "svg" => drawing.svg(None).into_string().into_bytes(),
                 _ => drawing.pdf()?,
             };
-            let path = folder.join(format!("{stem}.{ending}"));
-            write_whole(&path, |file| file.write_all(&bytes))?;
-            paths.push(path);
+            files.push((format!("{stem}.{ending}"), bytes));
         }
     }
-    Ok(paths)
+    write_files(folder, files)
 }

@@ -1,6 +1,6 @@
 //! `run.json`: how a folder's table was made, and which files of the folder are its own.
 //!
-//! It is written before anything is measured and again at the end. By it a folder can be run again, shards can be told to
+//! It is written before anything is measured and again at the end. By it a folder can be run again, shards are known to
 //! be of one sweep, and two runs never mix in a folder.
 
 use super::names::{self, RUN};
@@ -10,6 +10,7 @@ use crate::measure::job::Effort;
 use crate::measure::journal::JOURNAL;
 use crate::measure::table::Row;
 use crate::shadow::{Method, MethodSpec};
+use itertools::Itertools as _;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::Path;
@@ -53,7 +54,7 @@ pub struct RowRecord {
     pub slug: String,
     /// Whether it is in this folder.
     pub here: bool,
-    /// Whether a search within a budget added it to those asked for.
+    /// Whether a search within a budget added it to the requested ones.
     #[serde(default)]
     pub chosen: bool,
 }
@@ -237,8 +238,8 @@ impl Run {
             ("umbravox:volume-sha256", record.volume_sha256.clone().unwrap_or_default()),
             ("umbravox:tf-sha256", record.tf_sha256.clone()),
         ];
-        let told = texts.into_iter().filter(|(_, text)| !text.is_empty());
-        told.map(|(key, text)| (key.to_owned(), text)).collect()
+        let filled = texts.into_iter().filter(|(_, text)| !text.is_empty());
+        filled.map(|(key, text)| (key.to_owned(), text)).collect()
     }
 
     /// Every file that the run may write, without repetition.
@@ -264,9 +265,7 @@ impl Run {
             files.extend(["png", "exr"].map(|e| format!("{}.{e}", names::picture(&row.slug))));
             files.extend([names::difference(&row.slug), names::nodes(&row.slug)]);
         }
-        let mut seen = std::collections::HashSet::new();
-        files.retain(|name| seen.insert(name.clone()));
-        files
+        files.into_iter().unique().collect()
     }
 
     /// Name parts of a scene's plots, one for each adapter: the scene and the adapter, each only if several exist.
@@ -281,6 +280,15 @@ impl Run {
             0 | 1 => vec![prefix],
             _ => self.adapters.iter().map(|a| names::adapter_prefix(&prefix, a)).collect(),
         }
+    }
+
+    /// The first thing in which the sweep of another run differs, in words; repeats may.
+    pub fn sweep_differs(&self, other: &Self) -> Option<String> {
+        let effort = |run: &Self| Effort { repeats: 0, ..run.effort };
+        if effort(self) != effort(other) {
+            return Some("its errors are of other numbers of points, rays or depths".into());
+        }
+        scenes_differ(&self.scenes, &other.scenes)
     }
 
     /// The command line as a shell takes it.
@@ -312,7 +320,7 @@ impl Run {
 }
 
 /// The first thing in which scenes differ, in words.
-pub fn scenes_differ(these: &[SceneRecord], those: &[SceneRecord]) -> Option<String> {
+fn scenes_differ(these: &[SceneRecord], those: &[SceneRecord]) -> Option<String> {
     let names = |scenes: &[SceneRecord]| scenes.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
     if names(these) != names(those) {
         return Some(format!("its scenes are {}, not {}", names(those).join(", "), names(these).join(", ")));

@@ -4,14 +4,13 @@ mod columns;
 mod latex;
 
 use super::budgets::lines;
+use super::markdown::{Align, aligned_table};
 use super::number::significant;
 use super::run::Run;
-use super::writers::{columns_markdown, table_csv, table_json};
+use super::writers::{columns_markdown, table_csv, table_json, write_files};
 use crate::error::Result;
-use crate::files::output::write_whole;
 use crate::measure::table::Row;
-use columns::{SHOWN, Shown, chosen, one_line};
-use std::fmt::Write;
+use columns::{SHOWN, TableColumn, chosen, one_line};
 use std::path::{Path, PathBuf};
 
 /// Which columns the tables for reading have, and how wide they may be.
@@ -45,7 +44,7 @@ impl Default for Layout {
 /// The main columns of the rows as an aligned Markdown table with a caption, and which method is closest within each
 /// budget that rows were tuned for.
 pub fn summary(rows: &[Row], layout: &Layout) -> String {
-    let few: Vec<Shown> = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
+    let few: Vec<TableColumn> = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
     markdown_table(rows, &picked(layout, few)) + &remarks(rows) + &answers(rows)
 }
 
@@ -105,35 +104,17 @@ pub fn markdown(rows: &[Row], layout: &Layout) -> String {
     out
 }
 
-fn markdown_table(rows: &[Row], wanted: &[Shown]) -> String {
+fn markdown_table(rows: &[Row], wanted: &[TableColumn]) -> String {
     let (caption, shown) = filled(rows, wanted);
-    let mut out = format!("{}\n\n", escape_markdown(&caption));
-    let mut lines = vec![shown.iter().map(|s| escape_markdown(&heading(s))).collect::<Vec<_>>()];
-    lines.extend(rows.iter().map(|r| shown.iter().map(|s| escape_markdown(&s.value(r))).collect()));
-    let width = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or(0).max(3);
-    let widths: Vec<usize> = (0..shown.len()).map(width).collect();
-    for (i, line) in lines.iter().enumerate() {
-        out.push('|');
-        for ((cell, s), &width) in line.iter().zip(&shown).zip(&widths) {
-            // Writing to a String cannot fail.
-            let _ =
-                if s.number { write!(out, " {cell:>width$} |") } else { write!(out, " {cell:<width$} |") };
-        }
-        out.push('\n');
-        if i == 0 {
-            out.push('|');
-            for (s, width) in shown.iter().zip(&widths) {
-                let dashes = "-".repeat(*width);
-                out += &if s.number { format!(" {}: |", &dashes[1..]) } else { format!(" {dashes} |") };
-            }
-            out.push('\n');
-        }
-    }
-    out
+    let align = |s: &TableColumn| if s.number { Align::Right } else { Align::Left };
+    let headings: Vec<_> = shown.iter().map(|s| (escape_markdown(&heading(s)), align(s))).collect();
+    let cells = |row| shown.iter().map(|s| escape_markdown(&s.value(row))).collect();
+    let cells: Vec<Vec<String>> = rows.iter().map(cells).collect();
+    format!("{}\n\n{}", escape_markdown(&caption), aligned_table(&headings, &cells))
 }
 
 /// Writes `compare.csv`, `compare.json`, `compare.md`, `compare.tex`, and `columns.md`, which says what the columns are,
-/// into a folder that exists, each whole or not at all. Gives their paths, and what could not be put as it was asked for.
+/// into a folder that exists, each whole or not at all. Returns their paths, and remarks on what could not be shown as requested.
 ///
 /// # Errors
 /// A column that there is not, or a file that cannot be written.
@@ -161,11 +142,7 @@ pub fn write_tables(
         ("compare.tex", latex.text.into_bytes()),
         ("columns.md", columns_markdown().into_bytes()),
     ];
-    let write = |(name, bytes): (&str, Vec<u8>)| {
-        let path = folder.join(name);
-        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
-    };
-    Ok((files.into_iter().map(write).collect::<Result<_>>()?, remarks))
+    Ok((write_files(folder, files)?, remarks))
 }
 
 /// How the table was made, and how it is made again.
@@ -199,25 +176,25 @@ fn provenance(run: &Run) -> String {
 }
 
 /// Columns chosen by a layout, or `otherwise` if it chooses none.
-fn picked(layout: &Layout, otherwise: Vec<Shown>) -> Vec<Shown> {
+fn picked(layout: &Layout, otherwise: Vec<TableColumn>) -> Vec<TableColumn> {
     // Names were checked before; one that is none picks nothing more.
     let own = layout.columns.as_deref().and_then(|names| chosen(names).ok());
     let Some(own) = own else { return otherwise };
     // What differs between rows and is not chosen would leave them without a name.
-    let told = |s: &Shown| own.iter().any(|o| o.name == s.name);
-    let conditions = SHOWN.iter().filter(|s| s.caption && s.on_paper && !told(s));
+    let chosen = |s: &TableColumn| own.iter().any(|o| o.name == s.name);
+    let conditions = SHOWN.iter().filter(|s| s.caption && s.on_paper && !chosen(s));
     conditions.chain(&own).copied().collect()
 }
 
 /// The few columns of LaTeX and the terminal, or those of the layout: the caption and what is filled.
-fn layout(rows: &[Row], layout: &Layout) -> (String, Vec<Shown>) {
+fn layout(rows: &[Row], layout: &Layout) -> (String, Vec<TableColumn>) {
     let few = SHOWN.iter().filter(|s| s.on_paper).copied().collect();
     filled(rows, &picked(layout, few))
 }
 
 /// The caption of what all rows share, a failed one with nothing there aside, and the other columns that any row has a
 /// value in.
-fn filled(rows: &[Row], wanted: &[Shown]) -> (String, Vec<Shown>) {
+fn filled(rows: &[Row], wanted: &[TableColumn]) -> (String, Vec<TableColumn>) {
     let (mut caption, mut shown) = (Vec::new(), Vec::new());
     for s in wanted {
         let mut values = rows.iter().map(|r| s.value(r)).filter(|v| !v.is_empty());
@@ -232,7 +209,7 @@ fn filled(rows: &[Row], wanted: &[Shown]) -> (String, Vec<Shown>) {
     (caption.join(" · "), shown)
 }
 
-fn heading(s: &Shown) -> String {
+fn heading(s: &TableColumn) -> String {
     if s.unit.is_empty() { s.heading.to_string() } else { format!("{} [{}]", s.heading, s.unit) }
 }
 

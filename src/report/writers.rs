@@ -3,20 +3,26 @@
 use super::run::Run;
 use super::side_tables::{SIDE_TABLES, SideTable};
 use crate::error::{Error, Result};
+use crate::files::output::write_whole;
 use crate::measure::table::{COLUMNS, Cell, Column, Row};
 use serde::Serialize;
+use std::borrow::Borrow;
 use std::fmt;
+use std::path::{Path, PathBuf};
 
-/// Every column of all rows with a header line; what was not measured is empty.
+/// Rows of any kind as CSV with a header line; what was not measured is empty.
 ///
 /// # Errors
 /// The writer's own, which memory does not give.
 pub fn csv<T: Serialize>(rows: &[T]) -> Result<Vec<u8>> {
+    written(|writer| rows.iter().try_for_each(|row| writer.serialize(row)))
+}
+
+/// Runs `write` on a CSV writer to memory.
+fn written(write: impl FnOnce(&mut csv::Writer<Vec<u8>>) -> csv::Result<()>) -> Result<Vec<u8>> {
     let failed = |e: &dyn fmt::Display| Error::runtime("cannot write table", "CSV", e);
     let mut writer = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        writer.serialize(row).map_err(|e| failed(&e))?;
-    }
+    write(&mut writer).map_err(|e| failed(&e))?;
     writer.into_inner().map_err(|e| failed(&e))
 }
 
@@ -33,7 +39,7 @@ pub fn json<T: Serialize>(rows: &[T]) -> Result<String> {
 
 /// A row of `compare.json`: the columns, and what its scene was read from.
 #[derive(Serialize)]
-struct Told<'a> {
+struct JsonRow<'a> {
     #[serde(flatten)]
     row: &'a Row,
     scene_file: Option<&'a str>,
@@ -41,7 +47,7 @@ struct Told<'a> {
     transfer_function_sha256: Option<&'a str>,
 }
 
-impl<'a> Told<'a> {
+impl<'a> JsonRow<'a> {
     fn of(row: &'a Row, run: &'a Run) -> Self {
         let record = run.scenes.iter().find(|s| s.name == row.scene);
         let filled = |text: &'a String| Some(text.as_str()).filter(|t| !t.is_empty());
@@ -59,22 +65,54 @@ impl<'a> Told<'a> {
 /// # Errors
 /// As there.
 pub fn table_json(rows: &[Row], run: &Run) -> Result<String> {
-    json(&rows.iter().map(|row| Told::of(row, run)).collect::<Vec<_>>())
+    json(&rows.iter().map(|row| JsonRow::of(row, run)).collect::<Vec<_>>())
 }
 
 /// All columns of all rows as CSV with a header line: empty cells are empty, flags `true` or `false`, reals in
 /// the fewest digits that read back as the same number (`inf` for an infinite one).
 ///
 /// # Errors
-/// The writer's own, which memory does not give.
+/// See [`csv()`].
 pub fn table_csv(rows: &[Row]) -> Result<Vec<u8>> {
-    let failed = |e: &dyn fmt::Display| Error::runtime("cannot write table", "CSV", e);
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(COLUMNS.iter().map(|c| c.name)).map_err(|e| failed(&e))?;
-    for row in rows {
-        writer.write_record(row.cells().iter().map(Cell::to_string)).map_err(|e| failed(&e))?;
-    }
-    writer.into_inner().map_err(|e| failed(&e))
+    written(|writer| {
+        writer.write_record(COLUMNS.iter().map(|c| c.name))?;
+        rows.iter().try_for_each(|row| writer.write_record(row.cells().iter().map(Cell::to_string)))
+    })
+}
+
+/// Rows as CSV with the columns of a [`SideTable`]: `own` gives the text of a column by its name, and where it gives none the
+/// column is that of the row.
+///
+/// # Errors
+/// See [`csv()`].
+pub(super) fn side_table_csv<T: Borrow<Row>>(
+    file: &str,
+    rows: &[T],
+    own: impl Fn(&T, &str) -> Option<String>,
+) -> Result<Vec<u8>> {
+    written(|writer| {
+        writer.write_record(SideTable::names(file))?;
+        rows.iter().try_for_each(|row| {
+            let cell = |name| own(row, name).unwrap_or_else(|| row.borrow().cell(name).to_string());
+            writer.write_record(SideTable::names(file).map(cell))
+        })
+    })
+}
+
+/// Writes files, given by their names and contents, into a folder that exists, each whole or not at all; returns their
+/// paths.
+///
+/// # Errors
+/// A file that cannot be written.
+pub(super) fn write_files<N: AsRef<Path>>(
+    folder: &Path,
+    files: impl IntoIterator<Item = (N, Vec<u8>)>,
+) -> Result<Vec<PathBuf>> {
+    let write = |(name, bytes): (N, Vec<u8>)| {
+        let path = folder.join(name);
+        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
+    };
+    files.into_iter().map(write).collect()
 }
 
 /// Markdown description of every column of [`table_csv`] and of the side tables.
@@ -86,9 +124,9 @@ pub fn columns_markdown() -> String {
         light, 0 to 1.\n",
     );
     out += &page(COLUMNS.iter().map(|Column { name, unit, about }| [*name, *unit, about.as_str()]));
-    for SideTable { file, about, columns } in SIDE_TABLES {
+    for SideTable { file, about, columns } in SIDE_TABLES.iter() {
         out += &format!("\n# Columns of {file}\n\n{about}\n");
-        out += &page(columns.iter().copied());
+        out += &page(columns.iter().map(|column| column.each_ref().map(String::as_str)));
     }
     out
 }

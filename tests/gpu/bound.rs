@@ -1,8 +1,8 @@
-//! Transmittance along light rays through texel centres: within the band that the map promises, monotone, in range.
+//! Transmittance along light rays through texel centres: within the error bound of the map, monotone, in range.
 
 use super::*;
 use glam::{DMat3, DVec2};
-use umbravox::measure::band::{BandReport, Sanity};
+use umbravox::measure::bound_check::{BoundReport, Sanity};
 use umbravox::measure::errors::{RayTest, meets_extinction};
 use umbravox::measure::rays::pick_texels;
 
@@ -12,8 +12,8 @@ const DEPTHS: usize = 64;
 /// Candidate texels a side: spread over the map, whatever its size.
 const CANDIDATES: u32 = 16;
 
-/// Queries a method along light rays; the band report and what holds of any transmittance.
-pub(super) fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (BandReport, Sanity) {
+/// Queries a method along light rays; the bound report and the sanity of transmittance.
+pub(super) fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (BoundReport, Sanity) {
     let map = setup.shadow(method, light);
     let field = setup.exact();
     let stride = map.light_space.map_size / CANDIDATES;
@@ -26,13 +26,13 @@ pub(super) fn along_light_rays(setup: &Setup, method: &str, light: Light) -> (Ba
     let taps = shadow::parse(method).unwrap().taps();
     let test = RayTest { texels: &texels, taps, depths: DEPTHS, default_depth_mm: 0.1, nodes_mm: &[] };
     let rise = if method == "rays" { tolerance::RAYS_RISE } else { tolerance::MAP_RISE };
-    let (mut report, mut sanity) = (BandReport::default(), Sanity::default());
-    let visit = |own, _: &[f64], values: &[f32]| {
+    let (mut report, mut sanity) = (BoundReport::default(), Sanity::default());
+    let visit = |own, depths: &[f64], values: &[f32]| {
         report = report.merge(own);
-        sanity = sanity.merge(Sanity::of_ray(values, rise));
-        sanity.out_of_range += Sanity::of_ray(values, tolerance::RANGE).out_of_range;
+        sanity = sanity.merge(Sanity::of_ray(depths, values, [tolerance::RANGE, rise], 0.0));
     };
-    test.visit(&field, light, &setup.session, &map, visit).unwrap();
+    let query = |points: &[DVec3]| setup.session.query(&map, points);
+    test.visit(&field, light, &map, query, visit).unwrap();
     (report, sanity)
 }
 
@@ -43,7 +43,7 @@ fn check(volume: &Arc<Volume>, tf: &TransferFunction, methods: &[&str], what: &s
         for method in methods {
             let (report, sanity) = along_light_rays(&setup, method, light);
             assert_eq!(report.rays, RAYS);
-            if report.held() != Some(true)
+            if report.satisfied() != Some(true)
                 || sanity.monotone_violations + sanity.non_finite + sanity.out_of_range > 0
             {
                 failures.push(format!("{what}, {place}, {method}: {report:?} {sanity:?}"));

@@ -11,7 +11,7 @@ pub fn promises_hold(setup: &Setup, what: &str) {
             let (report, sanity) = along_light_rays(setup, method, light);
             let wrong = sanity.monotone_violations + sanity.non_finite + sanity.out_of_range;
             assert!(
-                report.held() == Some(true) && wrong == 0,
+                report.satisfied() == Some(true) && wrong == 0,
                 "{what}, {place}, {method}: {report:?} {sanity:?}"
             );
         }

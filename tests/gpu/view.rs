@@ -1,7 +1,7 @@
 //! Maps across what the camera sees: right where the picture shows something, and finer there.
 
 use super::*;
-use umbravox::measure::errors::SeenReference;
+use umbravox::measure::errors::VisiblePoints;
 use umbravox::scene::Camera;
 
 /// At infinity, and two and a half times as far away as the volume's corners.
@@ -39,7 +39,7 @@ fn a_map_of_the_view_is_finer_than_one_of_the_volume() {
                 height: 64,
                 ..Scene::framing(&volume)
             };
-            let seen = SeenReference::new(&field, &scene, 3000);
+            let seen = VisiblePoints::new(&field, &scene, 3000);
             assert!(!seen.is_empty());
             for method in
                 ["dsm:epsilon=0.01", "osm:layers=64,kernel=3", "dom:layers=31", "bom:layers=31,march=samples"]

@@ -1,18 +1,17 @@
 //! Tuning within budgets: each method's own settings are searched for the least error that so many bytes, or so many
 //! milliseconds, allow.
 //!
-//! `bytes` is held against the column of that name, `ms` against `build_ms + frame_ms`: a picture after the light has
+//! `bytes` limits the column of that name, `ms` against `build_ms + frame_ms`: a picture after the light has
 //! moved. There are two questions to each budget, the least `point_err_rms` and the least `image_rmse` ([`By`]), and
-//! [`search`] answers both for every method from one stock of [`Trial`]s; [`tune`](mod@tune) makes these on a device.
+//! [`search`] answers both for every method from one stock of trials, which are rows with few columns; [`tune`](mod@tune) makes these on a device.
 
 pub mod search;
-mod trial;
 pub(super) mod tune;
-
-pub use trial::Trial;
 
 use super::table::Row;
 use crate::error::{Error, Result};
+use bytesize::ByteSize;
+use itertools::Itertools as _;
 use std::fmt;
 use std::str::FromStr;
 
@@ -72,13 +71,13 @@ impl Budget {
             };
             let refuse = |why: &str| Err(Error::input(WHAT, format!("`{}`", part.trim()), why));
             let budget = match key {
-                Some("bytes") => bytes(value).map(Self::Bytes),
+                Some("bytes") => value.parse().ok().map(|ByteSize(n)| n).filter(|n| *n > 0).map(Self::Bytes),
                 Some("ms") => positive(value).map(Self::Ms),
                 _ => return refuse("expected bytes=SIZE[,SIZE...] or ms=NUMBER[,NUMBER...]"),
             };
             let Some(budget) = budget else {
                 return refuse(
-                    "expected a number above 0; of bytes with B, kB, MB, GB, KiB, MiB or GiB behind it",
+                    "expected a number above 0; of bytes with a unit such as kB, MB, KiB or MiB behind it",
                 );
             };
             if !budgets.contains(&budget) {
@@ -114,24 +113,7 @@ fn positive(text: &str) -> Option<f64> {
     text.parse().ok().filter(|n: &f64| n.is_finite() && *n > 0.0)
 }
 
-/// `2MiB`, `1.5 MB`, `4096`.
-fn bytes(text: &str) -> Option<u64> {
-    const UNITS: [(&str, f64); 7] = [
-        ("KiB", 1024.0),
-        ("MiB", 1_048_576.0),
-        ("GiB", 1_073_741_824.0),
-        ("kB", 1e3),
-        ("MB", 1e6),
-        ("GB", 1e9),
-        ("B", 1.0),
-    ];
-    let found = UNITS.into_iter().find_map(|(unit, size)| Some((text.strip_suffix(unit)?, size)));
-    let (number, size) = found.unwrap_or((text, 1.0));
-    let whole = (positive(number.trim())? * size).floor();
-    (1.0..2f64.powi(53)).contains(&whole).then_some(whole as u64)
-}
-
-/// By which error the closest is told.
+/// Error that decides which settings are the closest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum By {
     /// `point_err_rms`.
@@ -172,14 +154,16 @@ pub fn tuned_for(uses: &[(Budget, By)]) -> String {
 
 /// The budgets that rows were tuned for, each once, in their order.
 pub fn budgets_of(rows: &[Row]) -> Vec<Budget> {
-    let mut budgets = Vec::new();
     let texts = rows.iter().flat_map(|row| row.tuned_for.split("; "));
-    for budget in texts.filter_map(|text| text.split(' ').next()?.parse().ok()) {
-        if !budgets.contains(&budget) {
-            budgets.push(budget);
-        }
-    }
-    budgets
+    let budgets = texts.filter_map(|text| text.split(' ').next()?.parse().ok());
+    budgets.unique_by(Budget::to_string).collect()
+}
+
+/// Whether a trial has what a search within these budgets needs: its need of each, and errors where one allows it.
+pub(super) fn answers(trial: &Row, budgets: &[Budget]) -> bool {
+    let known = budgets.iter().all(|b| b.need(trial).is_some());
+    let allowed = budgets.iter().any(|b| b.holds(trial));
+    !trial.note.is_empty() || known && (!allowed || By::ALL.iter().any(|by| by.error(trial).is_some()))
 }
 
 #[cfg(test)]
@@ -211,7 +195,7 @@ mod tests {
             "bytes=",
             "bytes=0",
             "bytes=-1",
-            "bytes=2TiB",
+            "bytes=2 MiX",
             "bytes=0.5",
             "ms=inf",
             "ms=nan",

@@ -4,11 +4,12 @@
 //! it that the budget holds: those with one axis lowered, and that with all ordered axes lowered together. From there
 //! steps along each axis are tried, short and long, since errors may rise before they fall; one that is closer is taken,
 //! and taken again. Where none is, one axis is raised while another is lowered: what a budget that is spent still allows.
-//! Trials are kept, so that all budgets and both errors draw on one stock. What is sure to need too many bytes is not
+//! Trials are stored, so that all budgets and both errors draw on one stock. What is sure to need too many bytes is not
 //! tried: along ordered axes a budget that was overrun stays so.
 
-use super::{Budget, By, Trial};
+use super::{Budget, By};
 use crate::error::Result;
+use crate::measure::table::Row;
 use std::collections::HashMap;
 
 /// New trials that one budget and error may take of a method.
@@ -27,7 +28,7 @@ pub struct Side {
 }
 
 type Canonical<'a> = Box<dyn Fn(&[usize]) -> Place + 'a>;
-type Attempt<'a> = Box<dyn FnMut(&[usize]) -> Result<Trial> + 'a>;
+type Attempt<'a> = Box<dyn FnMut(&[usize]) -> Result<Row> + 'a>;
 
 /// The stock of trials of one method.
 pub struct Search<'a> {
@@ -38,7 +39,7 @@ pub struct Search<'a> {
     /// Tries a place.
     attempt: Attempt<'a>,
     /// Places tried so far with their trials, in order.
-    pub tried: Vec<(Place, Trial)>,
+    pub tried: Vec<(Place, Row)>,
     /// Places in `tried`.
     known: HashMap<Place, usize>,
     /// New trials that are left to the question at hand.
@@ -50,7 +51,7 @@ impl<'a> Search<'a> {
     pub fn new(
         sides: Vec<Side>,
         canonical: impl Fn(&[usize]) -> Place + 'a,
-        attempt: impl FnMut(&[usize]) -> Result<Trial> + 'a,
+        attempt: impl FnMut(&[usize]) -> Result<Row> + 'a,
     ) -> Self {
         let (canonical, attempt) = (Box::new(canonical), Box::new(attempt));
         Self { sides, canonical, attempt, tried: Vec::new(), known: HashMap::new(), left: 0 }
@@ -101,7 +102,7 @@ impl<'a> Search<'a> {
             axes.iter().for_each(|a| place[*a] = default[*a] * step / steps.max(1));
             (search.canonical)(&place)
         };
-        // Held at `low`, overrun at `high`.
+        // Within the budget at `low`, beyond it at `high`.
         let (mut low, mut high) = (0, steps);
         let lowest = at(self, 0);
         if !self.is_held(budget, &lowest)? {
@@ -165,13 +166,13 @@ impl<'a> Search<'a> {
     /// Error, and where that is the same the need.
     fn score(&self, budget: Budget, by: By, place: &Place) -> Option<(f64, f64)> {
         let trial = &self.tried[*self.known.get(place)?].1;
-        Some((trial.error(by)?, trial.need(budget)?))
+        Some((by.error(trial)?, budget.need(trial)?))
     }
 
     /// The place of the least error that the budget holds, of all that was tried; `None` where it holds nothing.
     pub fn best_known(&self, budget: Budget, by: By) -> Option<Place> {
-        let held = self.tried.iter().filter(|(_, t)| t.need(budget).is_some_and(|n| n <= budget.amount()));
-        let scored = held.filter_map(|(place, _)| Some((self.score(budget, by, place)?, place)));
+        let allowed = self.tried.iter().filter(|(_, t)| budget.holds(t));
+        let scored = allowed.filter_map(|(place, _)| Some((self.score(budget, by, place)?, place)));
         scored
             .min_by(|a, b| a.0.partial_cmp(&b.0).unwrap_or(std::cmp::Ordering::Equal))
             .map(|(_, place)| place.clone())
@@ -180,8 +181,7 @@ impl<'a> Search<'a> {
     /// Whether a budget holds a place, which is tried where that is not known.
     fn is_held(&mut self, budget: Budget, place: &Place) -> Result<bool> {
         if let Some(found) = self.known.get(place) {
-            let need = self.tried[*found].1.need(budget);
-            return Ok(need.is_some_and(|need| need <= budget.amount()));
+            return Ok(budget.holds(&self.tried[*found].1));
         }
         if self.left == 0 || self.is_surely_over(budget, place) {
             return Ok(false);
@@ -199,7 +199,7 @@ impl<'a> Search<'a> {
             let each = self.sides.iter().zip(other).zip(place);
             each.into_iter().all(|((side, a), b)| if side.ordered { a <= b } else { a == b })
         };
-        let over = |t: &Trial| t.need(budget).is_some_and(|need| need > budget.amount());
+        let over = |t: &Row| budget.need(t).is_some_and(|need| need > budget.amount());
         matches!(budget, Budget::Bytes(_)) && self.tried.iter().any(|(other, t)| over(t) && no_larger(other))
     }
 }

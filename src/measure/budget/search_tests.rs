@@ -24,19 +24,19 @@ const SIDES: [Side; 4] = [
 const DEFAULT: [usize; 4] = [5, 4, 0, 2];
 
 impl Planted {
-    fn trial(&self, place: &[usize]) -> Trial {
+    fn trial(&self, place: &[usize]) -> Row {
         let map = 64.0 * 2f64.powf(0.5 * place[0] as f64);
         let layers = 2f64.powi(place[1] as i32);
         let ratio = 0.1 * (place[3] as f64 - 2.0).abs();
         let bump = if (1..3).contains(&place[1]) { self.bump } else { 0.0 };
         let error = self.texel / map + self.layer / layers + self.words[place[2]] + 0.01 * ratio + bump;
-        Trial {
+        Row {
             bytes: Some((map * map * (layers + 1.0)) as u64),
             build_ms: Some(1e-5 * map * map * layers),
             frame_ms: Some(if place[2] == 2 { 20.0 } else { 10.0 }),
             point_err_rms: Some(error),
             image_rmse: Some(0.3 * error + 1e-3 * place[2] as f64),
-            ..Trial::default()
+            ..Row::default()
         }
     }
 }
@@ -60,8 +60,8 @@ fn every_place() -> Vec<Place> {
 /// The least error that a budget holds anywhere.
 fn least(planted: &Planted, budget: Budget, by: By) -> Option<f64> {
     let trials = every_place().into_iter().map(|p| planted.trial(&canonical(&p)));
-    let held = trials.filter(|t| t.need(budget).unwrap() <= budget.amount());
-    held.filter_map(|t| t.error(by)).reduce(f64::min)
+    let allowed = trials.filter(|t| budget.need(t).unwrap() <= budget.amount());
+    allowed.filter_map(|t| by.error(&t)).reduce(f64::min)
 }
 
 #[test]
@@ -90,8 +90,8 @@ fn the_closest_of_the_whole_grid_is_found_in_a_part_of_its_trials() {
                 for by in By::ALL {
                     assert!(search.look(budget, by, &DEFAULT).unwrap(), "it came to its end");
                     let trial = planted.trial(&search.best_known(budget, by).unwrap());
-                    let (got, want) = (trial.error(by).unwrap(), least(&planted, budget, by).unwrap());
-                    assert!(trial.need(budget).unwrap() <= budget.amount());
+                    let (got, want) = (by.error(&trial).unwrap(), least(&planted, budget, by).unwrap());
+                    assert!(budget.need(&trial).unwrap() <= budget.amount());
                     assert!(got <= want * 1.000_001, "{budget} {by:?}: {got}, not {want}");
                 }
             }
@@ -141,8 +141,8 @@ fn failures_and_gaps_are_walked_around_and_an_end_is_an_end() {
     let attempt = |place: &[usize]| {
         let trial = planted.trial(place);
         Ok(match place[0] {
-            7.. => Trial { note: "cannot allocate".into(), ..Trial::default() },
-            6 => Trial { point_err_rms: Some(f64::NAN), ..trial },
+            7.. => Row { note: "cannot allocate".into(), ..Row::default() },
+            6 => Row { point_err_rms: Some(f64::NAN), ..trial },
             _ => trial,
         })
     };

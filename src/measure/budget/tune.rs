@@ -1,13 +1,14 @@
 //! The search of every method on a device.
 
 use super::search::{MOST_TRIALS, Place, Search, Side};
-use super::{Budget, By, Trial, Uses, tuned_for};
+use super::{Budget, By, Uses, answers, tuned_for};
 use crate::error::{Error, Result};
 use crate::measure::facts::row_key;
 use crate::measure::job::{Job, name_of};
 use crate::measure::journal::Journal;
 use crate::measure::progress::{Progress, Step, StepKind};
 use crate::measure::reference::Shared;
+use crate::measure::table::Row;
 use crate::shadow::{Entry, Method, SearchSpace};
 
 /// Trials that a budget takes of a method, as far as that can be said before.
@@ -25,7 +26,7 @@ pub struct Tuned {
     /// Settings that were chosen, each once, with what for.
     pub chosen: Vec<Chosen>,
     /// Trials of the search, method by method, in order.
-    pub trials: Vec<Trial>,
+    pub trials: Vec<Row>,
     /// For a reader of the table.
     pub notes: Vec<String>,
 }
@@ -66,13 +67,13 @@ pub fn tune(
             let none = || Error::runtime("cannot tune", entry.name, "a place is none of its settings");
             let method = space.method(place).ok_or_else(none)?;
             let key = row_key(job_key, method.as_ref(), "trial");
-            if let Some(kept) = journal.trial(&key).filter(|t| t.answers(budgets)) {
-                return Ok(kept);
+            if let Some(recorded) = journal.trial(&key).filter(|t| answers(t, budgets)) {
+                return Ok(recorded);
             }
             let map = method.map_size().map_or(String::new(), |n| format!(" map={n}"));
             progress.begin(step(entry), &format!("{}{map}: trying", name_of(method.as_ref())))?;
-            let trial = attempt(job, method.as_ref(), budgets, shared, progress)?;
-            journal.keep_trial(&key, &trial)?;
+            let trial = attempt(method.as_ref(), budgets, shared, progress)?;
+            journal.record_trial(&key, &trial)?;
             Ok(trial)
         };
         one_method(entry, space, budgets, &mut attempt, &mut tuned)?;
@@ -83,26 +84,22 @@ pub fn tune(
 
 /// A trial on the device; a setting that it cannot hold is one that says why.
 fn attempt(
-    job: &Job,
     method: &dyn Method,
     budgets: &[Budget],
     shared: &mut Shared,
     progress: &mut Progress,
-) -> Result<Trial> {
+) -> Result<Row> {
     let reference = shared.get(progress)?;
-    let blank = Trial {
-        scene: job.scene_name.clone(),
-        adapter: job.session.renderer.gpu().info.name.clone(),
-        method: method.name().into(),
-        params: method.params(),
-        map: method.map_size(),
-        ..Trial::default()
-    };
-    match reference.trial(method, budgets, blank.clone()) {
-        Err(e) if e.is_cancelled() => Err(e),
-        Err(e) => Ok(Trial { note: e.to_string(), ..blank }),
-        done => done,
+    let mut trial = reference.row(method);
+    match reference.try_setting(method, budgets, &mut trial) {
+        Err(e) if e.is_cancelled() => return Err(e),
+        Err(e) => {
+            trial = reference.row(method);
+            trial.add_note(&e);
+        }
+        Ok(()) => {}
     }
+    Ok(trial)
 }
 
 /// Searches one method within every budget, smallest first of either kind, so that each starts from what the one before has found.
@@ -110,7 +107,7 @@ fn one_method(
     entry: &Entry,
     space: &SearchSpace,
     budgets: &[Budget],
-    attempt: &mut dyn FnMut(&[usize]) -> Result<Trial>,
+    attempt: &mut dyn FnMut(&[usize]) -> Result<Row>,
     tuned: &mut Tuned,
 ) -> Result<()> {
     let sides = space.axes().iter().map(|a| Side { len: a.len(), ordered: a.ordered }).collect();
@@ -150,8 +147,8 @@ fn one_method(
     Ok(())
 }
 
-fn nothing_held(entry: &Entry, budget: Budget, tried: &[(Place, Trial)]) -> String {
-    let least = tried.iter().filter_map(|(_, t)| t.need(budget)).reduce(f64::min);
+fn nothing_held(entry: &Entry, budget: Budget, tried: &[(Place, Row)]) -> String {
+    let least = tried.iter().filter_map(|(_, t)| budget.need(t)).reduce(f64::min);
     let least = match (least, budget) {
         (Some(n), Budget::Bytes(_)) => format!("; the least that was tried takes {n} bytes"),
         (Some(ms), Budget::Ms(_)) => format!("; the least that was tried takes {ms:.3} ms"),

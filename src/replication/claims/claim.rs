@@ -1,16 +1,17 @@
 //! Claims as files: one TOML file a paper, with a formula for each verdict.
 //!
-//! A formula speaks of the columns of `compare.csv` (a value for each method that the claim needs) and of the
+//! A formula refers to columns of `compare.csv` (a value for each method that the claim needs) and to the
 //! quantities of [`Figures::number`]. Texts that start with `$` stand for an entry of the file's `texts`.
 
 use super::figures::{Depth, Figures};
 use super::formula::{Formula, verdict};
 use super::rules::Holds;
-use super::scenes::{STAND_INS, StandIn, Variant};
+use super::scenes::Variant;
 use crate::error::{Error, Result};
-use crate::scene::Skip;
-use serde::Deserialize;
+use crate::report::number::significant;
+use serde::{Deserialize, Serialize, Serializer};
 use std::collections::BTreeMap;
+use toml::{Table, Value};
 
 /// Files of all papers: the citation stands in each.
 const FILES: [&str; 8] = [
@@ -29,58 +30,8 @@ const FILES: [&str; 8] = [
 struct PaperFile {
     paper: String,
     #[serde(default)]
-    texts: BTreeMap<String, String>,
-    claim: Vec<ClaimEntry>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ClaimEntry {
-    #[serde(rename = "where")]
-    place: String,
-    claim: String,
-    claimed: String,
-    #[serde(default)]
-    scenes: Vec<String>,
-    #[serde(default)]
-    needs: Vec<NeedEntry>,
-    #[serde(default)]
-    depth: Depth,
-    #[serde(default, rename = "let")]
-    variables: Vec<(String, String)>,
-    #[serde(default)]
-    figures: Vec<(String, String)>,
-    #[serde(default)]
-    verdict: String,
-    #[serde(default)]
-    rule: String,
-    #[serde(default)]
-    notes: Vec<NoteEntry>,
-    untried: Option<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NeedEntry {
-    methods: String,
-    #[serde(default = "one")]
-    extinction: f64,
-    light: Option<[f64; 3]>,
-    #[serde(default)]
-    skip_none: bool,
-    pixels: Option<u32>,
-    scene: Option<String>,
-}
-
-fn one() -> f64 {
-    1.0
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum NoteEntry {
-    Always(String),
-    When { when: String, text: String },
+    texts: Table,
+    claim: Value,
 }
 
 /// A figure of a verdict: its name and its value.
@@ -101,53 +52,60 @@ pub struct Finding {
 pub type Measured<'a> = [Vec<&'a Figures>];
 
 /// Methods that a claim needs on a variant of its scene.
-#[derive(Debug, Clone)]
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Need {
-    /// Variant of the scene.
-    pub variant: Variant,
     /// Method list, in the syntax of `--methods`.
     pub methods: String,
-    /// How much is measured.
-    pub depth: Depth,
+    /// Variant of the scene.
+    #[serde(default)]
+    pub variant: Variant,
 }
 
-/// How a claim is tried.
-#[derive(Debug)]
-pub enum Trial {
-    /// Not at all, and why.
-    Untried(String),
-    /// By a rule on figures.
-    Judged(Judge),
-}
-
-/// Rule of a claim.
-#[derive(Debug)]
-pub struct Judge {
-    /// The rule in words.
-    pub rule: String,
-    variables: Vec<(String, Formula)>,
-    figures: Vec<(String, Formula)>,
-    verdict: Formula,
-    notes: Vec<(Formula, String)>,
+/// Remark on a verdict.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+enum Note {
+    Always(String),
+    When { when: Formula, text: String },
 }
 
 /// Statement of a paper with a figure or a comparison in it.
-#[derive(Debug)]
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Claim {
     /// Citation.
+    #[serde(skip)]
     pub paper: String,
     /// Section, table or figure.
+    #[serde(rename = "where")]
     pub place: String,
     /// The statement.
     pub claim: String,
     /// Its figure or comparison.
     pub claimed: String,
-    /// Stand-ins that it is tried on where no scene is given.
-    pub scenes: Vec<StandIn>,
+    /// Names of the stand-ins that it is tried on where no scene is given.
+    #[serde(default)]
+    pub scenes: Vec<String>,
     /// Methods to measure.
+    #[serde(default)]
     pub needs: Vec<Need>,
-    /// How it is tried.
-    pub trial: Trial,
+    /// How much is measured of them.
+    #[serde(default)]
+    pub depth: Depth,
+    /// The rule of the verdict in words.
+    #[serde(default)]
+    pub rule: String,
+    /// Reason why the claim cannot be tried.
+    pub untried: Option<String>,
+    #[serde(default, rename = "let")]
+    variables: Vec<(String, Formula)>,
+    #[serde(default)]
+    figures: Vec<(String, Formula)>,
+    #[serde(default)]
+    verdict: Formula,
+    #[serde(default)]
+    notes: Vec<Note>,
 }
 
 /// Reads every claim, paper by paper.
@@ -155,66 +113,33 @@ pub struct Claim {
 /// # Errors
 /// A file of this program that is malformed; a test reads them all.
 pub fn all() -> Result<Vec<Claim>> {
+    let bad = |why: &dyn std::fmt::Display| Error::runtime("cannot read claims", "built-in file", why);
     let mut claims = Vec::new();
     for text in FILES {
-        let bad = |why: &dyn std::fmt::Display| Error::runtime("cannot read claims", "built-in file", why);
-        let PaperFile { paper, texts, claim } = toml::from_str(text).map_err(|e| bad(&e))?;
-        for entry in claim {
-            let what = entry.claim.clone();
-            let read = entry.read(&paper, &texts);
-            claims.push(read.map_err(|why| bad(&format!("{paper}, `{what}`: {why}")))?);
-        }
+        let PaperFile { paper, texts, mut claim } = toml::from_str(text).map_err(|e| bad(&e))?;
+        fill(&mut claim, &texts).map_err(|e| bad(&e))?;
+        let own: Vec<Claim> = claim.try_into().map_err(|e: toml::de::Error| bad(&format!("{paper}: {e}")))?;
+        claims.extend(own.into_iter().map(|claim| Claim { paper: paper.clone(), ..claim }));
     }
     Ok(claims)
 }
 
-impl ClaimEntry {
-    fn read(self, paper: &str, texts: &BTreeMap<String, String>) -> Result<Claim, String> {
-        let text = |text: String| match text.strip_prefix('$') {
-            Some(name) => texts.get(name).cloned().ok_or_else(|| format!("no text `{name}`")),
-            None => Ok(text),
-        };
-        let named = |(name, formula): (String, String)| Ok((name, Formula::parse(&formula)?));
-        let stand_in = |name: String| {
-            STAND_INS.iter().find(|s| s.name == name).copied().ok_or_else(|| format!("no stand-in `{name}`"))
-        };
-        let need = |need: NeedEntry| {
-            let variant = Variant {
-                extinction: need.extinction,
-                toward: need.light,
-                skip: need.skip_none.then_some(Skip::None),
-                side_px: need.pixels,
-                instead: need.scene.map(stand_in).transpose()?.map(|s| s.name),
-            };
-            Ok::<_, String>(Need { variant, methods: text(need.methods)?, depth: self.depth })
-        };
-        let note = |note: NoteEntry| match note {
-            NoteEntry::Always(note) => Ok((Formula::Number(1.0), text(note)?)),
-            NoteEntry::When { when, text: note } => Ok::<_, String>((Formula::parse(&when)?, text(note)?)),
-        };
-        let trial = match self.untried {
-            Some(why) => Trial::Untried(why),
-            None => Trial::Judged(Judge {
-                rule: text(self.rule)?,
-                variables: self.variables.into_iter().map(named).collect::<Result<_, String>>()?,
-                figures: self.figures.into_iter().map(named).collect::<Result<_, String>>()?,
-                verdict: Formula::parse(&self.verdict)?,
-                notes: self.notes.into_iter().map(note).collect::<Result<_, _>>()?,
-            }),
-        };
-        Ok(Claim {
-            paper: paper.to_owned(),
-            place: self.place,
-            claim: self.claim,
-            claimed: self.claimed,
-            scenes: self.scenes.into_iter().map(stand_in).collect::<Result<_, _>>()?,
-            needs: self.needs.into_iter().map(need).collect::<Result<_, _>>()?,
-            trial,
-        })
+/// Replaces every text that starts with `$` by the entry of that name.
+fn fill(value: &mut Value, texts: &Table) -> Result<(), String> {
+    match value {
+        Value::String(text) => {
+            if let Some(name) = text.strip_prefix('$') {
+                *value = texts.get(name).ok_or_else(|| format!("no text `{name}`"))?.clone();
+            }
+            Ok(())
+        }
+        Value::Array(list) => list.iter_mut().try_for_each(|v| fill(v, texts)),
+        Value::Table(table) => table.iter_mut().try_for_each(|(_, v)| fill(v, texts)),
+        _ => Ok(()),
     }
 }
 
-impl Judge {
+impl Claim {
     /// Evaluates the rule on what was measured.
     ///
     /// # Errors
@@ -249,8 +174,12 @@ impl Judge {
         let figures = self.figures.iter().map(|(name, f)| Ok((name.clone(), f.number(&lookup)?)));
         let figures = figures.collect::<Result<Vec<_>, String>>()?;
         let mut notes = Vec::new();
-        for (when, text) in &self.notes {
-            if when.number(&lookup)? != 0.0 {
+        for note in &self.notes {
+            let (applies, text) = match note {
+                Note::Always(text) => (true, text),
+                Note::When { when, text } => (when.number(&lookup)? != 0.0, text),
+            };
+            if applies {
                 let filled = values.iter().filter(|(_, list)| list.len() == 1);
                 notes.push(filled.fold(text.clone(), |text, (name, list)| {
                     text.replace(&format!("{{{name}}}"), &list[0].to_string())
@@ -289,30 +218,43 @@ pub fn find_paper(name: &str, claims: &[Claim]) -> Result<String> {
     }
 }
 
-/// A claim as it was tried on a scene.
-#[derive(Debug, Clone, PartialEq)]
+/// A claim as it was tried on a scene: the columns of `claims.csv`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Row {
     /// Citation.
     pub paper: String,
     /// Section, table or figure.
+    #[serde(rename = "where")]
     pub place: String,
     /// The statement.
     pub claim: String,
     /// Its figure or comparison.
     pub claimed: String,
     /// Figures of the verdict, the decisive one first.
+    #[serde(serialize_with = "serialize_figures")]
     pub measured: Vec<Figure>,
-    /// The verdict; `None` where the claim was not tried.
-    pub holds: Option<Holds>,
+    /// The verdict.
+    pub holds: Holds,
     /// Scene and its variants; empty where the claim was not tried.
     pub scene: String,
     /// The rule and remarks, or why the claim was not tried.
     pub note: String,
 }
 
+/// Figures in a line, with three significant digits.
+pub(super) fn figures_text(figures: &[Figure]) -> String {
+    let text = |(name, value): &Figure| format!("{name}: {}", significant(*value, 3));
+    figures.iter().map(text).collect::<Vec<_>>().join("; ")
+}
+
+fn serialize_figures<S: Serializer>(figures: &[Figure], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&figures_text(figures))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::replication::claims::scenes::STAND_INS;
 
     #[test]
     fn papers_are_found_by_an_author() {
@@ -337,11 +279,17 @@ mod tests {
     #[test]
     fn formulas_speak_of_what_there_is() {
         for claim in all().unwrap() {
-            let Trial::Judged(judge) = &claim.trial else { continue };
-            let variables: Vec<&str> = judge.variables.iter().map(|(name, _)| name.as_str()).collect();
-            let notes = judge.notes.iter().map(|(when, _)| when);
-            let formulas = judge.variables.iter().chain(&judge.figures).map(|(_, f)| f);
-            for formula in formulas.chain(notes).chain([&judge.verdict]) {
+            let variables: Vec<&str> = claim.variables.iter().map(|(name, _)| name.as_str()).collect();
+            let notes = claim.notes.iter().filter_map(|note| match note {
+                Note::When { when, .. } => Some(when),
+                Note::Always(_) => None,
+            });
+            let formulas = claim.variables.iter().chain(&claim.figures).map(|(_, f)| f);
+            let scenes = claim.needs.iter().filter_map(|n| n.variant.scene.as_ref()).chain(&claim.scenes);
+            for scene in scenes {
+                assert!(STAND_INS.iter().any(|s| s.name == *scene), "{}: {scene}", claim.claim);
+            }
+            for formula in formulas.chain(notes).chain([&claim.verdict]) {
                 formula.names(&mut |name, need| {
                     let known = variables.contains(&name) || need < claim.needs.len() && Figures::has(name);
                     assert!(known, "{}: {name}@{need}", claim.claim);

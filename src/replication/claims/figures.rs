@@ -2,25 +2,22 @@
 
 use super::scenes::{Subject, Variant};
 use crate::error::Result;
-use crate::exact::{ExactField, VisiblePoint};
+use crate::exact::ExactField;
 use crate::measure::compare::compare;
+use crate::measure::errors::VisiblePoints;
 use crate::measure::job::{Effort, Job, name_of};
 use crate::measure::journal::Journal;
 use crate::measure::progress::Progress;
 use crate::measure::similarity::ssim;
 use crate::measure::stats::ErrorStats;
-use crate::measure::table::{COLUMNS, Cell, Row};
+use crate::measure::table::{Cell, Row};
 use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::scene::Light;
 use crate::shadow::{Method, NodeMap, ShadowMap, SplitChoice};
 use ndarray::Array3;
-use rayon::prelude::*;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::sync::Arc;
-
-/// The points are those of the table's `point_err_*`.
-const SEED: u64 = 1;
 
 /// Exact and approximate transmittance at a point that the camera sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,7 +35,7 @@ pub struct AtPoint {
 pub struct Figures {
     /// Method and settings.
     pub name: String,
-    /// Its row of a comparison: errors, times, bytes. Empty where only its structure was asked for.
+    /// Its row of a comparison: errors, times, bytes. Empty where only its structure was needed.
     pub row: Row,
     /// `height x width x 4`, linear RGBA.
     pub picture: Option<Array3<f32>>,
@@ -50,25 +47,15 @@ pub struct Figures {
     pub nodes: Option<NodeMap>,
 }
 
-/// Quantities of formulas besides the columns of the table.
-const QUANTITIES: [&str; 9] = [
-    "moving_ms",
-    "split_ratio",
-    "split_correlation",
-    "darkest",
-    "rms_lit",
-    "rms_bright",
-    "rms_dark",
-    "small_tiles",
-    "ssim_to_next",
-];
 /// Exact transmittance of a point that light reaches almost unattenuated.
 const LIT: f64 = 0.95;
 
 impl Figures {
     /// Returns whether formulas may use a name.
+    #[cfg(test)]
     pub fn has(name: &str) -> bool {
-        QUANTITIES.contains(&name) || COLUMNS.iter().any(|c| c.name == name)
+        Self::default().quantity(name, None).is_some()
+            || crate::measure::table::COLUMNS.iter().any(|c| c.name == name)
     }
 
     /// Value of a column of `compare.csv` (flags are 0 or 1), or of a quantity of the claims:
@@ -85,7 +72,19 @@ impl Figures {
     /// # Errors
     /// A value that was not measured, and why.
     pub fn number(&self, name: &str, next: Option<&Self>) -> Result<f64, String> {
-        let value = match name {
+        let value = self.quantity(name, next).unwrap_or_else(|| match self.row.cell(name) {
+            Cell::Integer(n) => Some(n as f64),
+            Cell::Real(x) => Some(x),
+            Cell::Flag(yes) => Some(f64::from(u8::from(yes))),
+            Cell::Empty | Cell::Text(_) => None,
+        });
+        let why = || if self.row.note.is_empty() { "it has none" } else { &self.row.note };
+        value.filter(|v| !v.is_nan()).ok_or_else(|| format!("no {name} ({}): {}", self.name, why()))
+    }
+
+    /// Value of a quantity of the claims, empty where it was not measured; `None` for any other name.
+    fn quantity(&self, name: &str, next: Option<&Self>) -> Option<Option<f64>> {
+        Some(match name {
             "moving_ms" => self.row.moving_ms(),
             "split_ratio" => self.split.map(|s| s.ratio),
             "split_correlation" => self.split.map(|s| s.correlation),
@@ -98,21 +97,14 @@ impl Figures {
                 let pictures = self.picture.as_ref().zip(next.and_then(|n| n.picture.as_ref()));
                 pictures.and_then(|(a, b)| ssim(a.view(), b.view()).ok().flatten())
             }
-            column => match self.row.cell(column) {
-                Cell::Integer(n) => Some(n as f64),
-                Cell::Real(x) => Some(x),
-                Cell::Flag(yes) => Some(f64::from(u8::from(yes))),
-                Cell::Empty | Cell::Text(_) => None,
-            },
-        };
-        let why = || if self.row.note.is_empty() { "it has none" } else { &self.row.note };
-        value.filter(|v| !v.is_nan()).ok_or_else(|| format!("no {name} ({}): {}", self.name, why()))
+            _ => return None,
+        })
     }
 
     /// Weighted rms error at the visible points whose exact transmittance satisfies `keep`.
     fn rms_where(&self, keep: impl Fn(f64) -> bool) -> Option<f64> {
-        let kept = self.points.iter().filter(|p| keep(p.exact));
-        ErrorStats::of(kept.map(|p| (p.method - p.exact, p.weight))).ok()?.map(|stats| stats.rms)
+        let points = self.points.iter().filter(|p| keep(p.exact));
+        ErrorStats::of(points.map(|p| (p.method - p.exact, p.weight))).ok()?.map(|stats| stats.rms)
     }
 }
 
@@ -170,30 +162,17 @@ pub fn measure(
 ) -> Result<HashMap<String, Figures>> {
     let Subject { volume, tf, scene } = wanted.variant.of(subject);
     let session = Session::on(renderer, Arc::clone(&volume), &tf, DisabledOptimizations::NONE)?;
-    let field = ExactField::new(&volume, &tf);
     let mut all = HashMap::new();
     if !wanted.whole.is_empty() {
-        let job = Job {
-            session: &session,
-            volume: &volume,
-            tf: &tf,
-            strands: None,
-            scene: &scene,
-            scene_name: name.into(),
-            file_prefix: String::new(),
-            remark: String::new(),
-            effort,
-        };
+        let job = Job::new(&session, (&volume, &tf), &scene, name, effort);
         let compared = compare(&job, &wanted.whole, &mut Journal::nowhere(), progress)?.compared;
-        let seen = field.visible_points(&scene, effort.points, SEED);
-        let exact: Vec<f64> =
-            seen.par_iter().map(|p| field.transmittance_to_light(p.position, &scene.light())).collect();
+        let visible = VisiblePoints::new(&ExactField::new(&volume, &tf), &scene, effort.points);
         for (method, compared) in wanted.whole.iter().zip(compared) {
             progress.check("claims")?;
             let mut figures = Figures { row: compared.row, picture: compared.picture, ..Figures::default() };
             if !figures.row.has_failed() {
                 let shadow = figures.build(&session, method.as_ref(), scene.light())?;
-                figures.points = at_points(&session, &shadow, &seen, &exact)?;
+                figures.points = at_points(&session, &shadow, &visible)?;
                 figures.nodes = session.node_map(&shadow)?;
             }
             figures.name = name_of(method.as_ref());
@@ -222,20 +201,12 @@ impl Figures {
     }
 }
 
-fn at_points(
-    session: &Session,
-    shadow: &ShadowMap,
-    seen: &[VisiblePoint],
-    exact: &[f64],
-) -> Result<Vec<AtPoint>> {
-    let positions: Vec<_> = seen.iter().map(|p| p.position).collect();
-    let values = session.query(shadow, &positions)?;
-    let point = |((seen, exact), value): ((&VisiblePoint, &f64), &f32)| AtPoint {
-        exact: *exact,
-        method: f64::from(*value),
-        weight: seen.weight,
-    };
-    Ok(seen.iter().zip(exact).zip(&values).map(point).collect())
+fn at_points(session: &Session, shadow: &ShadowMap, visible: &VisiblePoints) -> Result<Vec<AtPoint>> {
+    let values = session.query(shadow, visible.points_mm())?;
+    let points = values.iter().zip(visible.exact()).zip(visible.weights());
+    Ok(points
+        .map(|((value, exact), weight)| AtPoint { exact: *exact, method: f64::from(*value), weight: *weight })
+        .collect())
 }
 
 #[cfg(test)]

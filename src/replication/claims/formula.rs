@@ -4,9 +4,11 @@
 //! `name[i]` and `name[i:j]` pick entries of a column, `name@1` is the column of a claim's second need.
 
 use super::rules::{self, Holds};
+use serde::Deserialize;
 
 /// A parsed formula.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(try_from = "String")]
 pub enum Formula {
     /// A constant.
     Number(f64),
@@ -23,6 +25,20 @@ pub enum Formula {
     List(Vec<Formula>),
     /// A function or operator with its arguments.
     Call(String, Vec<Formula>),
+}
+
+impl Default for Formula {
+    fn default() -> Self {
+        Self::Number(0.0)
+    }
+}
+
+impl TryFrom<String> for Formula {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        Self::parse(&text)
+    }
 }
 
 /// Values by name, need and range of entries (all entries where the range is absent).

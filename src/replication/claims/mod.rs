@@ -14,5 +14,5 @@ pub mod scenes;
 pub mod table;
 mod turns;
 
-pub use claim::{Claim, Figure, Finding, Measured, Need, Row, Trial, all, find_paper};
+pub use claim::{Claim, Figure, Finding, Measured, Need, Row, all, find_paper};
 pub use run::{run, scene_names};

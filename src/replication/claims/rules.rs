@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// Whether a claim holds, worst first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Holds {
     /// It does not.
@@ -12,6 +12,10 @@ pub enum Holds {
     Partly,
     /// It does.
     Yes,
+    /// It was not tried.
+    #[default]
+    #[serde(rename = "")]
+    Untried,
 }
 
 /// Factor by which times of a busy machine may miss a range.
@@ -26,6 +30,7 @@ impl Holds {
             Self::No => "no",
             Self::Partly => "partly",
             Self::Yes => "yes",
+            Self::Untried => "",
         }
     }
 

@@ -1,8 +1,8 @@
 //! Trying claims: what they need is measured once, then each is judged.
 
-use super::claim::{Claim, Finding, Measured, Need, Row, Trial};
+use super::claim::{Claim, Finding, Measured, Row};
 use super::figures::{Depth, Figures, Wanted, key, measure};
-use super::scenes::{self, StandIn, Subject, Variant};
+use super::scenes::{STAND_INS, Subject, Variant};
 use super::turns::time_in_turn;
 use crate::error::{Error, Result};
 use crate::measure::compare::steps;
@@ -18,26 +18,26 @@ pub fn scene_names(claims: &[Claim], given: &[String]) -> Vec<String> {
     if !given.is_empty() {
         return given.to_vec();
     }
-    let named = |s: &&StandIn| claims.iter().any(|c| c.scenes.contains(s));
-    scenes::STAND_INS.iter().filter(named).map(|s| s.name.to_owned()).collect()
+    let names = STAND_INS.iter().map(|s| s.name.clone());
+    names.filter(|name| claims.iter().any(|c| c.scenes.contains(name))).collect()
 }
 
 /// Groups the measurements that claims need by scene variant, each method once at the greatest depth requested.
 fn groups<'a>(claims: impl Iterator<Item = &'a Claim>) -> Result<Vec<Wanted>> {
     let mut groups: Vec<Wanted> = Vec::new();
-    let mut needs: Vec<&Need> = claims.flat_map(|c| &c.needs).filter(|n| n.depth != Depth::Times).collect();
-    // Whole ones first: a structure alone is then asked for only where nobody asks for more.
-    needs.sort_by_key(|n| std::cmp::Reverse(n.depth));
-    for need in needs {
+    let mut claims: Vec<&Claim> = claims.filter(|c| c.depth != Depth::Times).collect();
+    // Whole ones first: a structure alone is then made only where no claim needs more.
+    claims.sort_by_key(|c| std::cmp::Reverse(c.depth));
+    for (depth, need) in claims.iter().flat_map(|c| c.needs.iter().map(|need| (c.depth, need))) {
         let at = groups.iter().position(|g| g.variant == need.variant).unwrap_or_else(|| {
-            groups.push(Wanted::nothing(need.variant));
+            groups.push(Wanted::nothing(need.variant.clone()));
             groups.len() - 1
         });
         let group = &mut groups[at];
         for method in parse_list(&need.methods)? {
             let known =
                 |list: &[Box<dyn Method>]| list.iter().any(|m| key(m.as_ref()) == key(method.as_ref()));
-            match need.depth {
+            match depth {
                 _ if known(&group.whole) || known(&group.structure) => {}
                 Depth::Whole => group.whole.push(method),
                 Depth::Structure | Depth::Times => group.structure.push(method),
@@ -61,7 +61,7 @@ pub fn run(
     progress: &mut Progress,
 ) -> Result<Vec<Row>> {
     let concerns = |claim: &Claim, scene: &str| match given {
-        [] => claim.scenes.iter().any(|s| s.name == scene),
+        [] => claim.scenes.iter().any(|s| s == scene),
         given => !claim.needs.is_empty() && !compares_stand_ins(claim) && given.iter().any(|g| g == scene),
     };
     let mut planned = Vec::new();
@@ -81,12 +81,13 @@ pub fn run(
         let subject = read(&scene)?;
         let mut measured = Vec::new();
         for wanted in groups {
-            let other = wanted.variant.instead.map(&mut *read).transpose()?;
+            let other = wanted.variant.scene.as_deref().map(&mut *read).transpose()?;
             let place = (scene.as_str(), other.as_ref().unwrap_or(&subject));
-            measured.push((wanted.variant, measure(renderer, place, &wanted, effort, progress)?));
+            let figures = measure(renderer, place, &wanted, effort, progress)?;
+            measured.push((wanted.variant, figures));
         }
         for (i, claim) in claims.iter().enumerate().filter(|(_, c)| concerns(c, &scene)) {
-            let row = if claim.needs.iter().any(|n| n.depth == Depth::Times) {
+            let row = if claim.depth == Depth::Times {
                 let timed = time_in_turn(renderer, (&scene, &subject), &claim.needs, effort, progress)?;
                 let timed: Vec<Vec<&Figures>> = timed.iter().map(|own| own.iter().collect()).collect();
                 verdict(claim, &scene, &timed)
@@ -96,12 +97,10 @@ pub fn run(
             rows.push((i, row));
         }
     }
-    let untried = |(i, c): (usize, &Claim)| match &c.trial {
-        Trial::Untried(why) => Some((i, row_of(c, why))),
-        Trial::Judged(_) if !given.is_empty() && compares_stand_ins(c) => {
-            Some((i, row_of(c, "Not tried: it compares built-in scenes with each other.")))
-        }
-        Trial::Judged(_) => None,
+    let untried = |(i, c): (usize, &Claim)| {
+        let compares = !given.is_empty() && compares_stand_ins(c);
+        let compares = compares.then_some("Not tried: it compares built-in scenes with each other.");
+        c.untried.as_deref().or(compares).map(|why| (i, row_of(c, why)))
     };
     rows.extend(claims.iter().enumerate().filter_map(untried));
     rows.sort_by_key(|(i, _)| *i);
@@ -110,7 +109,7 @@ pub fn run(
 
 /// Whether a claim needs built-in scenes besides its own.
 fn compares_stand_ins(claim: &Claim) -> bool {
-    claim.needs.iter().any(|n| n.variant.instead.is_some())
+    claim.needs.iter().any(|n| n.variant.scene.is_some())
 }
 
 /// A claim without verdict.
@@ -120,10 +119,8 @@ fn row_of(claim: &Claim, note: impl Into<String>) -> Row {
         place: claim.place.clone(),
         claim: claim.claim.clone(),
         claimed: claim.claimed.clone(),
-        measured: Vec::new(),
-        holds: None,
-        scene: String::new(),
         note: note.into(),
+        ..Row::default()
     }
 }
 
@@ -147,18 +144,17 @@ fn collect<'a>(
 
 /// The row of a claim on a scene, from the figures that it needs.
 fn verdict(claim: &Claim, scene: &str, measured: &Measured) -> Row {
-    let Trial::Judged(judge) = &claim.trial else { return row_of(claim, "") };
     let mut variants: Vec<String> = claim.needs.iter().map(|n| n.variant.text()).collect();
     variants.dedup();
     let changed = variants.iter().any(|v| !v.is_empty());
     let named = |v: &String| if v.is_empty() { "as it is".to_owned() } else { v.clone() };
     let how = variants.iter().map(named).collect::<Vec<_>>().join("; ");
     let scene = if changed { format!("{scene} ({how})") } else { scene.to_owned() };
-    let rule = &judge.rule;
-    match judge.judge(measured) {
+    let rule = &claim.rule;
+    match claim.judge(measured) {
         Ok(Finding { holds, figures, note }) => {
             let note = if note.is_empty() { rule.clone() } else { format!("{rule} {note}") };
-            Row { measured: figures, holds: Some(holds), scene, ..row_of(claim, note) }
+            Row { measured: figures, holds, scene, ..row_of(claim, note) }
         }
         Err(e) => Row { scene, ..row_of(claim, format!("Not tried: {e}.")) },
     }
@@ -176,18 +172,16 @@ mod tests {
     #[test]
     fn every_claim_can_be_asked_for() {
         let claims = all().unwrap();
-        let tried = claims.iter().filter(|c| matches!(c.trial, Trial::Judged(_))).count();
+        let tried = claims.iter().filter(|c| c.untried.is_none()).count();
         assert!(tried >= 115, "{tried}");
         for claim in &claims {
-            let timed = claim.needs.iter().filter(|n| n.depth == Depth::Times).count();
-            assert!(timed == 0 || timed == claim.needs.len(), "{}", claim.claim);
             assert!(!claim.claim.is_empty() && !claim.claimed.is_empty() && !claim.place.is_empty());
-            match &claim.trial {
-                Trial::Judged(judge) => {
+            match &claim.untried {
+                None => {
                     assert!(!claim.scenes.is_empty() && !claim.needs.is_empty(), "{}", claim.claim);
-                    assert!(judge.rule.ends_with('.'), "{}", judge.rule);
+                    assert!(claim.rule.ends_with('.'), "{}", claim.rule);
                 }
-                Trial::Untried(why) => assert!(claim.needs.is_empty() && why.ends_with('.'), "{why}"),
+                Some(why) => assert!(claim.needs.is_empty() && why.ends_with('.'), "{why}"),
             }
         }
         for group in &groups(claims.iter()).unwrap() {
@@ -247,7 +241,9 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(7);
         let mut constant = Vec::new();
         for claim in all().unwrap() {
-            let Trial::Judged(judge) = &claim.trial else { continue };
+            if claim.untried.is_some() {
+                continue;
+            }
             let mut verdicts = std::collections::BTreeSet::new();
             for _ in 0..200 {
                 let methods: Vec<_> = claim.needs.iter().map(|n| parse_list(&n.methods).unwrap()).collect();
@@ -257,7 +253,7 @@ mod tests {
                     .collect();
                 let measured: Vec<Vec<&Figures>> = figures.iter().map(|l| l.iter().collect()).collect();
                 verdicts.insert(
-                    judge.judge(&measured).map_err(|e| format!("{}: {e}", claim.claim)).unwrap().holds,
+                    claim.judge(&measured).map_err(|e| format!("{}: {e}", claim.claim)).unwrap().holds,
                 );
             }
             if verdicts.len() == 1 {
@@ -285,15 +281,15 @@ mod tests {
                 let row = table::Row { image_rmse: e, ..Default::default() };
                 (key(m.as_ref()), Figures { name: "osm".into(), row, ..Figures::default() })
             });
-            let known = [(scenes::AS_IS, keyed.collect())];
+            let known = [(Variant::default(), keyed.collect())];
             verdict(&claim, "fur", &collect(&claim, &known).unwrap())
         };
-        assert_eq!(of([Some(1.0), Some(3.0)]).holds, Some(Holds::Yes));
-        assert_eq!(of([Some(1.5), Some(1.0)]).holds, Some(Holds::Partly));
+        assert_eq!(of([Some(1.0), Some(3.0)]).holds, Holds::Yes);
+        assert_eq!(of([Some(1.5), Some(1.0)]).holds, Holds::Partly);
         let row = of([Some(3.0), Some(1.0)]);
-        assert_eq!((row.holds, row.measured[0].1, row.scene.as_str()), (Some(Holds::No), 3.0, "fur"));
+        assert_eq!((row.holds, row.measured[0].1, row.scene.as_str()), (Holds::No, 3.0, "fur"));
         let row = of([Some(1.0), None]);
-        assert!(row.holds.is_none() && row.note.contains("no image_rmse"), "{}", row.note);
+        assert!(row.holds == Holds::Untried && row.note.contains("no image_rmse"), "{}", row.note);
         assert!(collect(&claim, &[]).is_err());
     }
 }

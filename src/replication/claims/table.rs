@@ -1,47 +1,8 @@
 //! Claims of papers as tables.
 
+use super::Row;
+use super::claim::figures_text;
 use super::rules::Holds;
-use super::{Figure, Row};
-use crate::report::number::significant;
-use serde::Serialize;
-
-/// A row as it is written: the columns of `claims.csv`.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Record {
-    /// Short citation of the paper.
-    pub paper: String,
-    /// Section, table or figure.
-    #[serde(rename = "where")]
-    pub place: String,
-    /// Statement made by the paper.
-    pub claim: String,
-    /// Its figure or comparison.
-    pub claimed: String,
-    /// Measured figures, the most telling one first.
-    pub measured: String,
-    /// `yes`, `partly`, `no`, or empty where it was not tried.
-    pub holds: String,
-    /// On what.
-    pub scene: String,
-    /// By which rule, and remarks.
-    pub note: String,
-}
-
-impl From<&Row> for Record {
-    fn from(row: &Row) -> Self {
-        let figure = |(name, value): &Figure| format!("{name}: {}", significant(*value, 3));
-        Self {
-            paper: row.paper.clone(),
-            place: row.place.clone(),
-            claim: row.claim.clone(),
-            claimed: row.claimed.clone(),
-            measured: row.measured.iter().map(figure).collect::<Vec<_>>().join("; "),
-            holds: row.holds.map_or("", Holds::word).into(),
-            scene: row.scene.clone(),
-            note: row.note.clone(),
-        }
-    }
-}
 
 /// A scene that claims were tried on, for who wants to run it again.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -58,7 +19,7 @@ pub struct TriedOn {
 pub fn counts(rows: &[Row]) -> String {
     let mut out =
         String::from("| paper | yes | partly | no | not tried |\n| --- | ---: | ---: | ---: | ---: |\n");
-    let verdicts = [Some(Holds::Yes), Some(Holds::Partly), Some(Holds::No), None];
+    let verdicts = [Holds::Yes, Holds::Partly, Holds::No, Holds::Untried];
     for paper in papers(rows) {
         let count = |holds| rows.iter().filter(|r| r.paper == paper && r.holds == holds).count();
         out += &line([paper.to_owned()].into_iter().chain(verdicts.map(|v| count(v).to_string())));
@@ -82,8 +43,9 @@ pub fn markdown(rows: &[Row], scenes: &[TriedOn], made_by: &str) -> String {
             | --- | --- | --- | --- | --- | --- | --- |\n"
         );
         for row in rows.iter().filter(|r| r.paper == paper) {
-            let Record { place, claim, claimed, measured, holds, scene, note, .. } = row.into();
-            out += &line([place, claim, claimed, measured, holds, scene, note].into_iter());
+            let Row { place, claim, claimed, measured, holds, scene, note, .. } = row.clone();
+            let cells = [place, claim, claimed, figures_text(&measured), holds.word().into(), scene, note];
+            out += &line(cells.into_iter());
         }
     }
     if !scenes.is_empty() {
@@ -116,14 +78,13 @@ mod tests {
             scene: "fur".into(),
             note: "Yes from 2 on.".into(),
         };
-        let untried = Row { measured: Vec::new(), scene: String::new(), ..row("Voicu 2011", None) };
-        vec![row("Kim and Neumann 2001", Some(Holds::Partly)), row("Voicu 2011", Some(Holds::No)), untried]
+        let untried = Row { measured: Vec::new(), scene: String::new(), ..row("Voicu 2011", Holds::Untried) };
+        vec![row("Kim and Neumann 2001", Holds::Partly), row("Voicu 2011", Holds::No), untried]
     }
 
     #[test]
     fn csv_has_the_columns_of_the_contract() {
-        let records: Vec<Record> = rows().iter().map(Record::from).collect();
-        let text = String::from_utf8(csv(&records).unwrap()).unwrap();
+        let text = String::from_utf8(csv(&rows()).unwrap()).unwrap();
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let columns = "paper,where,claim,claimed,measured,holds,scene,note";
         assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>().join(","), columns);

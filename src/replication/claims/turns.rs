@@ -31,20 +31,12 @@ pub fn time_in_turn(
             Session::on(renderer, Arc::clone(&changed.volume), &changed.tf, DisabledOptimizations::NONE)?;
         stages.push((session, changed, parse_list(&need.methods)?));
     }
-    let mut jobs = Vec::new();
-    for (session, changed, _) in &stages {
-        jobs.push(Job {
-            session,
-            volume: &changed.volume,
-            tf: &changed.tf,
-            strands: None,
-            scene: &changed.scene,
-            scene_name: name.into(),
-            file_prefix: String::new(),
-            remark: String::new(),
-            effort,
-        });
-    }
+    let jobs: Vec<Job> = stages
+        .iter()
+        .map(|(session, Subject { volume, tf, scene }, _)| {
+            Job::new(session, (volume, tf), scene, name, effort)
+        })
+        .collect();
     let mut turns = Vec::new();
     for (job, (_, _, methods)) in jobs.iter().zip(&stages) {
         for method in methods {

@@ -1,101 +1,103 @@
-//! Building blocks of the stability cases: small scalar fields, transfer functions and lights.
+//! Scalar fields of the stability cases.
 
 use crate::error::Result;
-use crate::scene::Light;
-use crate::transfer::{Quantity, TransferFunction};
 use crate::volume::{Provenance, Scaling, Volume, Voxels};
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DVec3};
 use ndarray::Array3;
+use serde::Deserialize;
 use std::sync::Arc;
-
-/// A volume of float32 values `f(i, j, k)` of `dims` voxels.
-pub fn volume_under(
-    world_from_index: DAffine3,
-    dims: [usize; 3],
-    f: impl Fn(DVec3) -> f64,
-) -> Result<Arc<Volume>> {
-    let [nx, ny, nz] = dims;
-    let voxels =
-        Array3::from_shape_fn((nz, ny, nx), |(k, j, i)| f(DVec3::new(i as f64, j as f64, k as f64)) as f32);
-    let provenance = Provenance::new("stability case", "phantom", "float32");
-    Ok(Arc::new(Volume::new(Voxels::F32(voxels), Scaling::IDENTITY, world_from_index, provenance)?))
-}
-
-/// A volume of float32 values `f(i, j, k)` with voxels of 1 mm.
-pub fn volume(dims: [usize; 3], f: impl Fn(DVec3) -> f64) -> Result<Arc<Volume>> {
-    volume_under(DAffine3::IDENTITY, dims, f)
-}
-
-/// Voxels of the given spacing, mm.
-pub fn spacing(mm: [f64; 3]) -> DAffine3 {
-    DAffine3::from_mat3(DMat3::from_diagonal(DVec3::from_array(mm)))
-}
 
 /// Voxels a side of most cases.
 pub const SIDE: usize = 24;
 
-pub fn middle() -> DVec3 {
-    DVec3::splat(0.5 * (SIDE as f64 - 1.0))
+/// Scalar field of index coordinates with values in `[0, 1]`, except for the last three.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Field {
+    /// Falls from 1 in the middle to 0 at 11 voxels, uneven by some percent.
+    #[default]
+    Ball,
+    /// 0.5 everywhere.
+    Constant,
+    /// Values without order.
+    Rough,
+    /// 1 below z = 12.
+    HalfSpace,
+    /// Layers of 0 and 1 along x, each one voxel thick.
+    LayersX,
+    /// Layers of 0 and 1 along z, each one voxel thick.
+    LayersZ,
+    /// A ball of radius 9 voxels whose wall is one voxel thick.
+    Shell,
+    /// A ball of radius 8 voxels.
+    SolidBall,
+    /// Two columns that share the edge x = y = 3.
+    Columns,
+    /// Rough matter at two far ends of the diagonal of 48 voxels a side.
+    Corners,
+    /// An oblique plane, one voxel thick.
+    Sheet,
+    /// A column of 8 x 8 voxels below z = 12.
+    Block,
+    /// Single voxels with 0 around each.
+    LoneVoxels,
+    /// A ball with one voxel of 1e6 in the middle.
+    Outlier,
+    /// A ball in which some voxels are not a number.
+    Nan,
+    /// A ball in which some voxels are infinite, of both signs.
+    Infinities,
 }
 
-/// A ball whose value falls from 1 in the middle to 0 at 11 voxels, uneven by some percent.
-pub fn ball(p: DVec3) -> f64 {
-    let uneven = (1.7 * p.x).sin() * (2.3 * p.y).cos() * (1.3 * p.z).sin();
-    ((1.0 - p.distance(middle()) / 11.0) + 0.06 * uneven).clamp(0.0, 1.0)
-}
+impl Field {
+    /// Value at index coordinates.
+    fn at(self, p: DVec3) -> f64 {
+        let middle = DVec3::splat(0.5 * (SIDE as f64 - 1.0));
+        let from_middle = p.distance(middle);
+        let ball = || {
+            let uneven = (1.7 * p.x).sin() * (2.3 * p.y).cos() * (1.3 * p.z).sin();
+            ((1.0 - from_middle / 11.0) + 0.06 * uneven).clamp(0.0, 1.0)
+        };
+        let rough = (p.x * 37.0 + p.y * 11.0 + p.z * 23.0) % 101.0 / 100.0;
+        let with_holes = |bad: [f64; 2]| match (p.x * 5.0 + p.y * 3.0 + p.z) as usize % 17 {
+            0 => bad[0],
+            8 => bad[1],
+            _ => ball(),
+        };
+        let flag = |inside: bool| f64::from(u8::from(inside));
+        let column = |low: f64| (low..=low + 1.0).contains(&p.x) && (low..=low + 1.0).contains(&p.y);
+        match self {
+            Self::Ball => ball(),
+            Self::Constant => 0.5,
+            Self::Rough => rough,
+            Self::HalfSpace => flag(p.z < 12.0),
+            Self::LayersX => p.x % 2.0,
+            Self::LayersZ => p.z % 2.0,
+            Self::Shell => (1.0 - (from_middle - 9.0).abs()).max(0.0),
+            Self::SolidBall => flag(from_middle < 8.0),
+            Self::Columns => flag(column(1.0) || column(4.0)),
+            Self::Corners if p.max_element() <= 2.0 || p.min_element() >= 45.0 => 0.5 + 0.5 * rough,
+            Self::Corners => 0.0,
+            Self::Sheet => flag(p.x + p.y + p.z == 37.0),
+            Self::Block => flag(p.x.min(p.y) >= 8.0 && p.x.max(p.y) < 16.0 && p.z < 12.0),
+            Self::LoneVoxels => flag(p.x % 2.0 + p.y % 2.0 + p.z % 2.0 == 3.0),
+            Self::Outlier if p == DVec3::splat(12.0) => 1e6,
+            Self::Outlier => ball(),
+            Self::Nan => with_holes([f64::NAN; 2]),
+            Self::Infinities => with_holes([f64::INFINITY, f64::NEG_INFINITY]),
+        }
+    }
 
-/// Values of no order, in `[0, 1]`.
-pub fn rough(p: DVec3) -> f64 {
-    (p.x * 37.0 + p.y * 11.0 + p.z * 23.0) % 101.0 / 100.0
-}
-
-/// A ball of radius 9 voxels whose wall is one voxel thick.
-pub fn shell(p: DVec3) -> f64 {
-    (1.0 - (p.distance(middle()) - 9.0).abs()).max(0.0)
-}
-
-/// Extinction (1/mm) by value.
-pub fn extinction(points: &[(f64, f64)]) -> TransferFunction {
-    transfer(Quantity::Extinction, points)
-}
-
-/// Opacity a mm by value.
-pub fn opacity(points: &[(f64, f64)]) -> TransferFunction {
-    transfer(Quantity::Opacity, points)
-}
-
-fn transfer(quantity: Quantity, points: &[(f64, f64)]) -> TransferFunction {
-    let mut tf =
-        TransferFunction { name: "stability case".into(), ..TransferFunction::new(quantity, points) };
-    tf.points.iter_mut().for_each(|p| p.color = [1.0, 0.8, 0.6]);
-    tf
-}
-
-/// The transfer function of the ordinary case, for values from 0 to `top`.
-pub fn haze(top: f64) -> TransferFunction {
-    extinction(&[(0.1 * top, 0.0), (top, 0.3)])
-}
-
-/// A light at infinity, in no special direction.
-pub fn directional() -> Light {
-    Light::Directional { toward: DVec3::new(0.4, -0.5, 0.75) }
-}
-
-/// Lights along a direction of world space.
-pub fn along(x: f64, y: f64, z: f64) -> Light {
-    Light::Directional { toward: DVec3::new(x, y, z) }
-}
-
-/// A point light at a world position, mm.
-pub fn point(position: DVec3) -> Light {
-    Light::Point { position }
-}
-
-/// Both kinds of light, the point light well outside the volume.
-pub fn both(volume: &Volume) -> Vec<(&'static str, Light)> {
-    let corners = volume.corners_mm();
-    let center = corners.iter().sum::<DVec3>() / 8.0;
-    let radius = corners.iter().map(|c| c.distance(center)).fold(0.0, f64::max);
-    let position = center + DVec3::new(-0.6, 0.35, 0.7).normalize() * 3.0 * radius;
-    vec![("directional light", directional()), ("point light", point(position))]
+    /// Volume of float32 values of `dims` voxels, with 0 and 1 of the field mapped to `low` and `high`.
+    pub fn volume(
+        self,
+        world_from_index: DAffine3,
+        [nx, ny, nz]: [usize; 3],
+        [low, high]: [f64; 2],
+    ) -> Result<Arc<Volume>> {
+        let value = |(k, j, i)| low + (high - low) * self.at(DVec3::new(i as f64, j as f64, k as f64));
+        let voxels = Array3::from_shape_fn((nz, ny, nx), |index: (usize, usize, usize)| value(index) as f32);
+        let provenance = Provenance::new("stability case", "phantom", "float32");
+        Ok(Arc::new(Volume::new(Voxels::F32(voxels), Scaling::IDENTITY, world_from_index, provenance)?))
+    }
 }

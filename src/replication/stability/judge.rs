@@ -1,16 +1,17 @@
 //! Detection of numerical faults of a method on a stability case.
 
-use crate::measure::band::{BandReport, Sanity};
+use crate::measure::bound_check::{BoundReport, Sanity};
 use crate::shadow::{Bound, Curve};
 use serde::Serialize;
 
 /// The column `status`, from good to bad.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// Nothing is wrong.
+    #[default]
     Ok,
-    /// Transmittance left the promised band.
+    /// Transmittance violated the error bound.
     BoundExceeded,
     /// Transmittance rose with depth.
     NotMonotone,
@@ -18,7 +19,7 @@ pub enum Status {
     OutOfRange,
     /// A value was not finite.
     Nan,
-    /// The method could not be built, drawn or asked.
+    /// The method could not be built, drawn or queried.
     Failed,
 }
 
@@ -27,28 +28,24 @@ impl Status {
     pub const ALL: [Self; 6] =
         [Self::Ok, Self::BoundExceeded, Self::NotMonotone, Self::OutOfRange, Self::Nan, Self::Failed];
 
+    /// Spelling in tables, and symbol in the summary, of each of [`Self::ALL`].
+    const TEXTS: [(&'static str, char); 6] = [
+        ("ok", '✓'),
+        ("bound_exceeded", 'B'),
+        ("not_monotone", 'M'),
+        ("out_of_range", 'R'),
+        ("nan", 'N'),
+        ("failed", 'F'),
+    ];
+
     /// Spelling of the status in tables.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::BoundExceeded => "bound_exceeded",
-            Self::NotMonotone => "not_monotone",
-            Self::OutOfRange => "out_of_range",
-            Self::Nan => "nan",
-            Self::Failed => "failed",
-        }
+        Self::TEXTS[self as usize].0
     }
 
     /// Symbol of the status in the summary.
     pub fn glyph(self) -> char {
-        match self {
-            Self::Ok => '✓',
-            Self::BoundExceeded => 'B',
-            Self::NotMonotone => 'M',
-            Self::OutOfRange => 'R',
-            Self::Nan => 'N',
-            Self::Failed => 'F',
-        }
+        Self::TEXTS[self as usize].1
     }
 }
 
@@ -56,9 +53,9 @@ impl Status {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Findings {
     /// Transmittance along light rays against the exact curve.
-    pub band: BandReport,
+    pub check: BoundReport,
     /// Error bound that the method guarantees for transmittance along light rays, if any.
-    pub promise: Option<Bound>,
+    pub bound: Option<Bound>,
     /// Sanity of transmittance along light rays, judged without the exact curve.
     pub rays: Sanity,
     /// Shape that the method's definition allows transmittance to have along a ray.
@@ -101,7 +98,7 @@ impl Findings {
         } else if self.rays.monotone_violations > 0 && self.curve == Curve::Falls {
             // What a method may do by its own definition is counted and said all the same.
             Status::NotMonotone
-        } else if self.band.held() == Some(false) {
+        } else if self.check.satisfied() == Some(false) {
             Status::BoundExceeded
         } else {
             Status::Ok
@@ -110,10 +107,10 @@ impl Findings {
 
     /// Descriptions of all faults found, worst first; empty where there are none.
     pub fn complaints(&self) -> Vec<String> {
-        let mut said = Vec::new();
+        let mut faults = Vec::new();
         let mut count = |n: usize, what: &str| {
             if n > 0 {
-                said.push(format!("{n} {what}"));
+                faults.push(format!("{n} {what}"));
             }
         };
         count(self.rays.non_finite, "transmittances are not finite");
@@ -121,66 +118,49 @@ impl Findings {
         count(self.rays.out_of_range, "transmittances are outside [0, 1]");
         count(self.picture_out_of_range, "channels of the picture are outside [0, 1]");
         if self.rays.monotone_violations > 0 {
-            said.push(format!(
+            faults.push(format!(
                 "transmittance rises with depth at {} of {} depths, by up to {:.2e}",
-                self.rays.monotone_violations, self.band.depths, self.rays.largest_rise
+                self.rays.monotone_violations, self.check.depths, self.rays.largest_rise
             ));
         }
-        if let Some(worst) = self.band.worst {
-            said.push(format!(
+        if let Some(worst) = self.check.worst {
+            faults.push(format!(
                 "the bound is missed at {} of {} depths, by up to {:.2e} (depth {} mm: {}, exact {})",
-                self.band.violations,
-                self.band.depths,
+                self.check.violations,
+                self.check.depths,
                 worst.amount,
                 worst.depth_mm,
                 worst.t_method,
                 worst.t_exact
             ));
         }
-        said
+        faults
     }
-}
-
-/// Checks the values of one ray without the exact curve. A rise is from the smallest value that lies at least
-/// `apart_mm` nearer to the light. Tolerances are of the range and of rises.
-pub fn sanity(depths_mm: &[f64], values: &[f32], [range, rise]: [f64; 2], apart_mm: f64) -> Sanity {
-    let mut found = Sanity { monotone_violations: 0, largest_rise: 0.0, ..Sanity::of_ray(values, range) };
-    let finite = || depths_mm.iter().zip(values).filter(|(_, v)| v.is_finite());
-    let mut before = finite().peekable();
-    let mut smallest = f64::INFINITY;
-    for (z, &value) in finite() {
-        while let Some((_, &v)) = before.next_if(|(nearer, _)| **nearer <= z - apart_mm) {
-            smallest = smallest.min(f64::from(v));
-        }
-        let here = f64::from(value) - smallest;
-        found.largest_rise = found.largest_rise.max(here);
-        found.monotone_violations += usize::from(here > rise);
-    }
-    found
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const BAND: Bound =
+    const BOUND: Bound =
         Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
 
     /// Findings of one ray with the exact curve `exp(-z)` at depths 0, 1, 2, 3.
-    fn of(values: [f32; 4], promise: Option<Bound>) -> Findings {
-        let band = BandReport::of_ray(0, &|z: f64| (-z).exp(), &[0.0, 1.0, 2.0, 3.0], &values, promise);
-        let rays = sanity(&[0.0, 1.0, 2.0, 3.0], &values, [1e-6, 1e-4], 0.1);
-        Findings { band, promise, rays, ..Findings::default() }
+    fn of(values: [f32; 4], bound: Option<Bound>) -> Findings {
+        let depths = [0.0, 1.0, 2.0, 3.0];
+        let check = BoundReport::of_ray(0, &|z: f64| (-z).exp(), &depths, &values, bound, |_| None);
+        let rays = Sanity::of_ray(&depths, &values, [1e-6, 1e-4], 0.1);
+        Findings { check, bound, rays, ..Findings::default() }
     }
 
     const EXACT: [f32; 4] = [1.0, 0.367_88, 0.135_34, 0.049_79];
 
     #[test]
     fn what_is_right_is_ok() {
-        let right = of(EXACT, Some(BAND));
+        let right = of(EXACT, Some(BOUND));
         assert_eq!((right.status(), right.complaints()), (Status::Ok, vec![]));
         let [a, b, c, d] = EXACT;
-        assert_eq!(of([a, b + 0.03, c - 0.02, d], Some(BAND)).status(), Status::Ok, "within the band");
+        assert_eq!(of([a, b + 0.03, c - 0.02, d], Some(BOUND)).status(), Status::Ok, "within the bound");
     }
 
     #[test]
@@ -198,7 +178,7 @@ mod tests {
             ([a, f32::NAN, c, d], Status::Nan, "1 transmittances are not finite"),
             ([f32::INFINITY, b, c, d], Status::Nan, "1 transmittances are not finite"),
         ] {
-            let found = of(values, Some(BAND));
+            let found = of(values, Some(BOUND));
             assert_eq!(found.status(), status, "{values:?}");
             assert!(found.complaints().iter().any(|c| c.contains(said)), "{:?}", found.complaints());
         }
@@ -224,30 +204,16 @@ mod tests {
     }
 
     #[test]
-    fn rises_count_between_depths_that_are_apart() {
-        let rises = |depths: &[f64], values: &[f32]| {
-            let found = sanity(depths, values, [1e-6, 1e-3], 0.1);
-            (found.monotone_violations, (1e6 * found.largest_rise).round())
-        };
-        assert_eq!(rises(&[0.0, 0.01, 1.0], &[0.5, 0.6, 0.5]), (0, 0.0), "nearer than 0.1");
-        assert_eq!(rises(&[0.0, 0.2, 1.0], &[0.5, 0.6, 0.5]), (1, 100_000.0));
-        // A slow creep, each step of which is small or near: the values at 0.1 and 0.12 have 0.5 before them.
-        assert_eq!(rises(&[0.0, 0.06, 0.1, 0.12], &[0.5, 0.5005, 0.5008, 0.5015]).0, 1);
-        assert_eq!(rises(&[0.0, 1.0, 2.0], &[0.5, f32::NAN, 0.7]), (1, 200_000.0));
-        assert_eq!(rises(&[0.0, 1.0, 2.0], &[0.5, f32::NEG_INFINITY, 0.5]).0, 0);
-    }
-
-    #[test]
-    fn without_a_promise_an_error_is_no_fault_but_a_rise_is() {
+    fn without_a_bound_an_error_is_no_fault_but_a_rise_is() {
         let far = of([1.0, 0.9, 0.8, 0.7], None);
         assert_eq!(far.status(), Status::Ok);
-        assert!(far.band.ray_err_max().unwrap() > 0.6);
+        assert!(far.check.ray_err_max().unwrap() > 0.6);
         assert_eq!(of([1.0, 0.8, 0.9, 0.7], None).status(), Status::NotMonotone);
     }
 
     #[test]
     fn the_worst_of_several_is_the_status_and_all_are_named() {
-        let found = of([1.0, 0.1, 0.5, f32::NAN], Some(BAND));
+        let found = of([1.0, 0.1, 0.5, f32::NAN], Some(BOUND));
         assert_eq!(found.status(), Status::Nan);
         assert_eq!(found.complaints().len(), 3);
         assert!(Status::ALL.is_sorted());
@@ -255,7 +221,7 @@ mod tests {
 
     #[test]
     fn pictures_count() {
-        let mut found = of(EXACT, Some(BAND));
+        let mut found = of(EXACT, Some(BOUND));
         found.look_at(&[0.0, 1.0, 0.5, 1.000_001]);
         assert_eq!(found.status(), Status::Ok);
         found.look_at(&[1.01, 0.2, -0.5]);

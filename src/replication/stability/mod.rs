@@ -1,33 +1,28 @@
 //! Stiff and extreme cases, every method on each, with the exact curve beside it.
 //!
 //! A case (`cases`) is a small volume, a transfer function, some lights and settings that are put over those of the
-//! methods. For every method it is built, asked along light rays through texel centres, and drawn as a small picture;
-//! `judge` says what is wrong: values that are not finite, or outside `[0, 1]`, transmittance that rises with depth
-//! (between depths that float32 can tell apart), a promise that is not kept. Methods that promise nothing are judged on the first three, and their error is
-//! reported. Time and bytes are set beside those of the same method on the ordinary case.
+//! methods. Every method is built, queried along light rays through texel centres, and drawn as a small picture.
+//! `judge` finds values that are not finite or outside `[0, 1]`, transmittance that rises with depth (between depths that
+//! float32 can tell apart), and violations of the error bound. The error of methods without a bound is only reported. Time and bytes are set beside those of the same method on the ordinary case.
 
-mod case;
 mod cases;
 mod fields;
 mod judge;
-mod promises;
-mod row;
 pub mod table;
 
-pub use case::{Case, Concerns};
-pub use cases::{ORDINARY, all};
+pub use cases::{Case, ORDINARY, all};
 pub use judge::{Findings, Status};
-pub use row::Row;
+pub use table::Row;
 
 use crate::error::Result;
 use crate::exact::ExactField;
-use crate::measure::band::{BandReport, Sanity};
+use crate::measure::bound_check::{BoundReport, Sanity};
 use crate::measure::errors::{RayTest, meets_extinction};
 use crate::measure::rays::pick_texels;
 use crate::render::{DisabledOptimizations, Renderer, Session};
 use crate::scene::{Light, Scene};
 use crate::shadow::{LightSpace, Method, MethodSpec, ShadowMap};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
 /// Light rays of a case, light and method, and depths on each.
@@ -37,7 +32,7 @@ const DEPTHS: usize = 96;
 const CANDIDATES: u32 = 64;
 /// Size of the pictures.
 const PICTURE: [u32; 2] = [32, 24];
-/// Depths are crowded around jumps by this, in smallest spacings, where a method promises no depth.
+/// Depths are crowded around jumps by this, in smallest spacings, where the error bound has no depth tolerance.
 const DEFAULT_DEPTH: f64 = 0.02;
 /// How many times the ordinary case's time or bytes is worth a remark.
 const DEAR: f64 = 20.0;
@@ -47,12 +42,12 @@ const LEAST_MS: f64 = 1.0;
 /// Rises of a map: float32 texel coordinates of points of one ray differ by up to 1e-5 of a texel and so weigh in
 /// neighbours.
 const MAP_RISE: f64 = 1e-4;
-/// Rises of shadow rays: each is a sum of other pieces, and may be off by what the method promises (1e-3).
+/// Rises of shadow rays: each is a sum of other pieces, and may be off by the error bound of the method (1e-3).
 const RAYS_RISE: f64 = 2e-3;
 /// Transmittance is a mean of stored values or the exponential of a sum of terms >= 0: rounding of 1 alone.
 const RANGE: f64 = 1e-6;
 
-/// Share of the volume's diagonal by which depths must be apart to be told apart: float32 coordinates and their sums are
+/// Share of the volume's diagonal by which depths must be apart to be distinct: float32 coordinates and their sums are
 /// off by a few 1e-7 of it, and where extinction is 1e4 per mm and more, that is a rise of transmittance.
 const DEPTHS_APART: f64 = 1e-6;
 
@@ -66,19 +61,15 @@ struct Cost {
 
 impl Cost {
     fn larger(self, other: Self) -> Self {
-        Self {
-            build_ms: self.build_ms.max(other.build_ms),
-            frame_ms: self.frame_ms.max(other.frame_ms),
-            bytes: self.bytes.max(other.bytes),
-        }
+        let [build_ms, frame_ms] =
+            [(self.build_ms, other.build_ms), (self.frame_ms, other.frame_ms)].map(|(a, b)| a.max(b));
+        Self { build_ms, frame_ms, bytes: self.bytes.max(other.bytes) }
     }
 
     fn smaller_times(self, other: Self) -> Self {
-        Self {
-            build_ms: self.build_ms.min(other.build_ms),
-            frame_ms: self.frame_ms.min(other.frame_ms),
-            ..self
-        }
+        let [build_ms, frame_ms] =
+            [(self.build_ms, other.build_ms), (self.frame_ms, other.frame_ms)].map(|(a, b)| a.min(b));
+        Self { build_ms, frame_ms, ..self }
     }
 
     /// How many times another's each is, where that is [`DEAR`] or more, and what it is called.
@@ -97,7 +88,7 @@ impl Cost {
 }
 
 /// Runs the picked cases with every method: a row for each case and method that the case concerns. What fails becomes a
-/// row; the others go on. `next` is told what is done next.
+/// row; the others go on. `next` is called with the name of the next case.
 ///
 /// # Errors
 /// Settings that are refused.
@@ -137,7 +128,7 @@ fn put_over(method: &MethodSpec, case: &Case) -> Option<MethodSpec> {
     for (key, value) in &case.settings {
         match spec.clone().with(key, value) {
             Some(changed) => spec = changed,
-            None if case.concerns == Concerns::ThoseWithKeys => return None,
+            None if case.needs_settings => return None,
             None => {}
         }
     }
@@ -148,7 +139,13 @@ fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost
     let map = method.map_size().map(|n| format!("map={n}"));
     let own = Some(method.params()).filter(|p| !p.is_empty());
     let params = own.into_iter().chain(map).collect::<Vec<_>>().join(" ");
-    let named = |status| Row::new(&case.name, method.name(), params, status);
+    let named = |status| Row {
+        case: case.name.clone(),
+        method: method.name().into(),
+        params,
+        status,
+        ..Row::default()
+    };
     match outcome {
         Err(e) => Row { note: e.to_string(), ..named(Status::Failed) },
         Ok((lights, cost)) => {
@@ -165,8 +162,8 @@ fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost
                 notes.push(format!("{times:.0} times the ordinary {what}"));
             }
             Row {
-                ray_err_max: largest(&|f| f.band.ray_err_max()),
-                bound: largest(&|f| f.promise.map(|p| p.transmittance)),
+                ray_err_max: largest(&|f| f.check.ray_err_max()),
+                bound: largest(&|f| f.bound.map(|b| b.transmittance)),
                 monotone_violations: count(|f| f.rays.monotone_violations),
                 out_of_range: count(Findings::out_of_range),
                 non_finite: count(Findings::non_finite),
@@ -180,7 +177,7 @@ fn row(case: &Case, method: &dyn Method, outcome: Outcome, ordinary: Option<Cost
 }
 
 /// Findings by light, and the largest cost over the lights.
-type Outcome = Result<(Vec<(&'static str, Findings)>, Cost)>;
+type Outcome = Result<(Vec<(String, Findings)>, Cost)>;
 
 /// Every method on a case.
 fn measure(renderer: &Arc<Renderer>, case: &Case, methods: &[Box<dyn Method>]) -> Vec<Outcome> {
@@ -192,10 +189,10 @@ fn measure(renderer: &Arc<Renderer>, case: &Case, methods: &[Box<dyn Method>]) -
     let field = ExactField::new(&case.volume, &case.tf);
     let measured = |method: &dyn Method| {
         let (mut findings, mut cost) = (Vec::new(), Cost::default());
-        for &(name, light) in &case.lights {
+        for &light in &case.lights {
             let lit = Lit { case, session: &session, field: &field, light };
             let (found, took) = lit.measure(method)?;
-            findings.push((name, found));
+            findings.push((light.text(), found));
             cost = cost.larger(took);
         }
         Ok((findings, cost))
@@ -228,13 +225,13 @@ impl Lit<'_> {
         // What comes first pays for the driver's own preparations.
         let (_, _, first) = draw()?;
         let (shadow, picture, second) = draw()?;
-        let mut found = self.ask(method, &shadow)?;
+        let mut found = self.query_rays(method, &shadow)?;
         found.look_at(&picture.pixels);
         Ok((found, second.smaller_times(first)))
     }
 
     /// Transmittance along light rays.
-    fn ask(&self, method: &dyn Method, shadow: &ShadowMap) -> Result<Findings> {
+    fn query_rays(&self, method: &dyn Method, shadow: &ShadowMap) -> Result<Findings> {
         let test = RayTest {
             texels: &self.texels(&shadow.light_space),
             taps: method.taps(),
@@ -243,14 +240,15 @@ impl Lit<'_> {
             nodes_mm: &[],
         };
         let rise = if shadow.lookup.as_ref().is_some_and(|l| l.marches()) { RAYS_RISE } else { MAP_RISE };
-        let (mut band, mut rays) = (BandReport::default(), Sanity::default());
+        let (mut check, mut rays) = (BoundReport::default(), Sanity::default());
         let [near, far] = [self.case.volume.corners_mm()[0], self.case.volume.corners_mm()[7]];
         let apart_mm = DEPTHS_APART * near.distance(far);
-        test.visit(self.field, self.light, self.session, shadow, |own, depths, values| {
-            band = band.merge(own);
-            rays = rays.merge(judge::sanity(depths, values, [RANGE, rise], apart_mm));
+        let query = |points: &[DVec3]| self.session.query(shadow, points);
+        test.visit(self.field, self.light, shadow, query, |own, depths, values| {
+            check = check.merge(own);
+            rays = rays.merge(Sanity::of_ray(depths, values, [RANGE, rise], apart_mm));
         })?;
-        Ok(Findings { band, promise: shadow.bound, curve: method.curve(), rays, ..Findings::default() })
+        Ok(Findings { check, bound: shadow.bound, curve: method.curve(), rays, ..Findings::default() })
     }
 
     /// The middle of the map and texels spread over what the light meets.
@@ -322,7 +320,7 @@ mod tests {
         let method = shadow::parse("dsm:map=64,epsilon=0.1").unwrap();
         let bad = Findings { picture_non_finite: 3, ..Findings::default() };
         let cost = Cost { build_ms: 100.0, frame_ms: 1.0, bytes: 7 };
-        let lights = vec![("sun", Findings::default()), ("lamp", bad)];
+        let lights = vec![("sun".into(), Findings::default()), ("lamp".into(), bad)];
         let ordinary = Some(Cost { build_ms: 2.0, ..Cost::default() });
         let made = row(&cases[0], method.as_ref(), Ok((lights, cost)), ordinary);
         assert_eq!((made.status, made.non_finite, made.bytes), (Status::Nan, Some(3), Some(7)));

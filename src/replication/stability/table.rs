@@ -1,7 +1,40 @@
-//! The summary of the stability table.
+//! The stability table and its summary.
 
-use super::{Row, Status};
+use super::judge::Status;
+use crate::report::markdown::{Align, aligned_table};
+use itertools::Itertools as _;
+use serde::Serialize;
 use std::collections::HashMap;
+
+/// One case and method; the fields are the columns, in order. Where a case has several lights,
+/// counts are their sums, and errors and costs those of the worst.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Row {
+    /// Name of the case.
+    pub case: String,
+    /// Name of the method.
+    pub method: String,
+    /// `key=value` texts separated by spaces.
+    pub params: String,
+    /// The worst fault.
+    pub status: Status,
+    /// Largest `|T_method - T_exact|` along light rays.
+    pub ray_err_max: Option<f64>,
+    /// Error bound of transmittance along light rays, besides `bound_depth_mm` of depth.
+    pub bound: Option<f64>,
+    /// Depths at which transmittance rises.
+    pub monotone_violations: Option<usize>,
+    /// Finite values outside `[0, 1]`.
+    pub out_of_range: Option<usize>,
+    /// Values that are not finite.
+    pub non_finite: Option<usize>,
+    /// Time to make the shadow structure, ms.
+    pub build_ms: Option<f64>,
+    /// Memory of the shadow structure.
+    pub bytes: Option<u64>,
+    /// Remarks on faults, and on costs far above the ordinary.
+    pub note: String,
+}
 
 /// Glyph of a cell whose method the case does not concern.
 const ABSENT: char = '·';
@@ -9,14 +42,10 @@ const ABSENT: char = '·';
 /// Cases by methods, one glyph a cell, and every remark below. A method that stands in several settings has a column for
 /// each, in the order given.
 pub fn markdown(rows: &[Row]) -> String {
-    let mut names: Vec<&str> = Vec::new();
     // Settings differ from case to case; a method's n-th row of a case is its n-th column.
     let mut cells: HashMap<(&str, (&str, usize)), Status> = HashMap::new();
     let mut columns: Vec<(&str, usize)> = Vec::new();
     for row in rows {
-        if !names.contains(&&*row.case) {
-            names.push(&row.case);
-        }
         let nth = (0..).find(|n| !cells.contains_key(&(&*row.case, (&*row.method, *n)))).unwrap_or(0);
         let column = (&*row.method, nth);
         cells.insert((&row.case, column), row.status);
@@ -24,32 +53,18 @@ pub fn markdown(rows: &[Row]) -> String {
             columns.push(column);
         }
     }
-    let widest = names.iter().map(|n| n.len()).max().unwrap_or(0).max(4);
     let heading = |&(method, nth): &(&str, usize)| match nth {
-        0 => method.to_owned(),
-        n => format!("{method} {}", n + 1),
+        0 => (method.to_owned(), Align::Middle),
+        n => (format!("{method} {}", n + 1), Align::Middle),
     };
-    let headings: Vec<_> = columns.iter().map(heading).collect();
-    let line = |first: &str, rest: &mut dyn Iterator<Item = String>| {
-        format!("| {first:widest$} | {} |\n", rest.collect::<Vec<_>>().join(" | "))
+    let headings: Vec<_> =
+        [("case".to_owned(), Align::Left)].into_iter().chain(columns.iter().map(heading)).collect();
+    let line = |case: &str| {
+        let glyph = |column: &_| cells.get(&(case, *column)).map_or(ABSENT, |s| s.glyph()).to_string();
+        [case.to_owned()].into_iter().chain(columns.iter().map(glyph)).collect()
     };
-    let mut out = line("case", &mut headings.iter().map(|h| format!("{h:>3}")));
-    out += &format!("| {:-<widest$} | ", "");
-    out += &headings
-        .iter()
-        .map(|h| format!(":{}:", "-".repeat(h.len().max(3) - 2)))
-        .collect::<Vec<_>>()
-        .join(" | ");
-    out += " |\n";
-    for case in &names {
-        out += &line(
-            case,
-            &mut columns.iter().zip(&headings).map(|(&column, h)| {
-                let glyph = cells.get(&(*case, column)).map_or(ABSENT, |s| s.glyph());
-                format!("{glyph:>0$}", h.len().max(3))
-            }),
-        );
-    }
+    let lines: Vec<Vec<String>> = rows.iter().map(|row| row.case.as_str()).unique().map(line).collect();
+    let mut out = aligned_table(&headings, &lines);
     let key: Vec<_> = Status::ALL.iter().map(|s| format!("{} {}", s.glyph(), s.name())).collect();
     out += &format!("\n{} · {ABSENT} not concerned\n\n{}\n", key.join(" · "), counted(rows));
     let mut remarks = rows.iter().filter(|r| !r.note.is_empty()).peekable();
@@ -80,7 +95,13 @@ mod tests {
     use crate::report::writers::{csv, json};
 
     fn rows() -> Vec<Row> {
-        let row = |case: &str, method: &str, status| Row::new(case, method, "map=64".into(), status);
+        let row = |case: &str, method: &str, status| Row {
+            case: case.into(),
+            method: method.into(),
+            params: "map=64".into(),
+            status,
+            ..Row::default()
+        };
         vec![
             Row { ray_err_max: Some(0.5), bytes: Some(0), ..row("comb", "none", Status::Ok) },
             Row { note: "lamp: 3 values; \"x\"".into(), ..row("comb", "dsm", Status::Nan) },

@@ -15,6 +15,7 @@ use crate::measure::defaults::style;
 use crate::measure::table::Row;
 use crate::shadow::NodeMap;
 use base64::prelude::{BASE64_STANDARD, Engine as _};
+use itertools::Itertools as _;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use rows::{name, table};
 use std::path::Path;
@@ -107,35 +108,18 @@ pub fn write_report(conditions: &Conditions, pictured: &[Pictured], path: &Path)
 
 /// On what the rows were measured, in a line.
 fn about(rows: &[Row]) -> String {
-    let mut words: Vec<String> = Vec::new();
-    for row in rows {
-        for word in [row.adapter.clone(), format!("{} x {} pixels", row.width, row.height)] {
-            if !words.contains(&word) {
-                words.push(word);
-            }
-        }
-    }
-    words.join(" · ")
+    let words = |row: &Row| [row.adapter.clone(), format!("{} x {} pixels", row.width, row.height)];
+    rows.iter().flat_map(words).unique().join(" · ")
 }
 
 /// Error against time and against memory, of each scene and adapter: a front is of one.
 fn plots(rows: &[Row]) -> Markup {
-    let mut groups: Vec<(&str, &str)> = Vec::new();
-    for row in rows {
-        let group = (row.scene.as_str(), row.adapter.as_str());
-        if !groups.contains(&group) {
-            groups.push(group);
-        }
-    }
-    let of = |group: (&str, &str)| {
-        let own = rows.iter().filter(|r| (r.scene.as_str(), r.adapter.as_str()) == group);
-        own.cloned().collect::<Vec<_>>()
-    };
+    let of = |wanted| rows.iter().filter(|r| r.group() == wanted).cloned().collect::<Vec<_>>();
     let (time, memory) = ("each row of the table", "each row that stores a shadow structure");
     html! {
         section class="plots" {
             h2 { "Error against time and memory" }
-            @for group in groups {
+            @for group in rows.iter().map(Row::group).unique() {
                 @let (own, scene) = (of(group), group.0);
                 (figure(error_time(&own).svg(Some(&format!("Error against time, {scene}: {time} as a point"))), ""))
                 (figure(error_bytes(&own).svg(Some(&format!("Error against memory, {scene}: {memory} as a point"))), ""))

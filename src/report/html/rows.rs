@@ -7,7 +7,7 @@ use maud::{Markup, html};
 /// Texts longer than this are shown in a box of a few lines, which scrolls.
 const LONG_TEXT: usize = 40;
 
-/// The columns that are in sight at first, besides the row's name: times, memory, errors and what is promised.
+/// Columns that are visible at first, besides the row's name: times, memory, errors and the error bound.
 const MAIN: &[&str] = &[
     "scene",
     "adapter",
@@ -38,7 +38,7 @@ pub fn name(row: &Row) -> String {
 /// The section with the table; its first column names the row and leads to its pictures.
 pub fn table(rows: &[Row]) -> Markup {
     let cells: Vec<Vec<Cell>> = rows.iter().map(Row::cells).collect();
-    let columns: Vec<Shown> = (0..COLUMNS.len()).map(|i| Shown::of(i, &cells)).collect();
+    let columns: Vec<HtmlColumn> = (0..COLUMNS.len()).map(|i| HtmlColumn::of(i, &cells)).collect();
     html! {
         section {
             h2 { "Table" }
@@ -74,7 +74,7 @@ pub fn table(rows: &[Row]) -> Markup {
 }
 
 /// How a column is shown.
-struct Shown {
+struct HtmlColumn {
     column: &'static Column,
     /// `number` or `text`.
     kind: &'static str,
@@ -82,7 +82,7 @@ struct Shown {
     minor: bool,
 }
 
-impl Shown {
+impl HtmlColumn {
     fn of(index: usize, cells: &[Vec<Cell>]) -> Self {
         let column = &COLUMNS[index];
         let values = || cells.iter().map(|row| &row[index]);
@@ -186,7 +186,7 @@ mod tests {
         let mut rows = sample_rows();
         let minor = |rows: &[Row], name: &str| {
             let cells: Vec<_> = rows.iter().map(Row::cells).collect();
-            Shown::of(COLUMNS.iter().position(|c| c.name == name).unwrap(), &cells).minor
+            HtmlColumn::of(COLUMNS.iter().position(|c| c.name == name).unwrap(), &cells).minor
         };
         // What all rows share, what nobody measured, details, and what the row's name says.
         for name in

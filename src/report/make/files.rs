@@ -1,7 +1,7 @@
 //! Files of a comparison besides its tables and report: plots, pictures and ablation tables.
 
 use super::super::ablation;
-use super::super::grid::{self, Shown};
+use super::super::grid::{self, GridCell};
 use super::super::heat::{heat_map_png, round_max};
 use super::super::made::Made;
 use super::super::names;
@@ -15,6 +15,7 @@ use crate::measure::ablate::Ablation;
 use crate::measure::comparison::Compared;
 use crate::measure::table::Row;
 use crate::shadow::{Method, NoShadows, NodeMap, TILE};
+use itertools::Itertools as _;
 use ndarray::Array2;
 use ndarray_npy::WriteNpyExt;
 use std::path::{Path, PathBuf};
@@ -22,30 +23,11 @@ use std::path::{Path, PathBuf};
 /// Legend title of the heat maps of differences.
 pub const DIFFERENCE: &str = "|difference| from rays, linear RGBA";
 
-/// Scene and adapter of a row, which share a scale, a drawing and a front.
-pub(super) type Group<'a> = (&'a str, &'a str);
-
-/// The groups of rows, in the order in which they come.
-pub(super) fn groups<'a>(rows: impl Iterator<Item = &'a Row>) -> Vec<Group<'a>> {
-    let mut groups = Vec::new();
-    for row in rows {
-        let group = group(row);
-        if !groups.contains(&group) {
-            groups.push(group);
-        }
-    }
-    groups
-}
-
-pub(super) fn group(row: &Row) -> Group<'_> {
-    (&row.scene, &row.adapter)
-}
-
 /// Error against time and against bytes, a drawing of each a scene and adapter; returns the paths.
 pub fn write_scene_plots(rows: &[Row], run: &Run, folder: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
-    for wanted in groups(rows.iter()) {
-        let own: Vec<Row> = rows.iter().filter(|r| group(r) == wanted).cloned().collect();
+    for wanted in rows.iter().map(Row::group).unique() {
+        let own: Vec<Row> = rows.iter().filter(|r| r.group() == wanted).cloned().collect();
         let prefix = run.prefix_of(wanted.0, wanted.1);
         let stems = names::plots(prefix.trim_end_matches('_'));
         paths.extend(write_plots(&own, folder, &stems, &run.texts_of(wanted.0))?);
@@ -59,8 +41,11 @@ pub(super) fn scale_of<'a>(compared: impl Iterator<Item = &'a Compared> + Clone)
     let largest = |c: &Compared| c.difference.as_ref().map(round_max);
     let shadowed = compared.clone().filter(|c| c.row.method != NoShadows.name()).filter_map(largest);
     // `round_max` of nothing wrong is 1, which is no scale to show others on.
-    let told = |scales: &mut dyn Iterator<Item = f32>| scales.filter(|s| *s < 1.0).reduce(f32::max);
-    told(&mut shadowed.into_iter()).or_else(|| told(&mut compared.filter_map(largest))).unwrap_or(1.0)
+    let largest_below_1 =
+        |scales: &mut dyn Iterator<Item = f32>| scales.filter(|s| *s < 1.0).reduce(f32::max);
+    largest_below_1(&mut shadowed.into_iter())
+        .or_else(|| largest_below_1(&mut compared.filter_map(largest)))
+        .unwrap_or(1.0)
 }
 
 /// Writes where each row's picture differs from that by `rays`, the nodes of its texels, all pictures of a scene with
@@ -70,8 +55,8 @@ pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<Pa
     let all = &made.comparison.compared;
     let mut paths = vec![folder.join("pictures.md")];
     let mut sheet = String::new();
-    for wanted in groups(all.iter().map(|c| &c.row)) {
-        let own = all.iter().filter(|c| group(&c.row) == wanted && c.picture.is_some());
+    for wanted in all.iter().map(|c| c.row.group()).unique() {
+        let own = all.iter().filter(|c| c.row.group() == wanted && c.picture.is_some());
         if own.clone().next().is_none() {
             continue;
         }
@@ -93,7 +78,7 @@ pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<Pa
             let name = format!("{}.png", names::reference(&prefix));
             sheet += &format!("| rays, not in the table | ![{name}]({name}) | |\n");
         }
-        let mut cells: Vec<Shown> = reference.iter().map(|r| Shown::reference(&r.pixels)).collect();
+        let mut cells: Vec<GridCell> = reference.iter().map(|r| GridCell::reference(&r.pixels)).collect();
         for c in own {
             let picture = format!("{}.png", names::picture(&c.slug));
             paths.push(folder.join(&picture));
@@ -108,7 +93,7 @@ pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<Pa
             sheet += " |\n";
             let picture = c.picture.as_ref();
             let difference = c.difference.as_ref();
-            cells.extend(picture.map(|picture| Shown::of(&c.row, picture, difference)));
+            cells.extend(picture.map(|picture| GridCell::of(&c.row, picture, difference)));
         }
         let [png, pdf] = grid::files(&cells, grid_pt, scale, DIFFERENCE)?;
         for (name, bytes) in grids.iter().zip([with_texts(png, &texts)?, pdf]) {
@@ -118,8 +103,8 @@ pub fn write_pictures(made: &Made, folder: &Path, grid_pt: f64) -> Result<Vec<Pa
         }
     }
     write_whole(&paths[0], |file| file.write_all(sheet.as_bytes()))?;
-    for (c, nodes) in all.iter().zip(&made.nodes) {
-        if let Some(nodes) = nodes {
+    for c in all {
+        if let Some(nodes) = &c.nodes {
             let path = folder.join(names::nodes(&c.slug));
             let failed =
                 |e: ndarray_npy::WriteNpyError| Error::runtime("cannot encode nodes", path.display(), e);
@@ -154,12 +139,12 @@ pub fn node_map(signed: &Array2<i32>) -> NodeMap {
 /// Writes what omissions are worth: every column as CSV and JSON, and a table for reading; returns the paths.
 pub fn write_ablations(rows: &[Ablation], folder: &Path) -> Result<Vec<PathBuf>> {
     let markdown = ablation::markdown(rows).into_bytes();
-    let files = [("csv", writers::csv(rows)?), ("json", writers::json(rows)?.into_bytes()), ("md", markdown)];
-    let write = |(extension, bytes): (&str, Vec<u8>)| {
-        let path = folder.join(format!("ablation.{extension}"));
-        write_whole(&path, |file| file.write_all(&bytes)).map(|()| path)
-    };
-    files.into_iter().map(write).collect()
+    let files = [
+        ("ablation.csv", writers::csv(rows)?),
+        ("ablation.json", writers::json(rows)?.into_bytes()),
+        ("ablation.md", markdown),
+    ];
+    writers::write_files(folder, files)
 }
 
 #[cfg(test)]
@@ -186,6 +171,7 @@ mod tests {
             slug: String::new(),
             picture: None,
             difference: Some(arr2(&[[0.0, value]])),
+            nodes: None,
             left_out: Vec::new(),
         };
         let all =

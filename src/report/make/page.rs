@@ -3,12 +3,13 @@
 use super::super::heat::heat_map_png;
 use super::super::html::{Conditions, Pictured, write_report};
 use super::super::made::Made;
-use super::files::{DIFFERENCE, group, groups, scale_of};
+use super::files::{DIFFERENCE, scale_of};
 use crate::error::Result;
 use crate::files::picture::picture_png;
 use crate::measure::facts::REVISION;
 use crate::measure::job::Job;
 use crate::scene::LightSource;
+use itertools::Itertools as _;
 use std::path::{Path, PathBuf};
 
 /// Writes the report into a folder and gives its path.
@@ -17,17 +18,17 @@ use std::path::{Path, PathBuf};
 /// A picture that cannot be encoded, or a file that cannot be written.
 pub fn write_page(made: &Made, folder: &Path) -> Result<PathBuf> {
     let all = &made.comparison.compared;
-    let scale = |wanted| scale_of(all.iter().filter(|c| group(&c.row) == wanted));
-    let scales: Vec<_> = groups(all.iter().map(|c| &c.row)).into_iter().map(|g| (g, scale(g))).collect();
+    let scale = |wanted| scale_of(all.iter().filter(|c| c.row.group() == wanted));
+    let scales: Vec<_> = all.iter().map(|c| c.row.group()).unique().map(|g| (g, scale(g))).collect();
     let mut pictured = Vec::new();
-    for (c, nodes) in all.iter().zip(&made.nodes) {
-        let max = scales.iter().find(|(g, _)| *g == group(&c.row)).map_or(1.0, |(_, max)| *max);
+    for c in all {
+        let max = scales.iter().find(|(g, _)| *g == c.row.group()).map_or(1.0, |(_, max)| *max);
         let error_png = |difference| heat_map_png(difference, max, DIFFERENCE);
         pictured.push(Pictured {
             row: c.row.clone(),
             picture_png: c.picture.as_ref().map(picture_png).transpose()?,
             error_png: c.difference.as_ref().map(error_png).transpose()?,
-            nodes: nodes.clone(),
+            nodes: c.nodes.clone(),
         });
     }
     let mut notes = made.comparison.notes.clone();

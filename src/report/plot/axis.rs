@@ -1,16 +1,20 @@
-//! Axes with ticks that read well whatever the span.
+//! Axes with ticks that read well whatever the span, and their drawing.
 
-/// A logarithmic axis from `low` at place `from` to `high` at place `to`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LogAxis {
-    low: f64,
-    high: f64,
+use super::page::{GRID, SMALL, TEXT};
+use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, text_width};
+
+/// Axis from `low` at place `from` to `high` at place `to`; on a logarithmic axis these two are powers of ten.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    pub low: f64,
+    pub high: f64,
     from: f64,
     to: f64,
-    notation: Notation,
+    logarithmic: bool,
+    pub ticks: Vec<Tick>,
 }
 
-/// How an axis writes its numbers.
+/// How a logarithmic axis writes its numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notation {
     /// In full where no number is long, as powers otherwise.
@@ -27,95 +31,130 @@ pub struct Tick {
     pub label: Option<(String, Option<i32>)>,
 }
 
-impl LogAxis {
-    /// Holds all `values` (positive) with some air, and at least a factor of 8.
-    pub fn around(values: impl Iterator<Item = f64>, from: f64, to: f64, notation: Notation) -> Self {
+impl Axis {
+    /// Logarithmic axis around all `values` (positive) with some air, over at least a factor of 8.
+    pub fn log(values: impl Iterator<Item = f64>, from: f64, to: f64, notation: Notation) -> Self {
         let (low, high) =
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v.log10()), h.max(v.log10())));
         // Nothing to show on this axis: any decade will do.
         let (low, high) = if low <= high { (low, high) } else { (-1.0, 0.0) };
         let air = (0.07 * (high - low)).max(0.5 * (8_f64.log10() - (high - low)));
-        Self { low: low - air, high: high + air, from, to, notation }
+        let (low, high) = (low - air, high + air);
+        Self { low, high, from, to, logarithmic: true, ticks: log_ticks(low, high, notation) }
     }
 
-    /// Where a positive value lies.
+    /// Linear axis with at most `most` ticks; `low` must be less than `high`, both finite.
+    pub fn linear([low, high]: [f64; 2], from: f64, to: f64, most: usize) -> Self {
+        Self { low, high, from, to, logarithmic: false, ticks: linear_ticks(low, high, most) }
+    }
+
+    /// Place of a value.
     pub fn place(&self, value: f64) -> f64 {
-        self.from + (self.to - self.from) * (value.log10() - self.low) / (self.high - self.low)
-    }
-
-    /// Ticks at the powers of ten (of 100, ... on very long axes); on short axes 2 and 5 are labelled too, in
-    /// between are minor ones.
-    pub fn ticks(&self) -> Vec<Tick> {
-        let span = self.high - self.low;
-        let labelled: &[i32] = match span {
-            s if s < 1.0 => &[1, 2, 3, 5, 7],
-            s if s < 2.2 => &[1, 2, 5],
-            _ => &[1],
-        };
-        let stride = (span / 7.0).ceil().max(1.0) as i32;
-        let mut ticks: Vec<(i32, i32)> = Vec::new();
-        for exponent in self.low.floor() as i32..=self.high.ceil() as i32 {
-            ticks.extend((1..10).map(|mantissa| (mantissa, exponent)));
-        }
-        ticks.retain(|&(m, e)| {
-            let at = f64::from(m).log10() + f64::from(e);
-            (self.low..=self.high).contains(&at)
-        });
-        let has_label = |m: i32, e: i32| labelled.contains(&m) && e % stride == 0;
-        // One way of writing on an axis, not a mixture.
-        let plain = self.notation == Notation::Plain
-            && ticks.iter().filter(|(m, e)| has_label(*m, *e)).all(|(_, e)| (-2..=4).contains(e));
-        ticks
-            .into_iter()
-            .map(|(m, e)| Tick {
-                value: f64::from(m) * 10_f64.powi(e),
-                label: has_label(m, e).then(|| match (plain, m) {
-                    (true, _) => {
-                        (format!("{:.*}", (-e).max(0) as usize, f64::from(m) * 10_f64.powi(e)), None)
-                    }
-                    (false, 1) => ("10".into(), Some(e)),
-                    (false, _) => (format!("{m} × 10"), Some(e)),
-                }),
-            })
-            .collect()
-    }
-}
-
-/// A linear axis from `low` at place `from` to `high` at place `to`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LinearAxis {
-    pub low: f64,
-    pub high: f64,
-    from: f64,
-    to: f64,
-}
-
-impl LinearAxis {
-    /// `low` must be less than `high`, both finite.
-    pub fn new([low, high]: [f64; 2], from: f64, to: f64) -> Self {
-        Self { low, high, from, to }
-    }
-
-    /// Where a value lies.
-    pub fn place(&self, value: f64) -> f64 {
+        let value = if self.logarithmic { value.log10() } else { value };
         self.from + (self.to - self.from) * (value - self.low) / (self.high - self.low)
     }
+}
 
-    /// At most `most` ticks at multiples of 1, 2 or 5 times a power of ten, all labelled to the same digits.
-    pub fn ticks(&self, most: usize) -> Vec<Tick> {
-        let span = self.high - self.low;
-        let steps = (-300..=300).flat_map(|e| [1.0, 2.0, 5.0].map(|m| (m, e)));
-        let step = steps.map(|(m, e)| (m * 10_f64.powi(e), e)).find(|(s, _)| span / s < most as f64);
-        let Some((step, exponent)) = step else { return Vec::new() };
-        let first = (self.low / step - 1e-9).ceil() as i64;
-        let last = (self.high / step + 1e-9).floor() as i64;
-        let label = |value: f64| match exponent {
-            -4..=5 => format!("{value:.*}", (-exponent).max(0) as usize),
-            _ => format!("{value:.0e}"),
-        };
-        // Multiples of whole numbers, so that zero is zero.
-        let tick = |i: i64| Tick { value: i as f64 * step, label: Some((label(i as f64 * step), None)) };
-        (first..=last).map(tick).collect()
+/// Ticks at the powers of ten (of 100, ... on very long axes); on short axes 2 and 5 are labelled too, in
+/// between are minor ones.
+fn log_ticks(low: f64, high: f64, notation: Notation) -> Vec<Tick> {
+    let span = high - low;
+    let labelled: &[i32] = match span {
+        s if s < 1.0 => &[1, 2, 3, 5, 7],
+        s if s < 2.2 => &[1, 2, 5],
+        _ => &[1],
+    };
+    let stride = (span / 7.0).ceil().max(1.0) as i32;
+    let mut ticks: Vec<(i32, i32)> = Vec::new();
+    for exponent in low.floor() as i32..=high.ceil() as i32 {
+        ticks.extend((1..10).map(|mantissa| (mantissa, exponent)));
+    }
+    ticks.retain(|&(m, e)| {
+        let at = f64::from(m).log10() + f64::from(e);
+        (low..=high).contains(&at)
+    });
+    let has_label = |m: i32, e: i32| labelled.contains(&m) && e % stride == 0;
+    // One way of writing on an axis, not a mixture.
+    let plain = notation == Notation::Plain
+        && ticks.iter().filter(|(m, e)| has_label(*m, *e)).all(|(_, e)| (-2..=4).contains(e));
+    ticks
+        .into_iter()
+        .map(|(m, e)| Tick {
+            value: f64::from(m) * 10_f64.powi(e),
+            label: has_label(m, e).then(|| match (plain, m) {
+                (true, _) => (format!("{:.*}", (-e).max(0) as usize, f64::from(m) * 10_f64.powi(e)), None),
+                (false, 1) => ("10".into(), Some(e)),
+                (false, _) => (format!("{m} × 10"), Some(e)),
+            }),
+        })
+        .collect()
+}
+
+/// Ticks at multiples of 1, 2 or 5 times a power of ten, all labelled to the same digits.
+fn linear_ticks(low: f64, high: f64, most: usize) -> Vec<Tick> {
+    let span = high - low;
+    let steps = (-300..=300).flat_map(|e| [1.0, 2.0, 5.0].map(|m| (m, e)));
+    let step = steps.map(|(m, e)| (m * 10_f64.powi(e), e)).find(|(s, _)| span / s < most as f64);
+    let Some((step, exponent)) = step else { return Vec::new() };
+    let first = (low / step - 1e-9).ceil() as i64;
+    let last = (high / step + 1e-9).floor() as i64;
+    let label = |value: f64| match exponent {
+        -4..=5 => format!("{value:.*}", (-exponent).max(0) as usize),
+        _ => format!("{value:.0e}"),
+    };
+    // Multiples of whole numbers, so that zero is zero.
+    let tick = |i: i64| Tick { value: i as f64 * step, label: Some((label(i as f64 * step), None)) };
+    (first..=last).map(tick).collect()
+}
+
+/// Draws the frame of a plot with grid lines, ticks, their labels and the titles of both axes. Where the horizontal axis has
+/// no title, its ticks have no labels.
+pub fn draw_axes(drawing: &mut Drawing, frame: Rect, [x, y]: [&Axis; 2], [x_title, y_title]: [&str; 2]) {
+    let Rect { left, top, right, .. } = frame;
+    let length = |tick: &Tick| if tick.label.is_some() { 7.0 } else { 4.0 };
+    for tick in &x.ticks {
+        let at = x.place(tick.value);
+        if let Some((base, power)) = &tick.label {
+            drawing.line(&[Point(at, top), Point(at, frame.bottom)], 0.8, GRID);
+            if !x_title.is_empty() {
+                tick_label(drawing, Point(at, frame.bottom + 18.0), Anchor::Middle, base, *power);
+            }
+        }
+        drawing.line(&[Point(at, frame.bottom), Point(at, frame.bottom - length(tick))], 1.0, INK);
+    }
+    for tick in &y.ticks {
+        let at = y.place(tick.value);
+        if let Some((base, power)) = &tick.label {
+            drawing.line(&[Point(left, at), Point(right, at)], 0.8, GRID);
+            tick_label(drawing, Point(left - 9.0, at), Anchor::End, base, *power);
+        }
+        drawing.line(&[Point(left, at), Point(left + length(tick), at)], 1.0, INK);
+    }
+    drawing.outline(frame, 1.2, INK);
+    axis_titles(drawing, frame, [x_title, y_title]);
+}
+
+/// Titles below and to the left of a frame.
+pub fn axis_titles(drawing: &mut Drawing, frame: Rect, [x_title, y_title]: [&str; 2]) {
+    let Point(x, y) = frame.middle();
+    drawing.text(Point(x, frame.bottom + 44.0), Anchor::Middle, TEXT, BLACK, x_title);
+    drawing.rotated_text(Point(frame.left - 77.0, y), TEXT, BLACK, y_title);
+}
+
+/// `base` with a raised power; text in SVG has no portable superscript, so it is a second text.
+pub fn tick_label(drawing: &mut Drawing, at: Point, anchor: Anchor, base: &str, power: Option<i32>) {
+    let [base, raised] =
+        [base.to_owned(), power.map_or(String::new(), |p| p.to_string())].map(|t| t.replace('-', "−"));
+    let raised_size = 0.75 * SMALL;
+    let (width, raised_width) = (text_width(&base, SMALL), text_width(&raised, raised_size));
+    let left = match anchor {
+        Anchor::Start => at.0,
+        Anchor::Middle => at.0 - 0.5 * (width + raised_width),
+        Anchor::End => at.0 - width - raised_width,
+    };
+    drawing.text(Point(left, at.1), Anchor::Start, SMALL, INK, &base);
+    if !raised.is_empty() {
+        drawing.text(Point(left + width + 0.5, at.1 - 5.5), Anchor::Start, raised_size, INK, &raised);
     }
 }
 
@@ -125,8 +164,8 @@ mod tests {
     use super::*;
 
     fn labels(values: &[f64], notation: Notation) -> Vec<String> {
-        let axis = LogAxis::around(values.iter().copied(), 0.0, 1.0, notation);
-        axis.ticks()
+        let axis = Axis::log(values.iter().copied(), 0.0, 1.0, notation);
+        axis.ticks
             .into_iter()
             .filter_map(|t| t.label)
             .map(|(base, power)| power.map_or(base.clone(), |p| format!("{base}^{p}")))
@@ -135,13 +174,13 @@ mod tests {
 
     #[test]
     fn values_lie_inside_in_order_and_decades_are_even() {
-        let axis = LogAxis::around([1e-4, 3.0, 0.02].into_iter(), 100.0, 500.0, Plain);
+        let axis = Axis::log([1e-4, 3.0, 0.02].into_iter(), 100.0, 500.0, Plain);
         let places = [1e-4, 0.02, 3.0].map(|v| axis.place(v));
         assert!(places.is_sorted() && places[0] > 110.0 && places[2] < 490.0, "{places:?}");
         let decade = axis.place(10.0) - axis.place(1.0);
         assert!((axis.place(0.01) - axis.place(0.001) - decade).abs() < 1e-9);
         // Upwards on a page is towards smaller numbers.
-        let up = LogAxis::around([1.0, 10.0].into_iter(), 500.0, 100.0, Plain);
+        let up = Axis::log([1.0, 10.0].into_iter(), 500.0, 100.0, Plain);
         assert!(up.place(10.0) < up.place(1.0));
     }
 
@@ -164,22 +203,22 @@ mod tests {
     #[test]
     fn linear_ticks_are_round_and_inside() {
         let labels = |low, high| -> Vec<String> {
-            let ticks = LinearAxis::new([low, high], 0.0, 1.0).ticks(6);
+            let ticks = Axis::linear([low, high], 0.0, 1.0, 6).ticks;
             ticks.into_iter().filter_map(|t| Some(t.label?.0)).collect()
         };
         assert_eq!(labels(0.0, 1.0), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(labels(-0.03, 0.03), ["-0.02", "0.00", "0.02"]);
         assert_eq!(labels(0.0, 234.5), ["0", "50", "100", "150", "200"]);
         assert_eq!(labels(0.0, 3e-7), ["0e0", "1e-7", "2e-7", "3e-7"]);
-        let axis = LinearAxis::new([2.0, 4.0], 100.0, 50.0);
+        let axis = Axis::linear([2.0, 4.0], 100.0, 50.0, 6);
         assert_eq!((axis.place(2.0), axis.place(3.0), axis.place(4.0)), (100.0, 75.0, 50.0));
     }
 
     #[test]
     fn any_values_give_a_usable_axis() {
         for values in [&[][..], &[5.0], &[1e-300, 1e300], &[4.0, 4.000_000_1]] {
-            let axis = LogAxis::around(values.iter().copied(), 0.0, 1.0, Plain);
-            let named = axis.ticks().into_iter().filter(|t| t.label.is_some()).count();
+            let axis = Axis::log(values.iter().copied(), 0.0, 1.0, Plain);
+            let named = axis.ticks.iter().filter(|t| t.label.is_some()).count();
             assert!((1..=9).contains(&named), "{values:?}: {named}");
             assert!(values.iter().all(|v| (0.0..=1.0).contains(&axis.place(*v))), "{values:?}");
         }

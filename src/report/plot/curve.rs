@@ -3,8 +3,8 @@
 //! The exact curve is a broad grey line with the methods over it, in the colours and markers that they have in every
 //! figure; settings of one method differ in their dashes.
 
-use super::axis::{LinearAxis, Tick};
-use super::page::{GREY, GRID, SMALL, TEXT, TITLE, shorten};
+use super::axis::{Axis, draw_axes};
+use super::page::{GREY, SMALL, TEXT, TITLE, shorten};
 use super::style::{DASHES, Family, families, marker};
 use crate::error::Result;
 use crate::measure::light_curve::{LightCurve, MethodCurve};
@@ -68,22 +68,12 @@ fn figure(curve: &LightCurve, methods: &[MethodCurve], scene: &str) -> Drawing {
     drawing.text(Point(0.5 * WIDTH, 24.0), Anchor::Middle, TITLE, BLACK, &fit(title, TITLE));
     drawing.text(Point(0.5 * WIDTH, 51.0), Anchor::Middle, TEXT, GREY, &fit(scene.into(), TEXT));
 
-    let depth = LinearAxis::new(depth_range(curve, methods), VALUES.left, VALUES.right);
-    let value = LinearAxis::new([-0.03, 1.03], VALUES.bottom, VALUES.top);
-    let error = LinearAxis::new(error_range(curve, methods), ERRORS.bottom, ERRORS.top);
-    for (frame, y, title) in [(VALUES, &value, "transmittance"), (ERRORS, &error, "error (method − exact)")]
-    {
-        axes(&mut drawing, frame, &depth, y);
-        let middle = Point(frame.left - 76.0, 0.5 * (frame.top + frame.bottom));
-        drawing.rotated_text(middle, TEXT, BLACK, title);
-    }
-    let below = Point(0.5 * (ERRORS.left + ERRORS.right), ERRORS.bottom + 44.0);
+    let depth = Axis::linear(depth_range(curve, methods), VALUES.left, VALUES.right, 12);
+    let value = Axis::linear([-0.03, 1.03], VALUES.bottom, VALUES.top, 6);
+    let error = Axis::linear(error_range(curve, methods), ERRORS.bottom, ERRORS.top, 6);
     let x_title = "depth along the light ray, from where it enters the volume [mm]";
-    drawing.text(below, Anchor::Middle, TEXT, BLACK, x_title);
-    for tick in depth.ticks(12) {
-        let at = Point(depth.place(tick.value), ERRORS.bottom + 18.0);
-        label(&mut drawing, at, Anchor::Middle, &tick);
-    }
+    draw_axes(&mut drawing, VALUES, [&depth, &value], ["", "transmittance"]);
+    draw_axes(&mut drawing, ERRORS, [&depth, &error], [x_title, "error (method − exact)"]);
     if (depth.low..=depth.high).contains(&curve.point_depth_mm) {
         let x = depth.place(curve.point_depth_mm);
         for frame in [VALUES, ERRORS] {
@@ -161,21 +151,21 @@ fn stroke(drawing: &mut Drawing, path: &[Point], line: &Line, family: &Family, p
 
 /// Depths between which any curve falls, and the point's, with some air; the whole way where nothing happens on it.
 fn depth_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
-    let mut held: Vec<f64> = Vec::new();
-    let mut changes = |value: &dyn Fn(usize) -> f64| {
+    let mut changes_mm: Vec<f64> = Vec::new();
+    let mut add_changes = |value: &dyn Fn(usize) -> f64| {
         let last = curve.depth_mm.len() - 1;
         let away = |from: usize, k: &usize| (value(*k) - value(from)).abs() > LEVEL;
         let ends = [(0..=last).find(|k| away(0, k)), (0..=last).rfind(|k| away(last, k))];
-        held.extend(ends.into_iter().flatten().map(|k| curve.depth_mm[k]));
+        changes_mm.extend(ends.into_iter().flatten().map(|k| curve.depth_mm[k]));
     };
-    changes(&|k| curve.exact[k]);
-    methods.iter().for_each(|m| changes(&|k| f64::from(m.transmittance[k])));
-    if held.is_empty() {
+    add_changes(&|k| curve.exact[k]);
+    methods.iter().for_each(|m| add_changes(&|k| f64::from(m.transmittance[k])));
+    if changes_mm.is_empty() {
         return [0.0, curve.length_mm];
     }
-    held.extend(Some(curve.point_depth_mm).filter(|z| (0.0..=curve.length_mm).contains(z)));
-    let low = held.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = held.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    changes_mm.extend(Some(curve.point_depth_mm).filter(|z| (0.0..=curve.length_mm).contains(z)));
+    let low = changes_mm.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = changes_mm.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let air = (0.08 * (high - low)).max(0.02 * curve.length_mm);
     [(low - air).max(0.0), (high + air).min(curve.length_mm)]
 }
@@ -191,41 +181,22 @@ fn error_range(curve: &LightCurve, methods: &[MethodCurve]) -> [f64; 2] {
     [low - air, high + air]
 }
 
-fn axes(drawing: &mut Drawing, frame: Rect, x: &LinearAxis, y: &LinearAxis) {
-    for tick in x.ticks(12) {
-        let at = x.place(tick.value);
-        drawing.line(&[Point(at, frame.top), Point(at, frame.bottom)], 0.8, GRID);
-        drawing.line(&[Point(at, frame.bottom), Point(at, frame.bottom - 6.0)], 1.0, INK);
-    }
-    for tick in y.ticks(6) {
-        let at = y.place(tick.value);
-        drawing.line(&[Point(frame.left, at), Point(frame.right, at)], 0.8, GRID);
-        drawing.line(&[Point(frame.left, at), Point(frame.left + 6.0, at)], 1.0, INK);
-        label(drawing, Point(frame.left - 9.0, at), Anchor::End, &tick);
-    }
-}
-
-fn label(drawing: &mut Drawing, at: Point, anchor: Anchor, tick: &Tick) {
-    let text = tick.label.as_ref().map_or(String::new(), |(text, _)| text.replace('-', "−"));
-    drawing.text(at, anchor, SMALL, INK, &text);
-}
-
-/// A path without points that lie within a fraction of a point of the one before, its first and last ones kept.
+/// A path without points that lie within a fraction of a point of the one before, except its first and last ones.
 fn thinned(path: impl Iterator<Item = Point>) -> Vec<Point> {
     const FINEST: f64 = 0.12;
-    let mut kept: Vec<Point> = Vec::new();
+    let mut path_points: Vec<Point> = Vec::new();
     let mut skipped = None;
     for p in path {
-        match kept.last() {
+        match path_points.last() {
             Some(last) if (p.0 - last.0).hypot(p.1 - last.1) < FINEST => skipped = Some(p),
             _ => {
-                kept.push(p);
+                path_points.push(p);
                 skipped = None;
             }
         }
     }
-    kept.extend(skipped);
-    kept
+    path_points.extend(skipped);
+    path_points
 }
 
 fn entry_name(lines: &[Line], entry: usize) -> &str {

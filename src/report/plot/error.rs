@@ -3,15 +3,16 @@
 //! Both axes are logarithmic. Whiskers span the fastest and the slowest repeat; a dashed staircase is the Pareto front of
 //! what is shown. Errors of 0, or below [`ERROR_FLOOR`], lie in a marked strip under the axis.
 
-use super::axis::{LogAxis, Notation};
+use super::axis::{Axis, Notation, axis_titles, draw_axes, tick_label};
 use super::cost::Cost;
 use super::front::{Datum, front, staircase};
 use super::label;
-use super::page::{GREY, GRID, SMALL, TEXT, TITLE, shorten};
+use super::page::{GREY, SMALL, TEXT, TITLE, shorten};
 use super::style::{Family, MARKER, families, marker};
 use crate::measure::table::Row;
 use crate::measure::timing::clock_name;
 use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, WHITE, text_width};
+use itertools::Itertools as _;
 
 /// Errors below this are drawn as "none": it is about the rounding of a float32 transmittance near 1.
 pub const ERROR_FLOOR: f64 = 1e-7;
@@ -55,20 +56,12 @@ pub fn figure(rows: &[Row], cost: Cost) -> Drawing {
         let labelled = rows.iter().zip(&labels);
         labelled.filter_map(|(row, label)| datum(row, label, &families, cost, error)).collect()
     };
-    panel(
-        &mut drawing,
-        PANELS[0],
-        ["At points the camera sees", cost.axis_title(), "rms transmittance error (point_err_rms)"],
-        &data(|r| r.point_err_rms),
-        &families,
-    );
-    panel(
-        &mut drawing,
-        PANELS[1],
-        ["Along light rays", cost.axis_title(), "largest transmittance error (ray_err_max)"],
-        &data(|r| r.ray_err_max),
-        &families,
-    );
+    let axes = |y_title| [cost.axis_title(), y_title];
+    let [left, right] = PANELS;
+    let points = axes("rms transmittance error (point_err_rms)");
+    panel(&mut drawing, left, "At points the camera sees", points, &data(|r| r.point_err_rms), &families);
+    let rays = axes("largest transmittance error (ray_err_max)");
+    panel(&mut drawing, right, "Along light rays", rays, &data(|r| r.ray_err_max), &families);
     legend(&mut drawing, &families, cost);
     drawing
 }
@@ -86,33 +79,29 @@ fn datum(
     Some(Datum { family, label: label.to_string(), cost: cost.of(row)?, error })
 }
 
-/// `titles`: of the panel, of its horizontal and of its vertical axis.
+/// Draws one plot; `axes` are the titles of the horizontal and of the vertical axis.
 fn panel(
     drawing: &mut Drawing,
     frame: Rect,
-    [title, x_title, y_title]: [&str; 3],
+    title: &str,
+    axes: [&str; 2],
     data: &[Datum],
     families: &[Family],
 ) {
-    let middle = 0.5 * (frame.left + frame.right);
-    drawing.text(Point(middle, frame.top - 18.0), Anchor::Middle, TEXT, BLACK, title);
-    let x_place = Point(middle, frame.bottom + 44.0);
-    drawing.text(x_place, Anchor::Middle, TEXT, BLACK, x_title);
-    let y_place = Point(frame.left - 78.0, 0.5 * (frame.top + frame.bottom));
-    drawing.rotated_text(y_place, TEXT, BLACK, y_title);
-
+    let middle = frame.middle();
+    drawing.text(Point(middle.0, frame.top - 18.0), Anchor::Middle, TEXT, BLACK, title);
     if data.is_empty() {
+        axis_titles(drawing, frame, axes);
         drawing.outline(frame, 1.2, INK);
-        let place = Point(middle, 0.5 * (frame.top + frame.bottom));
-        drawing.text(place, Anchor::Middle, TEXT, GREY, "not measured");
+        drawing.text(middle, Anchor::Middle, TEXT, GREY, "not measured");
         return;
     }
     let strip = data.iter().any(|d| d.error < ERROR_FLOOR);
     let plot = Rect { bottom: frame.bottom - if strip { STRIP } else { 0.0 }, ..frame };
-    let x = LogAxis::around(data.iter().flat_map(|d| d.cost), plot.left, plot.right, Notation::Plain);
+    let x = Axis::log(data.iter().flat_map(|d| d.cost), plot.left, plot.right, Notation::Plain);
     let shown = data.iter().map(|d| d.error).filter(|e| *e >= ERROR_FLOOR);
-    let y = LogAxis::around(shown, plot.bottom, plot.top, Notation::Powers);
-    axes(drawing, frame, plot, &x, &y);
+    let y = Axis::log(shown, plot.bottom, plot.top, Notation::Powers);
+    draw_axes(drawing, frame, [&x, &y], axes);
     if strip {
         let below = 0.5 * (plot.bottom + frame.bottom);
         drawing.line(&[Point(frame.left, plot.bottom), Point(frame.right, plot.bottom)], 1.2, GREY);
@@ -150,45 +139,6 @@ fn panel(
     for d in data {
         let family = &families[d.family];
         marker(drawing, place(d), family.marker, family.color);
-    }
-}
-
-/// Frame, grid, ticks and tick labels.
-fn axes(drawing: &mut Drawing, frame: Rect, plot: Rect, x: &LogAxis, y: &LogAxis) {
-    for tick in x.ticks() {
-        let at = x.place(tick.value);
-        if let Some((base, power)) = &tick.label {
-            drawing.line(&[Point(at, frame.top), Point(at, frame.bottom)], 0.8, GRID);
-            tick_label(drawing, Point(at, frame.bottom + 18.0), Anchor::Middle, base, *power);
-        }
-        let length = if tick.label.is_some() { 7.0 } else { 4.0 };
-        drawing.line(&[Point(at, frame.bottom), Point(at, frame.bottom - length)], 1.0, INK);
-    }
-    for tick in y.ticks() {
-        let at = y.place(tick.value);
-        if let Some((base, power)) = &tick.label {
-            drawing.line(&[Point(plot.left, at), Point(plot.right, at)], 0.8, GRID);
-            tick_label(drawing, Point(frame.left - 9.0, at), Anchor::End, base, *power);
-        }
-        let length = if tick.label.is_some() { 7.0 } else { 4.0 };
-        drawing.line(&[Point(plot.left, at), Point(plot.left + length, at)], 1.0, INK);
-    }
-    drawing.outline(frame, 1.2, INK);
-}
-
-/// `base` with a raised power; text in SVG has no portable superscript, so it is a second text.
-fn tick_label(drawing: &mut Drawing, at: Point, anchor: Anchor, base: &str, power: Option<i32>) {
-    let raised = power.map_or(String::new(), |p| p.to_string().replace('-', "−"));
-    let raised_size = 0.75 * SMALL;
-    let (width, raised_width) = (text_width(base, SMALL), text_width(&raised, raised_size));
-    let left = match anchor {
-        Anchor::Start => at.0,
-        Anchor::Middle => at.0 - 0.5 * (width + raised_width),
-        Anchor::End => at.0 - width - raised_width,
-    };
-    drawing.text(Point(left, at.1), Anchor::Start, SMALL, INK, base);
-    if !raised.is_empty() {
-        drawing.text(Point(left + width + 0.5, at.1 - 5.5), Anchor::Start, raised_size, INK, &raised);
     }
 }
 
@@ -267,13 +217,8 @@ fn legend(drawing: &mut Drawing, families: &[Family], cost: Cost) {
 
 /// The different values of a column, in order of appearance.
 fn distinct<'a>(rows: &'a [Row], column: fn(&'a Row) -> &'a String) -> String {
-    let mut values: Vec<&str> = Vec::new();
-    for value in rows.iter().map(column) {
-        if !value.is_empty() && !values.contains(&value.as_str()) {
-            values.push(value);
-        }
-    }
-    values.join("; ")
+    let values = rows.iter().map(column).map(String::as_str).filter(|value| !value.is_empty());
+    values.unique().join("; ")
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use crate::measure::defaults::style;
 use crate::report::canvas::{Drawing, Point, Rgb, WHITE};
 use crate::shadow::{METHODS, Marker, Style};
+use itertools::Itertools as _;
 
 /// Radius of a marker in points.
 pub const MARKER: f64 = 5.5;
@@ -22,12 +23,7 @@ pub struct Family {
 
 /// Each of the methods once, in the order of the registry, others after them as they come.
 pub fn families<'a>(methods: impl Iterator<Item = &'a str>) -> Vec<Family> {
-    let mut names: Vec<&str> = Vec::new();
-    for name in methods {
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
+    let mut names: Vec<&str> = methods.unique().collect();
     names.sort_by_key(|name| METHODS.iter().position(|e| e.name == *name).unwrap_or(METHODS.len()));
     let mut others = OTHERS.into_iter().cycle();
     let family = |name: &str| {
@@ -37,7 +33,7 @@ pub fn families<'a>(methods: impl Iterator<Item = &'a str>) -> Vec<Family> {
     names.into_iter().map(family).collect()
 }
 
-/// Dash and gap lengths by which the settings of one method are told apart, in turn; the first is an unbroken line.
+/// Dash and gap lengths of the settings of one method, in turn; the first is an unbroken line.
 pub const DASHES: [Option<[f64; 2]>; 4] = [None, Some([9.0, 4.0]), Some([2.0, 3.0]), Some([5.0, 2.5])];
 
 /// A filled marker with a white rim, or strokes on a white ground.

@@ -1,7 +1,7 @@
 //! The table as LaTeX, no wider than the page: letters are as large as fit, then the settings are broken into lines, and
 //! only then columns are left out, the last first.
 
-use super::columns::{Shown, heading_unit, one_line};
+use super::columns::{TableColumn, heading_unit, one_line};
 use crate::measure::table::Row;
 
 /// A `tabular`, and what had to be left out of it.
@@ -33,7 +33,7 @@ const NARROWEST_PT: f64 = 70.0;
 
 /// The rows as a LaTeX `tabular` (package `booktabs`) of at most `width_pt` to be put into a `table` with `\input`, in a
 /// class of 10 points; a rule between methods. What all rows share, `caption`, is a comment above it.
-pub fn latex(rows: &[Row], caption: &str, shown: &[Shown], width_pt: f64) -> Latex {
+pub fn latex(rows: &[Row], caption: &str, shown: &[TableColumn], width_pt: f64) -> Latex {
     let mut shown = shown.to_vec();
     let mut left_out = Vec::new();
     let (size, broken) = loop {
@@ -51,7 +51,7 @@ pub fn latex(rows: &[Row], caption: &str, shown: &[Shown], width_pt: f64) -> Lat
         text += &format!("% Left out, because they do not fit: {}\n", left_out.join(", "));
     }
     text += &format!("\\begingroup{}\\setlength{{\\tabcolsep}}{{{}pt}}%\n", size.command, size.gap);
-    let column = |(i, s): (usize, &Shown)| match broken {
+    let column = |(i, s): (usize, &TableColumn)| match broken {
         Some((place, width)) if place == i => format!("p{{{width:.1}pt}}"),
         _ if s.number => "r".into(),
         _ => "l".into(),
@@ -68,7 +68,7 @@ pub fn latex(rows: &[Row], caption: &str, shown: &[Shown], width_pt: f64) -> Lat
             text += "\\midrule\n";
             method = Some(&row.method);
         }
-        let cell = |(i, s): (usize, &Shown)| {
+        let cell = |(i, s): (usize, &TableColumn)| {
             let value = s.value(row);
             let is_broken = broken.is_some_and(|(place, _)| place == i);
             let cell = if is_number(s, &value) { number(&value) } else { escape(&value) };
@@ -85,7 +85,11 @@ pub fn latex(rows: &[Row], caption: &str, shown: &[Shown], width_pt: f64) -> Lat
 
 /// The largest letters in which it fits; and where it only does so with settings in several lines, that column's place and
 /// width.
-fn fitted(rows: &[Row], shown: &[Shown], width_pt: f64) -> Option<(&'static Size, Option<(usize, f64)>)> {
+fn fitted(
+    rows: &[Row],
+    shown: &[TableColumn],
+    width_pt: f64,
+) -> Option<(&'static Size, Option<(usize, f64)>)> {
     let ems: Vec<f64> = shown.iter().map(|s| column_em(rows, s)).collect();
     let gaps = |size: &Size| 2.0 * size.gap * (shown.len().saturating_sub(1)) as f64;
     let points = |size: &Size, em: f64| em * size.points * size.cut;
@@ -101,7 +105,7 @@ fn fitted(rows: &[Row], shown: &[Shown], width_pt: f64) -> Option<(&'static Size
 }
 
 /// Width of a column in ems of 10-point Computer Modern Roman.
-fn column_em(rows: &[Row], shown: &Shown) -> f64 {
+fn column_em(rows: &[Row], shown: &TableColumn) -> f64 {
     let cell = |row: &Row| {
         let value = shown.value(row);
         if is_number(shown, &value) { number_em(&value) } else { text_em(&value) }
@@ -110,7 +114,7 @@ fn column_em(rows: &[Row], shown: &Shown) -> f64 {
     widest.max(text_em(shown.heading)).max(text_em(&heading_unit(shown)))
 }
 
-fn is_number(shown: &Shown, value: &str) -> bool {
+fn is_number(shown: &TableColumn, value: &str) -> bool {
     shown.number && value.parse::<f64>().is_ok()
 }
 
@@ -184,8 +188,9 @@ mod tests {
     use crate::measure::table::tests::sample_rows;
 
     fn made(rows: &[Row], width_pt: f64) -> Latex {
-        let is_shown = |s: &&Shown| s.on_paper && !s.caption && rows.iter().any(|r| !s.value(r).is_empty());
-        let shown: Vec<Shown> = SHOWN.iter().filter(is_shown).copied().collect();
+        let is_shown =
+            |s: &&TableColumn| s.on_paper && !s.caption && rows.iter().any(|r| !s.value(r).is_empty());
+        let shown: Vec<TableColumn> = SHOWN.iter().filter(is_shown).copied().collect();
         let caption = rows.first().map_or(String::new(), |r| format!("scene: {}", r.scene));
         latex(rows, &caption, &shown, width_pt)
     }

@@ -15,7 +15,7 @@ use glam::{DAffine3, DMat3, DVec3, EulerRot};
 use ndarray::Array3;
 use std::sync::Arc;
 use umbravox::exact::ExactField;
-use umbravox::measure::band::BandReport;
+use umbravox::measure::bound_check::BoundReport;
 use umbravox::measure::errors::RayTest;
 use umbravox::render::{DisabledOptimizations, Renderer, Session};
 use umbravox::scene::Light;
@@ -53,7 +53,7 @@ pub struct Attack {
 /// Result of one scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
-    pub report: BandReport,
+    pub report: BoundReport,
     pub bound: Bound,
     pub min_spacing_mm: f64,
 }

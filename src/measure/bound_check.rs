@@ -1,0 +1,357 @@
+//! Check that a method's transmittance lies within its error bound around the exact curve.
+//!
+//! Transmittance never rises with depth, so a tolerance of `b` in transmittance and `d` in depth is the interval
+//! `T_exact(z + d) - b <= T_method(z) <= T_exact(z - d) + b`. At a jump of the transfer function no sampled
+//! method can satisfy a purely vertical bound; the depth tolerance is what makes a bound possible there.
+//!
+//! Where the ray grazes a surface, float32 decides whether it meets it. A bound then applies to the rays and values that
+//! float32 cannot tell from the exact ones (`Bound::lateral_mm`, `Bound::value`): depths outside the interval of
+//! the exact curve are compared with a [`RoundingEnvelope`]. The report counts them.
+
+use super::rounding_envelope::RoundingEnvelope;
+use super::test_depths::sort_distinct;
+use crate::shadow::Bound;
+use serde::Serialize;
+
+/// Slack for the exact curve's own rounding, in transmittance.
+pub const EXACT_ROUNDING: f64 = 1e-12;
+
+/// Deviation of a method from the exact curve at one depth of one ray.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Deviation {
+    /// Number of the ray, passed to [`BoundReport::of_ray`].
+    pub ray: usize,
+    /// Along the ray, mm.
+    pub depth_mm: f64,
+    /// The method's transmittance.
+    pub t_method: f64,
+    /// The exact curve at this very depth.
+    pub t_exact: f64,
+    /// The amount concerned: `|t_method - t_exact|`, or the distance outside the interval. Infinite where the
+    /// method's value is not a number.
+    pub amount: f64,
+}
+
+/// Accumulated result of testing a method's transmittance along rays against the exact curves and the error bound.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct BoundReport {
+    /// Rays tested.
+    pub rays: usize,
+    /// Depths tested, over all rays.
+    pub depths: usize,
+    /// The largest plain difference; its amount is `ray_err_max`.
+    pub largest: Option<Deviation>,
+    /// Depths that violate the error bound.
+    pub violations: usize,
+    /// Depths that satisfy the error bound only by the rounding envelope of the exact curve.
+    pub limited: usize,
+    /// Distance of the worst depth outside its interval; negative inside.
+    pub margin: Option<f64>,
+    /// The depth farthest outside its interval.
+    pub worst: Option<Deviation>,
+    /// Whether an error bound was tested.
+    has_bound: bool,
+}
+
+impl BoundReport {
+    /// Tests one ray: `values[i]` is the method's transmittance at `depths_mm[i]`, and `exact` the exact transmittance
+    /// from the light to any depth (mm). Without a `bound` only the plain difference is taken.
+    ///
+    /// Where a depth lies outside the interval of the exact curve, `envelope` is called with the depths (mm, ascending)
+    /// at which the envelope of the curves that float32 cannot tell from the exact one must be known.
+    ///
+    /// # Panics
+    /// If the two slices differ in length.
+    pub fn of_ray(
+        ray: usize,
+        exact: &impl Fn(f64) -> f64,
+        depths_mm: &[f64],
+        values: &[f32],
+        bound: Option<Bound>,
+        envelope: impl FnOnce(Vec<f64>) -> Option<RoundingEnvelope>,
+    ) -> Self {
+        assert_eq!(depths_mm.len(), values.len(), "one value a depth");
+        let mut report =
+            Self { rays: 1, depths: depths_mm.len(), has_bound: bound.is_some(), ..Self::default() };
+        let mut suspects = Vec::new();
+        for (&z, &value) in depths_mm.iter().zip(values) {
+            let (t_method, t_exact) = (f64::from(value), exact(z));
+            let deviation = |amount: f64| Deviation {
+                ray,
+                depth_mm: z,
+                t_method,
+                t_exact,
+                amount: if amount.is_nan() { f64::INFINITY } else { amount },
+            };
+            report.largest = worse(report.largest, Some(deviation((t_method - t_exact).abs())));
+            let Some(Bound { transmittance, depth_mm, .. }) = bound else { continue };
+            let lowest = exact(z + depth_mm) - transmittance;
+            let highest = exact(z - depth_mm) + transmittance;
+            let outside = deviation((lowest - t_method).max(t_method - highest));
+            if outside.amount > EXACT_ROUNDING {
+                suspects.push(outside);
+            } else {
+                report.margin = larger(report.margin, Some(outside.amount));
+            }
+        }
+        let Some(bound) = bound.filter(|_| !suspects.is_empty()) else { return report };
+        let mut known: Vec<f64> = suspects
+            .iter()
+            .flat_map(|s| [s.depth_mm - bound.depth_mm, s.depth_mm + bound.depth_mm])
+            .collect();
+        sort_distinct(&mut known);
+        let envelope = envelope(known);
+        for suspect in suspects {
+            let (z, t) = (suspect.depth_mm, suspect.t_method);
+            let outside = envelope.as_ref().map_or(suspect.amount, |envelope| {
+                let lowest = envelope.least(z + bound.depth_mm) - bound.transmittance;
+                let highest = envelope.most(z - bound.depth_mm) + bound.transmittance;
+                // What is not a number is outside of everything.
+                if t.is_nan() { f64::INFINITY } else { (lowest - t).max(t - highest) }
+            });
+            report.margin = larger(report.margin, Some(outside));
+            if outside > EXACT_ROUNDING {
+                report.violations += 1;
+                report.worst = worse(report.worst, Some(Deviation { amount: outside, ..suspect }));
+            } else {
+                report.limited += 1;
+            }
+        }
+        report
+    }
+
+    /// Returns the report over the rays of both; the order of merging does not matter.
+    #[must_use]
+    pub fn merge(self, other: Self) -> Self {
+        Self {
+            rays: self.rays + other.rays,
+            depths: self.depths + other.depths,
+            largest: worse(self.largest, other.largest),
+            violations: self.violations + other.violations,
+            limited: self.limited + other.limited,
+            margin: larger(self.margin, other.margin),
+            worst: worse(self.worst, other.worst),
+            has_bound: self.has_bound || other.has_bound,
+        }
+    }
+
+    /// `ray_err_max`: the largest `|T_method - T_exact|`, empty where no depth was tested.
+    pub fn ray_err_max(&self) -> Option<f64> {
+        self.largest.map(|m| m.amount)
+    }
+
+    /// `bound_held`: whether the error bound is satisfied at every depth; empty without a bound or a depth.
+    pub fn satisfied(&self) -> Option<bool> {
+        (self.has_bound && self.depths > 0).then_some(self.violations == 0)
+    }
+}
+
+fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    a.into_iter().chain(b).max_by(f64::total_cmp)
+}
+
+/// The larger deviation; of equal ones that of the first ray, then of the smallest depth.
+fn worse(a: Option<Deviation>, b: Option<Deviation>) -> Option<Deviation> {
+    match (a, b) {
+        (Some(a), Some(b)) => {
+            let order = b.amount.total_cmp(&a.amount);
+            let order = order.then(a.ray.cmp(&b.ray)).then(a.depth_mm.total_cmp(&b.depth_mm));
+            Some(if order.is_le() { a } else { b })
+        }
+        (a, b) => a.or(b),
+    }
+}
+
+/// Violations of properties of any transmittance, with or without an error bound: monotone, within `[0, 1]`, finite.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Sanity {
+    /// Values above the smallest one before them by more than the tolerance.
+    pub monotone_violations: usize,
+    /// The largest such rise, tolerated ones included.
+    pub largest_rise: f64,
+    /// Finite values outside `[0, 1]` by more than the tolerance.
+    pub out_of_range: usize,
+    /// Values that are NaN or infinite.
+    pub non_finite: usize,
+}
+
+impl Sanity {
+    /// Checks the values of one ray at ascending depths, with tolerances of the range and of rises. A rise is measured
+    /// from the smallest value at least `apart_mm` nearer to the light, so that a slow creep cannot stay under the
+    /// tolerance at every step.
+    pub fn of_ray(depths_mm: &[f64], values: &[f32], [range, rise]: [f64; 2], apart_mm: f64) -> Self {
+        let finite = || depths_mm.iter().zip(values).filter(|(_, v)| v.is_finite());
+        let mut found = Self { non_finite: values.len() - finite().count(), ..Self::default() };
+        let mut before = finite().peekable();
+        let mut smallest = f64::INFINITY;
+        for (z, value) in finite().map(|(z, v)| (z, f64::from(*v))) {
+            while let Some((_, v)) = before.next_if(|(nearer, _)| **nearer <= z - apart_mm) {
+                smallest = smallest.min(f64::from(*v));
+            }
+            found.out_of_range += usize::from(!(-range..=1.0 + range).contains(&value));
+            found.largest_rise = found.largest_rise.max(value - smallest);
+            found.monotone_violations += usize::from(value - smallest > rise);
+        }
+        found
+    }
+
+    /// Returns the sums of two reports and their largest rise.
+    #[must_use]
+    pub fn merge(self, other: Self) -> Self {
+        Self {
+            monotone_violations: self.monotone_violations + other.monotone_violations,
+            largest_rise: self.largest_rise.max(other.largest_rise),
+            out_of_range: self.out_of_range + other.out_of_range,
+            non_finite: self.non_finite + other.non_finite,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_depths::test_depths;
+    use super::*;
+
+    const BOUND: Bound =
+        Bound { transmittance: 0.02, depth_mm: 0.1, lateral_mm: 0.0, value: 0.0, from_light_mm: 0.0 };
+
+    /// A uniform slab of 0.2/mm from 2 to 12 mm behind a thin sheet at 1 mm that stops half of the light.
+    fn exact(z: f64) -> f64 {
+        let sheet = if z >= 1.0 { 0.5 } else { 1.0 };
+        sheet * (-0.2 * (z - 2.0).clamp(0.0, 10.0)).exp()
+    }
+
+    fn depths() -> Vec<f64> {
+        test_depths([0.0, 14.0], &[1.0, 2.0, 12.0], 200, BOUND.depth_mm)
+    }
+
+    fn report(method: impl Fn(f64) -> f64, bound: Option<Bound>) -> BoundReport {
+        let values: Vec<f32> = depths().iter().map(|&z| method(z) as f32).collect();
+        BoundReport::of_ray(7, &exact, &depths(), &values, bound, |_| None)
+    }
+
+    #[test]
+    fn the_exact_curve_satisfies_its_bound() {
+        let r = report(exact, Some(BOUND));
+        assert_eq!((r.satisfied(), r.rays, r.depths, r.violations), (Some(true), 1, 200, 0));
+        assert!(r.ray_err_max().unwrap() < 1e-7, "float32 rounding alone");
+        assert_eq!(r.worst, None);
+    }
+
+    #[test]
+    fn without_a_bound_there_is_no_verdict() {
+        let r = report(|z| exact(z) - 0.4, None);
+        assert_eq!((r.satisfied(), r.violations), (None, 0));
+        assert!((r.ray_err_max().unwrap() - 0.4).abs() < 1e-7);
+        assert_eq!(BoundReport::of_ray(0, &exact, &[], &[], Some(BOUND), |_| None).satisfied(), None);
+    }
+
+    #[test]
+    fn a_jump_misplaced_within_the_depth_tolerance_is_no_violation() {
+        // `ray_err_max` stays plain: half of the light is missed either way.
+        for (shift, satisfied) in [(0.099, true), (-0.099, true), (0.102, false), (-0.102, false)] {
+            let r = report(|z| exact(z - shift), Some(BOUND));
+            assert_eq!(r.satisfied(), Some(satisfied), "jump misplaced by {shift} mm");
+            assert!(r.ray_err_max().unwrap() > 0.45);
+        }
+    }
+
+    #[test]
+    fn a_planted_offset_comes_out_with_its_place() {
+        for sign in [1.0, -1.0] {
+            // At the far end the curve is flat, so the interval is purely vertical.
+            let r = report(|z| exact(z) + if z > 13.5 { sign * 0.05 } else { 0.0 }, Some(BOUND));
+            let worst = r.worst.unwrap();
+            assert_eq!(r.satisfied(), Some(false));
+            assert_eq!(r.violations, depths().iter().filter(|&&z| z > 13.5).count());
+            assert!((worst.amount - 0.03).abs() < 1e-7, "{worst:?}");
+            assert_eq!((worst.ray, worst.depth_mm > 13.5), (7, true));
+            assert!((r.ray_err_max().unwrap() - 0.05).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn not_a_number_violates_any_bound() {
+        let r = report(|z| if z == 1.0 { f64::NAN } else { exact(z) }, Some(BOUND));
+        assert_eq!((r.satisfied(), r.violations, r.ray_err_max()), (Some(false), 1, Some(f64::INFINITY)));
+        assert_eq!(r.worst.unwrap().depth_mm, 1.0);
+    }
+
+    #[test]
+    fn merging_is_the_same_in_any_order() {
+        let rays: Vec<BoundReport> = (0..4)
+            .map(|ray| {
+                let offset = [0.03, 0.06, 0.06, 0.0][ray];
+                BoundReport::of_ray(
+                    ray,
+                    &exact,
+                    &[0.0, 13.0],
+                    &[1.0, (exact(13.0) + offset) as f32],
+                    Some(BOUND),
+                    |_| None,
+                )
+            })
+            .collect();
+        let forwards = rays.iter().copied().fold(BoundReport::default(), BoundReport::merge);
+        let backwards = rays.iter().rev().copied().fold(BoundReport::default(), BoundReport::merge);
+        assert_eq!(forwards, backwards);
+        assert_eq!((forwards.worst.unwrap().ray, forwards.violations, forwards.depths), (1, 3, 8));
+        assert_eq!(forwards.satisfied(), Some(false));
+    }
+
+    #[test]
+    fn the_envelope_widens_the_interval_and_no_more() {
+        // A jump that one of two curves has at 1 mm and the other at 1.5 mm.
+        let jumps = [1.0, 1.5].map(|at| move |z: f64| if z >= at { 0.7 } else { 0.0 });
+        let near = |depths: Vec<f64>| RoundingEnvelope::of(&jumps, depths);
+        let one = near(vec![0.5, 1.0, 1.2, 1.5, 2.0]);
+        assert_eq!([one.least(0.5), one.most(0.5)], [1.0, 1.0]);
+        assert!((one.least(1.2) - (-0.7f64).exp()).abs() < 1e-12 && one.most(1.2) == 1.0);
+        // Of two taps with depths of their own the means.
+        let both = RoundingEnvelope::mean(vec![one, near(vec![0.1, 3.0])]);
+        assert!((both.least(1.2) - (-0.7f64).exp()).abs() < 1e-12);
+        assert_eq!(both.most(1.2), 1.0);
+        let suspect = |t: f32, near: Option<RoundingEnvelope>| {
+            BoundReport::of_ray(0, &exact, &[1.2], &[t], Some(BOUND), |_| near)
+        };
+        let outside = (exact(1.2) + 0.1) as f32;
+        assert_eq!(suspect(outside, None).violations, 1);
+        let excused = suspect(outside, Some(both.clone()));
+        assert_eq!((excused.violations, excused.limited, excused.satisfied()), (0, 1, Some(true)));
+        assert_eq!(suspect(f32::NAN, Some(both)).violations, 1);
+    }
+
+    #[test]
+    fn sanity_counts_rises_range_and_non_numbers() {
+        let of = |values: &[f32], tolerance: f64| {
+            let depths: Vec<f64> = (0..values.len()).map(|i| i as f64).collect();
+            Sanity::of_ray(&depths, values, [tolerance; 2], 0.0)
+        };
+        let good = of(&[1.0, 1.0, 0.5, 0.5, 0.0], 0.0);
+        assert_eq!(good, Sanity::default());
+        let bad = of(&[1.5, 0.5, 0.75, f32::NAN, 0.625, 0.25, -0.5, f32::INFINITY], 0.0);
+        assert_eq!(
+            bad,
+            Sanity { monotone_violations: 2, largest_rise: 0.25, out_of_range: 2, non_finite: 2 }
+        );
+        // Each step is under the tolerance, the creep is not.
+        let creep: Vec<f32> = (0..8).map(|i| 0.5 + 0.0078125 * i as f32).collect();
+        let found = of(&creep, 0.01);
+        assert_eq!((found.monotone_violations, found.largest_rise), (6, 0.0546875));
+        assert_eq!(good.merge(bad).merge(found).monotone_violations, 8);
+    }
+
+    #[test]
+    fn rises_count_between_depths_that_are_apart() {
+        let rises = |depths: &[f64], values: &[f32]| {
+            let found = Sanity::of_ray(depths, values, [1e-6, 1e-3], 0.1);
+            (found.monotone_violations, (1e6 * found.largest_rise).round())
+        };
+        assert_eq!(rises(&[0.0, 0.01, 1.0], &[0.5, 0.6, 0.5]), (0, 0.0), "nearer than 0.1");
+        assert_eq!(rises(&[0.0, 0.2, 1.0], &[0.5, 0.6, 0.5]), (1, 100_000.0));
+        // A slow creep, each step of which is small or near: the values at 0.1 and 0.12 have 0.5 before them.
+        assert_eq!(rises(&[0.0, 0.06, 0.1, 0.12], &[0.5, 0.5005, 0.5008, 0.5015]).0, 1);
+        assert_eq!(rises(&[0.0, 1.0, 2.0], &[0.5, f32::NAN, 0.7]), (1, 200_000.0));
+        assert_eq!(rises(&[0.0, 1.0, 2.0], &[0.5, f32::NEG_INFINITY, 0.5]).0, 0);
+    }
+}

@@ -1,0 +1,128 @@
+//! Envelope of the curves of rays and values that float32 cannot tell from the exact ones (`docs/bound.md`).
+
+use super::test_depths::sort_distinct;
+use crate::exact::{ExactField, OpticalDepthCurve};
+use crate::shadow::Bound;
+use crate::transfer::TransferFunction;
+use glam::DVec3;
+use std::sync::OnceLock;
+
+/// Rays around one, besides itself.
+const AROUND: usize = 8;
+/// Shares of the lateral tolerance at which they lie.
+const RINGS: [f64; 2] = [0.5, 1.0];
+/// Depths, besides the requested ones and those where curves bend, at which the envelope is computed.
+const REGULAR_DEPTHS: usize = 256;
+
+/// Envelope of the transmittance curves that float32 cannot tell from the exact one: it contains every curve that follows,
+/// from one depth to the next, any of them. For a pre-filtered map it is the mean of the envelopes of its rays.
+#[derive(Debug, Clone)]
+pub struct RoundingEnvelope(Vec<Envelope>);
+
+/// The least and the largest transmittance at each of some depths (mm, ascending).
+#[derive(Debug, Clone)]
+struct Envelope {
+    depths_mm: Vec<f64>,
+    range: Vec<[f64; 2]>,
+}
+
+impl RoundingEnvelope {
+    /// Builds the envelope of some curves of optical depth; a curve may pass from one to another at `depths_mm` (ascending).
+    pub fn of(optical_depths: &[impl Fn(f64) -> f64], depths_mm: Vec<f64>) -> Self {
+        let mut range = Vec::with_capacity(depths_mm.len());
+        let mut before: Vec<f64> = vec![0.0; optical_depths.len()];
+        let [mut least, mut most] = [0.0, 0.0];
+        for &z in &depths_mm {
+            let here: Vec<f64> = optical_depths.iter().map(|curve| curve(z)).collect();
+            let steps = || here.iter().zip(&before).map(|(b, a)| (b - a).max(0.0));
+            least += steps().fold(f64::INFINITY, f64::min);
+            most += steps().fold(0.0, f64::max);
+            range.push([(-most).exp(), (-least).exp()]);
+            before = here;
+        }
+        Self(vec![Envelope { depths_mm, range }])
+    }
+
+    /// Returns the mean of several envelopes.
+    pub fn mean(all: Vec<Self>) -> Self {
+        Self(all.into_iter().flat_map(|n| n.0).collect())
+    }
+
+    fn mean_of(&self, of: impl Fn(&Envelope) -> f64) -> f64 {
+        self.0.iter().map(of).sum::<f64>() / self.0.len().max(1) as f64
+    }
+
+    /// Least transmittance at a depth: that of the next known depth.
+    pub fn least(&self, z: f64) -> f64 {
+        self.mean_of(|e| {
+            let i = e.depths_mm.partition_point(|d| *d < z);
+            e.range.get(i).or(e.range.last()).map_or(0.0, |r| r[0])
+        })
+    }
+
+    /// Largest transmittance at a depth: that of the known depth before it.
+    pub fn most(&self, z: f64) -> f64 {
+        self.mean_of(|e| {
+            let i = e.depths_mm.partition_point(|d| *d <= z);
+            i.checked_sub(1).map_or(1.0, |i| e.range[i][1])
+        })
+    }
+}
+
+/// The exact field with the tolerances of an error bound.
+pub(super) struct NearbyRays<'a> {
+    field: &'a ExactField<'a>,
+    bound: Bound,
+    /// Functions moved by the value tolerance to both sides.
+    moved: OnceLock<[TransferFunction; 2]>,
+}
+
+/// A function of values that are all larger by `by`.
+fn moved(tf: &TransferFunction, by: f64) -> TransferFunction {
+    tf.scale_values(|value| value - by)
+}
+
+impl<'a> NearbyRays<'a> {
+    pub fn new(field: &'a ExactField<'a>, bound: Bound) -> Self {
+        Self { field, bound, moved: OnceLock::new() }
+    }
+
+    /// Envelope around the ray from `origin` (world mm, at depth `start_mm`), known at the given depths at least;
+    /// `None` where the error bound has no such tolerance.
+    pub fn envelope(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        start_mm: f64,
+        known_mm: &[f64],
+    ) -> Option<RoundingEnvelope> {
+        let Bound { lateral_mm, value, .. } = self.bound;
+        if lateral_mm <= 0.0 && value <= 0.0 {
+            return None;
+        }
+        let tf = self.field.transfer_function();
+        let moved = self.moved.get_or_init(|| [moved(tf, -value), moved(tf, value)]);
+        let fields = moved.each_ref().map(|tf| ExactField::new(self.field.volume(), tf));
+        let side = direction.any_orthonormal_vector();
+        let up = direction.cross(side);
+        let turns = (0..AROUND).map(|i| i as f64 / AROUND as f64 * std::f64::consts::TAU);
+        let ring =
+            |share: f64| turns.clone().map(move |t| share * lateral_mm * (t.cos() * side + t.sin() * up));
+        let offsets: Vec<DVec3> =
+            std::iter::once(DVec3::ZERO).chain(RINGS.into_iter().flat_map(ring)).collect();
+        let curves: Vec<OpticalDepthCurve<'_>> = [self.field, &fields[0], &fields[1]]
+            .into_iter()
+            .flat_map(|field| {
+                offsets.iter().map(move |o| field.curve_along(origin + *o, direction, f64::INFINITY))
+            })
+            .collect();
+        let mut depths: Vec<f64> = known_mm.to_vec();
+        depths.extend(curves.iter().flat_map(OpticalDepthCurve::jumps).map(|z| z + start_mm));
+        let (first, last) = depths.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
+        depths.extend((0..REGULAR_DEPTHS).map(|i| first + (last - first) * i as f64 / REGULAR_DEPTHS as f64));
+        sort_distinct(&mut depths);
+        let along: Vec<_> =
+            curves.iter().map(|curve| move |z: f64| curve.optical_depth_at(z - start_mm)).collect();
+        Some(RoundingEnvelope::of(&along, depths))
+    }
+}

@@ -1,0 +1,68 @@
+//! Columns of a row from what is measured.
+
+use super::bound_check::BoundReport;
+use super::check::Check;
+use super::stats::{ErrorStats, ImageError};
+use super::table::Row;
+use super::timing::Timing;
+use crate::gpu::Work;
+use crate::shadow::Bound;
+
+impl Row {
+    /// Fills the times and the frame rates that follow from them.
+    pub fn set_timing(&mut self, timing: &Timing) {
+        let (build, frame) = (timing.build_ms, timing.frame_ms);
+        [self.build_ms, self.build_ms_min, self.build_ms_max] =
+            [build.median, build.min, build.max].map(Some);
+        [self.frame_ms, self.frame_ms_min, self.frame_ms_max] =
+            [frame.median, frame.min, frame.max].map(Some);
+        self.clock = Some(timing.clock);
+        [self.build_gpu_ms, self.frame_gpu_ms] = [timing.build_gpu_ms, timing.frame_gpu_ms];
+        [self.build_wall_ms, self.frame_wall_ms] = [timing.build_wall_ms, timing.frame_wall_ms].map(Some);
+        self.repeats = u32::try_from(timing.repeats).ok();
+        self.fps_static = Some(1000.0 / frame.median);
+        self.fps_moving = Some(1000.0 / (build.median + frame.median));
+    }
+
+    /// Fills `point_err_*`.
+    pub fn set_point_errors(&mut self, stats: &ErrorStats) {
+        [self.point_err_max, self.point_err_rms, self.point_err_p99] =
+            [stats.max_abs, stats.rms, stats.p99_abs].map(Some);
+        self.point_err_mean_signed = Some(stats.mean);
+    }
+
+    /// Fills `image_rmse` and `image_psnr`.
+    pub fn set_image_error(&mut self, error: &ImageError) {
+        [self.image_rmse, self.image_psnr] = [error.rmse, error.psnr_db].map(Some);
+    }
+
+    /// Fills what is measured along light rays.
+    pub fn set_ray_errors(&mut self, report: &BoundReport, bound: Option<Bound>) {
+        self.ray_err_max = report.ray_err_max();
+        self.bound = bound.map(|p| p.transmittance);
+        self.bound_depth_mm = bound.map(|p| p.depth_mm);
+        self.bound_lateral_mm = bound.map(|p| p.lateral_mm);
+        self.bound_value = bound.map(|p| p.value);
+        self.bound_limited = bound.map(|_| report.limited as u64);
+        self.bound_held = report.satisfied();
+        self.rays_tested = Some(report.rays as u64);
+        self.depths_tested = Some(report.depths as u64);
+    }
+
+    /// Fills `work_*`: of a build of so many texels, and of a picture of so many pixels.
+    pub fn set_work(&mut self, (build, texels): (Work, u64), (picture, pixels): (Work, u64)) {
+        let each = |work: u64, of: u64| (of > 0).then_some(work as f64 / of as f64);
+        self.work_samples = each(picture.samples, pixels);
+        self.work_lookups = each(picture.lookups, pixels);
+        self.work_loads = each(picture.loads, pixels);
+        self.work_cells = each(build.cells + build.samples, texels);
+        self.work_pieces = each(build.pieces, texels);
+    }
+
+    /// Fills `check_*`.
+    pub fn set_check(&mut self, check: &Check) {
+        self.check_n = Some(check.texels);
+        [self.check_max, self.check_tolerance] = [check.max, check.tolerance].map(Some);
+        self.check_ok = Some(check.ok());
+    }
+}

@@ -1,0 +1,37 @@
+//! Markdown tables whose source lines up.
+
+/// Alignment of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Align {
+    /// To the left: texts.
+    Left,
+    /// To the right: numbers.
+    Right,
+    /// In the middle; the source is aligned to the right.
+    Middle,
+}
+
+/// Lines of a table with a heading and an alignment for each column.
+pub fn aligned_table(headings: &[(String, Align)], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().map(|row| &row[column]).chain([&headings[column].0]);
+        cells.map(|cell| cell.chars().count()).max().unwrap_or(0).max(3)
+    };
+    let columns: Vec<(Align, usize)> = headings.iter().enumerate().map(|(i, h)| (h.1, width(i))).collect();
+    let line = |cells: &mut dyn Iterator<Item = &String>| {
+        let padded = cells.zip(&columns).map(|(cell, (align, width))| match align {
+            Align::Left => format!(" {cell:<width$} |"),
+            Align::Right | Align::Middle => format!(" {cell:>width$} |"),
+        });
+        format!("|{}\n", padded.collect::<String>())
+    };
+    let rule = columns.iter().map(|(align, width)| match align {
+        Align::Left => format!(" {} |", "-".repeat(*width)),
+        Align::Right => format!(" {}: |", "-".repeat(width - 1)),
+        Align::Middle => format!(" :{}: |", "-".repeat(width - 2)),
+    });
+    let mut out = line(&mut headings.iter().map(|(heading, _)| heading));
+    out += &format!("|{}\n", rule.collect::<String>());
+    out.extend(rows.iter().map(|row| line(&mut row.iter())));
+    out
+}
