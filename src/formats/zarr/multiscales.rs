@@ -8,9 +8,6 @@ use crate::formats::common::mm_of;
 use serde_json::Value;
 use std::path::Path;
 
-/// Largest length of the names of axes and the paths of arrays, which appear in messages.
-const MAX_NAME_BYTES: usize = 200;
-
 /// Axis of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Axis {
@@ -20,7 +17,7 @@ pub(super) struct Axis {
 }
 
 /// Resolution level of an image.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Level {
     /// Path of the array below the image's folder.
     pub(super) path: String,
@@ -82,10 +79,9 @@ impl Image {
         let datasets = image.get("datasets").and_then(Value::as_array).filter(|all| !all.is_empty());
         let datasets = datasets.ok_or("its image has no arrays (datasets)")?;
         let levels = datasets.iter().map(|dataset| {
-            let path = dataset.get("path").and_then(Value::as_str).filter(|p| p.len() <= MAX_NAME_BYTES);
+            let path = dataset.get("path").and_then(Value::as_str);
             let path = path.ok_or("a level of its image has no path")?;
-            let (scale, translation) = (Vec::new(), Vec::new());
-            let mut level = Level { path: path.into(), scale, translation, is_scaled: false };
+            let mut level = Level { path: path.into(), ..Level::default() };
             level.transform(dataset.get("coordinateTransformations"))?;
             // Transformations of the image follow those of its levels.
             level.transform(image.get("coordinateTransformations"))?;
@@ -100,8 +96,7 @@ impl Axis {
     fn new(value: &Value) -> Option<Self> {
         let text = |key: &str| value.get(key).and_then(Value::as_str).map(String::from);
         let name = value.as_str().map(String::from).or_else(|| text("name"));
-        let name = name.filter(|name| name.len() <= MAX_NAME_BYTES)?;
-        Some(Self { name: name.to_lowercase(), unit: text("unit") })
+        Some(Self { name: name?.to_lowercase(), unit: text("unit") })
     }
 
     /// Millimetres of its unit, if it is known.
