@@ -1,5 +1,6 @@
 //! NIfTI-1 and NIfTI-2 headers in one form, and the affine that they give.
 
+use crate::files::binary::BinaryFields;
 use crate::volume::{AffineSource, ByteOrder, Element, Scaling, ValueMeaning};
 use glam::{DAffine3, DMat3, DVec3};
 use nifti::{Endianness, NiftiHeader};
@@ -129,27 +130,28 @@ impl Header {
             b"ni2\0\r\n\x1a\n" => true,
             _ => return Err("its header has no NIfTI-2 magic, or line ends were converted in it".into()),
         };
-        let f = Fields { bytes, byte_order };
+        let f = BinaryFields { bytes, big_endian: byte_order == ByteOrder::Big };
+        let [scl_slope, scl_inter] = f.doubles(176);
         Ok(Self {
             version: 2,
             is_analyze: false,
             byte_order,
             is_pair,
-            dim: std::array::from_fn(|i| i64::from_le_bytes(f.little_endian(16 + 8 * i))),
+            dim: std::array::from_fn(|i| f.long(16 + 8 * i)),
             intent_code: f.integer(504),
             descrip: String::from_utf8_lossy(&bytes[240..320]).into_owned(),
-            datatype: i16::from_le_bytes(f.little_endian(12)),
-            bitpix: i16::from_le_bytes(f.little_endian(14)),
-            pixdim: f.reals(104),
-            vox_offset: i64::from_le_bytes(f.little_endian(168)) as f64,
-            scl_slope: f.real(176),
-            scl_inter: f.real(184),
+            datatype: f.short(12),
+            bitpix: f.short(14),
+            pixdim: f.doubles(104),
+            vox_offset: f.long(168) as f64,
+            scl_slope,
+            scl_inter,
             xyzt_units: f.integer(500),
             qform_code: f.integer(344),
             sform_code: f.integer(348),
-            quatern: f.reals(352),
-            qoffset: f.reals(376),
-            srow: std::array::from_fn(|row| f.reals(400 + 32 * row)),
+            quatern: f.doubles(352),
+            qoffset: f.doubles(376),
+            srow: std::array::from_fn(|row| f.doubles(400 + 32 * row)),
         })
     }
 
@@ -353,34 +355,4 @@ fn dimensions_error(count: i64) -> String {
 
 fn no_magic() -> String {
     "its header has no NIfTI magic, nor is it one of Analyze 7.5".into()
-}
-
-/// Numbers of a NIfTI-2 header by their positions.
-struct Fields<'a> {
-    bytes: &'a [u8],
-    byte_order: ByteOrder,
-}
-
-impl Fields<'_> {
-    /// Bytes of a field in little-endian order.
-    fn little_endian<const N: usize>(&self, at: usize) -> [u8; N] {
-        let mut field = [0; N];
-        field.copy_from_slice(&self.bytes[at..at + N]);
-        if self.byte_order == ByteOrder::Big {
-            field.reverse();
-        }
-        field
-    }
-
-    fn integer(&self, at: usize) -> i32 {
-        i32::from_le_bytes(self.little_endian(at))
-    }
-
-    fn real(&self, at: usize) -> f64 {
-        f64::from_le_bytes(self.little_endian(at))
-    }
-
-    fn reals<const N: usize>(&self, at: usize) -> [f64; N] {
-        std::array::from_fn(|i| self.real(at + 8 * i))
-    }
 }
