@@ -21,7 +21,7 @@ use crate::volume::{AffineSource, ByteOrder, Element, Provenance, Scaling, Volum
 use glam::{DMat3, DVec3};
 use roxmltree::{Document, Node};
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// File-name endings of the format.
@@ -260,7 +260,7 @@ impl<'a, 'input> Image<'a, 'input> {
         };
         let io_error = |e: io::Error| named(e.to_string());
         file.seek(SeekFrom::Start(from)).map_err(io_error)?;
-        let input = io::BufReader::with_capacity(1 << 16, file.take(length));
+        let mut input = io::BufReader::with_capacity(1 << 16, file.take(length));
         if format == "ascii" {
             // A number and its separator take at least two bytes.
             if count > length / 2 + 1 {
@@ -275,32 +275,11 @@ impl<'a, 'input> Image<'a, 'input> {
                 Err(format!("it holds {found} bytes, and {nx}x{ny}x{nz} {} have {bytes}", element.name()))
             }
         };
-        let input = Trimmed { input, has_started: is_raw };
+        while !is_raw && input.fill_buf().map_err(io_error)?.first().is_some_and(u8::is_ascii_whitespace) {
+            input.consume(1);
+        }
         let mut stream = array_bytes(input, is_raw, &self.coding, check).map_err(named)?;
         read_voxels(&mut stream, piece.dims, element, self.byte_order(), None).map_err(failed)
-    }
-}
-
-/// Input without leading blanks.
-struct Trimmed<R> {
-    input: R,
-    has_started: bool,
-}
-
-impl<R: Read> Read for Trimmed<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while !self.has_started && !buffer.is_empty() {
-            let mut byte = [0];
-            if self.input.read(&mut byte)? == 0 {
-                return Ok(0);
-            }
-            if !byte[0].is_ascii_whitespace() {
-                self.has_started = true;
-                buffer[0] = byte[0];
-                return Ok(1);
-            }
-        }
-        self.input.read(buffer)
     }
 }
 
