@@ -6,14 +6,12 @@ use std::path::{Path, PathBuf};
 /// Lines of a file.
 const LONGEST_FILE: usize = 450;
 /// Files that are still longer: to become fewer, never more.
-const KNOWN_LONG_FILES: [&str; 7] = [
+const KNOWN_LONG_FILES: [&str; 5] = [
     "examples/window_shots.rs",
     "python/src/scene.rs",
-    "src/formats/dicom/dataset.rs",
     "src/measure/band.rs",
     "src/measure/table.rs",
     "src/report/grid.rs",
-    "tests/it/nifti/mod.rs",
 ];
 /// Lines of a function. A longer one has a comment `// Long: REASON` above it.
 const LONGEST_FUNCTION: usize = 80;
