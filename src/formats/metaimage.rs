@@ -22,7 +22,7 @@ const FIRST_KEYS: [&str; 3] = ["ObjectType", "NDims", "Comment"];
 
 /// Whether a file is a MetaImage.
 pub fn is_metaimage(head: &Head) -> bool {
-    let text = String::from_utf8_lossy(head.bytes());
+    let text = String::from_utf8_lossy(&head.bytes);
     let first = text.split_once('=').map_or("", |(key, _)| key.trim());
     FIRST_KEYS.contains(&first) && (text.contains("NDims") || head.is_named(EXTENSIONS))
 }

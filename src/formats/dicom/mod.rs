@@ -33,9 +33,9 @@ pub const EXTENSIONS: &[&str] = &["dcm", "ima"];
 
 /// Whether a file or folder is of this format.
 pub fn is_dicom(head: &Head) -> bool {
-    match head.is_folder() {
-        true => series::holds_dicom(head.path()),
-        false => !head.is_gzipped() && is_dicom_head(head.bytes()),
+    match head.is_folder {
+        true => series::holds_dicom(&head.path),
+        false => !head.is_gzipped && is_dicom_head(&head.bytes),
     }
 }
 

@@ -23,9 +23,9 @@ const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 
 /// Whether a file is TIFF, or a folder holds files named as TIFF.
 pub fn is_tiff(head: &Head) -> bool {
-    match head.is_folder() {
-        true => !files_in(head.path()).is_empty(),
-        false => !head.is_gzipped() && MAGICS.iter().any(|magic| head.starts_with(magic)),
+    match head.is_folder {
+        true => !files_in(&head.path).is_empty(),
+        false => !head.is_gzipped && MAGICS.iter().any(|magic| head.starts_with(magic)),
     }
 }
 

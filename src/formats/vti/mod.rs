@@ -34,7 +34,7 @@ const MAX_NODES: u32 = 200_000;
 
 /// Whether a file is a VTK image.
 pub fn is_vti(head: &Head) -> bool {
-    !head.is_gzipped() && kind_of(head.bytes()).is_some_and(|kind| kind == "ImageData")
+    !head.is_gzipped && kind_of(&head.bytes).is_some_and(|kind| kind == "ImageData")
 }
 
 /// Reads the active scalars, or the first scalar array.
@@ -165,20 +165,20 @@ impl<'a, 'input> Image<'a, 'input> {
         Ok((pieces, element.ok_or("it has no pieces")?))
     }
 
+    /// Numbers of an attribute of the image.
+    fn attribute<const N: usize>(&self, name: &str, usual: &str) -> Result<[f64; N], String> {
+        let text = self.node.attribute(name).unwrap_or(usual);
+        let found = numbers(text).and_then(|all| all.try_into().ok());
+        found.ok_or_else(|| {
+            format!("its {name} is `{}`, not {N} numbers", text.chars().take(60).collect::<String>())
+        })
+    }
+
     /// World mm from index coordinates.
     fn affine(&self) -> Result<glam::DAffine3, String> {
-        let read = |name: &str, usual: &str| {
-            let text = self.node.attribute(name).unwrap_or(usual);
-            numbers(text)
-                .ok_or_else(|| format!("its {name} is `{}`", text.chars().take(60).collect::<String>()))
-        };
-        let wrong = |name: &str| format!("its {name} has too few or too many numbers");
-        let triple = |name: &str, usual: &str| {
-            <[f64; 3]>::try_from(read(name, usual)?).map(DVec3::from_array).map_err(|_| wrong(name))
-        };
-        let (origin, spacing) = (triple("Origin", "0 0 0")?, triple("Spacing", "1 1 1")?);
-        let rows =
-            <[f64; 9]>::try_from(read("Direction", "1 0 0 0 1 0 0 0 1")?).map_err(|_| wrong("Direction"))?;
+        let (origin, spacing) = (self.attribute("Origin", "0 0 0")?, self.attribute("Spacing", "1 1 1")?);
+        let (origin, spacing) = (DVec3::from_array(origin), DVec3::from_array(spacing));
+        let rows = self.attribute("Direction", "1 0 0 0 1 0 0 0 1")?;
         let axes = DMat3::from_cols_array(&rows).transpose() * DMat3::from_diagonal(spacing);
         // Indices of VTK start at the image's extent, and cells are between points.
         let centre = if self.at == At::Cells { 0.5 } else { 0.0 };

@@ -33,9 +33,9 @@ const HOST_SHARE: u64 = 4;
 
 /// Whether a folder is a Zarr store, or a file is the metadata of one.
 pub fn is_zarr(head: &Head) -> bool {
-    match head.is_folder() {
-        true => METADATA_FILES.iter().any(|name| head.path().join(name).is_file()),
-        false => is_metadata(head.path()),
+    match head.is_folder {
+        true => METADATA_FILES.iter().any(|name| head.path.join(name).is_file()),
+        false => is_metadata(&head.path),
     }
 }
 

@@ -5,6 +5,7 @@
 
 use super::metadata::json;
 use crate::formats::common::mm_of;
+use serde::Deserialize;
 use serde_json::Value;
 use std::path::Path;
 
@@ -14,6 +15,15 @@ pub(super) struct Axis {
     /// Name; spatial axes are `x`, `y` and `z`.
     pub(super) name: String,
     pub(super) unit: Option<String>,
+}
+
+/// Transformation from indices to lengths.
+#[derive(Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+enum Transformation {
+    Identity,
+    Scale { scale: Vec<f64> },
+    Translation { translation: Vec<f64> },
 }
 
 /// Resolution level of an image.
@@ -108,17 +118,13 @@ impl Axis {
 impl Level {
     /// Appends transformations.
     fn transform(&mut self, list: Option<&Value>) -> Result<(), String> {
-        for transformation in list.and_then(Value::as_array).into_iter().flatten() {
-            let kind = transformation.get("type").and_then(Value::as_str).unwrap_or("?");
-            let numbers = || -> Result<Vec<f64>, String> {
-                let list = transformation.get(kind).and_then(Value::as_array);
-                let numbers: Option<Vec<f64>> = list.and_then(|all| all.iter().map(Value::as_f64).collect());
-                numbers.ok_or_else(|| format!("`{kind}` of its image is no list of numbers"))
-            };
-            match kind {
-                "identity" => {}
-                "scale" => {
-                    let factors = numbers()?;
+        for value in list.and_then(Value::as_array).into_iter().flatten() {
+            let transformation = Transformation::deserialize(value);
+            match transformation
+                .map_err(|e| format!("its image is placed by no scale and translation: {e}"))?
+            {
+                Transformation::Identity => {}
+                Transformation::Scale { scale: factors } => {
                     self.is_scaled = true;
                     self.extend(factors.len());
                     let each = self.scale.iter_mut().zip(&mut self.translation).zip(factors);
@@ -127,16 +133,9 @@ impl Level {
                         *translation *= factor;
                     });
                 }
-                "translation" => {
-                    let offsets = numbers()?;
+                Transformation::Translation { translation: offsets } => {
                     self.extend(offsets.len());
                     self.translation.iter_mut().zip(offsets).for_each(|(all, offset)| *all += offset);
-                }
-                other => {
-                    let short: String = other.chars().take(40).collect();
-                    return Err(format!(
-                        "its image is placed by `{short}`; scale and translation are supported"
-                    ));
                 }
             }
         }
