@@ -87,6 +87,7 @@ impl Lines<'_, '_> {
     ///
     /// # Errors
     /// The file cannot be read, or the header is too long.
+    #[expect(clippy::unbuffered_bytes, reason = "the source has a buffer")]
     pub(super) fn next(&mut self) -> Result<Option<String>, String> {
         let mut line = Vec::new();
         for byte in self.source.by_ref().take(MAX_HEADER_BYTES + 1 - self.bytes).bytes() {
