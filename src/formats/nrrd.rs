@@ -198,25 +198,18 @@ fn unit_mm(fields: &Fields, warnings: &mut Vec<String>) -> f64 {
 
 /// Parses vectors `(a,b,c)`, planar vectors `(a,b)`, or `none`.
 fn vectors(text: &str) -> Result<Vec<Option<DVec3>>, String> {
-    let refuse = || unreadable("space directions or origin", text);
-    let mut all = Vec::new();
-    let mut rest = text.trim();
-    while !rest.is_empty() {
-        if let Some(after) = rest.strip_prefix("none") {
-            all.push(None);
-            rest = after.trim_start();
-            continue;
+    let vector = |part: &str| {
+        let parts = numbers(&part.trim_start().strip_prefix('(')?.replace(',', " "))?;
+        match parts[..] {
+            [] => Some(None),
+            [x, y] => Some(Some(DVec3::new(x, y, 0.0))),
+            [x, y, z] => Some(Some(DVec3::new(x, y, z))),
+            _ => None,
         }
-        let (inside, after) = rest.strip_prefix('(').and_then(|r| r.split_once(')')).ok_or_else(refuse)?;
-        let parts = numbers(&inside.replace(',', " ")).ok_or_else(refuse)?;
-        all.push(Some(match parts[..] {
-            [x, y] => DVec3::new(x, y, 0.0),
-            [x, y, z] => DVec3::new(x, y, z),
-            _ => return Err(refuse()),
-        }));
-        rest = after.trim_start();
-    }
-    Ok(all)
+    };
+    let vectors = text.replace("none", "()");
+    let all: Option<Vec<_>> = vectors.trim_end().split_terminator(')').map(vector).collect();
+    all.ok_or_else(|| unreadable("space directions or origin", text))
 }
 
 fn data(fields: &Fields, path: &Path, header_bytes: u64, is_gzipped: bool) -> Result<DataFiles, String> {

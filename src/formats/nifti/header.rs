@@ -2,7 +2,7 @@
 
 use crate::files::binary::BinaryFields;
 use crate::volume::{AffineSource, ByteOrder, Element, Scaling, ValueMeaning};
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use nifti::{Endianness, NiftiHeader};
 
 /// Sizes in bytes of NIfTI-1 and NIfTI-2 headers.
@@ -276,28 +276,16 @@ impl Header {
     }
 
     fn qform(&self, warnings: &mut Vec<String>) -> DAffine3 {
-        let [mut b, mut c, mut d] = self.quatern;
+        let [b, c, d] = self.quatern;
         let w_squared = 1.0 - (b * b + c * c + d * d);
         // Three f32 roundings of 1: closer to a half turn than the header can represent.
-        let resolution = 3.0 * f64::from(f32::EPSILON);
-        let w = if w_squared.abs() < resolution {
-            0.0
-        } else if w_squared < 0.0 {
+        let is_half_turn = w_squared.abs() < 3.0 * f64::from(f32::EPSILON);
+        if w_squared < 0.0 && !is_half_turn {
             warnings
                 .push(format!("the qform's quaternion is too long by {:.3e} and was normalised", -w_squared));
-            let length = (1.0 - w_squared).sqrt();
-            [b, c, d] = [b / length, c / length, d / length];
-            0.0
-        } else {
-            w_squared.sqrt()
-        };
-        let norm = w * w + b * b + c * c + d * d;
-        let s = 2.0 / norm;
-        let rotation = DMat3::from_cols(
-            DVec3::new(1.0 - s * (c * c + d * d), s * (b * c + w * d), s * (b * d - w * c)),
-            DVec3::new(s * (b * c - w * d), 1.0 - s * (b * b + d * d), s * (c * d + w * b)),
-            DVec3::new(s * (b * d + w * c), s * (c * d - w * b), 1.0 - s * (b * b + c * c)),
-        );
+        }
+        let w = if is_half_turn || w_squared < 0.0 { 0.0 } else { w_squared.sqrt() };
+        let rotation = DMat3::from_quat(DQuat::from_xyzw(b, c, d, w).normalize());
         let mut size = self.voxel_sizes_mm(warnings);
         if self.pixdim[0] == -1.0 {
             size.z = -size.z;
