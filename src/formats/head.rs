@@ -11,10 +11,14 @@ const HEAD_BYTES: usize = 1024;
 /// Path, kind and first bytes of an input.
 #[derive(Debug, Clone, Default)]
 pub struct Head {
-    path: PathBuf,
-    bytes: Vec<u8>,
-    is_folder: bool,
-    is_gzipped: bool,
+    /// Path of the input.
+    pub path: PathBuf,
+    /// First bytes, decompressed.
+    pub bytes: Vec<u8>,
+    /// Whether the input is a folder.
+    pub is_folder: bool,
+    /// Whether the file is gzipped.
+    pub is_gzipped: bool,
 }
 
 impl Head {
@@ -28,26 +32,6 @@ impl Head {
         let got = source.and_then(|mut source| read_full(&mut source, &mut bytes).ok()).unwrap_or(0);
         bytes.truncate(got);
         Self { path: path.into(), bytes, is_folder, is_gzipped }
-    }
-
-    /// Path of the input.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Whether the input is a folder.
-    pub fn is_folder(&self) -> bool {
-        self.is_folder
-    }
-
-    /// Whether the file is gzipped.
-    pub fn is_gzipped(&self) -> bool {
-        self.is_gzipped
-    }
-
-    /// First bytes, decompressed.
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
     }
 
     /// Whether the file begins with these bytes.

@@ -17,28 +17,12 @@ use std::path::{Path, PathBuf};
 /// File-name endings of the format.
 pub const EXTENSIONS: &[&str] = &["mha", "mhd"];
 
-/// Names of element types in the format.
-const TYPES: [(&str, Element); 12] = [
-    ("MET_CHAR", Element::I8),
-    ("MET_UCHAR", Element::U8),
-    ("MET_SHORT", Element::I16),
-    ("MET_USHORT", Element::U16),
-    ("MET_INT", Element::I32),
-    ("MET_UINT", Element::U32),
-    ("MET_LONG", Element::I32),
-    ("MET_ULONG", Element::U32),
-    ("MET_LONG_LONG", Element::I64),
-    ("MET_ULONG_LONG", Element::U64),
-    ("MET_FLOAT", Element::F32),
-    ("MET_DOUBLE", Element::F64),
-];
-
 /// Possible first keys of a header.
 const FIRST_KEYS: [&str; 3] = ["ObjectType", "NDims", "Comment"];
 
 /// Whether a file is a MetaImage.
 pub fn is_metaimage(head: &Head) -> bool {
-    let text = String::from_utf8_lossy(head.bytes());
+    let text = String::from_utf8_lossy(&head.bytes);
     let first = text.split_once('=').map_or("", |(key, _)| key.trim());
     FIRST_KEYS.contains(&first) && (text.contains("NDims") || head.is_named(EXTENSIONS))
 }
@@ -99,8 +83,12 @@ fn description(fields: &Fields) -> Result<Description, String> {
     if channels != "1" {
         return Err(format!("it has {channels} numbers at each voxel; scalars are needed"));
     }
-    let element = TYPES.iter().find(|(known, _)| *known == name);
-    let element = element.ok_or_else(|| format!("its voxels are of type `{name}`; scalars are needed"))?.1;
+    let element = match name.as_str() {
+        "MET_LONG" => Some(Element::I32),
+        "MET_ULONG" => Some(Element::U32),
+        other => other.strip_prefix("MET_").and_then(Element::from_c_name),
+    };
+    let element = element.ok_or_else(|| format!("its voxels are of type `{name}`; scalars are needed"))?;
     let is_big = ["binarydatabyteordermsb", "elementbyteordermsb"];
     let is_big = fields.get(&is_big).is_some_and(|v| v.eq_ignore_ascii_case("true"));
     let byte_order = if is_big { ByteOrder::Big } else { ByteOrder::Little };

@@ -1,6 +1,7 @@
 //! NumPy's `.npy`: an array of three axes, `[k, j, i]` (`i` fastest in C order), or `[frame, k, j, i]` of four.
 //!
-//! The reader is not that of `ndarray-npy`, which needs the element type in advance and allocates the claimed sizes.
+//! The reader is not that of `ndarray-npy`, which needs the element type in advance and allocates the claimed sizes; nor is the
+//! header parsed by its `py_literal`, which takes seconds for nested brackets of a damaged file.
 //! Source: NumPy's `numpy.lib.format`, "NPY format".
 
 use super::common::{frame_warning, inexact_integers, refusal};

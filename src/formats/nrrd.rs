@@ -22,31 +22,6 @@ const MAGIC: &[u8] = b"NRRD000";
 /// Field that names the files of a detached header.
 const DATA_FILE: &[&str] = &["data file", "datafile"];
 
-/// Names of element types in the format.
-const TYPES: [(&[&str], Element); 10] = [
-    (&["signed char", "int8", "int8_t"], Element::I8),
-    (&["uchar", "unsigned char", "uint8", "uint8_t"], Element::U8),
-    (&["short", "short int", "signed short", "signed short int", "int16", "int16_t"], Element::I16),
-    (&["ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t"], Element::U16),
-    (&["int", "signed int", "int32", "int32_t"], Element::I32),
-    (&["uint", "unsigned int", "uint32", "uint32_t"], Element::U32),
-    (
-        &[
-            "longlong",
-            "long long",
-            "long long int",
-            "signed long long",
-            "signed long long int",
-            "int64",
-            "int64_t",
-        ],
-        Element::I64,
-    ),
-    (&["ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t"], Element::U64),
-    (&["float"], Element::F32),
-    (&["double"], Element::F64),
-];
-
 /// Whether a file is NRRD.
 pub fn is_nrrd(head: &Head) -> bool {
     head.starts_with(MAGIC)
@@ -95,8 +70,8 @@ fn description(fields: &Fields) -> Result<Description, String> {
     let mut warnings = Vec::new();
     let affine = axes.affine(fields, &mut warnings)?;
     let name = fields.required(&["type"])?.to_lowercase();
-    let element = TYPES.iter().find(|(names, _)| names.contains(&name.as_str()));
-    let element = element.ok_or_else(|| format!("its voxels are of type `{name}`; scalars are needed"))?.1;
+    let element = Element::from_name(name.trim_end_matches("_t")).or_else(|| Element::from_c_name(&name));
+    let element = element.ok_or_else(|| format!("its voxels are of type `{name}`; scalars are needed"))?;
     let byte_order = match fields.get(&["endian"]).map(str::to_lowercase).as_deref() {
         Some("big") => ByteOrder::Big,
         Some("little") | None => ByteOrder::Little,
@@ -223,25 +198,18 @@ fn unit_mm(fields: &Fields, warnings: &mut Vec<String>) -> f64 {
 
 /// Parses vectors `(a,b,c)`, planar vectors `(a,b)`, or `none`.
 fn vectors(text: &str) -> Result<Vec<Option<DVec3>>, String> {
-    let refuse = || unreadable("space directions or origin", text);
-    let mut all = Vec::new();
-    let mut rest = text.trim();
-    while !rest.is_empty() {
-        if let Some(after) = rest.strip_prefix("none") {
-            all.push(None);
-            rest = after.trim_start();
-            continue;
+    let vector = |part: &str| {
+        let parts = numbers(&part.trim_start().strip_prefix('(')?.replace(',', " "))?;
+        match parts[..] {
+            [] => Some(None),
+            [x, y] => Some(Some(DVec3::new(x, y, 0.0))),
+            [x, y, z] => Some(Some(DVec3::new(x, y, z))),
+            _ => None,
         }
-        let (inside, after) = rest.strip_prefix('(').and_then(|r| r.split_once(')')).ok_or_else(refuse)?;
-        let parts = numbers(&inside.replace(',', " ")).ok_or_else(refuse)?;
-        all.push(Some(match parts[..] {
-            [x, y] => DVec3::new(x, y, 0.0),
-            [x, y, z] => DVec3::new(x, y, z),
-            _ => return Err(refuse()),
-        }));
-        rest = after.trim_start();
-    }
-    Ok(all)
+    };
+    let vectors = text.replace("none", "()");
+    let all: Option<Vec<_>> = vectors.trim_end().split_terminator(')').map(vector).collect();
+    all.ok_or_else(|| unreadable("space directions or origin", text))
 }
 
 fn data(fields: &Fields, path: &Path, header_bytes: u64, is_gzipped: bool) -> Result<DataFiles, String> {

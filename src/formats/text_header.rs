@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::files::loading::Loading;
 use crate::volume::{AffineSource, Provenance, Scaling, Volume};
 use glam::DAffine3;
-use std::io::{self, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Largest size of a header.
@@ -87,30 +87,22 @@ impl Lines<'_, '_> {
     ///
     /// # Errors
     /// The file cannot be read, or the header is too long.
+    #[expect(clippy::unbuffered_bytes, reason = "the source has a buffer")]
     pub(super) fn next(&mut self) -> Result<Option<String>, String> {
         let mut line = Vec::new();
-        let mut byte = [0];
-        loop {
-            match self.source.read(&mut byte) {
-                Ok(0) if line.is_empty() => return Ok(None),
-                Ok(0) => break,
-                Ok(_) => self.bytes += 1,
-                Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
-                Err(e) => return Err(e.to_string()),
-            }
-            if self.bytes > MAX_HEADER_BYTES {
-                return Err("its header does not end within a megabyte".into());
-            }
-            if byte[0] == b'\n' {
+        for byte in self.source.by_ref().take(MAX_HEADER_BYTES + 1 - self.bytes).bytes() {
+            line.push(byte.map_err(|e| e.to_string())?);
+            if line.ends_with(b"\n") {
                 break;
             }
-            line.push(byte[0]);
         }
-        if line.last() == Some(&b'\r') {
-            line.pop();
+        self.bytes += line.len() as u64;
+        if self.bytes > MAX_HEADER_BYTES {
+            return Err("its header does not end within a megabyte".into());
         }
         // A comment in another encoding is no reason to refuse a volume.
-        Ok(Some(String::from_utf8_lossy(&line).into_owned()))
+        let text = String::from_utf8_lossy(&line);
+        Ok((!line.is_empty()).then(|| text.trim_end_matches(['\r', '\n']).to_owned()))
     }
 }
 

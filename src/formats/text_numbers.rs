@@ -1,7 +1,7 @@
 //! Text of numbers separated by blanks or commas, read as the bytes of their binary form without storing the text.
 
 use crate::volume::element::Element;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufReader, Read};
 
 /// Largest length of a number.
 const MAX_WORD_BYTES: usize = 400;
@@ -39,26 +39,18 @@ impl<R: Read> TextNumbers<R> {
 
     /// Returns the next word.
     fn word(&mut self) -> io::Result<Option<String>> {
-        let is_blank = |b: &u8| b.is_ascii_whitespace() || *b == b',';
-        let mut word = Vec::new();
-        loop {
-            let buffer = self.input.fill_buf()?;
-            if buffer.is_empty() {
-                break;
+        let mut word = String::new();
+        for byte in self.input.by_ref().bytes() {
+            match byte? {
+                byte if !byte.is_ascii_whitespace() && byte != b',' => word.push(byte.into()),
+                _ if word.is_empty() => {}
+                _ => break,
             }
-            let blanks = if word.is_empty() { buffer.iter().take_while(|b| is_blank(b)).count() } else { 0 };
-            let letters = buffer[blanks..].iter().take_while(|b| !is_blank(b)).count();
-            let ends = blanks + letters < buffer.len();
-            word.extend_from_slice(&buffer[blanks..blanks + letters]);
-            self.input.consume(blanks + letters);
             if word.len() > MAX_WORD_BYTES {
-                return Err(bad(&String::from_utf8_lossy(&word)));
-            }
-            if ends && !word.is_empty() {
-                break;
+                return Err(bad(&word));
             }
         }
-        Ok((!word.is_empty()).then(|| String::from_utf8_lossy(&word).into_owned()))
+        Ok(Some(word).filter(|word| !word.is_empty()))
     }
 }
 

@@ -11,9 +11,9 @@ pub use files::{MESH_EXTENSIONS, read};
 pub use tree::{FlatNode, Hit};
 
 use crate::error::{Error, Result};
-use bvh::bvh::Bvh;
 use glam::DVec3;
 use sha2::{Digest, Sha256};
+use tree::Tree;
 
 /// Offset of shadow rays from a surface towards the light, in smallest voxel spacings, which avoids self-shadowing.
 pub const SURFACE_GAP: f64 = 1e-3;
@@ -27,7 +27,7 @@ pub struct Mesh {
     triangles: Vec<[DVec3; 3]>,
     /// First triangle, source and linear RGB of each part.
     parts: Vec<(usize, PartSource, [f64; 3])>,
-    tree: Bvh<f64, 3>,
+    tree: Tree,
     /// Number of skipped triangles without an area.
     left_out: usize,
     /// Digest of corners and colours, by which a resumed table detects another mesh.
@@ -131,7 +131,7 @@ impl Mesh {
             left_out += first + count - triangles.len();
             parts.push((first, part.source, part.color));
         }
-        let tree = tree::build(&triangles);
+        let tree = Tree::new(&triangles);
         let sha256 = digest(&triangles, &parts);
         Ok(Self { triangles, parts, tree, left_out, sha256 })
     }
@@ -167,6 +167,31 @@ impl Mesh {
     pub fn normal(&self, triangle: usize) -> DVec3 {
         let [a, b, c] = self.triangles[triangle];
         (b - a).cross(c - a).normalize()
+    }
+
+    /// Nearest triangle on `origin + z direction` with `z` strictly between two depths (mm, `direction` of length 1).
+    pub fn first_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> Option<Hit> {
+        let mut first = None;
+        self.tree.visit(&self.triangles, [origin, direction], between_mm, |hit| {
+            first = Some(hit);
+            Some(hit.depth_mm)
+        });
+        first
+    }
+
+    /// Whether any triangle lies on `origin + z direction` with `z` strictly between two depths (mm).
+    pub fn is_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> bool {
+        let mut is_hit = false;
+        self.tree.visit(&self.triangles, [origin, direction], between_mm, |_| {
+            is_hit = true;
+            None
+        });
+        is_hit
+    }
+
+    /// Tree as a list for traversal without a stack, as in shaders.
+    pub fn flat_tree(&self) -> Vec<FlatNode> {
+        self.tree.flat(&self.triangles)
     }
 
     /// Bounding boxes (world mm) that together contain all triangles: the nodes of the tree at a depth of `levels`.

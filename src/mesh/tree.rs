@@ -3,7 +3,6 @@
 //! Intersections use the signs of edge functions about the ray (Woop, Benthin and Wald 2013, *Watertight Ray/Triangle
 //! Intersection*). Both triangles of an edge decide alike, so that no ray passes between them.
 
-use super::Mesh;
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::BHShape;
 use bvh::bvh::{Bvh, BvhNode};
@@ -66,14 +65,8 @@ fn bounds([a, b, c]: &[DVec3; 3]) -> [DVec3; 2] {
     [a.min(*b).min(*c), a.max(*b).max(*c)]
 }
 
-pub(super) fn build(triangles: &[[DVec3; 3]]) -> Bvh<f64, 3> {
-    let shape = |t: &[DVec3; 3]| {
-        let [lo, hi] = bounds(t).map(point);
-        TriangleBox { bounds: Aabb::with_bounds(lo, hi), node: 0 }
-    };
-    let mut shapes: Vec<_> = triangles.par_iter().map(shape).collect();
-    Bvh::build(&mut shapes)
-}
+/// Bounding volume hierarchy over triangles; its methods take the triangles that it was made from.
+pub(super) struct Tree(Bvh<f64, 3>);
 
 /// Ray whose longest axis becomes the third, and along which a triangle's corners are sheared.
 struct ShearedRay {
@@ -117,46 +110,35 @@ impl ShearedRay {
     }
 }
 
-impl Mesh {
-    /// Nearest triangle on `origin + z direction` with `z` strictly between two depths (mm, `direction` of length 1).
-    pub fn first_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> Option<Hit> {
-        let mut first = None;
-        self.visit(origin, direction, between_mm, |hit| {
-            first = Some(hit);
-            Some(hit.depth_mm)
-        });
-        first
-    }
-
-    /// Whether any triangle lies on `origin + z direction` with `z` strictly between two depths (mm).
-    pub fn is_hit(&self, origin: DVec3, direction: DVec3, between_mm: [f64; 2]) -> bool {
-        let mut is_hit = false;
-        self.visit(origin, direction, between_mm, |_| {
-            is_hit = true;
-            None
-        });
-        is_hit
+impl Tree {
+    pub(super) fn new(triangles: &[[DVec3; 3]]) -> Self {
+        let shape = |t: &[DVec3; 3]| {
+            let [lo, hi] = bounds(t).map(point);
+            TriangleBox { bounds: Aabb::with_bounds(lo, hi), node: 0 }
+        };
+        let mut shapes: Vec<_> = triangles.par_iter().map(shape).collect();
+        Self(Bvh::build(&mut shapes))
     }
 
     /// Calls `take` with hits on a ray. It returns the depth beyond which hits are ignored, or `None` to end.
-    fn visit(
+    pub(super) fn visit(
         &self,
-        origin: DVec3,
-        direction: DVec3,
+        triangles: &[[DVec3; 3]],
+        [origin, direction]: [DVec3; 2],
         [from, mut to]: [f64; 2],
         mut take: impl FnMut(Hit) -> Option<f64>,
     ) {
         let ray = ShearedRay::new(origin, direction);
         let mut open = vec![0];
         while let Some(node) = open.pop() {
-            match self.tree.nodes.get(node) {
+            match self.0.nodes.get(node) {
                 Some(BvhNode::Node { child_l_index, child_l_aabb, child_r_index, child_r_aabb, .. }) => {
                     let children = [(child_l_index, child_l_aabb), (child_r_index, child_r_aabb)];
                     let passed = children.into_iter().filter(|(_, bounds)| ray.passes(bounds, [from, to]));
                     open.extend(passed.map(|(index, _)| *index));
                 }
                 Some(&BvhNode::Leaf { shape_index: triangle, .. }) => {
-                    let depth = ray.depth(&self.triangles[triangle]).filter(|z| *z > from && *z < to);
+                    let depth = ray.depth(&triangles[triangle]).filter(|z| *z > from && *z < to);
                     let Some(depth_mm) = depth else { continue };
                     match take(Hit { depth_mm, triangle }) {
                         Some(nearer) => to = nearer,
@@ -169,21 +151,21 @@ impl Mesh {
     }
 
     /// Tree as a list for traversal without a stack, as in shaders.
-    pub fn flat_tree(&self) -> Vec<FlatNode> {
+    pub(super) fn flat(&self, triangles: &[[DVec3; 3]]) -> Vec<FlatNode> {
         let node = |CrateNode { aabb, entry_index, exit_index, shape_index }: CrateNode<f64, 3>| {
             // The crate's leaves have no boxes.
             let triangle = (entry_index == u32::MAX).then_some(shape_index);
             let of_box = [vector(&aabb.min), vector(&aabb.max)];
-            let bounds = triangle.map_or(of_box, |t| bounds(&self.triangles[t as usize]));
+            let bounds = triangle.map_or(of_box, |t| bounds(&triangles[t as usize]));
             FlatNode { bounds, triangle, next: exit_index }
         };
-        self.tree.flatten().into_iter().map(node).collect()
+        self.0.flatten().into_iter().map(node).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{MeshPart, files};
+    use super::super::{Mesh, MeshPart, files};
     use super::*;
 
     /// Triangles of a sphere: a grid of `2 n` by `n`.

@@ -46,6 +46,26 @@ impl Element {
         ELEMENTS.iter().find(|(_, short, long, _)| name == *short || name == *long).map(|e| e.0)
     }
 
+    /// Element of a type of C, such as `unsigned short` or `ushort`, with blanks or underscores; not `long`, whose size varies.
+    pub fn from_c_name(name: &str) -> Option<Self> {
+        let name = name.to_ascii_lowercase().replace('_', " ");
+        let unsigned = name.strip_prefix("unsigned ").or_else(|| name.strip_prefix('u'));
+        let kind = unsigned.unwrap_or_else(|| name.strip_prefix("signed ").unwrap_or(&name));
+        Some(match (kind.strip_suffix(" int").unwrap_or(kind), unsigned.is_some()) {
+            ("char", true) => Self::U8,
+            ("char", false) => Self::I8,
+            ("short", true) => Self::U16,
+            ("short", false) => Self::I16,
+            ("int", true) => Self::U32,
+            ("int", false) => Self::I32,
+            ("long long" | "longlong", true) => Self::U64,
+            ("long long" | "longlong", false) => Self::I64,
+            ("float", false) => Self::F32,
+            ("double", false) => Self::F64,
+            _ => return None,
+        })
+    }
+
     /// Long name, e.g. `uint8`.
     pub fn name(self) -> &'static str {
         ELEMENTS[self as usize].2
@@ -111,6 +131,20 @@ mod tests {
         assert_eq!(Element::from_numpy(">f8"), Some((Element::F64, ByteOrder::Big)));
         assert_eq!(Element::from_numpy("|b1"), Some((Element::U8, ByteOrder::Little)));
         assert_eq!(Element::from_numpy("<c8"), None);
+        for (name, element) in [
+            ("signed char", Some(Element::I8)),
+            ("UCHAR", Some(Element::U8)),
+            ("unsigned_short", Some(Element::U16)),
+            ("signed short int", Some(Element::I16)),
+            ("uint", Some(Element::U32)),
+            ("ulonglong", Some(Element::U64)),
+            ("LONG_LONG", Some(Element::I64)),
+            ("float", Some(Element::F32)),
+            ("long", None),
+            ("unsigned float", None),
+        ] {
+            assert_eq!(Element::from_c_name(name), element, "{name}");
+        }
     }
 
     #[test]

@@ -6,12 +6,14 @@
 
 mod attributes;
 mod dataset;
+mod elements;
 mod pixels;
 mod series;
 mod stack;
 mod table;
 
-use self::dataset::{Span, is_dicom as is_dicom_head};
+use self::dataset::Span;
+use self::elements::is_dicom as is_dicom_head;
 use self::pixels::{Layout, lossy_warning, read_frame, spans};
 use self::series::{Image, Series, WHAT};
 use self::stack::{Layer, Stack};
@@ -31,9 +33,9 @@ pub const EXTENSIONS: &[&str] = &["dcm", "ima"];
 
 /// Whether a file or folder is of this format.
 pub fn is_dicom(head: &Head) -> bool {
-    match head.is_folder() {
-        true => series::holds_dicom(head.path()),
-        false => !head.is_gzipped() && is_dicom_head(head.bytes()),
+    match head.is_folder {
+        true => series::holds_dicom(&head.path),
+        false => !head.is_gzipped && is_dicom_head(&head.bytes),
     }
 }
 

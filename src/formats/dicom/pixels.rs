@@ -1,6 +1,9 @@
 //! Pixels of a frame: uncompressed, or decoded by the crate for their transfer syntax.
 
-use super::dataset::{DataSet, EXPLICIT_BIG, PixelData, Span, printable};
+use super::dataset::{DataSet, PixelData, Span, printable};
+use dicom_dictionary_std::uids;
+use dicom_encoding::TransferSyntaxIndex as _;
+use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 use jpeg_decoder::PixelFormat;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -66,31 +69,30 @@ enum Codec {
     Jpeg2000,
 }
 
-/// Compressed transfer syntaxes with decoders in Rust: RLE, JPEG (8 bits, and lossless up to 16), JPEG-LS and JPEG 2000.
-const CODECS: [(&str, Codec); 9] = [
-    ("1.2.840.10008.1.2.5", Codec::Rle),
-    ("1.2.840.10008.1.2.4.50", Codec::Jpeg),
-    ("1.2.840.10008.1.2.4.51", Codec::Jpeg),
-    ("1.2.840.10008.1.2.4.57", Codec::Jpeg),
-    ("1.2.840.10008.1.2.4.70", Codec::Jpeg),
-    ("1.2.840.10008.1.2.4.80", Codec::JpegLs),
-    ("1.2.840.10008.1.2.4.81", Codec::JpegLs),
-    ("1.2.840.10008.1.2.4.90", Codec::Jpeg2000),
-    ("1.2.840.10008.1.2.4.91", Codec::Jpeg2000),
+/// Compressed transfer syntaxes with decoders in Rust: RLE, JPEG (8 bits, and lossless up to 16), JPEG-LS and JPEG 2000; and
+/// whether they are lossy.
+const CODECS: [(&str, Codec, bool); 9] = [
+    (uids::RLE_LOSSLESS, Codec::Rle, false),
+    (uids::JPEG_BASELINE8_BIT, Codec::Jpeg, true),
+    (uids::JPEG_EXTENDED12_BIT, Codec::Jpeg, true),
+    (uids::JPEG_LOSSLESS, Codec::Jpeg, false),
+    (uids::JPEG_LOSSLESS_SV1, Codec::Jpeg, false),
+    (uids::JPEGLS_LOSSLESS, Codec::JpegLs, false),
+    (uids::JPEGLS_NEAR_LOSSLESS, Codec::JpegLs, true),
+    (uids::JPEG2000_LOSSLESS, Codec::Jpeg2000, false),
+    (uids::JPEG2000, Codec::Jpeg2000, true),
 ];
 
-/// Lossy transfer syntaxes.
-const LOSSY: [&str; 4] =
-    ["1.2.840.10008.1.2.4.50", "1.2.840.10008.1.2.4.51", "1.2.840.10008.1.2.4.81", "1.2.840.10008.1.2.4.91"];
-
+/// Retired transfer syntax of old files.
+const EXPLICIT_BIG: &str = "1.2.840.10008.1.2.2";
 /// Largest ratio of pixel bytes to compressed bytes, beyond a small size: uniform pictures compress best.
 const MAX_RATIO: u64 = 4000;
 const SMALL_BYTES: u64 = 2 << 20;
 
 /// Warning about a lossy transfer syntax.
 pub(super) fn lossy_warning(syntax: &str) -> Option<&'static str> {
-    LOSSY
-        .contains(&syntax)
+    let is_lossy = CODECS.iter().any(|(uid, _, is_lossy)| *uid == syntax && *is_lossy);
+    is_lossy
         .then_some("its pixels are compressed with loss: values are near those of the scanner, not the same")
 }
 
@@ -168,17 +170,11 @@ fn encapsulated(fragments: &[Span], frames: usize, table: &[u8]) -> Result<Vec<V
 }
 
 fn codec(syntax: &str) -> Result<Codec, String> {
-    CODECS.iter().find(|(uid, _)| *uid == syntax).map(|(_, codec)| *codec).ok_or_else(|| {
-        let name = dicom_name(syntax);
+    CODECS.iter().find(|(uid, ..)| *uid == syntax).map(|(_, codec, _)| *codec).ok_or_else(|| {
+        let found = TransferSyntaxRegistry.get(syntax);
+        let name = found.map_or_else(|| printable(syntax), |found| found.name().to_owned());
         format!("its pixels are compressed as {name}; RLE, JPEG, JPEG-LS and JPEG 2000 can be read")
     })
-}
-
-fn dicom_name(syntax: &str) -> String {
-    use dicom_encoding::TransferSyntaxIndex as _;
-    dicom_transfer_syntax_registry::TransferSyntaxRegistry
-        .get(syntax)
-        .map_or_else(|| printable(syntax), |found| found.name().to_owned())
 }
 
 /// Reads the pixels of a frame into `out`; `convert` maps the bits of a pixel to its value.
@@ -285,56 +281,49 @@ fn is_signed(bytes: &[u8]) -> bool {
     start.and_then(|at| bytes.get(at + DEPTH)).is_some_and(|depth| depth & 0x80 != 0)
 }
 
-/// Decodes PackBits by planes of bytes, the most significant one first (PS3.5, annex G).
+/// Decodes planes of bytes, the most significant one first (PS3.5, annex G).
 ///
 /// The decoder of `dicom-transfer-syntax-registry` panics on wrong segment offsets.
 fn rle(bytes: &[u8], layout: &Layout) -> Result<Vec<u64>, String> {
     let damaged = || String::from("its RLE segments are damaged");
-    let long = |at: usize| -> Option<usize> {
-        let word = bytes.get(4 * at..4 * at + 4)?;
-        Some(u32::from_le_bytes([word[0], word[1], word[2], word[3]]) as usize)
-    };
     let planes = (layout.allocated / 8) as usize;
-    if long(0) != Some(planes) {
-        return Err(format!("it has {} RLE segments, not {planes}", long(0).unwrap_or(0)));
+    let header = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word) as usize);
+    let header: Vec<usize> = header.take(1 + planes).collect();
+    let count = header.first().copied().unwrap_or(0);
+    if count != planes || header.len() <= planes {
+        return Err(format!("it has {count} RLE segments, not {planes}"));
     }
-    let count = layout.pixels();
-    let mut pixels = vec![0u64; count];
-    for plane in 0..planes {
-        let from = long(1 + plane).ok_or_else(damaged)?;
-        let to = if plane + 1 < planes { long(2 + plane).ok_or_else(damaged)? } else { bytes.len() };
-        let mut segment = bytes.get(from..to).ok_or_else(damaged)?;
-        let shift = 8 * (planes - 1 - plane);
-        let mut at = 0;
-        let mut put = |byte: u8, times: usize| {
-            pixels.iter_mut().skip(at).take(times).for_each(|pixel| *pixel |= u64::from(byte) << shift);
-            at += times;
-            at < count
-        };
-        let mut is_missing = count > 0;
-        while let [code, rest @ ..] = segment
-            && is_missing
-        {
-            let length = usize::from(*code) + 1;
-            segment = match code {
-                0..=127 => {
-                    let (run, rest) = rest.split_at_checked(length).ok_or_else(damaged)?;
-                    run.iter().for_each(|&byte| is_missing = put(byte, 1));
-                    rest
-                }
-                128 => rest,
-                129..=255 => {
-                    let (byte, rest) = rest.split_first().ok_or_else(damaged)?;
-                    is_missing = put(*byte, 258 - length);
-                    rest
-                }
-            };
-        }
-        if is_missing {
-            return Err(damaged());
-        }
+    let mut pixels = vec![0u64; layout.pixels()];
+    for (plane, from) in header.iter().enumerate().skip(1) {
+        let to = header.get(plane + 1).copied().unwrap_or(bytes.len());
+        let plane = bytes.get(*from..to).and_then(|packed| unpacked(packed, pixels.len()));
+        let plane = plane.ok_or_else(damaged)?;
+        pixels.iter_mut().zip(plane).for_each(|(pixel, byte)| *pixel = *pixel << 8 | u64::from(byte));
     }
     Ok(pixels)
+}
+
+/// Decodes `count` bytes of PackBits; `None` if there are fewer.
+fn unpacked(mut packed: &[u8], count: usize) -> Option<Vec<u8>> {
+    let mut out = Vec::new();
+    while out.len() < count {
+        let (code, rest) = packed.split_first()?;
+        let code = usize::from(*code);
+        packed = match code {
+            0..128 => {
+                let (run, rest) = rest.split_at_checked(code + 1)?;
+                out.extend_from_slice(run);
+                rest
+            }
+            128 => rest,
+            _ => {
+                let (byte, rest) = rest.split_first()?;
+                out.resize(out.len() + 257 - code, *byte);
+                rest
+            }
+        };
+    }
+    Some(out)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Files of a folder, grouped into series; one series is one volume.
 
-use super::dataset::{DataSet, MAX_FRAMES, PixelData, is_dicom, printable};
+use super::dataset::{DataSet, MAX_FRAMES, PixelData, printable};
+use super::elements::is_dicom;
 use super::pixels::Layout;
 use crate::error::{Error, Result};
 use crate::files::loading::{Loading, ReadingStage};
@@ -10,6 +11,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use walkdir::{DirEntry, WalkDir};
 
 pub(super) const WHAT: &str = "cannot read DICOM series";
 /// Largest number of files, and largest depth of folders, that are searched.
@@ -287,21 +289,9 @@ fn images(files: &[PathBuf], loading: &Loading) -> (Vec<Image>, Vec<String>) {
 
 /// Files of a folder and of the folders in it, sorted by name.
 fn files_in(folder: &Path, depth: usize) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    let mut folders = vec![(folder.to_path_buf(), depth)];
-    while let Some((folder, depth)) = folders.pop() {
-        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-            let Ok(kind) = entry.metadata() else { continue };
-            if kind.is_file() {
-                files.push(entry.path());
-            } else if kind.is_dir() && depth > 0 && !entry.file_type().is_ok_and(|t| t.is_symlink()) {
-                folders.push((entry.path(), depth - 1));
-            }
-            if files.len() >= MAX_FILES {
-                return files;
-            }
-        }
-    }
+    let entries = WalkDir::new(folder).max_depth(1 + depth).into_iter().flatten();
+    let files = entries.filter(|entry| entry.file_type().is_file()).map(DirEntry::into_path);
+    let mut files: Vec<PathBuf> = files.take(MAX_FILES).collect();
     files.sort();
     files
 }
@@ -333,6 +323,7 @@ impl Series {
     pub(super) fn slices(&self) -> Vec<Slice> {
         let mut slices = Vec::new();
         for (at, Image { set, frames, .. }) in self.images.iter().enumerate() {
+            let own = set.root.items(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE);
             for frame in 0..*frames {
                 let numbers = |tag| set.of_frame(frame, tag).and_then(|a| a.numbers(tag));
                 let integer = |tag| set.of_frame(frame, tag).and_then(|a| a.integer(tag));
@@ -346,8 +337,8 @@ impl Series {
                     integer(tags::INSTANCE_NUMBER).unwrap_or(0).saturating_mul(1 << 20) + frame as i64,
                 ];
                 // A single position in a multi-frame file is that of the first frame.
-                let is_own = *frames == 1
-                    || set.frames.get(frame).is_some_and(|a| a.has(tags::IMAGE_POSITION_PATIENT));
+                let is_own =
+                    *frames == 1 || own.get(frame).is_some_and(|a| a.has(tags::IMAGE_POSITION_PATIENT));
                 let position = position.map(|p| if is_own { p } else { p + offset_of(set, frame) });
                 slices.push(Slice { image: at, frame, position, order });
             }

@@ -20,7 +20,7 @@ impl Table {
     /// # Errors
     /// The table has no descriptor, or fewer values than it claims.
     pub(super) fn new(set: &DataSet, is_signed: bool) -> Result<Option<Self>, String> {
-        let Some(table) = &set.table else { return Ok(None) };
+        let Some(table) = set.root.items(tags::MODALITY_LUT_SEQUENCE).first() else { return Ok(None) };
         let descriptor = table.numbers(tags::LUT_DESCRIPTOR).filter(|d| d.len() == 3);
         let descriptor = descriptor.ok_or("its modality lookup table has no descriptor")?;
         let [count, first, bits] = [0, 1, 2].map(|at| descriptor[at] as i64);

@@ -1,7 +1,8 @@
 //! NIfTI-1 and NIfTI-2 headers in one form, and the affine that they give.
 
+use crate::files::binary::BinaryFields;
 use crate::volume::{AffineSource, ByteOrder, Element, Scaling, ValueMeaning};
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use nifti::{Endianness, NiftiHeader};
 
 /// Sizes in bytes of NIfTI-1 and NIfTI-2 headers.
@@ -129,27 +130,28 @@ impl Header {
             b"ni2\0\r\n\x1a\n" => true,
             _ => return Err("its header has no NIfTI-2 magic, or line ends were converted in it".into()),
         };
-        let f = Fields { bytes, byte_order };
+        let f = BinaryFields { bytes, big_endian: byte_order == ByteOrder::Big };
+        let [scl_slope, scl_inter] = f.doubles(176);
         Ok(Self {
             version: 2,
             is_analyze: false,
             byte_order,
             is_pair,
-            dim: std::array::from_fn(|i| i64::from_le_bytes(f.little_endian(16 + 8 * i))),
+            dim: std::array::from_fn(|i| f.long(16 + 8 * i)),
             intent_code: f.integer(504),
             descrip: String::from_utf8_lossy(&bytes[240..320]).into_owned(),
-            datatype: i16::from_le_bytes(f.little_endian(12)),
-            bitpix: i16::from_le_bytes(f.little_endian(14)),
-            pixdim: f.reals(104),
-            vox_offset: i64::from_le_bytes(f.little_endian(168)) as f64,
-            scl_slope: f.real(176),
-            scl_inter: f.real(184),
+            datatype: f.short(12),
+            bitpix: f.short(14),
+            pixdim: f.doubles(104),
+            vox_offset: f.long(168) as f64,
+            scl_slope,
+            scl_inter,
             xyzt_units: f.integer(500),
             qform_code: f.integer(344),
             sform_code: f.integer(348),
-            quatern: f.reals(352),
-            qoffset: f.reals(376),
-            srow: std::array::from_fn(|row| f.reals(400 + 32 * row)),
+            quatern: f.doubles(352),
+            qoffset: f.doubles(376),
+            srow: std::array::from_fn(|row| f.doubles(400 + 32 * row)),
         })
     }
 
@@ -274,28 +276,16 @@ impl Header {
     }
 
     fn qform(&self, warnings: &mut Vec<String>) -> DAffine3 {
-        let [mut b, mut c, mut d] = self.quatern;
+        let [b, c, d] = self.quatern;
         let w_squared = 1.0 - (b * b + c * c + d * d);
         // Three f32 roundings of 1: closer to a half turn than the header can represent.
-        let resolution = 3.0 * f64::from(f32::EPSILON);
-        let w = if w_squared.abs() < resolution {
-            0.0
-        } else if w_squared < 0.0 {
+        let is_half_turn = w_squared.abs() < 3.0 * f64::from(f32::EPSILON);
+        if w_squared < 0.0 && !is_half_turn {
             warnings
                 .push(format!("the qform's quaternion is too long by {:.3e} and was normalised", -w_squared));
-            let length = (1.0 - w_squared).sqrt();
-            [b, c, d] = [b / length, c / length, d / length];
-            0.0
-        } else {
-            w_squared.sqrt()
-        };
-        let norm = w * w + b * b + c * c + d * d;
-        let s = 2.0 / norm;
-        let rotation = DMat3::from_cols(
-            DVec3::new(1.0 - s * (c * c + d * d), s * (b * c + w * d), s * (b * d - w * c)),
-            DVec3::new(s * (b * c - w * d), 1.0 - s * (b * b + d * d), s * (c * d + w * b)),
-            DVec3::new(s * (b * d + w * c), s * (c * d - w * b), 1.0 - s * (b * b + c * c)),
-        );
+        }
+        let w = if is_half_turn || w_squared < 0.0 { 0.0 } else { w_squared.sqrt() };
+        let rotation = DMat3::from_quat(DQuat::from_xyzw(b, c, d, w).normalize());
         let mut size = self.voxel_sizes_mm(warnings);
         if self.pixdim[0] == -1.0 {
             size.z = -size.z;
@@ -353,34 +343,4 @@ fn dimensions_error(count: i64) -> String {
 
 fn no_magic() -> String {
     "its header has no NIfTI magic, nor is it one of Analyze 7.5".into()
-}
-
-/// Numbers of a NIfTI-2 header by their positions.
-struct Fields<'a> {
-    bytes: &'a [u8],
-    byte_order: ByteOrder,
-}
-
-impl Fields<'_> {
-    /// Bytes of a field in little-endian order.
-    fn little_endian<const N: usize>(&self, at: usize) -> [u8; N] {
-        let mut field = [0; N];
-        field.copy_from_slice(&self.bytes[at..at + N]);
-        if self.byte_order == ByteOrder::Big {
-            field.reverse();
-        }
-        field
-    }
-
-    fn integer(&self, at: usize) -> i32 {
-        i32::from_le_bytes(self.little_endian(at))
-    }
-
-    fn real(&self, at: usize) -> f64 {
-        f64::from_le_bytes(self.little_endian(at))
-    }
-
-    fn reals<const N: usize>(&self, at: usize) -> [f64; N] {
-        std::array::from_fn(|i| self.real(at + 8 * i))
-    }
 }

@@ -22,7 +22,7 @@ use crate::volume::{AffineSource, ByteOrder, Element, Provenance, Scaling, Volum
 use glam::{DMat3, DVec3};
 use roxmltree::{Document, Node};
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// File-name endings of the format.
@@ -35,7 +35,7 @@ const MAX_NODES: u32 = 200_000;
 
 /// Whether a file is a VTK image.
 pub fn is_vti(head: &Head) -> bool {
-    !head.is_gzipped() && kind_of(head.bytes()).is_some_and(|kind| kind == "ImageData")
+    !head.is_gzipped && kind_of(&head.bytes).is_some_and(|kind| kind == "ImageData")
 }
 
 /// Reads the active scalars, or the first scalar array.
@@ -166,20 +166,20 @@ impl<'a, 'input> Image<'a, 'input> {
         Ok((pieces, element.ok_or("it has no pieces")?))
     }
 
+    /// Numbers of an attribute of the image.
+    fn attribute<const N: usize>(&self, name: &str, usual: &str) -> Result<[f64; N], String> {
+        let text = self.node.attribute(name).unwrap_or(usual);
+        let found = numbers(text).and_then(|all| all.try_into().ok());
+        found.ok_or_else(|| {
+            format!("its {name} is `{}`, not {N} numbers", text.chars().take(60).collect::<String>())
+        })
+    }
+
     /// World mm from index coordinates.
     fn affine(&self) -> Result<glam::DAffine3, String> {
-        let read = |name: &str, usual: &str| {
-            let text = self.node.attribute(name).unwrap_or(usual);
-            numbers(text)
-                .ok_or_else(|| format!("its {name} is `{}`", text.chars().take(60).collect::<String>()))
-        };
-        let wrong = |name: &str| format!("its {name} has too few or too many numbers");
-        let triple = |name: &str, usual: &str| {
-            <[f64; 3]>::try_from(read(name, usual)?).map(DVec3::from_array).map_err(|_| wrong(name))
-        };
-        let (origin, spacing) = (triple("Origin", "0 0 0")?, triple("Spacing", "1 1 1")?);
-        let rows =
-            <[f64; 9]>::try_from(read("Direction", "1 0 0 0 1 0 0 0 1")?).map_err(|_| wrong("Direction"))?;
+        let (origin, spacing) = (self.attribute("Origin", "0 0 0")?, self.attribute("Spacing", "1 1 1")?);
+        let (origin, spacing) = (DVec3::from_array(origin), DVec3::from_array(spacing));
+        let rows = self.attribute("Direction", "1 0 0 0 1 0 0 0 1")?;
         let axes = DMat3::from_cols_array(&rows).transpose() * DMat3::from_diagonal(spacing);
         // Indices of VTK start at the image's extent, and cells are between points.
         let centre = if self.at == At::Cells { 0.5 } else { 0.0 };
@@ -261,7 +261,7 @@ impl<'a, 'input> Image<'a, 'input> {
         };
         let io_error = |e: io::Error| named(e.to_string());
         file.seek(SeekFrom::Start(from)).map_err(io_error)?;
-        let input = io::BufReader::with_capacity(1 << 16, file.take(length));
+        let mut input = io::BufReader::with_capacity(1 << 16, file.take(length));
         if format == "ascii" {
             // A number and its separator take at least two bytes.
             if count > length / 2 + 1 {
@@ -276,32 +276,11 @@ impl<'a, 'input> Image<'a, 'input> {
                 Err(format!("it holds {found} bytes, and {nx}x{ny}x{nz} {} have {bytes}", element.name()))
             }
         };
-        let input = Trimmed { input, has_started: is_raw };
+        while !is_raw && input.fill_buf().map_err(io_error)?.first().is_some_and(u8::is_ascii_whitespace) {
+            input.consume(1);
+        }
         let mut stream = array_bytes(input, is_raw, &self.coding, check).map_err(named)?;
         read_voxels(&mut stream, piece.dims, element, self.byte_order(), None).map_err(failed)
-    }
-}
-
-/// Input without leading blanks.
-struct Trimmed<R> {
-    input: R,
-    has_started: bool,
-}
-
-impl<R: Read> Read for Trimmed<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while !self.has_started && !buffer.is_empty() {
-            let mut byte = [0];
-            if self.input.read(&mut byte)? == 0 {
-                return Ok(0);
-            }
-            if !byte[0].is_ascii_whitespace() {
-                self.has_started = true;
-                buffer[0] = byte[0];
-                return Ok(1);
-            }
-        }
-        self.input.read(buffer)
     }
 }
 

@@ -1,20 +1,22 @@
 //! Reader of the chunks of an array that a volume needs.
 
+use super::compression::{CHECKSUM_BYTES, bad, verified};
 use super::metadata::{Array, Layout, Shards};
 use crate::files::loading::{Loading, ReadingStage};
 use crate::volume::element::grid_bytes;
 use crate::volume::read::with_element;
 use crate::volume::{Voxel, Voxels};
-use ndarray::Array3;
+use ndarray::{Array3, ArrayViewMutD, Axis, Dimension, IxDyn, ShapeBuilder, Slice};
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use walkdir::WalkDir;
 
 /// Largest folder depth and number of files of a store that are counted.
 const MAX_DEPTH: usize = 32;
-const MAX_FILES: u64 = 8_000_000;
+const MAX_FILES: usize = 8_000_000;
 
 /// Largest ratio of a volume to the bytes of its files, beyond a small size. Missing chunks have the fill value.
 const MAX_RATIO: u64 = 1 << 14;
@@ -92,13 +94,14 @@ impl SubVolume<'_> {
         if chunk.is_none_or(|chunk| chunk > most_chunk) {
             return Err("its chunks are far larger than the volume".into());
         }
-        let mut found = StoredFiles::default();
-        found.count(&self.array.folder, MAX_DEPTH).map_err(|e| e.to_string())?;
+        let stored = WalkDir::new(&self.array.folder).max_depth(MAX_DEPTH).into_iter().flatten();
+        let stored = stored.filter(|entry| entry.file_type().is_file()).take(MAX_FILES);
+        let (found_files, found_bytes) = stored.fold((0u64, 0u64), |(files, bytes), entry| {
+            (files + 1, bytes + entry.metadata().map_or(0, |about| about.len()))
+        });
         let files = self.files().iter().fold(1u64, |files, n| files.saturating_mul(*n as u64));
-        let most = found.bytes.saturating_mul(MAX_RATIO).max(SMALL_BYTES);
-        let most_files = found.files.saturating_add(1).saturating_mul(MAX_ABSENT);
-        if bytes > most || files > most_files {
-            let StoredFiles { files: found_files, bytes: found_bytes } = found;
+        let most = found_bytes.saturating_mul(MAX_RATIO).max(SMALL_BYTES);
+        if bytes > most || files > (found_files + 1).saturating_mul(MAX_ABSENT) {
             return Err(format!(
                 "{bytes} bytes in {files} files are claimed, and there are {found_bytes} in {found_files}"
             ));
@@ -130,7 +133,7 @@ impl SubVolume<'_> {
         let [across, down, files_deep] = self.files();
         let pieces = loading.pieces(ReadingStage::Unpacking, across * down * files_deep);
         all.par_chunks_mut(nx * ny * depth).enumerate().try_for_each(|(z, out)| {
-            let slab = &mut Slab { out, from: z * depth, strides: [1, nx, nx * ny] };
+            let slab = &mut self.slab(out, z * depth);
             for (y, x) in (0..down).flat_map(|y| (0..across).map(move |x| (y, x))) {
                 if pieces.is_cancelled() {
                     return Err("it was cancelled".to_string());
@@ -149,6 +152,22 @@ impl SubVolume<'_> {
         Array3::from_shape_vec((nz, ny, nx), all).map_err(|e| e.to_string())
     }
 
+    /// Slices of the volume from `first` on as a view along the array's axes.
+    fn slab<'o, T>(&self, out: &'o mut [T], first: usize) -> Slab<'o, T> {
+        let [nx, ny, _] = self.dims();
+        let (sizes, strides) = ([nx, ny, out.len() / (nx * ny)], [1, nx, nx * ny]);
+        let axes = self.fixed.len();
+        let (mut from, mut shape, mut steps) = (self.fixed.clone(), vec![1; axes], vec![0; axes]);
+        for (along, axis) in self.space.iter().enumerate() {
+            if let Some(axis) = *axis {
+                (from[axis], shape[axis], steps[axis]) =
+                    (if along == 2 { first } else { 0 }, sizes[along], strides[along]);
+            }
+        }
+        let voxels = ArrayViewMutD::from_shape(IxDyn(&shape).strides(IxDyn(&steps)), out);
+        Slab { voxels: voxels.expect("the slices have these sizes"), from }
+    }
+
     /// Reads the file at an index of the grid of files, if it exists.
     fn read_file<T: Copy, const N: usize>(
         &self,
@@ -157,86 +176,77 @@ impl SubVolume<'_> {
         slab: &mut Slab<'_, T>,
         convert: &impl Fn([u8; N]) -> T,
     ) -> io::Result<()> {
-        match std::fs::metadata(path) {
-            Ok(about) if about.is_file() => {}
+        let bytes = match std::fs::metadata(path) {
+            Ok(about) if about.is_file() => about.len(),
             Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(e),
             // Voxels without a file have the fill value.
             _ => return Ok(()),
-        }
-        let open = || File::open(path);
-        let bytes = open()?.metadata()?.len();
+        };
         let origin: Vec<usize> =
             place.iter().zip(self.array.file_shape()).map(|(n, size)| n * size).collect();
         let layout = &self.array.layout;
         let Some(shards) = &self.array.shards else {
-            return self.read_chunk(open()?, [0, bytes], &origin, slab, convert);
+            return self.read_chunk(path, [0, bytes], &origin, slab, convert);
         };
-        let index = index(&mut open()?, bytes, shards, layout)?;
+        let index = index(&mut File::open(path)?, bytes, shards, layout)?;
         let grid: Vec<usize> =
             shards.shape.iter().zip(&layout.shape).map(|(shard, chunk)| shard / chunk).collect();
-        for (number, span) in index.into_iter().enumerate() {
-            let mut corner = origin.clone();
-            let mut rest = number;
-            for axis in (0..grid.len()).rev() {
-                corner[axis] += rest % grid[axis] * layout.shape[axis];
-                rest /= grid[axis];
-            }
-            if span == [ABSENT; 2] || !self.wants(&corner) {
+        for (at, span) in ndarray::indices(IxDyn(&grid)).into_iter().zip(index) {
+            if span == [ABSENT; 2] {
                 continue;
             }
             if span[0].checked_add(span[1]).is_none_or(|end| end > bytes) {
                 return Err(bad("a chunk of it ends beyond the file"));
             }
-            self.read_chunk(open()?, span, &corner, slab, convert)?;
+            let steps = at.slice().iter().zip(&layout.shape);
+            let corner: Vec<usize> =
+                origin.iter().zip(steps).map(|(from, (n, size))| from + n * size).collect();
+            self.read_chunk(path, span, &corner, slab, convert)?;
         }
         Ok(())
     }
 
-    /// Whether the chunk at `corner` holds voxels of the volume.
-    fn wants(&self, corner: &[usize]) -> bool {
-        let array = self.array;
-        corner.iter().enumerate().all(|(axis, &from)| {
-            let range = from..(from + array.layout.shape[axis]).min(array.shape[axis]);
-            if self.space.contains(&Some(axis)) {
-                !range.is_empty()
-            } else {
-                range.contains(&self.fixed[axis])
-            }
-        })
-    }
-
-    /// Reads the chunk at `origin` of the array from a span of a file.
+    /// Reads the chunk at `origin` of the array from a span of a file, if it holds voxels of the slab.
     fn read_chunk<T: Copy, const N: usize>(
         &self,
-        file: File,
+        path: &Path,
         span: [u64; 2],
         origin: &[usize],
         slab: &mut Slab<'_, T>,
         convert: &impl Fn([u8; N]) -> T,
     ) -> io::Result<()> {
         let layout = &self.array.layout;
+        // Indices within the chunk that belong to the slab, for each axis.
+        let within: Vec<Range<usize>> = (0..origin.len())
+            .map(|axis| {
+                let (first, end) = (slab.from[axis], slab.from[axis] + slab.voxels.shape()[axis]);
+                let range = first.max(origin[axis])..end.min(origin[axis] + layout.shape[axis]);
+                range.start - origin[axis]..range.end.saturating_sub(origin[axis])
+            })
+            .collect();
+        if within.iter().any(Range::is_empty) {
+            return Ok(());
+        }
         let bytes = layout.shape.iter().fold(N as u64, |bytes, n| bytes * *n as u64);
         if layout.compression.uncompressed_bytes(bytes).is_some_and(|expected| expected != span[1]) {
             return Err(bad(format!("it has {} bytes, and its numbers {bytes}", span[1])));
         }
-        let mut stream = layout.compression.decoder(file, span, bytes)?;
-        // The numbers `within` each row of the file go to `to` and on, `stride` apart.
+        let mut stream = layout.compression.decoder(File::open(path)?, span, bytes)?;
+        let part = slab.voxels.slice_each_axis_mut(|place| {
+            let axis = place.axis.index();
+            let first = origin[axis] + within[axis].start - slab.from[axis];
+            Slice::from(first..first + within[axis].len())
+        });
+        // Rows of the file run along its last axis; those of the slab follow in the same order.
         let (&inner, outer) = layout.axes.split_last().ok_or_else(|| bad("it has no axes"))?;
-        let length = layout.shape[inner];
-        let within = self.along(inner, origin[inner], length);
-        let stride = self.stride(inner, slab);
-        let rows = outer.iter().fold(1, |rows, axis| rows * layout.shape[*axis]);
+        let mut part = part.permuted_axes(IxDyn(&layout.axes));
+        let mut rows = part.lanes_mut(Axis(outer.len())).into_iter();
+        let (length, wanted) = (layout.shape[inner], &within[inner]);
+        let outer_shape: Vec<usize> = outer.iter().map(|axis| layout.shape[*axis]).collect();
         let mut buffer = vec![0u8; N * length.min(PIECE)];
-        let mut at = vec![0; outer.len()];
-        for _ in 0..rows {
-            let mut to = self.offset(inner, origin[inner] + within.start, slab);
-            for (axis, n) in outer.iter().zip(&at) {
-                let inside = self.along(*axis, origin[*axis], layout.shape[*axis]).contains(n);
-                to = to
-                    .filter(|_| inside)
-                    .zip(self.offset(*axis, origin[*axis] + n, slab))
-                    .map(|(a, b)| a + b);
-            }
+        for at in ndarray::indices(IxDyn(&outer_shape)) {
+            let is_inside = outer.iter().zip(at.slice()).all(|(axis, n)| within[*axis].contains(n));
+            let mut row = if is_inside { rows.next() } else { None };
             for from in (0..length).step_by(PIECE) {
                 let count = PIECE.min(length - from);
                 let piece = &mut buffer[..N * count];
@@ -244,20 +254,11 @@ impl SubVolume<'_> {
                     io::ErrorKind::UnexpectedEof => bad(format!("it holds fewer than its {bytes} bytes")),
                     _ => e,
                 })?;
-                let Some(to) = to else { continue };
+                let Some(row) = &mut row else { continue };
                 let numbers = piece.as_chunks::<N>().0;
-                let wanted = within.start.max(from)..within.end.min(from + count);
-                for n in wanted {
-                    slab.out[to + (n - within.start) * stride] = convert(numbers[n - from]);
+                for n in wanted.start.max(from)..wanted.end.min(from + count) {
+                    row[n - wanted.start] = convert(numbers[n - from]);
                 }
-            }
-            // Advance to the next row; the last outer axis runs fastest.
-            for (n, axis) in at.iter_mut().zip(outer).rev() {
-                *n += 1;
-                if *n < layout.shape[*axis] {
-                    break;
-                }
-                *n = 0;
             }
         }
         match stream.read(&mut [0])? {
@@ -265,79 +266,28 @@ impl SubVolume<'_> {
             _ => Err(bad(format!("it holds more than its {bytes} bytes"))),
         }
     }
-
-    /// Range of numbers of the volume along an axis of a chunk at `origin`.
-    fn along(&self, axis: usize, origin: usize, length: usize) -> Range<usize> {
-        match self.space.contains(&Some(axis)) {
-            true => 0..length.min(self.array.shape[axis].saturating_sub(origin)),
-            false => match self.fixed[axis].checked_sub(origin) {
-                Some(at) if at < length => at..at + 1,
-                _ => 0..0,
-            },
-        }
-    }
-
-    fn stride<T>(&self, axis: usize, slab: &Slab<'_, T>) -> usize {
-        self.space.iter().position(|of| *of == Some(axis)).map_or(0, |along| slab.strides[along])
-    }
-
-    /// Offset in a slab of an index along an axis; `None` outside the slab.
-    fn offset<T>(&self, axis: usize, index: usize, slab: &Slab<'_, T>) -> Option<usize> {
-        let along = self.space.iter().position(|of| *of == Some(axis));
-        let index = if along == Some(2) { index.checked_sub(slab.from)? } else { index };
-        Some(along.map_or(0, |along| index * slab.strides[along]))
-    }
 }
 
-/// Consecutive slices of the volume.
+/// Consecutive slices of the volume along the array's axes.
 struct Slab<'a, T> {
-    out: &'a mut [T],
-    from: usize,
-    strides: [usize; 3],
-}
-
-fn bad(why: impl ToString) -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidData, why.to_string())
+    voxels: ArrayViewMutD<'a, T>,
+    /// First index along each axis.
+    from: Vec<usize>,
 }
 
 /// Reads the index of a shard: offset and bytes of each chunk.
 fn index(file: &mut File, file_bytes: u64, shards: &Shards, layout: &Layout) -> io::Result<Vec<[u64; 2]>> {
     let parts = shards.shape.iter().zip(&layout.shape);
     let count = parts.fold(1, |n, (shard, chunk)| n * (shard / chunk));
-    let (bytes, checksum_bytes) = (16 * count as u64, if shards.index_has_checksum { 4 } else { 0 });
-    let from =
-        file_bytes.checked_sub(bytes + checksum_bytes).ok_or_else(|| bad("it ends within its index"))?;
+    let bytes = 16 * count as u64 + if shards.index_has_checksum { CHECKSUM_BYTES } else { 0 };
+    let from = file_bytes.checked_sub(bytes).ok_or_else(|| bad("it ends within its index"))?;
     file.seek(SeekFrom::Start(if shards.index_is_first { 0 } else { from }))?;
-    let mut all = vec![0; (bytes + checksum_bytes) as usize];
-    file.read_exact(&mut all)?;
-    let (index, checksum) = all.split_at(bytes as usize);
-    if shards.index_has_checksum && crc32c::crc32c(index).to_le_bytes() != *checksum {
-        return Err(bad("its index is damaged: its checksum differs"));
+    let mut index = file.take(bytes);
+    let mut all = Vec::new();
+    match shards.index_has_checksum {
+        true => all = verified(index)?,
+        false => _ = index.read_to_end(&mut all)?,
     }
-    let words = index.as_chunks::<8>().0.as_chunks::<2>().0;
+    let words = all.as_chunks::<8>().0.as_chunks::<2>().0;
     Ok(words.iter().map(|pair| pair.map(u64::from_le_bytes)).collect())
-}
-
-/// Number and size of the files below a folder.
-#[derive(Debug, Default)]
-struct StoredFiles {
-    files: u64,
-    bytes: u64,
-}
-
-impl StoredFiles {
-    fn count(&mut self, folder: &Path, depth: usize) -> io::Result<()> {
-        for entry in std::fs::read_dir(folder)? {
-            let entry = entry?;
-            if entry.file_type()?.is_dir() {
-                if depth > 0 {
-                    self.count(&entry.path(), depth - 1)?;
-                }
-            } else if self.files < MAX_FILES {
-                self.files += 1;
-                self.bytes += std::fs::metadata(entry.path()).map_or(0, |about| about.len());
-            }
-        }
-        Ok(())
-    }
 }

@@ -1,16 +1,15 @@
-//! Decompression of chunks as streams, so that memory is limited to the window of the compressor.
+//! Decompression of chunks; all codecs but Blosc are streams, so that memory is limited to the window of the compressor.
 
-use super::blosc::BloscReader;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
-use ruzstd::decoding::{FrameDecoder, StreamingDecoder};
+use ruzstd::decoding::StreamingDecoder;
 use serde_json::Value;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 
 /// Largest window of a zstd stream, that of the highest level of the command `zstd`.
 const MAX_WINDOW_BYTES: u64 = 128 << 20;
 /// Bytes of the checksum after a chunk.
-const CHECKSUM_BYTES: u64 = 4;
+pub(super) const CHECKSUM_BYTES: u64 = 4;
 
 /// Compression of a chunk.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -28,34 +27,21 @@ enum Codec {
     Blosc,
 }
 
-impl Codec {
-    fn new(name: &str) -> Result<Self, String> {
-        match name.strip_prefix("numcodecs.").unwrap_or(name) {
-            "gzip" => Ok(Self::Gzip),
-            "zlib" => Ok(Self::Zlib),
-            "zstd" => Ok(Self::Zstd),
-            "blosc" => Ok(Self::Blosc),
-            _ => Err(format!(
-                "its chunks are compressed by `{name}`; gzip, zlib, zstd and blosc are supported"
-            )),
-        }
-    }
-}
-
 impl Compression {
     /// Reads `compressor` and `filters` of version 2.
     ///
     /// # Errors
     /// One of them is not supported.
     pub(super) fn from_v2(metadata: &Value) -> Result<Self, String> {
+        let name = |codec: &Value| codec.get("id").and_then(Value::as_str).unwrap_or("?").to_owned();
         if let Some(filter) = metadata.get("filters").and_then(|f| f.get(0)) {
-            let name = filter.get("id").and_then(Value::as_str).unwrap_or("?");
+            let name = name(filter);
             return Err(format!("its chunks went through the filter `{name}`, which is not supported"));
         }
+        let mut compression = Self::default();
         let compressor = metadata.get("compressor").filter(|c| !c.is_null());
-        let name = |c: &Value| c.get("id").and_then(Value::as_str).unwrap_or("?").to_owned();
-        let codec = compressor.map(|c| Codec::new(&name(c))).transpose()?;
-        Ok(Self { codec, has_checksum: false })
+        compressor.map_or(Ok(()), |codec| compression.push(&name(codec)))?;
+        Ok(compression)
     }
 
     /// Adds a bytes-to-bytes codec of version 3.
@@ -68,10 +54,21 @@ impl Compression {
                 "its chunks are compressed by `{name}` after another codec, which is not supported"
             ));
         }
-        match name {
-            "crc32c" => self.has_checksum = true,
-            _ => self.codec = Some(Codec::new(name)?),
-        }
+        self.codec = match name.strip_prefix("numcodecs.").unwrap_or(name) {
+            "crc32c" => {
+                self.has_checksum = true;
+                self.codec
+            }
+            "gzip" => Some(Codec::Gzip),
+            "zlib" => Some(Codec::Zlib),
+            "zstd" => Some(Codec::Zstd),
+            "blosc" => Some(Codec::Blosc),
+            _ => {
+                return Err(format!(
+                    "its chunks are compressed by `{name}`; gzip, zlib, zstd and blosc are supported"
+                ));
+            }
+        };
         Ok(())
     }
 
@@ -92,58 +89,51 @@ impl Compression {
         wanted: u64,
     ) -> io::Result<Box<dyn Read>> {
         file.seek(SeekFrom::Start(from))?;
-        let mut count = count;
+        let mut input: Box<dyn BufRead> = Box::new(BufReader::with_capacity(1 << 16, file.take(count)));
         if self.has_checksum {
-            count = count.checked_sub(CHECKSUM_BYTES).ok_or_else(|| bad("it ends within its checksum"))?;
-            check(&mut file, count)?;
-            file.seek(SeekFrom::Start(from))?;
+            input = Box::new(Cursor::new(verified(input)?));
         }
-        // Block positions are checked against the end of the file only; blocks outside the span cannot do harm.
-        if self.codec == Some(Codec::Blosc) {
-            return Ok(Box::new(BloscReader::new(BufReader::new(file), wanted)?));
-        }
-        let input = BufReader::with_capacity(1 << 16, file.take(count));
         Ok(match self.codec {
             None => Box::new(input),
             Some(Codec::Gzip) => Box::new(MultiGzDecoder::new(input)),
             Some(Codec::Zlib) => Box::new(ZlibDecoder::new(input)),
-            Some(Codec::Zstd | Codec::Blosc) => Box::new(zstd(input)?),
+            Some(Codec::Zstd) => {
+                let stream = StreamingDecoder::new_with_max_window_size(input, MAX_WINDOW_BYTES);
+                Box::new(stream.map_err(bad)?)
+            }
+            Some(Codec::Blosc) => Box::new(Cursor::new(blosc(input, wanted)?)),
         })
     }
 }
 
-/// Decoder of a zstd stream with limited memory.
-///
-/// # Errors
-/// The stream is none of zstd, or its window is larger than that of any writer.
-pub(super) fn zstd<R: Read>(input: R) -> io::Result<StreamingDecoder<R, FrameDecoder>> {
-    StreamingDecoder::new_with_max_window_size(input, MAX_WINDOW_BYTES).map_err(bad)
-}
-
-fn bad(why: impl ToString) -> io::Error {
+/// Error of invalid data.
+pub(super) fn bad(why: impl ToString) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, why.to_string())
 }
 
-/// Compares `count` bytes with the CRC-32C after them.
-fn check(file: &mut File, count: u64) -> io::Result<()> {
-    let mut input = BufReader::with_capacity(1 << 16, Read::by_ref(file).take(count + CHECKSUM_BYTES));
-    let (mut found, mut left) = (0, count as usize);
-    while left > 0 {
-        let bytes = input.fill_buf()?;
-        if bytes.is_empty() {
-            break;
-        }
-        let length = bytes.len().min(left);
-        found = crc32c::crc32c_append(found, &bytes[..length]);
-        input.consume(length);
-        left -= length;
+/// Decompresses a whole Blosc buffer of `wanted` bytes.
+fn blosc(mut input: impl Read, wanted: u64) -> io::Result<Vec<u8>> {
+    let mut packed = Vec::new();
+    input.read_to_end(&mut packed)?;
+    match blusc::blosc1_cbuffer_validate(&packed, packed.len()) {
+        Ok(bytes) if bytes as u64 == wanted => blusc::convenience::blosc1_decompress(&packed).map_err(bad),
+        Ok(bytes) => Err(bad(format!("its blosc buffer holds {bytes} bytes, and {wanted} are wanted"))),
+        Err(()) => Err(bad("its blosc buffer is damaged")),
     }
-    let mut expected = [0; CHECKSUM_BYTES as usize];
-    input.read_exact(&mut expected).map_err(|_| bad("it ends within its checksum"))?;
-    if found == u32::from_le_bytes(expected) {
-        Ok(())
-    } else {
-        Err(bad("it is damaged: its checksum differs"))
+}
+
+/// Reads bytes and compares them with the CRC-32C that follows them.
+///
+/// # Errors
+/// The input cannot be read, or the checksum differs.
+pub(super) fn verified(mut input: impl Read) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    input.read_to_end(&mut bytes)?;
+    let end = bytes.len().checked_sub(CHECKSUM_BYTES as usize);
+    let checksum = bytes.split_off(end.ok_or_else(|| bad("it ends within its checksum"))?);
+    match crc32c::crc32c(&bytes).to_le_bytes()[..] == checksum {
+        true => Ok(bytes),
+        false => Err(bad("it is damaged: its checksum differs")),
     }
 }
 

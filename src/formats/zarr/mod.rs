@@ -4,7 +4,6 @@
 //! place the volume by scale and translation; all other axes hold frames, the last axis fastest. NGFF defines no anatomical
 //! axes, so x, y and z are taken as RAS+.
 
-mod blosc;
 mod chunks;
 mod compression;
 mod metadata;
@@ -34,9 +33,9 @@ const HOST_SHARE: u64 = 4;
 
 /// Whether a folder is a Zarr store, or a file is the metadata of one.
 pub fn is_zarr(head: &Head) -> bool {
-    match head.is_folder() {
-        true => METADATA_FILES.iter().any(|name| head.path().join(name).is_file()),
-        false => is_metadata(head.path()),
+    match head.is_folder {
+        true => METADATA_FILES.iter().any(|name| head.path.join(name).is_file()),
+        false => is_metadata(&head.path),
     }
 }
 
@@ -120,10 +119,9 @@ impl Store {
         let mut notes = Vec::new();
         if let Some(array) = Array::open(&folder)? {
             notes.push("it is a single array: its last axes are taken as z, y and x".to_string());
-            let level =
-                Level { path: String::new(), scale: Vec::new(), translation: Vec::new(), is_scaled: false };
             let axes = default_axes(array.shape.len());
-            return Ok(Self { source: path.into(), folder, axes, levels: vec![(level, array)], notes });
+            let levels = vec![(Level::default(), array)];
+            return Ok(Self { source: path.into(), folder, axes, levels, notes });
         }
         let mut group = Group::open(&folder)?;
         if matches!(group, Group::Images) {

@@ -5,11 +5,9 @@
 
 use super::metadata::json;
 use crate::formats::common::mm_of;
+use serde::Deserialize;
 use serde_json::Value;
 use std::path::Path;
-
-/// Largest length of the names of axes and the paths of arrays, which appear in messages.
-const MAX_NAME_BYTES: usize = 200;
 
 /// Axis of an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,8 +17,17 @@ pub(super) struct Axis {
     pub(super) unit: Option<String>,
 }
 
+/// Transformation from indices to lengths.
+#[derive(Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+enum Transformation {
+    Identity,
+    Scale { scale: Vec<f64> },
+    Translation { translation: Vec<f64> },
+}
+
 /// Resolution level of an image.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Level {
     /// Path of the array below the image's folder.
     pub(super) path: String,
@@ -82,10 +89,9 @@ impl Image {
         let datasets = image.get("datasets").and_then(Value::as_array).filter(|all| !all.is_empty());
         let datasets = datasets.ok_or("its image has no arrays (datasets)")?;
         let levels = datasets.iter().map(|dataset| {
-            let path = dataset.get("path").and_then(Value::as_str).filter(|p| p.len() <= MAX_NAME_BYTES);
+            let path = dataset.get("path").and_then(Value::as_str);
             let path = path.ok_or("a level of its image has no path")?;
-            let (scale, translation) = (Vec::new(), Vec::new());
-            let mut level = Level { path: path.into(), scale, translation, is_scaled: false };
+            let mut level = Level { path: path.into(), ..Level::default() };
             level.transform(dataset.get("coordinateTransformations"))?;
             // Transformations of the image follow those of its levels.
             level.transform(image.get("coordinateTransformations"))?;
@@ -100,8 +106,7 @@ impl Axis {
     fn new(value: &Value) -> Option<Self> {
         let text = |key: &str| value.get(key).and_then(Value::as_str).map(String::from);
         let name = value.as_str().map(String::from).or_else(|| text("name"));
-        let name = name.filter(|name| name.len() <= MAX_NAME_BYTES)?;
-        Some(Self { name: name.to_lowercase(), unit: text("unit") })
+        Some(Self { name: name?.to_lowercase(), unit: text("unit") })
     }
 
     /// Millimetres of its unit, if it is known.
@@ -113,17 +118,13 @@ impl Axis {
 impl Level {
     /// Appends transformations.
     fn transform(&mut self, list: Option<&Value>) -> Result<(), String> {
-        for transformation in list.and_then(Value::as_array).into_iter().flatten() {
-            let kind = transformation.get("type").and_then(Value::as_str).unwrap_or("?");
-            let numbers = || -> Result<Vec<f64>, String> {
-                let list = transformation.get(kind).and_then(Value::as_array);
-                let numbers: Option<Vec<f64>> = list.and_then(|all| all.iter().map(Value::as_f64).collect());
-                numbers.ok_or_else(|| format!("`{kind}` of its image is no list of numbers"))
-            };
-            match kind {
-                "identity" => {}
-                "scale" => {
-                    let factors = numbers()?;
+        for value in list.and_then(Value::as_array).into_iter().flatten() {
+            let transformation = Transformation::deserialize(value);
+            match transformation
+                .map_err(|e| format!("its image is placed by no scale and translation: {e}"))?
+            {
+                Transformation::Identity => {}
+                Transformation::Scale { scale: factors } => {
                     self.is_scaled = true;
                     self.extend(factors.len());
                     let each = self.scale.iter_mut().zip(&mut self.translation).zip(factors);
@@ -132,16 +133,9 @@ impl Level {
                         *translation *= factor;
                     });
                 }
-                "translation" => {
-                    let offsets = numbers()?;
+                Transformation::Translation { translation: offsets } => {
                     self.extend(offsets.len());
                     self.translation.iter_mut().zip(offsets).for_each(|(all, offset)| *all += offset);
-                }
-                other => {
-                    let short: String = other.chars().take(40).collect();
-                    return Err(format!(
-                        "its image is placed by `{short}`; scale and translation are supported"
-                    ));
                 }
             }
         }

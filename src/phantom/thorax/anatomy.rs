@@ -2,31 +2,8 @@
 
 use super::noise::uniform;
 use super::regions::{CAVITY_HALF, CAVITY_Y, HEART, cavity_scale, lungs};
-use super::shape::{Painter, Part, Solid, drum, path, plate, tube};
+use super::shape::{Painter, Part, Solid, drum, path, plate, smooth, tube};
 use glam::{Vec3, vec2, vec3};
-
-/// Points of a Catmull-Rom curve through the given points.
-fn smooth(points: &[Vec3]) -> Vec<Vec3> {
-    const STEPS: usize = 6;
-    let at = |i: isize| points[i.clamp(0, points.len() as isize - 1) as usize];
-    let mut curve = Vec::with_capacity(points.len() * STEPS);
-    for i in 0..points.len() as isize - 1 {
-        let [p, a, b, q] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
-        for step in 0..STEPS {
-            let t = step as f32 / STEPS as f32;
-            let (m, n) = (0.5 * (b - p), 0.5 * (q - a));
-            let (t2, t3) = (t * t, t * t * t);
-            curve.push(
-                a * (2.0 * t3 - 3.0 * t2 + 1.0)
-                    + m * (t3 - 2.0 * t2 + t)
-                    + b * (3.0 * t2 - 2.0 * t3)
-                    + n * (t3 - t2),
-            );
-        }
-    }
-    curve.extend(points.last());
-    curve
-}
 
 /// All solids, in painting order.
 pub fn solids() -> Vec<Solid> {
@@ -75,7 +52,7 @@ fn heart(painter: &mut Painter) {
 }
 
 fn great_vessels(painter: &mut Painter) {
-    let aorta = smooth(&[
+    let aorta = [
         vec3(-8.0, 14.0, -8.0),
         vec3(8.0, 24.0, 22.0),
         vec3(14.0, 20.0, 50.0),
@@ -85,43 +62,25 @@ fn great_vessels(painter: &mut Painter) {
         vec3(-24.0, -38.0, 0.0),
         vec3(-18.0, -34.0, -60.0),
         vec3(-8.0, -28.0, -140.0),
-    ]);
-    painter.path(360.0, &aorta, [15.0, 10.5]);
+    ];
+    painter.curve(360.0, [15.0, 10.5], &aorta);
     for (from, to, radius) in [
         (vec3(10.0, 8.0, 70.0), vec3(22.0, 4.0, 140.0), 6.0),
         (vec3(-4.0, -4.0, 74.0), vec3(-16.0, 0.0, 140.0), 4.2),
         (vec3(-13.0, -16.0, 70.0), vec3(-34.0, -8.0, 140.0), 5.0),
     ] {
-        painter.path(
-            355.0,
-            &smooth(&[from, 0.5 * (from + to) + vec3(0.0, 3.0, 0.0), to]),
-            [radius, 0.8 * radius],
-        );
+        painter.curve(355.0, [radius, 0.8 * radius], &[from, 0.5 * (from + to) + vec3(0.0, 3.0, 0.0), to]);
     }
     // Superior and inferior vena cava, pulmonary trunk and its two branches.
-    painter.path(
-        420.0,
-        &smooth(&[vec3(30.0, 12.0, 140.0), vec3(28.0, 10.0, 60.0), vec3(24.0, 14.0, -18.0)]),
-        [9.5, 10.0],
-    );
+    let superior = [vec3(30.0, 12.0, 140.0), vec3(28.0, 10.0, 60.0), vec3(24.0, 14.0, -18.0)];
+    painter.curve(420.0, [9.5, 10.0], &superior);
     painter.path(170.0, &[vec3(24.0, 8.0, -40.0), vec3(20.0, -14.0, -140.0)], [11.0, 12.0]);
-    painter.path(
-        340.0,
-        &smooth(&[vec3(-14.0, 46.0, -14.0), vec3(-18.0, 38.0, 14.0), vec3(-16.0, 16.0, 32.0)]),
-        [13.0, 13.0],
-    );
-    painter.path(
-        340.0,
-        &smooth(&[vec3(-16.0, 16.0, 32.0), vec3(-30.0, 0.0, 32.0), hilum(-1.0)]),
-        [11.0, 8.0],
-    );
-    painter.path(340.0, &smooth(&[vec3(-16.0, 16.0, 32.0), vec3(10.0, 2.0, 28.0), hilum(1.0)]), [11.0, 8.0]);
-    // Oesophagus.
-    painter.path(
-        35.0,
-        &smooth(&[vec3(-4.0, -28.0, 140.0), vec3(2.0, -32.0, 30.0), vec3(-12.0, -18.0, -140.0)]),
-        [7.0, 7.0],
-    );
+    let fork = vec3(-16.0, 16.0, 32.0);
+    painter.curve(340.0, [13.0, 13.0], &[vec3(-14.0, 46.0, -14.0), vec3(-18.0, 38.0, 14.0), fork]);
+    painter.curve(340.0, [11.0, 8.0], &[fork, vec3(-30.0, 0.0, 32.0), hilum(-1.0)]);
+    painter.curve(340.0, [11.0, 8.0], &[fork, vec3(10.0, 2.0, 28.0), hilum(1.0)]);
+    let oesophagus = [vec3(-4.0, -28.0, 140.0), vec3(2.0, -32.0, 30.0), vec3(-12.0, -18.0, -140.0)];
+    painter.curve(35.0, [7.0, 7.0], &oesophagus);
 }
 
 /// Entry of vessels and airways into a lung; `side` is 1 on the right (+x), -1 on the left.
@@ -274,7 +233,7 @@ fn ribs(painter: &mut Painter) {
                 let z = (from.z + 9.0 + 4.0 * (n - 4.0).max(0.0)).max(-40.0);
                 let to = vec3(side * 14.0, sternum_y(z), z);
                 let middle = 0.5 * (from + to) + vec3(0.0, 4.0, -6.0);
-                painter.path(190.0, &smooth(&[from, middle, to]), [5.2, 5.0]);
+                painter.curve(190.0, [5.2, 5.0], &[from, middle, to]);
             }
         }
     }

@@ -127,6 +127,29 @@ pub fn path(points: &[Vec3], radii: [f32; 2], flatten: f32) -> Vec<Part> {
     tubes.map(|(i, ends)| tube(ends[0], ends[1], [radius(i), radius(i + 1)], flatten)).collect()
 }
 
+/// Points of a Catmull-Rom curve through the given points.
+pub fn smooth(points: &[Vec3]) -> Vec<Vec3> {
+    const STEPS: usize = 6;
+    let at = |i: isize| points[i.clamp(0, points.len() as isize - 1) as usize];
+    let mut curve = Vec::with_capacity(points.len() * STEPS);
+    for i in 0..points.len() as isize - 1 {
+        let [p, a, b, q] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+        for step in 0..STEPS {
+            let t = step as f32 / STEPS as f32;
+            let (m, n) = (0.5 * (b - p), 0.5 * (q - a));
+            let (t2, t3) = (t * t, t * t * t);
+            curve.push(
+                a * (2.0 * t3 - 3.0 * t2 + 1.0)
+                    + m * (t3 - 2.0 * t2 + t)
+                    + b * (3.0 * t2 - 2.0 * t3)
+                    + n * (t3 - t2),
+            );
+        }
+    }
+    curve.extend(points.last());
+    curve
+}
+
 /// Creates a plate of the points within `radius` of a triangle.
 pub fn plate([a, b, c]: [Vec3; 3], radius: f32) -> Part {
     let (low, high) = (a.min(b).min(c) - radius, a.max(b).max(c) + radius);
@@ -154,6 +177,11 @@ impl Painter {
     /// Tubes through points, the radius running from the first to the second of `radii`.
     pub fn path(&mut self, hu: f32, points: &[Vec3], radii: [f32; 2]) {
         self.solid(hu, path(points, radii, 1.0));
+    }
+
+    /// Tubes along a smooth curve through points.
+    pub fn curve(&mut self, hu: f32, radii: [f32; 2], points: &[Vec3]) {
+        self.path(hu, &smooth(points), radii);
     }
 
     /// Adds an ellipsoid whose first half axis points along `axis`.

@@ -17,7 +17,7 @@ use super::Strands;
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use input::{WHAT, open};
-use lines::read_by;
+use lines::{Polylines, read_by};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -36,8 +36,25 @@ pub struct StrandFormat {
     pub has_thickness: bool,
     /// Whether a file with this beginning has this format; `None` where only its name can tell.
     recognise: fn(&[u8]) -> Option<bool>,
-    /// Reads an input of this many bytes; the text is its path or name for messages.
-    read: fn(&mut dyn Read, u64, &str) -> Result<Strands>,
+    reader: Reader,
+}
+
+/// Reader of a format.
+#[derive(Debug)]
+enum Reader {
+    Hair,
+    /// Parser of the bytes of polylines without a thickness.
+    Polylines(fn(&[u8]) -> Result<Polylines>),
+}
+
+/// Format of polylines without a thickness.
+const fn polylines(
+    name: &'static str,
+    ending: &'static str,
+    recognise: fn(&[u8]) -> Option<bool>,
+    parse: fn(&[u8]) -> Result<Polylines>,
+) -> StrandFormat {
+    StrandFormat { name, ending, has_thickness: false, recognise, reader: Reader::Polylines(parse) }
 }
 
 /// All formats.
@@ -47,43 +64,13 @@ pub const STRAND_FORMATS: &[StrandFormat] = &[
         ending: "hair",
         has_thickness: true,
         recognise: |head| head.starts_with(hair::MAGIC).then_some(true),
-        read: hair::parse,
+        reader: Reader::Hair,
     },
-    StrandFormat {
-        name: "MRtrix tracks",
-        ending: "tck",
-        has_thickness: false,
-        recognise: |head| head.starts_with(tck::MAGIC).then_some(true),
-        read: |input, length, source| read_by(tck::parse, input, length, source),
-    },
-    StrandFormat {
-        name: "TrackVis tracks",
-        ending: "trk",
-        has_thickness: false,
-        recognise: |head| head.starts_with(trk::MAGIC).then_some(true),
-        read: |input, length, source| read_by(trk::parse, input, length, source),
-    },
-    StrandFormat {
-        name: "VTK polygonal data",
-        ending: "vtk",
-        has_thickness: false,
-        recognise: vtk::recognise,
-        read: |input, length, source| read_by(vtk::parse, input, length, source),
-    },
-    StrandFormat {
-        name: "VTK polygonal data in XML",
-        ending: "vtp",
-        has_thickness: false,
-        recognise: vtp::recognise,
-        read: |input, length, source| read_by(vtp::parse, input, length, source),
-    },
-    StrandFormat {
-        name: "Wavefront polylines",
-        ending: "obj",
-        has_thickness: false,
-        recognise: |_| None,
-        read: |input, length, source| read_by(obj::parse, input, length, source),
-    },
+    polylines("MRtrix tracks", "tck", |head| head.starts_with(tck::MAGIC).then_some(true), tck::parse),
+    polylines("TrackVis tracks", "trk", |head| head.starts_with(trk::MAGIC).then_some(true), trk::parse),
+    polylines("VTK polygonal data", "vtk", vtk::recognise, vtk::parse),
+    polylines("VTK polygonal data in XML", "vtp", vtp::recognise, vtp::parse),
+    polylines("Wavefront polylines", "obj", |_| None, obj::parse),
 ];
 
 /// File-name endings of all formats.
@@ -98,6 +85,14 @@ impl StrandFormat {
         };
         let by_content = STRAND_FORMATS.iter().find(|f| (f.recognise)(head) == Some(true));
         by_content.or_else(|| STRAND_FORMATS.iter().find(named))
+    }
+
+    /// Reads an input of `length` bytes; `source` is its path or name for messages.
+    fn read(&self, input: &mut dyn Read, length: u64, source: &str) -> Result<Strands> {
+        match self.reader {
+            Reader::Hair => hair::parse(input, length, source),
+            Reader::Polylines(parse) => read_by(parse, input, length, source),
+        }
     }
 
     /// Format of a file; the name alone decides where the file cannot be opened.
@@ -120,7 +115,7 @@ pub fn read_strands(path: &Path, loading: &Loading) -> Result<Strands> {
     let source = path.display().to_string();
     let format = StrandFormat::of_file(path).ok_or_else(|| unknown(&source))?;
     let (mut input, length) = open(path, loading)?;
-    (format.read)(&mut input, length, &source)
+    format.read(&mut input, length, &source)
 }
 
 /// Reads the bytes of a strand file of this name.
@@ -130,7 +125,7 @@ pub fn read_strands(path: &Path, loading: &Loading) -> Result<Strands> {
 pub fn strands_of_bytes(bytes: &[u8], name: &str) -> Result<Strands> {
     let head = &bytes[..bytes.len().min(HEAD_BYTES as usize)];
     let format = StrandFormat::of(head, Path::new(name)).ok_or_else(|| unknown(name))?;
-    (format.read)(&mut &bytes[..], bytes.len() as u64, name)
+    format.read(&mut &bytes[..], bytes.len() as u64, name)
 }
 
 fn unknown(source: &str) -> Error {

@@ -4,19 +4,15 @@ use crate::volume::Element;
 
 /// Element type by its name in a legacy VTK file.
 pub(super) fn legacy_vtk_element(name: &str) -> Option<Element> {
-    Some(match name.to_ascii_lowercase().as_str() {
-        "unsigned_char" | "vtktypeuint8" => Element::U8,
-        "char" | "signed_char" | "vtktypeint8" => Element::I8,
-        "unsigned_short" | "vtktypeuint16" => Element::U16,
-        "short" | "vtktypeint16" => Element::I16,
-        "unsigned_int" | "vtktypeuint32" => Element::U32,
-        "int" | "vtkidtype" | "vtktypeint32" => Element::I32,
-        "unsigned_long" | "vtktypeuint64" => Element::U64,
-        "long" | "vtktypeint64" => Element::I64,
-        "float" => Element::F32,
-        "double" => Element::F64,
-        _ => return None,
-    })
+    let name = name.to_ascii_lowercase();
+    match name.as_str() {
+        "vtkidtype" => Some(Element::I32),
+        "unsigned_long" => Some(Element::U64),
+        "long" => Some(Element::I64),
+        other => {
+            other.strip_prefix("vtktype").map_or_else(|| Element::from_c_name(other), Element::from_name)
+        }
+    }
 }
 
 /// Decodes the number at the beginning of `bytes`. Integers are exact up to 2^53, more than any file has points.

@@ -11,6 +11,7 @@ use super::input::at_byte;
 use super::lines::Polylines;
 use super::trk_space::{TrackGrid, world_from_trackvis};
 use crate::error::Result;
+use crate::files::binary::BinaryFields;
 use glam::{DAffine3, DMat3, DVec3};
 
 /// First bytes of a file.
@@ -30,43 +31,13 @@ const COUNT: usize = 988;
 const VERSION: usize = 992;
 const HEADER_SIZE: usize = 996;
 
-/// Bytes of a file, and their order.
-#[derive(Clone, Copy)]
-struct Bytes<'a> {
-    bytes: &'a [u8],
-    big_endian: bool,
-}
-
-impl Bytes<'_> {
-    fn word<const N: usize>(self, at: usize) -> [u8; N] {
-        let mut word = [0; N];
-        word.copy_from_slice(&self.bytes[at..at + N]);
-        if self.big_endian {
-            word.reverse();
-        }
-        word
-    }
-
-    fn short(self, at: usize) -> i16 {
-        i16::from_le_bytes(self.word(at))
-    }
-
-    fn integer(self, at: usize) -> i32 {
-        i32::from_le_bytes(self.word(at))
-    }
-
-    fn floats<const N: usize>(self, at: usize) -> [f64; N] {
-        std::array::from_fn(|i| f32::from_le_bytes(self.word(at + 4 * i)).into())
-    }
-}
-
 /// A count that must not be negative.
 fn count_of(n: i32, at: usize, what: &str) -> Result<usize> {
     usize::try_from(n).map_err(|_| at_byte(at, format!("{n} {what} are fewer than none")))
 }
 
 /// World mm from the file's coordinates.
-fn space(file: Bytes, version: i32, lines: &mut Polylines) -> Result<DAffine3> {
+fn space(file: BinaryFields, version: i32, lines: &mut Polylines) -> Result<DAffine3> {
     let voxel_mm: [f64; 3] = file.floats(VOXEL_SIZE);
     if !voxel_mm.iter().all(|mm| mm.is_finite() && *mm > 0.0) {
         let [x, y, z] = voxel_mm;
@@ -112,7 +83,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Polylines> {
     if !bytes.starts_with(MAGIC) {
         return Err(at_byte(0, "it does not begin with `TRACK`"));
     }
-    let orders = [false, true].map(|big_endian| Bytes { bytes, big_endian });
+    let orders = [false, true].map(|big_endian| BinaryFields { bytes, big_endian });
     let file = orders.into_iter().find(|b| b.integer(HEADER_SIZE) == HEADER_BYTES as i32);
     let file = file.ok_or_else(|| {
         let size = orders[0].integer(HEADER_SIZE);

@@ -1,10 +1,12 @@
 //! The colour spaces in which VTK and ParaView mix two sRGB colours.
 //!
-//! Definitions: HSV after Smith (1978); CIE L*a*b* with the D65 white of `vtkMath`; Msh, polar L*a*b*, after Moreland (2009),
+//! Definitions: HSV after Smith (1978); CIE L*a*b* with the D65 white; Msh, polar L*a*b*, after Moreland (2009),
 //! *Diverging color maps for scientific visualization*, section 5.
 
 use super::curve::linear;
-use crate::files::color::{linear_from_srgb, srgb_from_linear};
+use palette::convert::FromColorUnclamped;
+use palette::white_point::D65;
+use palette::{Hsv, Lab};
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
 /// Encoded sRGB in `[0, 1]`.
@@ -86,69 +88,23 @@ fn spun_hue([m_saturated, s, h]: [f64; 3], m: f64) -> f64 {
 }
 
 fn hsv_from_rgb(rgb: &Srgb) -> [f64; 3] {
-    let [r, g, b] = *rgb;
-    let (top, low) = (r.max(g).max(b), r.min(g).min(b));
-    let width = top - low;
-    if width <= 0.0 {
-        return [0.0, 0.0, top];
-    }
-    let sixths = if r == top {
-        (g - b) / width
-    } else if g == top {
-        2.0 + (b - r) / width
-    } else {
-        4.0 + (r - g) / width
-    };
-    [(sixths / 6.0).rem_euclid(1.0), width / top, top]
+    let hsv = Hsv::from_color_unclamped(palette::Srgb::from(*rgb));
+    [hsv.hue.into_positive_degrees() / 360.0, hsv.saturation, hsv.value]
 }
 
 fn rgb_from_hsv([h, s, v]: [f64; 3]) -> Srgb {
-    // Each channel is at the top for a third of the circle, and at the bottom for another.
-    std::array::from_fn(|channel| {
-        let from_peak = (h * 6.0 - 2.0 * channel as f64).rem_euclid(6.0);
-        let distance = from_peak.min(6.0 - from_peak);
-        v * (1.0 - s * (distance - 1.0).clamp(0.0, 1.0))
-    })
-}
-
-/// White of D65 with Y = 1, with the digits of `vtkMath`.
-const WHITE_XYZ: [f64; 3] = [0.9505, 1.0, 1.089];
-/// XYZ from linear sRGB (IEC 61966-2-1), in rows.
-const XYZ_FROM_RGB: [[f64; 3]; 3] =
-    [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]];
-/// Linear sRGB from XYZ, with the digits of the standard.
-const RGB_FROM_XYZ: [[f64; 3]; 3] =
-    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]];
-/// Threshold below which L*a*b* replaces the cube root by a line, CIE's `(6/29)^3`, and the line's slope and offset.
-const LAB_LINE: [f64; 3] = [0.008_856, 7.787, 16.0 / 116.0];
-
-fn times(matrix: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
-    matrix.map(|row| (0..3).map(|i| row[i] * v[i]).sum())
+    palette::Srgb::from_color_unclamped(Hsv::new_srgb(360.0 * h, s, v)).into()
 }
 
 fn lab_from_rgb(rgb: &Srgb) -> [f64; 3] {
-    let xyz = times(&XYZ_FROM_RGB, rgb.map(linear_from_srgb));
-    let f: [f64; 3] = std::array::from_fn(|i| {
-        let t = xyz[i] / WHITE_XYZ[i];
-        if t > LAB_LINE[0] { t.cbrt() } else { LAB_LINE[1] * t + LAB_LINE[2] }
-    });
-    [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
+    Lab::<D65, f64>::from_color_unclamped(palette::Srgb::from(*rgb)).into()
 }
 
-fn rgb_from_lab([l, a, b]: [f64; 3]) -> Srgb {
-    let y = (l + 16.0) / 116.0;
-    let f = [a / 500.0 + y, y, y - b / 200.0];
-    let xyz: [f64; 3] = std::array::from_fn(|i| {
-        let cube = f[i].powi(3);
-        let t = if cube > LAB_LINE[0] { cube } else { (f[i] - LAB_LINE[2]) / LAB_LINE[1] };
-        t * WHITE_XYZ[i]
-    });
+fn rgb_from_lab(lab: [f64; 3]) -> Srgb {
+    let encoded: Srgb = palette::Srgb::from_color_unclamped(Lab::<D65, f64>::from(lab)).into();
     // `vtkMath` divides colours out of gamut by their brightest channel.
-    let linear = times(&RGB_FROM_XYZ, xyz);
-    let encoded =
-        linear.map(|c| if c > 1.0 { 1.055 * c.powf(1.0 / 2.4) - 0.055 } else { srgb_from_linear(c) });
     let brightest = encoded.iter().fold(1.0, |a: f64, b| a.max(*b));
-    encoded.map(|c| c / brightest)
+    encoded.map(|c| c.max(0.0) / brightest)
 }
 
 fn msh_from_lab([l, a, b]: [f64; 3]) -> [f64; 3] {

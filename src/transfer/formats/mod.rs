@@ -61,8 +61,8 @@ pub struct TransferFormat {
     pub write: Option<Write>,
 }
 
-/// Largest text of another program that is read: its JSON takes far more memory than its text.
-const MOST_FOREIGN_BYTES: usize = 16 << 20;
+/// Largest text that is read: its JSON takes far more memory than its text.
+const MOST_BYTES: usize = 16 << 20;
 
 /// All formats; the first that recognises a text reads it.
 pub const TRANSFER_FORMATS: &[TransferFormat] = &[
@@ -140,17 +140,16 @@ pub fn has_ending(path: &Path) -> bool {
 /// # Errors
 /// The text breaks the format that it seems to have; the reason is one line.
 pub fn from_text(text: &str, file_name: &str) -> Result<Imported, String> {
-    let is_long = text.len() > MOST_FOREIGN_BYTES;
-    let source = FormatInput { text, json: if is_long { None } else { serde_json::from_str(text).ok() } };
+    if text.len() > MOST_BYTES {
+        return Err("it is longer than any transfer function".into());
+    }
+    let source = FormatInput { text, json: serde_json::from_str(text).ok() };
     let name = file_name.to_ascii_lowercase();
     let by_name = || TRANSFER_FORMATS.iter().filter(|f| name.ends_with(&format!(".{}", f.ending)));
     let format = (TRANSFER_FORMATS.iter().find(|f| (f.recognise)(&source)))
         .or_else(|| by_name().max_by_key(|f| (f.ending.len(), f.name == OWN)))
         .or_else(|| TRANSFER_FORMATS.iter().find(|f| f.name == OWN))
         .ok_or("there is no format")?;
-    if is_long && format.name != OWN {
-        return Err("it is longer than any transfer function".into());
-    }
     (format.read)(&source).map_err(|why| {
         // Parsers quote the text, including its line ends.
         let why = why.split_whitespace().collect::<Vec<_>>().join(" ");

@@ -2,6 +2,7 @@
 
 mod bytes;
 mod damaged;
+mod oracle;
 
 use crate::common;
 use bytes::{NiftiBytes, gzip};
@@ -405,73 +406,6 @@ fn bitpix_does_not_decide() {
     let volume = read(&NiftiBytes::new([2, 2, 2]).with(|f| f.bitpix = 64)).unwrap();
     assert_eq!(values(&volume)[7], 7.0);
     assert!(volume.provenance.warnings[0].contains("bitpix"));
-}
-
-/// Stored voxels of a single file, read slice by slice with the `nifti` crate.
-fn voxels_by_crate<T: nifti::DataElement>(path: &std::path::Path) -> nifti::Result<Vec<T>> {
-    use nifti::{NiftiObject, ReaderStreamedOptions};
-    let volume = ReaderStreamedOptions::new().read_file(path)?.into_volume();
-    let slices = volume.map(|slice| slice?.into_nifti_typed_data::<T>());
-    Ok(slices.collect::<nifti::Result<Vec<_>>>()?.concat())
-}
-
-/// `int16` voxels of every kind, in either byte order.
-fn shorts(big_endian: bool) -> NiftiBytes {
-    NiftiBytes::new([5, 4, 3]).with(|f| {
-        (f.big_endian, f.datatype, f.bitpix) = (big_endian, 4, 16);
-        let values = (0..60i16).map(|i| i.wrapping_mul(1097).wrapping_sub(20_000));
-        f.data = values.flat_map(|v| if big_endian { v.to_be_bytes() } else { v.to_le_bytes() }).collect();
-    })
-}
-
-#[test]
-fn voxels_are_those_of_the_nifti_crate() {
-    let folder = Folder::new();
-    for big_endian in [false, true] {
-        let bytes = shorts(big_endian).bytes();
-        folder.write("a.nii", &bytes);
-        folder.write("a.nii.gz", &gzip(&bytes));
-        for name in ["a.nii", "a.nii.gz"] {
-            let theirs = voxels_by_crate::<i16>(&folder.path(name)).unwrap();
-            let ours = folder.read(name).unwrap();
-            assert_eq!(ours.voxels().element(), umbravox::volume::Element::I16);
-            assert_eq!(values(&ours), theirs.iter().map(|v| f64::from(*v)).collect::<Vec<_>>(), "{name}");
-        }
-    }
-    let floats: Vec<f32> = (0..60).map(|i| (i as f32 - 30.0) * 1.1e-3).collect();
-    let file = NiftiBytes::new([5, 4, 3]).with(|f| {
-        (f.datatype, f.bitpix) = (16, 32);
-        f.data = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
-    });
-    folder.write("f.nii", &file.bytes());
-    assert_eq!(voxels_by_crate::<f32>(&folder.path("f.nii")).unwrap(), floats);
-    let ours = values(&folder.read("f.nii").unwrap());
-    assert_eq!(ours, floats.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
-}
-
-/// Valid files that version 0.18 of the crate reads differently or not at all.
-#[test]
-fn the_nifti_crate_differs_in_these_cases() {
-    let folder = Folder::new();
-    let expected: Vec<f64> = values(&read(&shorts(false)).unwrap());
-    let ours = |name: &str| values(&folder.read(name).unwrap());
-    let theirs = |name: &str| {
-        let path = folder.path(name);
-        let read = std::panic::catch_unwind(|| voxels_by_crate::<i16>(&path));
-        let voxels = read.ok()?.ok()?;
-        Some(voxels.into_iter().map(f64::from).collect::<Vec<_>>())
-    };
-    // It ignores `vox_offset`.
-    folder.write("offset.nii", &shorts(false).with(|f| f.vox_offset = 400.0).bytes());
-    // It reads the first member of a gzip file only.
-    let bytes = shorts(false).bytes();
-    folder.write("members.nii.gz", &[gzip(&bytes[..400]), gzip(&bytes[400..])].concat());
-    // It does not know NIfTI-2.
-    folder.write("two.nii", &shorts(false).version_2().bytes());
-    for name in ["offset.nii", "members.nii.gz", "two.nii"] {
-        assert_eq!(ours(name), expected, "{name}");
-        assert_ne!(theirs(name), Some(expected.clone()), "{name} is read by the crate: update the docs");
-    }
 }
 
 #[test]

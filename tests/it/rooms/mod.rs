@@ -39,14 +39,6 @@ const FRONT_DOORS: [&str; 2] = ["app", "cli"];
 /// Known imports that go up or sideways, as a file and the module it imports. This list may only become shorter.
 const KNOWN_IMPORTS: &[(&str, &str)] = &[];
 
-/// Files that still lie in a circle of their room: to become fewer, never more.
-const KNOWN_CIRCLES: &[&str] = &[
-    "formats/zarr/blosc.rs",
-    "formats/zarr/compression.rs",
-    "mesh/mod.rs",
-    "mesh/tree.rs",
-];
-
 /// Rooms of shaders, the lowest first.
 const SHADER_ROOMS: [&str; 3] = ["field", "shadow", "render"];
 
@@ -90,10 +82,7 @@ fn imports_go_down() {
 #[test]
 fn files_of_a_room_do_not_import_each_other_in_a_circle() {
     let found = this_crate().circles();
-    let new: Vec<_> = found.iter().filter(|(file, _)| !KNOWN_CIRCLES.contains(&file.as_str())).collect();
-    assert!(new.is_empty(), "these are in circles:\n{new:#?}");
-    let gone: Vec<_> = KNOWN_CIRCLES.iter().filter(|file| !found.contains_key(**file)).collect();
-    assert!(gone.is_empty(), "these exceptions are no longer needed: {gone:#?}");
+    assert!(found.is_empty(), "these are in circles:\n{found:#?}");
 }
 
 #[test]
