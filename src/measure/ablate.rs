@@ -17,7 +17,7 @@ pub struct Ablation {
     pub scene: String,
     /// Graphics adapter that the times are from.
     pub adapter: String,
-    /// Whose clock build and frame are from; tables are made by the host.
+    /// Clock of build and frame times; tables are built by the host.
     pub clock: Option<&'static str>,
     /// Shadow method.
     pub method: String,

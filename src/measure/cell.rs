@@ -9,7 +9,7 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Cell {
-    /// Not measured, or nothing to say.
+    /// Empty cell: not measured or not applicable.
     Empty,
     /// Words.
     Text(String),

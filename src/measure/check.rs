@@ -45,7 +45,8 @@ impl Check {
         self.max <= self.tolerance
     }
 
-    /// Both as one: all texels, and the figures of the one that comes nearest to its tolerance or strays furthest beyond.
+    /// Merges two reports: counts add up, and the figures are those of the texel with the largest deviation relative
+    /// to its tolerance.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let share = |c: &Self| c.max / c.tolerance;

@@ -33,7 +33,7 @@ pub struct Compared {
 pub struct Comparison {
     /// Scene by scene, in the order of the methods; failed rows too.
     pub compared: Vec<Compared>,
-    /// Notes for a reader of the table on how it was made.
+    /// Notes on the measurement for the reader of the table.
     pub notes: Vec<String>,
     /// Failed parts of the comparison by name, such as `dsm epsilon=0.02`, each with its error.
     pub failures: Vec<(String, Error)>,

@@ -1,4 +1,4 @@
-//! How far the voxelised field's shadows are from the strands' own.
+//! Error of the voxelised field's shadows against the strands.
 //!
 //! Model. A light beam is a square bundle of parallel rays, as wide as a voxel, from a place among the strands
 //! towards the light. A ray crosses a segment when it passes its axis at no more than half the diameter, between the

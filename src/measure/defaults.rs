@@ -34,7 +34,7 @@ pub(super) fn setting_columns() -> Vec<(&'static str, String)> {
     keys().into_iter().map(column).collect()
 }
 
-/// How a method of the registry looks in every figure.
+/// Style of a registered method in all figures.
 pub fn style(method: &str) -> Option<Style> {
     entry(method).map(|entry| entry.style)
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 /// Rows that are computed between two times that someone may end the work.
 const ROWS_AT_ONCE: u32 = 4;
-/// So that others can draw in between.
+/// Points queried at once, few enough that other threads can draw in between.
 const POINTS_AT_ONCE: usize = 1 << 13;
 const BAND_MS: f64 = 25.0;
 
@@ -26,7 +26,7 @@ pub enum Quantity {
 /// The exact answer for the pixels of one scene.
 #[derive(Debug, Clone)]
 pub struct ExactView {
-    /// With the size that the answer has.
+    /// Scene, with the size of the result.
     pub scene: Scene,
     answer: Answer,
 }

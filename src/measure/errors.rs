@@ -55,12 +55,12 @@ impl VisiblePoints {
         Self { points_mm: self.points_mm.clone(), weights: self.weights.clone(), exact }
     }
 
-    /// How many points there are.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.points_mm.len()
     }
 
-    /// Where they are, world mm.
+    /// Positions of the points, world mm.
     pub fn points_mm(&self) -> &[DVec3] {
         &self.points_mm
     }
@@ -112,7 +112,7 @@ impl VisiblePointsByLight {
         Self(lights.iter().enumerate().map(part).collect())
     }
 
-    /// How many points there are.
+    /// Number of points.
     pub fn count(&self) -> usize {
         self.0.iter().map(VisiblePoints::len).sum()
     }
@@ -337,7 +337,7 @@ fn tested_range(curves: &[ExactRay], [z_min, z_max]: [f64; 2], tolerance_mm: f64
     }
 }
 
-/// Where the rays of a texel lie, in texels from its centre.
+/// Offsets of the rays of a texel from its centre, in texels.
 fn tap_offsets(taps: Taps) -> Vec<DVec2> {
     let grid = |n: u32, spacing: f64| {
         let half = 0.5 * f64::from(n - 1);

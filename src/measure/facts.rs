@@ -1,5 +1,4 @@
-//! On what and by what a row is measured: facts that stand in the row, and the key by which a recorded row is known
-//! to be the requested one.
+//! Hardware, driver and program of a measurement, which every row states, and the key that identifies recorded rows.
 
 use super::defaults::settings;
 use super::job::{Effort, Job};

@@ -16,7 +16,7 @@ use std::time::Instant;
 /// Frames slower than this are timed once, so that one method does not hold up the table.
 pub(super) const SLOW_FRAME_MS: f64 = 2000.0;
 
-/// How much to measure.
+/// Amounts of measurement: repeats, points, rays, depths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Effort {
@@ -67,7 +67,7 @@ pub struct Job<'a> {
     pub file_prefix: String,
     /// Remark on how rows are timed, for their notes and those of the table; may be empty.
     pub remark: String,
-    /// How much to measure.
+    /// Amounts of measurement.
     pub effort: Effort,
 }
 
@@ -85,7 +85,7 @@ impl<'a> Job<'a> {
         Self { session, volume, tf, strands: None, scene, scene_name, file_prefix, remark, effort }
     }
 
-    /// Which way strands run, where the scene is shaded by that.
+    /// Directions of the strands, if the shading of the scene uses them.
     ///
     /// # Errors
     /// The host has no memory for it.

@@ -30,7 +30,7 @@ pub struct Measured {
     pub slug: String,
     /// Work that the plan skipped.
     pub left_out: Vec<Omission>,
-    /// For a reader of the table.
+    /// Notes for the reader of the table.
     pub notes: Vec<String>,
     /// The first picture's time, which says whether the row is a slow one.
     pub frame_ms: f64,
@@ -148,12 +148,12 @@ impl Journal {
         Ok(journal)
     }
 
-    /// How many rows of earlier runs there are, of whatever scenes and settings.
+    /// Number of rows of earlier runs, of all scenes and settings.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// How many rows of the table are on disk by now: measured by this run, or by earlier ones and taken or not yet.
+    /// Number of rows of the table on disk, measured by this run or by earlier ones.
     pub fn recorded(&self) -> usize {
         self.recorded + self.rows.len()
     }
@@ -316,7 +316,7 @@ mod tests {
         }
     }
 
-    /// Two rows, one with a round.
+    /// Writes a journal of two rows, one with a round.
     fn written(folder: &Path) {
         let mut journal = Journal::open(folder, false).unwrap();
         journal.record("k1", &measured(1), &picture()).unwrap();

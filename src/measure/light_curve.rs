@@ -21,7 +21,7 @@ const JUMP_OFFSETS: [f64; 9] = [-0.5, -0.1, -0.02, -1e-6, 0.0, 1e-6, 0.02, 0.1, 
 pub struct LightCurve {
     /// The point that the ray was laid through, world mm.
     pub point_mm: DVec3,
-    /// Its depth; negative or beyond `length_mm` where it lies outside the volume.
+    /// Depth of the point, mm; negative or beyond `length_mm` outside the volume.
     pub point_depth_mm: f64,
     /// World point of depth 0, mm.
     pub origin_mm: DVec3,
@@ -38,7 +38,7 @@ pub struct LightCurve {
 /// A method's transmittance at the depths of a [`LightCurve`].
 #[derive(Debug, Clone, Serialize)]
 pub struct MethodCurve {
-    /// Its name.
+    /// Name of the method.
     pub method: String,
     /// `key=value` texts separated by spaces.
     pub params: String,
@@ -110,7 +110,7 @@ impl LightCurve {
         self.depth_mm.iter().map(|&z| self.at(z)).collect()
     }
 
-    /// Where a method is farthest from the exact curve, first of all such depths; a value that is not a number is as far as can be.
+    /// First depth of the largest difference between a method and the exact curve; NaN counts as the largest.
     pub fn farthest(&self, of: &MethodCurve) -> Option<Farthest> {
         let far = |f: &Farthest| {
             let e = (f.t_method - f.t_exact).abs();

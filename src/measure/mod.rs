@@ -1,10 +1,9 @@
-//! How wrong a shadow method is and how long it takes, as rows.
+//! Measurement of errors, times and memory of shadow methods, as rows of a table.
 //!
-//! Errors are of transmittance from the light, `T_method - T_exact`, and taken in two places that answer two
-//! questions. Along **light rays** through texel centres ([`rays`] picks the texels, [`test_depths`] the
+//! Errors are of transmittance from the light, `T_method - T_exact`, and are measured in two places. Along **light rays** through texel centres ([`rays`] picks the texels, [`test_depths`] the
 //! depths) they say whether a method satisfies its error bound: [`bound_check`] compares it with the exact curve, widened
 //! by the tolerances in transmittance and in depth, and `ray_err_max` is the plain largest difference. At **points
-//! that the camera sees**, weighted as it sees them, they say what a user notices ([`stats::ErrorStats`]). The
+//! that the camera sees**, weighted by visibility, they say what a user notices ([`stats::ErrorStats`]). The
 //! **picture** itself is compared with the exact one in linear RGBA ([`stats::image_error`]) and as a viewer sees
 //! it ([`similarity::ssim`]); [`mod@error_map`] has errors pixel by pixel.
 //!
@@ -16,8 +15,8 @@
 //! [`Row`](table::Row)s of a scene, one a method and setting, and [`mod@ablate`] those of what the plan leaves out;
 //! [`budget`] searches settings within so many bytes or milliseconds;
 //! [`mod@stability`] takes every method through stiff and extreme cases, and [`light_curve`] follows a single light ray.
-//! [`journal`] keeps on disk what is measured as soon as it is measured; [`progress`] tells who watches and lets
-//! them end it. What becomes of rows is the business of [`report`](crate::report).
+//! [`journal`] records measurements on disk at once; [`progress`] reports steps to an observer, which can cancel.
+//! Tables and figures of the rows are made by [`report`](crate::report).
 
 pub mod ablate;
 pub mod bound_check;

@@ -1,5 +1,4 @@
-//! How far a table is, and how long what is left will take by what its steps have taken so far; a watcher is informed,
-//! and may end it between two steps.
+//! Progress of a measurement with an estimate of the remaining time; an observer can cancel it between steps.
 
 use super::table::Row;
 use crate::error::{Error, Result};
@@ -19,7 +18,7 @@ pub enum StepKind {
     Errors,
     /// One timed run of a method, or one to warm up.
     Run,
-    /// All that a method's plan left out, forced back on in turn.
+    /// Ablation: each optimization of a method's plan disabled in turn.
     Ablation,
     /// A setting that a search within a budget tries.
     Trial,
@@ -44,7 +43,7 @@ impl Step {
 /// Status that a progress bar shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status<'a> {
-    /// Its stage and method.
+    /// Stage and method of the step.
     pub step: &'a Step,
     /// Description of the current work.
     pub what: &'a str,
@@ -63,9 +62,9 @@ impl Status<'_> {
     }
 }
 
-/// Who watches a table being made. All of it is called on the thread that makes the table.
+/// Observer of a running measurement, called on the measuring thread.
 pub trait Watch {
-    /// Something starts.
+    /// Called when a step starts.
     fn starts(&mut self, _status: &Status) {}
 
     /// The `place`-th row of the table, from 0, has new figures: its errors, or times of one more round. Only of the
@@ -78,7 +77,7 @@ pub trait Watch {
     }
 }
 
-/// Someone who only looks at the bar.
+/// Observer that only receives the status.
 struct Look<F>(F);
 
 impl<F: FnMut(&Status)> Watch for Look<F> {

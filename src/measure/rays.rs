@@ -1,4 +1,4 @@
-//! Which light rays to test: texels of a shadow map, spread over what they meet.
+//! Choice of the light rays to test: texels of a shadow map, spread over the optical depths of their rays.
 
 /// The largest share of the rays that goes to the edges of what the map meets.
 const EDGE_SHARE: f64 = 0.25;

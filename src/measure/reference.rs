@@ -36,7 +36,7 @@ const TRANSFER_REPEATS: usize = 3;
 struct ExactPicture {
     scene: Scene,
     pixels: Array3<f32>,
-    /// How far it may be off itself.
+    /// Largest estimated error of the reference itself.
     error: f64,
 }
 
@@ -47,7 +47,7 @@ pub(super) struct Reference<'a> {
     field: &'a ExactField<'a>,
     visible: VisiblePointsByLight,
     exact_picture: ExactPicture,
-    /// Where the volume stands for strands.
+    /// Reference of the strands, if the volume was made from strands.
     strands: Option<StrandReference>,
     /// Tested texels of maps that are laid out alike.
     texels: Vec<(LightSpace, Vec<[u32; 2]>)>,

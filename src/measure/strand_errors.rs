@@ -62,7 +62,7 @@ impl StrandReference {
         Ok(self.truth.errors(session, shadow)?.map(|stats| stats.rms))
     }
 
-    /// For a reader of the table: what no method that goes through voxels can better but by chance.
+    /// Note for the reader of the table: the error that every method on the voxel field has against the strands.
     pub fn note(&self) -> String {
         format!(
             "strand_err_rms is of {} points that the camera sees, against beams through the strands; the voxel field itself \

@@ -73,7 +73,8 @@ columns! {
     adapter [""]: String,
     /// Shadow method.
     method [""]: String,
-    /// Its settings as `key=value` texts separated by spaces, those by which it differs from others of its method.
+    /// Settings of the method as `key=value` texts separated by spaces, as far as they distinguish it from other rows
+    /// of the method.
     params [""]: String,
     /// Texels a side of the shadow map.
     map ["texels"]: Option<u32>,
@@ -94,18 +95,19 @@ columns! {
     frame_ms_min ["ms"]: Option<f64>,
     /// Slowest repeat of `frame_ms`.
     frame_ms_max ["ms"]: Option<f64>,
-    /// Whose clock these times are from: `gpu` (timestamps of the adapter) or `wall` (the host's).
+    /// Clock of these times: `gpu` (timestamps of the adapter) or `wall` (the host's clock).
     clock [""]: Option<Clock>,
     /// Time of the row's first build of all, by the host's clock: shaders that no row before has used are compiled, and
     /// what has to be guessed once is guessed.
     build_first_ms ["ms"]: Option<f64>,
     /// The device's part of `build_ms` by the adapter's timestamps; empty where it has none.
     build_gpu_ms ["ms"]: Option<f64>,
-    /// From asking for the structure to having it, by the host's clock.
+    /// Time from the request of the shadow structure to its completion, by the host's clock.
     build_wall_ms ["ms"]: Option<f64>,
     /// `frame_ms` by the adapter's timestamps and, of the host, what finds where rays are cast; empty where there are none.
     frame_gpu_ms ["ms"]: Option<f64>,
-    /// From submitting a picture's work to its end, by the host's clock, and what finds where rays are cast.
+    /// Time from the submission of a picture to its completion, with the passes that find the tiles of rays, by the
+    /// host's clock.
     frame_wall_ms ["ms"]: Option<f64>,
     /// Time to classify the bricks anew after the transfer function was edited, by the host's clock.
     bricks_ms ["ms"]: Option<f64>,
@@ -143,7 +145,7 @@ columns! {
     image_psnr ["dB"]: Option<f64>,
     /// Mean structural similarity with that picture of about 1,500 pixels, of sRGB-encoded channels; 1 for identical pictures.
     image_ssim [""]: Option<f64>,
-    /// How far the exact picture itself may be off: the largest change of a channel, linear, when it is made finer.
+    /// Estimated error of the exact picture itself: the largest change of a linear channel at a finer integration.
     image_exact_err [""]: Option<f64>,
     /// Error bound on light rays: tolerance in transmittance; empty for methods without a bound.
     bound [""]: Option<f64>,
@@ -174,8 +176,8 @@ columns! {
     work_lookups [""]: Option<f64>,
     /// The same: texture reads of all kinds, a pixel.
     work_loads [""]: Option<f64>,
-    /// All work of a build, searches for splits among it, counted: cells that light rays are marched through, and samples
-    /// where they are marched by these, a texel of tiles that are built.
+    /// Counted work of a build, with searches for splits: cells, or samples with `march=samples`, of the light rays,
+    /// per texel of the tiles that are built.
     work_cells [""]: Option<f64>,
     /// The same: pieces of light rays whose optical depth is integrated.
     work_pieces [""]: Option<f64>,
@@ -193,13 +195,13 @@ columns! {
     left_out [""]: String,
     /// Lights that shine; times, bytes and errors are of all of them together.
     lights [""]: Option<u32>,
-    /// Which of a scene's several lights the row is of alone (`--each-light`), counted from 1; empty where it is of all.
+    /// Number of the only light of the row (`--each-light`), from 1; empty for a row of all lights.
     light [""]: Option<u32>,
     /// The adapter's driver with its version.
     driver [""]: String,
     /// Threads of the host's parallel work.
     threads [""]: Option<u32>,
-    /// How the program was built: `release` or `debug`.
+    /// Build profile of the program: `release` or `debug`.
     profile [""]: String,
     /// Version of the program.
     version [""]: String,

@@ -31,14 +31,14 @@ pub struct StageTimes {
     pub build_host_ms: f64,
     /// The device's part; `None` where there is none.
     pub build_device: Option<Span>,
-    /// From asking for the structure to having it, by the host's clock.
+    /// Time from the request of the structure to its completion, by the host's clock, ms.
     pub build_wall_ms: f64,
     /// One picture with it made.
     pub frame: Span,
 }
 
 impl StageTimes {
-    /// To make the structure by a clock; `None` where that clock read nothing.
+    /// Build time by a clock, ms; `None` if that clock has no reading.
     fn build_ms(&self, clock: Clock) -> Option<f64> {
         let device_ms = self.build_device.map_or(Some(0.0), |span| read(clock, span))?;
         Some(self.build_host_ms + device_ms)
@@ -48,17 +48,17 @@ impl StageTimes {
 /// One method's stages over all repeats, in ms; medians where there is no spread.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
-    /// To make the shadow structure.
+    /// Time to build the shadow structure, ms.
     pub build_ms: Spread,
     /// One picture with it made.
     pub frame_ms: Spread,
-    /// Whose clock these two are from.
+    /// Clock of the build and frame times.
     pub clock: Clock,
     /// Tables of the transfer function and the bricks' classes.
     pub tables_ms: Option<f64>,
     /// `build_ms` by the adapter's timestamps.
     pub build_gpu_ms: Option<f64>,
-    /// From asking for the structure to having it, by the host's clock.
+    /// Time from the request of the structure to its completion, by the host's clock, ms.
     pub build_wall_ms: f64,
     /// `frame_ms` by the adapter's timestamps.
     pub frame_gpu_ms: Option<f64>,
@@ -100,7 +100,7 @@ impl Timing {
 /// Runs once and says how long its stages took.
 pub type TimedRun<'a> = Box<dyn FnMut() -> Result<StageTimes> + 'a>;
 
-/// Something to time: first `warmup` runs that do not count, then `rounds` that do.
+/// Action to time: `warmup` runs that do not count, then `rounds` that do.
 pub struct Turns<'a> {
     /// Runs once.
     pub run: TimedRun<'a>,
@@ -114,7 +114,7 @@ pub struct Turns<'a> {
 pub enum Event<'a> {
     /// A run starts that counts, or does not.
     Starts {
-        /// Whose turn it is.
+        /// Number of turns taken.
         turns: usize,
         /// Whether its times count.
         counts: bool,

@@ -1,4 +1,4 @@
-//! Which method is closest within each budget: a question to rows that say for what they were tuned.
+//! Closest method within each budget, from the rows of a table.
 //!
 //! Any row of the scene takes part, tuned or not, with what it needs when measured in full. Within bytes, rows without
 //! a structure do not: they would win at any size. A method stands for its closest row; the closest method is the
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub struct Answer<'a> {
     /// Budget that rows must stay within.
     pub budget: Budget,
-    /// Which error is to be least.
+    /// Error to minimise.
     pub by: By,
     /// The closest row of each method with its error, the closest method first; empty where no row is within the budget.
     pub ranked: Vec<(&'a Row, f64)>,

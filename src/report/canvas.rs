@@ -38,13 +38,13 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// By its middle and half its sides.
+    /// Rectangle with a centre and half sides.
     pub fn around(center: Point, half_width: f64, half_height: f64) -> Self {
         let Point(x, y) = center;
         Self { left: x - half_width, top: y - half_height, right: x + half_width, bottom: y + half_height }
     }
 
-    /// Its middle.
+    /// Centre of the rectangle.
     pub fn middle(&self) -> Point {
         Point(0.5 * (self.left + self.right), 0.5 * (self.top + self.bottom))
     }
@@ -86,14 +86,14 @@ impl Rect {
     }
 }
 
-/// Which part of a text lies at its place; vertically it is always the middle of its digits.
+/// Part of a text at its position; vertically it is always the middle of the digits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Anchor {
-    /// Its beginning.
+    /// Start of the text.
     Start,
-    /// Its middle.
+    /// Middle of the text.
     Middle,
-    /// Its end.
+    /// End of the text.
     End,
 }
 

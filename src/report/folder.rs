@@ -10,11 +10,11 @@ use std::path::{Component, Path};
 /// Treatment of a table that the output folder already holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
-    /// It is refused.
+    /// An existing table is an error.
     New,
     /// The run resumes it, so scenes and settings must be the same.
     Resume,
-    /// All its files go, and no others.
+    /// Files of the existing table are removed, and no others.
     Overwrite,
 }
 

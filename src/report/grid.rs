@@ -1,5 +1,5 @@
-//! All pictures of a scene beside each other as a figure for a page: above each its method and settings, under it where it
-//! is wrong and what it took, with one colour bar for all.
+//! Figure of all pictures of a scene side by side: method and settings above each picture, errors and costs below, and one
+//! colour bar.
 
 use super::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, srgb_picture, text_width};
 use super::heat::{bar_height, colour_bar, false_colour};
@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::measure::table::Row;
 use ndarray::{Array2, Array3};
 
-/// It is no higher where its pictures are wide enough in that.
+/// Largest height of the page, pt; a figure is lower where its pictures fit the width at less.
 const MOST_HEIGHT: f64 = 650.0;
 /// Pictures are no narrower, or their settings could not be read.
 const LEAST_CELL: f64 = 64.0;
@@ -41,7 +41,7 @@ const MOST_PIXELS: f64 = 1e8;
 pub struct GridCell<'a> {
     /// The method.
     pub name: String,
-    /// Its settings, `key=value` each.
+    /// Settings of the method, `key=value` each.
     pub settings: Vec<String>,
     /// Times, memory and errors of the method, a line each.
     pub figures: Vec<String>,
@@ -111,7 +111,7 @@ fn pixels_per_point(own: f64, [width, height]: [f64; 2]) -> f64 {
     own.clamp(least, most).min((MOST_PIXELS / (width * height)).sqrt())
 }
 
-/// How a figure is laid out.
+/// Layout of the figure.
 #[derive(Debug, Clone, PartialEq)]
 struct Layout {
     /// Width of the page, points.
@@ -145,7 +145,7 @@ impl Layout {
         })
     }
 
-    /// With so many pictures a row; `None` where these would be too narrow.
+    /// Layout with a number of pictures per row; `None` if they would be too narrow.
     fn across(shown: &[GridCell], width: f64, across: usize) -> Option<Self> {
         let (column, shape) = (column(width, across), shape(shown));
         let upright = shape > UPRIGHT;

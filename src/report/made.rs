@@ -1,4 +1,4 @@
-//! All that the files of a table are made of.
+//! Finished measurement with its pictures, from which the files of a table are written.
 
 use super::run::{RowRecord, Run};
 use crate::measure::ablate::Ablation;
@@ -22,9 +22,9 @@ pub struct ReferencePicture {
 pub struct Made {
     /// Rows, pictures, notes and failures of all scenes.
     pub comparison: Comparison,
-    /// How it was made.
+    /// Description of the run.
     pub run: Run,
-    /// Where no row is by `rays`.
+    /// Reference pictures of the scenes without a row of `rays`.
     pub references: Vec<ReferencePicture>,
     /// Ablation rows, if an ablation was requested.
     pub ablations: Option<Vec<Ablation>>,

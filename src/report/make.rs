@@ -1,5 +1,5 @@
-//! From methods, scenes and a folder to every file of a comparison: tables, plots, pictures, the report and the journal.
-//! The command line and the window both come this way; [`merge`](super::merge) joins it where everything is measured.
+//! Comparison of methods on scenes: measurement, then tables, plots, pictures and the report in a folder. The command line,
+//! the window and Python use it; [`merge`](super::merge) starts from measured rows.
 
 mod files;
 mod page;

@@ -3,11 +3,11 @@
 /// Alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Align {
-    /// To the left: texts.
+    /// Left, for texts.
     Left,
-    /// To the right: numbers.
+    /// Right, for numbers.
     Right,
-    /// In the middle; the source is aligned to the right.
+    /// Centred; the source is aligned to the right.
     Middle,
 }
 

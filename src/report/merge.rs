@@ -23,7 +23,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const WHAT: &str = "cannot merge";
-/// So many missing rows are named.
+/// Number of missing rows that an error names.
 const MOST_NAMED: usize = 3;
 
 /// A folder that is read.

@@ -2,7 +2,7 @@
 
 use crate::measure::job::file_name_part;
 
-/// How the table was made.
+/// Description of the run.
 pub const RUN: &str = "run.json";
 
 /// File name prefix of a scene; empty unless there are several scenes.
@@ -15,7 +15,7 @@ pub fn picture(slug: &str) -> String {
     format!("picture_{slug}")
 }
 
-/// Where a row's picture differs from the reference.
+/// Picture of the differences between a row's picture and the reference.
 pub fn difference(slug: &str) -> String {
     format!("difference_{slug}.png")
 }

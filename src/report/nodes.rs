@@ -14,7 +14,7 @@ use image::imageops;
 const PICTURE_SIDE_PX: usize = 384;
 /// Tiles that are left out; no error or number has this colour.
 const LEFT_OUT: Rgb = [150, 150, 150];
-/// More bars than this are put together.
+/// Largest number of bars; more are combined.
 const MOST_BARS: usize = 40;
 
 /// Totals of a map in words.
@@ -57,7 +57,7 @@ pub fn tile_png(map: &NodeMap) -> Result<Vec<u8>> {
     encode_png(&with_legend(&picture, max, &label)?)
 }
 
-/// How many texels have how many nodes, as bars of a colour: shares of the texels that meet anything.
+/// Histogram of nodes per texel, relative to all texels whose rays meet extinction.
 pub(super) fn histogram(map: &NodeMap, color: Rgb) -> Drawing {
     const FRAME: Rect = Rect { left: 96.0, top: 20.0, right: 548.0, bottom: 300.0 };
     let mut drawing = Drawing::new(560.0, 360.0);

@@ -26,7 +26,7 @@ pub struct SceneRecord {
     pub name: String,
     /// The scene file in the folder; empty where there is none.
     pub file: String,
-    /// Its text: every setting, defaults too.
+    /// Scene file with every setting, defaults included.
     pub settings: String,
     /// SHA-256 of the volume's file, or of both of a pair; `None` for one that is built in.
     pub volume_sha256: Option<String>,
@@ -38,7 +38,8 @@ pub struct SceneRecord {
     pub tf_sha256: String,
     /// Width and height of the picture, pixels.
     pub size: [u32; 2],
-    /// Which light of the scene before it that has none here this is, from 1, with that light alone.
+    /// Number of the only light of this scene, from 1, if the scene is a copy of the scene before it with one light
+    /// (`--each-light`).
     #[serde(default)]
     pub light: Option<u32>,
 }
@@ -46,7 +47,7 @@ pub struct SceneRecord {
 /// A row of the whole table, whichever shard it is in.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RowRecord {
-    /// Which scene, from 0.
+    /// Index of the scene, from 0.
     pub scene: usize,
     /// `METHOD:key=value,...`.
     pub method: String,
@@ -72,9 +73,9 @@ impl RowRecord {
 /// One part of a sweep: row `k`, from 0, is in it where `k` modulo `of` is `index - 1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// From 1.
+    /// Number of the shard, from 1.
     pub index: u32,
-    /// How many there are.
+    /// Number of shards.
     pub of: u32,
 }
 
@@ -103,7 +104,7 @@ impl fmt::Display for Shard {
     }
 }
 
-/// How a table was made.
+/// Description of a table's measurement.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// Version of the program.
@@ -118,15 +119,15 @@ pub struct Run {
     pub again: String,
     /// Graphics adapter.
     pub adapter: String,
-    /// All of them, where a merged table is of several.
+    /// Every adapter of a merged table.
     pub adapters: Vec<String>,
-    /// Its driver.
+    /// Driver of the adapter.
     pub driver: String,
     /// Threads of the host's parallel work.
     pub threads: u32,
     /// The methods as they were given.
     pub methods: String,
-    /// How much was measured.
+    /// Amounts of measurement.
     pub effort: Effort,
     /// Budgets within which each method's settings were tuned, in the syntax of `--budget`.
     #[serde(default)]
@@ -145,7 +146,7 @@ pub struct Run {
     pub rows: Vec<RowRecord>,
     /// Names and values that a reader has to know, as the report says them.
     pub conditions: Vec<(String, String)>,
-    /// Notes on how the table was made.
+    /// Notes on the measurement.
     pub notes: Vec<String>,
     /// Every file that the run may have written here.
     pub files: Vec<String>,
@@ -215,13 +216,13 @@ impl Run {
         place.map_or_else(Vec::new, |i| self.picture_texts(i))
     }
 
-    /// Which of the sweep's methods are measured here, scene by scene.
+    /// Whether each method of the sweep is measured in this shard, scene by scene.
     pub fn methods_here(&self) -> Vec<Vec<bool>> {
         let of = |i| self.rows.iter().filter(|r| r.scene == i).map(|r| r.here).collect();
         (0..self.scenes.len()).map(of).collect()
     }
 
-    /// How many rows are measured here.
+    /// Number of rows measured in this shard.
     pub fn count_here(&self) -> usize {
         self.rows.iter().filter(|r| r.here).count()
     }

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 /// A table beside the comparison.
 #[derive(Debug, Deserialize)]
 pub struct SideTable {
-    /// Its file.
+    /// Name of the table's file.
     pub file: String,
     /// Description of the table's rows and of the command that writes it.
     pub about: String,

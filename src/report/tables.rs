@@ -13,7 +13,7 @@ use crate::measure::table::Row;
 use columns::{SHOWN, TableColumn, chosen, one_line};
 use std::path::{Path, PathBuf};
 
-/// Which columns the tables for reading have, and how wide they may be.
+/// Columns of the tables for reading, and their largest width.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
     /// Columns by their names in the CSV file; `None`: a few in LaTeX and on the terminal, most in Markdown.
@@ -63,7 +63,7 @@ fn remarks(rows: &[Row]) -> String {
     out
 }
 
-/// Which method is closest within each budget that rows were tuned for, as Markdown; nothing where there is none.
+/// Closest method within each budget that rows were tuned for, as Markdown; empty without budgets.
 fn answers(rows: &[Row]) -> String {
     let lines = budget_lines(rows);
     if lines.is_empty() {
@@ -145,7 +145,7 @@ pub fn write_tables(
     Ok((write_files(folder, files)?, remarks))
 }
 
-/// How the table was made, and how it is made again.
+/// Description of the measurement and of its repetition.
 fn provenance(run: &Run) -> String {
     let mut out = format!(
         "\nMade by umbravox {}, revision {} ({}), on {} ({}).",

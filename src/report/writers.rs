@@ -68,7 +68,7 @@ pub fn table_json(rows: &[Row], run: &Run) -> Result<String> {
     json(&rows.iter().map(|row| JsonRow::of(row, run)).collect::<Vec<_>>())
 }
 
-/// All columns of all rows as CSV with a header line: empty cells are empty, flags `true` or `false`, reals in
+/// Table of all columns and rows as CSV with a header line: empty cells are empty, flags `true` or `false`, reals in
 /// the fewest digits that read back as the same number (`inf` for an infinite one).
 ///
 /// # Errors

@@ -95,7 +95,7 @@ impl Budget {
         }
     }
 
-    /// How much there is.
+    /// Amount of the budget, in its own unit.
     pub fn amount(&self) -> f64 {
         match *self {
             Self::Bytes(n) => n as f64,
@@ -123,7 +123,7 @@ pub enum By {
 }
 
 impl By {
-    /// Both.
+    /// Both errors.
     pub const ALL: [Self; 2] = [Self::Points, Self::Picture];
 
     /// The column.

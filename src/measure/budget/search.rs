@@ -47,7 +47,7 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Nothing is tried yet.
+    /// Creates a search without trials.
     pub fn new(
         sides: Vec<Side>,
         canonical: impl Fn(&[usize]) -> Place + 'a,

@@ -27,7 +27,7 @@ pub struct Tuned {
     pub chosen: Vec<Chosen>,
     /// Trials of the search, method by method, in order.
     pub trials: Vec<Row>,
-    /// For a reader of the table.
+    /// Notes for the reader of the table.
     pub notes: Vec<String>,
 }
 

@@ -82,7 +82,7 @@ pub struct Claim {
     pub place: String,
     /// The statement.
     pub claim: String,
-    /// Its figure or comparison.
+    /// Figure or comparison of the claim.
     pub claimed: String,
     /// Names of the stand-ins that it is tried on where no scene is given.
     #[serde(default)]
@@ -90,7 +90,7 @@ pub struct Claim {
     /// Methods to measure.
     #[serde(default)]
     pub needs: Vec<Need>,
-    /// How much is measured of them.
+    /// Extent of the measurement of each method.
     #[serde(default)]
     pub depth: Depth,
     /// The rule of the verdict in words.
@@ -228,7 +228,7 @@ pub struct Row {
     pub place: String,
     /// The statement.
     pub claim: String,
-    /// Its figure or comparison.
+    /// Figure or comparison of the claim.
     pub claimed: String,
     /// Figures of the verdict, the decisive one first.
     #[serde(serialize_with = "serialize_figures")]

@@ -35,13 +35,13 @@ pub struct AtPoint {
 pub struct Figures {
     /// Method and settings.
     pub name: String,
-    /// Its row of a comparison: errors, times, bytes. Empty where only its structure was needed.
+    /// Row of a comparison: errors, times, bytes; empty if only the structure was needed.
     pub row: Row,
     /// `height x width x 4`, linear RGBA.
     pub picture: Option<Array3<f32>>,
-    /// At the points that the camera sees.
+    /// Values at the points that the camera sees.
     pub points: Vec<AtPoint>,
-    /// How it chose to split layers, where it chose.
+    /// Split of layers that the method chose, if it chooses one.
     pub split: Option<SplitChoice>,
     /// Nodes by texel, where it has nodes.
     pub nodes: Option<NodeMap>,
@@ -114,13 +114,13 @@ fn share_of_small_tiles(most_by_tile: impl IntoIterator<Item = u32>) -> f64 {
     most.iter().filter(|n| 4 * **n <= fullest).count() as f64 / most.len().max(1) as f64
 }
 
-/// How much is measured of a method.
+/// Extent of the measurement of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Depth {
-    /// Its times alone, in turn with those of the claim's other needs.
+    /// Times only, in turn with those of the claim's other needs.
     Times,
-    /// Its structure: bytes, nodes, how layers are split.
+    /// Structure only: bytes, nodes, split of layers.
     Structure,
     /// Errors, times and pictures as well.
     #[default]
@@ -129,7 +129,7 @@ pub enum Depth {
 
 /// Measurements requested for a variant of a scene.
 pub struct Wanted {
-    /// How it is changed.
+    /// Change of the scene.
     pub variant: Variant,
     /// Methods of which everything is measured.
     pub whole: Vec<Box<dyn Method>>,
@@ -138,7 +138,7 @@ pub struct Wanted {
 }
 
 impl Wanted {
-    /// Nothing of a variant yet.
+    /// Request without methods for a variant.
     pub fn nothing(variant: Variant) -> Self {
         Self { variant, whole: Vec::new(), structure: Vec::new() }
     }

@@ -6,13 +6,13 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Holds {
-    /// It does not.
+    /// The claim does not hold.
     No,
-    /// In part: the direction is right and the figure is not, or it holds in some of several cases.
+    /// The claim holds in part: the direction is right but not the figure, or it holds in some of several cases.
     Partly,
-    /// It does.
+    /// The claim holds.
     Yes,
-    /// It was not tried.
+    /// The claim was not tried.
     #[default]
     #[serde(rename = "")]
     Untried,
@@ -98,9 +98,9 @@ pub fn beside(measured: &[f64], claimed: &[f64], near: f64) -> Holds {
 /// A straight line through points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
-    /// Its value at 0.
+    /// Value at 0.
     pub start: f64,
-    /// Its slope.
+    /// Slope of the line.
     pub slope: f64,
     /// Root mean square distance of the points from it, as a share of their mean.
     pub residual: f64,

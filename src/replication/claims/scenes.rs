@@ -91,7 +91,7 @@ impl Variant {
         Subject { volume: Arc::clone(volume), tf: denser(tf, self.extinction), scene }
     }
 
-    /// In words, empty for the scene itself.
+    /// Description of the change; empty for the unchanged scene.
     pub fn text(&self) -> String {
         let mut parts: Vec<String> = self.scene.iter().cloned().collect();
         if self.extinction != 1.0 {

@@ -15,7 +15,7 @@ pub struct TriedOn {
     pub toml: String,
 }
 
-/// How many rows of each paper hold, hold in part, do not hold and were not tried.
+/// Numbers of rows of each paper that hold, hold in part, do not hold and were not tried.
 pub fn counts(rows: &[Row]) -> String {
     let mut out =
         String::from("| paper | yes | partly | no | not tried |\n| --- | ---: | ---: | ---: | ---: |\n");

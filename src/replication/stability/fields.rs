@@ -31,7 +31,7 @@ pub enum Field {
     Shell,
     /// A ball of radius 8 voxels.
     SolidBall,
-    /// Two columns that share the edge x = y = 3.
+    /// Pair of columns that share the edge x = y = 3.
     Columns,
     /// Rough matter at two far ends of the diagonal of 48 voxels a side.
     Corners,

@@ -8,7 +8,7 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Nothing is wrong.
+    /// No fault.
     #[default]
     Ok,
     /// Transmittance violated the error bound.
@@ -24,7 +24,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// From good to bad.
+    /// Every status, from good to bad.
     pub const ALL: [Self; 6] =
         [Self::Ok, Self::BoundExceeded, Self::NotMonotone, Self::OutOfRange, Self::Nan, Self::Failed];
 

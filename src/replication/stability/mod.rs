@@ -34,7 +34,7 @@ const CANDIDATES: u32 = 64;
 const PICTURE: [u32; 2] = [32, 24];
 /// Depths are crowded around jumps by this, in smallest spacings, where the error bound has no depth tolerance.
 const DEFAULT_DEPTH: f64 = 0.02;
-/// How many times the ordinary case's time or bytes is worth a remark.
+/// Ratio to the time or bytes of the ordinary case from which a note is written.
 const DEAR: f64 = 20.0;
 /// Times below this are mostly the submission's, ms.
 const LEAST_MS: f64 = 1.0;
@@ -72,7 +72,7 @@ impl Cost {
         Self { build_ms, frame_ms, ..self }
     }
 
-    /// How many times another's each is, where that is [`DEAR`] or more, and what it is called.
+    /// Ratios of the costs to those of the ordinary case, with names, where they are [`DEAR`] or more.
     fn dear_beside(self, ordinary: Self) -> Vec<(f64, &'static str)> {
         let time = |here: f64, there: f64| here / there.max(LEAST_MS);
         let mut found = vec![

@@ -32,7 +32,7 @@ pub struct Pictured {
     pub row: Row,
     /// Picture rendered by the method.
     pub picture_png: Option<Vec<u8>>,
-    /// Where that is wrong, in false colour with its legend.
+    /// Errors of the picture in false colour, with a legend.
     pub error_png: Option<Vec<u8>>,
     /// Nodes by texel, of a deep shadow map.
     pub nodes: Option<NodeMap>,
@@ -47,7 +47,7 @@ pub struct Conditions {
     pub facts: Vec<(String, String)>,
     /// Caption of the error pictures.
     pub error_caption: String,
-    /// How the table was made, and what failed.
+    /// Notes on the measurement, and failures.
     pub notes: Vec<String>,
 }
 
@@ -106,7 +106,7 @@ pub fn write_report(conditions: &Conditions, pictured: &[Pictured], path: &Path)
     write_whole(path, |file| file.write_all(text.as_bytes()))
 }
 
-/// On what the rows were measured, in a line.
+/// Hardware and program of the rows, in one line.
 fn about(rows: &[Row]) -> String {
     let words = |row: &Row| [row.adapter.clone(), format!("{} x {} pixels", row.width, row.height)];
     rows.iter().flat_map(words).unique().join(" · ")

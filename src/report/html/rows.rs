@@ -73,12 +73,12 @@ pub fn table(rows: &[Row]) -> Markup {
     }
 }
 
-/// How a column is shown.
+/// Appearance of a column.
 struct HtmlColumn {
     column: &'static Column,
     /// `number` or `text`.
     kind: &'static str,
-    /// Not in sight at first.
+    /// Whether the column is hidden at first.
     minor: bool,
 }
 

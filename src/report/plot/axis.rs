@@ -14,10 +14,10 @@ pub struct Axis {
     pub ticks: Vec<Tick>,
 }
 
-/// How a logarithmic axis writes its numbers.
+/// Notation of the numbers on a logarithmic axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notation {
-    /// In full where no number is long, as powers otherwise.
+    /// Decimal numbers, or powers of ten if some number is long.
     Plain,
     /// Powers of ten only.
     Powers,

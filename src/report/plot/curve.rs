@@ -13,7 +13,7 @@ use crate::report::canvas::{Anchor, BLACK, Drawing, INK, Point, Rect, Rgb, text_
 const WIDTH: f64 = 1000.0;
 const VALUES: Rect = Rect { left: 96.0, top: 76.0, right: 976.0, bottom: 406.0 };
 const ERRORS: Rect = Rect { left: 96.0, top: 426.0, right: 976.0, bottom: 586.0 };
-/// Where the legend begins, and the height of its lines.
+/// Top of the legend and height of its lines.
 const LEGEND_TOP: f64 = 666.0;
 const LEGEND_LINE: f64 = 26.0;
 const EXACT: Rgb = [178, 178, 178];
@@ -203,7 +203,7 @@ fn entry_name(lines: &[Line], entry: usize) -> &str {
     entry.checked_sub(1).map_or("exact", |i| &lines[i].name)
 }
 
-/// Where each entry of the legend begins (0 is the exact curve, then the methods), and how many lines they take.
+/// Positions of the legend's entries (0 is the exact curve, then the methods), and the number of their lines.
 fn legend(lines: &[Line]) -> (Vec<(Point, usize)>, usize) {
     const SPACE: f64 = 26.0;
     let width = |entry: usize| SAMPLE + 8.0 + text_width(entry_name(lines, entry), TEXT) + SPACE;

@@ -26,7 +26,7 @@ const PANELS: [Rect; 2] = [
 /// Height of the strip for errors under the floor.
 const STRIP: f64 = 30.0;
 const DASHES: [f64; 2] = [6.0, 4.0];
-/// How much wider than ours the font of an SVG viewer may be without its labels running into something.
+/// Largest ratio of an SVG viewer's font width to ours at which no labels overlap.
 const FALLBACK_FONT: f64 = 1.07;
 /// Labels have their method's colour, darkened so that thin letters read well.
 const LABEL_SHADE: f64 = 0.65;

@@ -4,7 +4,7 @@ use crate::report::canvas::{Point, Rect};
 
 /// One row in one panel.
 pub struct Datum {
-    /// Its place among the methods drawn.
+    /// Index of the method among those drawn.
     pub family: usize,
     pub label: String,
     /// Median, smallest and largest.

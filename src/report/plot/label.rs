@@ -35,7 +35,7 @@ pub struct Wanted {
     pub far: bool,
 }
 
-/// Where a label goes.
+/// Position of a label.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placed {
     pub rect: Rect,
@@ -47,7 +47,7 @@ pub struct Placed {
 const DISTANCES: [f64; 6] = [2.0, 5.0, 10.0, 18.0, 30.0, 45.0];
 /// Directions that are tried, anticlockwise from the right.
 const DIRECTIONS: usize = 16;
-/// From this distance on a line leads from the point to the label.
+/// Distance from which a line leads from the point to the label.
 const LEADER_FROM: f64 = 10.0;
 /// Sweeps in which each label may move to a better place, the others staying.
 const SWEEPS: usize = 4;

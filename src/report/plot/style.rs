@@ -8,7 +8,7 @@ use itertools::Itertools as _;
 /// Radius of a marker in points.
 pub const MARKER: f64 = 5.5;
 
-/// For methods that have no style of their own.
+/// Styles of methods without a style of their own.
 const OTHERS: [Style; 2] = [
     Style { color: [86, 180, 233], marker: Marker::Down },
     Style { color: [110, 110, 110], marker: Marker::Plus },

@@ -15,7 +15,7 @@ pub struct TableColumn {
     pub number: bool,
     /// Whether it is among the few columns of a default LaTeX table.
     pub on_paper: bool,
-    /// It goes into the caption where every row has the same in it.
+    /// Whether the column moves to the caption if all rows have the same value.
     pub caption: bool,
     /// Whether the value is that of the CSV file, with reals rounded.
     plain: bool,

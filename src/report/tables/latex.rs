@@ -16,7 +16,8 @@ struct Size {
     command: &'static str,
     /// Nominal font size in a 10-point document class, in points.
     points: f64,
-    /// How much wider than 10-point letters scaled down the font of that size is cut, of its widest letter.
+    /// Ratio of the letter widths of this font size to those of the 10-point font scaled down; the largest over all
+    /// letters.
     cut: f64,
     gap: f64,
 }
