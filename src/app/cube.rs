@@ -16,7 +16,7 @@ const EDGE_ON: f64 = 1e-3;
 pub struct Cell {
     /// View direction: -1, 0 or 1 along each axis, RAS+.
     pub away: IVec3,
-    /// Direction of its face.
+    /// Direction of the face.
     pub face: IVec3,
     /// Corners on screen, in order.
     pub corners: [DVec2; 4],

@@ -47,7 +47,7 @@ impl Ramp {
 /// Extinction as a function of the value on one interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
-    /// None at all.
+    /// No extinction.
     Clear,
     /// Constant extinction, 1/mm.
     Constant(f64),

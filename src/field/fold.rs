@@ -40,7 +40,7 @@ pub(super) struct FoldSpan {
     pub voxels: Range<usize>,
     /// Repetitions of the first voxel before the span, and of the last one behind it.
     pub margin: usize,
-    /// Texel of the first repetition, or of the first voxel without repetitions.
+    /// First texel of the span: that of the first repetition, or without repetitions of the first voxel.
     pub first_texel: usize,
 }
 

@@ -11,9 +11,9 @@ use crate::volume::MAX_LABELS;
 pub(super) struct MergedFunction {
     /// Merged function.
     pub function: TransferFunction,
-    /// Its tables; values without extinction in them are those before the shift.
+    /// Tables of the merged function; their values without extinction are those before the shift.
     pub tables: TransferTables,
-    /// Largest absolute texel value that occurs in it.
+    /// Largest absolute texel value of the merged function.
     pub largest_texel: f64,
     /// Shift of a texel value for each label that occurs; empty where all labels use one function.
     pub shifts: Vec<f32>,

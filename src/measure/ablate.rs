@@ -37,9 +37,9 @@ pub struct Ablation {
     pub build_ms: Option<f64>,
     /// Time to make the shadow structure with the optimization disabled, ms.
     pub build_ms_forced: Option<f64>,
-    /// Time of one picture with the structure made, ms.
+    /// Time of one picture with a built structure, ms.
     pub frame_ms: Option<f64>,
-    /// Time of one picture with the optimization disabled and the structure made, ms.
+    /// Time of one picture with the optimization disabled and a built structure, ms.
     pub frame_ms_forced: Option<f64>,
     /// Shadow structure, tables and bricks.
     pub bytes: Option<u64>,

@@ -25,7 +25,7 @@ pub struct Deviation {
     pub depth_mm: f64,
     /// The method's transmittance.
     pub t_method: f64,
-    /// The exact curve at this very depth.
+    /// Exact transmittance at the depth of the deviation.
     pub t_exact: f64,
     /// The amount concerned: `|t_method - t_exact|`, or the distance outside the interval. Infinite where the
     /// method's value is not a number.
@@ -39,7 +39,7 @@ pub struct BoundReport {
     pub rays: usize,
     /// Depths tested, over all rays.
     pub depths: usize,
-    /// The largest plain difference; its amount is `ray_err_max`.
+    /// Largest difference without tolerances; its amount is `ray_err_max`.
     pub largest: Option<Deviation>,
     /// Depths that violate the error bound.
     pub violations: usize,
@@ -120,7 +120,7 @@ impl BoundReport {
         report
     }
 
-    /// Returns the report over the rays of both; the order of merging does not matter.
+    /// Merges the reports of two sets of rays; the order of merging does not matter.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         Self {
@@ -165,9 +165,9 @@ fn worse(a: Option<Deviation>, b: Option<Deviation>) -> Option<Deviation> {
 /// Violations of properties of any transmittance, with or without an error bound: monotone, within `[0, 1]`, finite.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Sanity {
-    /// Values above the smallest one before them by more than the tolerance.
+    /// Number of values that exceed the smallest value before them by more than the tolerance.
     pub monotone_violations: usize,
-    /// The largest such rise, tolerated ones included.
+    /// Largest rise over the smallest value before, tolerated rises included.
     pub largest_rise: f64,
     /// Finite values outside `[0, 1]` by more than the tolerance.
     pub out_of_range: usize,

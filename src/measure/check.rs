@@ -19,9 +19,9 @@ use std::collections::HashSet;
 
 /// Texels that are compared with cells.
 const TEXELS: usize = 1024;
-/// Texels drawn for them, since those that meet nothing say nothing.
+/// Number of texels drawn, more than needed because rays without extinction are no test.
 const DRAWN: usize = 8 * TEXELS;
-/// Depths of each.
+/// Number of depths on each checked ray.
 const DEPTHS: usize = 24;
 /// Tolerance in transmittance, unless two maps of the method may be further apart whatever marches.
 const TOLERANCE: f64 = 0.1;
@@ -31,7 +31,7 @@ const TOLERANCE: f64 = 0.1;
 pub struct Check {
     /// Texels that meet extinction and were compared with cells.
     pub texels: u64,
-    /// The least tolerance in transmittance within which all of them stay.
+    /// Smallest tolerance in transmittance that all checked texels satisfy.
     pub max: f64,
     /// The tolerance that is stated.
     pub tolerance: f64,

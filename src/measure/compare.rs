@@ -21,7 +21,7 @@ use crate::shadow::Method;
 use ndarray::Axis;
 use std::collections::HashMap;
 
-/// Opacities of two pictures of one scene differ by no more than eye rays that end early make them.
+/// Largest difference in opacity between two pictures of one scene, from the early termination of eye rays.
 const OPACITY_TOLERANCE: f32 = 2e-3;
 
 /// Progress steps of a comparison for one scene, each with its number of repetitions.

@@ -10,7 +10,7 @@ use crate::shadow::{Method, NodeMap, ShadowRays};
 use ndarray::{Array2, Array3};
 use std::borrow::BorrowMut;
 
-/// A row with its picture.
+/// Row of a table with its picture.
 pub struct Compared {
     /// Measured row.
     pub row: Row,

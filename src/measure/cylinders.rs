@@ -46,7 +46,7 @@ pub struct AgainstCylinders {
     pub rays_per_beam: usize,
     /// Mean true transmittance.
     pub true_mean: f64,
-    /// Mean difference, with its sign: above 0 the volume lets more light through.
+    /// Mean signed difference; positive where the volume transmits more light than the strands.
     pub mean: f64,
     /// Root of the mean square error in transmittance.
     pub rms: f64,

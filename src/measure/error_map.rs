@@ -19,11 +19,11 @@ const BAND_MS: f64 = 25.0;
 pub enum Quantity {
     /// Transmittance from the scene's first light to the point that half of a pixel's opacity lies in front of.
     Light,
-    /// The picture: of its three channels (linear RGB) the one that is farthest off.
+    /// Error of the picture: the largest over the channels of linear RGB.
     Picture,
 }
 
-/// The exact answer for the pixels of one scene.
+/// Exact results for the pixels of one scene.
 #[derive(Debug, Clone)]
 pub struct ExactView {
     /// Scene, with the size of the result.
@@ -38,7 +38,7 @@ enum Answer {
     Picture(Array3<f32>),
 }
 
-/// Errors of one method.
+/// Errors of one method, pixel by pixel.
 #[derive(Debug, Clone)]
 pub struct ErrorMap {
     /// `height x width`, method less exact; NaN without extinction, infinite where the method gives no number.

@@ -43,7 +43,7 @@ impl VisiblePoints {
         Self { points_mm, weights: points.iter().map(|p| p.weight).collect(), exact }
     }
 
-    /// The first `count` points, or all where there are fewer.
+    /// Returns the first `count` points, or all points if there are fewer.
     pub fn first(&self, count: usize) -> Self {
         let n = self.len().min(count);
         let [weights, exact] = [&self.weights, &self.exact].map(|values| values[..n].to_vec());
@@ -70,7 +70,7 @@ impl VisiblePoints {
         &self.weights
     }
 
-    /// The exact transmittance from the light to each.
+    /// Exact transmittance from the light to each point.
     pub fn exact(&self) -> &[f64] {
         &self.exact
     }
@@ -88,7 +88,7 @@ impl VisiblePoints {
         ErrorStats::of(self.weighted(session, shadow)?)
     }
 
-    /// Errors with their weights.
+    /// Errors at the points, with their weights.
     fn weighted(&self, session: &Session, shadow: &ShadowMap) -> Result<Vec<(f64, f64)>> {
         let values = session.query(shadow, &self.points_mm)?;
         let error = |(value, exact): (&f32, &f64)| f64::from(*value) - exact;
@@ -100,7 +100,7 @@ impl VisiblePoints {
 pub struct VisiblePointsByLight(Vec<VisiblePoints>);
 
 impl VisiblePointsByLight {
-    /// About `count` points in all; fewer, or none, where the camera sees little.
+    /// Chooses about `count` points in total, or fewer where the camera sees little.
     pub fn new(field: &ExactField, scene: &Scene, count: usize) -> Self {
         let points = field.visible_points(scene, count, SEED);
         let lights = scene.shining();
@@ -117,7 +117,7 @@ impl VisiblePointsByLight {
         self.0.iter().map(VisiblePoints::len).sum()
     }
 
-    /// The points of each light.
+    /// Points for each light.
     pub fn parts(&self) -> &[VisiblePoints] {
         &self.0
     }
@@ -166,7 +166,7 @@ pub fn meets_extinction(field: &ExactField, light: Light, light_space: &LightSpa
 
 /// A tested map: its texels, the rays in each, and the depths on each ray.
 pub struct RayTest<'a> {
-    /// Column and row of each.
+    /// Column and row of each texel.
     pub texels: &'a [[u32; 2]],
     /// Rays whose mean a texel stands for.
     pub taps: Taps,

@@ -65,7 +65,7 @@ pub struct Job<'a> {
     pub scene_name: String,
     /// Prefix of the names of the scene's files; empty where there is but one scene.
     pub file_prefix: String,
-    /// Remark on how rows are timed, for their notes and those of the table; may be empty.
+    /// Remark on the timing of rows, for their notes and those of the table; may be empty.
     pub remark: String,
     /// Amounts of measurement.
     pub effort: Effort,

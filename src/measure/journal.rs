@@ -32,7 +32,7 @@ pub struct Measured {
     pub left_out: Vec<Omission>,
     /// Notes for the reader of the table.
     pub notes: Vec<String>,
-    /// The first picture's time, which says whether the row is a slow one.
+    /// Time of the first picture, ms, from which slow rows are recognised.
     pub frame_ms: f64,
 }
 
@@ -67,7 +67,7 @@ pub struct Recorded {
 enum Line {
     Row {
         key: String,
-        /// Tells its picture from another of that name.
+        /// Fingerprint of the picture, to distinguish it from another one of the same name.
         picture: String,
         #[serde(flatten)]
         measured: Measured,
@@ -92,9 +92,9 @@ pub struct Journal {
     about: Vec<(String, String)>,
     /// Rows that are on disk and belong to this run's table.
     recorded: usize,
-    /// This run of the program; the first that writes to a journal is 1.
+    /// Number of this run of the program, from 1 for the first that writes to a journal.
     run: u32,
-    /// Each with its picture's fingerprint.
+    /// Measured rows by key, each with the fingerprint of its picture.
     rows: HashMap<String, (Measured, String)>,
     rounds: HashMap<String, Vec<(u32, StageTimes)>>,
     trials: HashMap<String, Row>,
@@ -186,8 +186,7 @@ impl Journal {
         Ok(())
     }
 
-    /// The row of that key, if an earlier run measured it and its pictures are still there: rows of other settings have
-    /// pictures of the same name.
+    /// Removes and returns the row of a key, if an earlier run measured it and its pictures still exist unchanged.
     pub fn take(&mut self, key: &str) -> Option<Recorded> {
         let (measured, expected) = self.rows.remove(key)?;
         let [png, exr] = self.pictures(&measured.slug)?;
@@ -225,7 +224,7 @@ impl Journal {
         self.write(&times.into_iter().map(line).collect::<Vec<_>>())
     }
 
-    /// The trial of that key, if an earlier run made it.
+    /// Returns the trial of a key, if an earlier run made it.
     pub fn trial(&self, key: &str) -> Option<Row> {
         self.trials.get(key).cloned()
     }
@@ -238,7 +237,7 @@ impl Journal {
         self.write(&[Line::Trial { key: key.into(), trial: trial.clone() }])
     }
 
-    /// The number of this run of the program.
+    /// Number of this run of the program, from 1.
     pub fn run(&self) -> u32 {
         self.run
     }

@@ -24,7 +24,8 @@ pub enum StepKind {
     Trial,
 }
 
-/// One piece of work; steps of one kind and one method are taken to last as long as each other, in every scene.
+/// Step of a measurement. For the estimate of the remaining time, steps of one kind and method take equally long in
+/// all scenes.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Step {
     /// Kind of work.
@@ -34,7 +35,7 @@ pub struct Step {
 }
 
 impl Step {
-    /// A step of a method, or of all methods where that is empty.
+    /// Creates a step of a method, or of all methods if `method` is empty.
     pub fn new(kind: StepKind, method: &str) -> Self {
         Self { kind, method: method.into() }
     }
@@ -49,7 +50,7 @@ pub struct Status<'a> {
     pub what: &'a str,
     /// Steps that are done.
     pub done: usize,
-    /// Steps in all.
+    /// Number of all steps.
     pub total: usize,
     /// Seconds that what is left will take, as far as that is known.
     pub left_s: Option<f64>,
@@ -89,11 +90,11 @@ impl<F: FnMut(&Status)> Watch for Look<F> {
 /// Steps that are done, with what they took, and those that are left.
 pub struct Progress<'a> {
     left: HashMap<Step, usize>,
-    /// Times done, and seconds in all.
+    /// Number of finished runs of each step and their total duration, s.
     took: HashMap<Step, (usize, f64)>,
     now: Option<(Step, Instant)>,
     done: usize,
-    /// Rows of the scenes before this one.
+    /// Number of rows of earlier scenes.
     rows_before: usize,
     watch: Box<dyn Watch + 'a>,
 }
@@ -156,7 +157,7 @@ impl<'a> Progress<'a> {
         self.watch.row(self.rows_before + place, row);
     }
 
-    /// Begins another scene, after so many rows of this one.
+    /// Begins the next scene; `rows` is the number of rows of the current one.
     pub fn next_scene(&mut self, rows: usize) {
         self.rows_before += rows;
     }

@@ -1,6 +1,6 @@
 //! Choice of the light rays to test: texels of a shadow map, spread over the optical depths of their rays.
 
-/// The largest share of the rays that goes to the edges of what the map meets.
+/// Largest fraction of the test rays at the edges of the region with extinction.
 const EDGE_SHARE: f64 = 0.25;
 
 /// A well-mixed function of its argument (the finaliser of `splitmix64`): the one source of "chance" in

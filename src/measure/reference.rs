@@ -55,7 +55,7 @@ pub(super) struct Reference<'a> {
     tables_ms: Option<f64>,
     /// The pre-compressed table, which only some methods need.
     march_table_ms: Option<f64>,
-    /// About the scene, for every row of it.
+    /// Notes about the scene, for each of its rows.
     notes: Vec<String>,
 }
 

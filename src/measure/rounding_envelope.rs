@@ -19,7 +19,7 @@ const REGULAR_DEPTHS: usize = 256;
 #[derive(Debug, Clone)]
 pub struct RoundingEnvelope(Vec<Envelope>);
 
-/// The least and the largest transmittance at each of some depths (mm, ascending).
+/// Smallest and largest transmittance at a list of depths (mm, ascending).
 #[derive(Debug, Clone)]
 struct Envelope {
     depths_mm: Vec<f64>,
@@ -73,7 +73,7 @@ impl RoundingEnvelope {
 pub(super) struct NearbyRays<'a> {
     field: &'a ExactField<'a>,
     bound: Bound,
-    /// Functions moved by the value tolerance to both sides.
+    /// Transfer functions shifted by the value tolerance in both directions.
     moved: OnceLock<[TransferFunction; 2]>,
 }
 

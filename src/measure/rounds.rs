@@ -18,7 +18,7 @@ pub struct TimedRow<'a> {
     pub frame_ms: f64,
     /// Timed rounds with the run of the program that each is from.
     rounds: Vec<(u32, StageTimes)>,
-    /// This run of the program has drawn it.
+    /// Whether this run of the program has already drawn a picture with the method.
     warm: bool,
 }
 

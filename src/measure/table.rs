@@ -14,7 +14,7 @@ use std::sync::LazyLock;
 pub struct Column {
     /// Name in the header line.
     pub name: &'static str,
-    /// Unit of its numbers; empty where they have none.
+    /// Unit of the numbers; empty without a unit.
     pub unit: &'static str,
     /// Description in one line.
     pub about: String,
@@ -28,7 +28,7 @@ macro_rules! columns {
         #[derive(Debug, Clone, PartialEq, Default)]
         pub struct Row {
             $($(#[doc = $about])+ pub $name: $t,)*
-            /// The method's settings by their keys: columns of their own behind the others.
+            /// Settings of the method by key; each is a column of its own after the others.
             pub settings: Vec<(&'static str, Cell)>,
         }
 
@@ -89,7 +89,7 @@ columns! {
     build_ms_min ["ms"]: Option<f64>,
     /// Slowest repeat of `build_ms`.
     build_ms_max ["ms"]: Option<f64>,
-    /// Time of one picture with the structure made, median of the repeats.
+    /// Time of one picture with a built structure, median of the repeats.
     frame_ms ["ms"]: Option<f64>,
     /// Fastest repeat of `frame_ms`.
     frame_ms_min ["ms"]: Option<f64>,
@@ -121,7 +121,7 @@ columns! {
     fps_moving ["1/s"]: Option<f64>,
     /// Memory that is allocated for the shadow structure, in bytes, once the first build has shown how much it takes.
     bytes [""]: Option<u64>,
-    /// Bytes of it that a lookup can reach.
+    /// Bytes of the structure that a lookup can reach.
     bytes_used [""]: Option<u64>,
     /// Nodes stored, where the method has nodes.
     nodes_total [""]: Option<u64>,
@@ -133,9 +133,10 @@ columns! {
     point_err_max [""]: Option<f64>,
     /// Root mean square of `T_method - T_exact` at points that the camera sees, weighted as it sees them.
     point_err_rms [""]: Option<f64>,
-    /// 99th percentile of `|T_method - T_exact|` at these points, weighted alike.
+    /// 99th percentile of `|T_method - T_exact|` at the points that the camera sees, weighted by visibility.
     point_err_p99 [""]: Option<f64>,
-    /// Mean of `T_method - T_exact` at these points, weighted alike: negative where the method is too dark.
+    /// Mean of `T_method - T_exact` at the points that the camera sees, weighted by visibility; negative where the
+    /// method is too dark.
     point_err_mean_signed [""]: Option<f64>,
     /// The root mean square there against strands themselves (beams through cylinders), not voxels; empty without strands.
     strand_err_rms [""]: Option<f64>,
@@ -162,7 +163,8 @@ columns! {
     /// Texels whose light rays were marched by regular samples and compared with the same map marched by cells; empty
     /// where rays are marched by cells.
     check_n [""]: Option<u64>,
-    /// The least tolerance in transmittance within which all of them stay, where curves may be a step of depth apart.
+    /// Smallest tolerance in transmittance that all checked texels satisfy, where curves may be a step of depth
+    /// apart.
     check_max [""]: Option<f64>,
     /// The tolerance that is stated: 0.1, or twice what one such map may be off by itself where that is more.
     check_tolerance [""]: Option<f64>,
@@ -172,18 +174,18 @@ columns! {
     /// Work of a picture, counted and not timed on the picture that `image_rmse` is of: samples of the volume by its filter,
     /// a pixel.
     work_samples [""]: Option<f64>,
-    /// The same: questions for the light at a point, a pixel.
+    /// Counted work: lookups of the light at a point, per pixel.
     work_lookups [""]: Option<f64>,
-    /// The same: texture reads of all kinds, a pixel.
+    /// Counted work: texture reads of all kinds, per pixel.
     work_loads [""]: Option<f64>,
     /// Counted work of a build, with searches for splits: cells, or samples with `march=samples`, of the light rays,
     /// per texel of the tiles that are built.
     work_cells [""]: Option<f64>,
-    /// The same: pieces of light rays whose optical depth is integrated.
+    /// Counted work: pieces of light rays with an integrated optical depth, per texel of the tiles that are built.
     work_pieces [""]: Option<f64>,
     /// Light rays tested.
     rays_tested [""]: Option<u64>,
-    /// Depths tested on them, those of nodes included.
+    /// Number of depths tested on the light rays, those of nodes included.
     depths_tested [""]: Option<u64>,
     /// Whether no other row of the scene is at once faster (`fps_moving`) and closer (`point_err_rms`).
     pareto [""]: Option<bool>,
@@ -197,7 +199,7 @@ columns! {
     lights [""]: Option<u32>,
     /// Number of the only light of the row (`--each-light`), from 1; empty for a row of all lights.
     light [""]: Option<u32>,
-    /// The adapter's driver with its version.
+    /// Driver of the adapter with its version.
     driver [""]: String,
     /// Threads of the host's parallel work.
     threads [""]: Option<u32>,
@@ -224,9 +226,9 @@ impl Serialize for Row {
     }
 }
 
-/// The column `status`.
+/// Value of the column `status` for a measured row.
 pub const OK: &str = "ok";
-/// The other value of the column `status`.
+/// Value of the column `status` for a failed row.
 pub const FAILED: &str = "failed";
 
 impl Row {
@@ -257,7 +259,7 @@ impl Row {
         place.map_or(Cell::Empty, |i| self.cells().swap_remove(i))
     }
 
-    /// The value of one of the method's settings.
+    /// Value of a setting of the method, by its key.
     pub fn setting(&self, key: &str) -> Cell {
         self.settings.iter().find(|(k, _)| *k == key).map_or(Cell::Empty, |(_, value)| value.clone())
     }

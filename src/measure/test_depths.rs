@@ -55,7 +55,8 @@ pub fn test_depths(range_mm: [f64; 2], jumps_mm: &[f64], n: usize, d_mm: f64) ->
     depths
 }
 
-/// One depth in each of `n` equal strata, the first and the last at the ends of the range; sorted, distinct.
+/// Draws one depth from each of `n` equal strata, with the first and the last at the ends of the range; sorted,
+/// distinct.
 fn stratified([start, end]: [f64; 2], n: usize) -> Vec<f64> {
     let mut seed = start.to_bits() ^ end.to_bits().rotate_left(32);
     let mut depths: Vec<f64> = (0..n)

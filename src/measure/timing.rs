@@ -33,7 +33,7 @@ pub struct StageTimes {
     pub build_device: Option<Span>,
     /// Time from the request of the structure to its completion, by the host's clock, ms.
     pub build_wall_ms: f64,
-    /// One picture with it made.
+    /// Time of one picture with a built structure.
     pub frame: Span,
 }
 
@@ -50,7 +50,7 @@ impl StageTimes {
 pub struct Timing {
     /// Time to build the shadow structure, ms.
     pub build_ms: Spread,
-    /// One picture with it made.
+    /// Time of one picture with a built structure, ms.
     pub frame_ms: Spread,
     /// Clock of the build and frame times.
     pub clock: Clock,
@@ -119,7 +119,7 @@ pub enum Event<'a> {
         /// Whether its times count.
         counts: bool,
     },
-    /// Everyone who had a run in this round has had it.
+    /// End of a round: every action due in it has run.
     Round(&'a [(usize, StageTimes)]),
 }
 

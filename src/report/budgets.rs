@@ -13,7 +13,7 @@ use itertools::Itertools as _;
 use std::borrow::Borrow;
 use std::path::{Path, PathBuf};
 
-/// The answer for one scene, budget and error.
+/// Ranking of methods for one scene, budget and error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer<'a> {
     /// Budget that rows must stay within.

@@ -72,7 +72,7 @@ impl Rect {
         width.max(0.0) * height.max(0.0)
     }
 
-    /// Whether another lies in it.
+    /// Whether another rectangle lies within this one.
     pub fn holds(&self, other: &Self) -> bool {
         other.left >= self.left
             && other.right <= self.right
@@ -80,7 +80,7 @@ impl Rect {
             && other.bottom <= self.bottom
     }
 
-    /// Whether a point lies in it.
+    /// Whether a point lies within the rectangle.
     pub fn contains(&self, p: Point) -> bool {
         (self.left..=self.right).contains(&p.0) && (self.top..=self.bottom).contains(&p.1)
     }

@@ -9,17 +9,17 @@ use crate::error::Result;
 use crate::measure::table::Row;
 use ndarray::{Array2, Array3};
 
-/// Largest height of the page, pt; a figure is lower where its pictures fit the width at less.
+/// Largest height of the figure, points; it is lower if the pictures need less at full width.
 const MOST_HEIGHT: f64 = 650.0;
 /// Pictures are no narrower, or their settings could not be read.
 const LEAST_CELL: f64 = 64.0;
-/// Pictures are no wider: a single row of two.
+/// Largest width of a picture, points, as in a single row of two.
 const MOST_CELL: f64 = 220.0;
 /// Smallest width of a picture as a share of its column's, where pictures are narrowed to limit their height.
 const MOST_NARROWED: f64 = 0.85;
 /// Height by width beyond which pictures may be narrower than their columns, so that all stand on a page.
 const UPRIGHT: f64 = 1.2;
-/// Such pictures are no higher.
+/// Largest height of a picture, points.
 const MOST_HIGH: f64 = 0.4 * MOST_HEIGHT;
 const MOST_ACROSS: usize = 7;
 const GAP: f64 = 6.0;
@@ -126,8 +126,8 @@ struct Layout {
 }
 
 impl Layout {
-    /// The one with the widest pictures that leaves few places empty and fits on a page; where none does, one that is
-    /// higher than a page.
+    /// Layout with the widest pictures that leaves few places empty and fits on a page; otherwise one that is higher
+    /// than a page.
     fn of(shown: &[GridCell], width: f64) -> Self {
         let all = 1..=shown.len().clamp(1, MOST_ACROSS);
         let all = all.filter_map(|across| Self::across(shown, width, across));
@@ -195,7 +195,7 @@ fn column(width: f64, across: usize) -> f64 {
     ((width - GAP * (across - 1) as f64) / across as f64).min(MOST_CELL)
 }
 
-/// Height of a picture by its width; all of a scene have one.
+/// Ratio of a picture's height to its width, equal for all pictures of a scene.
 fn shape(shown: &[GridCell]) -> f64 {
     let dims = shown.first().map_or((1, 1), |s| (s.picture.dim().0, s.picture.dim().1));
     dims.0 as f64 / dims.1.max(1) as f64
@@ -216,7 +216,7 @@ fn explanation(shown: &[GridCell], width: f64) -> Vec<String> {
     wrapped(words.split(' ').map(str::to_owned), " ", width)
 }
 
-/// The figure, and the width of its pictures in points.
+/// Draws the figure; returns it with the width of its pictures in points.
 fn figure(shown: &[GridCell], width: f64, max: f32, label: &str) -> (Drawing, f64) {
     let layout = Layout::of(shown, width);
     let (cell, picture) = (layout.cell, layout.picture);

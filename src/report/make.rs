@@ -216,7 +216,7 @@ fn reference(job: &Job) -> Result<ReferencePicture> {
     Ok(ReferencePicture { scene: job.scene_name.clone(), adapter, pixels })
 }
 
-/// The nodes of a row's structure, where it has any; those of several lights lie in no one map.
+/// Node map of a row's structure; `None` without nodes or with several lights.
 fn nodes(job: &Job, method: &dyn Method, compared: &Compared) -> Result<Option<NodeMap>> {
     match job.scene.shining()[..] {
         [source] if compared.row.nodes_total.is_some() => {

@@ -267,7 +267,7 @@ fn differences(made: &mut Made, parts: &[Part]) -> Result<()> {
 }
 
 impl Merged {
-    /// The rows, in their order.
+    /// Rows of the merged table, in order.
     pub fn rows(&self) -> Vec<Row> {
         self.made.comparison.rows()
     }

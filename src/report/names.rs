@@ -30,7 +30,7 @@ pub fn reference(prefix: &str) -> String {
     picture(&format!("{prefix}reference"))
 }
 
-/// The pictures of a scene beside each other, for the screen and for a paper.
+/// Figures of all pictures of a scene side by side: for the screen and for a paper.
 pub fn grids(prefix: &str) -> [String; 2] {
     ["png", "pdf"].map(|ending| format!("{prefix}grid.{ending}"))
 }

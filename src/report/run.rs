@@ -53,7 +53,7 @@ pub struct RowRecord {
     pub method: String,
     /// Part of its files' names.
     pub slug: String,
-    /// Whether it is in this folder.
+    /// Whether the row is measured in this folder.
     pub here: bool,
     /// Whether a search within a budget added it to the requested ones.
     #[serde(default)]
@@ -142,7 +142,7 @@ pub struct Run {
     pub finished: bool,
     /// The scenes.
     pub scenes: Vec<SceneRecord>,
-    /// The rows of the whole sweep, in its order.
+    /// Rows of the whole sweep, in order.
     pub rows: Vec<RowRecord>,
     /// Names and values that a reader has to know, as the report says them.
     pub conditions: Vec<(String, String)>,
@@ -210,7 +210,7 @@ impl Run {
         if self.adapters.len() > 1 { names::adapter_prefix(&prefix, adapter) } else { prefix }
     }
 
-    /// [`Self::picture_texts`] of the scene of that name.
+    /// Text chunks of pictures ([`Self::picture_texts`]) for the scene of a name.
     pub fn texts_of(&self, scene: &str) -> Vec<(String, String)> {
         let place = self.scenes.iter().position(|s| s.name == scene);
         place.map_or_else(Vec::new, |i| self.picture_texts(i))
@@ -283,7 +283,7 @@ impl Run {
         }
     }
 
-    /// The first thing in which the sweep of another run differs, in words; repeats may.
+    /// First difference from the sweep of another run, in words; repeats may differ.
     pub fn sweep_differs(&self, other: &Self) -> Option<String> {
         let effort = |run: &Self| Effort { repeats: 0, ..run.effort };
         if effort(self) != effort(other) {
@@ -320,7 +320,7 @@ impl Run {
     }
 }
 
-/// The first thing in which scenes differ, in words.
+/// First difference between lists of scenes, in words.
 fn scenes_differ(these: &[SceneRecord], those: &[SceneRecord]) -> Option<String> {
     let names = |scenes: &[SceneRecord]| scenes.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
     if names(these) != names(those) {

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// A table beside the comparison.
+/// Table besides the comparison: its file and the meaning of its columns.
 #[derive(Debug, Deserialize)]
 pub struct SideTable {
     /// Name of the table's file.

@@ -60,10 +60,10 @@ impl<'a> JsonRow<'a> {
     }
 }
 
-/// The rows of a run as [`json`] puts them, each with the file of its scene and the SHA-256 of what that was read from.
+/// Rows of a run as JSON ([`json`]), each with its scene file and the SHA-256 of the scene's volume.
 ///
 /// # Errors
-/// As there.
+/// See [`json`].
 pub fn table_json(rows: &[Row], run: &Run) -> Result<String> {
     json(&rows.iter().map(|row| JsonRow::of(row, run)).collect::<Vec<_>>())
 }

@@ -102,9 +102,9 @@ choices! {
 choices! {
     /// Lookups of light by the samples of an eye ray.
     pub enum Lookups {
-        /// One for up to four neighbouring samples.
+        /// One lookup for up to four neighbouring samples.
         Shared = "shared",
-        /// One for each sample.
+        /// One lookup for each sample.
         Each = "each",
     }
 }

@@ -8,25 +8,25 @@ use std::fmt;
 pub enum Kind {
     /// A whole number.
     Whole {
-        /// The smallest.
+        /// Smallest value.
         least: u32,
-        /// The largest.
+        /// Largest value.
         most: u32,
     },
     /// A whole number, or a word that leaves it to the scene.
     WholeOr {
-        /// The smallest.
+        /// Smallest value.
         least: u32,
-        /// The largest.
+        /// Largest value.
         most: u32,
-        /// The word.
+        /// Word for the choice by the scene.
         word: &'static str,
     },
     /// Any number.
     Number {
-        /// The smallest.
+        /// Smallest value.
         least: f64,
-        /// The largest.
+        /// Largest value.
         most: f64,
     },
     /// One of these words (or numbers).

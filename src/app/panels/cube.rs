@@ -9,7 +9,7 @@ use eframe::egui::{
 };
 use glam::{DVec2, IVec3};
 
-/// Half edge, points.
+/// Half the edge length of the orientation cube, points.
 const HALF: f32 = 21.0;
 /// Half size of the clickable square: a corner reaches the square root of 3.
 const REACH: f32 = 37.0;

@@ -17,7 +17,7 @@ pub struct MapShape {
     pub fits_view: bool,
     /// Texels that a lookup reads on each side of a point.
     pub reach: u32,
-    /// March of its light rays.
+    /// March of the light rays.
     pub march: March,
 }
 

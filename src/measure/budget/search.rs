@@ -30,11 +30,11 @@ pub struct Side {
 type Canonical<'a> = Box<dyn Fn(&[usize]) -> Place + 'a>;
 type Attempt<'a> = Box<dyn FnMut(&[usize]) -> Result<Row> + 'a>;
 
-/// The stock of trials of one method.
+/// Search over the settings of one method, with all its trials.
 pub struct Search<'a> {
     /// The grid.
     sides: Vec<Side>,
-    /// The place that stands for all that are the same settings.
+    /// Canonical place of settings: places with equal settings have one.
     canonical: Canonical<'a>,
     /// Tries a place.
     attempt: Attempt<'a>,

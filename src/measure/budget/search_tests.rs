@@ -57,7 +57,7 @@ fn every_place() -> Vec<Place> {
     places
 }
 
-/// The least error that a budget holds anywhere.
+/// Least error of all settings within a budget.
 fn least(planted: &Planted, budget: Budget, by: By) -> Option<f64> {
     let trials = every_place().into_iter().map(|p| planted.trial(&canonical(&p)));
     let allowed = trials.filter(|t| budget.need(t).unwrap() <= budget.amount());

@@ -30,7 +30,7 @@ pub struct AtPoint {
     pub weight: f64,
 }
 
-/// Everything that claims ask of one method on one scene.
+/// Measured figures of one method on one scene, as claims use them.
 #[derive(Debug, Clone, Default)]
 pub struct Figures {
     /// Method and settings.

@@ -20,7 +20,7 @@ pub enum Holds {
 
 /// Factor by which times of a busy machine may miss a range.
 pub const TIME_SLACK: f64 = 1.15;
-/// Figures that differ by no more than this factor are called equal.
+/// Largest factor between figures that count as equal.
 pub const EQUAL: f64 = 1.05;
 
 impl Holds {

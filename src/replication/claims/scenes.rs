@@ -19,7 +19,7 @@ pub struct StandIn {
     pub about: String,
     /// The scene file, except for the factor on its extinction.
     pub toml: String,
-    /// Factor on the extinction of its transfer function.
+    /// Factor on the extinction of the scene's transfer function.
     #[serde(default = "one")]
     pub extinction: f64,
 }
@@ -36,13 +36,13 @@ pub static STAND_INS: LazyLock<Vec<StandIn>> = LazyLock::new(|| {
 });
 
 impl StandIn {
-    /// The scene of its file with its extinction.
+    /// Applies the extinction factor to a scene.
     pub fn of(&self, subject: Subject) -> Subject {
         Subject { tf: denser(&subject.tf, self.extinction), ..subject }
     }
 }
 
-/// A scene with all that is measured on it.
+/// Scene of claims with its volume and transfer function.
 #[derive(Clone)]
 pub struct Subject {
     /// The voxels.
@@ -59,9 +59,9 @@ pub struct Subject {
 pub struct Variant {
     /// Factor on all extinction.
     pub extinction: f64,
-    /// Direction towards the light, instead of that of the scene.
+    /// Direction towards the light, if it differs from the scene's.
     pub light: Option<DVec3>,
-    /// Skipping of empty space, instead of that of the scene.
+    /// Skipping of empty space, if it differs from the scene's.
     pub skip: Option<Skip>,
     /// Pixels a side of a square picture, instead of the size of the scene.
     pub pixels: Option<u32>,

@@ -32,7 +32,7 @@ const DEPTHS: usize = 96;
 const CANDIDATES: u32 = 64;
 /// Size of the pictures.
 const PICTURE: [u32; 2] = [32, 24];
-/// Depths are crowded around jumps by this, in smallest spacings, where the error bound has no depth tolerance.
+/// Depth tolerance used to place test depths around jumps, in smallest spacings, where the error bound has none.
 const DEFAULT_DEPTH: f64 = 0.02;
 /// Ratio to the time or bytes of the ordinary case from which a note is written.
 const DEAR: f64 = 20.0;
@@ -200,7 +200,7 @@ fn measure(renderer: &Arc<Renderer>, case: &Case, methods: &[Box<dyn Method>]) -
     methods.iter().map(|m| measured(m.as_ref())).collect()
 }
 
-/// A case under one of its lights.
+/// Stability case with one of its lights.
 struct Lit<'a> {
     case: &'a Case,
     session: &'a Session,

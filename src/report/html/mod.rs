@@ -25,7 +25,7 @@ const SCRIPT: &str = include_str!("report.js");
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
-/// A row with its pictures, as PNG files.
+/// Row with its pictures as PNG files.
 #[derive(Debug, Clone, Default)]
 pub struct Pictured {
     /// Table row of the method and setting.
@@ -112,7 +112,7 @@ fn about(rows: &[Row]) -> String {
     rows.iter().flat_map(words).unique().join(" · ")
 }
 
-/// Error against time and against memory, of each scene and adapter: a front is of one.
+/// Plots of error against time and against memory, for each scene and adapter.
 fn plots(rows: &[Row]) -> Markup {
     let of = |wanted| rows.iter().filter(|r| r.group() == wanted).cloned().collect::<Vec<_>>();
     let (time, memory) = ("each row of the table", "each row that stores a shadow structure");

@@ -94,7 +94,7 @@ impl HtmlColumn {
         Self { column, kind: if number { "number" } else { "text" }, minor }
     }
 
-    /// Classes of its cells.
+    /// CSS classes of the column's cells.
     fn classes(&self, more: &str) -> String {
         let minor = if self.minor { " minor" } else { "" };
         format!("{}{minor}{more}", self.kind)

@@ -126,7 +126,7 @@ fn signed(map: &NodeMap) -> Array2<i32> {
     })
 }
 
-/// The other way than [`signed`].
+/// Node map from its signed form, the inverse of [`signed`].
 pub fn node_map(signed: &Array2<i32>) -> NodeMap {
     let (rows, columns) = signed.dim();
     let side = TILE as usize;

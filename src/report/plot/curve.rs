@@ -19,7 +19,7 @@ const LEGEND_LINE: f64 = 26.0;
 const EXACT: Rgb = [178, 178, 178];
 const EXACT_WIDTH: f64 = 6.0;
 const LINE_WIDTH: f64 = 1.7;
-/// Markers on each line.
+/// Number of markers on each line.
 const MARKERS: usize = 5;
 /// Changes of transmittance that are too small to see.
 const LEVEL: f64 = 5e-4;

@@ -142,7 +142,7 @@ fn panel(
     }
 }
 
-/// A bar with an end at each side.
+/// Draws an error bar with a cap at both ends.
 fn whisker(drawing: &mut Drawing, r: Rect, color: Rgb) {
     let middle = 0.5 * (r.top + r.bottom);
     drawing.line(&[Point(r.left, middle), Point(r.right, middle)], 1.0, color);

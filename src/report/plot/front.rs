@@ -2,12 +2,12 @@
 
 use crate::report::canvas::{Point, Rect};
 
-/// One row in one panel.
+/// Point of a plot: one row in one panel.
 pub struct Datum {
     /// Index of the method among those drawn.
     pub family: usize,
     pub label: String,
-    /// Median, smallest and largest.
+    /// Median, smallest and largest cost of the row.
     pub cost: [f64; 3],
     pub error: f64,
 }

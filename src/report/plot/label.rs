@@ -51,7 +51,7 @@ const DIRECTIONS: usize = 16;
 const LEADER_FROM: f64 = 10.0;
 /// Sweeps in which each label may move to a better place, the others staying.
 const SWEEPS: usize = 4;
-/// A label that covers more than this share of itself is not worth printing.
+/// Largest covered fraction of a label that is still drawn.
 const MOST_COVERED: f64 = 0.08;
 
 /// Finds places for labels inside `bounds`, clear of each other and of all markers (of `radius`), and of

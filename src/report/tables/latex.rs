@@ -22,14 +22,15 @@ struct Size {
     gap: f64,
 }
 
-/// The largest first. The cuts are of the metrics of Computer Modern Roman (`cmr9`, `cmr8`, `cmr7` against `cmr10`).
+/// Font sizes, largest first. The ratios are from the metrics of Computer Modern Roman (`cmr9`, `cmr8`, `cmr7`
+/// against `cmr10`).
 const SIZES: [Size; 4] = [
     Size { command: "", points: 10.0, cut: 1.0, gap: 6.0 },
     Size { command: "\\small", points: 9.0, cut: 1.029, gap: 5.0 },
     Size { command: "\\footnotesize", points: 8.0, cut: 1.063, gap: 4.0 },
     Size { command: "\\scriptsize", points: 7.0, cut: 1.165, gap: 3.0 },
 ];
-/// A column of broken settings narrower than this is unreadable.
+/// Smallest readable width of a column with broken settings, points.
 const NARROWEST_PT: f64 = 70.0;
 
 /// The rows as a LaTeX `tabular` (package `booktabs`) of at most `width_pt` to be put into a `table` with `\input`, in a
@@ -84,8 +85,7 @@ pub fn latex(rows: &[Row], caption: &str, shown: &[TableColumn], width_pt: f64) 
     Latex { text: text + "\\bottomrule\n\\end{tabular}%\n\\endgroup\n", left_out }
 }
 
-/// The largest letters in which it fits; and where it only does so with settings in several lines, that column's place and
-/// width.
+/// Largest font size at which the table fits; if only with broken settings, also the index and width of their column.
 fn fitted(
     rows: &[Row],
     shown: &[TableColumn],

@@ -17,7 +17,7 @@ pub const RATIOS: u32 = 11;
 /// Layers of the coarse map, and its texels on each side if one ratio is chosen for the whole map.
 const CURVE_LAYERS: u32 = 128;
 const CURVE_MAP: u32 = 64;
-/// Logarithmic size of its split.
+/// Logarithmic size of the split of the coarse map into layers.
 const CURVE_LOG_SIZE: f64 = 256.0;
 /// Texels on each side of a region that chooses its ratio.
 pub const REGION_TEXELS: u32 = 4;

@@ -60,7 +60,7 @@ impl Record {
         [RECORD_TEXTURE_WIDTH, u32::try_from(lines).unwrap_or(u32::MAX)]
     }
 
-    /// Bytes of that texture.
+    /// Bytes of the texture that holds `records` records.
     pub fn texture_bytes(self, records: u64) -> u64 {
         let [width, height] = self.texture_size(records);
         u64::from(width) * u64::from(height) * 4 * u64::from(self.block_words())

@@ -57,7 +57,7 @@ settings! {
         average: Average = Key::choice(Average::NAMES, "transmittance", "what nodes keep, and filters average: optical depth or transmittance").search_all(),
         /// March of light rays.
         march: MarchBy = MARCH_KEY,
-        /// Distance of their samples, in smallest voxel spacings.
+        /// Distance of samples along light rays, in smallest voxel spacings.
         step: f64 = STEP_KEY,
         /// Lookups of light by eye samples.
         lookup: Lookups = LOOKUP_KEY,

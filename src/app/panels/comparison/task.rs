@@ -63,7 +63,7 @@ pub struct CurrentStep {
 /// Message from the thread.
 pub enum Update {
     Step(CurrentStep),
-    /// Row by its index in the table.
+    /// Finished row, with its index in the table.
     Row(usize, Box<Row>),
     Ended(Result<Box<FinishedTable>>),
 }
