@@ -57,17 +57,6 @@ pub fn show_step(bar: &ProgressBar, status: &Status) {
     bar.set_message(format!("{left}{}", status.what));
 }
 
-/// Prints the properties of a result to stdout, as JSON or as TOML for people.
-///
-/// # Errors
-/// See [`print_result`].
-pub fn print_properties(result: &impl Serialize, as_json: bool) -> Result<()> {
-    match as_json {
-        true => print_json(result),
-        false => print_result(&toml::to_string(result).map_err(not_printed)?),
-    }
-}
-
 /// Prints a result as JSON to stdout.
 ///
 /// # Errors

@@ -1,13 +1,15 @@
 //! `umbravox info`: properties of a volume.
 
-use super::console::print_properties;
+use super::console::{print_json, print_result};
 use crate::error::Result;
 use crate::open::units::{Meaning, Units, ValueKind};
 use crate::open::{ReadFlags, VolumeSpec, load};
-use crate::volume::{Bricks, Provenance, Scaling, Volume, Voxels};
+use crate::volume::{AffineSource, Bricks, Provenance, Scaling, Volume, Voxels};
+use bytesize::ByteSize;
 use clap::Args;
 use glam::{DMat4, DVec3};
 use serde::Serialize;
+use std::fmt::Write as _;
 
 /// Print the properties of a volume file
 #[derive(Debug, Args)]
@@ -21,12 +23,12 @@ pub struct InfoArgs {
     /// Interpret values as HU or as fractions of their range [default: as the file or the values suggest]
     #[arg(long, value_enum, value_name = "UNITS")]
     pub units: Option<Units>,
-    /// Print the result as JSON instead of TOML
+    /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
 }
 
-/// Properties of a volume; the keys of `info`.
+/// Properties of a volume; the keys of `info --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Info {
     #[serde(flatten)]
@@ -97,6 +99,62 @@ impl Info {
             memory_bytes: volume.bytes(),
         }
     }
+
+    /// Aligned text with one line for each property.
+    pub fn to_text(&self) -> String {
+        let times = |values: [String; 3]| values.join(" x ");
+        let mut text = String::new();
+        let mut line = |name: &str, value: String| {
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{name:<12} {value}");
+        };
+        line("source", self.provenance.source.clone());
+        line("format", self.provenance.format.clone());
+        line("type", format!("{} ({} in memory)", self.provenance.stored_type, self.memory_type));
+        line("dimensions", format!("{} voxels", times(self.dims.map(|n| n.to_string()))));
+        line("spacing", format!("{} mm", times(self.spacing_mm.map(number))));
+        line("size", format!("{} mm", times(self.size_mm.map(number))));
+        let form = match self.provenance.affine_source {
+            AffineSource::Sform => "sform",
+            AffineSource::Qform => "qform",
+            AffineSource::Axes => "directions and origin",
+            AffineSource::Spacing => "voxel sizes",
+        };
+        for (row, values) in self.affine[..3].iter().enumerate() {
+            let name = if row == 0 { "affine" } else { "" };
+            let cells: Vec<String> = values.iter().map(|v| format!("{:>12}", number(*v))).collect();
+            let from = if row == 0 { format!("   from {form}") } else { String::new() };
+            line(name, format!("{}{from}", cells.concat()));
+        }
+        let [low, high] = self.bounds_mm.map(|corner| corner.map(number).join(", "));
+        line("world box", format!("({low}) to ({high}) mm"));
+        let [low, high] = self.value_range.map(number);
+        line("values", format!("{low} to {high}"));
+        let guessed = if self.units_guessed { "; guessed from the values, --units decides" } else { "" };
+        line("taken as", format!("{} ({}{guessed})", self.units.name(), self.units_why));
+        let Scaling { slope, intercept } = self.scaling;
+        line("scaling", format!("stored x {} + {}", number(slope), number(intercept)));
+        line("non-finite", format!("{} voxels", self.provenance.non_finite));
+        line("frame", format!("{} of {} (counted from 0)", self.provenance.frame, self.provenance.frames));
+        line("bricks", format!("{} ({})", times(self.brick_counts.map(|n| n.to_string())), self.bricks));
+        line("memory", ByteSize::b(self.memory_bytes).display().iec().to_string());
+        for warning in &self.provenance.warnings {
+            line("warning", warning.clone());
+        }
+        text
+    }
+}
+
+/// Six significant digits at the most, without trailing zeros.
+fn number(value: f64) -> String {
+    let magnitude = value.abs();
+    if magnitude != 0.0 && !(1e-4..1e7).contains(&magnitude) {
+        return format!("{value:.5e}");
+    }
+    let decimals = if magnitude < 1.0 { 6 } else { 5 - magnitude.log10().floor().min(5.0) as usize };
+    let text = format!("{value:.decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".into() } else { text.into() }
 }
 
 /// Reads a volume and prints what was read to stdout.
@@ -105,5 +163,6 @@ impl Info {
 /// The volume cannot be read, or stdout cannot be written to.
 pub fn run(args: &InfoArgs) -> Result<()> {
     let volume = load(&VolumeSpec { source: args.volume.clone(), flags: args.volume_flags })?;
-    print_properties(&Info::of(&volume, args.units), args.json)
+    let info = Info::of(&volume, args.units);
+    if args.json { print_json(&info) } else { print_result(&info.to_text()) }
 }

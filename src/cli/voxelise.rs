@@ -1,6 +1,6 @@
 //! `umbravox voxelise`: strands as an extinction volume, with a conservation report.
 
-use super::console::{print_message, print_properties};
+use super::console::{print_json, print_message, print_result};
 use crate::error::{Error, Result};
 use crate::files::loading::Loading;
 use crate::files::output::check_output;
@@ -37,7 +37,7 @@ fn beams() -> clap::builder::RangedU64ValueParser<u32> {
     clap::builder::RangedU64ValueParser::new().range(0..=MAX_BEAMS as u64)
 }
 
-/// Report of `voxelise`.
+/// Report of `voxelise`; the keys of `voxelise --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     pub source: String,
@@ -85,7 +85,8 @@ pub fn run(args: &VoxeliseArgs) -> Result<()> {
     if let Some(output) = &args.output {
         write_nifti(&made.volume, output)?;
     }
-    print_properties(&Report::of(&strands, &made, args.rays as usize), args.json)
+    let report = Report::of(&strands, &made, args.rays as usize);
+    if args.json { print_json(&report) } else { print_result(&report.to_text()) }
 }
 
 impl Report {
@@ -106,5 +107,36 @@ impl Report {
             light: toward.to_array(),
             against_cylinders: against_cylinders(strands, &made.volume, toward, beams),
         }
+    }
+
+    /// Aligned text with one line for each figure.
+    pub fn to_text(&self) -> String {
+        let mut lines = Vec::new();
+        let mut line = |name: &str, value: String| lines.push(format!("{name:<14} {value}\n"));
+        let Conservation { area_mm2, area_inside_mm2, on_grid_mm2, relative_error } = self.conservation;
+        let [nx, ny, nz] = self.dims;
+        line("source", self.source.clone());
+        line("strands", format!("{}, {} segments", self.strands, self.segments));
+        line("grid", format!("{nx} x {ny} x {nz} voxels of {:.6} mm", self.spacing_mm));
+        let kernel = match self.kernel {
+            Kernel::Box => "box",
+            Kernel::Tent => "tent",
+        };
+        line("kernel", kernel.into());
+        line("time", format!("{:.1} ms, {:.3e} segments/s", self.voxelise_ms, self.segments_per_s));
+        line("area", format!("{area_mm2:.9e} mm^2: sum of (1 - transparency) diameter length"));
+        line("inside", format!("{area_inside_mm2:.9e} mm^2"));
+        line("on the grid", format!("{on_grid_mm2:.9e} mm^2: sum of extinction times voxel volume"));
+        line("conservation", format!("{relative_error:.2e} relative error"));
+        line("extinction", format!("at most {:.6} per mm", self.extinction_max));
+        if let Some(a) = &self.against_cylinders {
+            let [x, y, z] = self.light;
+            let light = format!("dir:{x:.4},{y:.4},{z:.4}");
+            line("cylinders", format!("{} beams of {} rays towards {light}", a.beams, a.rays_per_beam));
+            line("", format!("mean transmittance of the strands {:.4}", a.true_mean));
+            let difference = format!("mean {:+.4}, rms {:.4}, max {:.4}", a.mean, a.rms, a.max);
+            line("", format!("voxelised - strands: {difference} (sampling {:.4})", a.sampling_rms));
+        }
+        lines.concat()
     }
 }

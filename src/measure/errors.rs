@@ -125,7 +125,7 @@ impl VisiblePointsByLight {
     /// Errors like [`VisiblePoints::errors`], over all lights together, whose structures are in their order.
     ///
     /// # Errors
-    /// As there.
+    /// See [`VisiblePoints::errors`].
     pub fn errors(&self, session: &Session, shadows: &[ShadowMap]) -> Result<Option<ErrorStats>> {
         let mut all = Vec::with_capacity(self.count());
         for (part, shadow) in self.0.iter().zip(shadows) {

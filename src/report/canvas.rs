@@ -229,7 +229,7 @@ impl Drawing {
     /// The page as a bitmap of so many pixels a point; its pictures are fitted to their places.
     ///
     /// # Errors
-    /// As there.
+    /// See [`Self::bitmap`].
     pub fn bitmap_of(&self, pixels_per_point: f64) -> Result<RgbImage> {
         let failed = |e: &dyn std::fmt::Display| Error::runtime("cannot draw", "plot", e);
         let options = usvg::Options { fontdb: Arc::clone(&FONTS), ..usvg::Options::default() };
@@ -261,7 +261,7 @@ impl Drawing {
     /// [`Self::bitmap`] as a PNG file.
     ///
     /// # Errors
-    /// As there.
+    /// See [`Self::bitmap`].
     pub fn png(&self) -> Result<Vec<u8>> {
         encode_png(&self.bitmap()?)
     }

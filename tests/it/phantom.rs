@@ -224,4 +224,16 @@ fn info_tells_everything() {
     let json: serde_json::Value = serde_json::to_value(&info).unwrap();
     assert_eq!(json["affine_source"], "spacing");
     assert_eq!(json["scaling"]["slope"], 1.0);
+    let text = info.to_text();
+    for part in [
+        "phantom:thorax:64",
+        "int16",
+        "64 x 48 x 32 voxels",
+        "5.625 x 5.625 x 8 mm",
+        "voxel sizes",
+        "17 x 13 x 9 (1989)",
+        "192.0 KiB",
+    ] {
+        assert!(text.contains(part), "`{part}` is not in\n{text}");
+    }
 }
