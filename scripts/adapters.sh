@@ -1,7 +1,6 @@
 #!/usr/bin/env bash
-# What must hold on any driver, on every software Vulkan that is there: the tests of the device, the search that tries to
-# break promises, the stability suite. A driver that ends endless loops in silence, or rounds in its own way, hides what
-# another shows.
+# Runs the device tests and the stability suite on every installed software Vulkan driver. One driver can hide what another
+# shows: endless loops that end in silence, or a rounding of its own.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 cargo=${CARGO:-cargo}

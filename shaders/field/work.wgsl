@@ -3,7 +3,7 @@
 
 #import umbravox::watch::watched
 
-// Kinds of work, in the order of `Work` in src/gpu/watch.rs.
+// Kinds of work, in the order of `Work` in src/gpu/counters.rs.
 // Filtered samples of the volume.
 const SAMPLES: u32 = 0u;
 // Lookups of the light at a point.

@@ -117,7 +117,7 @@ fn shares_of_the_rest(fragments: &[Fragment], most_extent_mm: f64, out: &mut Vec
     }
 }
 
-/// Words of `shaders/field/march_lines.wgsl`: offset of the first piece of each record and the end of the last one, then the
+/// Words of `shaders/field/march_strands.wgsl`: offset of the first piece of each record and the end of the last one, then the
 /// pieces in the order of records and depths. A piece is two depths (mm) and an optical depth.
 ///
 /// `first_records` is the tile table of a map with `records` records.

@@ -3,13 +3,15 @@
 use super::tables::escape_markdown;
 use crate::measure::ablate::Ablation;
 
-/// The rows for reading: each figure without the work, and with it.
+/// Markdown of the rows: each figure without the step and with it.
 pub fn markdown(rows: &[Ablation]) -> String {
-    let Some(first) = rows.first() else { return "No plan left anything out that can be forced.\n".into() };
+    let Some(first) = rows.first() else {
+        return "No plan skipped a step that `--no-skip` enables.\n".into();
+    };
     let clock = first.clock.unwrap_or_default();
     let mut out = format!(
-        "Work that the plan left out, and what it takes where it is forced back on. Medians on {}, {clock} clock.\n\n\
-        | scene | method | left out | tables ms | build ms | frame ms | MB | picture differs by |\n\
+        "Steps that the plan skipped, and their cost when they are not skipped. Medians on {}, {clock} clock.\n\n\
+        | scene | method | skipped | tables ms | build ms | frame ms | MB | picture differs by |\n\
         | --- | --- | --- | ---: | ---: | ---: | ---: | ---: |\n",
         first.adapter
     );

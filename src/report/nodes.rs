@@ -12,7 +12,7 @@ use image::imageops;
 
 /// About the side of the map's picture, pixels.
 const PICTURE_SIDE_PX: usize = 384;
-/// Tiles that are left out; no error or number has this colour.
+/// Colour of skipped tiles; no error or number has it.
 const LEFT_OUT: Rgb = [150, 150, 150];
 /// Largest number of bars; more are combined.
 const MOST_BARS: usize = 40;
@@ -26,7 +26,7 @@ pub fn summary(map: &NodeMap) -> String {
     let mean = if hit == 0 { 0.0 } else { total as f64 / hit as f64 };
     format!(
         "{total} nodes in {hit} of {} texels: {} a texel that meets anything, at most {}; {left_out} of {} tiles \
-        left out",
+        skipped",
         map.nodes.len(),
         significant(mean, 3),
         histogram.len() - 1,
@@ -34,7 +34,7 @@ pub fn summary(map: &NodeMap) -> String {
     )
 }
 
-/// The most nodes of any texel of each tile in false colour with a legend, as a PNG file; tiles left out are grey.
+/// The most nodes of any texel of each tile in false colour with a legend, as a PNG file; skipped tiles are grey.
 /// Texel (0, 0) is at the top left.
 ///
 /// # Errors
@@ -142,7 +142,7 @@ mod tests {
         assert!(text.contains("nodes in a texel") && text.contains("texels that meet anything [%]"));
         assert_eq!(
             summary(&sample()),
-            "522 nodes in 257 of 1024 texels: 2.03 a texel that meets anything, at most 8; 1 of 4 tiles left out"
+            "522 nodes in 257 of 1024 texels: 2.03 a texel that meets anything, at most 8; 1 of 4 tiles skipped"
         );
         let empty = NodeMap { nodes: Array2::zeros((16, 16)), stored: arr2(&[[false]]) };
         assert!(svg(&empty).contains("no texel meets anything"));

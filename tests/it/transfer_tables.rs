@@ -59,7 +59,7 @@ fn integrals_agree_with_fine_sums() {
     }
 }
 
-/// Interval of a value, found like `interval_at` of `shaders/common/transfer.wgsl`.
+/// Interval of a value, found like `interval_at` of `shaders/field/transfer.wgsl`.
 fn interval_at(tables: &TransferTables, texel: f32) -> usize {
     let last = tables.interval_of_bin.len() - 1;
     let bin = ((texel - tables.bin_origin) * tables.bins_per_value).clamp(0.0, last as f32) as usize;

@@ -78,7 +78,34 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
     let named =
         |p: &PathBuf| p.extension().is_some_and(|e| EXTENSIONS.iter().any(|x| e.eq_ignore_ascii_case(x)));
     let mut files: Vec<PathBuf> = entries.filter(|p| named(p) && p.is_file()).collect();
-    let name = |p: &PathBuf| p.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    files.sort_by(|a, b| natord::compare_ignore_case(&name(a), &name(b)));
+    files.sort_by_cached_key(|p| natural(&p.file_name().unwrap_or_default().to_string_lossy()));
     files
+}
+
+/// Words and numbers of a name, so that `slice10` sorts after `slice9`.
+fn natural(name: &str) -> Vec<(u128, String)> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let word = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let (text, after) = rest.split_at(word);
+        let digits = after.find(|c: char| !c.is_ascii_digit()).unwrap_or(after.len());
+        let (number, after) = after.split_at(digits);
+        parts.push((0, text.to_lowercase()));
+        parts.push((number.parse().unwrap_or(u128::MAX), String::new()));
+        rest = after;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_sorted_by_number() {
+        let mut names = ["s10.tif", "s015.tif", "s9.tif", "S1.tif", "s9b2.tif", "s9b10.tif"];
+        names.sort_by_cached_key(|n| natural(n));
+        assert_eq!(names, ["S1.tif", "s9.tif", "s9b2.tif", "s9b10.tif", "s10.tif", "s015.tif"]);
+    }
 }

@@ -144,7 +144,7 @@ fn pictures(number: usize, pictured: &Pictured, error_caption: &str) -> Result<M
                 @if let Some(nodes) = nodes {
                     (figure(
                         image(&tile_png(nodes)?, &format!("Nodes per tile of {name}")),
-                        "nodes per tile, as Hadwiger et al. 2006, Figure 5; grey: tiles left out",
+                        "nodes per tile, as Hadwiger et al. 2006, Figure 5; grey: skipped tiles",
                     ))
                     (figure(
                         histogram(nodes, style(&row.method).map_or(INK, |s| s.color)).svg(Some(&format!("Histogram of nodes per texel of {name}"))),

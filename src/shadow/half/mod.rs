@@ -1,6 +1,7 @@
 //! `half`: a fixed share of the light behind the first surface; the example of `docs/adding-a-method.md`, compiled with the
 //! feature `half`.
 
+use super::keys::settings;
 use super::method::{Entry, Lookup, Method, ShadowMap};
 use super::none::without_map;
 use super::settings::{Key, Value};
@@ -12,8 +13,10 @@ use crate::gpu::{Group, uniform_buffer};
 settings! {
     /// Settings of `half`.
     pub struct Half {
-        /// Share of the light that is left behind the first surface.
-        share: f64 = Key::number([0.0, 1.0], "0.5", "of the light that is left behind the first surface").in_label().search(&["0", "0.25", "0.5", "0.75", "1"]),
+        /// Share of the light behind the first surface.
+        share: f64 = Key::number([0.0, 1.0], "0.5", "share of the light behind the first surface")
+            .in_label()
+            .search(&["0", "0.25", "0.5", "0.75", "1"]),
     }
 }
 
