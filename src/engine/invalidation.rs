@@ -7,7 +7,7 @@ use crate::transfer::{TransferChange, TransferFunction};
 /// Kind of an edit between two pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
-    /// Another volume.
+    /// Change of the volume.
     Volume,
     /// Extinction, at values that the volume has.
     Opacity,
@@ -15,7 +15,7 @@ pub enum Change {
     UnusedValues,
     /// Colour alone.
     Color,
-    /// Number or position of the lights that shine.
+    /// Change of the number or position of the lights that shine.
     Light,
     /// The shadow method or its settings.
     Method,
@@ -23,7 +23,7 @@ pub enum Change {
     Camera,
     /// Visible region, so that a map fitted to the previous view is too small. Follows [`Self::Camera`] or a new picture shape.
     View,
-    /// Light colours and intensities, ambient light, shading, background, step, skipping or picture size.
+    /// Change of light colours and intensities, ambient light, shading, background, step, skipping or picture size.
     Picture,
 }
 

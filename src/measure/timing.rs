@@ -102,7 +102,7 @@ pub type TimedRun<'a> = Box<dyn FnMut() -> Result<StageTimes> + 'a>;
 
 /// Action to time: `warmup` runs that do not count, then `rounds` that do.
 pub struct Turns<'a> {
-    /// Runs once.
+    /// Function that performs one run.
     pub run: TimedRun<'a>,
     /// Runs that do not count.
     pub warmup: usize,

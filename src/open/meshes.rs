@@ -66,7 +66,7 @@ fn strand_file(text: &str) -> Result<OpaqueFile, String> {
 }
 
 impl OpaqueFlags {
-    /// Names of files.
+    /// Names of the mesh files, to be changed.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
         [&mut self.mesh, &mut self.strands].into_iter().flatten().flatten().map(|file| &mut file.source)
     }

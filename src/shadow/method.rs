@@ -329,7 +329,7 @@ pub enum Curve {
 pub enum Taps {
     /// 1, 5 or 9 rays within the texel (`tap_offset` of `shaders/shadow/dsm/build.wgsl`).
     Within(u32),
-    /// Centres of a square with so many texels a side.
+    /// Centres of the texels of a square map with a number of texels per side.
     Texels(u32),
 }
 

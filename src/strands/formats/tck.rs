@@ -29,7 +29,7 @@ fn element_of(datatype: &str) -> Option<(Element, bool)> {
     Some((element, big_endian))
 }
 
-/// Header of a file.
+/// Header of a `.tck` file.
 struct TrackHeader {
     element: Element,
     big_endian: bool,
