@@ -31,7 +31,7 @@ const TOLERANCE: f64 = 0.1;
 pub struct Check {
     /// Texels that meet extinction and were compared with cells.
     pub texels: u64,
-    /// Smallest tolerance in transmittance that all checked texels satisfy.
+    /// Smallest tolerance in transmittance that all tested texels satisfy.
     pub max: f64,
     /// The tolerance that is stated.
     pub tolerance: f64,

@@ -163,7 +163,7 @@ columns! {
     /// Texels whose light rays were marched by regular samples and compared with the same map marched by cells; empty
     /// where rays are marched by cells.
     check_n [""]: Option<u64>,
-    /// Smallest tolerance in transmittance that all checked texels satisfy, where curves may be a step of depth
+    /// Smallest tolerance in transmittance that all tested texels satisfy, where curves may be a step of depth
     /// apart.
     check_max [""]: Option<f64>,
     /// The tolerance that is stated: 0.1, or twice what one such map may be off by itself where that is more.
