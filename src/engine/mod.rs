@@ -15,7 +15,7 @@ pub(crate) mod reading;
 mod render_thread;
 mod rotation;
 mod shadow_cache;
-pub(crate) mod task;
+pub mod task;
 
 pub use cached_session::{CachedSession, Prepared};
 pub use invalidation::{Change, INVALIDATES, Stage};
