@@ -18,7 +18,7 @@ pub struct Start {
     pub scene: Option<SceneSettings>,
     /// Part of the adapter's name; `None`: the system's choice.
     pub adapter: Option<String>,
-    /// Neither read nor write settings.
+    /// Whether the window ignores the saved settings and saves none.
     pub clean: bool,
     /// Hook into every frame, for tests and screenshots.
     pub hook: Option<Box<dyn FrameHook>>,

@@ -62,9 +62,9 @@ pub struct Timing {
     pub build_wall_ms: f64,
     /// `frame_ms` by the adapter's timestamps.
     pub frame_gpu_ms: Option<f64>,
-    /// The picture by the host's clock.
+    /// Time of a picture by the host's clock, ms.
     pub frame_wall_ms: f64,
-    /// Runs that the medians are of.
+    /// Number of runs behind the medians.
     pub repeats: usize,
 }
 

@@ -2,7 +2,7 @@
 
 /// Optional settings that can be laid over others.
 pub trait Layer {
-    /// These settings where given, those below otherwise.
+    /// Combines two layers of settings: values of `self` where given, values of `below` otherwise.
     #[must_use]
     fn over(&self, below: &Self) -> Self;
 }

@@ -243,7 +243,7 @@ pub struct BuildReport {
     pub bytes_used: u64,
     /// Whether a size was guessed, so that `bytes` of the next build will differ.
     pub guessed: bool,
-    /// Nodes stored.
+    /// Number of stored nodes.
     pub nodes_total: Option<u64>,
     /// Largest number of nodes in a texel.
     pub nodes_max: Option<u64>,

@@ -213,7 +213,7 @@ impl<'a, 'input> Image<'a, 'input> {
         whole.finish().ok_or_else(|| "it has no pieces".into())
     }
 
-    /// Reads the voxels of a piece.
+    /// Reads the voxels of a `Piece` element.
     fn read<R: Read + Seek>(
         &self,
         piece: &Piece<'_, '_>,

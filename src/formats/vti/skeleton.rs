@@ -53,7 +53,7 @@ struct Tags {
     input: BufReader<File>,
     /// Position in the file.
     at: u64,
-    /// Text that was read and not skipped.
+    /// XML text of the file without the contents of its data arrays.
     text: Vec<u8>,
 }
 

@@ -14,7 +14,7 @@ pub enum Formula {
     Number(f64),
     /// Entries of a named list: all, one, or a range.
     Name {
-        /// Name of the list.
+        /// Name of the list of measured values.
         name: String,
         /// Place of the need whose methods it has values for.
         need: usize,

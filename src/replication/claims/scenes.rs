@@ -17,7 +17,7 @@ pub struct StandIn {
     pub name: String,
     /// Data of the papers that the scene stands in for.
     pub about: String,
-    /// The scene file, except for the factor on its extinction.
+    /// Text of the scene file, without the factor on the extinction.
     pub toml: String,
     /// Factor on the extinction of the scene's transfer function.
     #[serde(default = "one")]
