@@ -13,7 +13,7 @@ use crate::volume::Volume;
 pub struct BuildContext<'a> {
     /// The device's pipelines.
     pub kernels: &'a Kernels,
-    /// Size of the submissions that build a map.
+    /// Number of tiles per submission while a shadow map is built.
     pub pace: &'a TilePace,
     /// Pool sizes that earlier builds on the volume needed.
     pub pool_sizes: &'a PoolSizes,

@@ -9,7 +9,7 @@ pub struct MemoryBudget {
     pub fixed: Option<[usize; 3]>,
     /// Largest number of bytes for the voxels and what is kept beside them.
     pub most_bytes: u64,
-    /// Bytes that each voxel needs beside its own.
+    /// Bytes of host memory per voxel, in addition to the stored value.
     pub bytes_beside: u64,
     /// Largest side of a 3-D texture, the second argument of `fits_texture`.
     pub texture_side: usize,

@@ -277,8 +277,8 @@ impl<'a> Reference<'a> {
         Ok(())
     }
 
-    /// Fills what is measured along the rays of all lights, whose structures are in their order; notes where an error
-    /// bound is violated.
+    /// Fills the light-ray errors of a row from the shadow maps, one per light in order; adds a note where an error bound
+    /// is violated.
     fn measure_rays(
         &mut self,
         method: &dyn Method,

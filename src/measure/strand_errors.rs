@@ -21,7 +21,7 @@ const MOST_BEAMS: usize = 4000;
 pub struct StrandReference {
     /// Points with the transmittance through the strands.
     truth: VisiblePoints,
-    /// Error of the voxel field itself, and how much of it the number of rays may explain.
+    /// Rms error of the voxelised strands against the strands.
     field_rms: f64,
     sampling_rms: f64,
 }

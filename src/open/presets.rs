@@ -172,7 +172,8 @@ fn preset_for(
     }
 }
 
-/// Scales the values `from` of a function to the volume's range; `what` begins the note about it.
+/// Maps the value range `from` of a transfer function to the value range of the volume. The note about it starts with
+/// `what`.
 fn laid_over(
     tf: &TransferFunction,
     from: [f64; 2],

@@ -1,8 +1,8 @@
-//! Size of the submissions that draw a picture.
+//! Pixels per submission of a picture, so that one submission lasts about as long as intended.
 
 use crate::gpu::Span;
 
-/// Size of the submissions that draw a picture.
+/// Choice of the number of pixels per submission of a picture.
 pub(crate) trait Pacing {
     /// Pixels of the next submission; `None` ends the picture.
     fn pixels_next(&mut self) -> Option<u32>;

@@ -124,7 +124,7 @@ pub(super) const STEP_KEY: Key = Key::number(
 )
 .when(When::Is(MARCH, "samples"));
 
-/// Key for the lookups of eye samples.
+/// Setting `lookup`: shadow map lookups per sample of an eye ray.
 pub(super) const LOOKUP_KEY: Key = Key::choice(
     Lookups::NAMES,
     "shared",

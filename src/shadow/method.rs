@@ -369,7 +369,7 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     fn curve(&self) -> Curve {
         Curve::Falls
     }
-    /// Builds the structure that lookups read.
+    /// Builds the shadow map of a light.
     ///
     /// # Errors
     /// A structure that the adapter cannot hold.

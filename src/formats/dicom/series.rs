@@ -244,7 +244,7 @@ pub(super) fn find(path: &Path, chosen: Option<usize>, loading: &Loading) -> Res
     }
 }
 
-/// Adds the damaged files of the folder to a series.
+/// Records in a series how many files of the folder are damaged, and the first fault.
 fn with_faults(series: Series, faults: &[String]) -> Series {
     let first_fault = faults.first().cloned().unwrap_or_default();
     Series { damaged: faults.len(), first_fault, ..series }

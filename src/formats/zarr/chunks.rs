@@ -133,7 +133,7 @@ impl SubVolume<'_> {
         let [across, down, files_deep] = self.files();
         let pieces = loading.pieces(ReadingStage::Unpacking, across * down * files_deep);
         all.par_chunks_mut(nx * ny * depth).enumerate().try_for_each(|(z, out)| {
-            let slab = &mut self.slab(out, z * depth);
+            let slab = &mut self.slab(out, z * depth)?;
             for (y, x) in (0..down).flat_map(|y| (0..across).map(move |x| (y, x))) {
                 if pieces.is_cancelled() {
                     return Err("it was cancelled".to_string());
@@ -153,7 +153,7 @@ impl SubVolume<'_> {
     }
 
     /// Slices of the volume from `first` on as a view along the array's axes.
-    fn slab<'o, T>(&self, out: &'o mut [T], first: usize) -> Slab<'o, T> {
+    fn slab<'o, T>(&self, out: &'o mut [T], first: usize) -> Result<Slab<'o, T>, String> {
         let [nx, ny, _] = self.dims();
         let (sizes, strides) = ([nx, ny, out.len() / (nx * ny)], [1, nx, nx * ny]);
         let axes = self.fixed.len();
@@ -165,7 +165,7 @@ impl SubVolume<'_> {
             }
         }
         let voxels = ArrayViewMutD::from_shape(IxDyn(&shape).strides(IxDyn(&steps)), out);
-        Slab { voxels: voxels.expect("the slices have these sizes"), from }
+        Ok(Slab { voxels: voxels.map_err(|e| e.to_string())?, from })
     }
 
     /// Reads the file at an index of the grid of files, if it exists.

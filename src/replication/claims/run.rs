@@ -13,7 +13,7 @@ use crate::shadow::{Method, parse_list};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// The names of the scenes that claims are tried on: those given, or else the stand-ins that any of them names.
+/// Names of the scenes on which claims are tested: the given scenes, or the built-in scenes that the claims name.
 pub fn scene_names(claims: &[Claim], given: &[String]) -> Vec<String> {
     if !given.is_empty() {
         return given.to_vec();

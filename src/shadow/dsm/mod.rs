@@ -51,7 +51,7 @@ const RAY_END: f64 = 1.0 / 2048.0;
 const STORAGE: f64 = 1.0 / 65535.0;
 
 choices! {
-    /// Compression of the curve to nodes.
+    /// Compression of the transmittance curve of a light ray to the nodes of a piecewise linear curve.
     pub enum Compress {
         /// Line after line, each from the end of the last.
         Greedy = "greedy",
@@ -78,7 +78,7 @@ settings! {
             .in_label()
             .coarse("0.05")
             .search(&["0.2", "0.1", "0.06", "0.04", "0.02", "0.01", "0.005", "0.002"]),
-        /// Compression of the curve to nodes.
+        /// Compression of the transmittance curve of a light ray to the nodes of a piecewise linear curve.
         compress: Compress = Key::choice(
             Compress::NAMES,
             "greedy",
