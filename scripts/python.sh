@@ -52,8 +52,10 @@ environment() {
 if [[ ${UMBRAVOX_TESTS:-} == full ]]; then
     environment "$folder/tools" "maturin>=1.9,<2"
     rm -rf "$folder/wheels" "$folder/venv"
-    # Not pip's isolated build, which would fetch maturin again each time. Optimised like the tests, not like a release.
-    "$folder/tools/bin/maturin" build --profile dev --locked --interpreter "$python" --out "$folder/wheels"
+    # Not pip's isolated build, which would fetch maturin again each time. Profile and features are those of the tests, so
+    # that only the module is compiled; `make lint` compiles it with the features of a release.
+    "$folder/tools/bin/maturin" build --profile dev --features test-build --locked --interpreter "$python" \
+        --out "$folder/wheels"
     # shellcheck disable=SC2086
     environment "$folder/venv" $packages
     "$folder/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps "$folder"/wheels/*.whl
